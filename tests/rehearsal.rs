@@ -454,6 +454,18 @@ fn sensors_whose_death_would_be_noticed_too_late_are_told_of() {
             said.stderr
         );
     }
+    // Two cycles of 20 mm go 80 mm, though they reach over 20 only.
+    for (travel, told) in [(0.05, false), (0.12, true)] {
+        let text = format!(
+            "[time]\nrate_hz = 1000\nduration_s = 2\nclock = \"simulated\"\n[[excitation.prescribed_displacement]]\n\
+             specimen = \"s\"\nsignal.sine = {{ amplitude = 0.01, frequency_hz = 1 }}\n[[specimen]]\nname = \"s\"\n\
+             law.linear = {{ stiffness_n_per_m = 1e6 }}\n\
+             limits = {{ stuck_ticks = {{ trip = 10 }}, stuck_travel_m = {travel} }}\n"
+        );
+        let said = check(folder.path(), &text, &[]);
+        let words = "would be noticed only after";
+        assert_eq!(said.stderr.contains(words), told, "{}", said.stderr);
+    }
 }
 
 #[test]

@@ -4,16 +4,19 @@
 //! H being compensation times actuator, Z the dynamic stiffness of the whole and Z_e that of the specimen. It refuses only
 //! what stays unstable with five per cent less of H − 1; what adapts, or feeds back, is not judged here but by a rehearsal.
 
+mod state;
+
 use std::f64::consts::PI;
 
-use nalgebra::{Complex, DMatrix, DVector};
 use serde_json::json;
 
-use super::spectrum::{INERTIA, Spectrum, diverging, growing};
+pub(super) use state::Follows;
+use state::{Bears, State};
+
+use super::spectrum::{Spectrum, diverging, growing};
 use super::table::{Table, duration};
 use crate::config::{Facts, Finding, KeyPath, Loaded, SpecimenTable};
-use crate::spectral::delay::{Critical, DelayError, Delayed, DiscreteLimit, continuous};
-use crate::spectral::unstable_roots;
+use crate::spectral::delay::{DelayError, DiscreteLimit};
 
 /// What is known of one specimen behind a declared actuator.
 #[derive(Debug, Clone)]
@@ -23,62 +26,17 @@ pub struct Following {
     /// Key of what decides how it follows: the compensation, or else the actuator.
     key: &'static str,
     specimen: String,
-    bears: Bears,
-    /// What of the lag is left after a compensation that neither adapts nor feeds back, in s.
-    left: Option<f64>,
+    at_rest: State,
     /// Standard deviation of the delay, s.
     spread: f64,
     /// The critical delay of the recursion, s; what was looked at, if there is none. None for another method than the family.
     discrete: Option<Result<DiscreteLimit, DelayError>>,
-    /// Roots right of the imaginary axis, with the whole actuator and with five per cent less of it; none if not judged.
-    roots: Option<(u32, u32)>,
     /// Kind of the compensation.
     kind: &'static str,
     /// The same as K0 and C0 have it, with gaps closed and dampers at their reference, where that is another system than at rest.
-    held: Option<Held>,
+    held: Option<State>,
     /// Whether the whole grows with nothing delayed, whatever is in touch.
     grows: bool,
-}
-
-/// What is known of the loop at K0 and C0.
-#[derive(Debug, Clone)]
-struct Held {
-    bears: Bears,
-    left: Option<f64>,
-    roots: Option<(u32, u32)>,
-}
-
-/// What delay the loop bears in continuous time.
-#[derive(Debug, Clone, PartialEq)]
-enum Bears {
-    /// Every one.
-    Every,
-    /// Less than a critical one, s: lag of the actuator in s at its frequency, and that frequency in rad/s.
-    LessThan { critical: f64, lag: f64, omega: f64 },
-    /// None at all, for this reason.
-    None(&'static str),
-    /// It is unstable without any: growth in 1/s.
-    Unstable(f64),
-    /// Why it is not known.
-    Unknown(DelayError),
-}
-
-impl Bears {
-    fn of(system: &Delayed, lag: impl Fn(f64) -> f64) -> Self {
-        if let Some(growth) = system.growth() {
-            return Self::Unstable(growth);
-        }
-        match continuous(system) {
-            Ok(None) => Self::Every,
-            Ok(Some(Critical { delay, omega })) if omega.is_finite() => Self::LessThan {
-                critical: delay,
-                lag: lag(omega),
-                omega,
-            },
-            Ok(Some(_)) => Self::None(INERTIA),
-            Err(error) => Self::Unknown(error),
-        }
-    }
 }
 
 /// Key of what decides how a specimen follows: the compensation, or else the actuator.
@@ -91,16 +49,6 @@ pub(super) const fn decides(table: &SpecimenTable) -> &'static str {
     }
 }
 
-/// True if the actuator and what makes up for it are proven to make it unstable.
-const fn is_driven(roots: Option<(u32, u32)>) -> bool {
-    matches!(roots, Some((all, less)) if all > 0 && less > 0)
-}
-
-/// True if it is known to be stable with them.
-fn is_stable(bears: &Bears, roots: Option<(u32, u32)>) -> bool {
-    roots == Some((0, 0)) && !matches!(bears, Bears::Unstable(_))
-}
-
 /// What small motions do where dampers and gaps hold larger ones.
 const ONLY_SMALL: &str =
     "small motions grow until closing gaps, or dampers as they are at their reference, hold them";
@@ -110,11 +58,6 @@ const NOT_FOLLOWED: &str = "not known: nothing damps it, or its curve could not 
 const NO_BETTER: &str = "UNSTABLE as K0 and C0 have it, with gaps closed and dampers at their reference, and no better at rest";
 /// What larger motions may do.
 const ONLY_LARGE: &str = "stable at rest, and UNSTABLE as K0 and C0 have it, with gaps closed and dampers at their reference";
-
-/// Frequencies that count are below this share of half the rate.
-const HIGHEST: f64 = 0.9;
-/// What is left of H − 1 where it must still be unstable to be refused.
-const LESS: f64 = 0.95;
 
 impl Following {
     /// One per specimen of one axis behind a declared actuator.
@@ -129,50 +72,26 @@ impl Following {
             if system.rows.nrows() != 1 {
                 return None;
             }
-            let compensation = table.compensation.as_ref();
-            let tick = facts.rate_hz.recip();
-            let lead = |omega: f64| match compensation {
-                None => Some(Complex::new(1.0, 0.0)),
-                Some(spec) => spec.response(omega, tick),
+            let follows = Follows {
+                table,
+                transfer: &transfer,
+                tick: facts.rate_hz.recip(),
             };
-            let of = |system: &Delayed| {
-                let (k, c) = (
-                    system.specimen_stiffness[(0, 0)],
-                    system.specimen_damping[(0, 0)],
-                );
-                let bears = Bears::of(system, |omega| transfer.lag(omega, k, c));
-                let left = match bears {
-                    Bears::LessThan { omega, .. } => lead(omega)
-                        .map(|lead| -(lead * transfer.response(omega, k, c)).arg() / omega),
-                    _ => None,
-                };
-                let marks = system.marks();
-                let roots = |share: f64| {
-                    let chain = |omega: f64| {
-                        let follows = lead(omega)? * transfer.response(omega, k, c);
-                        let missing = (follows - 1.0) * share;
-                        felt(system, omega).map(|felt| missing * felt + 1.0)
-                    };
-                    unstable_roots(chain, 1e-2, HIGHEST * PI / tick, &marks)
-                };
-                let roots = roots(1.0).zip(roots(LESS));
-                Held { bears, left, roots }
-            };
-            let Held { bears, left, roots } = of(system);
             Some(Self {
                 number,
                 key: decides(table),
                 specimen: one.name.clone(),
-                bears,
-                left,
+                at_rest: State::of(system, follows),
                 spread: table
                     .identified
                     .and_then(|known| known.delay_std_s)
                     .unwrap_or(0.0),
                 discrete: spectrum.and_then(|spectrum| spectrum.discrete(&one.name)),
-                roots,
-                held: one.closed.as_ref().map(of),
-                kind: compensation.map_or("none", |spec| spec.kind()),
+                held: one.closed.as_ref().map(|closed| State::of(closed, follows)),
+                kind: table
+                    .compensation
+                    .as_ref()
+                    .map_or("none", |spec| spec.kind()),
                 grows,
             })
         });
@@ -187,32 +106,24 @@ impl Following {
     /// True if it is proven unstable at rest, and not stable as K0 and C0 have it, which is where it would come to; or unstable
     /// there, and no better at rest.
     fn is_driven(&self) -> bool {
-        let at_rest = is_driven(self.roots);
-        self.held.as_ref().map_or(at_rest, |held| {
-            (at_rest && !is_stable(&held.bears, held.roots))
-                || (is_driven(held.roots) && self.fails_at_rest())
+        let at_rest = &self.at_rest;
+        self.held.as_ref().map_or(at_rest.is_driven(), |held| {
+            (at_rest.is_driven() && !held.is_stable()) || (held.is_driven() && at_rest.fails())
         })
     }
 
-    /// True if it is unstable at rest, or at its limit; where no roots are counted, by what is left of the lag.
-    fn fails_at_rest(&self) -> bool {
-        match (self.roots, &self.bears, self.left) {
-            (_, Bears::None(_) | Bears::Unstable(_), _) => true,
-            (Some(roots), ..) => roots != (0, 0),
-            (None, Bears::LessThan { critical, lag, .. }, Some(left)) => {
-                left >= *critical && left > (1.0 - LESS) * lag
-            }
-            (None, ..) => false,
-        }
+    /// True if it is refused for what it is as K0 and C0 have it.
+    fn is_driven_beyond_rest(&self) -> bool {
+        self.is_driven() && !self.at_rest.is_driven()
     }
 
     /// What is proven unstable in one of both and stable in the other, in words.
     fn in_one_only(&self) -> Option<String> {
         let held = self.held.as_ref()?;
-        if is_driven(self.roots) && is_stable(&held.bears, held.roots) {
+        if self.at_rest.is_driven() && held.is_stable() {
             return Some(format!("UNSTABLE at rest: {ONLY_SMALL}"));
         }
-        let only_beyond = is_driven(held.roots) && is_stable(&self.bears, self.roots);
+        let only_beyond = held.is_driven() && self.at_rest.is_stable();
         only_beyond.then(|| ONLY_LARGE.to_owned())
     }
 
@@ -252,7 +163,7 @@ impl Following {
             let text = format!("UNSTABLE without any delay: {why}");
             return (Some(false), about, text);
         }
-        let (critical, lag) = match &self.bears {
+        let (critical, lag) = match &self.at_rest.bears {
             Bears::Every if self.held_bears() == Some(false) => {
                 return (None, about, ONLY_LARGE.to_owned());
             }
@@ -288,7 +199,7 @@ impl Following {
         };
         let limits = format!("critical are {}, {recursion}", duration(critical));
         let lags = format!("the actuator lags {}{spread}", duration(lag));
-        match self.left {
+        match self.at_rest.left {
             Some(left) => {
                 let most = left + 2.0 * self.spread;
                 let go = match (most < critical, most < known) {
@@ -320,18 +231,9 @@ impl Following {
         }
     }
 
-    /// Whether what is left of the delay is below what is critical as K0 and C0 have it, where that is another system; none where
-    /// it is not known.
+    /// Whether it bears what is left of its delay as K0 and C0 have it, where that is another system.
     fn held_bears(&self) -> Option<bool> {
-        let held = self.held.as_ref()?;
-        match (&held.bears, held.left) {
-            (Bears::Every, _) => Some(true),
-            (Bears::None(_) | Bears::Unstable(_), _) => Some(false),
-            (Bears::LessThan { critical, .. }, Some(left)) => {
-                Some(left + 2.0 * self.spread < *critical)
-            }
-            (Bears::LessThan { .. } | Bears::Unknown(_), _) => None,
-        }
+        self.held.as_ref()?.bears_what_is_left(self.spread)
     }
 
     /// Whether the loop with actuator and compensation is stable.
@@ -340,10 +242,10 @@ impl Following {
         if let Some(text) = self.in_one_only() {
             return (None, about, text);
         }
-        if self.is_driven() && !is_driven(self.roots) {
+        if self.is_driven_beyond_rest() {
             return (Some(false), about, NO_BETTER.to_owned());
         }
-        match self.roots {
+        match self.at_rest.roots {
             None if self.kind == "none" => (None, about, NOT_FOLLOWED.to_owned()),
             None => (
                 None,
@@ -371,7 +273,7 @@ impl Following {
     }
 
     pub fn tabulate(&self, table: &mut Table) {
-        let lag = match &self.bears {
+        let lag = match &self.at_rest.bears {
             Bears::LessThan {
                 critical,
                 lag,
@@ -389,9 +291,9 @@ impl Following {
             }
             Bears::Unknown(error) => format!("no critical delay is known: {error}"),
         };
-        let verdict = match (self.in_one_only(), self.roots) {
+        let verdict = match (self.in_one_only(), self.at_rest.roots) {
             (Some(text), _) => text,
-            _ if self.is_driven() && !is_driven(self.roots) => NO_BETTER.to_owned(),
+            _ if self.is_driven_beyond_rest() => NO_BETTER.to_owned(),
             (None, None) if self.kind == "none" => NOT_FOLLOWED.to_owned(),
             (None, roots) => Self::verdict(roots),
         };
@@ -412,7 +314,7 @@ impl Following {
 
     /// What makes it unstable with nothing delayed, if anything does.
     fn unstable_at_once(&self) -> Option<String> {
-        match (&self.bears, &self.discrete) {
+        match (&self.at_rest.bears, &self.discrete) {
             (Bears::Unstable(growth), _) => Some(growing(*growth)),
             (_, Some(Err(DelayError::Unstable { radius }))) => Some(diverging(*radius)),
             _ => None,
@@ -420,7 +322,7 @@ impl Following {
     }
 
     pub fn as_json(&self) -> serde_json::Value {
-        let (critical, lag, omega) = match self.bears {
+        let (critical, lag, omega) = match self.at_rest.bears {
             Bears::LessThan {
                 critical,
                 lag,
@@ -429,7 +331,7 @@ impl Following {
             Bears::None(_) => (Some(0.0), None, None),
             Bears::Every | Bears::Unstable(_) | Bears::Unknown(_) => (None, None, None),
         };
-        let unknown = match &self.bears {
+        let unknown = match &self.at_rest.bears {
             Bears::Unknown(error) => Some(error.to_string()),
             _ => None,
         };
@@ -441,27 +343,8 @@ impl Following {
             "critical_delay_s": critical,
             "critical_delay_unknown": unknown,
             "unstable_without_delay": self.unstable_at_once(),
-            "unstable_roots": self.roots.map(|roots| roots.0),
+            "unstable_roots": self.at_rest.roots.map(|roots| roots.0),
             "possible": self.is_possible(),
         })
     }
-}
-
-/// Z_e bᵀ Z⁻¹ b at iω: what the specimen feels of its own missing motion.
-fn felt(system: &Delayed, omega: f64) -> Option<Complex<f64>> {
-    let n = system.mass.nrows();
-    let square = omega * omega;
-    let specimen = Complex::new(
-        system.specimen_stiffness[(0, 0)] - square * system.specimen_mass,
-        omega * system.specimen_damping[(0, 0)],
-    );
-    let row = DVector::from_fn(n, |i, _| Complex::new(system.rows[(0, i)], 0.0));
-    let whole = DMatrix::from_fn(n, n, |i, j| {
-        let own = Complex::new(
-            system.stiffness[(i, j)] - square * system.mass[(i, j)],
-            omega * system.damping[(i, j)],
-        );
-        own + specimen * row[i] * row[j]
-    });
-    Some(specimen * row.dot(&whole.lu().solve(&row)?))
 }

@@ -1,8 +1,6 @@
 //! `gusset check`: several axes that are later than all of them may be together.
 
-use nalgebra::Complex;
-
-use super::following::decides;
+use super::following::{Follows, decides};
 use super::spectrum::Spectrum;
 use super::table::duration;
 use crate::config::{Facts, Finding, KeyPath, Loaded};
@@ -33,17 +31,16 @@ pub fn late_axes(loaded: &Loaded, facts: &Facts, spectrum: Option<&Spectrum>) ->
             .map(|found| found.omega)
             .filter(|omega| omega.is_finite());
         let omega = grows.or(lowest)?;
-        let tick = facts.rate_hz.recip();
-        let lead = match &table.compensation {
-            None => Complex::new(1.0, 0.0),
-            Some(spec) => spec.response(omega, tick)?,
+        let follows = Follows {
+            table,
+            transfer: &transfer,
+            tick: facts.rate_hz.recip(),
         };
-        let lag = |axis: usize| {
-            let k = system.specimen_stiffness[(axis, axis)];
-            let c = system.specimen_damping[(axis, axis)];
-            -(lead * transfer.response(omega, k, c)).arg() / omega
-        };
-        let most = (0..system.rows.nrows()).map(lag).fold(0.0, f64::max);
+        let lags = (0..system.rows.nrows()).map(|axis| follows.left(omega, system, axis));
+        let most = lags
+            .collect::<Option<Vec<f64>>>()?
+            .into_iter()
+            .fold(0.0, f64::max);
         (most > critical).then(|| {
             let at = KeyPath::root()
                 .key("specimen")

@@ -53,7 +53,7 @@ pub use missing::{MissingEnd, ToldBy};
 pub use note::{Note, NoteLevel, Position};
 pub use onlooker::Onlooker;
 pub use ring::{RingReader, RingRecorder, RingSize, WhenFull, ring};
-pub use run::{Events, Run};
+pub use run::{Events, Run, keeps_waiting};
 pub use summary::Summary;
 pub use threads::{Roll, Stamper, ThreadLog, What};
 pub(crate) use warned::times;

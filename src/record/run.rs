@@ -61,9 +61,7 @@ impl Run {
         }
         for name in FILES.into_iter().chain(AFTER) {
             let file = path.join(name);
-            // A folder does not keep a reader waiting, and is told of where it is read.
-            let waits = |found: fs::Metadata| !found.is_file() && !found.is_dir();
-            if file.metadata().is_ok_and(waits) {
+            if keeps_waiting(&file) {
                 return Err(FolderError::NotAFile(file));
             }
         }
@@ -222,6 +220,14 @@ impl Run {
             is_there,
         })
     }
+}
+
+/// True of a pipe or a device: who opened it might wait for ever. A folder keeps no reader waiting, and is told of where it is
+/// read.
+#[must_use]
+pub fn keeps_waiting(path: &Path) -> bool {
+    path.metadata()
+        .is_ok_and(|found| !found.is_file() && !found.is_dir())
 }
 
 /// What was read; none if there is no such file.

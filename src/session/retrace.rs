@@ -19,7 +19,7 @@ use crate::config::{self, ConfigError, Loaded, Prepared};
 use crate::control::Port;
 use crate::engine::{Control, Ending, Engine, Experiment, Place, Resumption, Side};
 use crate::record::summary::Peak;
-use crate::record::{Column, FolderError, Run};
+use crate::record::{Column, FolderError, Run, keeps_waiting};
 
 /// Name of the file in the folder of a resumed test.
 pub(super) const ORIGIN: &str = "resumed.json";
@@ -165,11 +165,7 @@ fn number(text: &str) -> f64 {
 pub(super) type Build<'a> = dyn FnMut(&Loaded) -> Result<Prepared, ConfigError> + 'a;
 
 pub(super) fn read(path: &Path) -> Result<Vec<u8>, ReplayError> {
-    // Who opened a pipe would wait for ever.
-    let waits = path
-        .metadata()
-        .is_ok_and(|found| !found.is_file() && !found.is_dir());
-    let bytes = if waits {
+    let bytes = if keeps_waiting(path) {
         Err(std::io::Error::other("it is not a file"))
     } else {
         std::fs::read(path)

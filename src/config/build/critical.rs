@@ -21,7 +21,7 @@ const REACH: f64 = 2.0;
 /// Angle per step, in rad, from which the recursion is asked: below it the two differ by a per cent or so.
 const COARSE: f64 = 0.2;
 /// Axes times (4 DOFs)³ of all tables together: an entry needs the eigenvalues of four times as many rows, and all of them
-/// about 0.4 ms per thousand, so that a test begins within 50 ms. One axis in a structure of 12 DOFs, two in one of 9.
+/// about half a millisecond per thousand, so that a test begins within 70 ms. One axis in a structure of 12 DOFs, two in one of 9.
 const MOST_WORK: usize = 120_000;
 
 impl Analysis {

@@ -118,7 +118,10 @@ fn a_later_layer_points_by_path_even_where_the_entry_is_absent() {
 fn a_file_that_is_missing_or_no_text_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("absent.toml");
-    shows(&load(&path, &[]).unwrap_err().to_string(), "cannot read ");
+    shows(
+        &load(&path, &[]).unwrap_err().to_string(),
+        &format!("cannot read {}: ", path.display()),
+    );
     std::fs::write(&path, b"title = 'x'\n# \xff\n").unwrap();
     shows(
         &load(&path, &[]).unwrap_err().to_string(),

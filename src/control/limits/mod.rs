@@ -243,6 +243,17 @@ pub enum Levels {
     Range(Range),
 }
 
+impl Levels {
+    /// True if there is a trip level.
+    #[must_use]
+    pub fn trips(&self) -> bool {
+        match self {
+            Self::Size(bound) => bound.trip.is_finite(),
+            Self::Range(range) => range.trip.iter().any(|level| level.is_finite()),
+        }
+    }
+}
+
 impl AxisLimits {
     /// All limits with their levels, infinite where there is none.
     #[must_use]

@@ -144,6 +144,22 @@ impl Quantity {
         )
     }
 
+    /// Whether only the loop knows it: no command and no measurement says it by itself.
+    #[must_use]
+    pub const fn is_of_loop(self) -> bool {
+        matches!(
+            self,
+            Quantity::FollowingError
+                | Quantity::StuckSensor
+                | Quantity::Alternation
+                | Quantity::StiffnessRatio
+                | Quantity::DampingRatio
+                | Quantity::AddedEnergy
+                | Quantity::Lag
+                | Quantity::GainError
+        )
+    }
+
     /// Whether our own protocol announces it to the specimen's end; a change in one tick as the speed that it is.
     #[must_use]
     pub const fn is_announced(self) -> bool {

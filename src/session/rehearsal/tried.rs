@@ -6,7 +6,7 @@ use super::findings::short;
 use super::prompter::Prompter;
 use super::{Curtain, Need, Rehearsal, Staging, carry_out_with};
 use crate::config::{self, ConfigError, Finding, KeyPath, Loaded};
-use crate::control::limits::{AxisLimits, Quantity};
+use crate::control::limits::AxisLimits;
 use crate::engine::{Control, Stop};
 
 /// Rehearses a test whose undisturbed rehearsal is known and met no limit, for at most `budget` of wall time, with its limits. What
@@ -34,7 +34,7 @@ pub fn try_limits(
     let control = Control::from(requests);
     let tried = carry_out_with(experiment, prompter, Staging::AsItIs, &control);
     Ok(match tried.curtain {
-        Curtain::Stopped(Stop::Limit { hit, .. }) if JUDGED.contains(&hit.quantity) => {
+        Curtain::Stopped(Stop::Limit { hit, .. }) if hit.quantity.is_of_loop() => {
             tried.end(loaded)
         }
         Curtain::OutOfTime => Some(
@@ -52,29 +52,10 @@ pub fn try_limits(
     })
 }
 
-/// What no command and no measurement says by itself.
-const JUDGED: [Quantity; 8] = [
-    Quantity::FollowingError,
-    Quantity::StuckSensor,
-    Quantity::Alternation,
-    Quantity::StiffnessRatio,
-    Quantity::DampingRatio,
-    Quantity::AddedEnergy,
-    Quantity::Lag,
-    Quantity::GainError,
-];
-
-/// True if there is a trip level for one of them.
+/// True if there is a trip level for what only the loop knows.
 fn is_judged_in_the_loop(limits: &AxisLimits) -> bool {
-    let all = [
-        &limits.following_error,
-        &limits.stuck_ticks,
-        &limits.alternating_ticks,
-        &limits.stiffness_ratio,
-        &limits.damping_ratio,
-        &limits.added_energy,
-        &limits.lag,
-        &limits.gain_error,
-    ];
-    all.iter().any(|bound| bound.trip.is_finite())
+    let levels = limits.levels();
+    levels
+        .iter()
+        .any(|(quantity, levels)| quantity.is_of_loop() && levels.trips())
 }

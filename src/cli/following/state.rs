@@ -1,0 +1,165 @@
+//! One state of a loop with its actuator, at rest or as K0 and C0 have it: what delay it bears, and how many roots it has on the
+//! right.
+
+use std::f64::consts::PI;
+
+use nalgebra::{Complex, DMatrix, DVector};
+
+use crate::cli::spectrum::INERTIA;
+use crate::config::SpecimenTable;
+use crate::spectral::delay::{Critical, DelayError, Delayed, continuous};
+use crate::spectral::unstable_roots;
+use crate::transfer::TransferSpec;
+
+/// Frequencies that count are below this share of half the rate.
+const HIGHEST: f64 = 0.9;
+/// What is left of H − 1 where it must still be unstable to be refused.
+const LESS: f64 = 0.95;
+
+/// What delay the loop bears in continuous time.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Bears {
+    /// Every one.
+    Every,
+    /// Less than a critical one, s: lag of the actuator in s at its frequency, and that frequency in rad/s.
+    LessThan { critical: f64, lag: f64, omega: f64 },
+    /// None at all, for this reason.
+    None(&'static str),
+    /// It is unstable without any: growth in 1/s.
+    Unstable(f64),
+    /// Why it is not known.
+    Unknown(DelayError),
+}
+
+impl Bears {
+    fn of(system: &Delayed, lag: impl Fn(f64) -> f64) -> Self {
+        if let Some(growth) = system.growth() {
+            return Self::Unstable(growth);
+        }
+        match continuous(system) {
+            Ok(None) => Self::Every,
+            Ok(Some(Critical { delay, omega })) if omega.is_finite() => Self::LessThan {
+                critical: delay,
+                lag: lag(omega),
+                omega,
+            },
+            Ok(Some(_)) => Self::None(INERTIA),
+            Err(error) => Self::Unknown(error),
+        }
+    }
+}
+
+/// An actuator, and what makes up for it.
+#[derive(Debug, Clone, Copy)]
+pub struct Follows<'a> {
+    pub table: &'a SpecimenTable,
+    pub transfer: &'a TransferSpec,
+    /// Of wall time, s.
+    pub tick: f64,
+}
+
+impl Follows<'_> {
+    /// H at ω in rad/s for one axis of a system; none of what adapts or feeds back.
+    fn at(&self, omega: f64, system: &Delayed, axis: usize) -> Option<Complex<f64>> {
+        let lead = match &self.table.compensation {
+            None => Complex::new(1.0, 0.0),
+            Some(spec) => spec.response(omega, self.tick)?,
+        };
+        let (k, c) = of_axis(system, axis);
+        Some(lead * self.transfer.response(omega, k, c))
+    }
+
+    /// What is left of the lag of an axis at ω in rad/s, s.
+    pub fn left(&self, omega: f64, system: &Delayed, axis: usize) -> Option<f64> {
+        self.at(omega, system, axis).map(|h| -h.arg() / omega)
+    }
+}
+
+/// Stiffness and damping of one axis of a specimen.
+fn of_axis(system: &Delayed, axis: usize) -> (f64, f64) {
+    let at = (axis, axis);
+    (system.specimen_stiffness[at], system.specimen_damping[at])
+}
+
+/// What is known of the loop in one state.
+#[derive(Debug, Clone)]
+pub struct State {
+    pub bears: Bears,
+    /// What of the lag is left after a compensation that neither adapts nor feeds back, in s.
+    pub left: Option<f64>,
+    /// Roots right of the imaginary axis, with the whole actuator and with five per cent less of it; none if not judged.
+    pub roots: Option<(u32, u32)>,
+}
+
+impl State {
+    /// Of a system of one axis.
+    pub fn of(system: &Delayed, follows: Follows<'_>) -> Self {
+        let (k, c) = of_axis(system, 0);
+        let bears = Bears::of(system, |omega| follows.transfer.lag(omega, k, c));
+        let left = match bears {
+            Bears::LessThan { omega, .. } => follows.left(omega, system, 0),
+            _ => None,
+        };
+        let marks = system.marks();
+        let roots = |share: f64| {
+            let chain = |omega: f64| {
+                let missing = (follows.at(omega, system, 0)? - 1.0) * share;
+                felt(system, omega).map(|felt| missing * felt + 1.0)
+            };
+            unstable_roots(chain, 1e-2, HIGHEST * PI / follows.tick, &marks)
+        };
+        let roots = roots(1.0).zip(roots(LESS));
+        Self { bears, left, roots }
+    }
+
+    /// True if the actuator and what makes up for it are proven to make it unstable.
+    pub fn is_driven(&self) -> bool {
+        matches!(self.roots, Some((all, less)) if all > 0 && less > 0)
+    }
+
+    /// True if it is known to be stable with them.
+    pub fn is_stable(&self) -> bool {
+        self.roots == Some((0, 0)) && !matches!(self.bears, Bears::Unstable(_))
+    }
+
+    /// True if it is unstable, or at its limit; where no roots are counted, by what is left of the lag.
+    pub fn fails(&self) -> bool {
+        match (self.roots, &self.bears, self.left) {
+            (_, Bears::None(_) | Bears::Unstable(_), _) => true,
+            (Some(roots), ..) => roots != (0, 0),
+            (None, Bears::LessThan { critical, lag, .. }, Some(left)) => {
+                left >= *critical && left > (1.0 - LESS) * lag
+            }
+            (None, ..) => false,
+        }
+    }
+
+    /// Whether what is left of the delay, twice its `spread` in s included, is below what is critical; none where it is not known.
+    pub fn bears_what_is_left(&self, spread: f64) -> Option<bool> {
+        match (&self.bears, self.left) {
+            (Bears::Every, _) => Some(true),
+            (Bears::None(_) | Bears::Unstable(_), _) => Some(false),
+            (Bears::LessThan { critical, .. }, Some(left)) => Some(left + 2.0 * spread < *critical),
+            (Bears::LessThan { .. } | Bears::Unknown(_), _) => None,
+        }
+    }
+}
+
+/// Z_e bᵀ Z⁻¹ b at iω: what the specimen feels of its own missing motion.
+fn felt(system: &Delayed, omega: f64) -> Option<Complex<f64>> {
+    let n = system.mass.nrows();
+    let square = omega * omega;
+    let specimen = Complex::new(
+        system.specimen_stiffness[(0, 0)] - square * system.specimen_mass,
+        omega * system.specimen_damping[(0, 0)],
+    );
+    let row = DVector::from_fn(n, |i, _| Complex::new(system.rows[(0, i)], 0.0));
+    let whole = DMatrix::from_fn(n, n, |i, j| {
+        let own = Complex::new(
+            system.stiffness[(i, j)] - square * system.mass[(i, j)],
+            omega * system.damping[(i, j)],
+        );
+        own + specimen * row[i] * row[j]
+    });
+    Some(specimen * row.dot(&whole.lu().solve(&row)?))
+}
