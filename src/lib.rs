@@ -42,6 +42,8 @@
 //! | [`verify`] | the published values of the family, obtained anew and judged |
 //! | [`frontier`] | how large a model keeps its deadlines: models of any size, the search, the picture |
 //! | [`benchmark`] | the virtual hybrid simulation benchmark, natively |
+//! | [`stability`] | every proof of the stability of a loop, and the verdict of a test |
+//! | [`units`] | quantities and times in words |
 //! | [`session`] | one test from the prepared experiment to the finished run folder: the threads |
 //! | [`cli`] | the commands |
 
@@ -72,8 +74,10 @@ pub mod rt;
 pub mod session;
 pub mod specimen;
 pub mod spectral;
+pub mod stability;
 pub mod substructure;
 pub mod time;
 pub mod transfer;
+pub mod units;
 pub mod verify;
 pub mod wire;

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 /// Module → what it may name. `cli` may name everything.
 const ALLOWED: &[(&str, &[&str])] = &[
     ("time", &[]),
+    ("units", &[]),
     ("assets", &[]),
     ("law", &[]),
     ("linalg", &[]),
@@ -83,6 +84,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "rt",
             "substructure",
             "time",
+            "units",
         ],
     ),
     (
@@ -119,6 +121,11 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "wire",
         ],
     ),
+    // Proofs and verdicts of a test that is built.
+    (
+        "stability",
+        &["config", "record", "spectral", "transfer", "units"],
+    ),
     (
         "session",
         &[
@@ -131,6 +138,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "record",
             "report",
             "rt",
+            "stability",
             "substructure",
             "time",
             // The same counter gives noise and draws.

@@ -208,6 +208,9 @@ pub(super) struct CheckArgs {
     /// Seed of their draws [default: as the file says, else 1].
     #[arg(long, value_name = "S", requires = "rehearse")]
     pub seed: Option<u64>,
+    /// Show everything that is known: modes, delays, all limits, and what a trip does.
+    #[arg(long)]
+    pub verbose: bool,
     /// Print the findings as JSON on stdout.
     #[arg(long)]
     pub json: bool,

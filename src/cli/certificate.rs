@@ -5,15 +5,16 @@
 
 use serde_json::{Value, json};
 
-use super::following::Following;
 use super::progress::TrialsLine;
-use super::rehearsed::Rehearsed;
 use super::run::refused;
 use super::stability;
-use super::table::{Table, duration, quantity};
+use super::table::Table;
 use crate::config::{Facts, Loaded, SpecimenTable};
+use crate::control::limits::LimitsSpec;
+use crate::session::Judged;
 use crate::session::certificate::{Band, Plan, Rehearsed as Trial, Trials, carry_out, interval};
-use crate::session::rehearsal::{AxisNeed, NEEDS};
+use crate::session::rehearsal::{AxisNeed, FullRehearsal, NEEDS};
+use crate::units::{duration, quantity};
 
 /// One judgement.
 struct Line {
@@ -26,21 +27,22 @@ struct Line {
 /// The certificate of a test.
 pub struct Certificate {
     lines: Vec<Line>,
+    /// Why GO cannot be established even if no line is a no-go.
+    missing: Vec<String>,
     varied: Vec<String>,
     trials: Trials,
     seed: u64,
 }
 
 impl Certificate {
-    /// Rehearses a test that is built. `rehearsed` is the nominal rehearsal, `following` what is proven of its actuators.
+    /// Rehearses a test whose nominal rehearsal and verdict are known.
     pub fn of(
         loaded: &Loaded,
-        facts: &Facts,
-        rehearsed: Option<&Rehearsed>,
-        following: &[Following],
+        judged: &Judged,
         trials: Option<u64>,
         seed: Option<u64>,
     ) -> anyhow::Result<Self> {
+        let (facts, rehearsed) = (&judged.test.facts, judged.rehearsed.as_ref());
         let allowed = &loaded.file.certificate;
         let seed = seed.unwrap_or(allowed.seed);
         let asked = trials.unwrap_or_else(|| u64::from(allowed.trials));
@@ -52,11 +54,11 @@ impl Certificate {
         bar.clear();
         let trials = trials.map_err(refused)?;
         let mut lines = vec![of_integration(facts)];
-        lines.extend(following.iter().flat_map(|one| {
+        lines.extend(judged.following.iter().flat_map(|one| {
             [one.of_delay(), one.of_stability()].map(|(go, about, text)| Line { go, about, text })
         }));
         if let Some(rehearsed) = rehearsed {
-            let words = rehearsed.beyond_limits();
+            let words: Vec<&str> = rehearsed.errors().collect();
             lines.push(Line {
                 go: Some(words.is_empty()),
                 about: "limits, nominal test".to_owned(),
@@ -78,6 +80,7 @@ impl Certificate {
         ));
         lines.extend(of_errors(loaded, facts, &trials));
         Ok(Self {
+            missing: missing(loaded, judged, trials.all.len()),
             lines,
             varied: plan.words(loaded),
             trials,
@@ -85,9 +88,9 @@ impl Certificate {
         })
     }
 
-    /// True if nothing forbids the test.
+    /// True if nothing forbids the test, and all that a GO needs is known.
     pub fn is_go(&self) -> bool {
-        self.lines.iter().all(|line| line.go != Some(false))
+        self.missing.is_empty() && self.lines.iter().all(|line| line.go != Some(false))
     }
 
     /// Its lines, and the verdict.
@@ -122,10 +125,10 @@ impl Certificate {
         }
         let against = self.lines.iter().filter(|line| line.go == Some(false));
         let against: Vec<&str> = against.map(|line| line.about.as_str()).collect();
-        let verdict = if against.is_empty() {
-            "GO".to_owned()
-        } else {
-            format!("NO-GO, for {}", against.join("; "))
+        let verdict = match (against.is_empty(), self.missing.is_empty()) {
+            (true, true) => "GO".to_owned(),
+            (true, false) => format!("GO not established: {}", self.missing.join(";\n")),
+            (false, _) => format!("NO-GO, for {}", against.join("; ")),
         };
         table.row("certificate", &verdict);
     }
@@ -158,6 +161,7 @@ impl Certificate {
         });
         json!({
             "go": self.is_go(),
+            "not_established": self.missing,
             "trials": count,
             "seed": self.seed,
             "wall_s": self.trials.wall_s,
@@ -171,6 +175,53 @@ impl Certificate {
             "lines": lines.collect::<Vec<_>>(),
         })
     }
+}
+
+/// Trials that a GO needs at least.
+const LEAST_TRIALS: usize = 100;
+
+/// What a GO needs and this test does not have: enough trials, limits and capacities of linked specimens, no accepted finding.
+fn missing(loaded: &Loaded, judged: &Judged, trials: usize) -> Vec<String> {
+    let mut missing = Vec::new();
+    if trials < LEAST_TRIALS {
+        missing.push(format!(
+            "{trials} of at least {LEAST_TRIALS} trials ran; more run with `--trials`, and if `[[uncertainty]]`, noise or \
+             `identified` makes them differ"
+        ));
+    }
+    for table in loaded.file.specimen.iter().filter(|s| s.link.is_some()) {
+        let without = |key: &str| {
+            let name = &table.name;
+            format!("specimen \"{name}\" has no {key}")
+        };
+        let capacity = table.capacity.unwrap_or_default();
+        let entries = capacity.entries();
+        let unknown = entries.iter().filter(|(_, _, value)| value.is_none());
+        missing.extend(unknown.map(|(key, ..)| without(&format!("`capacity.{key}`"))));
+        let limits = table.limits_of(table.axes());
+        let has = |of: fn(&LimitsSpec) -> bool| limits.iter().all(of);
+        if !has(|limits| {
+            limits
+                .command_disp_m
+                .is_some_and(|range| range.trip.is_some())
+        }) {
+            missing.push(without("trip level of `limits.command_disp_m`"));
+        }
+        if !has(|limits| {
+            limits
+                .measured_force_n
+                .is_some_and(|range| range.trip.is_some())
+        }) {
+            missing.push(without("trip level of `limits.measured_force_n`"));
+        }
+    }
+    let accepted = judged.verdict.accepted();
+    missing.extend(
+        accepted
+            .keys()
+            .map(|key| format!("`safety.{key}` accepts a finding")),
+    );
+    missing
 }
 
 fn of_integration(facts: &Facts) -> Line {
@@ -190,7 +241,7 @@ fn of_integration(facts: &Facts) -> Line {
 fn of_capacity(
     index: usize,
     table: &SpecimenTable,
-    rehearsed: Option<&Rehearsed>,
+    rehearsed: Option<&FullRehearsal>,
     trials: &Trials,
 ) -> Vec<Line> {
     let own = table.capacity.unwrap_or_default();
@@ -210,7 +261,7 @@ fn of_capacity(
             };
             let allowed = declared.or(of_transfer);
             let need = |one: &AxisNeed| most(one);
-            let nominal = rehearsed.and_then(|nominal| Some(need(nominal.need(index, axis)?)));
+            let nominal = rehearsed.and_then(|full| full.need(index, axis)).map(need);
             let all = trials.all.iter();
             let found = all.filter_map(|one| Some(need(one.needs.get(index)?.get(axis)?)));
             let band = Band::of(found.collect());

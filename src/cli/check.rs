@@ -1,40 +1,31 @@
-//! `gusset check`: is a test valid, what will it do, is λ stable. Nothing moves.
+//! `gusset check`: may this test run, what does it need, and what follows? Nothing moves.
 
 use serde_json::json;
 
 use super::args::CheckArgs;
 use super::certificate::Certificate;
 use super::exit::Exit;
-use super::following::Following;
-use super::late_axes::late_axes;
-use super::rehearsed::Rehearsed;
+use super::rehearsed;
 use super::run::{load, method_name, refused};
 use super::spectrum::Spectrum;
-use super::table::{Table, duration, quantity};
+use super::table::Table;
 use super::{answer, stability, tell, warn};
-use crate::config::{
-    self, ClockChoice, Facts, Finding, KeyPath, Prepared, Stability, StructureFacts,
-};
+use crate::config::{self, ClockChoice, Facts, Stability, StructureFacts};
 use crate::integrate::Lambda;
+use crate::record::{Outcome, RecordedVerdict};
+use crate::session::Judged;
+use crate::units::{duration, quantity};
 
 /// Checks one test.
 pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
     let loaded = load(&args.test, &args.sets)?;
-    let Prepared {
-        experiment,
-        facts,
-        warnings,
-        ..
-    } = config::build(&loaded).map_err(refused)?;
-    let facts = &facts;
-    warn(&warnings);
-    for text in &facts.announced {
+    let test = config::build(&loaded).map_err(refused)?;
+    warn(&test.warnings);
+    for text in &test.facts.announced {
         tell(format_args!("note: {text}"));
     }
-    let spectrum = facts
-        .structure
-        .as_ref()
-        .and_then(|structure| Spectrum::of(facts, structure));
+    let spectrum = test.facts.structure.as_ref();
+    let spectrum = spectrum.and_then(|structure| Spectrum::of(&test.facts, structure));
     if let Some(folder) = &args.plot {
         let Some(spectrum) = spectrum.as_ref().filter(|spectrum| spectrum.is_of_family()) else {
             anyhow::bail!(
@@ -43,83 +34,118 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
         };
         spectrum.plot(folder)?;
     }
-    let rehearsed = if args.no_rehearsal || experiment.ports.is_empty() {
-        None
-    } else {
-        Some(Rehearsed::of(&loaded, experiment)?)
-    };
-    let following = Following::of(&loaded, facts, spectrum.as_ref());
-    let late = late_axes(&loaded, facts, spectrum.as_ref());
-    let small = following.iter().filter_map(Following::warning);
-    warn(&loaded.diagnose(small.chain(late)));
+    let mut judged = Judged::without_rehearsal(test);
+    if !args.no_rehearsal {
+        judged = judged.rehearsed().map_err(refused)?;
+    }
     let certificate = if args.rehearse {
-        let certificate = Certificate::of(
-            &loaded,
-            facts,
-            rehearsed.as_ref(),
-            &following,
-            args.trials,
-            args.seed,
-        )?;
-        Some(certificate)
+        Some(Certificate::of(&loaded, &judged, args.trials, args.seed)?)
     } else {
         None
     };
-    let grows = facts.structure.as_ref().and_then(stability::grows);
-    let followed = grows.is_none() && following.iter().all(Following::is_possible);
-    let valid = followed && rehearsed.as_ref().is_none_or(Rehearsed::is_possible);
+    warn(&judged.verdict.diagnostics(&loaded, true));
     if args.json {
-        let mut found = as_json(facts, spectrum.as_ref(), rehearsed.as_ref(), valid);
-        if let (Some(found), false) = (found.as_object_mut(), following.is_empty()) {
-            let each = following.iter().map(Following::as_json).collect();
-            found.insert("following".to_owned(), serde_json::Value::Array(each));
-        }
-        if let (Some(found), Some(certificate)) = (found.as_object_mut(), &certificate) {
-            found.insert("certificate".to_owned(), certificate.as_json());
-        }
+        let found = as_json(&judged, spectrum.as_ref(), certificate.as_ref());
         answer(serde_json::to_string_pretty(&found)?)?;
     } else {
-        let verdict = if valid { "valid" } else { "NOT POSSIBLE" };
-        let mut table = as_table(facts, spectrum.as_ref(), verdict);
-        for one in &following {
-            one.tabulate(&mut table);
-        }
-        if let Some(rehearsed) = &rehearsed {
-            rehearsed.tabulate(&mut table);
-        }
-        if let Some(certificate) = &certificate {
-            certificate.tabulate(&mut table);
-        }
-        answer(table)?;
+        answer(as_table(
+            &judged,
+            spectrum.as_ref(),
+            certificate.as_ref(),
+            args.verbose,
+        ))?;
     }
-    if let Some(certificate) = &certificate {
-        if let Some(rehearsed) = &rehearsed {
-            rehearsed.show(&loaded);
-        }
-        return Ok(if certificate.is_go() {
-            Exit::Done
-        } else {
-            Exit::Stopped
-        });
+    let go = certificate.as_ref().is_none_or(Certificate::is_go);
+    Ok(if go && judged.verdict.is_clear() {
+        Exit::Done
+    } else {
+        Exit::Stopped
+    })
+}
+
+/// The verdict, then the test and its needs; with `verbose` everything that is known.
+fn as_table(
+    judged: &Judged,
+    spectrum: Option<&Spectrum>,
+    certificate: Option<&Certificate>,
+    verbose: bool,
+) -> Table {
+    let facts = &judged.test.facts;
+    let verdict = judged.verdict.record();
+    let mut table = Table::new(&format!("{} — {}", facts.title, in_words(&verdict)));
+    for one in &verdict.findings {
+        table.row(&one.severity, &format!("{} ({})", one.text, one.key));
     }
-    if !followed {
-        let structure = KeyPath::root().key("structure");
-        let grows = grows.map(|why| Finding::error(structure, why).at_key());
-        let found = following.iter().filter_map(Following::finding);
-        warn(&loaded.diagnose(found.chain(grows)));
-        if let Some(rehearsed) = &rehearsed {
-            rehearsed.show(&loaded);
+    if verbose {
+        everything(&mut table, facts, spectrum);
+        for (what, found) in judged.following.iter().map(|one| one.words()) {
+            table.row(&what, &found);
         }
-        return Ok(Exit::Stopped);
+    } else {
+        in_short(&mut table, facts, spectrum);
     }
-    match rehearsed {
-        Some(rehearsed) => rehearsed.judge(&loaded).map(|()| Exit::Done),
-        None => Ok(Exit::Done),
+    if let Some(full) = &judged.rehearsed {
+        rehearsed::tabulate(full, &mut table);
+    }
+    if let Some(certificate) = certificate {
+        certificate.tabulate(&mut table);
+    }
+    if !verbose {
+        table.row(
+            "more",
+            "--verbose shows modes, delays, all limits and what a trip does",
+        );
+    }
+    table
+}
+
+/// The verdict in a few words.
+fn in_words(verdict: &RecordedVerdict) -> &'static str {
+    match (verdict.outcome, verdict.unstable) {
+        (Outcome::Clear, _) => "valid",
+        (Outcome::Accepted, true) => "valid, UNSTABLE and accepted",
+        (Outcome::Accepted, false) => "valid, with accepted findings",
+        (Outcome::Simulated, true) => "NOT POSSIBLE with a specimen: UNSTABLE. Simulated, it runs",
+        (Outcome::Simulated, false) => "NOT POSSIBLE with a specimen. Simulated, it runs",
+        (Outcome::Refused, true) => "NOT POSSIBLE: UNSTABLE",
+        (Outcome::Refused, false) => "NOT POSSIBLE",
     }
 }
 
-fn as_table(facts: &Facts, spectrum: Option<&Spectrum>, verdict: &str) -> Table {
-    let mut table = Table::new(&format!("{} — {verdict}", facts.title));
+/// Test, structure and method, each in a line.
+fn in_short(table: &mut Table, facts: &Facts, spectrum: Option<&Spectrum>) {
+    of_test(table, facts);
+    let Some(structure) = &facts.structure else {
+        return table.row(
+            "structure",
+            "none: the specimens follow a prescribed displacement",
+        );
+    };
+    let first = structure.frequencies.first();
+    let first = first.map(|omega| {
+        let hz = omega / std::f64::consts::TAU;
+        format!(", first frequency {hz:.4} Hz")
+    });
+    let dofs = structure.dofs;
+    table.row(
+        "structure",
+        &format!("{dofs} DOFs{}", first.unwrap_or_default()),
+    );
+    of_loads(table, structure);
+    let method = match structure.lambda {
+        Some(lambda) => format!("λ = {lambda}"),
+        None => method_name(structure.method),
+    };
+    table.row(
+        "method",
+        &format!("{method}; {}", stability::brief(structure)),
+    );
+    if let Some(spectrum) = spectrum {
+        spectrum.describe(table);
+    }
+}
+
+fn of_test(table: &mut Table, facts: &Facts) {
     let clock = match facts.clock {
         ClockChoice::Real => "real",
         ClockChoice::Simulated => "simulated",
@@ -134,6 +160,25 @@ fn as_table(facts: &Facts, spectrum: Option<&Spectrum>, verdict: &str) -> Table 
             facts.rate_hz
         ),
     );
+}
+
+fn of_loads(table: &mut Table, structure: &StructureFacts) {
+    if let Some(peak) = structure.peak_ground_accel {
+        table.row(
+            "ground",
+            &format!("peak acceleration {}", quantity(peak, "m/s²")),
+        );
+    }
+    if let Some((dof, peak)) = structure.peak_nodal_force {
+        let turns = structure.rotations.contains(&dof);
+        let peak = quantity(peak, if turns { "N m" } else { "N" });
+        table.row("nodal forces", &format!("peak {peak} at DOF {}", dof + 1));
+    }
+}
+
+/// Everything that is known of the test without a rehearsal.
+fn everything(table: &mut Table, facts: &Facts, spectrum: Option<&Spectrum>) {
+    of_test(table, facts);
     if facts.ticks_per_step > 1 {
         let ticks = f64::from(facts.ticks_per_step);
         table.row(
@@ -147,7 +192,7 @@ fn as_table(facts: &Facts, spectrum: Option<&Spectrum>, verdict: &str) -> Table 
         );
     }
     if let Some(structure) = &facts.structure {
-        describe(&mut table, facts, structure, spectrum);
+        describe(table, facts, structure, spectrum);
     } else {
         table.row(
             "structure",
@@ -163,8 +208,7 @@ fn as_table(facts: &Facts, spectrum: Option<&Spectrum>, verdict: &str) -> Table 
             &specimens
         },
     );
-    super::limits::tabulate(&facts.limits, &mut table);
-    table
+    super::limits::tabulate(&facts.limits, table);
 }
 
 fn describe(
@@ -191,17 +235,7 @@ fn describe(
             &format!("{condition:.1e} reciprocal, of what is factored for alpha"),
         );
     }
-    if let Some(peak) = structure.peak_ground_accel {
-        table.row(
-            "ground",
-            &format!("peak acceleration {}", quantity(peak, "m/s²")),
-        );
-    }
-    if let Some((dof, peak)) = structure.peak_nodal_force {
-        let turns = structure.rotations.contains(&dof);
-        let peak = quantity(peak, if turns { "N m" } else { "N" });
-        table.row("nodal forces", &format!("peak {peak} at DOF {}", dof + 1));
-    }
+    of_loads(table, structure);
     match spectrum.filter(|spectrum| spectrum.is_of_family()) {
         Some(spectrum) => spectrum.tabulate(table),
         None => frequencies(table, facts, structure),
@@ -250,11 +284,11 @@ fn frequencies(table: &mut Table, facts: &Facts, structure: &StructureFacts) {
 }
 
 fn as_json(
-    facts: &Facts,
+    judged: &Judged,
     spectrum: Option<&Spectrum>,
-    rehearsed: Option<&Rehearsed>,
-    valid: bool,
+    certificate: Option<&Certificate>,
 ) -> serde_json::Value {
+    let facts = &judged.test.facts;
     let number = |value: f64| {
         if value.is_finite() {
             json!(value)
@@ -277,7 +311,7 @@ fn as_json(
             "lambda_limit": choice.map(|choice| choice.limit),
             "criterion": choice.map(|_| "S(lambda) positive semi-definite at the declared bounds"),
             "margin": choice.map(|choice| number(choice.margin)),
-            "stable": stability::is_stable(structure),
+            "stable": crate::stability::is_stable(structure),
             "governing": choice.and_then(|c| c.governing.as_ref()).map(ToString::to_string),
             "gain_bound": structure.gain.is_finite().then_some(structure.gain),
             "spectral_radius_at_bounds": match structure.stability {
@@ -291,17 +325,29 @@ fn as_json(
             "peak_nodal_force_n": structure.peak_nodal_force.map(|(_, peak)| peak),
         })
     });
-    json!({
+    let following = judged.following.iter().map(|one| one.as_json());
+    let full = judged.rehearsed.as_ref();
+    let mut found = json!({
         "title": facts.title,
-        "valid": valid,
+        "valid": judged.verdict.is_clear(),
+        "verdict": judged.verdict.record(),
         "steps": facts.steps,
         "dt": facts.dt,
         "rate_hz": facts.rate_hz,
         "ticks_per_step": facts.ticks_per_step,
         "structure": structure,
         "specimens": facts.specimens,
-        "rehearsal": rehearsed.map(Rehearsed::as_json),
+        "rehearsal": full.map(rehearsed::as_json),
         "limits": facts.limits,
         "warnings": facts.warnings,
-    })
+    });
+    if let Some(found) = found.as_object_mut() {
+        if !judged.following.is_empty() {
+            found.insert("following".to_owned(), following.collect());
+        }
+        if let Some(certificate) = certificate {
+            found.insert("certificate".to_owned(), certificate.as_json());
+        }
+    }
+    found
 }

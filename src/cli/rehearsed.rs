@@ -1,174 +1,94 @@
-//! What `gusset check` shows of a rehearsal: the needs of each axis beside its limits, and what does not fit.
-
-use std::time::Duration;
+//! A rehearsal as `gusset check` prints it: the needs of each axis beside its limits.
 
 use serde_json::{Value, json};
 
-use super::run::refused;
-use super::table::{Table, duration, quantity};
-use super::warn;
-use crate::config::{Finding, Loaded, Severity};
+use super::table::Table;
 use crate::control::Poses;
 use crate::control::limits::Quantity;
-use crate::engine::Experiment;
-use crate::rt::os::monotonic_ns;
-use crate::session::rehearsal::{self, AxisNeed, Curtain, Held, Need, Rehearsal, StandIn, Used};
+use crate::session::rehearsal::{Curtain, FullRehearsal, Held, Need, Rehearsal, StandIn, Used};
+use crate::units::{duration, quantity};
 
-/// Longest wall time of a rehearsal: whoever checks a test waits for it.
-const BUDGET: Duration = Duration::from_secs(10);
-
-/// A rehearsal, and what it found.
-pub struct Rehearsed {
-    rehearsal: Rehearsal,
-    held: Option<Held>,
-    /// Of limits.
-    findings: Vec<Finding>,
-    /// Of what the rig can give.
-    beyond: Vec<Finding>,
+/// The needs of each axis beside its limits: one line per quantity.
+pub fn tabulate(full: &FullRehearsal, table: &mut Table) {
+    let Rehearsal {
+        time,
+        curtain,
+        wall_s,
+        tick_s,
+        specimens,
+        ..
+    } = &full.rehearsal;
+    let each = tick_s.map(|tick| format!(", {} a tick", duration(tick)));
+    let how = match curtain {
+        Curtain::Completed => "",
+        Curtain::OutOfBudget => "; what comes later is beyond the budget",
+        Curtain::Stopped(_) => ", then the test would stop",
+    };
+    let text = format!(
+        "{} of test time on the simulated clock in {}{}{how}",
+        duration(*time),
+        duration(*wall_s),
+        each.unwrap_or_default()
+    );
+    table.row("rehearsal", &text);
+    for needs in specimens {
+        table.row(
+            &needs.name,
+            &format!("stood for it: {}", needs.stand_in.words()),
+        );
+        let word = match &needs.poses {
+            Some(poses) => {
+                table.row("  platform", &platform(poses));
+                "actuator"
+            }
+            None => "axis",
+        };
+        for (axis, all) in needs.axes.iter().enumerate() {
+            let lines: Vec<String> = all.iter().map(line).collect();
+            let mut text = lines.join("\n");
+            if let Some(found) = needs.found.get(axis)
+                && needs.stand_in != StandIn::Nothing
+            {
+                let power = quantity(found.power.high, "W");
+                text.push_str(&format!("\npower up to {power}"));
+            }
+            for used in needs.used(axis) {
+                text.push_str(&format!("\n{}", of_rig(&used)));
+            }
+            table.row(&format!("  {word} {} needs", axis + 1), &text);
+        }
+    }
+    if let Some(text) = full.held.as_ref().and_then(held) {
+        table.row("a hold", &text);
+    }
 }
 
-impl Rehearsed {
-    /// Rehearses a test that is built.
-    pub fn of(loaded: &Loaded, experiment: Experiment) -> anyhow::Result<Self> {
-        let began = monotonic_ns();
-        let left = || {
-            let passed = monotonic_ns().saturating_sub(began);
-            BUDGET.saturating_sub(Duration::from_nanos(passed))
-        };
-        let rehearsal = rehearsal::rehearse(loaded, experiment, BUDGET).map_err(refused)?;
-        let mut findings = rehearsal.findings(loaded);
-        let held = rehearsal::rehearse_hold(loaded, &rehearsal, left()).map_err(refused)?;
-        if let Some(held) = &held {
-            findings.extend(held.findings(&rehearsal, loaded));
-        }
-        findings.extend(rehearsal::try_limits(loaded, &rehearsal, left()).map_err(refused)?);
-        let beyond = rehearsal.beyond_capacity();
-        Ok(Self {
-            rehearsal,
-            held,
-            findings,
-            beyond,
+/// `rehearsal` of `check --json`.
+pub fn as_json(full: &FullRehearsal) -> Value {
+    let Rehearsal {
+        time,
+        curtain,
+        wall_s,
+        tick_s,
+        specimens,
+        peak_disp,
+    } = &full.rehearsal;
+    let level = |value: f64| value.is_finite().then_some(value);
+    let need = |need: &Need| {
+        json!({
+            "quantity": need.quantity.key(),
+            "low": need.needed.low,
+            "low_at_s": need.needed.low_at,
+            "high": need.needed.high,
+            "high_at_s": need.needed.high_at,
+            "warn": need.warn.map(level),
+            "trip": need.trip.map(level),
+            "margin": need.margin(),
+            "trips": need.trips(),
+            "warns": need.warns(),
         })
-    }
-
-    /// What the nominal test asks of an axis.
-    pub fn need(&self, specimen: usize, axis: usize) -> Option<&AxisNeed> {
-        self.rehearsal.specimens.get(specimen)?.found.get(axis)
-    }
-
-    /// Every limit that it would meet, in words.
-    pub fn beyond_limits(&self) -> Vec<String> {
-        let errors = self.findings.iter();
-        let errors = errors.filter(|finding| finding.severity == Severity::Error);
-        errors.map(|finding| finding.headline.clone()).collect()
-    }
-
-    /// Shows all that was found; what would trip is no error of the file.
-    pub fn show(&self, loaded: &Loaded) {
-        let all = self.findings.iter().chain(&self.beyond).cloned();
-        warn(&loaded.diagnose(all));
-    }
-
-    /// True if no limit would trip, and the rig can give what the test needs.
-    pub fn is_possible(&self) -> bool {
-        let error = |finding: &Finding| finding.severity == Severity::Error;
-        self.beyond.is_empty() && !self.findings.iter().any(error)
-    }
-
-    /// Shows the warnings; what would trip, or what the rig cannot give, is an error.
-    pub fn judge(self, loaded: &Loaded) -> anyhow::Result<()> {
-        let (errors, warnings): (Vec<_>, Vec<_>) = self
-            .findings
-            .into_iter()
-            .chain(self.beyond)
-            .partition(|finding| finding.severity == Severity::Error);
-        warn(&loaded.diagnose(warnings));
-        if errors.is_empty() {
-            Ok(())
-        } else {
-            Err(refused(loaded.refuse(errors)))
-        }
-    }
-
-    /// One line per quantity, axis after axis.
-    pub fn tabulate(&self, table: &mut Table) {
-        let Rehearsal {
-            time,
-            curtain,
-            wall_s,
-            tick_s,
-            specimens,
-        } = &self.rehearsal;
-        let each = tick_s.map(|tick| format!(", {} a tick", duration(tick)));
-        let how = match curtain {
-            Curtain::Completed => "",
-            Curtain::OutOfTime => ", then there was no more time",
-            Curtain::Stopped(_) => ", then the test would stop",
-        };
-        let text = format!(
-            "{} of test time on the simulated clock in {}{}{how}",
-            duration(*time),
-            duration(*wall_s),
-            each.unwrap_or_default()
-        );
-        table.row("rehearsal", &text);
-        for needs in specimens {
-            table.row(
-                &needs.name,
-                &format!("stood for it: {}", needs.stand_in.words()),
-            );
-            let word = match &needs.poses {
-                Some(poses) => {
-                    table.row("  platform", &platform(poses));
-                    "actuator"
-                }
-                None => "axis",
-            };
-            for (axis, all) in needs.axes.iter().enumerate() {
-                let lines: Vec<String> = all.iter().map(line).collect();
-                let mut text = lines.join("\n");
-                if let Some(found) = needs.found.get(axis)
-                    && needs.stand_in != StandIn::Nothing
-                {
-                    let power = quantity(found.power.high, "W");
-                    text.push_str(&format!("\npower up to {power}"));
-                }
-                for used in needs.used(axis) {
-                    text.push_str(&format!("\n{}", of_rig(&used)));
-                }
-                table.row(&format!("  {word} {} needs", axis + 1), &text);
-            }
-        }
-        if let Some(text) = self.held.as_ref().and_then(held) {
-            table.row("a hold", &text);
-        }
-    }
-
-    /// The same as JSON.
-    pub fn as_json(&self) -> Value {
-        let Rehearsal {
-            time,
-            curtain,
-            wall_s,
-            tick_s,
-            specimens,
-        } = &self.rehearsal;
-        let level = |value: f64| value.is_finite().then_some(value);
-        let need = |need: &Need| {
-            json!({
-                "quantity": need.quantity.key(),
-                "low": need.needed.low,
-                "low_at_s": need.needed.low_at,
-                "high": need.needed.high,
-                "high_at_s": need.needed.high_at,
-                "warn": need.warn.map(level),
-                "trip": need.trip.map(level),
-                "margin": need.margin(),
-                "trips": need.trips(),
-                "warns": need.warns(),
-            })
-        };
-        let specimens: Vec<Value> = specimens
+    };
+    let specimens: Vec<Value> = specimens
             .iter()
             .map(|needs| {
                 let axes = needs.axes.iter();
@@ -187,32 +107,32 @@ impl Rehearsed {
                 found
             })
             .collect();
-        let hold = self.held.as_ref().map(|held| {
-            let (specimen, axis) = held.fastest;
-            json!({
-                "time_s": held.at,
-                "specimen": specimen + 1,
-                "axis": axis + 1,
-                "needs": held.needs().map(need).collect::<Vec<_>>(),
-            })
-        });
-        let findings = self.findings.iter().chain(&self.beyond);
-        let findings = findings.map(|finding| &finding.headline);
+    let hold = full.held.as_ref().map(|held| {
+        let (specimen, axis) = held.fastest;
         json!({
-            "time_s": time,
-            "wall_s": wall_s,
-            "tick_s": tick_s,
-            "complete": *curtain == Curtain::Completed,
-            "stopped": match curtain {
-                Curtain::Stopped(stop) => Some(stop.to_string()),
-                Curtain::OutOfTime => Some("out of time".to_owned()),
-                Curtain::Completed => None,
-            },
-            "specimens": specimens,
-            "hold": hold,
-            "findings": findings.collect::<Vec<_>>(),
+            "time_s": held.at,
+            "specimen": specimen + 1,
+            "axis": axis + 1,
+            "needs": held.needs().map(need).collect::<Vec<_>>(),
         })
-    }
+    });
+    let findings = full.findings.iter().chain(&full.unknown);
+    let findings = findings.map(|finding| &finding.headline);
+    json!({
+        "time_s": time,
+        "peak_displacement": peak_disp,
+        "wall_s": wall_s,
+        "tick_s": tick_s,
+        "complete": *curtain == Curtain::Completed,
+        "stopped": match curtain {
+            Curtain::Stopped(stop) => Some(stop.to_string()),
+            Curtain::OutOfBudget => Some("out of budget".to_owned()),
+            Curtain::Completed => None,
+        },
+        "specimens": specimens,
+        "hold": hold,
+        "findings": findings.collect::<Vec<_>>(),
+    })
 }
 
 /// What the fastest axis is asked for in a hold there.

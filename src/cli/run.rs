@@ -11,22 +11,26 @@ use super::exit::{Exit, Mistakes, WithExit};
 use super::live;
 use super::screen;
 use super::status::Status;
-use super::table::{Table, duration, quantity};
+use super::table::Table;
 use super::{answer, only_with, stability, tell, warn};
 use crate::config::{self, ConfigError, Facts, Loaded, Method, Prepared};
-use crate::record::Progress;
+use crate::record::{Progress, RecordedVerdict};
 use crate::report::told;
 use crate::session::{
-    self, Finish, Finished, Page, ReplayError, ResumeError, Signal, Signals, Watches,
+    self, Finish, Finished, Judged, Page, ReplayError, ResumeError, Signal, Signals, Watches,
 };
+use crate::units::{duration, quantity};
 
 /// Runs one test.
 pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
-    let mut test = prepare(args)?;
+    let test = prepare(args)?;
     warn(&test.warnings);
     for text in &test.facts.announced {
         tell(format_args!("note: {text}"));
     }
+    let mut judged = Judged::of(test).map_err(refused)?;
+    obey(&judged)?;
+    let test = &mut judged.test;
     attend::can_confirm(&mut test.facts, args.test_run.yes)?;
     let asked = live::Asked::for_run(args)?;
     // Before there is a folder: from here on an interrupt leaves a whole one.
@@ -37,7 +41,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     let control = conduct::attended(&signals, &facts, &folder, args.test_run.yes)?;
     // Who is not looked at is not tapped.
     let mut looked = (asked.is_wanted() || status.is_shown())
-        .then(|| live::Looked::at(&test, folder.path(), control.phase.clone()));
+        .then(|| live::Looked::at(&judged.test, folder.path(), control.phase.clone()));
     let mut watches = Watches {
         roll: Some(signals.roll()),
         ..Watches::default()
@@ -52,7 +56,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
         }
         status.look_at(&looked.board);
     }
-    let finished = session::run(test, folder, control, watches, &mut |_: &Progress| {
+    let finished = session::run(judged, folder, control, watches, &mut |_: &Progress| {
         status.show();
     });
     status.clear();
@@ -89,6 +93,28 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
         (Finish::LinkFailed, _) => Exit::Link,
         (Finish::Panicked, _) => Exit::Panic,
     })
+}
+
+/// Shows the findings of the verdict, and refuses the test if it forbids it.
+fn obey(judged: &Judged) -> anyhow::Result<()> {
+    let Some(loaded) = &judged.test.loaded else {
+        return Ok(());
+    };
+    let found = judged.verdict.diagnostics(loaded, false);
+    if !judged.verdict.forbids() {
+        warn(&found);
+        return Ok(());
+    }
+    tell(found.render(screen::in_colour()));
+    let keys = judged.verdict.open_keys();
+    let text = format!(
+        "the verdict forbids this test, because it moves a specimen behind a link; nothing was moved\n\
+         mend it, or give a reason in [safety]: {}",
+        keys.map(|key| format!("{key} = \"…\""))
+            .collect::<Vec<_>>()
+            .join(", ")
+    );
+    Err(WithExit(Exit::Usage, text).into())
 }
 
 /// The test that is asked for: a new one, or an interrupted one that goes on.
@@ -157,6 +183,9 @@ fn conclude(facts: &Facts, finished: &Finished, page: Option<&Page>) {
         Finish::Panicked => "FAILED: internal error, the specimens were retired",
     };
     let mut table = Table::new(&format!("{} — {verdict}", facts.title));
+    if let Some(headline) = summary.verdict.as_ref().and_then(RecordedVerdict::headline) {
+        table.row("verdict", &headline);
+    }
     table.row("ended", &summary.reason);
     let after = facts.resumed.as_ref().map(|(_, step)| *step);
     table.row(

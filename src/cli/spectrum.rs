@@ -6,10 +6,12 @@ use std::f64::consts::TAU;
 
 use serde_json::{Value, json};
 
-use super::table::{Table, duration};
+use super::table::Table;
 use crate::config::{ALL_MODES, Facts, Loop, ModeFacts, StructureFacts};
 use crate::integrate::Lambda;
 use crate::spectral::delay::{Critical, DelayError, DiscreteLimit, continuous};
+use crate::stability::{INERTIA, diverging, growing};
+use crate::units::duration;
 
 /// Modes that are listed.
 const LISTED: usize = 6;
@@ -74,23 +76,6 @@ impl Delay {
         }
     }
 }
-
-/// What grows in continuous time with nothing delayed.
-pub(super) fn growing(per_second: f64) -> String {
-    format!(
-        "it grows by a factor e in {} of continuous time",
-        duration(per_second.recip())
-    )
-}
-
-/// What grows in the recursion with nothing delayed.
-pub(super) fn diverging(radius: f64) -> String {
-    format!("it grows by a factor {radius:.6} in a step of the recursion at this Δt and λ")
-}
-
-/// Why any delay is too long.
-pub(super) const INERTIA: &str = "the inertia inside the specimen's force is as much as the mass that it acts on, and with any delay, \
-     however short, it grows";
 
 impl Spectrum {
     /// None for a structure that is too large.
@@ -182,13 +167,6 @@ impl Spectrum {
             }
             _ => {}
         }
-    }
-
-    /// The critical delay of a specimen by the recursion; none if it was not analysed.
-    pub(super) fn discrete(&self, specimen: &str) -> Option<Result<DiscreteLimit, DelayError>> {
-        let mut delays = self.delays.iter();
-        let found = delays.find(|delay| delay.specimen.name == specimen);
-        found.and_then(|found| found.discrete)
     }
 
     /// The highest natural frequency in rad/s, if it is known.

@@ -1,10 +1,10 @@
 //! What is known of the stability of an integration, in words and as JSON: `check`, the certificate and the end of `run` say the
 //! same of it.
 
-use super::spectrum::growing;
 use super::table::Table;
 use crate::config::{Facts, Stability, StructureFacts};
 use crate::geometry::LawPlace;
+use crate::stability::{grows, is_stable};
 
 const NO_BOUND: &str = "no proof: a tangent has no declared bound";
 const NO_PROOF: &str = "no proof is made for this method";
@@ -74,24 +74,6 @@ pub fn brief(structure: &StructureFacts) -> String {
         Some(Some(limit)) => format!("limit {limit:.4}"),
         Some(None) => "every lambda is stable".to_owned(),
         None => without_limit(&structure.stability),
-    }
-}
-
-/// What grows in continuous time whatever λ is, in words, if anything does.
-pub fn grows(structure: &StructureFacts) -> Option<String> {
-    let growth = structure.analysis.as_ref()?.growth()?;
-    Some(format!("UNSTABLE: {}", growing(growth)))
-}
-
-/// Whether it is stable; none where nobody knows.
-pub fn is_stable(structure: &StructureFacts) -> Option<bool> {
-    if grows(structure).is_some() {
-        return Some(false);
-    }
-    match &structure.stability {
-        Stability::Limit(choice) => Some(choice.is_stable()),
-        Stability::NoLambda(_) => Some(false),
-        found => found.grows().then_some(false),
     }
 }
 

@@ -167,8 +167,8 @@ impl Default for CertificateTable {
             trials: 200,
             seed: 1,
             trip_probability: 0.05,
-            tracking_error: 0.5,
-            response_error: 0.5,
+            tracking_error: 0.1,
+            response_error: 0.1,
         }
     }
 }

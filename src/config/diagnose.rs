@@ -53,6 +53,8 @@ pub struct Finding {
     pub help: Vec<String>,
     /// A second place that the mistake is about, with a few words.
     pub beside: Option<(KeyPath, String)>,
+    /// Numbers that it states, by name, SI: for programs that read a verdict.
+    pub numbers: Vec<(&'static str, f64)>,
 }
 
 impl Finding {
@@ -66,6 +68,7 @@ impl Finding {
             label: String::new(),
             help: Vec::new(),
             beside: None,
+            numbers: Vec::new(),
         }
     }
 
@@ -95,6 +98,13 @@ impl Finding {
     #[must_use]
     pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help.push(help.into());
+        self
+    }
+
+    /// The same, stating one more number in SI units.
+    #[must_use]
+    pub fn number(mut self, name: &'static str, value: f64) -> Self {
+        self.numbers.push((name, value));
         self
     }
 

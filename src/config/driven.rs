@@ -97,6 +97,8 @@ impl Loaded {
         file.certificate = CertificateTable::default();
         file.uncertainty = Vec::new();
         file.safety.divergence_m = None;
+        file.safety.accept_unstable = None;
+        file.safety.accept_trip = None;
         file.safety.stability_used = None;
         file.safety.delay_used = None;
         file.safety.step_audit = None;

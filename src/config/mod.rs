@@ -52,9 +52,10 @@ use thiserror::Error;
 use toml_edit::DocumentMut;
 
 pub use build::{
-    ALL_MODES, ActuatorFacts, Analysis, DelayedMode, Dial, Drawn, Estimate, Facts, Files, Limit,
-    LimitFacts, LoadingFacts, Loop, ModeFacts, Prepared, SpecimenLimits, Stability, StructureFacts,
-    Trial, build, build_over, build_rehearsal, build_trial, estimates,
+    ALL_MODES, ActuatorFacts, Analysis, DelayedMode, Dial, Doubt, Drawn, Estimate, Facts, Files,
+    Limit, LimitFacts, LoadingFacts, Loop, ModeFacts, Prepared, SpecimenLimits, Stability,
+    StructureFacts, Trial, build, build_over, build_rehearsal, build_trial, estimates,
+    set_divergence,
 };
 pub use certificate::{
     CapacityTable, CertificateTable, IdentifiedTable, Spread, Uncertain, UncertaintyTable,

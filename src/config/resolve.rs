@@ -7,6 +7,7 @@ use thiserror::Error;
 use toml_edit::visit_mut::{VisitMut, visit_table_like_kv_mut};
 use toml_edit::{DocumentMut, Item, KeyMut, Value};
 
+use super::build::DIVERGENCE_M;
 use super::inputs::Inputs;
 use super::schema::TestFile;
 use super::value::LambdaValue;
@@ -49,6 +50,9 @@ pub fn resolve(
         }
         _ => None,
     };
+    if file.structure.is_some() {
+        file.safety.divergence_m.get_or_insert(DIVERGENCE_M);
+    }
     let mut document: DocumentMut = toml::to_string(&file)?.parse()?;
     if let Some(comment) = request
         && let Some(item) = document

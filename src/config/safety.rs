@@ -10,7 +10,8 @@ use crate::control::limits::BoundSpec;
 #[serde(deny_unknown_fields, default)]
 pub struct SafetyTable {
     /// Displacement of any DOF of the structure in m beyond which the test counts as diverged and stops. A value that is
-    /// not finite always stops it. Absent: 1000.
+    /// not finite always stops it. Absent: ten times the largest displacement of the rehearsal, but at least 0.1 m, if a
+    /// specimen is behind a link, the loop is not found unstable and the rehearsal reached the end of the test. Else 1000.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub divergence_m: Option<f64>,
     /// Wall time in s over which every sensor is averaged before anything moves, while the specimens hold where they
@@ -83,6 +84,14 @@ pub struct SafetyTable {
     /// such a test is refused. Limits that are given hold all the same.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unlimited: Option<String>,
+    /// Why a test whose loop is unstable, or whose method has no proof of stability, may move a specimen behind a link.
+    /// Without a reason `run` refuses such a test. The reason is written to the summary and the report.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub accept_unstable: Option<String>,
+    /// Why a test may move a specimen behind a link although its rehearsal diverges, stops early, trips a limit or needs more
+    /// than a capacity. Without a reason `run` refuses such a test. The reason is written to the summary and the report.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub accept_trip: Option<String>,
 }
 
 impl Default for SafetyTable {
@@ -103,6 +112,8 @@ impl Default for SafetyTable {
             step_audit: None,
             added_energy_share: None,
             unlimited: None,
+            accept_unstable: None,
+            accept_trip: None,
         }
     }
 }

@@ -153,9 +153,7 @@ pub struct IntegratorTable {
     /// modes. For structures of up to 300 degrees of freedom.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub lambda_of_mode: Vec<LambdaValue>,
-    /// Lets a λ that is proven unstable command a specimen behind a link, and so kr_alpha or mkr_alpha where they grow at the
-    /// declared bounds or that cannot be told. Without it such a test is refused; a specimen that is computed only gives a
-    /// warning.
+    /// Older form of `safety.accept_unstable`, without a reason of its own.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub allow_unstable_lambda: bool,
     /// Bound on how much a stiff mode amplifies a force error, for "auto". Default: 2 with a specimen, else 10.

@@ -65,7 +65,7 @@ impl Engine {
         self.hand_over(&tick);
         self.note_stage(&tick, &stride);
         self.check(&tick);
-        self.note_peaks(&tick)?;
+        self.note_peaks(&tick, stamps)?;
         advanced
     }
 
@@ -367,7 +367,7 @@ impl Engine {
 
     /// Peaks over all DOFs, and the last look at the state before its command leaves; after the last step none does.
     #[inline]
-    fn note_peaks(&mut self, tick: &Tick) -> Result<(), Stop> {
+    fn note_peaks(&mut self, tick: &Tick, stamps: &TickStamps) -> Result<(), Stop> {
         if let Side::Structure(numerical) = &self.side {
             self.peaks
                 .note_rates(&numerical.reported_vel, &numerical.accel);
@@ -378,7 +378,8 @@ impl Engine {
         if let Side::Structure(numerical) = &self.side {
             let bound = self.limits.divergence;
             if let Some((dof, value)) = first_beyond(&numerical.state.disp, bound) {
-                return Err(Stop::Diverged { dof, value });
+                self.record_divergence(tick, stamps);
+                return Err(Stop::Diverged { dof, value, bound });
             }
         }
         // A command that cannot be sent says more than the audit that it spoils.

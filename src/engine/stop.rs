@@ -8,6 +8,7 @@ use crate::control::limits::Hit;
 use crate::geometry::Fault;
 use crate::integrate::StepError;
 use crate::substructure::LinkFault;
+use crate::units::quantity;
 
 /// Why a test ended before its last step.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
@@ -76,12 +77,19 @@ pub enum Stop {
         fault: LinkFault,
     },
     /// The response grew beyond the divergence bound, or ceased to be a number.
-    #[error("the response diverged: displacement of DOF {} is {value:e} m", dof + 1)]
+    #[error(
+        "the response diverged: the displacement of DOF {} is {}, and `safety.divergence_m` allows {}",
+        dof + 1,
+        quantity(*value, "m"),
+        quantity(*bound, "m")
+    )]
     Diverged {
         /// Degree of freedom, from 0.
         dof: usize,
         /// Its displacement in m.
         value: f64,
+        /// The bound in m.
+        bound: f64,
     },
     /// The next command is not a finite number; it was not sent.
     #[error("specimen {}: the next command is not a finite number; it was not sent", port + 1)]

@@ -61,6 +61,26 @@ impl Engine {
         }
     }
 
+    /// Keeps the row of the step whose displacements are beyond the divergence bound. Its command never leaves, so that its
+    /// measurements are those of the step before, and it has no velocities and accelerations.
+    #[cold]
+    pub(super) fn record_divergence(&mut self, tick: &Tick, stamps: &TickStamps) {
+        let next = Tick {
+            step: tick.step + 1,
+            sub_tick: 0,
+            time: (tick.step + 1) as f64 * self.dt,
+            dt: self.dt,
+        };
+        self.trip_is_recorded = true;
+        self.row
+            .exchange(&next, Phase::Tripped, &self.side, &self.ports);
+        self.note_reached();
+        self.row.no_outputs();
+        self.row
+            .timing(stamps, self.first_edge, self.schedule.stretched());
+        self.keep_row();
+    }
+
     /// Sends an event of this tick; a full queue is not waited for. On the way out test time stands where the test ended.
     /// Real-time: yes.
     pub(super) fn report(&mut self, tick: &Tick, kind: EventKind) {

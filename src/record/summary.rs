@@ -6,7 +6,7 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::Value;
 
-use super::MissClasses;
+use super::{MissClasses, RecordedVerdict};
 
 /// How a run ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -188,6 +188,9 @@ pub struct Summary {
     /// Findings that would have refused the test, and that the user has accepted: the name of each override and the reason given.
     #[serde(default)]
     pub accepted: BTreeMap<String, String>,
+    /// What `check` would say of the test; null where there is no verdict, and in folders of earlier versions.
+    #[serde(default)]
+    pub verdict: Option<RecordedVerdict>,
 }
 
 #[cfg(test)]
@@ -229,6 +232,7 @@ pub(super) mod tests {
             left: BTreeMap::new(),
             force_on_the_way_in: BTreeMap::new(),
             accepted: BTreeMap::new(),
+            verdict: None,
         }
     }
 
@@ -271,6 +275,7 @@ pub(super) mod tests {
             "left",
             "force_on_the_way_in",
             "accepted",
+            "verdict",
         ];
         assert_eq!(keys, [&contract[..], &additions[..]].concat());
         assert_eq!(

@@ -97,5 +97,7 @@ pub fn loop_round(
         facts,
         files,
         warnings: Diagnostics::default(),
+        doubts: Vec::new(),
+        loaded: None,
     }
 }

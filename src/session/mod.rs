@@ -21,6 +21,7 @@ mod continued;
 mod desk;
 mod energetics;
 mod guarded;
+mod judged;
 mod kept;
 mod last_words;
 mod page;
@@ -45,6 +46,7 @@ pub use bare::{bare_loop, loop_round};
 pub use compare::{Compared, compare, compared_name};
 pub use continued::{Now, Unsaid, WentOn};
 pub use desk::{Answer, Request, Unanswered, ask};
+pub use judged::{Judged, Subject};
 pub use page::{Page, PageError, conclude, hero, write_report};
 pub use ready::missing;
 pub use replay::{Difference, Replay, ReplayError, replay, replay_rows};
@@ -60,12 +62,13 @@ use desk::Desk;
 use guarded::Ended;
 use ready::{Ready, prepare};
 
-use crate::config::{Facts, Prepared};
+use crate::config::{ConfigError, Facts, Prepared};
 use crate::engine::Control;
 use crate::record::summary::Status;
 use crate::record::writer::WriterError;
 use crate::record::{
-    FolderError, Note, NoteLevel, Progress, Recorded, Roll, RunFolder, Summary, What, Writer,
+    FolderError, Note, NoteLevel, Progress, Recorded, RecordedVerdict, Roll, RunFolder, Summary,
+    What, Writer,
 };
 use crate::rt::wall::Wall;
 use crate::rt::{Granted, os};
@@ -91,6 +94,15 @@ pub enum SessionError {
     /// Whoever attends the test cannot.
     #[error("the live page cannot be served: {0}")]
     Attendance(std::io::Error),
+    /// The verdict forbids the test.
+    #[error("the verdict forbids this test: {}", findings.join("; "))]
+    Forbidden {
+        /// Every error that is not accepted.
+        findings: Vec<String>,
+    },
+    /// The test cannot be rehearsed.
+    #[error(transparent)]
+    Rehearsal(#[from] ConfigError),
     /// Real-time conditions are required and were not granted.
     #[error("real-time conditions are required and not granted: {}", missing.join("; "))]
     NotRealTime {
@@ -134,18 +146,26 @@ pub struct Finished {
 /// Period of the caller's look at the progress.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 
-/// Runs a prepared test into `folder`. `progress` is called about ten times a second.
+/// Runs a test into `folder`. A test that is not judged yet is judged first; a verdict that forbids it ends it here, before
+/// anything connects. `progress` is called about ten times a second.
 ///
 /// # Errors
 /// [`SessionError`] if the test could not be started: nothing was moved, and the folder is gone again. How a started
 /// test ended is not an error but [`Finished`].
 pub fn run(
-    test: Prepared,
+    test: impl Into<Subject>,
     mut folder: RunFolder,
     control: impl Into<Control>,
     watches: Watches,
     progress: &mut dyn FnMut(&Progress),
 ) -> Result<Finished, SessionError> {
+    let (test, verdict) = match permitted(test.into()) {
+        Ok(permitted) => permitted,
+        Err(error) => {
+            folder.abandon();
+            return Err(error);
+        }
+    };
     let Prepared {
         experiment,
         facts,
@@ -179,7 +199,7 @@ pub fn run(
                 let note = Note::new(NoteLevel::Warning, "warning");
                 ready.writer.note(note.with("text", text));
             }
-            let mut finished = carry_out(ready, line, &facts, folder, progress);
+            let mut finished = carry_out(ready, line, &facts, verdict, folder, progress);
             if let Err(error) = word.end(&finished.folder) {
                 finished.unwritten.push(error.to_string());
             }
@@ -193,11 +213,24 @@ pub fn run(
     }
 }
 
+/// The test and its verdict, if that permits it.
+fn permitted(test: Subject) -> Result<(Prepared, Option<RecordedVerdict>), SessionError> {
+    let Judged { test, verdict, .. } = test.judged()?;
+    if verdict.forbids() {
+        let open = verdict.findings.iter().filter(|one| one.is_open());
+        let findings = open.map(|one| one.finding.headline.clone()).collect();
+        return Err(SessionError::Forbidden { findings });
+    }
+    let record = test.loaded.is_some().then(|| verdict.record());
+    Ok((test, record))
+}
+
 /// From the first edge to the finished folder. Nothing here fails: what cannot be written is told.
 fn carry_out(
     ready: Ready,
     line: Line,
     facts: &Facts,
+    verdict: Option<RecordedVerdict>,
     mut folder: RunFolder,
     progress: &mut dyn FnMut(&Progress),
 ) -> Finished {
@@ -258,6 +291,7 @@ fn carry_out(
         granted.as_ref(),
         &unwritten,
     );
+    summary.verdict = verdict;
     if let Err(error) = folder.write_summary(&summary) {
         if facts.record_required && finish == Finish::Completed {
             // To whoever reads it later, such a record is that of a test which was killed.

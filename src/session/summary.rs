@@ -146,6 +146,7 @@ pub(super) fn summarise(
         left: outcome.map(left).unwrap_or_default(),
         force_on_the_way_in: outcome.map(on_the_way_in).unwrap_or_default(),
         accepted: facts.accepted.clone(),
+        verdict: None,
     };
     (finish, summary)
 }

@@ -1,10 +1,10 @@
 //! How far an axis is driven: as was asked for if the limits allow it, else a share of what they leave.
 
-use super::super::table::quantity;
 use super::usage;
 use crate::config::SpecimenTable;
 use crate::control::limits::{BoundSpec, LimitsSpec, RangeSpec};
 use crate::identify::{Band, Course};
+use crate::units::quantity;
 
 /// Share of the stroke that is left, and of everything else that is allowed, that a motion takes unless it is told.
 const OF_STROKE: f64 = 0.05;

@@ -1,10 +1,10 @@
 //! Which axes are driven, how, how far, and when: judged before anything moves.
 
-use super::super::table::{duration, quantity};
 use super::amplitude::{amplitude, rounded_down};
 use super::{IdentifyArgs, usage};
 use crate::config::{Drive, Loaded, SpecimenTable, TestFile, nearest};
 use crate::identify::{Band, Course, Shape};
+use crate::units::{duration, quantity};
 
 /// Rest before and after every motion, in s, and in ticks at least.
 const REST_S: f64 = 1.0;

@@ -21,12 +21,12 @@ use super::attend;
 use super::conduct;
 use super::exit::{Exit, WithExit};
 use super::progress::ProgressLine;
-use super::rehearsed::Rehearsed;
 use super::run::refused;
 use super::{answer, tell, warn};
-use crate::config::{self, Facts, Loaded, Prepared};
+use crate::config::{self, ConfigError, Facts, Loaded, Prepared};
 use crate::identify::Shape;
 use crate::record::{Progress, RunFolder};
+use crate::session::rehearsal::FullRehearsal;
 use crate::session::{self, Finish, Finished, Signal, Signals, Watches};
 
 use course::Plan;
@@ -177,11 +177,15 @@ fn allowed(args: &IdentifyArgs, loaded: &Loaded) -> anyhow::Result<(Plan, Loaded
         let driven = loaded
             .beside(&plan.said(args), &plan.file)
             .map_err(refused)?;
-        // What a stand-in shows of forces, and of limits that are not the command's own.
-        let rehearsal = config::build_rehearsal(&driven).map_err(refused)?;
-        let rehearsed = Rehearsed::of(&driven, rehearsal.experiment)?;
-        if rehearsed.is_possible() || args.amplitude.is_some() || halved == MOST_HALVED {
-            rehearsed.judge(&driven)?;
+        // A linear stand-in shows forces, and limits that are not those of the command.
+        let full = FullRehearsal::of(&driven, None).map_err(refused)?;
+        let possible = full.is_possible();
+        if possible || args.amplitude.is_some() || halved == MOST_HALVED {
+            let diagnostics = driven.diagnose(full.findings);
+            if !possible {
+                return Err(refused(ConfigError::Invalid(diagnostics)));
+            }
+            warn(&diagnostics);
             return Ok((plan, driven));
         }
         halved += 1;

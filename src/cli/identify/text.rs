@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
-use super::super::table::{Table, duration, quantity};
+use super::super::table::Table;
 use super::outcome::{Axis, Outcome};
 use crate::identify::{Estimate, Felt, Fit, Identification, SpecimenFit};
+use crate::units::{duration, quantity};
 
 /// Rows of the frequency response that are printed.
 const ROWS: usize = 10;

@@ -2,9 +2,9 @@
 //! whether their recursion grows there can be seen.
 
 use super::method::Initial;
-use super::proof::{advised, beyond, bounds};
+use super::proof::{advised, bounds};
 use super::specimens::Specimens;
-use super::{Refused, Site, Stability, path};
+use super::{Doubt, Site, Stability, path};
 use crate::config::{Finding, Method, Severity};
 use crate::linalg::{Spd, SymMatrix};
 use crate::model::Structure;
@@ -15,24 +15,24 @@ const LARGEST: usize = 40;
 /// Differences of bound and estimate that are roundoff of their sums.
 const ROUNDOFF: f64 = 1e-9;
 
-/// What can be said of `method`; growth is a warning, and an error where it would move a specimen behind a link.
+/// What can be said of `method`. Growth, and what cannot be told, become doubts of the site.
 pub(super) fn judged(
     site: &mut Site<'_>,
     structure: &Structure,
     specimens: &Specimens,
     method: Method,
     initial: &Initial<'_>,
-) -> Result<Stability, Refused> {
+) -> Stability {
     // What was built with its links has been judged.
     if site.trial.is_some() {
-        return Ok(Stability::NoProof);
+        return Stability::NoProof;
     }
     let rho = site.loaded.file.integrator.rho_infinity;
     let rho = rho.unwrap_or(f64::NAN);
     let (weights, name) = match method {
         Method::KrAlpha => (Weights::kr(rho), "kr_alpha"),
         Method::MkrAlpha => (Weights::mkr(rho), "mkr_alpha"),
-        _ => return Ok(Stability::NoProof),
+        _ => return Stability::NoProof,
     };
     let bounds = match bounds(site, structure, specimens) {
         Ok(bounds) => bounds,
@@ -42,7 +42,7 @@ pub(super) fn judged(
                 severity: Severity::Warning,
                 ..*finding
             });
-            return Ok(Stability::NoBound);
+            return Stability::NoBound;
         }
     };
     let late = specimens.late_mass(structure.dofs());
@@ -50,7 +50,7 @@ pub(super) fn judged(
         && covers(initial.damping, &bounds.damping)
         && late.is_none();
     if covered {
-        return Ok(Stability::NoProof);
+        return Stability::NoProof;
     }
     let at = path("integrator").key("method");
     let radius = if structure.dofs() <= LARGEST {
@@ -72,9 +72,9 @@ pub(super) fn judged(
              {name} there"
         );
         let help = "`method = \"gui\"` is proven at the declared bounds";
-        let finding = Finding::warning(at, headline).help(help);
-        beyond(site, advised(finding, specimens))?;
-        return Ok(Stability::NoProof);
+        let finding = advised(Finding::error(at, headline).help(help), specimens);
+        site.doubts.push(Doubt::Unproven(finding));
+        return Stability::NoProof;
     };
     let found = Stability::AtBounds(radius);
     if found.grows() {
@@ -82,10 +82,13 @@ pub(super) fn judged(
             "with every tangent at its declared bound the response grows by a factor {radius:.6} in a step of {name}"
         );
         let help = "`method = \"gui\"` takes a lambda that is stable there; a smaller step, or a larger estimate of what hardens";
-        let finding = Finding::warning(at, headline).help(help);
-        beyond(site, advised(finding, specimens))?;
+        let finding = Finding::error(at, headline)
+            .number("spectral_radius", radius)
+            .help(help);
+        site.doubts
+            .push(Doubt::Unstable(advised(finding, specimens)));
     }
-    Ok(found)
+    found
 }
 
 /// True if no tangent up to `bound` is beyond the estimate: the method is then as stable as in a linear structure.

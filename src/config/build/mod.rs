@@ -37,6 +37,8 @@ pub use analysis::{ALL_MODES, Analysis, DelayedMode, Loop, ModeFacts};
 pub use facts::{Facts, Stability, StructureFacts};
 use gear::Rows;
 pub use limits::{Limit, LimitFacts, SpecimenLimits};
+pub(in crate::config) use pace::DIVERGENCE_M;
+pub use pace::set_divergence;
 use recorded::{record_dofs, rotations};
 use settle::settle;
 use site::{Refused, Site, path};
@@ -56,6 +58,19 @@ pub struct Prepared {
     pub files: Files,
     /// The warnings of the facts, with their places in the file.
     pub warnings: Diagnostics,
+    /// What the build found out about the stability of the integration.
+    pub doubts: Vec<Doubt>,
+    /// The file that it was made from; none of a trial, and of a loop that has no file.
+    pub loaded: Option<Box<Loaded>>,
+}
+
+/// An error of stability, or of its proof, that a verdict weighs.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Doubt {
+    /// The recursion grows at the declared bounds.
+    Unstable(Finding),
+    /// Nothing is proven of this method here.
+    Unproven(Finding),
 }
 
 /// What the run folder archives.
@@ -250,6 +265,8 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         facts,
         files,
         warnings: Diagnostics(warnings),
+        doubts: std::mem::take(&mut site.doubts),
+        loaded: site.trial.is_none().then(|| Box::new(site.loaded.clone())),
     })
 }
 
@@ -304,7 +321,7 @@ fn numerical(
         match method::companion(site, &structure, &initial)? {
             Some((stepper, condition)) => {
                 proof::warn_of_limit(site, &structure, specimens, method);
-                of_companion = alpha::judged(site, &structure, specimens, method, &initial)?;
+                of_companion = alpha::judged(site, &structure, specimens, method, &initial);
                 (None, stepper, None, condition, None, None)
             }
             None => {

@@ -1,5 +1,8 @@
 //! How steps and ticks belong together, and what the loop puts up with.
 
+use toml_edit::{DocumentMut, Item};
+
+use super::Prepared;
 use crate::config::{TestFile, Time};
 use crate::engine::{Limits, OnMiss, Pacing};
 use crate::rt;
@@ -9,8 +12,26 @@ const REPLY_TIMEOUT_NS: u64 = 5_000_000_000;
 /// Stale measurements in a row after which a test stops.
 const STALE_IN_A_ROW: u64 = 10;
 
-/// No structure moves as far as this: a response that does is one of the integration.
-const DIVERGENCE_M: f64 = 1e3;
+/// Default of `safety.divergence_m` in m. No structure moves as far as this: such a response is one of the integration.
+pub(in crate::config) const DIVERGENCE_M: f64 = 1e3;
+
+/// Gives a test this divergence bound in m, in the loop, in its list of limits and in its `resolved.toml`.
+pub fn set_divergence(test: &mut Prepared, bound: f64) {
+    test.experiment.limits.divergence = bound;
+    let limits = &mut test.facts.limits.test;
+    for limit in limits
+        .iter_mut()
+        .filter(|limit| limit.key == "divergence_m")
+    {
+        limit.trip = vec![bound];
+    }
+    if let Ok(mut document) = test.files.resolved.parse::<DocumentMut>()
+        && let Some(safety) = document.get_mut("safety").and_then(Item::as_table_like_mut)
+    {
+        safety.insert("divergence_m", toml_edit::value(bound));
+        test.files.resolved = document.to_string();
+    }
+}
 
 /// How steps and ticks of the controller belong together.
 pub(super) fn pacing(file: &TestFile, time: Time) -> Pacing {

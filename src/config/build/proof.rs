@@ -2,7 +2,7 @@
 
 use super::method::Initial;
 use super::specimens::Specimens;
-use super::{Refused, Site, Stability, path};
+use super::{Doubt, Refused, Site, Stability, path};
 use crate::config::{Finding, KeyPath, LambdaValue, Method, Severity};
 use crate::integrate::{
     ACCURATE_LAMBDA, Apart, GAIN_HYBRID, GAIN_NUMERICAL, Gui, Lambda, LambdaChoice, OnlineLimit,
@@ -104,7 +104,7 @@ pub(super) fn choose(
         (Ok(choice), _) => {
             if !choice.is_stable() {
                 let finding = advised(unstable(&choice), specimens);
-                beyond(site, finding)?;
+                site.doubts.push(Doubt::Unstable(finding));
             }
             let by_number = request.is_some();
             let lambda = choice.lambda;
@@ -124,8 +124,8 @@ pub(super) fn choose(
         }
         (Err(error), Some(lambda)) => {
             let why = error.to_string();
-            let finding = Finding::warning(lambda_path(), why.clone());
-            beyond(site, advised(finding, specimens))?;
+            let finding = advised(Finding::error(lambda_path(), why.clone()), specimens);
+            site.doubts.push(Doubt::Unstable(finding));
             Ok(Proven {
                 lambda,
                 by_number: true,
@@ -184,27 +184,6 @@ fn gains(proof: &StabilityProof, lambda: Lambda, specimens: &Specimens) -> Vec<V
     specimens
         .map(|specimen| specimen.rows.iter().map(|row| gain(row)).collect())
         .collect()
-}
-
-/// Takes a λ or a method that is known to be unstable as a warning; as an error where it would move a specimen behind a link, unless
-/// the test allows it by name.
-pub(super) fn beyond(site: &mut Site<'_>, finding: Finding) -> Result<(), Refused> {
-    let file = &site.loaded.file;
-    let remote = file.specimen.iter().position(|table| table.link.is_some());
-    let Some(index) = remote.filter(|_| !file.integrator.allow_unstable_lambda) else {
-        site.warnings.push(finding);
-        return Ok(());
-    };
-    let link = path("specimen").index(index).key("link");
-    let finding = Finding {
-        severity: Severity::Error,
-        ..finding
-    };
-    site.refuse(
-        finding
-            .beside(link, "and it would move what is behind this link")
-            .help("`allow_unstable_lambda = true` in [integrator] runs it all the same"),
-    )
 }
 
 fn lambda_path() -> KeyPath {
@@ -269,7 +248,10 @@ fn unstable(choice: &LambdaChoice) -> Finding {
          may grow as a sawtooth of period 2 steps",
         choice.lambda
     );
-    Finding::warning(lambda_path(), headline).help("`lambda = \"auto\"` takes one that is stable")
+    Finding::error(lambda_path(), headline)
+        .number("lambda", choice.lambda.value())
+        .number("lambda_limit", limit)
+        .help("`lambda = \"auto\"` takes one that is stable")
 }
 
 /// With what of the specimens counts for more than it seems to.

@@ -1,6 +1,6 @@
 //! What a build has found so far, and read; and how it refuses: a finding at its place in the file.
 
-use super::{Dial, Trial};
+use super::{Dial, Doubt, Trial};
 use crate::config::{Finding, Inputs, KeyPath, Loaded};
 
 /// Findings so far, and the files read so far.
@@ -11,6 +11,8 @@ pub(super) struct Site<'a> {
     pub inputs: Inputs,
     pub errors: Vec<Finding>,
     pub warnings: Vec<Finding>,
+    /// Errors of stability: they forbid a test only where it moves a specimen behind a link.
+    pub doubts: Vec<Doubt>,
     /// No link is wanted: something stands for every specimen behind one.
     pub trial: Option<&'a Trial>,
 }
@@ -30,6 +32,7 @@ impl<'a> Site<'a> {
             inputs: loaded.inputs(),
             errors: Vec::new(),
             warnings: Vec::new(),
+            doubts: Vec::new(),
             trial,
         }
     }

@@ -43,7 +43,7 @@ pub(super) fn check_idle(file: &TestFile, clock_is_chosen: bool, findings: &mut 
     check_time(file, &root.key("time"), findings);
     let is_remote = |specimen: &SpecimenTable| specimen.link.is_some();
     let remote = file.specimen.iter().any(is_remote);
-    check_integrator(file, remote, &root.key("integrator"), findings);
+    check_integrator(file, &root.key("integrator"), findings);
     check_excitation(file, &root.key("excitation"), findings);
     check_safety(file, &root.key("safety"), findings);
     check_timing(&file.timing, remote, &root.key("timing"), findings);
@@ -58,7 +58,7 @@ pub(super) fn check_idle(file: &TestFile, clock_is_chosen: bool, findings: &mut 
     );
 }
 
-fn check_integrator(file: &TestFile, remote: bool, at: &KeyPath, findings: &mut Findings) {
+fn check_integrator(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
     let IntegratorTable {
         method,
         lambda,
@@ -95,12 +95,6 @@ fn check_integrator(file: &TestFile, remote: bool, at: &KeyPath, findings: &mut 
         "gain_bound",
         gain_bound.is_some() && *lambda != LambdaValue::Auto,
         "bounds an automatic λ, and `lambda` is given by number",
-    );
-    findings.idle(
-        at,
-        "allow_unstable_lambda",
-        *allow_unstable_lambda && !remote,
-        "only for a specimen behind a link: one that is computed gives a warning anyway",
     );
 }
 

@@ -66,6 +66,13 @@ pub(crate) fn check(file: &TestFile, clock_is_chosen: bool) -> Vec<Finding> {
     let tick_s = time.map(|time| time.period.value());
     let root = KeyPath::root();
     findings.printable(&root.key("title"), Some(&file.title));
+    let reasons = [
+        ("accept_unstable", &file.safety.accept_unstable),
+        ("accept_trip", &file.safety.accept_trip),
+    ];
+    for (key, reason) in reasons {
+        findings.reason(root.key("safety").key(key), reason.as_deref());
+    }
     let unlimited = file.safety.unlimited.as_deref();
     findings.printable(&root.key("safety").key("unlimited"), unlimited);
     match &file.structure {
@@ -148,6 +155,16 @@ impl Findings {
             let finding = Finding::error(at.clone(), headline);
             self.0
                 .push(finding.label(format!("{}", c.escape_unicode())));
+        }
+    }
+
+    /// A reason that the user gives says something, in characters that can be printed.
+    fn reason(&mut self, at: KeyPath, reason: Option<&str>) {
+        self.printable(&at, reason);
+        if reason.is_some_and(|reason| reason.trim().is_empty()) {
+            let headline = format!("`{at}` gives no reason");
+            self.0
+                .push(Finding::error(at, headline).label("the reason stands in the summary"));
         }
     }
 
@@ -273,11 +290,6 @@ fn check_integrator(file: &TestFile, findings: &mut Findings) {
             "lambda_of_mode",
             !table.lambda_of_mode.is_empty(),
             of_family,
-        ),
-        (
-            "allow_unstable_lambda",
-            table.allow_unstable_lambda,
-            of_family || table.is_alpha(),
         ),
         ("start", table.start != Start::Published, of_family),
         (

@@ -141,5 +141,6 @@ pub(super) fn summarise(
         left: BTreeMap::new(),
         force_on_the_way_in: BTreeMap::new(),
         accepted: BTreeMap::new(),
+        verdict: None,
     }
 }

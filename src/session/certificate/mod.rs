@@ -232,8 +232,6 @@ impl Fixed<'_> {
             } else {
                 LambdaValue::Number(lambda)
             };
-            // Whether it is stable is another line of the certificate.
-            drawn.file.integrator.allow_unstable_lambda = true;
         }
         Ok(drawn)
     }

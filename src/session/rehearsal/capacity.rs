@@ -101,6 +101,8 @@ fn finding(used: &Used, needs: &Needs, specimen: usize, axis: usize) -> Finding 
     let words = needs.stand_in.words();
     Finding::error(at.key("capacity").key(used.key), text)
         .label(format!("{:.0} % of it", 100.0 * used.share()))
+        .number("needed", used.needed)
+        .number("capacity", used.capacity)
         .help(format!(
             "found on the simulated clock; what stood for the specimen: {words}"
         ))

@@ -58,19 +58,26 @@ impl Rehearsal {
         })
     }
 
+    /// A warning where the budget ended the rehearsal before the end of the test.
+    #[must_use]
+    pub fn beyond_budget(&self) -> Option<Finding> {
+        (self.curtain == Curtain::OutOfBudget).then(|| {
+            let text = format!(
+                "only the first {} s of the test were rehearsed: its DOFs times ticks are beyond the budget",
+                short(self.time)
+            );
+            Finding::warning(KeyPath::root().key("time"), text)
+                .number("rehearsed_s", self.time)
+                .help("what comes later was not compared with the limits")
+        })
+    }
+
     /// What ended the rehearsal before the test's end.
     pub(super) fn end(&self, loaded: &Loaded) -> Option<Finding> {
         let at = short(self.time);
         let root = KeyPath::root();
         match self.curtain {
-            Curtain::Completed => None,
-            Curtain::OutOfTime => Some(
-                Finding::warning(
-                    root.key("time"),
-                    format!("only the first {at} s of the test were rehearsed: it takes too long"),
-                )
-                .help("what comes later was not compared with the limits"),
-            ),
+            Curtain::Completed | Curtain::OutOfBudget => None,
             Curtain::Stopped(Stop::Limit { port, hit }) => {
                 let text = format!("the test would stop at {at} s: specimen {}, {hit}", port + 1);
                 let place = place(loaded, port, hit.axis, hit.quantity);
@@ -89,12 +96,13 @@ impl Rehearsal {
                 root.key("safety").key(hit.quantity.key()),
                 format!("the test would stop at {at} s: {hit}"),
             )),
-            Curtain::Stopped(stop @ Stop::Diverged { .. }) => {
+            Curtain::Stopped(stop @ Stop::Diverged { value, .. }) => {
                 let text = format!("the test would stop at {at} s: {stop}");
                 let finding = match loaded.file.safety.divergence_m {
                     Some(_) => Finding::error(root.key("safety").key("divergence_m"), text),
                     None => Finding::error(root.key("structure"), text).at_key(),
                 };
+                let finding = finding.number("value_m", value);
                 Some(finding.help(
                     "found on the simulated clock: the actuators' lag, λ or the structure itself lets it grow, or the motion is that large",
                 ))
@@ -237,6 +245,17 @@ fn finding(need: &Need, needs: &Needs, axis: usize, at: KeyPath) -> Option<Findi
         needs.name,
         short(time),
     );
+    let stated = |finding: Finding, [low, high]: [f64; 2]| {
+        let limit = if value.is_sign_negative() && low.is_finite() {
+            low
+        } else {
+            high
+        };
+        finding
+            .number("needed", value)
+            .number("limit", limit)
+            .number("at_s", time)
+    };
     let (finding, levels) = if need.trips() {
         let text = format!("{text}, and would trip");
         (Finding::error(at, text), need.trip)
@@ -248,7 +267,11 @@ fn finding(need: &Need, needs: &Needs, axis: usize, at: KeyPath) -> Option<Findi
     };
     let words = needs.stand_in.words();
     let help = format!("found on the simulated clock; what stood for the specimen: {words}");
-    Some(finding.label(allowed(levels, unit)).help(help))
+    Some(
+        stated(finding, levels)
+            .label(allowed(levels, unit))
+            .help(help),
+    )
 }
 
 /// Where a limit stands: with its axis, or with the whole specimen.

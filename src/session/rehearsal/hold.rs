@@ -1,10 +1,8 @@
 //! What an operator's hold asks of the axes, rehearsed where the test is fastest: there the commands have to come to rest, and
 //! to leave it again, from the greatest velocity.
 
-use std::time::Duration;
-
 use super::prompter::Prompter;
-use super::{Need, Needs, Rehearsal, Staging, carry_out_with, name_stand_ins};
+use super::{Budget, Need, Needs, Rehearsal, Staging, carry_out_with, name_stand_ins};
 use crate::config::{self, ConfigError, Loaded};
 use crate::control::limits::Quantity;
 use crate::engine::{Control, Operator};
@@ -43,15 +41,15 @@ impl Held {
     }
 }
 
-/// Rehearses a hold of a test whose undisturbed rehearsal is known, for at most `budget` of wall time. None where there is
-/// nothing to compare it with, nothing moves, or the time does not suffice.
+/// Rehearses a hold of a test whose undisturbed rehearsal is known, within `budget`. None where there is
+/// nothing to compare it with, nothing moves, or the budget does not suffice.
 ///
 /// # Errors
 /// As [`config::build`].
 pub fn rehearse_hold(
     loaded: &Loaded,
     undisturbed: &Rehearsal,
-    budget: Duration,
+    budget: &mut Budget,
 ) -> Result<Option<Held>, ConfigError> {
     let Some((fastest, at)) = fastest(undisturbed) else {
         return Ok(None);
@@ -69,8 +67,11 @@ pub fn rehearse_hold(
     let recovered = asked + eases.div_ceil(per_step) + STEPS_AFTER;
     experiment.steps = experiment.steps.min(recovered);
     let (operator, requests) = crossbeam_channel::bounded(2);
+    let cost = Budget::cost(&experiment);
+    let prompter = Prompter::new(budget.ticks(cost), operator);
+    let pace = prompter.pace();
     let holding = Holding {
-        prompter: Prompter::new(budget, operator),
+        prompter,
         time,
         from: asked as f64 * dt,
         rows: 0,
@@ -78,6 +79,7 @@ pub fn rehearse_hold(
     };
     let (control, lifted) = (Control::from(requests), Staging::WithoutLimits);
     let found = carry_out_with(experiment, Box::new(holding), lifted, &control);
+    budget.spend(pace.ticks(), cost);
     if found.time < at {
         return Ok(None);
     }

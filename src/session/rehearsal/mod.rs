@@ -13,20 +13,23 @@
 //! What a stand-in cannot show is not judged: sensors that stick, late answers, and lag and noise where neither `identified`
 //! nor `stand_in_transfer` says anything of them.
 
+mod budget;
 mod capacity;
 mod findings;
 mod hold;
 mod meter;
 mod prompter;
 mod tried;
+mod whole;
 
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
 
+pub use budget::Budget;
 pub use capacity::{Most, NEEDS, Used};
 pub use hold::{Held, rehearse_hold};
 pub use meter::{AxisNeed, Extreme};
-pub use tried::try_limits;
+pub use tried::{Tried, try_limits};
+pub use whole::FullRehearsal;
 
 use meter::Meter;
 use prompter::Prompter;
@@ -165,8 +168,8 @@ pub struct Needs {
 pub enum Curtain {
     /// At the last step.
     Completed,
-    /// There was no more time for it.
-    OutOfTime,
+    /// Its budget was used up.
+    OutOfBudget,
     /// The test would stop here.
     Stopped(Stop),
 }
@@ -178,6 +181,8 @@ pub struct Rehearsal {
     pub time: f64,
     /// Why it ended there.
     pub curtain: Curtain,
+    /// Largest displacement of any DOF of the structure, m or rad; 0 without a structure.
+    pub peak_disp: f64,
     /// Wall time that it took, s.
     pub wall_s: f64,
     /// What one tick took on the average, s; nothing where there were too few to tell.
@@ -186,21 +191,21 @@ pub struct Rehearsal {
     pub specimens: Vec<Needs>,
 }
 
-/// Rehearses a test whose experiment is built, for at most `budget` of wall time. A test with a specimen behind a link, or one
-/// that is to break down in a drill, is built once more, without links and drills.
+/// Rehearses a test within `budget`. `experiment` is used if it has neither links nor fault injection; otherwise the test is
+/// built once more without them.
 ///
 /// # Errors
 /// As [`config::build`].
 pub fn rehearse(
     loaded: &Loaded,
-    experiment: Experiment,
-    budget: Duration,
+    experiment: Option<Experiment>,
+    budget: &mut Budget,
 ) -> Result<Rehearsal, ConfigError> {
     let only_in_the_test = |s: &SpecimenTable| s.link.is_some() || s.drill.is_some();
-    let experiment = if loaded.file.specimen.iter().any(only_in_the_test) {
-        config::build_rehearsal(loaded)?.experiment
-    } else {
-        experiment
+    let usable = !loaded.file.specimen.iter().any(only_in_the_test);
+    let experiment = match experiment.filter(|_| usable) {
+        Some(experiment) => experiment,
+        None => config::build_rehearsal(loaded)?.experiment,
     };
     let mut rehearsal = carry_out(experiment, budget);
     name_stand_ins(&mut rehearsal.specimens, loaded);
@@ -276,13 +281,15 @@ fn staged_with(
 
 /// Rehearses an experiment as it is; what stands behind its ports must not be a link.
 #[must_use]
-pub fn carry_out(experiment: Experiment, budget: Duration) -> Rehearsal {
+pub fn carry_out(experiment: Experiment, budget: &mut Budget) -> Rehearsal {
     let (operator, requests) = crossbeam_channel::bounded(1);
-    let prompter = Prompter::new(budget, operator);
+    let cost = Budget::cost(&experiment);
+    let prompter = Prompter::new(budget.ticks(cost), operator);
     let pace = prompter.pace();
     let control = Control::from(requests);
     let lifted = Staging::WithoutLimits;
     let rehearsal = carry_out_with(experiment, Box::new(prompter), lifted, &control);
+    budget.spend(pace.ticks(), cost);
     Rehearsal {
         tick_s: pace.tick_s(),
         ..rehearsal
@@ -325,10 +332,15 @@ fn carry_out_with(
         time: outcome.steps as f64 * dt,
         curtain: match outcome.ending {
             Ending::Completed => Curtain::Completed,
-            Ending::Stopped(Stop::Operator) => Curtain::OutOfTime,
+            Ending::Stopped(Stop::Operator) => Curtain::OutOfBudget,
             Ending::Stopped(stop) => Curtain::Stopped(stop),
         },
         specimens: specimens.collect(),
+        peak_disp: outcome
+            .peaks
+            .disp
+            .iter()
+            .fold(0.0, |most, value| value.abs().max(most)),
         wall_s: os::monotonic_ns().saturating_sub(began) as f64 * 1e-9,
         tick_s: None,
     }

@@ -1,8 +1,7 @@
-//! Sees to it that a rehearsal ends in time, and how long its ticks take.
+//! Ends a rehearsal when its budget is used up, and notes how long its ticks take.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Duration;
 
 use crossbeam_channel::Sender;
 
@@ -13,34 +12,32 @@ use crate::rt::os;
 /// Ticks from one look at the wall clock to the next.
 const EVERY: u64 = 64;
 
-/// Keeps nothing of what it is handed; asks the operator's way to stop when there is no more time.
+/// Keeps nothing of what it is handed; stops the test as an operator would when its ticks are used up.
 pub struct Prompter {
-    until_ns: u64,
-    rows: u64,
+    /// Ticks that may be made.
+    ticks: u64,
     since_ns: u64,
     pace: Pace,
     operator: Sender<Operator>,
 }
 
 impl Prompter {
-    /// For a rehearsal that begins now.
-    pub fn new(budget: Duration, operator: Sender<Operator>) -> Self {
-        let budget_ns = u64::try_from(budget.as_nanos()).unwrap_or(u64::MAX);
+    /// For a rehearsal of at most `ticks`.
+    pub fn new(ticks: u64, operator: Sender<Operator>) -> Self {
         Self {
-            until_ns: os::monotonic_ns().saturating_add(budget_ns),
-            rows: 0,
+            ticks,
             since_ns: 0,
             pace: Pace::default(),
             operator,
         }
     }
 
-    /// Hands over a word of the operator. Who is asked twice for the same hears the first.
+    /// Passes on a request of the operator; one that waits already is enough.
     pub fn ask(&self, request: Operator) {
         let _room_or_asked_already = self.operator.try_send(request);
     }
 
-    /// What it finds of the pace, to be read when the rehearsal is over.
+    /// What it notes of the pace, to be read when the rehearsal is over.
     pub fn pace(&self) -> Pace {
         self.pace.clone()
     }
@@ -48,18 +45,18 @@ impl Prompter {
 
 impl Recorder for Prompter {
     fn row(&mut self, _: &[f64]) -> bool {
-        self.rows += 1;
-        if self.rows.is_multiple_of(EVERY) {
+        let rows = self.pace.count();
+        if rows.is_multiple_of(EVERY) {
             let now = os::monotonic_ns();
-            if self.rows == EVERY {
+            if rows == EVERY {
                 self.since_ns = now;
             } else {
-                let ticks = self.rows - EVERY;
-                self.pace.note(now.saturating_sub(self.since_ns), ticks);
+                self.pace
+                    .note(now.saturating_sub(self.since_ns), rows - EVERY);
             }
-            if now > self.until_ns {
-                self.ask(Operator::Stop);
-            }
+        }
+        if rows >= self.ticks {
+            self.ask(Operator::Stop);
         }
         true
     }
@@ -69,19 +66,35 @@ impl Recorder for Prompter {
     }
 }
 
-/// Wall time of a rehearsal's ticks, the first ones not counted.
+/// Ticks of a rehearsal, and the wall time of each, the first ones not counted.
 #[derive(Debug, Default, Clone)]
-pub struct Pace(Arc<AtomicU64>);
+pub struct Pace(Arc<Counts>);
+
+#[derive(Debug, Default)]
+struct Counts {
+    rows: AtomicU64,
+    each_ps: AtomicU64,
+}
 
 impl Pace {
+    /// Counts one more row, and says how many there are.
+    fn count(&self) -> u64 {
+        self.0.rows.fetch_add(1, Ordering::Relaxed) + 1
+    }
+
     fn note(&self, wall_ns: u64, ticks: u64) {
         let each_ps = wall_ns.saturating_mul(1000) / ticks;
-        self.0.store(each_ps, Ordering::Relaxed);
+        self.0.each_ps.store(each_ps, Ordering::Relaxed);
+    }
+
+    /// Ticks that were made.
+    pub fn ticks(&self) -> u64 {
+        self.0.rows.load(Ordering::Relaxed)
     }
 
     /// Mean wall time of a tick in s, if there were enough of them to tell.
     pub fn tick_s(&self) -> Option<f64> {
-        let each_ps = self.0.load(Ordering::Relaxed);
+        let each_ps = self.0.each_ps.load(Ordering::Relaxed);
         (each_ps > 0).then_some(each_ps as f64 * 1e-12)
     }
 }

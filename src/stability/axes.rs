@@ -1,14 +1,12 @@
-//! `gusset check`: several axes that are later than all of them may be together.
+//! Specimens with several axes: no proof is made for them. The lag of each axis is compared with the critical delay of the recursion.
 
 use super::following::{Follows, decides};
-use super::spectrum::Spectrum;
-use super::table::duration;
 use crate::config::{Facts, Finding, KeyPath, Loaded};
 use crate::spectral::delay::{DiscreteLimit, continuous};
+use crate::units::duration;
 
-/// A warning for each specimen of several axes of which one lags more than all of them together may by the recursion: no proof is
-/// made for these.
-pub fn late_axes(loaded: &Loaded, facts: &Facts, spectrum: Option<&Spectrum>) -> Vec<Finding> {
+/// A warning for each specimen with several axes if one axis lags more than the recursion tolerates of all axes together.
+pub(super) fn of_several_axes(loaded: &Loaded, facts: &Facts) -> Vec<Finding> {
     let Some(analysis) = facts.structure.as_ref().and_then(|s| s.analysis.as_ref()) else {
         return Vec::new();
     };
@@ -21,7 +19,7 @@ pub fn late_axes(loaded: &Loaded, facts: &Facts, spectrum: Option<&Spectrum>) ->
         if system.rows.nrows() < 2 {
             return None;
         }
-        let critical = match spectrum?.discrete(&one.name)? {
+        let critical = match one.discrete(facts.dt, facts.lambda()?) {
             Ok(DiscreteLimit::At(critical)) => critical,
             _ => return None,
         };
@@ -54,8 +52,11 @@ pub fn late_axes(loaded: &Loaded, facts: &Facts, spectrum: Option<&Spectrum>) ->
             );
             Finding::warning(at, text)
                 .at_key()
-                .label("with several axes late the test may grow")
-                .help("the critical delay is that by the recursion, all axes equally late")
+                .label("with several late axes the test may grow")
+                .number("lag_s", most)
+                .number("critical_delay_s", critical)
+                .help("the critical delay is that of the recursion with all axes equally late")
+                .help("give a [specimen.compensation] that makes up for the lag")
         })
     });
     late.collect()

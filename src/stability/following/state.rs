@@ -5,16 +5,16 @@ use std::f64::consts::PI;
 
 use nalgebra::{Complex, DMatrix, DVector};
 
-use crate::cli::spectrum::INERTIA;
 use crate::config::SpecimenTable;
 use crate::spectral::delay::{Critical, DelayError, Delayed, continuous};
 use crate::spectral::unstable_roots;
+use crate::stability::INERTIA;
 use crate::transfer::TransferSpec;
 
 /// Frequencies that count are below this share of half the rate.
 const HIGHEST: f64 = 0.9;
-/// What is left of H − 1 where it must still be unstable to be refused.
-const LESS: f64 = 0.95;
+/// Share of the lag that counts as left where a delay decides: less is rounding of a compensation.
+const LEFT: f64 = 0.05;
 
 /// What delay the loop bears in continuous time.
 #[derive(Debug, Clone, PartialEq)]
@@ -87,8 +87,8 @@ pub struct State {
     pub bears: Bears,
     /// What of the lag is left after a compensation that neither adapts nor feeds back, in s.
     pub left: Option<f64>,
-    /// Roots right of the imaginary axis, with the whole actuator and with five per cent less of it; none if not judged.
-    pub roots: Option<(u32, u32)>,
+    /// Roots right of the imaginary axis; none if they are not counted.
+    pub roots: Option<u32>,
 }
 
 impl State {
@@ -101,37 +101,35 @@ impl State {
             _ => None,
         };
         let marks = system.marks();
-        let roots = |share: f64| {
-            let chain = |omega: f64| {
-                let missing = (follows.at(omega, system, 0)? - 1.0) * share;
-                felt(system, omega).map(|felt| missing * felt + 1.0)
-            };
-            unstable_roots(chain, 1e-2, HIGHEST * PI / follows.tick, &marks)
+        let chain = |omega: f64| {
+            let missing = follows.at(omega, system, 0)? - 1.0;
+            felt(system, omega).map(|felt| missing * felt + 1.0)
         };
-        let roots = roots(1.0).zip(roots(LESS));
+        let roots = unstable_roots(chain, 1e-2, HIGHEST * PI / follows.tick, &marks);
         Self { bears, left, roots }
     }
 
-    /// True if the actuator and what makes up for it are proven to make it unstable.
-    pub fn is_driven(&self) -> bool {
-        matches!(self.roots, Some((all, less)) if all > 0 && less > 0)
-    }
-
-    /// True if it is known to be stable with them.
-    pub fn is_stable(&self) -> bool {
-        self.roots == Some((0, 0)) && !matches!(self.bears, Bears::Unstable(_))
-    }
-
-    /// True if it is unstable, or at its limit; where no roots are counted, by what is left of the lag.
-    pub fn fails(&self) -> bool {
+    /// True if the loop is proven unstable with its actuator. Where no roots are counted the remaining delay decides.
+    pub fn is_unstable(&self) -> bool {
         match (self.roots, &self.bears, self.left) {
-            (_, Bears::None(_) | Bears::Unstable(_), _) => true,
-            (Some(roots), ..) => roots != (0, 0),
+            (Some(roots), ..) => roots > 0,
+            (None, Bears::Unstable(_), _) => true,
+            (None, Bears::None(_), Some(left)) => left > 0.0,
             (None, Bears::LessThan { critical, lag, .. }, Some(left)) => {
-                left >= *critical && left > (1.0 - LESS) * lag
+                left >= *critical && left > LEFT * lag
             }
             (None, ..) => false,
         }
+    }
+
+    /// True if no delay is stable, or the state is unstable without any.
+    pub fn bears_nothing(&self) -> bool {
+        matches!(self.bears, Bears::None(_) | Bears::Unstable(_))
+    }
+
+    /// True if the loop is known to be stable with its actuator.
+    pub fn is_stable(&self) -> bool {
+        self.roots == Some(0) && !matches!(self.bears, Bears::Unstable(_))
     }
 
     /// Whether what is left of the delay, twice its `spread` in s included, is below what is critical; none where it is not known.

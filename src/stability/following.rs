@@ -1,8 +1,8 @@
-//! `gusset check`: whether a test whose actuator is declared is stable with it, and with what makes up for it.
+//! Is the loop stable with its declared actuator and compensation? One proof per specimen with one axis.
 //!
-//! The proof is in continuous time with linear specimens at their estimates: 1 + (H − 1) Z_e bᵀ Z⁻¹ b must not go round zero,
-//! H being compensation times actuator, Z the dynamic stiffness of the whole and Z_e that of the specimen. It refuses only
-//! what stays unstable with five per cent less of H − 1; what adapts, or feeds back, is not judged here but by a rehearsal.
+//! The proof is in continuous time with linear specimens at their estimates. The loop is stable if
+//! 1 + (H − 1) Z_e bᵀ Z⁻¹ b has no zero right of the imaginary axis. H is compensation times actuator, Z the dynamic stiffness
+//! of the whole and Z_e that of the specimen. A compensator that adapts or feeds back is not proven here.
 
 mod state;
 
@@ -13,10 +13,11 @@ use serde_json::json;
 pub(super) use state::Follows;
 use state::{Bears, State};
 
-use super::spectrum::{Spectrum, diverging, growing};
-use super::table::{Table, duration};
+use super::{diverging, growing};
 use crate::config::{Facts, Finding, KeyPath, Loaded, SpecimenTable};
+use crate::record::Kind;
 use crate::spectral::delay::{DelayError, DiscreteLimit};
+use crate::units::duration;
 
 /// What is known of one specimen behind a declared actuator.
 #[derive(Debug, Clone)]
@@ -54,14 +55,13 @@ const ONLY_SMALL: &str =
     "small motions grow until closing gaps, or dampers as they are at their reference, hold them";
 /// Where nothing adapts, and yet no roots are counted.
 const NOT_FOLLOWED: &str = "not known: nothing damps it, or its curve could not be followed";
-/// Where what is at rest does not hold what is beyond it.
-const NO_BETTER: &str = "UNSTABLE as K0 and C0 have it, with gaps closed and dampers at their reference, and no better at rest";
 /// What larger motions may do.
 const ONLY_LARGE: &str = "stable at rest, and UNSTABLE as K0 and C0 have it, with gaps closed and dampers at their reference";
 
 impl Following {
-    /// One per specimen of one axis behind a declared actuator.
-    pub fn of(loaded: &Loaded, facts: &Facts, spectrum: Option<&Spectrum>) -> Vec<Self> {
+    /// One per specimen with one axis and a declared actuator.
+    #[must_use]
+    pub fn of(loaded: &Loaded, facts: &Facts) -> Vec<Self> {
         let analysis = facts.structure.as_ref().and_then(|s| s.analysis.as_ref());
         let loops = analysis.map(|analysis| analysis.loops.as_slice());
         let grows = analysis.is_some_and(|analysis| analysis.growth().is_some());
@@ -86,7 +86,7 @@ impl Following {
                     .identified
                     .and_then(|known| known.delay_std_s)
                     .unwrap_or(0.0),
-                discrete: spectrum.and_then(|spectrum| spectrum.discrete(&one.name)),
+                discrete: facts.lambda().map(|lambda| one.discrete(facts.dt, lambda)),
                 held: one.closed.as_ref().map(|closed| State::of(closed, follows)),
                 kind: table
                     .compensation
@@ -98,65 +98,114 @@ impl Following {
         judged.collect()
     }
 
-    /// False if it is proven unstable.
+    /// False if the loop is proven unstable.
+    #[must_use]
     pub fn is_possible(&self) -> bool {
-        !self.grows && !self.is_driven()
+        !self.grows && !self.is_unstable()
     }
 
-    /// True if it is proven unstable at rest, and not stable as K0 and C0 have it, which is where it would come to; or unstable
-    /// there, and no better at rest.
-    fn is_driven(&self) -> bool {
+    /// True if the loop is proven unstable with its actuator: at rest, and not known to be stable at K0 and C0, where growing
+    /// motions would take it; or at K0 and C0, and not known to be stable at rest.
+    fn is_unstable(&self) -> bool {
         let at_rest = &self.at_rest;
-        self.held.as_ref().map_or(at_rest.is_driven(), |held| {
-            (at_rest.is_driven() && !held.is_stable()) || (held.is_driven() && at_rest.fails())
+        self.held.as_ref().map_or(at_rest.is_unstable(), |held| {
+            (at_rest.is_unstable() && !held.is_stable())
+                || (held.is_unstable() && at_rest.bears_nothing())
         })
     }
 
-    /// True if it is refused for what it is as K0 and C0 have it.
-    fn is_driven_beyond_rest(&self) -> bool {
-        self.is_driven() && !self.at_rest.is_driven()
-    }
-
-    /// What is proven unstable in one of both and stable in the other, in words.
+    /// What is proven unstable in one of both states and stable in the other, in words.
     fn in_one_only(&self) -> Option<String> {
         let held = self.held.as_ref()?;
-        if self.at_rest.is_driven() && held.is_stable() {
+        if self.is_unstable() {
+            return None;
+        }
+        if self.at_rest.is_unstable() {
             return Some(format!("UNSTABLE at rest: {ONLY_SMALL}"));
         }
-        let only_beyond = held.is_driven() && self.at_rest.is_stable();
-        only_beyond.then(|| ONLY_LARGE.to_owned())
+        held.is_unstable().then(|| ONLY_LARGE.to_owned())
     }
 
-    /// The same as a warning, where the file says what makes it so.
-    pub fn warning(&self) -> Option<Finding> {
-        let at = KeyPath::root().key("specimen").index(self.number);
-        let text = format!(
-            "the test may grow with the actuator of {:?} as it is declared",
-            self.specimen
-        );
-        let found = Finding::warning(at.key(self.key), text).at_key();
-        let help = "how large it becomes is for the rehearsal to say, and for `added_energy_j` and `delay_used` to watch";
-        self.in_one_only().map(|why| found.label(why).help(help))
+    /// Roots right of the imaginary axis in the state that decides; none if they are not counted.
+    fn unstable_roots(&self) -> Option<u32> {
+        if self.is_unstable() {
+            return self.at_rest.roots;
+        }
+        match &self.held {
+            Some(held) if self.at_rest.is_unstable() => held.roots,
+            _ => self.at_rest.roots,
+        }
     }
 
-    /// Where the file says what makes it unstable.
-    pub fn finding(&self) -> Option<Finding> {
+    /// What a verdict must know of it: an error if the loop is proven unstable, a warning if that is not known.
+    #[must_use]
+    pub fn finding(&self) -> Option<(Kind, Finding)> {
         let at = KeyPath::root().key("specimen").index(self.number);
+        let at = at.key(self.key);
+        let name = &self.specimen;
+        if self.is_unstable() {
+            let text = format!("the loop is unstable with the actuator of specimen \"{name}\"");
+            let finding = self.with_numbers(Finding::error(at, text).at_key());
+            let label = match self.kind {
+                "none" => "nothing compensates its lag",
+                _ => "this compensation does not suit the actuator",
+            };
+            return Some((Kind::Unstable, finding.label(label).help(self.advice())));
+        }
+        if let Some(why) = self.in_one_only() {
+            let text = format!("the response may grow with the actuator of specimen \"{name}\"");
+            let finding = self.with_numbers(Finding::warning(at, text).at_key());
+            let help =
+                "the rehearsal shows how far it grows; `added_energy_j` and `delay_used` watch it";
+            return Some((Kind::Unknown, finding.label(why).help(help)));
+        }
+        if self.grows || self.at_rest.roots.is_some() {
+            return None;
+        }
         let text = format!(
-            "the test is unstable with the actuator of {:?} as it is declared",
-            self.specimen
+            "the stability of the loop with the actuator of specimen \"{name}\" is not known"
         );
         let label = match self.kind {
-            "none" => "nothing makes up for its lag",
-            _ => "too little, or too much, for this actuator",
+            "none" => NOT_FOLLOWED.to_owned(),
+            kind => format!("no proof for \"{kind}\", which adapts or feeds back"),
         };
-        let finding = Finding::error(at.key(self.key), text).at_key();
-        let help = "the table shows its lag and the critical delay, where there is one";
-        self.is_driven().then(|| finding.label(label).help(help))
+        let finding = Finding::warning(at, text).at_key().label(label);
+        let help = "`check --rehearse` tries it over everything that is uncertain";
+        Some((Kind::Unknown, self.with_numbers(finding).help(help)))
+    }
+
+    fn with_numbers(&self, finding: Finding) -> Finding {
+        let finding = match self.at_rest.bears {
+            Bears::LessThan { critical, lag, .. } => finding
+                .number("lag_s", lag)
+                .number("critical_delay_s", critical),
+            _ => finding,
+        };
+        match self.unstable_roots() {
+            Some(roots) => finding.number("unstable_roots", f64::from(roots)),
+            None => finding,
+        }
+    }
+
+    /// What makes an unstable loop stable.
+    fn advice(&self) -> String {
+        let lag = match self.at_rest.bears {
+            Bears::LessThan { critical, lag, .. } => format!(
+                "the actuator lags {}, the critical delay is {}: ",
+                duration(lag),
+                duration(critical)
+            ),
+            _ => String::new(),
+        };
+        match self.kind {
+            "none" => format!("{lag}compensate the lag with [specimen.compensation]"),
+            _ => format!("{lag}tune [specimen.compensation] to this actuator"),
+        }
     }
 
     /// Whether what is left of the delay is below what is critical, twice its spread included; not known where one of both ways
     /// to that does not know it, and the other does not forbid it.
+    #[must_use]
     pub fn of_delay(&self) -> (Option<bool>, String, String) {
         let about = format!("delay, {}", self.specimen);
         if let Some(why) = self.unstable_at_once() {
@@ -237,42 +286,42 @@ impl Following {
     }
 
     /// Whether the loop with actuator and compensation is stable.
+    #[must_use]
     pub fn of_stability(&self) -> (Option<bool>, String, String) {
         let about = format!("stability, {}", self.specimen);
         if let Some(text) = self.in_one_only() {
             return (None, about, text);
         }
-        if self.is_driven_beyond_rest() {
-            return (Some(false), about, NO_BETTER.to_owned());
+        if self.is_unstable() {
+            return (Some(false), about, self.roots_in_words());
         }
         match self.at_rest.roots {
             None if self.kind == "none" => (None, about, NOT_FOLLOWED.to_owned()),
-            None => (
-                None,
-                about,
-                format!(
-                    "\"{}\" adapts or feeds back: it is for the trials to say",
-                    self.kind
-                ),
+            None => {
+                let text = format!("\"{}\" adapts or feeds back: the trials decide", self.kind);
+                (None, about, text)
+            }
+            Some(_) => (Some(true), about, format!("stable with \"{}\"", self.kind)),
+        }
+    }
+
+    /// That the loop is unstable, and by how many roots where they are counted.
+    fn roots_in_words(&self) -> String {
+        match self.unstable_roots() {
+            Some(roots) if roots > 0 => format!(
+                "UNSTABLE with \"{}\": {roots} roots right of the imaginary axis",
+                self.kind
             ),
-            Some((0, 0)) => (Some(true), about, format!("stable with \"{}\"", self.kind)),
-            Some((all, 0) | (0, all)) => (
-                None,
-                about,
-                format!("at the limit with \"{}\" ({all} roots)", self.kind),
-            ),
-            Some((all, _)) => (
-                Some(false),
-                about,
-                format!(
-                    "UNSTABLE with \"{}\": {all} roots right of the imaginary axis",
-                    self.kind
-                ),
+            _ => format!(
+                "UNSTABLE with \"{}\": its lag is beyond the critical delay",
+                self.kind
             ),
         }
     }
 
-    pub fn tabulate(&self, table: &mut Table) {
+    /// Its lag, the critical delay and what follows, in two lines.
+    #[must_use]
+    pub fn words(&self) -> (String, String) {
         let lag = match &self.at_rest.bears {
             Bears::LessThan {
                 critical,
@@ -293,23 +342,15 @@ impl Following {
         };
         let verdict = match (self.in_one_only(), self.at_rest.roots) {
             (Some(text), _) => text,
-            _ if self.is_driven_beyond_rest() => NO_BETTER.to_owned(),
+            _ if self.is_unstable() => self.roots_in_words(),
             (None, None) if self.kind == "none" => NOT_FOLLOWED.to_owned(),
-            (None, roots) => Self::verdict(roots),
+            (None, None) => "not proven: it adapts or feeds back".to_owned(),
+            (None, Some(_)) => "stable".to_owned(),
         };
-        table.row(
-            &format!("following, {}", self.specimen),
-            &format!("{lag};\nwith compensation \"{}\": {verdict}", self.kind),
-        );
-    }
-
-    fn verdict(roots: Option<(u32, u32)>) -> String {
-        match roots {
-            None => "not judged: what adapts or feeds back is for a rehearsal".to_owned(),
-            Some((0, 0)) => "stable".to_owned(),
-            Some((all, 0) | (0, all)) => format!("at the limit of stability ({all} roots)"),
-            Some((all, _)) => format!("UNSTABLE: {all} roots right of the imaginary axis"),
-        }
+        (
+            format!("actuator, {}", self.specimen),
+            format!("{lag};\nwith compensation \"{}\": {verdict}", self.kind),
+        )
     }
 
     /// What makes it unstable with nothing delayed, if anything does.
@@ -321,6 +362,8 @@ impl Following {
         }
     }
 
+    /// As `following` of `check --json`.
+    #[must_use]
     pub fn as_json(&self) -> serde_json::Value {
         let (critical, lag, omega) = match self.at_rest.bears {
             Bears::LessThan {
@@ -343,7 +386,7 @@ impl Following {
             "critical_delay_s": critical,
             "critical_delay_unknown": unknown,
             "unstable_without_delay": self.unstable_at_once(),
-            "unstable_roots": self.at_rest.roots.map(|roots| roots.0),
+            "unstable_roots": self.unstable_roots(),
             "possible": self.is_possible(),
         })
     }

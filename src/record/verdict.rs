@@ -1,0 +1,82 @@
+//! A verdict as `summary.json` and `check --json` have it.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+/// What a finding is about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// The loop is proven unstable: λ, a delay, or an actuator without sufficient compensation.
+    Unstable,
+    /// The stability of this method cannot be told.
+    Unproven,
+    /// Stability or needs are not known: a compensator adapts, a curve is not followed, a rehearsal ran out of its budget.
+    Unknown,
+    /// The rehearsal diverges, stops early, trips, warns or exceeds a capacity.
+    Rehearsal,
+}
+
+/// What follows from a verdict.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Outcome {
+    /// No finding is an error.
+    Clear,
+    /// Every error was accepted by the user.
+    Accepted,
+    /// There are errors, and the test moves nothing but simulated specimens: it may run.
+    Simulated,
+    /// There are errors, and the test would move a specimen behind a link: it is refused.
+    Refused,
+}
+
+/// A verdict in files: `verdict` of `summary.json` and of `check --json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RecordedVerdict {
+    /// What follows from it.
+    pub outcome: Outcome,
+    /// Whether the loop is proven unstable.
+    pub unstable: bool,
+    /// Whether a specimen behind a link would move.
+    pub behind_link: bool,
+    /// Its findings.
+    pub findings: Vec<RecordedFinding>,
+}
+
+/// One finding in files.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RecordedFinding {
+    /// What it is about.
+    pub kind: Kind,
+    /// "error", "accepted" or "warning".
+    pub severity: String,
+    /// Path of the key in the test file.
+    pub key: String,
+    /// What was found.
+    pub text: String,
+    /// The numbers that it states, SI; null for one that is not finite.
+    pub numbers: BTreeMap<String, Option<f64>>,
+    /// What is allowed, and what to do.
+    pub help: Vec<String>,
+}
+
+impl RecordedVerdict {
+    /// What a reader must know first: that the loop is unstable, why, and that it was accepted. None if it is not.
+    #[must_use]
+    pub fn headline(&self) -> Option<String> {
+        let found = self.findings.iter();
+        let mut found = found.filter(|one| one.kind == Kind::Unstable && one.severity != "warning");
+        let first = found.next().filter(|_| self.unstable)?;
+        let more = match found.count() {
+            0 => String::new(),
+            count => format!(" (and {count} more)"),
+        };
+        let accepted = match self.outcome {
+            Outcome::Accepted => "; the user accepted this",
+            _ => "",
+        };
+        Some(format!("UNSTABLE LOOP: {}{more}{accepted}", first.text))
+    }
+}

@@ -1,0 +1,139 @@
+//! A test with its verdict: what every command that moves a specimen obeys before anything connects.
+
+use super::rehearsal::FullRehearsal;
+use crate::config::{self, ConfigError, Loaded, Prepared};
+use crate::record::Kind;
+use crate::stability::{Following, Verdict};
+
+/// Least default of `safety.divergence_m` in m for a test that moves a specimen behind a link.
+const LEAST_DIVERGENCE_M: f64 = 0.1;
+/// That default as a multiple of the largest displacement of the rehearsal.
+const TIMES_PEAK: f64 = 10.0;
+
+/// A prepared test and its verdict.
+#[derive(Debug)]
+pub struct Judged {
+    /// The test. With a specimen behind a link its divergence bound follows from the rehearsal.
+    pub test: Prepared,
+    /// May it move its specimens?
+    pub verdict: Verdict,
+    /// What is proven of its actuators.
+    pub following: Vec<Following>,
+    /// Its rehearsal, if there was one.
+    pub rehearsed: Option<FullRehearsal>,
+}
+
+impl Judged {
+    /// Judges a test. It is rehearsed if it moves a specimen behind a link on the real clock.
+    ///
+    /// # Errors
+    /// The rehearsal cannot be built.
+    pub fn of(test: Prepared) -> Result<Self, ConfigError> {
+        let judged = Self::without_rehearsal(test);
+        if judged.verdict.behind_link {
+            judged.rehearsed()
+        } else {
+            Ok(judged)
+        }
+    }
+
+    /// Judges what is proven of a test, without a rehearsal.
+    #[must_use]
+    pub fn without_rehearsal(mut test: Prepared) -> Self {
+        let following = match &test.loaded {
+            Some(loaded) => Following::of(loaded, &test.facts),
+            None => Vec::new(),
+        };
+        let verdict = Verdict::of(&test, &following);
+        let told = verdict.headlines().map(str::to_owned);
+        test.facts.warnings.extend(told);
+        let mut judged = Self {
+            test,
+            verdict,
+            following,
+            rehearsed: None,
+        };
+        judged.write_down();
+        judged
+    }
+
+    /// The same with the findings of a rehearsal.
+    ///
+    /// # Errors
+    /// The rehearsal cannot be built.
+    pub fn rehearsed(mut self) -> Result<Self, ConfigError> {
+        let Some(loaded) = self.test.loaded.clone() else {
+            return Ok(self);
+        };
+        if self.test.facts.specimens.is_empty() {
+            return Ok(self);
+        }
+        let full = FullRehearsal::of(&loaded, None)?;
+        let found = full.findings.iter().map(|found| (Kind::Rehearsal, found));
+        let unknown = full.unknown.iter().map(|found| (Kind::Unknown, found));
+        for (kind, finding) in found.chain(unknown) {
+            self.test.facts.warnings.push(finding.headline.clone());
+            self.verdict.add(kind, finding.clone());
+        }
+        self.bound_divergence(&loaded, &full);
+        self.rehearsed = Some(full);
+        self.write_down();
+        Ok(self)
+    }
+
+    /// Bounds the response of a test that moves a specimen behind a link by its rehearsal, unless its file gives a bound.
+    fn bound_divergence(&mut self, loaded: &Loaded, full: &FullRehearsal) {
+        let given = loaded.file.safety.divergence_m.is_some();
+        let trusted = self.verdict.behind_link
+            && !self.verdict.is_unstable()
+            && full.is_complete()
+            && self.test.facts.structure.is_some();
+        if given || !trusted {
+            return;
+        }
+        let bound = (TIMES_PEAK * full.rehearsal.peak_disp).max(LEAST_DIVERGENCE_M);
+        if bound.is_finite() {
+            config::set_divergence(&mut self.test, bound);
+        }
+    }
+
+    /// The accepted findings stand in the summary.
+    fn write_down(&mut self) {
+        let accepted = self.verdict.accepted();
+        self.test.facts.accepted.extend(accepted);
+    }
+}
+
+impl From<Judged> for Subject {
+    fn from(judged: Judged) -> Self {
+        Self::Judged(Box::new(judged))
+    }
+}
+
+impl From<Prepared> for Subject {
+    fn from(test: Prepared) -> Self {
+        Self::Prepared(Box::new(test))
+    }
+}
+
+/// A test that is to run: judged already, or still to be judged.
+#[derive(Debug)]
+pub enum Subject {
+    /// Its verdict is known.
+    Judged(Box<Judged>),
+    /// Its verdict is not known yet.
+    Prepared(Box<Prepared>),
+}
+
+impl Subject {
+    /// The test with its verdict.
+    ///
+    /// # Errors
+    /// Its rehearsal cannot be built.
+    pub(super) fn judged(self) -> Result<Judged, ConfigError> {
+        match self {
+            Self::Judged(judged) => Ok(*judged),
+            Self::Prepared(test) => Judged::of(*test),
+        }
+    }
+}

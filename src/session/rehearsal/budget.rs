@@ -1,0 +1,39 @@
+//! How much may be rehearsed, counted in DOFs × ticks: the same on every machine, and never in wall time.
+
+use crate::engine::{Experiment, Side};
+
+/// DOFs × ticks of a whole rehearsal: some ten seconds for a small structure.
+const WHOLE: u64 = 300_000_000;
+/// DOFs that a tick counts at least: specimens and the loop itself cost something, too.
+const LEAST_DOFS: u64 = 64;
+
+/// What is left for rehearsals, in DOFs × ticks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Budget(u64);
+
+impl Default for Budget {
+    fn default() -> Self {
+        Self(WHOLE)
+    }
+}
+
+impl Budget {
+    /// What one tick of an experiment costs.
+    pub(super) fn cost(experiment: &Experiment) -> u64 {
+        let dofs = match &experiment.side {
+            Side::Structure(numerical) => numerical.structure.dofs() as u64,
+            Side::Prescribed(_) => 0,
+        };
+        dofs.max(LEAST_DOFS)
+    }
+
+    /// Ticks that are left at `cost` each.
+    pub(super) const fn ticks(self, cost: u64) -> u64 {
+        self.0 / cost
+    }
+
+    /// Takes off `ticks` at `cost` each.
+    pub(super) const fn spend(&mut self, ticks: u64, cost: u64) {
+        self.0 = self.0.saturating_sub(ticks.saturating_mul(cost));
+    }
+}

@@ -1,0 +1,74 @@
+//! Everything that is rehearsed of a test: the test itself, a hold, and the limits that only the loop knows.
+
+use super::{
+    AxisNeed, Budget, Curtain, Held, Rehearsal, Tried, rehearse, rehearse_hold, try_limits,
+};
+use crate::config::{ConfigError, Finding, Loaded, Severity};
+use crate::engine::Experiment;
+
+/// A test's rehearsals, and what they found.
+#[derive(Debug, Clone)]
+pub struct FullRehearsal {
+    /// The undisturbed test.
+    pub rehearsal: Rehearsal,
+    /// An operator's hold where the test is fastest; none where nothing depends on it.
+    pub held: Option<Held>,
+    /// What was found: limits, an early end, capacities. A trip and an exceeded capacity are errors.
+    pub findings: Vec<Finding>,
+    /// What was not rehearsed, for want of budget.
+    pub unknown: Vec<Finding>,
+}
+
+impl FullRehearsal {
+    /// Rehearses a test. `experiment` is the test as it was built, if the rehearsal may use it up.
+    ///
+    /// # Errors
+    /// As [`crate::config::build`].
+    pub fn of(loaded: &Loaded, experiment: Option<Experiment>) -> Result<Self, ConfigError> {
+        let mut budget = Budget::default();
+        let rehearsal = rehearse(loaded, experiment, &mut budget)?;
+        let mut findings = rehearsal.findings(loaded);
+        let held = rehearse_hold(loaded, &rehearsal, &mut budget)?;
+        if let Some(held) = &held {
+            findings.extend(held.findings(&rehearsal, loaded));
+        }
+        let mut unknown = Vec::from_iter(rehearsal.beyond_budget());
+        match try_limits(loaded, &rehearsal, &mut budget)? {
+            Tried::Nothing => {}
+            Tried::Trips(finding) => findings.push(finding),
+            Tried::BeyondBudget(finding) => unknown.push(finding),
+        }
+        findings.extend(rehearsal.beyond_capacity());
+        Ok(Self {
+            rehearsal,
+            held,
+            findings,
+            unknown,
+        })
+    }
+
+    /// What the undisturbed test needs of an axis.
+    #[must_use]
+    pub fn need(&self, specimen: usize, axis: usize) -> Option<&AxisNeed> {
+        self.rehearsal.specimens.get(specimen)?.found.get(axis)
+    }
+
+    /// True if it reached the end of the test.
+    #[must_use]
+    pub fn is_complete(&self) -> bool {
+        self.rehearsal.curtain == Curtain::Completed
+    }
+
+    /// True if no limit would trip, and every rig can give what the test needs.
+    #[must_use]
+    pub fn is_possible(&self) -> bool {
+        self.errors().next().is_none()
+    }
+
+    /// Every error in one line.
+    pub fn errors(&self) -> impl Iterator<Item = &str> {
+        let errors = self.findings.iter();
+        let errors = errors.filter(|finding| finding.severity == Severity::Error);
+        errors.map(|finding| finding.headline.as_str())
+    }
+}
