@@ -118,6 +118,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "substructure",
             "time",
             "transfer",
+            "units",
             "wire",
         ],
     ),

@@ -5,10 +5,12 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use serde::Deserialize;
 use serde_json::Value;
 
 use super::RunData;
 use super::text::{count, exact, plural, quantity};
+use crate::record::RecordedVerdict;
 
 /// How good the news is; decides the colour of the banner.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -76,6 +78,20 @@ pub(super) fn verdict(run: &RunData, after: Option<u64>, more: &[String]) -> Ver
         headline += "; FAULTS were played on it";
     }
     let mut sentences = Vec::new();
+    let judged = at(run, "verdict").and_then(|found| RecordedVerdict::deserialize(found).ok());
+    if let Some(unstable) = judged.as_ref().and_then(RecordedVerdict::headline) {
+        tone = Tone::Bad;
+        headline += "; the LOOP IS UNSTABLE";
+        sentences.push(ended(&unstable));
+    }
+    let accepted = at(run, "accepted").and_then(Value::as_object);
+    for (key, reason) in accepted.into_iter().flatten() {
+        tone = worse(tone);
+        let reason = reason.as_str().unwrap_or_default();
+        sentences.push(ended(&format!(
+            "The user accepted findings by `{key}`: {reason}"
+        )));
+    }
     if let Some(why) = &run.unfinished {
         sentences.push(ended(why));
     }

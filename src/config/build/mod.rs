@@ -15,6 +15,7 @@ mod limits;
 pub(in crate::config) mod links;
 mod method;
 mod pace;
+mod plausible;
 mod prescribed;
 mod proof;
 mod recorded;
@@ -310,6 +311,7 @@ fn numerical(
         Some(late) => structure::frequencies(&at_rest, &structure.mass().plus(1.0, &late)),
         None => structure::frequencies(&at_rest, structure.mass()),
     };
+    plausible::check(site, specimens, &frequencies);
     let method = site.loaded.file.integrator.method;
     let initial = method::Initial {
         damping: &initial_damping,

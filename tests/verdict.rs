@@ -1,0 +1,331 @@
+//! One verdict: `check` prints it, and `run` obeys it before anything connects.
+
+use std::net::TcpListener;
+use std::path::Path;
+
+use assert_cmd::Command;
+use gusset::config;
+use gusset::session::Judged;
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// Five storeys; the critical delay of the first one is 4.1103 ms.
+const FRAME: &str = r#"title = "Five storeys"
+[time]
+rate_hz = 1024
+duration_s = 8
+[structure.shear_building]
+mass_kg = [1000, 1000, 1000, 1000, 1000]
+stiffness_n_per_m = [0, 1.5e6, 1.5e6, 1.5e6, 1.5e6]
+[structure.damping.rayleigh_ratio]
+ratio = 0.02
+modes = [1, 2]
+[excitation.ground_acceleration.signal.sweep]
+amplitude = 1.0
+from_hz = 0.4
+to_hz = 4
+duration_s = 4
+kind = "linear"
+"#;
+const SPECIMEN: &str = "\n[[specimen]]\nname = \"first\"\nstorey = 1\nstiffness_n_per_m = 1.5e6\n";
+const LAW: &str = "law.linear = { stiffness_n_per_m = 1.5e6 }\n";
+const LIMITS: &str = "[specimen.limits]\ncommand_disp_m = { trip = [-0.1, 0.1] }\n\
+                      measured_force_n = { trip = [-300e3, 300e3] }\n";
+/// Critical delay of the first storey, s.
+const CRITICAL_S: f64 = 4.110_315e-3;
+
+fn lag(table: &str, seconds: f64) -> String {
+    format!("[specimen.{table}.actuator.first_order]\ntime_constant_s = {seconds}\n")
+}
+
+fn linked(port: u16, lag_s: f64) -> String {
+    format!(
+        "{FRAME}{SPECIMEN}[specimen.link]\naddress = \"127.0.0.1:{port}\"\nconnect_timeout_s = 0.5\n{LIMITS}{}",
+        lag("stand_in_transfer", lag_s)
+    )
+}
+
+fn simulated(lag_s: f64) -> String {
+    let clock = FRAME.replace("[time]", "[time]\nclock = \"simulated\"");
+    format!("{clock}{SPECIMEN}{LAW}{}", lag("transfer", lag_s))
+}
+
+struct Said {
+    code: i32,
+    json: Value,
+    stderr: String,
+}
+
+fn gusset(folder: &Path, command: &str, text: &str, more: &[&str]) -> Said {
+    let file = folder.join("test.toml");
+    std::fs::write(&file, text).unwrap();
+    let mut process = Command::new(assert_cmd::cargo::cargo_bin!("gusset"));
+    process.arg(command).arg(&file).arg("--json").args(more);
+    if command == "run" {
+        process.arg("--quiet").arg("--out").arg(folder.join("out"));
+    }
+    let output = process.output().unwrap();
+    Said {
+        code: output.status.code().unwrap(),
+        json: serde_json::from_slice(&output.stdout).unwrap_or(Value::Null),
+        stderr: String::from_utf8(output.stderr).unwrap(),
+    }
+}
+
+fn kinds(verdict: &Value) -> Vec<(String, String, String)> {
+    let text = |one: &Value, key: &str| one[key].as_str().unwrap().to_owned();
+    let findings = verdict["findings"].as_array().unwrap();
+    let each = findings
+        .iter()
+        .map(|one| (text(one, "kind"), text(one, "severity"), text(one, "key")));
+    each.collect()
+}
+
+fn is(kind: &str, severity: &str, key: &str) -> (String, String, String) {
+    (kind.to_owned(), severity.to_owned(), key.to_owned())
+}
+
+#[test]
+fn late_actuator_behind_a_link_is_refused_before_anything_connects() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    listener.set_nonblocking(true).unwrap();
+    let port = listener.local_addr().unwrap().port();
+    let folder = TempDir::new().unwrap();
+    let run = gusset(folder.path(), "run", &linked(port, 0.015), &[]);
+    assert_eq!(run.code, 2, "{}", run.stderr);
+    assert!(run.stderr.contains("[specimen.compensation]"));
+    assert!(run.stderr.contains("accept_unstable"));
+    assert!(listener.accept().is_err(), "it connected");
+    assert!(!folder.path().join("out").exists());
+    let check = gusset(folder.path(), "check", &linked(port, 0.015), &[]);
+    assert_eq!(check.code, 1);
+    let verdict = &check.json["verdict"];
+    assert_eq!(verdict["outcome"], "refused");
+    let found = kinds(verdict);
+    assert_eq!(
+        found[0],
+        is("unstable", "error", "specimen[0].stand_in_transfer")
+    );
+    let trips = is("rehearsal", "error", "specimen[0].limits.command_disp_m");
+    assert!(found.contains(&trips), "{found:?}");
+    let numbers = &verdict["findings"][0]["numbers"];
+    let critical = numbers["critical_delay_s"].as_f64().unwrap();
+    assert!((critical / CRITICAL_S - 1.0).abs() < 1e-6);
+}
+
+#[test]
+fn accepted_findings_let_a_test_run_and_stand_in_its_summary() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = listener.local_addr().unwrap().port();
+    let accepted =
+        "[safety]\naccept_unstable = \"a study of growth\"\naccept_trip = \"it will trip\"\n";
+    let text = format!("{}{accepted}", linked(port, 0.015));
+    let folder = TempDir::new().unwrap();
+    let check = gusset(folder.path(), "check", &text, &[]);
+    assert_eq!(check.code, 0, "{}", check.stderr);
+    assert_eq!(check.json["verdict"]["outcome"], "accepted");
+    assert_eq!(check.json["verdict"]["unstable"], true);
+    // Nobody answers: it connected, and the link failed.
+    let run = gusset(folder.path(), "run", &text, &[]);
+    assert_eq!(run.code, 3, "{}", run.stderr);
+    assert_eq!(run.json["accepted"]["accept_unstable"], "a study of growth");
+    assert_eq!(run.json["accepted"]["accept_trip"], "it will trip");
+    assert_eq!(run.json["verdict"]["outcome"], "accepted");
+    // Either reason alone is not enough.
+    let one = text.replace("accept_trip", "# accept_trip");
+    assert_eq!(gusset(folder.path(), "check", &one, &[]).code, 1);
+    let blank = text.replace("a study of growth", "  ");
+    let refused = gusset(folder.path(), "check", &blank, &[]);
+    assert_eq!(refused.code, 2);
+    assert!(refused.stderr.contains("safety.accept_unstable"));
+}
+
+#[test]
+fn simulated_unstable_test_runs_and_everything_says_so() {
+    let folder = TempDir::new().unwrap();
+    assert_eq!(
+        gusset(folder.path(), "check", &simulated(0.015), &[]).code,
+        1
+    );
+    let run = gusset(folder.path(), "run", &simulated(0.015), &[]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    assert_eq!(run.json["verdict"]["outcome"], "simulated");
+    assert_eq!(run.json["verdict"]["unstable"], true);
+    assert_eq!(run.json["accepted"], serde_json::json!({}));
+    assert!(run.stderr.contains("warning") && run.stderr.contains("unstable"));
+    let page = std::fs::read_to_string(folder.path().join("out/report.html")).unwrap();
+    assert!(page.contains("LOOP IS UNSTABLE"));
+    // A stable one says nothing of it.
+    let other = TempDir::new().unwrap();
+    let run = gusset(other.path(), "run", &simulated(0.001), &[]);
+    assert_eq!(run.json["verdict"]["outcome"], "clear");
+    let page = std::fs::read_to_string(other.path().join("out/report.html")).unwrap();
+    assert!(!page.contains("LOOP IS UNSTABLE"));
+}
+
+#[test]
+fn roots_possibility_and_exit_code_agree_near_the_critical_delay() {
+    let folder = TempDir::new().unwrap();
+    for (share, stable) in [
+        (0.9, true),
+        (0.99, true),
+        (1.01, false),
+        (1.02, false),
+        (1.05, false),
+        (1.1, false),
+        (1.25, false),
+    ] {
+        let delay = format!("[specimen.transfer]\ndelay_s = {}\n", share * CRITICAL_S);
+        let text = format!("{FRAME}{SPECIMEN}{LAW}{delay}");
+        let found = gusset(folder.path(), "check", &text, &["--no-rehearsal"]);
+        let following = &found.json["following"][0];
+        let roots = following["unstable_roots"].as_u64().unwrap();
+        let agreed = (roots == 0, following["possible"] == true, found.code == 0);
+        assert_eq!(agreed, (stable, stable, stable), "{share}: {roots} roots");
+        assert_eq!(found.json["valid"], stable);
+    }
+}
+
+#[test]
+fn adaptive_compensation_is_not_known_and_a_warning() {
+    let folder = TempDir::new().unwrap();
+    let ats = "[specimen.compensation.ats]\ndelay_s = 0.015\n";
+    let text = format!("{}{ats}", simulated(0.015));
+    let check = gusset(folder.path(), "check", &text, &["--no-rehearsal"]);
+    assert_eq!(check.code, 0, "{}", check.stderr);
+    let found = kinds(&check.json["verdict"]);
+    assert_eq!(
+        found,
+        [is("unknown", "warning", "specimen[0].compensation")]
+    );
+}
+
+#[test]
+fn rehearsed_trip_is_refused_behind_a_link_and_a_warning_in_simulation() {
+    let folder = TempDir::new().unwrap();
+    let narrow = |text: &str| text.replace("[-0.1, 0.1]", "[-0.0005, 0.0005]");
+    let text = narrow(&linked(1, 0.001));
+    let run = gusset(folder.path(), "run", &text, &[]);
+    assert_eq!(run.code, 2, "{}", run.stderr);
+    let check = gusset(folder.path(), "check", &text, &[]);
+    assert_eq!(check.code, 1);
+    let found = kinds(&check.json["verdict"]);
+    assert_eq!(
+        found[0],
+        is("rehearsal", "error", "specimen[0].limits.command_disp_m")
+    );
+    let numbers = &check.json["verdict"]["findings"][0]["numbers"];
+    assert_eq!(numbers["limit"].as_f64().unwrap().abs(), 0.0005);
+    // On the simulated clock nothing moves that can break: it runs, and trips.
+    let computed = text.replace("[specimen.link]", "[specimen.link]\ncomputed = true");
+    let computed = computed.replace("[time]", "[time]\nclock = \"simulated\"");
+    let check = gusset(folder.path(), "check", &computed, &[]);
+    assert_eq!(
+        (check.code, &check.json["verdict"]["outcome"]),
+        (1, &"simulated".into())
+    );
+}
+
+#[test]
+fn linked_machine_without_a_known_delay_is_a_warning() {
+    let folder = TempDir::new().unwrap();
+    let text = linked(1, 0.001);
+    let unknown = text.split("[specimen.stand_in_transfer").next().unwrap();
+    let check = gusset(folder.path(), "check", unknown, &[]);
+    assert_eq!(check.code, 0, "{}", check.stderr);
+    let found = kinds(&check.json["verdict"]);
+    assert_eq!(found, [is("unknown", "warning", "specimen[0].link")]);
+}
+
+/// The divergence bound of a test that is judged, in its loop and in its resolved file.
+fn divergence(text: &str) -> (f64, f64, f64) {
+    let loaded = config::parse(Path::new("test.toml"), text.to_owned(), &[]).unwrap();
+    let judged = Judged::of(config::build(&loaded).unwrap()).unwrap();
+    let resolved: toml::Value = toml::from_str(&judged.test.files.resolved).unwrap();
+    let written = resolved["safety"]["divergence_m"].as_float().unwrap();
+    let peak = judged
+        .rehearsed
+        .map_or(0.0, |full| full.rehearsal.peak_disp);
+    (judged.test.experiment.limits.divergence, written, peak)
+}
+
+#[test]
+fn divergence_of_a_linked_test_follows_from_its_rehearsal() {
+    let (bound, written, peak) = divergence(&linked(1, 0.001));
+    assert!(peak > 0.001, "{peak}");
+    assert_eq!((bound, written), ((10.0 * peak).max(0.1), bound));
+    let weak = linked(1, 0.001).replace("amplitude = 1.0", "amplitude = 0.01");
+    assert_eq!(divergence(&weak).0, 0.1);
+    let given = format!("{}[safety]\ndivergence_m = 0.7\n", linked(1, 0.001));
+    assert_eq!(divergence(&given).0, 0.7);
+    assert_eq!(divergence(&simulated(0.001)).0, 1000.0);
+    assert_eq!(divergence(&simulated(0.001)).1, 1000.0);
+    // An unstable loop has no peak that means anything.
+    assert_eq!(divergence(&linked(1, 0.015)).0, 1000.0);
+}
+
+#[test]
+fn diverging_row_is_recorded_and_the_reason_names_the_key() {
+    let folder = TempDir::new().unwrap();
+    let text = format!("{}[safety]\ndivergence_m = 0.05\n", simulated(0.015));
+    let run = gusset(folder.path(), "run", &text, &[]);
+    assert_eq!(run.code, 1, "{}", run.stderr);
+    assert!(
+        run.json["reason"]
+            .as_str()
+            .unwrap()
+            .contains("`safety.divergence_m`")
+    );
+    let peak = run.json["peak"]["displacement"].as_array().unwrap();
+    let peak = peak.iter().filter_map(Value::as_f64).fold(0.0, f64::max);
+    assert!(peak > 0.05, "{peak}");
+    let out = folder.path().join("out");
+    let csv = folder.path().join("rows.csv");
+    let mut export = Command::new(assert_cmd::cargo::cargo_bin!("gusset"));
+    export
+        .arg("export")
+        .arg(&out)
+        .args(["--format", "csv", "--rate", "tick", "--out"]);
+    assert!(export.arg(&csv).output().unwrap().status.success());
+    let text = std::fs::read_to_string(csv).unwrap();
+    let last = text.lines().last().unwrap();
+    let largest = last
+        .split(',')
+        .skip(1)
+        .take(5)
+        .map(|cell| cell.parse().unwrap_or(0.0_f64).abs());
+    assert_eq!(largest.fold(0.0, f64::max), peak);
+    let mut replay = Command::new(assert_cmd::cargo::cargo_bin!("gusset"));
+    assert!(
+        replay
+            .arg("replay")
+            .arg(&out)
+            .output()
+            .unwrap()
+            .status
+            .success()
+    );
+}
+
+#[test]
+fn implausible_structures_are_warned_about() {
+    let folder = TempDir::new().unwrap();
+    let doubled = simulated(0.001).replace("= [0, 1.5e6", "= [1e6, 1.5e6");
+    let check = gusset(folder.path(), "check", &doubled, &["--no-rehearsal"]);
+    assert_eq!(check.code, 0);
+    assert!(check.stderr.contains("specimen.storey") || check.stderr.contains("storey = 1"));
+    assert_eq!(check.json["warnings"].as_array().unwrap().len(), 1);
+    let tonnes = simulated(0.0).replace("1000, 1000, 1000, 1000, 1000", "1, 1, 1, 1, 1");
+    let tonnes = tonnes.replace("1.5e6, 1.5e6, 1.5e6, 1.5e6]", "1.5e9, 1.5e9, 1.5e9, 1.5e9]");
+    let tonnes = tonnes.replace("stiffness_n_per_m = 1.5e6", "stiffness_n_per_m = 1.5e9");
+    let tonnes = tonnes.split("[specimen.transfer").next().unwrap();
+    let check = gusset(folder.path(), "check", tonnes, &["--no-rehearsal"]);
+    assert!(check.stderr.contains("first period"), "{}", check.stderr);
+    let check = gusset(
+        folder.path(),
+        "check",
+        &simulated(0.001),
+        &["--no-rehearsal"],
+    );
+    assert_eq!(check.json["warnings"], serde_json::json!([]));
+}
