@@ -4,13 +4,12 @@ mod common;
 
 use std::f64::consts::TAU;
 use std::path::Path;
-use std::time::Duration;
 
 use common::{Said, say, write};
 use gusset::benchmark::{FORCE_LIMIT_N, Frame, Plant, RATE_HZ, Setup, Wiring, run};
 use gusset::compensation::CompensationSpec;
 use gusset::motion::{Grid, Motion, Quantity};
-use gusset::session::rehearsal::carry_out;
+use gusset::session::rehearsal::{Budget, carry_out};
 use serde_json::Value;
 
 fn certify(folder: &Path, text: &str, more: &[&str]) -> (Option<i32>, Value) {
@@ -214,7 +213,7 @@ fn a_trial_has_the_damping_of_the_test() {
     };
     let trial = gusset::config::build_trial(&loaded, &trial).unwrap();
     let moves = |test: gusset::config::Prepared| {
-        let found = carry_out(test.experiment, Duration::from_secs(60));
+        let found = carry_out(test.experiment, &mut Budget::default());
         found.specimens[0].found[0].command
     };
     let (nominal, tried) = (moves(itself), moves(trial));

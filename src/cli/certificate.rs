@@ -215,6 +215,9 @@ fn missing(loaded: &Loaded, judged: &Judged, trials: usize) -> Vec<String> {
             missing.push(without("trip level of `limits.measured_force_n`"));
         }
     }
+    if !judged.verdict.is_clear() {
+        missing.push("the verdict has errors".to_owned());
+    }
     let accepted = judged.verdict.accepted();
     missing.extend(
         accepted

@@ -2,8 +2,8 @@
 
 use crate::engine::{Experiment, Side};
 
-/// DOFs × ticks of a whole rehearsal: some ten seconds for a small structure.
-const WHOLE: u64 = 300_000_000;
+/// DOFs × ticks of a whole rehearsal: some five seconds for a small structure.
+const WHOLE: u64 = 200_000_000;
 /// DOFs that a tick counts at least: specimens and the loop itself cost something, too.
 const LEAST_DOFS: u64 = 64;
 
@@ -18,6 +18,12 @@ impl Default for Budget {
 }
 
 impl Budget {
+    /// So many DOFs × ticks.
+    #[must_use]
+    pub const fn new(dof_ticks: u64) -> Self {
+        Self(dof_ticks)
+    }
+
     /// What one tick of an experiment costs.
     pub(super) fn cost(experiment: &Experiment) -> u64 {
         let dofs = match &experiment.side {
