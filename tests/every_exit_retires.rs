@@ -239,17 +239,21 @@ fn a_response_that_overflows_or_runs_away_is_never_sent() {
         );
         experiment.limits.divergence = 1.0;
         let run = run_on(experiment, SimClock::new());
-        let Ending::Stopped(Stop::Diverged { dof: 0, value }) = run.outcome.ending else {
+        let Ending::Stopped(Stop::Diverged {
+            dof: 0,
+            value,
+            bound: 1.0,
+        }) = run.outcome.ending
+        else {
             panic!("{:?}", run.outcome.ending);
         };
         assert!(value < -1.0);
         let calls = log.lock().unwrap().clone();
         assert_retired(&calls, Retirement::Tripped);
-        // The row of the step that showed it stands, and the outcome says so.
-        assert_eq!(
-            (run.outcome.steps, run.column("x1").len() as u64),
-            (step, step + 1)
-        );
+        // The row of the step that showed it stands, and behind it that of the step that diverged.
+        let rows = run.column("x1");
+        assert_eq!((run.outcome.steps, rows.len() as u64), (step, step + 2));
+        assert_eq!(rows.last(), Some(&value));
         for (_, call) in calls {
             assert!(!matches!(call, Call::Issue { disp, .. } if disp.abs() > 1.0));
         }
