@@ -336,6 +336,7 @@ fn of_trips(trials: &Trials, allowed: f64, certain: bool) -> Line {
         if trips == 0 && high > allowed {
             // (1 − p)ⁿ = 0.025.
             let needed = (libm::log(0.025) / libm::log1p(-allowed)).ceil();
+            let needed = needed.max(LEAST_TRIALS as f64);
             format!("{text};\nthat is too few trials to tell: {needed:.0} without a trip would do")
         } else {
             text

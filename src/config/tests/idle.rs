@@ -283,13 +283,6 @@ fn keys_of_a_specimen_that_need_another_are_told_of() {
 fn keys_of_the_integrator_and_the_timing_that_need_another_are_told_of() {
     let bound = ["integrator.gain_bound=3", "integrator.lambda=4"];
     idle(GOOD, &bound, "integrator.gain_bound", "by number");
-    let allow = "integrator.allow_unstable_lambda=true";
-    idle(
-        GOOD,
-        &[allow],
-        "integrator.allow_unstable_lambda",
-        "behind a link",
-    );
     let ordinary = ["timing.policy=ordinary", "timing.priority=50"];
     idle(GOOD, &ordinary, "timing.priority", "knows no priority");
     for set in ["max_catch_up_ticks=5", "catch_up_remote=true"] {

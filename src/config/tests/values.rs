@@ -139,7 +139,7 @@ fn a_structure_is_of_exactly_one_kind() {
     );
     shows(&text, "two of them would be two structures");
     let text = complaint(
-        "[structure.shear_building]\nmass_kg = [1000, 1000, 1000]\nstiffness_n_per_m = [1e6, 1e6, 1e6]",
+        "[structure.shear_building]\nmass_kg = [1000, 1000, 1000]\nstiffness_n_per_m = [0, 1e6, 1e6]",
         "",
     );
     shows(&text, "has none of them");
