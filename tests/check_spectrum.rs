@@ -34,7 +34,8 @@ fn check(text: &str, more: &[&str]) -> (i32, String, String) {
     let file = folder.path().join("test.toml");
     std::fs::write(&file, text).unwrap();
     let mut process = Command::new(assert_cmd::cargo::cargo_bin!("gusset"));
-    let output = process.arg("check").arg(&file).args(more).output().unwrap();
+    process.arg("check").arg(&file).args(more).arg("--verbose");
+    let output = process.output().unwrap();
     (
         output.status.code().unwrap(),
         String::from_utf8(output.stdout).unwrap(),

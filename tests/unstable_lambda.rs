@@ -84,44 +84,53 @@ fn a_linear_model_beyond_the_limit_is_a_warning_with_the_limit_before_it_runs() 
     assert_eq!(facts["structure"]["stable"], true);
 }
 
+/// Severity and key of the first finding of a verdict.
+fn first(facts: &Value) -> (&str, &str) {
+    let finding = &facts["verdict"]["findings"][0];
+    let text = |key: &str| finding[key].as_str().unwrap();
+    (text("severity"), text("key"))
+}
+
 #[test]
-fn a_specimen_behind_a_link_is_not_moved_by_an_unstable_lambda_unless_it_is_allowed_by_name() {
+fn an_unstable_lambda_behind_a_link_is_refused_unless_it_is_accepted() {
     let above = 1.01 * limit();
-    for command in ["check", "run"] {
-        let text = format!("{TEST}[integrator]\nlambda = {above}\n{LINK}");
-        let (code, _, said) = gusset(command, &text);
-        assert_eq!(code, 2, "{said}");
-        for words in [
-            &format!("error: lambda = {above} is above the limit {:.4}", limit()),
-            "and it would move what is behind this link",
-            "`allow_unstable_lambda = true` in [integrator] runs it all the same",
-        ] {
-            assert!(said.contains(words), "no {words:?} in\n{said}");
-        }
-    }
-    let allowed =
-        format!("{TEST}[integrator]\nlambda = {above}\nallow_unstable_lambda = true\n{LINK}");
-    let (code, _, said) = gusset("check", &allowed);
-    assert_eq!(code, 0, "{said}");
-    assert!(said.contains("warning: lambda"), "{said}");
-    // It then goes on to the link, where nobody is.
-    assert_eq!(gusset("run", &allowed).0, 3);
-    let stable = format!("{TEST}[integrator]\nlambda = {}\n{LINK}", 0.99 * limit());
-    assert_eq!(gusset("check", &stable).0, 0);
-    // Infinity is a λ as any other.
-    let (code, _, said) = gusset(
-        "check",
-        &format!("{TEST}[integrator]\nlambda = inf\n{LINK}"),
-    );
-    assert_eq!(code, 2, "{said}");
-    let idle =
-        format!("{TEST}[integrator]\nmethod = \"newmark_average\"\nallow_unstable_lambda = true\n");
-    let (code, _, said) = gusset("check", &idle);
-    assert_eq!(code, 2);
-    assert!(
-        said.contains("`integrator.allow_unstable_lambda` means nothing"),
+    let real = TEST.replace("\"simulated\"", "\"real\"");
+    let text = format!("{real}[integrator]\nlambda = {above}\n{LINK}");
+    let (code, facts, said) = gusset("check", &text);
+    assert_eq!(
+        (code, first(&facts)),
+        (1, ("error", "integrator.lambda")),
         "{said}"
     );
+    let numbers = &facts["verdict"]["findings"][0]["numbers"];
+    assert_eq!(numbers["lambda"], above);
+    assert!((numbers["lambda_limit"].as_f64().unwrap() / limit() - 1.0).abs() < 1e-9);
+    let (code, _, said) = gusset("run", &text);
+    assert_eq!(code, 2, "{said}");
+    assert!(said.contains("accept_unstable"), "{said}");
+    // On the simulated clock nothing moves that can break: the test goes on to its link, where nobody is.
+    let simulated = text.replace("\"real\"", "\"simulated\"");
+    let simulated = simulated.replace("[specimen.link]", "[specimen.link]\ncomputed = true");
+    assert_eq!(gusset("run", &simulated).0, 3);
+    let older = text.replace("[integrator]", "[integrator]\nallow_unstable_lambda = true");
+    let newer = format!("{text}[safety]\naccept_unstable = \"a study\"\n");
+    for allowed in [older, newer] {
+        let (code, facts, said) = gusset("check", &allowed);
+        assert_eq!(
+            (code, first(&facts)),
+            (0, ("accepted", "integrator.lambda")),
+            "{said}"
+        );
+        assert_eq!(facts["verdict"]["outcome"], "accepted");
+        // It then goes on to the link, where nobody is.
+        assert_eq!(gusset("run", &allowed).0, 3);
+    }
+    let stable = format!("{real}[integrator]\nlambda = {}\n{LINK}", 0.99 * limit());
+    assert_eq!(gusset("check", &stable).0, 0);
+    // Infinity is a λ as any other.
+    let infinite = format!("{real}[integrator]\nlambda = inf\n{LINK}");
+    assert_eq!(gusset("check", &infinite).0, 1);
+    assert_eq!(gusset("run", &infinite).0, 2);
 }
 
 #[test]
@@ -131,9 +140,15 @@ fn what_no_lambda_holds_is_not_moved_over_a_link_either() {
         "stiffness_n_per_m = 4e5",
         "stiffness_n_per_m = 1e-6\nhardening_bound = 1e12",
     );
-    let (code, _, said) = gusset("check", &format!("{TEST}[integrator]\nlambda = 4\n{link}"));
-    assert_eq!(code, 2, "{said}");
-    assert!(said.contains("behind this link"), "{said}");
+    let real = TEST.replace("\"simulated\"", "\"real\"");
+    let text = format!("{real}[integrator]\nlambda = 4\n{link}");
+    let (code, facts, said) = gusset("check", &text);
+    assert_eq!(
+        (code, first(&facts)),
+        (1, ("error", "integrator.lambda")),
+        "{said}"
+    );
+    assert_eq!(gusset("run", &text).0, 2);
 }
 
 #[test]

@@ -121,7 +121,8 @@ fn in_short(table: &mut Table, facts: &Facts, spectrum: Option<&Spectrum>) {
             "none: the specimens follow a prescribed displacement",
         );
     };
-    let first = structure.frequencies.first();
+    let first = structure.frequencies.first().copied();
+    let first = first.or_else(|| spectrum?.lowest());
     let first = first.map(|omega| {
         let hz = omega / std::f64::consts::TAU;
         format!(", first frequency {hz:.4} Hz")

@@ -169,6 +169,11 @@ impl Spectrum {
         }
     }
 
+    /// The lowest natural frequency in rad/s, if it is known.
+    pub(super) fn lowest(&self) -> Option<f64> {
+        self.modes.first().map(|mode| mode.frequency)
+    }
+
     /// The highest natural frequency in rad/s, if it is known.
     pub(super) fn highest(&self) -> Option<f64> {
         self.highest

@@ -2,8 +2,8 @@
 
 use crate::engine::{Experiment, Side};
 
-/// DOFs × ticks of a whole rehearsal: some five seconds for a small structure.
-const WHOLE: u64 = 200_000_000;
+/// DOFs × ticks of a whole rehearsal: a million ticks of a small structure, which take one to two seconds.
+const WHOLE: u64 = 64_000_000;
 /// DOFs that a tick counts at least: specimens and the loop itself cost something, too.
 const LEAST_DOFS: u64 = 64;
 
