@@ -219,7 +219,7 @@ fn warned(record: &str, words: &[&str]) -> Vec<Vec<f64>> {
     let text = with_record("a.at2");
     let test = write(folder.path(), "test.toml", &text);
     let out = folder.path().join("out");
-    let checked = say(["check".as_ref(), test.as_os_str()]);
+    let checked = say(["check".as_ref(), test.as_os_str(), "--verbose".as_ref()]);
     assert_eq!(checked.code, Some(0), "{}", checked.stderr);
     let ran = completed(&test, &out, &[]);
     for said in [checked, ran] {
@@ -462,7 +462,7 @@ fn a_rate_beyond_any_machine_is_refused_and_a_long_window_of_misses_is_not() {
     let folder = tempfile::tempdir().unwrap();
     let text = format!("{long}\n[timing]\nmiss_window_s = 3600\n");
     let test = write(folder.path(), "test.toml", &text);
-    let said = say(["check".as_ref(), test.as_os_str()]);
+    let said = say(["check".as_ref(), test.as_os_str(), "--verbose".as_ref()]);
     assert_eq!(said.code, Some(0), "{}", said.stderr);
     let real = ["--clock".as_ref(), "real".as_ref()];
     let said = say(["run".as_ref(), test.as_os_str(), real[0], real[1]]);
@@ -489,7 +489,7 @@ fn warnings_of_a_prescribed_displacement_name_its_own_axis() {
         laws = [{ linear = { stiffness_n_per_m = 1e5 } }, { linear = { stiffness_n_per_m = 1e5 } }]\n";
     let folder = tempfile::tempdir().unwrap();
     let test = write(folder.path(), "test.toml", text);
-    let said = say(["check".as_ref(), test.as_os_str()]);
+    let said = say(["check".as_ref(), test.as_os_str(), "--verbose".as_ref()]);
     assert_eq!(said.code, Some(0), "{}", said.stderr);
     for words in [
         "axis 2: values: the record ends at 1 s",

@@ -21,7 +21,12 @@ fn certify(folder: &Path, text: &str, more: &[&str]) -> (Option<i32>, Value) {
 
 fn certified(folder: &Path, text: &str, more: &[&str]) -> Said {
     let test = write(folder, "test.toml", text);
-    let mut arguments = vec!["check".as_ref(), "--rehearse".as_ref(), test.as_os_str()];
+    let mut arguments = vec![
+        "check".as_ref(),
+        "--rehearse".as_ref(),
+        test.as_os_str(),
+        "--verbose".as_ref(),
+    ];
     arguments.extend(more.iter().map(std::ffi::OsStr::new));
     say(arguments)
 }

@@ -160,7 +160,7 @@ fn the_schema_is_json_schema_of_every_table() {
 fn run_and_check_with_json_print_one_document_and_nothing_else() {
     let folder = tempfile::tempdir().unwrap();
     // Such that there is something to warn of: that must go to stderr.
-    let text = FRAME.replace("5e5", "5e9");
+    let text = format!("{FRAME}[safety]\nexit_speed_m_per_s = 0.01\n");
     let test = write(folder.path(), "test.toml", &text);
     let test = test.to_str().unwrap();
     let short = "time.duration_s=0.01";
@@ -200,7 +200,7 @@ fn a_drill_breaks_down_in_no_rehearsal() {
     let folder = tempfile::tempdir().unwrap();
     let text = FRAME.replace("storey = 1\n", "storey = 1\ndrill.panic_at_s = 0.1\n");
     let test = write(folder.path(), "test.toml", &text);
-    let said = say(["check".as_ref(), test.as_os_str()]);
+    let said = say(["check".as_ref(), test.as_os_str(), "--verbose".as_ref()]);
     assert_eq!(said.code, Some(0), "{}", said.stderr);
     assert!(said.stdout.contains("rehearsal") && !said.stderr.contains("internal error"));
 }

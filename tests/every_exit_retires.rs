@@ -251,9 +251,13 @@ fn a_response_that_overflows_or_runs_away_is_never_sent() {
         let calls = log.lock().unwrap().clone();
         assert_retired(&calls, Retirement::Tripped);
         // The row of the step that showed it stands, and behind it that of the step that diverged.
-        let rows = run.column("x1");
-        assert_eq!((run.outcome.steps, rows.len() as u64), (step, step + 2));
-        assert_eq!(rows.last(), Some(&value));
+        let rows = run.column("x1").len() as u64;
+        assert_eq!((run.outcome.steps, rows), (step, step + 1));
+        assert_eq!(run.all("x1").last(), Some(&value));
+        assert_eq!(
+            run.all("state").last(),
+            Some(&gusset::engine::Phase::Tripped.code())
+        );
         for (_, call) in calls {
             assert!(!matches!(call, Call::Issue { disp, .. } if disp.abs() > 1.0));
         }

@@ -464,7 +464,7 @@ fn real_and_simulated_time_give_the_same_bits() {
     common::completed(&test, &real, &more);
     common::completed(&test, &simulated, &[]);
     common::same_physics(&real, &simulated);
-    let said = common::say(["check", test.to_str().unwrap()]);
+    let said = common::say(["check", test.to_str().unwrap(), "--verbose"]);
     assert!(
         said.stdout
             .contains("800.000000 ticks per second: 8 ticks per step"),

@@ -276,7 +276,7 @@ fn check_says_which_limits_there_are_who_checks_them_and_what_happens_then() {
     let file = write(folder.path(), "test.toml", &text);
     let said = |json: bool| {
         let mut command = gusset();
-        command.arg("check").arg(&file);
+        command.args(["check", "--verbose"]).arg(&file);
         if json {
             command.arg("--json");
         }
@@ -504,7 +504,7 @@ fn what_is_announced_otherwise_than_it_is_kept_is_shown_as_it_is_announced() {
     let text = bare("127.0.0.1:1", "").replace("[specimen.link]", limits);
     let file = write(folder.path(), "test.toml", &text);
     let mut command = gusset();
-    command.arg("check").arg(&file);
+    command.args(["check", "--verbose"]).arg(&file);
     let said = String::from_utf8(finish(command).stdout).unwrap();
     for (key, words) in [
         ("command_step_m *", "announced as a speed of "),

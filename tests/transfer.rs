@@ -216,7 +216,7 @@ fn an_actuator_that_does_not_come_to_terms_with_its_law_is_told_of_before_and_af
     // A surface that is held a hundred times as stiffly as the cylinder is; and one that is not.
     for (name, rate, stiffness, settles) in [("rough", 400, 1e8, false), ("soft", 400, 1e6, true)] {
         let file = common::write(folder, &format!("{name}.toml"), &test(rate, stiffness));
-        let said = common::say(["check".as_ref(), file.as_os_str()]);
+        let said = common::say(["check".as_ref(), file.as_os_str(), "--verbose".as_ref()]);
         assert_eq!(said.code, Some(0), "{}", said.stderr);
         let told = said.stderr.contains("do not come to terms in");
         assert_eq!(told, !settles, "{name}: {}", said.stderr);
@@ -332,7 +332,7 @@ fn what_cannot_be_is_refused_with_its_place_before_anything_moves() {
     let refused = |name: &str, specimen: &str, change: (&str, &str), words: &[&str]| {
         let text = test_file(100, &format!("{ONE_AXIS}{specimen}")).replace(change.0, change.1);
         let file = common::write(folder, &format!("{name}.toml"), &text);
-        let said = common::say(["check".as_ref(), file.as_os_str()]);
+        let said = common::say(["check".as_ref(), file.as_os_str(), "--verbose".as_ref()]);
         assert_eq!(said.code, Some(2), "{name}: {}", said.stderr);
         for word in words {
             assert!(
@@ -481,7 +481,7 @@ fn a_loop_that_is_unstable_only_at_rest_or_only_beyond_it_is_told_and_not_refuse
              [specimen.transfer]\ndelay_s = {delay}\n"
         );
         let file = common::write(folder.path(), "test.toml", &text);
-        let mut arguments = vec!["check".as_ref(), file.as_os_str()];
+        let mut arguments = vec!["check".as_ref(), file.as_os_str(), "--verbose".as_ref()];
         arguments.extend(more.iter().map(std::ffi::OsStr::new));
         common::say(arguments)
     };
