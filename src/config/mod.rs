@@ -159,6 +159,19 @@ pub fn load(path: &Path, sets: &[String]) -> Result<Loaded, ConfigError> {
     parse(path, read_text(path)?, sets)
 }
 
+/// Reads the `resolved.toml` of a run folder. Where it was written before a key had its present default, the older default counts.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_resolved(path: &Path) -> Result<Loaded, ConfigError> {
+    let mut loaded = load(path, &[])?;
+    if loaded.file.structure.is_some() {
+        let bound = &mut loaded.file.safety.divergence_m;
+        bound.get_or_insert(build::DIVERGENCE_M);
+    }
+    Ok(loaded)
+}
+
 /// A test's matrices may stand in it.
 const LONGEST_TEST_MIB: u64 = 64;
 

@@ -207,7 +207,7 @@ pub(super) fn prepared_by(
         return Err(ReplayError::Served(folder.to_owned()));
     }
     check_inputs(run)?;
-    let mut loaded = config::load(&folder.join("resolved.toml"), &[])?;
+    let mut loaded = config::load_resolved(&folder.join("resolved.toml"))?;
     for specimen in &mut loaded.file.specimen {
         // It came, and is over: a test that goes on is without it.
         specimen.drill = None;
