@@ -74,7 +74,7 @@ fn who_is_not_led_stops_before_the_way_out_of_the_others() {
     };
     let text = format!(
         "[time]\nrate_hz = 200\nduration_s = 1.05\n[safety]\non_trip = \"zero_force\"\nexit_speed_m_per_s = 0.02\n\
-         unlimited = \"springs\"\n{}{}",
+         unlimited = \"springs\"\naccept_trip = \"the way out is what is tested\"\n{}{}",
         specimen("one", &served[0], ""),
         specimen(
             "other",
