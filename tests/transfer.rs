@@ -498,8 +498,10 @@ fn a_loop_that_is_unstable_only_at_rest_or_only_beyond_it_is_told_and_not_refuse
         said.stderr
     );
     let idle = "law.power_damper = { force_at_unit_velocity_n = 5e5, exponent = 2, reference_damping_n_s_per_m = 5e4 }";
+    // λ = 4 has no proof up to this reach, which is an error of its own.
     let said = check(200.0, 3.0, idle, 0.04, &["--no-rehearsal"]);
-    assert_eq!(said.code, Some(0), "{}{}", said.stdout, said.stderr);
+    assert_eq!(said.code, Some(1), "{}{}", said.stdout, said.stderr);
+    assert!(said.stderr.contains("warning: the response may grow"));
     assert!(
         said.stdout.contains("UNSTABLE as K0 and C0 have it"),
         "{}",
