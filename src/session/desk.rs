@@ -6,6 +6,7 @@
 //! answer: of the second nothing is known but that it may still move. Only the user who started the test may speak (mode
 //! 0600).
 
+use std::ffi::{OsStr, OsString};
 use std::fs::{self, File, Metadata, Permissions};
 use std::io::{self, BufRead, BufReader, ErrorKind, Read, Write};
 use std::os::fd::AsRawFd;
@@ -27,11 +28,12 @@ use crate::record::{Roll, Stamper, What, is_claimed, is_same_file};
 use crate::rt::os::monotonic_ns;
 
 /// The socket's name in the run folder.
-const SOCKET: &str = "control.sock";
+pub(super) const SOCKET: &str = "control.sock";
 /// How long the other end may take for its line.
 const PATIENCE: Duration = Duration::from_secs(2);
-/// Longest line.
+/// Longest line that is asked, and that is answered.
 const LONGEST: usize = 256;
+const LONGEST_ANSWER: u64 = 16_384;
 /// Callers that are listened to at once; others wait for one of them.
 const MOST_CALLERS: usize = 64;
 /// Until what cannot be done just now is tried again.
@@ -109,17 +111,21 @@ impl Unanswered {
 pub struct Desk {
     /// Whatever it is called by now: where it was, the folder of another test may stand.
     folder: File,
-    /// As it was made.
+    /// Its name there, and as it was made.
+    name: OsString,
     socket: Metadata,
     /// The thread ends when this does.
     open: Option<UnixStream>,
     thread: Option<JoinHandle<()>>,
 }
 
-/// The socket in a folder by a path that is short enough for an address, however long the folder's is.
-fn address(folder: &File) -> PathBuf {
-    PathBuf::from(format!("/proc/self/fd/{}/{SOCKET}", folder.as_raw_fd()))
+/// A socket in a folder by a path that is short enough for an address, however long the folder's is.
+fn address(folder: &File, name: &OsStr) -> PathBuf {
+    PathBuf::from(format!("/proc/self/fd/{}", folder.as_raw_fd())).join(name)
 }
+
+/// What a whole line of a caller is answered with; an error hangs up.
+type Serve = Box<dyn FnMut(&[u8]) -> io::Result<Vec<u8>> + Send>;
 
 impl Desk {
     /// Listens in `folder`.
@@ -132,22 +138,35 @@ impl Desk {
         phase: PhaseCell,
         roll: &Roll,
     ) -> io::Result<Self> {
+        let serve = move |line: &[u8]| in_a_line(&told(line, &requests, &phase)?);
+        Self::listen(folder, SOCKET.as_ref(), Box::new(serve), Some(roll))
+    }
+
+    /// Listens at the socket of this name in `folder`, and answers every line as `serve` does.
+    ///
+    /// # Errors
+    /// The system gives no socket or no thread.
+    pub(super) fn listen(
+        folder: &Path,
+        name: &OsStr,
+        serve: Serve,
+        roll: Option<&Roll>,
+    ) -> io::Result<Self> {
         let folder = File::open(folder)?;
-        let address = address(&folder);
+        let address = address(&folder, name);
         let listener = UnixListener::bind(&address)?;
         let socket = fs::symlink_metadata(&address)?;
         fs::set_permissions(&address, Permissions::from_mode(0o600))?;
         listener.set_nonblocking(true)?;
         let (open, closed) = UnixStream::pair()?;
-        let roll = roll.clone();
+        let roll = roll.cloned();
         let work = move || {
             let mut counter = Counter {
                 listener,
                 closed,
                 callers: Vec::new(),
-                requests,
-                phase,
-                stamper: roll.enter(),
+                serve,
+                stamper: roll.map(|roll| roll.enter()),
             };
             while counter.waits() {
                 counter.turn();
@@ -158,6 +177,7 @@ impl Desk {
             .spawn(work)?;
         Ok(Self {
             folder,
+            name: name.to_owned(),
             socket,
             open: Some(open),
             thread: Some(thread),
@@ -172,7 +192,7 @@ impl Drop for Desk {
             // It waits for nothing but this and what comes.
             let _ = thread.join();
         }
-        let address = address(&self.folder);
+        let address = address(&self.folder, &self.name);
         if fs::symlink_metadata(&address).is_ok_and(|found| is_same_file(&found, &self.socket)) {
             let _ = fs::remove_file(&address);
         }
@@ -185,9 +205,8 @@ struct Counter {
     /// Readable when the desk closes.
     closed: UnixStream,
     callers: Vec<Caller>,
-    requests: Sender<Operator>,
-    phase: PhaseCell,
-    stamper: Stamper,
+    serve: Serve,
+    stamper: Option<Stamper>,
 }
 
 /// Who has come and not said a whole line.
@@ -227,14 +246,17 @@ impl Counter {
         }
         let callers = std::mem::take(&mut self.callers);
         for mut caller in callers {
-            let began_ns = self.stamper.now();
+            let began_ns = self.stamper.as_ref().map_or(0, Stamper::now);
             match caller.hear() {
                 Heard::Part if monotonic_ns() < caller.until_ns => self.callers.push(caller),
                 // Whoever speaks nonsense or not at all gets no answer.
                 Heard::Part => {}
                 Heard::Whole => {
-                    let _ = self.serve(&caller);
-                    self.stamper.since(What::Request, began_ns, 0);
+                    let answer = (self.serve)(&caller.line);
+                    let _ = answer.and_then(|line| (&caller.stream).write_all(&line));
+                    if let Some(stamper) = &mut self.stamper {
+                        stamper.since(What::Request, began_ns, 0);
+                    }
                 }
             }
         }
@@ -253,21 +275,22 @@ impl Counter {
             Ok(_) | Err(_) => {}
         }
     }
+}
 
-    fn serve(&self, caller: &Caller) -> io::Result<()> {
-        let asked: Asked = serde_json::from_slice(&caller.line)?;
-        let seen = self.phase.glimpse();
-        let heard = seen.phase.can_be_held();
-        let is_taken = |word: Operator| word.say_into(&self.requests).is_ok();
-        let accepted = match asked.request {
-            Request::Stop => is_taken(Operator::Stop),
-            Request::Hold => heard && is_taken(Operator::Hold),
-            Request::Continue => heard && is_taken(Operator::Continue),
-            Request::Confirm => seen.unconfirmed && is_taken(Operator::Confirm),
-            Request::Phase => true,
-        };
-        write_line(&caller.stream, &Answer { accepted, seen })
-    }
+/// What a running test is told by a line, and its answer.
+fn told(line: &[u8], requests: &Sender<Operator>, phase: &PhaseCell) -> io::Result<Answer> {
+    let asked: Asked = serde_json::from_slice(line)?;
+    let seen = phase.glimpse();
+    let heard = seen.phase.can_be_held();
+    let is_taken = |word: Operator| word.say_into(requests).is_ok();
+    let accepted = match asked.request {
+        Request::Stop => is_taken(Operator::Stop),
+        Request::Hold => heard && is_taken(Operator::Hold),
+        Request::Continue => heard && is_taken(Operator::Continue),
+        Request::Confirm => seen.unconfirmed && is_taken(Operator::Confirm),
+        Request::Phase => true,
+    };
+    Ok(Answer { accepted, seen })
 }
 
 enum Heard {
@@ -306,16 +329,20 @@ fn nanos(time: Duration) -> u64 {
     u64::try_from(time.as_nanos()).unwrap_or(u64::MAX)
 }
 
-fn read_line<T: serde::de::DeserializeOwned>(from: &UnixStream) -> io::Result<T> {
+pub(super) fn read_line<T: serde::de::DeserializeOwned>(from: &UnixStream) -> io::Result<T> {
     let mut line = String::new();
-    BufReader::new(from.take(LONGEST as u64)).read_line(&mut line)?;
+    BufReader::new(from.take(LONGEST_ANSWER)).read_line(&mut line)?;
     serde_json::from_str(&line).map_err(io::Error::from)
 }
 
-fn write_line(mut to: &UnixStream, value: &impl Serialize) -> io::Result<()> {
+pub(super) fn in_a_line(value: &impl Serialize) -> io::Result<Vec<u8>> {
     let mut line = serde_json::to_vec(value)?;
     line.push(b'\n');
-    to.write_all(&line)
+    Ok(line)
+}
+
+pub(super) fn write_line(mut to: &UnixStream, value: &impl Serialize) -> io::Result<()> {
+    to.write_all(&in_a_line(value)?)
 }
 
 /// Asks the test that runs into `folder`.
@@ -323,7 +350,7 @@ fn write_line(mut to: &UnixStream, value: &impl Serialize) -> io::Result<()> {
 /// # Errors
 /// Nothing runs there, or it does not answer.
 pub fn ask(folder: &Path, request: Request) -> Result<Answer, Unanswered> {
-    let stream = reach(folder).map_err(|error| match error.kind() {
+    let stream = reach(folder, SOCKET.as_ref()).map_err(|error| match error.kind() {
         ErrorKind::PermissionDenied => Unanswered::Barred(error),
         // The socket goes with its test; where that was killed it stays behind, and nobody listens. One that has claimed the
         // folder does not listen yet, or its socket was deleted.
@@ -339,7 +366,7 @@ pub fn ask(folder: &Path, request: Request) -> Result<Answer, Unanswered> {
 }
 
 /// A connection. One that is not taken up in time because too many wait before it is not waited for, either.
-fn reach(folder: &Path) -> io::Result<UnixStream> {
+pub(super) fn reach(folder: &Path, name: &OsStr) -> io::Result<UnixStream> {
     let folder = File::open(folder)?;
     let socket = rustix::net::socket_with(
         AddressFamily::UNIX,
@@ -349,7 +376,7 @@ fn reach(folder: &Path) -> io::Result<UnixStream> {
     )?;
     set_socket_timeout(&socket, Timeout::Send, Some(PATIENCE))?;
     set_socket_timeout(&socket, Timeout::Recv, Some(PATIENCE))?;
-    rustix::net::connect(&socket, &SocketAddrUnix::new(address(&folder))?)?;
+    rustix::net::connect(&socket, &SocketAddrUnix::new(address(&folder, name))?)?;
     Ok(UnixStream::from(socket))
 }
 

@@ -36,6 +36,15 @@ pub(super) struct Pace {
 }
 
 impl Past {
+    /// The same commands at the beginning of a session: nothing was measured, warned of or tripped in it.
+    pub fn of_a_session(&self) -> Self {
+        Self {
+            command: self.command,
+            sawtooth: Sawtooth::at_rest(self.command[0]),
+            ..Self::default()
+        }
+    }
+
     /// What the next command is judged by. Real-time: yes.
     #[inline]
     pub fn asked(&self, disp: f64, pace: Pace, aims: bool, limits: &AxisLimits) -> Asked {

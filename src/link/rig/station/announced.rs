@@ -27,10 +27,10 @@ impl Announced {
         })
     }
 
-    /// From here the next command goes.
-    pub fn begin(&mut self, disp: impl Iterator<Item = f64>) {
+    /// From here the next command goes on, as the specimen's own guard has it.
+    pub fn begin(&mut self, guard: &Watch) {
         self.watch = Watch::new(self.limits.clone(), USUAL_TICK_S);
-        self.watch.stands_at(disp);
+        self.watch.goes_on_from(guard);
     }
 
     /// The last command counts as one at rest.
