@@ -7,7 +7,7 @@ use super::exit::{Exit, WithExit};
 use super::{answer, tell};
 use crate::link::rig::Latch;
 use crate::link::serve::Host;
-use crate::session::{self, ControlPlace, ControlSocket, ResetError};
+use crate::session::{self, ControlPlace, ResetError, ServerControl};
 
 /// Clears the latched trip of a server.
 pub fn reset(args: &ResetArgs) -> anyhow::Result<Exit> {
@@ -34,7 +34,7 @@ pub fn latched(
     host: Host,
     args: &ServeArgs,
     physical: bool,
-) -> anyhow::Result<(Host, Option<ControlSocket>)> {
+) -> anyhow::Result<(Host, Option<ServerControl>)> {
     let is_lasting = physical || host.remembers();
     if !is_lasting && args.control.is_none() {
         if args.reset {
@@ -59,7 +59,7 @@ pub fn latched(
     };
     let for_reset = latch.clone();
     let clear = move || Ok(for_reset.clear()?.map(|trip| trip.text));
-    let socket = match ControlSocket::open(&place, clear) {
+    let socket = match ServerControl::open(&place, clear) {
         Ok(socket) => Some(socket),
         // A trip in memory ends with the server in any case.
         Err(error) if !physical && args.control.is_none() => {

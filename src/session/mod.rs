@@ -49,7 +49,7 @@ pub use desk::{Answer, Request, Unanswered, ask};
 pub use page::{Page, PageError, conclude, hero, write_report};
 pub use ready::missing;
 pub use replay::{Difference, Replay, ReplayError, replay, replay_rows};
-pub use reset::{ControlError, ControlPlace, ControlSocket, ResetError, reset};
+pub use reset::{ControlError, ControlPlace, ResetError, ServerControl, reset};
 pub use resume::{ResumeError, resume, resume_over};
 pub use retrace::altered;
 pub use signals::{Signal, Signals, Taken};

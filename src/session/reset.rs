@@ -3,7 +3,6 @@
 //! It is made as that of a running test is ([`super::desk`]): one line of JSON in, one out. `{"request": "reset"}` is answered
 //! with `{"trip": …}`, what was cleared in words, or `null` where nothing was latched.
 
-use std::ffi::OsString;
 use std::io::{self, ErrorKind};
 use std::os::unix::fs::FileTypeExt;
 use std::path::{Path, PathBuf};
@@ -20,7 +19,7 @@ const LATCH: &str = "latch.json";
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ControlPlace {
     folder: PathBuf,
-    name: OsString,
+    name: String,
     path: PathBuf,
 }
 
@@ -28,7 +27,7 @@ impl ControlPlace {
     /// `path` is a folder, whose socket is `control.sock`, or a socket that may not exist yet.
     #[must_use]
     pub fn at(path: &Path) -> Self {
-        match path.file_name() {
+        match path.file_name().and_then(|name| name.to_str()) {
             Some(name) if !path.is_dir() => {
                 let folder = path
                     .parent()
@@ -78,7 +77,7 @@ pub enum ControlError {
 
 /// The control socket of a server; closed and removed when dropped.
 #[derive(Debug)]
-pub struct ControlSocket {
+pub struct ServerControl {
     _desk: Desk,
 }
 
@@ -104,7 +103,7 @@ struct ResetAnswer {
     error: Option<String>,
 }
 
-impl ControlSocket {
+impl ServerControl {
     /// Listens at `place`, and calls `clear` when asked to: it returns what was latched, in words. A socket that a killed server
     /// has left is replaced.
     ///
@@ -224,8 +223,8 @@ mod tests {
             let mut latched = vec![Ok(Some("too much".to_owned()))];
             latched.insert(0, Err(io::Error::from(ErrorKind::ReadOnlyFilesystem)));
             let clear = move || latched.pop().unwrap_or(Ok(None));
-            let socket = ControlSocket::open(&place, clear).unwrap();
-            let taken = ControlSocket::open(&place, nothing);
+            let socket = ServerControl::open(&place, clear).unwrap();
+            let taken = ServerControl::open(&place, nothing);
             assert!(matches!(taken, Err(ControlError::Taken(_))));
             assert_eq!(reset(&place).unwrap().as_deref(), Some("too much"));
             assert!(matches!(reset(&place), Err(ResetError::Kept { .. })));
@@ -241,9 +240,9 @@ mod tests {
         let place = ControlPlace::at(folder.path());
         let path = folder.path().join(SOCKET);
         drop(std::os::unix::net::UnixListener::bind(&path).unwrap());
-        drop(ControlSocket::open(&place, nothing).unwrap());
+        drop(ServerControl::open(&place, nothing).unwrap());
         std::fs::write(&path, "a file").unwrap();
-        let refused = ControlSocket::open(&place, nothing);
+        let refused = ServerControl::open(&place, nothing);
         assert!(matches!(refused, Err(ControlError::Socket { .. })));
         assert_eq!(std::fs::read(&path).unwrap(), b"a file");
     }
