@@ -46,7 +46,7 @@ pub(super) fn check_idle(file: &TestFile, clock_is_chosen: bool, findings: &mut 
     check_integrator(file, remote, &root.key("integrator"), findings);
     check_excitation(file, &root.key("excitation"), findings);
     check_safety(file, &root.key("safety"), findings);
-    check_timing(&file.timing, remote, &root.key("timing"), findings);
+    check_timing(&file.timing, &root.key("timing"), findings);
     if file.time.clock == ClockChoice::Simulated && !clock_is_chosen {
         check_clock(&file.timing, &root, findings);
     }
@@ -193,7 +193,7 @@ fn check_safety(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
 }
 
 /// `[timing]`, whatever the clock.
-fn check_timing(timing: &TimingSpec, remote: bool, at: &KeyPath, findings: &mut Findings) {
+fn check_timing(timing: &TimingSpec, at: &KeyPath, findings: &mut Findings) {
     let usual = TimingSpec::default();
     findings.idle(
         at,
@@ -207,17 +207,6 @@ fn check_timing(timing: &TimingSpec, remote: bool, at: &KeyPath, findings: &mut 
         "max_catch_up_ticks",
         timing.max_catch_up_ticks != usual.max_catch_up_ticks && !catches_up,
         "for `on_miss = \"catch_up\"`",
-    );
-    let why = if catches_up {
-        "no specimen is behind a link"
-    } else {
-        "for `on_miss = \"catch_up\"`"
-    };
-    findings.idle(
-        at,
-        "catch_up_remote",
-        timing.catch_up_remote && !(catches_up && remote),
-        why,
     );
 }
 
@@ -253,7 +242,6 @@ fn of_real_time(timing: &TimingSpec) -> Vec<&'static str> {
         require_realtime,
         on_miss,
         max_catch_up_ticks: _,
-        catch_up_remote: _,
         max_consecutive_misses,
         max_total_misses,
         max_misses_in_window,
@@ -327,7 +315,6 @@ pub(super) fn check_idle_served(
                 "max_catch_up_ticks",
                 timing.max_catch_up_ticks != usual.max_catch_up_ticks,
             ),
-            ("catch_up_remote", timing.catch_up_remote),
             ("warmup_ticks", timing.warmup_ticks.is_some()),
         ];
         findings.all_idle(&at, &keys, why);
