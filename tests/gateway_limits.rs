@@ -284,6 +284,52 @@ fn two_servers_are_not_controlled_at_one_place() {
     assert!(said.contains("--control"), "{said}");
 }
 
+/// A sensor that says nonsense, and no limit of the measured displacement.
+#[test]
+fn a_measured_displacement_of_1e308_m_trips_in_a_test_and_in_a_gateway() {
+    let broken = || {
+        Fake::start(|mut fake| {
+            fake.behave(20);
+            while let Some((sequence, disp)) = fake.command() {
+                let frame = fake.reading(sequence, 1e308, 4e5 * disp, Status::default());
+                fake.write(&frame);
+            }
+        })
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for (name, bound) in [("default", ""), ("given", "divergence_m = 0.5\n")] {
+        let text = through(&broken(), "").replace("zero_s = 0\n", &format!("zero_s = 0\n{bound}"));
+        let (code, said) = run(folder, name, &text);
+        assert_eq!(code, 1, "{said}");
+        let trip = trip_of_loop(&folder.join(name));
+        assert_eq!(trip["limit"], "measured_disp_m", "{trip}");
+        let expected = if bound.is_empty() { 1e3 } else { 0.5 };
+        assert_eq!(trip["bound"], expected, "{trip}");
+    }
+    let out = folder.join("kept");
+    let served = Served::start(
+        folder,
+        &gateway(&broken(), KNOWN, ""),
+        &["--out", out.to_str().unwrap()],
+    );
+    let (code, said) = run(folder, "run", &through(&served.address, ""));
+    assert_eq!(code, 1, "{said}");
+    served.hears("test over");
+    assert_eq!(trip(&out.join("test-0001"))["what"], "measured_disp_m");
+}
+
+/// What a controller's own events say of the limit that tripped.
+fn trip_of_loop(folder: &Path) -> serde_json::Value {
+    let events = Run::open(folder).unwrap().events().unwrap().events;
+    let of_a_limit = |event: &&serde_json::Value| event["bound"].is_number();
+    events
+        .iter()
+        .find(of_a_limit)
+        .cloned()
+        .unwrap_or_else(|| panic!("{events:?}"))
+}
+
 /// OpenFresco's protocols have no word for a trip: the connection is closed, and the cause stands on our side.
 #[test]
 fn over_openfresco_the_connection_is_closed_and_the_cause_is_said_here() {

@@ -10,7 +10,8 @@ use crate::control::limits::BoundSpec;
 #[serde(deny_unknown_fields, default)]
 pub struct SafetyTable {
     /// Displacement of any DOF of the structure in m beyond which the test counts as diverged and stops. A value that is
-    /// not finite always stops it. Absent: 1000.
+    /// not finite always stops it. Absent: 1000. A measured displacement beyond it trips, too, where `measured_disp_m` has no
+    /// trip level.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub divergence_m: Option<f64>,
     /// Wall time in s over which every sensor is averaged before anything moves, while the specimens hold where they

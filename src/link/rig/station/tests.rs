@@ -284,7 +284,10 @@ impl Led {
         self.station.end(Close::Vanished, "gone");
         self.station.now_is(self.now);
         // It tells where it stood at first, and stands where it was led.
-        self.station.rig = Box::new(Standing(self.disp));
+        self.station.rig = Box::new(Standing {
+            disp: self.disp,
+            reads: None,
+        });
         self.station.begin(&self.visitor, &mut || Ok(())).unwrap();
         self.station.starts(self.now);
     }
@@ -326,7 +329,11 @@ impl Led {
 }
 
 /// What stands behind a link, here.
-struct Standing(f64);
+struct Standing {
+    disp: f64,
+    /// In place of what it was commanded.
+    reads: Option<f64>,
+}
 
 impl Rig for Standing {
     fn axes(&self) -> usize {
@@ -337,7 +344,7 @@ impl Rig for Standing {
     }
     fn connect(&mut self, _: &Visitor, _: &mut Wanted<'_>) -> Result<Introduction, Over> {
         Ok(Introduction {
-            standing: vec![self.0],
+            standing: vec![self.disp],
             force: vec![0.0],
             ..Introduction::default()
         })
@@ -353,6 +360,7 @@ impl Rig for Standing {
         into: &mut Measurement,
     ) -> Result<bool, LinkFault> {
         into.disp.copy_from_slice(command.disp);
+        into.disp[0] = self.reads.unwrap_or(into.disp[0]);
         Ok(true)
     }
     fn commit(&mut self) -> Result<(), LinkFault> {
@@ -422,6 +430,21 @@ fn an_arm_in_motion_does_not_hide_the_change_of_speed() {
         // From 0.2 m/s to none: 200 m/s2.
         let found = led.goes(0.0);
         assert_eq!(found.is_some(), trip, "{again} {silence}: {found:?}");
+    }
+}
+
+#[test]
+fn a_measured_displacement_that_cannot_be_trips_without_any_limit() {
+    for (reads, trips) in [(999.0, false), (-1001.0, true), (1e308, true)] {
+        let mut led = Led::at("", Some((1000, 1)));
+        assert_eq!(led.goes(0.0), None);
+        led.station.rig = Box::new(Standing {
+            disp: led.disp,
+            reads: Some(reads),
+        });
+        let trip = led.goes(0.0);
+        let wanted = trips.then_some(Quantity::MeasuredDisp);
+        assert_eq!(trip, wanted, "{reads}");
     }
 }
 
