@@ -319,7 +319,7 @@ fn a_measured_displacement_of_1e308_m_trips_in_a_test_and_in_a_gateway() {
     assert_eq!(trip(&out.join("test-0001"))["what"], "measured_disp_m");
 }
 
-/// What a controller's own events say of the limit that tripped.
+/// The event of the limit that tripped in the controller's run folder.
 fn trip_of_loop(folder: &Path) -> serde_json::Value {
     let events = Run::open(folder).unwrap().events().unwrap().events;
     let of_a_limit = |event: &&serde_json::Value| event["bound"].is_number();

@@ -1,4 +1,4 @@
-//! Keys that were removed: what a file that still has one is told, and which files may have one.
+//! Removed keys: the finding for a file that still has one, and the files that may have one.
 //!
 //! In a test file a removed key is refused, and the finding names what to use instead. The `resolved.toml` of a run folder
 //! holds the defaults of the version that wrote it: there a removed key is passed over at the default that it had. At
@@ -35,7 +35,7 @@ impl RemovedKey {
     }
 }
 
-/// Takes the removed keys at their defaults out of the resolved configuration of a run folder. Any other file stays as it is.
+/// Takes the removed keys at their defaults out of the resolved configuration of a run folder. Any other file stays unchanged.
 pub(super) fn pass_over(path: &Path, root: &mut Node) {
     if path.file_name().is_none_or(|name| name != "resolved.toml") {
         return;
@@ -49,7 +49,7 @@ pub(super) fn pass_over(path: &Path, root: &mut Node) {
     }
 }
 
-/// What is said of a key that is unknown because it was removed; none of another.
+/// The finding for an unknown key that was removed; none for other keys.
 pub(super) fn finding(path: &KeyPath) -> Option<Finding> {
     let removed = REMOVED.iter().find(|removed| removed.path() == *path)?;
     let RemovedKey {

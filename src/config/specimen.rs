@@ -62,7 +62,7 @@ pub struct SpecimenTable {
     /// One table per axis: gear, offsets and units. Default for all axes: none, zero, SI.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub axis: Vec<AxisTable>,
-    /// Bounds of every axis, as far as the axis gives no level of its own.
+    /// Bounds of every axis. Each `warn` and each `trip` of an axis' own `limits` replaces the one here.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub limits: Option<LimitsSpec>,
     /// The same law on every axis, each with a memory of its own.

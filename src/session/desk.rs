@@ -26,7 +26,7 @@ use crate::rt::os::monotonic_ns;
 pub(super) const SOCKET: &str = "control.sock";
 /// How long the other end may take for its line.
 const PATIENCE: Duration = Duration::from_secs(2);
-/// Longest line that is asked, and that is answered.
+/// Longest request, and longest answer.
 const LONGEST: usize = 256;
 const LONGEST_ANSWER: u64 = 16_384;
 /// Callers that are listened to at once; others wait for one of them.
@@ -109,7 +109,7 @@ pub struct Desk {
     thread: Option<JoinHandle<()>>,
 }
 
-/// What a whole line of a caller is answered with; an error hangs up.
+/// Makes the answer to a line; an error closes the connection.
 type Serve = Box<dyn FnMut(&[u8]) -> io::Result<Vec<u8>> + Send>;
 
 impl Desk {
@@ -254,7 +254,7 @@ impl Counter {
     }
 }
 
-/// What a running test is told by a line, and its answer.
+/// Passes the request in a line to the running test, and returns the answer.
 fn told(line: &[u8], requests: &Sender<Operator>, phase: &PhaseCell) -> io::Result<Answer> {
     let asked: Asked = serde_json::from_slice(line)?;
     let seen = phase.glimpse();

@@ -63,7 +63,7 @@ impl ControlPlace {
 #[derive(Debug, Error)]
 pub enum ControlError {
     /// Another server is controlled there.
-    #[error("{}: another server is controlled there: give each one a --control of its own", .0.display())]
+    #[error("{}: another server is controlled there: give each server another --control", .0.display())]
     Taken(PathBuf),
     /// The system gives no socket there.
     #[error("{}: no control socket can be made there: {source} (--control PATH names another place)", path.display())]
@@ -96,7 +96,7 @@ struct Asked {
 /// What `reset` is answered with.
 #[derive(Debug, Serialize, Deserialize)]
 struct ResetAnswer {
-    /// What was latched and is cleared.
+    /// The trip that was cleared, in words.
     trip: Option<String>,
     /// Why it is not cleared.
     #[serde(default, skip_serializing_if = "Option::is_none")]

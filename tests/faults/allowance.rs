@@ -1,4 +1,4 @@
-//! What no client can do to a specimen, whatever it sends and however often it comes again.
+//! No client moves a specimen faster than its limit allows.
 //!
 //! With a limit v of the commanded speed, no sequence of commands, bursts, silences, holds, Arms and sessions moves a specimen by
 //! more than v·(T + burst) in any T seconds. The burst is 0.02 s, or two announced periods where that is longer. Each sequence
@@ -53,7 +53,7 @@ impl Led {
         self.0.lock().unwrap().last().map_or(0.0, |led| led.1)
     }
 
-    /// The longest way in any T seconds, both ends included, beyond v·T.
+    /// The largest excess of the distance in any T seconds, both ends included, over v·T.
     fn beyond_its_speed(&self) -> f64 {
         let (mut last, mut beyond, mut most) = ((Nanos(0), 0.0), 0.0_f64, 0.0_f64);
         for (now, disp) in self.0.lock().unwrap().iter() {
@@ -65,7 +65,7 @@ impl Led {
         most
     }
 
-    /// The same after the first end: a way that its own time has paid for counts as paid.
+    /// The same excess for windows that begin after a command and end with one.
     fn beyond_its_own_time(&self) -> f64 {
         let (mut last, mut beyond, mut most) = ((Nanos(0), 0.0), 0.0_f64, 0.0_f64);
         for (now, disp) in self.0.lock().unwrap().iter() {
@@ -78,7 +78,7 @@ impl Led {
     }
 }
 
-/// A specimen across a link that goes where it is told.
+/// A specimen behind a link that follows each command.
 struct Specimen {
     clock: SimClock,
     led: Led,
@@ -124,7 +124,7 @@ fn axis() -> Axis {
     }
 }
 
-/// A client of our own protocol, and the gateway that it commands.
+/// A client of Gusset's protocol, and the gateway that it commands.
 struct Client {
     clock: SimClock,
     led: Led,
@@ -209,7 +209,7 @@ impl Client {
     }
 
     fn send(&mut self, length: usize) {
-        // Whoever is not heard any more connects again.
+        // A client whose connection is closed connects again.
         let _ = self.end.send(&self.out[..length]);
     }
 
@@ -246,7 +246,7 @@ impl Client {
         self.send(length);
     }
 
-    /// Hears what there is to be heard; after a trip the operator clears it, and the client comes again.
+    /// Takes every answer. After a trip the operator clears it, and the client connects again.
     fn settle(&mut self) {
         let is_lost = loop {
             match self.hear() {
@@ -276,7 +276,7 @@ fn host(clock: &SimClock, led: &Led) -> Host {
     host.limited(vec![limits()])
 }
 
-/// To no session of its own.
+/// A host that no session uses.
 fn unused() -> Host {
     host(&SimClock::new(), &Led::default())
 }
@@ -361,7 +361,7 @@ fn no_client_with_a_rate_moves_a_specimen_faster_than_its_limit_and_one_burst() 
     assert!(commands > 4 * SEEDS as usize * 20, "{commands}");
 }
 
-/// A specimen across a link, as a server has it.
+/// The server's end of a specimen behind a link.
 struct Standing(Led);
 
 impl Rig for Standing {

@@ -36,7 +36,7 @@ pub(super) struct Pace {
 }
 
 impl Past {
-    /// The same commands at the beginning of a session: nothing was measured, warned of or tripped in it.
+    /// Keeps the commands and forgets measurements, warnings and trips, for a new session.
     pub fn of_a_session(&self) -> Self {
         Self {
             command: self.command,

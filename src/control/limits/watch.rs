@@ -119,8 +119,7 @@ impl Watch {
         (self.measured, self.leaves) = (false, false);
     }
 
-    /// The specimen is found at `disp`, and comes there as fast as it was commanded last. Where nothing was commanded it stands
-    /// there.
+    /// The specimen is found at `disp`, and keeps the speed of its last commands. Without a command before it is at rest.
     pub fn is_found_at(&mut self, disp: impl Iterator<Item = f64>) {
         if self.sent == 0 {
             return self.stands_at(disp);

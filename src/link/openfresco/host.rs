@@ -211,7 +211,7 @@ impl Host {
         Ok(self.station.attend()?)
     }
 
-    /// What the operator of this end does next, if a trip is latched.
+    /// The operator's next step, if a trip is latched.
     #[must_use]
     pub fn next_step(&self) -> Option<String> {
         self.station.next_step()

@@ -2,8 +2,8 @@
 //!
 //! The trip stops its own session for good, and the latch refuses every later one. Of a physical specimen the latch is a file
 //! beside the server's control socket, so that it outlives a crash and an automatic restart. A computed specimen that
-//! remembers has its latch in memory, as it has its state. A lost link is not latched: the next session connects anew, and
-//! hears from the specimen where it stands.
+//! remembers has its latch in memory, as it has its state. A lost link is not latched: the next session connects
+//! again, and the specimen reports its position.
 
 use std::fs::File;
 use std::io::{self, Write};
@@ -15,12 +15,12 @@ use serde::{Deserialize, Serialize};
 use crate::record::utc::rfc3339;
 use crate::rt::wall::Wall;
 
-/// A trip as it is kept.
+/// A latched trip.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LatchedTrip {
     /// Name of the specimen.
     pub specimen: String,
-    /// Key of the limit, or a word of its own ([`super::Trip::name`]).
+    /// Key of the limit, or another name ([`super::Trip::name`]).
     pub what: String,
     /// What happened, with axis, value and bound.
     pub text: String,
@@ -105,7 +105,7 @@ impl Latch {
         ))
     }
 
-    /// What the operator does about a trip of this specimen.
+    /// The operator's next step after a trip of this specimen.
     #[must_use]
     pub fn next_step(&self) -> String {
         next_step(self.latched().control.as_deref())
@@ -141,7 +141,7 @@ impl Latch {
             let folder = file.parent().filter(|path| !path.as_os_str().is_empty());
             let folder = folder.unwrap_or(Path::new("."));
             for path in [file.as_path(), folder] {
-                // What cannot be brought there was told of when it was written.
+                // A failure was reported when the file was written.
                 let _ = File::open(path).and_then(|file| file.sync_all());
             }
         }
@@ -169,7 +169,7 @@ fn next_step(control: Option<&Path>) -> String {
             "its operator clears it with `gusset reset {}`",
             control.display()
         ),
-        None => "its operator starts its server anew".to_owned(),
+        None => "its operator restarts its server".to_owned(),
     }
 }
 

@@ -4,8 +4,8 @@
 //! A [`Station`] is what a server commands: every exchange passes its limits and stands in its log. Behind it is a
 //! [`Rig`]. Invariants: what a limit refuses is not passed on. A trip stops its session for good, and the specimen holds at
 //! the last command that it was given. The limits' history and the trip are the specimen's: they outlive the session of a
-//! specimen that keeps its state ([`Latch`], [`GuardStore`]). Whatever ends a test, the specimen hears the last word of its
-//! protocol.
+//! specimen that keeps its state ([`Latch`], [`GuardStore`]). However a test ends, the specimen receives
+//! the goodbye of its protocol.
 
 mod columns;
 mod far;

@@ -3,6 +3,7 @@
 mod allowed;
 mod announced;
 mod attempt;
+mod beginning;
 mod ending;
 mod first;
 mod guard;
@@ -237,80 +238,6 @@ impl Station {
         self.rig.tangent(stiffness);
     }
 
-    /// Gets everything ready for a controller's test: log, connection, direction, arming. Returns what whoever watches
-    /// should know. May block and move what is to be tried, for as long as the test is `wanted`.
-    ///
-    /// # Errors
-    /// Why there is no test; the specimen, if it was reached, has been told, and holds where it is.
-    pub fn begin(
-        &mut self,
-        visitor: &Visitor,
-        wanted: &mut Wanted<'_>,
-    ) -> Result<Vec<String>, Over> {
-        self.end(Close::Failed, "another controller came");
-        if let Some(refusal) = self.latch.refusal() {
-            return Err(Over::failed(refusal));
-        }
-        self.borrow_guard(visitor)?;
-        // The specimen has not heard of it yet.
-        (self.begun, self.is_dismissed) = (true, true);
-        self.tripped = None;
-        self.announced = Announced::by(visitor, &self.units);
-        self.begins = None;
-        self.commits = 0;
-        self.unsettled = 0;
-        self.holding = 0;
-        self.link = LinkStats::default();
-        self.measured = Measurement::zeros(self.units.len());
-        self.sound = Measurement::zeros(self.units.len());
-        if let Err(text) = self.open_log(visitor) {
-            self.end(Close::Failed, &text);
-            return Err(text.into());
-        }
-        self.is_dismissed = false;
-        match self.get_ready(visitor, wanted) {
-            Ok(told) => Ok(told),
-            Err(Over { close, text }) => {
-                // Its own reason is one for its controller, too.
-                let said = self.dismiss(close);
-                let text = with_last_words(text, said);
-                let over = Over { close, text };
-                if matches!(over.close, Close::Failed | Close::Vanished) {
-                    self.note(NoteLevel::Error, "link", &over.text);
-                }
-                self.end(over.close, &over.text);
-                Err(over)
-            }
-        }
-    }
-
-    fn open_log(&mut self, visitor: &Visitor) -> Result<(), String> {
-        let Some(settings) = &self.keeping else {
-            return Ok(());
-        };
-        let log = Log::open(settings, &self.name, &self.units, visitor, self.away_from);
-        let mut log = log.map_err(|text| format!("the log cannot be kept: {text}"))?;
-        if let Some(words) = &self.played {
-            log.warn("faults", words);
-        }
-        self.log = Some(log);
-        Ok(())
-    }
-
-    /// A session begins with the guard of the specimen, or with a new one where the specimen is new, too.
-    fn borrow_guard(&mut self, visitor: &Visitor) -> Result<(), Over> {
-        let new = SpecimenGuard::new(self.guard.limits.clone(), self.moves);
-        if self.is_lasting() {
-            let lent = self.store.lend(|| new);
-            self.guard = lent.ok_or_else(|| Over::failed("another session has the specimen"))?;
-            self.guard.begin(visitor.rate);
-        } else {
-            self.guard = new;
-            self.guard.begin(visitor.rate);
-        }
-        Ok(())
-    }
-
     /// Commands may come from now on. Real-time: yes.
     pub fn starts(&mut self, now: Nanos) {
         self.now = Some(now);
@@ -340,7 +267,7 @@ impl Station {
         &self.latch
     }
 
-    /// What the operator of this end does next, if a trip is latched.
+    /// The operator's next step, if a trip is latched.
     #[must_use]
     pub fn next_step(&self) -> Option<String> {
         let trip = self.latch.trip();
@@ -387,7 +314,7 @@ impl Station {
         self.exchange_as(Exchange::RUNNING, command, elapsed, wanted, into)
     }
 
-    /// A trip is the specimen's: where that lasts, no session begins before its operator has cleared it. A lost link is none.
+    /// Latches the trip of a lasting specimen: no session begins before its operator has cleared it. A lost link is not latched.
     fn trip(&mut self, trip: Trip) {
         self.tripped = Some(trip);
         let text = self.whole(trip);

@@ -152,7 +152,7 @@ impl Host {
         self.latch.clone()
     }
 
-    /// The same specimen as that of `other`: it has the limits' history and the trip of that one.
+    /// Shares the limits' history and the latch with `other`, which serves the same specimen.
     #[must_use]
     pub fn guarded_as(mut self, other: &Self) -> Self {
         (self.guard, self.latch) = (other.guard.clone(), other.latch.clone());

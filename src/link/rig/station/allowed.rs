@@ -13,7 +13,7 @@
 use super::USUAL_TICK_S;
 use crate::time::Nanos;
 
-/// Commands may run ahead of the wall clock by so much, or by two announced periods where that is longer.
+/// The burst in s, where two announced periods are not longer.
 const BURST_S: f64 = 0.02;
 /// A speed has a time, however short.
 const SHORTEST_S: f64 = 1e-9;
@@ -66,7 +66,7 @@ impl Allowed {
         self.period_s = rate.map(|(commands, seconds)| seconds as f64 / commands as f64);
     }
 
-    /// The full burst again, at the same rate: for a formula that is made anew.
+    /// Restores the full burst and keeps the rate, for a formula that starts again.
     pub fn forget(&mut self) {
         *self = Self {
             period_s: self.period_s,
@@ -92,12 +92,13 @@ impl Allowed {
         BURST_S.max(2.0 * self.period_s.unwrap_or(0.0))
     }
 
-    /// True if no command came for longer than the burst, so that the specimen has come to rest. A client without a rate may take
-    /// its time from step to step. Real-time: yes.
+    /// True if no command came for longer than the burst, so that the specimen has come to rest. After an Arm that holds for
+    /// every specimen, else for one that moves: a formula, or a client without a rate, may take its time from step to step.
+    /// Real-time: yes.
     pub fn has_rested(&self, now: Nanos) -> bool {
         let silent = |last: Nanos| now.since(last) as f64 * 1e-9 > self.burst();
-        let is_due = self.period_s.is_some() || self.waits;
-        self.moves && is_due && self.commanded.is_some_and(silent)
+        let is_due = self.waits || (self.moves && self.period_s.is_some());
+        is_due && self.commanded.is_some_and(silent)
     }
 
     /// The time of a command that comes now; none if nothing is known. Real-time: yes.
@@ -270,6 +271,25 @@ mod tests {
                 [(last + 2, 0.0, 2e4), (last + 3, 0.0, 2e4 + 1e3 * period)],
             );
             assert!(found.iter().all(|time| (time - period).abs() < 1e-9));
+        }
+    }
+
+    #[test]
+    fn a_specimen_rests_after_a_silence_and_a_formula_only_before_an_arm() {
+        for (rate, moves, in_session) in [
+            (Some((1000, 1)), true, true),
+            (Some((1000, 1)), false, false),
+            (None, true, false),
+            (None, false, false),
+        ] {
+            let mut one = allowed(rate, moves);
+            let _ = times_of(&mut one, [(0, 0.02, 0.0)]);
+            let [soon, later] = [10, 30].map(|ms| Nanos(ms * 1_000_000));
+            assert!(!one.has_rested(soon));
+            assert_eq!(one.has_rested(later), in_session, "{rate:?} {moves}");
+            one.begin(5);
+            assert!(!one.has_rested(soon));
+            assert!(one.has_rested(later), "{rate:?} {moves}");
         }
     }
 

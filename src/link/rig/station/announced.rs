@@ -27,7 +27,7 @@ impl Announced {
         })
     }
 
-    /// From here the next command goes on, as the specimen's own guard has it.
+    /// The next command continues the history of the specimen's own guard.
     pub fn begin(&mut self, guard: &Watch) {
         self.watch = Watch::new(self.limits.clone(), USUAL_TICK_S);
         self.watch.goes_on_from(guard);

@@ -20,7 +20,7 @@ pub(super) struct SpecimenGuard {
 }
 
 impl SpecimenGuard {
-    /// Of a specimen whose place is not known yet.
+    /// A guard of a specimen whose position is not known yet.
     pub fn new(limits: Vec<AxisLimits>, moves: bool) -> Self {
         Self {
             watch: Watch::new(limits.clone(), USUAL_TICK_S),
@@ -29,7 +29,7 @@ impl SpecimenGuard {
         }
     }
 
-    /// A session begins, whose client announced this rate. What was measured and warned of before is none of it.
+    /// A session begins, whose client announced this rate. It forgets the measurements and warnings of the session before.
     pub fn begin(&mut self, rate: Option<(u64, u64)>) {
         self.watch.begins_session();
         self.allowed.announced(rate);
@@ -41,7 +41,7 @@ impl SpecimenGuard {
         self.allowed.forget();
     }
 
-    /// The specimen stands at `disp`, in m, and commands come from there, the first of this number.
+    /// The specimen is at `disp`, in m. Commands start there, and the first has this number.
     pub fn arm(&mut self, sequence: u64, disp: impl Iterator<Item = f64>) {
         self.watch.is_found_at(disp);
         self.allowed.begin(sequence);
@@ -84,7 +84,7 @@ enum Stored {
     #[default]
     Unused,
     Here(Box<SpecimenGuard>),
-    /// A session has it.
+    /// A session holds the guard.
     Lent,
 }
 
@@ -93,7 +93,7 @@ impl GuardStore {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The guard of the last session, or `new` before the first; none while a session has it.
+    /// The guard of the last session, or `new` before the first; none while a session holds it.
     pub(super) fn lend(&self, new: impl FnOnce() -> SpecimenGuard) -> Option<SpecimenGuard> {
         let mut stored = self.stored();
         match std::mem::replace(&mut *stored, Stored::Lent) {

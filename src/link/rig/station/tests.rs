@@ -246,7 +246,7 @@ fn a_small_motion_that_is_broken_off_is_told_with_the_place_where_it_ends() {
     }
 }
 
-/// A specimen that stands at zero, may be led at 0.1 m/s, and is led by a client of 1000 commands a second or of no rate.
+/// A specimen at zero that is moved by one client.
 struct Led {
     station: Station,
     visitor: Visitor,
@@ -283,7 +283,7 @@ impl Led {
         }
         self.station.end(Close::Vanished, "gone");
         self.station.now_is(self.now);
-        // It tells where it stood at first, and stands where it was led.
+        // The specimen is at its last command.
         self.station.rig = Box::new(Standing {
             disp: self.disp,
             reads: None,
@@ -305,7 +305,7 @@ impl Led {
         self.station.now_is(self.now);
     }
 
-    /// One command of so many metres; the limit that trips.
+    /// One command that moves the specimen by `metres`; the limit that trips.
     fn goes(&mut self, metres: f64) -> Option<Quantity> {
         let disp = self.disp + metres;
         let command = Command {
@@ -328,10 +328,10 @@ impl Led {
     }
 }
 
-/// What stands behind a link, here.
+/// A specimen behind a link, without the link.
 struct Standing {
     disp: f64,
-    /// In place of what it was commanded.
+    /// The displacement sensor reads this instead of the command.
     reads: Option<f64>,
 }
 
@@ -403,7 +403,7 @@ fn a_command_after_a_silence_has_the_burst_and_no_more() {
         let mut led = Led::at(SLOW, Some((1000, 1)));
         assert_eq!(led.goes(0.0), None);
         led.waits(0.5);
-        // So many were lost.
+        // 499 commands were lost.
         led.sequence += 499;
         assert_eq!(led.goes(step), trip);
     }
