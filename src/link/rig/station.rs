@@ -21,7 +21,7 @@ use guard::SpecimenGuard;
 use super::latch::Latch;
 use super::log::{Exchange, Log, LogSettings};
 use super::settings::{Close, Over, ProbeSettings};
-use super::{Rig, Trip, Visitor, Wanted, with_last_words};
+use super::{Rig, Trip};
 use crate::control::AxisUnits;
 use crate::control::limits::{AxisLimits, LimitsSpec, Quantity, Watch};
 use crate::record::{Note, NoteLevel};
