@@ -9,7 +9,10 @@ use std::sync::{Arc, Mutex};
 use gusset::record::Run;
 use gusset::record::summary::Status as Ended;
 use gusset::substructure::Status;
-use link_common::{COMPUTED, Fake, ONE_AXIS, Served, gateway, run, summary, test_file};
+use link_common::{
+    COMPUTED, Fake, ONE_AXIS, ONE_AXIS_LAW, Served, finish, gateway, gusset, run, summary,
+    test_file,
+};
 
 const STEPS: u32 = 500;
 const KNOWN: &str = "stiffness_n_per_m = 4e5\n";
@@ -205,6 +208,126 @@ fn a_warning_is_an_event_and_changes_nothing() {
             .contains("measured_force_n")
     );
     assert_eq!(run.summary().unwrap().status, Ended::Completed);
+}
+
+/// The reason of a test that does not begin at a latched specimen.
+fn refused(folder: &Path, name: &str, address: &str) -> String {
+    let (code, said) = run(folder, name, &through(address, ""));
+    assert_eq!(code, 3, "{said}");
+    let reason = summary(folder, name).reason;
+    assert!(reason.contains("nothing was moved"), "{reason}");
+    reason
+}
+
+#[test]
+fn a_trip_refuses_every_test_until_the_operator_clears_it_also_after_a_kill() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let (out, theirs) = (folder.join("kept"), folder.join("theirs"));
+    let specimen = test_file(STEPS, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
+    let specimen = Served::start(folder, &specimen, &["--out", theirs.to_str().unwrap()]);
+    let commanded = || std::fs::read_dir(&theirs).unwrap().count();
+    let limits = "[specimen.limits]\ncommand_disp_m = { trip = [-0.004, 0.004] }\n";
+    let text = gateway(&specimen.address, &format!("{KNOWN}{limits}"), "");
+    let arguments = ["--out", out.to_str().unwrap()];
+    let mut served = Served::start(folder, &text, &arguments);
+    let (code, said) = run(folder, "trips", &through(&served.address, ""));
+    assert_eq!(code, 1, "{said}");
+    let next = served.hears("no test begins until");
+    let command = format!("gusset reset {}", out.display());
+    assert!(next.contains(&command), "{next}");
+    served.hears("test over");
+    let reason = refused(folder, "again", &served.address);
+    assert!(reason.contains("command_disp_m"), "{reason}");
+    served.kill();
+    let mut served = Served::start(folder, &text, &arguments);
+    served.hears("warning: the specimen tripped at");
+    refused(folder, "restarted", &served.address);
+    assert_eq!(commanded(), 1, "the specimen had one test");
+
+    let (code, said) = served.reset();
+    assert_eq!(code, 0, "{said}");
+    assert!(said.contains("command_disp_m"), "{said}");
+    let (code, said) = served.reset();
+    assert_eq!((code, said.trim()), (0, "no trip is latched"));
+    let (code, _) = run(folder, "cleared", &through(&served.address, ""));
+    assert_eq!(code, 1);
+    assert_eq!(commanded(), 2);
+    served.hears("test over");
+    assert_eq!(served.signal("TERM"), 143);
+    let (code, said) = served.reset();
+    assert_eq!(code, 2, "{said}");
+    assert!(said.contains("--reset"), "{said}");
+
+    let with_reset = [&arguments[..], &["--reset"]].concat();
+    let served = Served::start(folder, &text, &with_reset);
+    served.hears("cleared: ");
+    let (code, _) = run(folder, "anew", &through(&served.address, ""));
+    assert_eq!(code, 1);
+}
+
+#[test]
+fn two_servers_are_not_controlled_at_one_place() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let text = gateway("127.0.0.1:1", KNOWN, "");
+    let place = folder.join("rig.sock");
+    let control = ["--control", place.to_str().unwrap()];
+    let _served = Served::start(folder, &text, &control);
+    let file = link_common::write(folder, "second.toml", &text);
+    let mut second = gusset();
+    second.arg("serve").arg(file).args(control);
+    second.args(["--listen", "127.0.0.1:0"]);
+    let output = finish(second);
+    assert_eq!(output.status.code(), Some(2), "{output:?}");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(said.contains("--control"), "{said}");
+}
+
+/// A sensor that says nonsense, and no limit of the measured displacement.
+#[test]
+fn a_measured_displacement_of_1e308_m_trips_in_a_test_and_in_a_gateway() {
+    let broken = || {
+        Fake::start(|mut fake| {
+            fake.behave(20);
+            while let Some((sequence, disp)) = fake.command() {
+                let frame = fake.reading(sequence, 1e308, 4e5 * disp, Status::default());
+                fake.write(&frame);
+            }
+        })
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for (name, bound) in [("default", ""), ("given", "divergence_m = 0.5\n")] {
+        let text = through(&broken(), "").replace("zero_s = 0\n", &format!("zero_s = 0\n{bound}"));
+        let (code, said) = run(folder, name, &text);
+        assert_eq!(code, 1, "{said}");
+        let trip = trip_of_loop(&folder.join(name));
+        assert_eq!(trip["limit"], "measured_disp_m", "{trip}");
+        let expected = if bound.is_empty() { 1e3 } else { 0.5 };
+        assert_eq!(trip["bound"], expected, "{trip}");
+    }
+    let out = folder.join("kept");
+    let served = Served::start(
+        folder,
+        &gateway(&broken(), KNOWN, ""),
+        &["--out", out.to_str().unwrap()],
+    );
+    let (code, said) = run(folder, "run", &through(&served.address, ""));
+    assert_eq!(code, 1, "{said}");
+    served.hears("test over");
+    assert_eq!(trip(&out.join("test-0001"))["what"], "measured_disp_m");
+}
+
+/// The event of the limit that tripped in the controller's run folder.
+fn trip_of_loop(folder: &Path) -> serde_json::Value {
+    let events = Run::open(folder).unwrap().events().unwrap().events;
+    let of_a_limit = |event: &&serde_json::Value| event["bound"].is_number();
+    events
+        .iter()
+        .find(of_a_limit)
+        .cloned()
+        .unwrap_or_else(|| panic!("{events:?}"))
 }
 
 /// OpenFresco's protocols have no word for a trip: the connection is closed, and the cause stands on our side.

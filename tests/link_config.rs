@@ -121,6 +121,8 @@ fn what_is_believed_of_a_specimen_behind_a_link_must_be_said() {
     shows(&complaint(&inches), "the protocol has no inches");
     let burst = text.replace("[timing]", "[timing]\non_miss = \"catch_up\"");
     shows(&complaint(&burst), "driven faster than the test says");
+    let allowed = burst.replace("[timing]", "[timing]\ncatch_up_remote = true");
+    shows(&complaint(&allowed), "`timing.catch_up_remote` was removed");
 }
 
 #[test]

@@ -124,8 +124,10 @@ fn a_gateway_knows_where_it_told_a_specimen_to_go_that_cannot_say_where_it_stand
     let stands = format!("stands_at_m = [{STANDS}]");
     let served = Served::start(folder.path(), &text(&stands), &["--protocol", "openfresco"]);
     assert!(!goes_to(&served, 0.0));
+    assert_eq!(served.reset().0, 0);
     assert!(goes_to(&served, STANDS + 0.003));
     assert!(!goes_to(&served, STANDS - 0.003));
+    assert_eq!(served.reset().0, 0);
     assert!(goes_to(&served, STANDS + 0.005));
     let told = told.lock().unwrap();
     assert!(largest_step(&told) <= 0.003 + 1e-12, "{told:?}");

@@ -8,7 +8,9 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-pub(super) use folders::{ExportArgs, FormatArg, OperateArgs, RateArg, ReplayArgs, ReportArgs};
+pub(super) use folders::{
+    ExportArgs, FormatArg, OperateArgs, RateArg, ReplayArgs, ReportArgs, ResetArgs,
+};
 pub(super) use machine::{DoctorArgs, JitterArgs, ModelArg};
 pub(super) use serve::{ProtocolArg, ServeArgs, TlsArgs, TransportArg};
 
@@ -59,6 +61,8 @@ pub(super) enum Command {
     Replay(ReplayArgs),
     /// Host a specimen for controllers that command it over a network, until told to stop.
     Serve(ServeArgs),
+    /// Clear the latched trip of a served specimen, so that a test may begin again.
+    Reset(ResetArgs),
     /// Obtain the published tables, equations, figures and examples of the integration family anew, and judge them.
     Verify(VerifyArgs),
     /// Run a published benchmark of hybrid simulation.

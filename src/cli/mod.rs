@@ -11,6 +11,7 @@ mod benchmark;
 mod certificate;
 mod check;
 mod conduct;
+mod control;
 mod doctor;
 mod drawn;
 mod exit;
@@ -87,6 +88,7 @@ fn dispatch(command: Command) -> anyhow::Result<Exit> {
         Command::Continue(args) => operate::operate(&args, Request::Continue),
         Command::Replay(args) => replay::replay(&args),
         Command::Serve(args) => serve::serve(&args),
+        Command::Reset(args) => control::reset(&args),
         Command::Verify(args) => verify::verify(&args),
         Command::Benchmark(benchmark::Of::Vrths(args)) => benchmark::vrths(&args),
         Command::Schema => schema::schema(),

@@ -9,6 +9,7 @@ use std::path::Path;
 
 use super::args::{ProtocolArg, ServeArgs, TransportArg};
 use super::aside::remark;
+use super::control::latched;
 use super::exit::{Exit, WithExit};
 use super::run::refused;
 use super::{answer, serve_openfresco, serve_tls, tell};
@@ -84,7 +85,12 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
         std::fs::create_dir_all(root)
             .map_err(|error| WithExit(Exit::Usage, format!("{}: {error}", root.display())))?;
     }
-    if let Some((role, port)) = protocol.openfresco() {
+    let openfresco = protocol.openfresco();
+    let physical =
+        served.host.is_gateway() || (openfresco.is_some() && served.serve.openfresco.physical);
+    let (host, _control) = latched(served.host, args, physical)?;
+    served.host = host;
+    if let Some((role, port)) = openfresco {
         return serve_openfresco::serve(args, &served, role, port, carrier);
     }
     if served.serve.tls.client_certificate == Some(ClientCertificate::Optional) {

@@ -219,6 +219,18 @@ impl Node {
         path.segments().iter().try_fold(self, Self::child)
     }
 
+    /// Takes the key of a table at the root out of it.
+    pub(crate) fn remove(&mut self, table: &str, key: &str) {
+        let Datum::Table(tables) = &mut self.datum else {
+            return;
+        };
+        for (_, node) in tables.iter_mut().filter(|(name, _)| name == table) {
+            if let Datum::Table(entries) = &mut node.datum {
+                entries.retain(|(name, _)| name != key);
+            }
+        }
+    }
+
     fn child(&self, segment: &Segment) -> Option<&Self> {
         match (&self.datum, segment) {
             (Datum::Table(entries), Segment::Key(key)) => {

@@ -30,6 +30,7 @@ mod locator;
 mod overrides;
 mod read;
 mod reader;
+mod removed;
 mod resolve;
 mod safety;
 mod schema;
@@ -222,13 +223,14 @@ fn open(path: &Path, text: String, sets: &[String]) -> Result<Opened, ConfigErro
     let locator = Locator::new(source, original, overrides);
     let effective = document.to_string();
     // The overridden text is ours; if it did not parse the fault would not be the user's, but he must hear of it.
-    let root = document::Node::parse(&effective).map_err(|errors| {
+    let mut root = document::Node::parse(&effective).map_err(|errors| {
         let source = Arc::new(Source {
             name: "the test file with its overrides".to_owned(),
             text: effective.clone(),
         });
         ConfigError::Invalid(Diagnostics(diagnose::syntax(&source, errors)))
     })?;
+    removed::pass_over(path, &mut root);
     Ok(Opened {
         text,
         effective,
@@ -301,7 +303,13 @@ fn judge<T: serde::de::DeserializeOwned>(
         .iter()
         .map(|mistake| mistake.path.parent().unwrap_or_default())
         .collect();
-    let mut findings: Vec<Finding> = reading.mistakes.into_iter().map(Finding::from).collect();
+    let told = |mistake: read::Mistake| match &mistake.kind {
+        read::Kind::UnknownKey { .. } => {
+            removed::finding(&mistake.path).unwrap_or_else(|| mistake.into())
+        }
+        _ => mistake.into(),
+    };
+    let mut findings: Vec<Finding> = reading.mistakes.into_iter().map(told).collect();
     let known = |findings: &[Finding], path: &KeyPath| findings.iter().any(|f| f.path == *path);
     for finding in check::not_finite(root) {
         if !known(&findings, &finding.path) {

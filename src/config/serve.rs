@@ -72,8 +72,8 @@ pub struct ServeTable {
     /// File with the pre-shared key, relative to this file. Beyond loopback our own protocol wants this or TLS.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub key_file: Option<String>,
-    /// A specimen that is computed stays as the last test left it, as a real one does, so that an interrupted test can go on.
-    /// Otherwise each test finds it as new.
+    /// The computed specimen keeps its state, its limits' history and its trip between sessions, as a real one does. An
+    /// interrupted test can then be resumed. Default: each session finds it as new.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub remembers: bool,
     /// For `protocol = "openfresco…"` only.

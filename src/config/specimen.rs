@@ -62,7 +62,7 @@ pub struct SpecimenTable {
     /// One table per axis: gear, offsets and units. Default for all axes: none, zero, SI.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub axis: Vec<AxisTable>,
-    /// Bounds of every axis that has none of its own.
+    /// Bounds of every axis. Each `warn` and each `trip` of an axis' own `limits` replaces the one here.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub limits: Option<LimitsSpec>,
     /// The same law on every axis, each with a memory of its own.
@@ -276,7 +276,7 @@ pub struct AxisTable {
     pub unit_disp: DispUnit,
     /// Unit in which the axis tells its force.
     pub unit_force: ForceUnit,
-    /// Bounds of this axis; what is absent is as the specimen's `limits` say.
+    /// Bounds of this axis. Each `warn` and each `trip` that is absent is as the specimen's `limits` say.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub limits: Option<LimitsSpec>,
     /// "relative": the deformation is zero where the axis stands before the test, and `offset_m` is not needed.

@@ -24,8 +24,8 @@ pub enum OnMiss {
     /// The grid moves by whole ticks: the specimen sees slower time and never a burst of commands.
     #[default]
     Stretch,
-    /// The grid stands and the missed ticks run back to back. For virtual specimens; a real one
-    /// would be driven faster than the test says (see `catch_up_remote`).
+    /// The grid stands and the missed ticks run back to back. Refused with a specimen behind a link: it would be driven faster
+    /// than the test says.
     CatchUp,
     /// The test ends in an orderly way.
     Stop,
@@ -56,13 +56,11 @@ pub struct TimingSpec {
     /// Refuse to start (exit code 4) unless everything asked for above is granted.
     pub require_realtime: bool,
     /// What happens when a tick is late by one period or more: "stretch", "catch_up" or "stop". Late by less, the next
-    /// edge stands.
+    /// edge stands. "catch_up" is for computed specimens only.
     pub on_miss: OnMiss,
     /// With `on_miss = "catch_up"`: at most this many ticks run back to back; beyond it the grid is moved.
     #[schemars(range(min = 1))]
     pub max_catch_up_ticks: u64,
-    /// Allow `on_miss = "catch_up"` with a specimen behind a link, which may be a real one.
-    pub catch_up_remote: bool,
     /// The test stops after this many deadline misses in a row.
     #[schemars(range(min = 1))]
     pub max_consecutive_misses: u64,
@@ -99,7 +97,6 @@ impl Default for TimingSpec {
             require_realtime: false,
             on_miss: OnMiss::Stretch,
             max_catch_up_ticks: 100,
-            catch_up_remote: false,
             max_consecutive_misses: 50,
             max_total_misses: None,
             max_misses_in_window: None,

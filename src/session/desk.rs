@@ -23,11 +23,12 @@ use crate::rt::control_socket::{ControlSocket, connect};
 use crate::rt::os::monotonic_ns;
 
 /// The socket's name in the run folder.
-const SOCKET: &str = "control.sock";
+pub(super) const SOCKET: &str = "control.sock";
 /// How long the other end may take for its line.
 const PATIENCE: Duration = Duration::from_secs(2);
-/// Longest line.
+/// Longest request, and longest answer.
 const LONGEST: usize = 256;
+const LONGEST_ANSWER: u64 = 16_384;
 /// Callers that are listened to at once; others wait for one of them.
 const MOST_CALLERS: usize = 64;
 /// Until what cannot be done just now is tried again.
@@ -108,6 +109,9 @@ pub struct Desk {
     thread: Option<JoinHandle<()>>,
 }
 
+/// Makes the answer to a line; an error closes the connection.
+type Serve = Box<dyn FnMut(&[u8]) -> io::Result<Vec<u8>> + Send>;
+
 impl Desk {
     /// Listens in `folder`.
     ///
@@ -119,17 +123,30 @@ impl Desk {
         phase: PhaseCell,
         roll: &Roll,
     ) -> io::Result<Self> {
-        let socket = ControlSocket::bind(folder, SOCKET)?;
+        let serve = move |line: &[u8]| in_a_line(&told(line, &requests, &phase)?);
+        Self::listen(folder, SOCKET, Box::new(serve), Some(roll))
+    }
+
+    /// Listens at the socket of this name in `folder`, and answers every line as `serve` does.
+    ///
+    /// # Errors
+    /// The system gives no socket or no thread.
+    pub(super) fn listen(
+        folder: &Path,
+        name: &str,
+        serve: Serve,
+        roll: Option<&Roll>,
+    ) -> io::Result<Self> {
+        let socket = ControlSocket::bind(folder, name)?;
         let (open, closed) = UnixStream::pair()?;
-        let roll = roll.clone();
+        let roll = roll.cloned();
         let work = move || {
             let mut counter = Counter {
                 socket,
                 closed,
                 callers: Vec::new(),
-                requests,
-                phase,
-                stamper: roll.enter(),
+                serve,
+                stamper: roll.map(|roll| roll.enter()),
             };
             while counter.waits() {
                 counter.turn();
@@ -161,9 +178,8 @@ struct Counter {
     /// Readable when the desk closes.
     closed: UnixStream,
     callers: Vec<Caller>,
-    requests: Sender<Operator>,
-    phase: PhaseCell,
-    stamper: Stamper,
+    serve: Serve,
+    stamper: Option<Stamper>,
 }
 
 /// Who has come and not said a whole line.
@@ -203,14 +219,17 @@ impl Counter {
         }
         let callers = std::mem::take(&mut self.callers);
         for mut caller in callers {
-            let began_ns = self.stamper.now();
+            let began_ns = self.stamper.as_ref().map_or(0, Stamper::now);
             match caller.hear() {
                 Heard::Part if monotonic_ns() < caller.until_ns => self.callers.push(caller),
                 // Whoever speaks nonsense or not at all gets no answer.
                 Heard::Part => {}
                 Heard::Whole => {
-                    let _ = self.serve(&caller);
-                    self.stamper.since(What::Request, began_ns, 0);
+                    let answer = (self.serve)(&caller.line);
+                    let _ = answer.and_then(|line| (&caller.stream).write_all(&line));
+                    if let Some(stamper) = &mut self.stamper {
+                        stamper.since(What::Request, began_ns, 0);
+                    }
                 }
             }
         }
@@ -233,21 +252,22 @@ impl Counter {
             },
         }
     }
+}
 
-    fn serve(&self, caller: &Caller) -> io::Result<()> {
-        let asked: Asked = serde_json::from_slice(&caller.line)?;
-        let seen = self.phase.glimpse();
-        let heard = seen.phase.can_be_held();
-        let is_taken = |word: Operator| word.say_into(&self.requests).is_ok();
-        let accepted = match asked.request {
-            Request::Stop => is_taken(Operator::Stop),
-            Request::Hold => heard && is_taken(Operator::Hold),
-            Request::Continue => heard && is_taken(Operator::Continue),
-            Request::Confirm => seen.unconfirmed && is_taken(Operator::Confirm),
-            Request::Phase => true,
-        };
-        write_line(&caller.stream, &Answer { accepted, seen })
-    }
+/// Passes the request in a line to the running test, and returns the answer.
+fn told(line: &[u8], requests: &Sender<Operator>, phase: &PhaseCell) -> io::Result<Answer> {
+    let asked: Asked = serde_json::from_slice(line)?;
+    let seen = phase.glimpse();
+    let heard = seen.phase.can_be_held();
+    let is_taken = |word: Operator| word.say_into(requests).is_ok();
+    let accepted = match asked.request {
+        Request::Stop => is_taken(Operator::Stop),
+        Request::Hold => heard && is_taken(Operator::Hold),
+        Request::Continue => heard && is_taken(Operator::Continue),
+        Request::Confirm => seen.unconfirmed && is_taken(Operator::Confirm),
+        Request::Phase => true,
+    };
+    Ok(Answer { accepted, seen })
 }
 
 enum Heard {
@@ -286,16 +306,20 @@ fn nanos(time: Duration) -> u64 {
     u64::try_from(time.as_nanos()).unwrap_or(u64::MAX)
 }
 
-fn read_line<T: serde::de::DeserializeOwned>(from: &UnixStream) -> io::Result<T> {
+pub(super) fn read_line<T: serde::de::DeserializeOwned>(from: &UnixStream) -> io::Result<T> {
     let mut line = String::new();
-    BufReader::new(from.take(LONGEST as u64)).read_line(&mut line)?;
+    BufReader::new(from.take(LONGEST_ANSWER)).read_line(&mut line)?;
     serde_json::from_str(&line).map_err(io::Error::from)
 }
 
-fn write_line(mut to: &UnixStream, value: &impl Serialize) -> io::Result<()> {
+pub(super) fn in_a_line(value: &impl Serialize) -> io::Result<Vec<u8>> {
     let mut line = serde_json::to_vec(value)?;
     line.push(b'\n');
-    to.write_all(&line)
+    Ok(line)
+}
+
+pub(super) fn write_line(mut to: &UnixStream, value: &impl Serialize) -> io::Result<()> {
+    to.write_all(&in_a_line(value)?)
 }
 
 /// Asks the test that runs into `folder`.
@@ -316,6 +340,11 @@ pub fn ask(folder: &Path, request: Request) -> Result<Answer, Unanswered> {
     })?;
     write_line(&stream, &Asked { request }).map_err(Unanswered::silent(false))?;
     read_line(&stream).map_err(Unanswered::silent(true))
+}
+
+/// A connection to a desk. One that is not taken up in time is not waited for.
+pub(super) fn reach(folder: &Path, name: &str) -> io::Result<UnixStream> {
+    connect(folder, name, PATIENCE)
 }
 
 #[cfg(test)]

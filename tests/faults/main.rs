@@ -4,6 +4,7 @@
 #![allow(clippy::disallowed_macros, reason = "a long run tells its counts")]
 
 mod actuators;
+mod allowance;
 mod campaign;
 mod held;
 mod interrupted;

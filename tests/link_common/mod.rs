@@ -203,6 +203,8 @@ pub struct Served {
     child: Child,
     pub address: String,
     heard: mpsc::Receiver<String>,
+    /// Where `gusset reset` reaches it.
+    control: PathBuf,
 }
 
 impl Served {
@@ -215,6 +217,8 @@ impl Served {
         let number = STARTED.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
         let file = write(folder, &format!("serve-{number}.toml"), text);
         let given = arguments.contains(&"--listen");
+        let out = arguments.iter().skip_while(|word| **word != "--out").nth(1);
+        let control = out.map_or_else(|| file.with_extension("control.sock"), PathBuf::from);
         // A hang-up is one for it, also where it is none for these tests.
         let mut child = Command::new("env")
             .arg("--default-signal=HUP")
@@ -257,7 +261,18 @@ impl Served {
             child,
             address,
             heard,
+            control,
         }
+    }
+
+    /// Clears its latched trip, as its operator does; the exit code and what was said.
+    pub fn reset(&self) -> (i32, String) {
+        let mut command = gusset();
+        command.arg("reset").arg(&self.control);
+        let output = finish(command);
+        let said = [output.stdout, output.stderr].concat();
+        let said = String::from_utf8_lossy(&said).into_owned();
+        (output.status.code().unwrap(), said)
     }
 
     /// Waits until it says something that contains `words`.

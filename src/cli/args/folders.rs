@@ -24,6 +24,17 @@ pub(in crate::cli) struct OperateArgs {
 
 #[derive(Debug, Args)]
 #[command(
+    after_help = "Example:\n  gusset serve config/serve/gateway.toml --out runs/gateway\n  gusset reset runs/gateway\n\n\
+    A trip of a served specimen that moves refuses every further test until this command, also after a new start of the server. \
+    Look at the specimen first."
+)]
+pub(in crate::cli) struct ResetArgs {
+    /// Where the server is controlled: its --control, the folder of its --out, or FILE.control.sock beside its file.
+    pub control: PathBuf,
+}
+
+#[derive(Debug, Args)]
+#[command(
     after_help = "Examples:\n  gusset export runs/first --format csv --out first.csv\n  \
     gusset export runs/first --format mat --out first.mat                        load('first.mat')\n  \
     gusset export runs/first --format npz --rate tick --out first.npz            numpy.load('first.npz')\n  \

@@ -13,8 +13,8 @@ use clap::{Args, ValueEnum};
     gusset serve config/serve/gateway.toml --out runs/gateway\n  \
     gusset serve config/faults/rig.toml --transport udp --fault config/faults/lost-burst.toml\n\n\
     A specimen that is itself behind a link ([specimen.link]) makes this a gateway: every exchange passes its limits \
-    ([specimen.limits]). A limit that trips, or an interlock, holds the specimen where it is until the controller's test is \
-    over; the next test begins anew."
+    ([specimen.limits]). A limit that trips, or an interlock, holds the specimen where it is. No further test begins until \
+    the operator of the specimen has cleared the trip (gusset reset). So it is with `physical = true`."
 )]
 pub(in crate::cli) struct ServeArgs {
     /// A file with [[specimen]] and [serve], or a test file.
@@ -45,6 +45,13 @@ pub(in crate::cli) struct ServeArgs {
     /// row per exchange. `gusset report` and `gusset export` read them. Without it nothing is recorded.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+    /// Where `gusset reset` reaches this server: a socket, or a folder for control.sock. Of a specimen that moves, the file
+    /// that keeps its trip is beside the socket (control.latch.json) [default: the folder of --out, else beside FILE].
+    #[arg(long, value_name = "PATH")]
+    pub control: Option<PathBuf>,
+    /// Clear the latched trip of a test before this start.
+    #[arg(long)]
+    pub reset: bool,
     /// Play the faults of this script on every controller's test, the same each time: a laboratory in which things go
     /// wrong. For a specimen that is computed; config/faults has scripts. What --out records says so and keeps the script.
     #[arg(long, value_name = "SCRIPT")]

@@ -11,7 +11,7 @@ mod unwatched;
 use super::gear::Rows;
 use super::{Refused, Site, path, safety};
 use crate::config::{Finding, Loaded};
-use crate::control::limits::LimitsSpec;
+use crate::control::limits::{AxisLimits, DIVERGENCE_M, LimitsSpec};
 use crate::control::{Axis, Believed, Declared, Direction, Order, Pace, Port, Trend, WaitRules};
 use crate::geometry::Geometry;
 use crate::link::LinkSpec;
@@ -307,7 +307,12 @@ impl Specimens {
                     let table = &site.loaded.file.specimen[index];
                     let specs = table.limits_of(axes);
                     unwatched::unwatched(site, index, &specs, &declared);
-                    let limits = specs.iter().map(LimitsSpec::limits).collect();
+                    // `divergence_m` is of the structure, whose scale may be another.
+                    let bounded = |spec: &LimitsSpec| AxisLimits {
+                        divergence: DIVERGENCE_M,
+                        ..spec.limits()
+                    };
+                    let limits = specs.iter().map(bounded).collect();
                     let time = site.loaded.time;
                     let per_step = table.link.as_ref().is_some_and(LinkSpec::is_per_step);
                     let ticks = if per_step { time.ticks_per_step } else { 1 };

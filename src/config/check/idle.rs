@@ -42,11 +42,11 @@ pub(super) fn check_idle(file: &TestFile, clock_is_chosen: bool, findings: &mut 
     let root = KeyPath::root();
     check_time(file, &root.key("time"), findings);
     let is_remote = |specimen: &SpecimenTable| specimen.link.is_some();
-    let remote = file.specimen.iter().any(is_remote);
+
     check_integrator(file, &root.key("integrator"), findings);
     check_excitation(file, &root.key("excitation"), findings);
     check_safety(file, &root.key("safety"), findings);
-    check_timing(&file.timing, remote, &root.key("timing"), findings);
+    check_timing(&file.timing, &root.key("timing"), findings);
     if file.time.clock == ClockChoice::Simulated && !clock_is_chosen {
         check_clock(&file.timing, &root, findings);
     }
@@ -128,12 +128,6 @@ fn check_excitation(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
 fn check_safety(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
     let safety = &file.safety;
     let usual = SafetyTable::default();
-    findings.idle(
-        at,
-        "divergence_m",
-        safety.divergence_m.is_some() && file.structure.is_none(),
-        "a bound of the structure's DOFs, and there is no structure",
-    );
     if file.structure.is_none() {
         let keys = [
             ("stability_used", safety.stability_used.is_some()),
@@ -187,7 +181,7 @@ fn check_safety(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
 }
 
 /// `[timing]`, whatever the clock.
-fn check_timing(timing: &TimingSpec, remote: bool, at: &KeyPath, findings: &mut Findings) {
+fn check_timing(timing: &TimingSpec, at: &KeyPath, findings: &mut Findings) {
     let usual = TimingSpec::default();
     findings.idle(
         at,
@@ -201,17 +195,6 @@ fn check_timing(timing: &TimingSpec, remote: bool, at: &KeyPath, findings: &mut 
         "max_catch_up_ticks",
         timing.max_catch_up_ticks != usual.max_catch_up_ticks && !catches_up,
         "for `on_miss = \"catch_up\"`",
-    );
-    let why = if catches_up {
-        "no specimen is behind a link"
-    } else {
-        "for `on_miss = \"catch_up\"`"
-    };
-    findings.idle(
-        at,
-        "catch_up_remote",
-        timing.catch_up_remote && !(catches_up && remote),
-        why,
     );
 }
 
@@ -247,7 +230,6 @@ fn of_real_time(timing: &TimingSpec) -> Vec<&'static str> {
         require_realtime,
         on_miss,
         max_catch_up_ticks: _,
-        catch_up_remote: _,
         max_consecutive_misses,
         max_total_misses,
         max_misses_in_window,
@@ -321,7 +303,6 @@ pub(super) fn check_idle_served(
                 "max_catch_up_ticks",
                 timing.max_catch_up_ticks != usual.max_catch_up_ticks,
             ),
-            ("catch_up_remote", timing.catch_up_remote),
             ("warmup_ticks", timing.warmup_ticks.is_some()),
         ];
         findings.all_idle(&at, &keys, why);

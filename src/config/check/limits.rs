@@ -36,6 +36,10 @@ pub(super) fn check_limits(
     if findings.0.len() > before {
         return;
     }
+    check_merged(specimen, at, findings);
+    if findings.0.len() > before {
+        return;
+    }
     for (index, limits) in specimen.limits_of(specimen.axes()).iter().enumerate() {
         let axis = Place {
             specimen,
@@ -49,6 +53,21 @@ pub(super) fn check_limits(
         axis.check_places(limits, findings);
         if let Some(safety) = safety {
             axis.check_exit(limits, safety, tick_s, findings);
+        }
+    }
+}
+
+/// A level of an axis and the other one of its specimen may contradict each other.
+fn check_merged(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
+    let merged = specimen.limits_of(specimen.axis.len());
+    for (index, (axis, merged)) in specimen.axis.iter().zip(merged).enumerate() {
+        if let (Some(_), Err(error)) = (&axis.limits, merged.check()) {
+            let own = at.key("axis").index(index).key("limits").key(error.key());
+            let all = at.key("limits").key(error.key());
+            let finding = Finding::error(own, error.to_string())
+                .beside(all, "the level that the axis does not give itself")
+                .help("give both `warn` and `trip` at the axis");
+            findings.0.push(finding);
         }
     }
 }

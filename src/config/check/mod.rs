@@ -110,7 +110,7 @@ pub(crate) fn check(file: &TestFile, clock_is_chosen: bool) -> Vec<Finding> {
     check_names(&file.specimen, &mut findings);
     check_seeds(&file.specimen, &mut findings);
     let remote = file.specimen.iter().any(|specimen| specimen.link.is_some());
-    if remote && file.timing.on_miss == OnMiss::CatchUp && !file.timing.catch_up_remote {
+    if remote && file.timing.on_miss == OnMiss::CatchUp {
         let on_miss = root.key("timing").key("on_miss");
         findings.0.push(
             Finding::error(
@@ -118,7 +118,7 @@ pub(crate) fn check(file: &TestFile, clock_is_chosen: bool) -> Vec<Finding> {
                 "a specimen behind a link would be driven faster than the test says",
             )
             .label("missed ticks would run back to back")
-            .help("`catch_up_remote = true` allows it; \"stretch\" never does it"),
+            .help("use \"stretch\", which never does it, or \"stop\""),
         );
     }
     safety::check_safety(file, &mut findings);

@@ -66,9 +66,6 @@ fn nothing_is_told_of_files_whose_keys_all_have_an_effect() {
         "safety.on_trip=safe_displacement",
         "safety.exit_speed_m_per_s=0.01",
         "safety.confirm=true",
-        "timing.on_miss=catch_up",
-        "timing.catch_up_remote=true",
-        "timing.max_catch_up_ticks=7",
         "timing.require_realtime=true",
         "integrator.gain_bound=3",
         "integrator.allow_unstable_lambda=true",
@@ -164,12 +161,8 @@ fn keys_of_safety_that_nothing_follows_from_are_told_of() {
         "safety.resume_takes_force_drift",
         "zero_force",
     );
-    idle(
-        PRESCRIBED,
-        &["safety.divergence_m=5"],
-        "safety.divergence_m",
-        "no structure",
-    );
+    // It bounds what is measured, too.
+    assert_eq!(told(PRESCRIBED, &["safety.divergence_m=5"]), [""; 0]);
     for (key, value) in [
         ("lambda", "1000"),
         ("start", "\"second-order\""),
@@ -285,17 +278,13 @@ fn keys_of_the_integrator_and_the_timing_that_need_another_are_told_of() {
     idle(GOOD, &bound, "integrator.gain_bound", "by number");
     let ordinary = ["timing.policy=ordinary", "timing.priority=50"];
     idle(GOOD, &ordinary, "timing.priority", "knows no priority");
-    for set in ["max_catch_up_ticks=5", "catch_up_remote=true"] {
-        let key = set.split('=').next().unwrap();
-        let set = format!("timing.{set}");
-        idle(LINKED, &[&set], &format!("timing.{key}"), "catch_up");
-    }
-    let computed = ["timing.on_miss=catch_up", "timing.catch_up_remote=true"];
+    let computed = ["timing.on_miss=catch_up", "timing.max_catch_up_ticks=7"];
+    assert_eq!(told(GOOD, &computed), [""; 0]);
     idle(
-        GOOD,
-        &computed,
-        "timing.catch_up_remote",
-        "no specimen is behind a link",
+        LINKED,
+        &["timing.max_catch_up_ticks=5"],
+        "timing.max_catch_up_ticks",
+        "catch_up",
     );
 }
 

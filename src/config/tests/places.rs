@@ -133,6 +133,24 @@ fn a_place_to_stand_and_a_probe_beyond_the_bounds_are_refused() {
 }
 
 #[test]
+fn a_level_of_an_axis_is_held_against_the_other_one_of_its_specimen() {
+    let all = "specimen.0.limits.command_step_m={warn=0.001,trip=0.002}";
+    for (own, refused) in [
+        ("{warn=0.0015}", false),
+        ("{trip=0.0015}", false),
+        ("{warn=0.002}", true),
+        ("{trip=0.001}", true),
+        ("{warn=0.003,trip=0.004}", false),
+    ] {
+        let axis = format!("specimen.0.axis=[{{limits={{command_step_m={own}}}}}]");
+        let told = said(&[all, &axis]);
+        let words = "which is not within its trip level";
+        assert_eq!(told.contains(words), refused, "{own}: {told}");
+        assert_eq!(errors(&told), usize::from(refused), "{own}: {told}");
+    }
+}
+
+#[test]
 fn an_excitation_that_is_zero_throughout_is_told_of() {
     let nothing = "sets nothing in motion";
     assert!(!said(&[]).contains(nothing));

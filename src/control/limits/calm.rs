@@ -95,7 +95,7 @@ impl Calm {
             command_vel: limits.command_vel.calm(),
             command_accel: limits.command_accel.calm(),
             alternating_ticks: limits.alternating_ticks.calm(),
-            measured_disp: both(limits.measured_disp.calm(), limits.sensor_disp.calm()),
+            measured_disp: both(limits.measured_range().calm(), limits.sensor_disp.calm()),
             measured_force: both(limits.measured_force.calm(), limits.sensor_force.calm()),
             following_error: limits.following_error.calm(),
             force_step: limits.force_step.calm(),

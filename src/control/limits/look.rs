@@ -36,7 +36,7 @@ impl Look<'_> {
         // A sensor at the end of its range comes first: what it reads is not what is.
         self.at(Quantity::SensorDisp, seen.disp, &limits.sensor_disp);
         self.at(Quantity::SensorForce, seen.force, &limits.sensor_force);
-        self.at(Quantity::MeasuredDisp, seen.disp, &limits.measured_disp);
+        self.at(Quantity::MeasuredDisp, seen.disp, &limits.measured_range());
         self.at(Quantity::MeasuredForce, seen.force, &limits.measured_force);
         self.at(
             Quantity::FollowingError,

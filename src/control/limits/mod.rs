@@ -16,7 +16,7 @@ mod watch;
 
 pub use calm::{Asked, Seen};
 pub use quantity::Quantity;
-pub use spec::{BoundSpec, LimitsError, LimitsSpec, RangeSpec};
+pub use spec::{BoundSpec, DIVERGENCE_M, LimitsError, LimitsSpec, RangeSpec};
 pub use watch::{Estimated, Watch};
 
 /// How bad it is.
@@ -173,6 +173,8 @@ pub struct AxisLimits {
     pub command_accel: Bound,
     /// Of the measured displacement.
     pub measured_disp: Range,
+    /// Size of a measured displacement in m that trips where `measured_disp` has no trip level.
+    pub divergence: f64,
     /// Of the measured force.
     pub measured_force: Range,
     /// Range of the displacement sensor.
@@ -215,6 +217,7 @@ impl AxisLimits {
         command_vel: Bound::NONE,
         command_accel: Bound::NONE,
         measured_disp: Range::NONE,
+        divergence: f64::INFINITY,
         measured_force: Range::NONE,
         sensor_disp: Range::NONE,
         sensor_force: Range::NONE,
@@ -232,6 +235,24 @@ impl AxisLimits {
         gain_error: Bound::NONE,
         tangent_step: 0.0,
     };
+}
+
+impl AxisLimits {
+    /// The levels by which a measured displacement is judged. Real-time: yes.
+    const fn measured_range(&self) -> Range {
+        let Range {
+            warn,
+            trip: [low, high],
+        } = self.measured_disp;
+        let far = self.divergence;
+        Range {
+            warn,
+            trip: [
+                if low == f64::NEG_INFINITY { -far } else { low },
+                if high == f64::INFINITY { far } else { high },
+            ],
+        }
+    }
 }
 
 /// Both levels of one limit.

@@ -36,6 +36,15 @@ pub(super) struct Pace {
 }
 
 impl Past {
+    /// Keeps the commands and forgets measurements, warnings and trips, for a new session.
+    pub fn of_a_session(&self) -> Self {
+        Self {
+            command: self.command,
+            sawtooth: Sawtooth::at_rest(self.command[0]),
+            ..Self::default()
+        }
+    }
+
     /// What the next command is judged by. Real-time: yes.
     #[inline]
     pub fn asked(&self, disp: f64, pace: Pace, aims: bool, limits: &AxisLimits) -> Asked {

@@ -6,6 +6,9 @@ use thiserror::Error;
 
 use super::{AxisLimits, Bound, Range};
 
+/// Size of a measured displacement in m that trips where nothing else is given.
+pub const DIVERGENCE_M: f64 = 1e3;
+
 /// Bounds of one axis, SI at the specimen's own scale. What is absent is not checked, but a number that is not finite
 /// always trips.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
@@ -18,13 +21,16 @@ pub struct LimitsSpec {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub command_step_m: Option<BoundSpec>,
     /// The same over the time that it takes, in m/s. That is wall time; what is served to OpenFresco's clients is judged by the
-    /// shorter of wall time and their test time, a formula by their test time alone.
+    /// shorter of wall time and their test time, a formula by their test time alone. With a trip level v, a served specimen that
+    /// moves goes no farther than v·(T + burst) in T seconds, whatever its clients do. The burst is 0.02 s, or two announced
+    /// periods where that is longer.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub command_vel_m_per_s: Option<BoundSpec>,
     /// Second difference of the command over that time squared, in m/s².
     #[serde(skip_serializing_if = "Option::is_none")]
     pub command_accel_m_per_s2: Option<BoundSpec>,
-    /// Displacement that may be measured, in m.
+    /// Displacement that may be measured, in m. Without a trip level `safety.divergence_m` bounds it in a test, 1000 m by default
+    /// and where it is served.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub measured_disp_m: Option<RangeSpec>,
     /// Force that may be measured, in N.
@@ -192,6 +198,17 @@ impl BoundSpec {
         }
     }
 
+    /// Each level of `own` where it is given, and that of `all` elsewhere.
+    fn over(own: Option<Self>, all: Option<Self>) -> Option<Self> {
+        let (Some(one), Some(other)) = (own, all) else {
+            return own.or(all);
+        };
+        Some(Self {
+            warn: one.warn.or(other.warn),
+            trip: one.trip.or(other.trip),
+        })
+    }
+
     /// The levels; none where nothing is given.
     #[must_use]
     pub fn bound(spec: Option<Self>) -> Bound {
@@ -227,6 +244,17 @@ impl RangeSpec {
         }
     }
 
+    /// Each level of `own` where it is given, and that of `all` elsewhere.
+    fn over(own: Option<Self>, all: Option<Self>) -> Option<Self> {
+        let (Some(one), Some(other)) = (own, all) else {
+            return own.or(all);
+        };
+        Some(Self {
+            warn: one.warn.or(other.warn),
+            trip: one.trip.or(other.trip),
+        })
+    }
+
     fn range(spec: Option<Self>) -> Range {
         let Self { warn, trip } = spec.unwrap_or_default();
         Range {
@@ -237,31 +265,34 @@ impl RangeSpec {
 }
 
 impl LimitsSpec {
-    /// These bounds where they are given, and those of `all` elsewhere.
+    /// These levels where they are given, and those of `all` elsewhere.
     #[must_use]
     pub fn over(&self, all: &Self) -> Self {
         let longer = |own: f64, all: f64| if own > 0.0 { own } else { all };
         Self {
-            command_disp_m: self.command_disp_m.or(all.command_disp_m),
-            command_step_m: self.command_step_m.or(all.command_step_m),
-            command_vel_m_per_s: self.command_vel_m_per_s.or(all.command_vel_m_per_s),
-            command_accel_m_per_s2: self.command_accel_m_per_s2.or(all.command_accel_m_per_s2),
-            measured_disp_m: self.measured_disp_m.or(all.measured_disp_m),
-            measured_force_n: self.measured_force_n.or(all.measured_force_n),
-            sensor_disp_m: self.sensor_disp_m.or(all.sensor_disp_m),
-            sensor_force_n: self.sensor_force_n.or(all.sensor_force_n),
-            following_error_m: self.following_error_m.or(all.following_error_m),
+            command_disp_m: RangeSpec::over(self.command_disp_m, all.command_disp_m),
+            command_step_m: BoundSpec::over(self.command_step_m, all.command_step_m),
+            command_vel_m_per_s: BoundSpec::over(self.command_vel_m_per_s, all.command_vel_m_per_s),
+            command_accel_m_per_s2: BoundSpec::over(
+                self.command_accel_m_per_s2,
+                all.command_accel_m_per_s2,
+            ),
+            measured_disp_m: RangeSpec::over(self.measured_disp_m, all.measured_disp_m),
+            measured_force_n: RangeSpec::over(self.measured_force_n, all.measured_force_n),
+            sensor_disp_m: RangeSpec::over(self.sensor_disp_m, all.sensor_disp_m),
+            sensor_force_n: RangeSpec::over(self.sensor_force_n, all.sensor_force_n),
+            following_error_m: BoundSpec::over(self.following_error_m, all.following_error_m),
             following_time_s: longer(self.following_time_s, all.following_time_s),
-            force_step_n: self.force_step_n.or(all.force_step_n),
-            stuck_ticks: self.stuck_ticks.or(all.stuck_ticks),
+            force_step_n: BoundSpec::over(self.force_step_n, all.force_step_n),
+            stuck_ticks: BoundSpec::over(self.stuck_ticks, all.stuck_ticks),
             stuck_travel_m: longer(self.stuck_travel_m, all.stuck_travel_m),
-            alternating_ticks: self.alternating_ticks.or(all.alternating_ticks),
+            alternating_ticks: BoundSpec::over(self.alternating_ticks, all.alternating_ticks),
             alternating_m: longer(self.alternating_m, all.alternating_m),
-            stiffness_ratio: self.stiffness_ratio.or(all.stiffness_ratio),
-            damping_ratio: self.damping_ratio.or(all.damping_ratio),
-            added_energy_j: self.added_energy_j.or(all.added_energy_j),
-            lag_s: self.lag_s.or(all.lag_s),
-            gain_error: self.gain_error.or(all.gain_error),
+            stiffness_ratio: BoundSpec::over(self.stiffness_ratio, all.stiffness_ratio),
+            damping_ratio: BoundSpec::over(self.damping_ratio, all.damping_ratio),
+            added_energy_j: BoundSpec::over(self.added_energy_j, all.added_energy_j),
+            lag_s: BoundSpec::over(self.lag_s, all.lag_s),
+            gain_error: BoundSpec::over(self.gain_error, all.gain_error),
             tangent_step_m: longer(self.tangent_step_m, all.tangent_step_m),
         }
     }
@@ -323,6 +354,7 @@ impl LimitsSpec {
             command_vel: BoundSpec::bound(self.command_vel_m_per_s),
             command_accel: BoundSpec::bound(self.command_accel_m_per_s2),
             measured_disp: RangeSpec::range(self.measured_disp_m),
+            divergence: DIVERGENCE_M,
             measured_force: RangeSpec::range(self.measured_force_n),
             sensor_disp: RangeSpec::range(self.sensor_disp_m),
             sensor_force: RangeSpec::range(self.sensor_force_n),
@@ -398,5 +430,24 @@ mod tests {
         assert_eq!(limits.force_step, Bound::trip(7.0));
         assert_eq!(limits.following_time, 1.0);
         assert_eq!(limits.command_disp, Range::NONE);
+    }
+
+    #[test]
+    fn an_axis_that_gives_one_level_keeps_the_other_of_the_specimen() {
+        let all = read(
+            "command_step_m = { warn = 0.1, trip = 0.2 }\nmeasured_force_n = { warn = [-5, 5], trip = [-9, 9] }",
+        );
+        let axis = |text: &str| read(text).over(&all).limits();
+        let warned =
+            axis("command_step_m = { warn = 0.15 }\nmeasured_force_n = { warn = [-6, 6] }");
+        let bound = Bound {
+            warn: 0.15,
+            trip: 0.2,
+        };
+        assert_eq!(warned.command_step, bound);
+        assert_eq!(warned.measured_force.trip, [-9.0, 9.0]);
+        assert_eq!(warned.measured_force.warn, [-6.0, 6.0]);
+        let tripped = axis("command_step_m = { trip = 0.3 }").command_step;
+        assert_eq!((tripped.warn, tripped.trip), (0.1, 0.3));
     }
 }

@@ -111,6 +111,28 @@ impl Watch {
         self.tick_before = 0.0;
     }
 
+    /// A session begins: nothing was measured, warned of or tripped in it. The commands stay.
+    pub fn begins_session(&mut self) {
+        for Axis { past, .. } in &mut self.axes {
+            *past = past.of_a_session();
+        }
+        (self.measured, self.leaves) = (false, false);
+    }
+
+    /// The specimen is found at `disp`, and keeps the speed of its last commands. Without a command before it is at rest.
+    pub fn is_found_at(&mut self, disp: impl Iterator<Item = f64>) {
+        if self.sent == 0 {
+            return self.stands_at(disp);
+        }
+        for (Axis { past, .. }, disp) in self.axes.iter_mut().zip(disp) {
+            let [last, before] = past.command;
+            if disp != last {
+                past.command = [disp, disp - (last - before)];
+                past.sawtooth = Sawtooth::at_rest(disp);
+            }
+        }
+    }
+
     /// True if it is known where the specimen was sent last. Real-time: yes.
     pub const fn was_told(&self) -> bool {
         self.sent > 0

@@ -211,6 +211,12 @@ impl Host {
         Ok(self.station.attend()?)
     }
 
+    /// The operator's next step, if a trip is latched.
+    #[must_use]
+    pub fn next_step(&self) -> Option<String> {
+        self.station.next_step()
+    }
+
     /// A fault with what the specimen's link has to say.
     #[must_use]
     pub fn whole(&self, fault: HostFault) -> String {
@@ -589,6 +595,9 @@ mod tests {
         assert!(text.contains("command_step_m"), "{text}");
         assert!(text.contains("stands at 0.04 m"), "{text}");
         host.end(Close::Failed, "");
+        let over = host.begin(&visitor(), &mut || Ok(())).unwrap_err();
+        assert!(over.text.contains("command_step_m"), "{}", over.text);
+        host.station.latch().clear().unwrap();
         host.begin(&visitor(), &mut || Ok(())).unwrap();
         host.trial(Course::First, &at(&[0.0395], 0.0), None, &mut || true)
             .unwrap();

@@ -93,6 +93,9 @@ pub fn serve_openfresco(
         if !said.contains(&whole) {
             tell(&News::Told(peer, whole));
         }
+        if let Some(next) = host.next_step() {
+            tell(&News::Told(peer, next));
+        }
         tell(&News::Ended(peer, end, tally));
     }
     Ok(())

@@ -2,12 +2,14 @@
 //! the server a gateway.
 //!
 //! A [`Station`] is what a server commands: every exchange passes its limits and stands in its log. Behind it is a
-//! [`Rig`]. Invariants: what a limit refuses is not passed on; a trip is latched until the controller's test is over, and
-//! the specimen holds at the last command that it was given; whatever ends a test, the specimen hears the last word of its
-//! protocol.
+//! [`Rig`]. Invariants: what a limit refuses is not passed on. A trip stops its session for good, and the specimen holds at
+//! the last command that it was given. The limits' history and the trip are the specimen's: they outlive the session of a
+//! specimen that keeps its state ([`Latch`], [`GuardStore`]). However a test ends, the specimen receives
+//! the goodbye of its protocol.
 
 mod columns;
 mod far;
+mod latch;
 mod law;
 mod log;
 mod settings;
@@ -19,11 +21,12 @@ use std::net::SocketAddr;
 use thiserror::Error;
 
 pub use far::{Far, FarBuild, Whereabouts};
+pub use latch::{Latch, LatchedTrip};
 pub use law::{Law, Memory};
 pub use log::LogSettings;
 pub use settings::{Close, Over, ProbeSettings};
-pub use station::Station;
 pub(in crate::link) use station::first_words;
+pub use station::{GuardStore, Station};
 
 use crate::control::limits::Hit;
 use crate::substructure::{Command, Introduction, LinkFault, LinkStats, Measurement, Retirement};
@@ -73,7 +76,7 @@ impl Visitor {
 /// How a gateway begins to say that the specimen behind it is lost; its controller knows it by these words.
 pub(in crate::link) const LOST: &str = "the specimen is lost";
 
-/// Why a specimen is not commanded any more. Latched until the controller's test is over.
+/// Why a specimen is not commanded any more. It stops its session for good, and later ones as [`Latch`] says.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum Trip {
     /// A limit was passed.

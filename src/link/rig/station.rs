@@ -3,20 +3,25 @@
 mod allowed;
 mod announced;
 mod attempt;
+mod beginning;
 mod ending;
 mod first;
+mod guard;
 mod ready;
 #[cfg(test)]
 mod tests;
 
 pub(in crate::link) use first::words as first_words;
 
-use allowed::Allowed;
-use announced::Announced;
+pub use guard::GuardStore;
 
+use announced::Announced;
+use guard::SpecimenGuard;
+
+use super::latch::Latch;
 use super::log::{Exchange, Log, LogSettings};
 use super::settings::{Close, Over, ProbeSettings};
-use super::{Rig, Trip, Visitor, Wanted, with_last_words};
+use super::{Rig, Trip};
 use crate::control::AxisUnits;
 use crate::control::limits::{AxisLimits, LimitsSpec, Quantity, Watch};
 use crate::record::{Note, NoteLevel};
@@ -33,12 +38,16 @@ pub struct Station {
     units: Vec<AxisUnits>,
     stiffness: Vec<f64>,
     mass: Vec<f64>,
-    limits: Vec<AxisLimits>,
-    watch: Watch,
+    /// In a session that of the specimen, which is the store's; else one without a past.
+    guard: SpecimenGuard,
+    store: GuardStore,
+    /// A trip of a session before.
+    latch: Latch,
     announced: Option<Announced>,
-    allowed: Option<Allowed>,
     /// True for what moves: its speed is judged by the wall clock.
     moves: bool,
+    /// A computed specimen that keeps its state between sessions.
+    remembers: bool,
     /// The wall time of whoever commands it; the machine's own until that is told.
     now: Option<Nanos>,
     probe: ProbeSettings,
@@ -102,11 +111,12 @@ impl Station {
         };
         Self {
             name,
-            limits: vec![AxisLimits::NONE; axes],
-            watch: Watch::new(vec![AxisLimits::NONE; axes], USUAL_TICK_S),
+            guard: SpecimenGuard::new(vec![AxisLimits::NONE; axes], rig.is_remote()),
+            store: GuardStore::default(),
+            latch: Latch::default(),
             announced: None,
-            allowed: None,
             moves: rig.is_remote(),
+            remembers: false,
             now: None,
             rig,
             units,
@@ -138,9 +148,25 @@ impl Station {
     /// The bounds of its axes.
     #[must_use]
     pub fn limited(mut self, limits: &[LimitsSpec]) -> Self {
-        for (own, spec) in self.limits.iter_mut().zip(limits) {
+        let mut own = self.guard.limits.clone();
+        for (own, spec) in own.iter_mut().zip(limits) {
             *own = spec.limits();
         }
+        self.guard = SpecimenGuard::new(own, self.moves);
+        self
+    }
+
+    /// Where its guard is between sessions, and the latch of its trips: those of the specimen, which outlive this station.
+    #[must_use]
+    pub fn guarded(mut self, store: GuardStore, latch: Latch) -> Self {
+        (self.store, self.latch) = (store, latch);
+        self
+    }
+
+    /// It is computed and keeps its state between sessions, and so its limits' history and its trip.
+    #[must_use]
+    pub fn remembering(mut self, remembers: bool) -> Self {
+        self.remembers = remembers;
         self
     }
 
@@ -155,7 +181,13 @@ impl Station {
     #[must_use]
     pub fn moving(mut self) -> Self {
         self.moves = true;
+        self.guard = SpecimenGuard::new(self.guard.limits.clone(), true);
         self
+    }
+
+    /// True if a session finds the specimen as the last one left it: its limits' history and its trip stay, too.
+    const fn is_lasting(&self) -> bool {
+        self.moves || self.remembers
     }
 
     /// Faults are played on every test, as these words say: its record says so, too.
@@ -206,58 +238,15 @@ impl Station {
         self.rig.tangent(stiffness);
     }
 
-    /// Gets everything ready for a controller's test: log, connection, direction, arming. Returns what whoever watches
-    /// should know. May block and move what is to be tried, for as long as the test is `wanted`.
-    ///
-    /// # Errors
-    /// Why there is no test; the specimen, if it was reached, has been told, and holds where it is.
-    pub fn begin(
-        &mut self,
-        visitor: &Visitor,
-        wanted: &mut Wanted<'_>,
-    ) -> Result<Vec<String>, Over> {
-        self.end(Close::Failed, "another controller came");
-        self.tripped = None;
-        self.announced = Announced::by(visitor, &self.units);
-        self.allowed = Some(Allowed::by(visitor, self.moves));
-        self.begins = None;
-        self.commits = 0;
-        self.unsettled = 0;
-        self.holding = 0;
-        self.link = LinkStats::default();
-        self.measured = Measurement::zeros(self.units.len());
-        self.sound = Measurement::zeros(self.units.len());
-        if let Some(settings) = &self.keeping {
-            let log = Log::open(settings, &self.name, &self.units, visitor, self.away_from);
-            let mut log = log.map_err(|text| format!("the log cannot be kept: {text}"))?;
-            if let Some(words) = &self.played {
-                log.warn("faults", words);
-            }
-            self.log = Some(log);
-        }
-        (self.begun, self.is_dismissed) = (true, false);
-        match self.get_ready(visitor, wanted) {
-            Ok(told) => Ok(told),
-            Err(Over { close, text }) => {
-                // Its own reason is one for its controller, too.
-                let said = self.dismiss(close);
-                let text = with_last_words(text, said);
-                let over = Over { close, text };
-                if matches!(over.close, Close::Failed | Close::Vanished) {
-                    self.note(NoteLevel::Error, "link", &over.text);
-                }
-                self.end(over.close, &over.text);
-                Err(over)
-            }
-        }
+    /// Commands may come from now on. Real-time: yes.
+    pub fn starts(&mut self, now: Nanos) {
+        self.now = Some(now);
+        self.guard.starts(now);
     }
 
     /// The present wall time, by a clock other than the machine's. Real-time: yes.
-    pub fn now_is(&mut self, now: Nanos) {
+    pub const fn now_is(&mut self, now: Nanos) {
         self.now = Some(now);
-        if let Some(allowed) = &mut self.allowed {
-            allowed.starts(now);
-        }
     }
 
     /// What was measured last.
@@ -270,6 +259,19 @@ impl Station {
     #[must_use]
     pub const fn tripped(&self) -> Option<Trip> {
         self.tripped
+    }
+
+    /// The latch of the specimen's trips.
+    #[must_use]
+    pub const fn latch(&self) -> &Latch {
+        &self.latch
+    }
+
+    /// The operator's next step, if a trip is latched.
+    #[must_use]
+    pub fn next_step(&self) -> Option<String> {
+        let trip = self.latch.trip();
+        trip.map(|_| format!("no test begins until {}", self.latch.next_step()))
     }
 
     /// A trip with what its link has to say.
@@ -285,7 +287,8 @@ impl Station {
                         self.in_words(stands)
                     ));
                 }
-                let why = leaves.as_ref().and_then(|_| first::why(&self.limits, &hit));
+                let limits = &self.guard.limits;
+                let why = leaves.as_ref().and_then(|_| first::why(limits, &hit));
                 if let Some(why) = why {
                     text.push_str(&format!(" ({why})"));
                 }
@@ -311,9 +314,13 @@ impl Station {
         self.exchange_as(Exchange::RUNNING, command, elapsed, wanted, into)
     }
 
+    /// Latches the trip of a lasting specimen: no session begins before its operator has cleared it. A lost link is not latched.
     fn trip(&mut self, trip: Trip) {
         self.tripped = Some(trip);
         let text = self.whole(trip);
+        if self.is_lasting() && !matches!(trip, Trip::Lost(_)) {
+            self.latch.set(&self.name, trip.name(), &text);
+        }
         if let Some(log) = &self.log {
             log.tripped(trip, &text);
         }
@@ -358,7 +365,7 @@ impl Station {
 
     /// Its controller ends its test here: it stops, and what comes next comes from rest.
     pub fn halt(&mut self) {
-        self.watch.rests();
+        self.guard.watch.rests();
         if let Some(announced) = &mut self.announced {
             announced.rests();
         }

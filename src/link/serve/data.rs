@@ -114,6 +114,7 @@ pub(super) fn get_ready(
     let peer = session.peer;
     let station = desk.host.station(false).and_then(|mut station| {
         station.keep_log_away_from(cpu);
+        station.now_is(session.line.now());
         let visitor = session.visitor();
         let told = station.begin(&visitor, &mut || session.is_wanted(desk));
         for text in told.map_err(|over| over.text)? {

@@ -103,6 +103,9 @@ pub(super) fn judge(desk: &Desk, message: &[u8]) -> Result<Greeted, Refuse> {
     if desk.is_taken() {
         return Err(busy());
     }
+    if let Some(text) = desk.host.latch().refusal() {
+        return Err(not_ready(&text));
+    }
     if let (Some(key), true) = (&desk.key, hello.keyed) {
         handshake::verify_hello(message, key).map_err(nonsense)?;
     }

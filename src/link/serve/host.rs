@@ -7,7 +7,8 @@ use crate::control::limits::{AxisLimits, LimitsSpec};
 use crate::link::announce::units_of;
 use crate::link::fault::{Bench, Script, ScriptError};
 use crate::link::rig::{
-    Far, FarBuild, Law, LogSettings, Memory, ProbeSettings, Station, Whereabouts, first_words,
+    Far, FarBuild, GuardStore, Latch, Law, LogSettings, Memory, ProbeSettings, Station,
+    Whereabouts, first_words,
 };
 use crate::specimen::Specimen;
 use crate::wire::handshake::{Axis, Capabilities};
@@ -24,6 +25,8 @@ pub struct Host {
     log: Option<LogSettings>,
     pub(super) faults: Option<Arc<Script>>,
     memory: Option<Memory>,
+    guard: GuardStore,
+    latch: Latch,
 }
 
 /// Makes a specimen in its virgin state, or says why not.
@@ -66,6 +69,8 @@ impl Host {
             log: None,
             faults: None,
             memory: None,
+            guard: GuardStore::default(),
+            latch: Latch::default(),
         })
     }
 
@@ -90,6 +95,8 @@ impl Host {
             log: None,
             faults: None,
             memory: None,
+            guard: GuardStore::default(),
+            latch: Latch::default(),
         }
     }
 
@@ -129,6 +136,26 @@ impl Host {
     #[must_use]
     pub fn recorded(mut self, log: LogSettings) -> Self {
         self.log = Some(log);
+        self
+    }
+
+    /// Where its trips are latched: else in memory, for as long as this host lives.
+    #[must_use]
+    pub fn latched(mut self, latch: Latch) -> Self {
+        self.latch = latch;
+        self
+    }
+
+    /// The latch of its trips.
+    #[must_use]
+    pub fn latch(&self) -> Latch {
+        self.latch.clone()
+    }
+
+    /// Shares the limits' history and the latch with `other`, which serves the same specimen.
+    #[must_use]
+    pub fn guarded_as(mut self, other: &Self) -> Self {
+        (self.guard, self.latch) = (other.guard.clone(), other.latch.clone());
         self
     }
 
@@ -254,6 +281,8 @@ impl Host {
         let (stiffness, mass) = (self.stiffness.clone(), self.mass.clone());
         Ok(Station::new(self.name.clone(), rig, units, stiffness, mass)
             .limited(&self.limits)
+            .guarded(self.guard.clone(), self.latch.clone())
+            .remembering(remembers || self.memory.is_some())
             .probed(self.probe.clone())
             .played(self.faults.as_ref().map(|script| script.words()))
             .recorded(self.log.clone()))

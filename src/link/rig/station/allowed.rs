@@ -1,88 +1,133 @@
-//! The time that a command has for its motion, which its speed is judged by: wall time, whatever test time the controller
-//! says.
+//! The speed allowance of a specimen: the time that each command has for its motion, which its speed is judged by.
 //!
-//! A controller that announced its rate has one period for each command, lost ones included, but no more than has really
-//! passed: what moves is led by nobody who runs ahead of the wall. Frames need not arrive evenly, so that a command may
-//! come [`BURST_S`] early, or a period where that is longer. It begins with that burst and no period: its first command goes
-//! no farther than where the Arm said, and uses nothing up. One that announced no rate has the wall time since its last
-//! command, and no more than the test time that it says: it may pause without being allowed a leap for it. A formula is not
-//! hurt by haste: it has at least what was announced, or the test time that was said.
+//! For a specimen that moves, this is wall time, whatever test time the client says. The allowance is the specimen's: it
+//! fills with the time that passes, up to the burst, and each command that moves the specimen uses its share. An Arm, a
+//! new session, a silence and a hold fill nothing. The burst is [`BURST_S`], or two periods of the announced rate where
+//! that is longer. So with a velocity limit v no commands move the specimen by more than v·(T + burst) in T seconds.
+//!
+//! A client that announced its rate has one period for each command, lost ones included, as far as the allowance goes.
+//! Before its first command the allowance holds [`BURST_S`] at most. A client without a rate has the shorter of the wall
+//! time since its last command and the test time that it says. Haste does not hurt a formula: it has at least one
+//! announced period, or the test time that was said.
 
 use super::USUAL_TICK_S;
-use crate::link::rig::Visitor;
 use crate::time::Nanos;
 
-/// Commands may run ahead of the wall by so much, or by one period where that is longer.
+/// The burst in s, where two announced periods are not longer.
 const BURST_S: f64 = 0.02;
 /// A speed has a time, however short.
 const SHORTEST_S: f64 = 1e-9;
 
-/// What one controller has announced of its commands, and how much of it is left.
-#[derive(Debug)]
+/// A command as the allowance sees it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Request {
+    /// Its number.
+    pub sequence: u64,
+    /// Test time in s since the last commit, as the client says.
+    pub elapsed: f64,
+    /// It repeats the last command.
+    pub stays: bool,
+}
+
+/// The speed allowance of one specimen.
+#[derive(Debug, Clone)]
 pub(super) struct Allowed {
     /// Wall time from one command to the next, if it was announced.
     period_s: Option<f64>,
     /// What is commanded moves.
     moves: bool,
-    /// The first command since it was armed, and the one that is due.
-    first: u64,
+    /// The command that is due.
     next: u64,
+    /// Commands may come, and none has come yet.
+    waits: bool,
+    /// Up to when time was counted, and when the last command came.
     at: Option<Nanos>,
+    commanded: Option<Nanos>,
     /// Wall time that has passed and was not used for motion.
     credit_s: f64,
 }
 
 impl Allowed {
-    pub fn by(visitor: &Visitor, moves: bool) -> Self {
+    /// The full burst, for a specimen that `moves` or a formula.
+    pub fn new(moves: bool) -> Self {
         Self {
-            period_s: visitor
-                .rate
-                .map(|(commands, seconds)| seconds as f64 / commands as f64),
+            period_s: None,
             moves,
-            first: 0,
             next: 0,
+            waits: true,
             at: None,
+            commanded: None,
             credit_s: BURST_S,
         }
     }
 
-    /// From here commands come, and this is the first.
-    pub fn begin(&mut self, first: u64) {
-        (self.first, self.next) = (first, first);
-        (self.at, self.credit_s) = (None, BURST_S);
+    /// The client of a session announced this rate: commands and the seconds that they take.
+    pub fn announced(&mut self, rate: Option<(u64, u64)>) {
+        self.period_s = rate.map(|(commands, seconds)| seconds as f64 / commands as f64);
     }
 
-    /// Commands may come from now on.
+    /// Restores the full burst and keeps the rate, for a formula that starts again.
+    pub fn forget(&mut self) {
+        *self = Self {
+            period_s: self.period_s,
+            ..Self::new(self.moves)
+        };
+    }
+
+    /// From here commands come, and this is the first.
+    pub fn begin(&mut self, first: u64) {
+        (self.next, self.waits) = (first, true);
+    }
+
+    /// Commands may come from now on. What has passed before is worth a burst. Real-time: yes.
     pub fn starts(&mut self, now: Nanos) {
-        self.at.get_or_insert(now);
+        if std::mem::take(&mut self.waits) {
+            let passed = now.since(*self.at.get_or_insert(now)) as f64 * 1e-9;
+            self.credit_s = (self.credit_s + passed).min(BURST_S);
+            self.at = Some(now);
+        }
     }
 
     fn burst(&self) -> f64 {
-        BURST_S.max(self.period_s.unwrap_or(0.0))
+        BURST_S.max(2.0 * self.period_s.unwrap_or(0.0))
     }
 
-    /// The time of command `sequence`, which comes now and says that it is `elapsed` of test time after the last; none if
-    /// nothing is known. Real-time: yes.
-    pub fn time_of(&mut self, sequence: u64, elapsed: f64, now: Nanos) -> Option<f64> {
+    /// True if no command came for longer than the burst, so that the specimen has come to rest. After an Arm that holds for
+    /// every specimen, else for one that moves: a formula, or a client without a rate, may take its time from step to step.
+    /// Real-time: yes.
+    pub fn has_rested(&self, now: Nanos) -> bool {
+        let silent = |last: Nanos| now.since(last) as f64 * 1e-9 > self.burst();
+        let is_due = self.waits || (self.moves && self.period_s.is_some());
+        is_due && self.commanded.is_some_and(silent)
+    }
+
+    /// The time of a command that comes now; none if nothing is known. Real-time: yes.
+    pub fn time_of(&mut self, request: Request, now: Nanos) -> Option<f64> {
+        self.starts(now);
+        let Request {
+            sequence,
+            elapsed,
+            stays,
+        } = request;
         let passed = now.since(*self.at.get_or_insert(now)) as f64 * 1e-9;
-        self.at = Some(now);
+        (self.at, self.commanded) = (Some(now), Some(now));
         self.credit_s += passed;
-        let goes_nowhere = self.period_s.is_some() && sequence == self.first;
         let commands = sequence.saturating_sub(self.next).saturating_add(1);
         self.next = sequence.saturating_add(1);
         let said = Some(elapsed).filter(|said| *said > 0.0);
         let time = match self.period_s {
-            Some(period) => {
-                let time = (period * commands as f64).min(self.credit_s);
-                if self.moves { time } else { time.max(period) }
+            Some(period) if self.moves => {
+                self.credit_s = self.credit_s.min(self.burst());
+                (period * commands as f64).min(self.credit_s)
             }
+            Some(period) => (period * commands as f64).min(self.credit_s).max(period),
             None if self.moves => said
                 .unwrap_or(USUAL_TICK_S)
                 .min(passed.max(USUAL_TICK_S))
                 .min(self.credit_s),
             None => return said.map(|said| said.max(SHORTEST_S)),
         };
-        let used = if goes_nowhere { 0.0 } else { time };
+        let used = if stays { 0.0 } else { time };
         self.credit_s = (self.credit_s - used).clamp(0.0, self.burst());
         Some(time.max(SHORTEST_S))
     }
@@ -95,16 +140,13 @@ mod tests {
     const PERIOD: f64 = 1e-3;
 
     fn allowed(rate: Option<(u64, u64)>, moves: bool) -> Allowed {
-        let visitor = Visitor {
-            rate,
-            ..Visitor::unnamed(([127, 0, 0, 1], 1).into())
-        };
-        let mut allowed = Allowed::by(&visitor, moves);
+        let mut allowed = Allowed::new(moves);
+        allowed.announced(rate);
         allowed.begin(0);
         allowed
     }
 
-    /// The times that are allowed to commands (number, test time since the last, wall time in ms).
+    /// The times that are allowed to commands (number, test time since the last, wall time in ms) that all move.
     fn times(
         mut allowed: Allowed,
         commands: impl IntoIterator<Item = (u64, f64, f64)>,
@@ -120,7 +162,12 @@ mod tests {
         commands
             .map(|(number, elapsed, ms)| {
                 let now = Nanos((1e6 * ms) as u64);
-                allowed.time_of(number, elapsed, now).unwrap()
+                let request = Request {
+                    sequence: number,
+                    elapsed,
+                    stays: false,
+                };
+                allowed.time_of(request, now).unwrap()
             })
             .collect()
     }
@@ -167,10 +214,16 @@ mod tests {
             one
         };
         let is = |found: f64, wanted: f64| (found - wanted).abs() < 1e-9;
-        // At once, and then as it announced.
-        let found = times(slow(), [(0, 10.0, 0.0), (1, 10.0, 9_990.0), (2, 10.0, 2e4)]);
-        assert!(is(found[0], BURST_S), "{found:?}");
-        assert!(found[1..].iter().all(|time| is(*time, 10.0)), "{found:?}");
+        // At once, at the place of the Arm, and then as it announced.
+        let mut one = slow();
+        let first = Request {
+            sequence: 0,
+            elapsed: 10.0,
+            stays: true,
+        };
+        assert!(is(one.time_of(first, Nanos(0)).unwrap(), BURST_S));
+        let found = times_of(&mut one, [(1, 10.0, 9_990.0), (2, 10.0, 2e4)]);
+        assert!(found.iter().all(|time| is(*time, 10.0)), "{found:?}");
         // The first is lost, or left out: as much as has passed.
         for (at_ms, wanted) in [(0.0, BURST_S), (1e3, 1.02), (1e4, 10.02)] {
             let found = times(slow(), [(1, 10.0, at_ms)]);
@@ -197,6 +250,66 @@ mod tests {
         let found = times(one, commands);
         assert_eq!(found[..3], [4e-3, PERIOD, 0.5], "the first was number 3");
         assert!(found[3] < BURST_S + 2.0 * PERIOD);
+    }
+
+    #[test]
+    fn after_a_silence_the_burst_is_all_that_a_single_command_has() {
+        for (rate, period, burst) in [((1000, 1), PERIOD, BURST_S), ((10, 1), 0.1, 0.2)] {
+            let mut one = allowed(Some(rate), true);
+            let last = (10.0 / period) as u64;
+            let commands = [
+                (0, 0.0, 0.0),
+                (last, 0.0, 1e4),
+                (last + 1, 0.0, 1e4 + 0.001),
+            ];
+            let found = times_of(&mut one, commands);
+            let sum = found[1] + found[2];
+            assert!(found[1] <= burst && sum < burst + 2e-6, "{found:?}");
+            // One period where the numbers go on, as after a hold.
+            let found = times_of(
+                &mut one,
+                [(last + 2, 0.0, 2e4), (last + 3, 0.0, 2e4 + 1e3 * period)],
+            );
+            assert!(found.iter().all(|time| (time - period).abs() < 1e-9));
+        }
+    }
+
+    #[test]
+    fn a_specimen_rests_after_a_silence_and_a_formula_only_before_an_arm() {
+        for (rate, moves, in_session) in [
+            (Some((1000, 1)), true, true),
+            (Some((1000, 1)), false, false),
+            (None, true, false),
+            (None, false, false),
+        ] {
+            let mut one = allowed(rate, moves);
+            let _ = times_of(&mut one, [(0, 0.02, 0.0)]);
+            let [soon, later] = [10, 30].map(|ms| Nanos(ms * 1_000_000));
+            assert!(!one.has_rested(soon));
+            assert_eq!(one.has_rested(later), in_session, "{rate:?} {moves}");
+            one.begin(5);
+            assert!(!one.has_rested(soon));
+            assert!(one.has_rested(later), "{rate:?} {moves}");
+        }
+    }
+
+    #[test]
+    fn neither_an_arm_nor_a_new_client_renews_the_allowance() {
+        for rates in [[Some((1000, 1)); 2], [None; 2], [Some((1000, 1)), None]] {
+            let mut one = allowed(rates[0], true);
+            let mut sum = 0.0;
+            for (k, rate) in (0..200_u64).zip(rates.into_iter().cycle()) {
+                let at = 0.1 * k as f64;
+                if k % 3 == 0 {
+                    one.announced(rate);
+                }
+                one.begin(7 * k);
+                one.starts(Nanos((1e6 * at) as u64));
+                sum += times_of(&mut one, [(7 * k, 0.02, at)])[0];
+            }
+            // 19.9 ms of wall time.
+            assert!(sum < 0.0199 + BURST_S + 1e-6, "{rates:?}: {sum}");
+        }
     }
 
     #[test]

@@ -27,10 +27,10 @@ impl Announced {
         })
     }
 
-    /// From here the next command goes.
-    pub fn begin(&mut self, disp: impl Iterator<Item = f64>) {
+    /// The next command continues the history of the specimen's own guard.
+    pub fn begin(&mut self, guard: &Watch) {
         self.watch = Watch::new(self.limits.clone(), USUAL_TICK_S);
-        self.watch.stands_at(disp);
+        self.watch.goes_on_from(guard);
     }
 
     /// The last command counts as one at rest.

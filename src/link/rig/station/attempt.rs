@@ -79,9 +79,9 @@ impl Station {
             let measured = false;
             return Err(Trip::NotFinite { axis, measured });
         }
-        let time = self.time_of(command.sequence, elapsed, is_theirs);
+        let time = self.time_of(command, elapsed, is_theirs);
         if let Some(time) = time {
-            self.watch.tick_is(time);
+            self.guard.watch.tick_is(time);
         }
         if is_theirs
             && let Some((number, place)) = &self.begins
@@ -95,14 +95,18 @@ impl Station {
         }
         if is_theirs
             && let Some(leaves) = &self.leaves
-            && let Some(hit) = first::judge(&self.limits, leaves, metres(&self.units, command.disp))
+            && let Some(hit) = first::judge(
+                &self.guard.limits,
+                leaves,
+                metres(&self.units, command.disp),
+            )
         {
             return Err(Trip::Limit(hit));
         }
         if is_theirs {
             self.take_up_pace(command, elapsed);
         }
-        let found = self.watch.command(metres(&self.units, command.disp));
+        let found = self.guard.watch.command(metres(&self.units, command.disp));
         self.heed(found)?;
         // Our own small motions before the test are none of the controller's.
         let mut announced = self.announced.as_mut().filter(|_| is_theirs);
@@ -112,7 +116,7 @@ impl Station {
                 metres(&self.units, command.disp),
             )?;
         }
-        self.watch.sent(metres(&self.units, command.disp));
+        self.guard.watch.sent(metres(&self.units, command.disp));
         self.passed_on.clear();
         self.passed_on.extend_from_slice(command.disp);
         if is_theirs {
@@ -139,7 +143,7 @@ impl Station {
                     .zip(&self.units)
                     .map(|(force, units)| force * units.newtons),
             );
-            let found = self.watch.measured(values.clone());
+            let found = self.guard.watch.measured(values.clone());
             if let Some(announced) = self.announced.as_mut().filter(|_| is_theirs) {
                 announced.measured(values)?;
             }
@@ -217,28 +221,32 @@ impl Station {
         // A test that begins does so at rest.
         let goes_on = from > 0.0 && command.time > from;
         let disp = metres(&self.units, command.disp);
-        if goes_on && !self.runs && !self.watch.is_at(disp) {
+        if goes_on && !self.runs && !self.guard.watch.is_at(disp) {
             self.runs = true;
             let steps = metres(&self.units, command.vel).map(|vel| vel * elapsed);
-            self.watch.came_by(steps);
+            self.guard.watch.came_by(steps);
         }
     }
 
     /// The time that a command has for its motion, if anything is known of it. Our own small motions before the test keep to
     /// a pace of ours. Real-time: yes.
-    fn time_of(&mut self, sequence: u64, elapsed: f64, is_theirs: bool) -> Option<f64> {
-        let now = self.now.unwrap_or_else(|| Nanos(os::monotonic_ns()));
-        let allowed = self.allowed.as_mut().filter(|_| is_theirs);
-        match allowed {
-            Some(allowed) => allowed.time_of(sequence, elapsed, now),
-            None => Some(elapsed).filter(|elapsed| *elapsed > 0.0),
+    fn time_of(&mut self, command: &Command<'_>, elapsed: f64, is_theirs: bool) -> Option<f64> {
+        if !is_theirs {
+            return Some(elapsed).filter(|elapsed| *elapsed > 0.0);
         }
+        let now = self.now.unwrap_or_else(|| Nanos(os::monotonic_ns()));
+        let disp = metres(&self.units, command.disp);
+        let (time, rested) = self.guard.time_of(command.sequence, elapsed, disp, now);
+        if let (true, Some(announced)) = (rested, &mut self.announced) {
+            announced.rests();
+        }
+        time
     }
 
     /// Warnings are told, and so is what trips beside the first; that ends the test.
     fn heed(&mut self, found: Found) -> Result<(), Trip> {
         let mut untold = found.warning;
-        while let Some(hit) = untold.take().or_else(|| self.watch.next_untold()) {
+        while let Some(hit) = untold.take().or_else(|| self.guard.watch.next_untold()) {
             // Each time that the level is crossed from inside.
             let what = match hit.level {
                 Level::Warning => "a warning",

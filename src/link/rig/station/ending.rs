@@ -71,6 +71,10 @@ impl Station {
             None => (close, text.to_owned()),
         };
         self.dismiss(close);
+        if self.is_lasting() {
+            self.store.take_back(self.guard.clone());
+            self.latch.settle();
+        }
         if let Some(log) = self.log.take() {
             log.close(close, &text, &self.link, self.commits);
         }

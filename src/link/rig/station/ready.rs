@@ -1,7 +1,6 @@
 //! Before a controller's first command: connection, comparison of estimates, direction, arming.
 
-use super::{Station, USUAL_TICK_S, metres, not_finite};
-use crate::control::limits::Watch;
+use super::{Station, metres, not_finite};
 use crate::control::{AxisUnits, Opinion, Pace, Probe, compare_stiffness};
 use crate::link::rig::log::Exchange;
 use crate::link::rig::settings::{Over, ProbeSettings};
@@ -56,6 +55,7 @@ impl Station {
         } = self.probe.clone()
         {
             told.push(self.try_direction(&start, &amplitude, (pace, forgets), wanted)?);
+            self.guard.watch.rests();
         }
         // Who does not say where the first command will be may ask before it. What nobody has measured is no answer.
         let n = start.len();
@@ -76,7 +76,8 @@ impl Station {
             &start
         };
         if is_measured {
-            self.watch.stands_at(metres(&self.units, stands));
+            let stands = metres(&self.units, stands);
+            self.guard.watch.is_found_at(stands);
         }
         if !visitor.start.is_empty() {
             self.begins_at(visitor.first_sequence, &visitor.start);
@@ -216,7 +217,8 @@ impl Station {
                 accepted.map_err(|fault| format!("{WHILE}: {fault}"))?;
             }
             sequence += 1;
-            edge += pace.period_ns;
+            // An answer that came late is no reason to go faster.
+            edge = (edge + pace.period_ns).max(os::monotonic_ns());
             os::sleep_until_ns(edge);
         }
         let found = probe.verdict().map_err(|misfit| misfit.to_string())?;
@@ -298,14 +300,13 @@ impl Station {
         start: &[f64],
         wanted: &mut Wanted<'_>,
     ) -> Result<(), Over> {
-        self.watch = Watch::new(self.limits.clone(), USUAL_TICK_S);
-        self.watch.stands_at(metres(&self.units, start));
+        if !self.is_lasting() {
+            self.guard.forget();
+        }
+        self.guard.arm(sequence, metres(&self.units, start));
         (self.goes_on_from, self.runs) = (None, false);
         if let Some(announced) = &mut self.announced {
-            announced.begin(metres(&self.units, start));
-        }
-        if let Some(allowed) = &mut self.allowed {
-            allowed.begin(sequence);
+            announced.begin(&self.guard.watch);
         }
         let mut unwanted = None;
         let mut is_wanted = || wanted().map_err(|over| unwanted = Some(over)).is_ok();

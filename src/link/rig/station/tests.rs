@@ -5,8 +5,8 @@ use std::sync::{Arc, Mutex};
 use super::Station;
 use crate::control::limits::{LimitsSpec, Quantity};
 use crate::control::{AxisUnits, Pace};
-use crate::link::rig::settings::ProbeSettings;
-use crate::link::rig::{Far, Over, Trip, Visitor, Whereabouts};
+use crate::link::rig::settings::{Close, ProbeSettings};
+use crate::link::rig::{Far, Over, Rig, Trip, Visitor, Wanted, Whereabouts};
 use crate::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Status,
     Substructure, Unavailable,
@@ -244,4 +244,225 @@ fn a_small_motion_that_is_broken_off_is_told_with_the_place_where_it_ends() {
         let words = format!("it was led to {left:?} m, from 0.004 m");
         assert_eq!(over.text.contains(&words), moves, "{}", over.text);
     }
+}
+
+/// A specimen at zero that is moved by one client.
+struct Led {
+    station: Station,
+    visitor: Visitor,
+    now: Nanos,
+    sequence: u64,
+    disp: f64,
+}
+
+impl Led {
+    fn at(limits: &str, rate: Option<(u64, u64)>) -> Self {
+        let spring = Spring {
+            tells: vec![0.0],
+            ..Spring::default()
+        };
+        let limits: LimitsSpec = toml::from_str(limits).unwrap();
+        let mut led = Self {
+            station: station(&spring, &Whereabouts::default()).limited(&[limits]),
+            visitor: Visitor {
+                rate,
+                ..Visitor::unnamed(([127, 0, 0, 1], 1).into())
+            },
+            now: Nanos(1_000_000_000),
+            sequence: 0,
+            disp: 0.0,
+        };
+        led.connects();
+        led
+    }
+
+    fn connects(&mut self) {
+        self.sequence = 0;
+        if self.visitor.rate.is_some() {
+            self.visitor.start = vec![self.disp];
+        }
+        self.station.end(Close::Vanished, "gone");
+        self.station.now_is(self.now);
+        // The specimen is at its last command.
+        self.station.rig = Box::new(Standing {
+            disp: self.disp,
+            reads: None,
+        });
+        self.station.begin(&self.visitor, &mut || Ok(())).unwrap();
+        self.station.starts(self.now);
+    }
+
+    fn arms(&mut self) {
+        self.sequence += 10;
+        let (first, start) = (self.sequence, [self.disp]);
+        let armed = self.station.begin_again(first, &start, &mut || Ok(()));
+        armed.unwrap();
+        self.station.starts(self.now);
+    }
+
+    fn waits(&mut self, seconds: f64) {
+        self.now = self.now.plus((1e9 * seconds) as u64);
+        self.station.now_is(self.now);
+    }
+
+    /// One command that moves the specimen by `metres`; the limit that trips.
+    fn goes(&mut self, metres: f64) -> Option<Quantity> {
+        let disp = self.disp + metres;
+        let command = Command {
+            sequence: self.sequence,
+            time: 0.0,
+            dt: 0.02,
+            disp: &[disp],
+            vel: &[0.0],
+        };
+        self.sequence += 1;
+        let mut into = Measurement::zeros(1);
+        match (self.station).exchange(&command, 0.02, &mut || true, &mut into) {
+            Ok(_) => {
+                self.disp = disp;
+                None
+            }
+            Err(Trip::Limit(hit)) => Some(hit.quantity),
+            Err(other) => panic!("{other}"),
+        }
+    }
+}
+
+/// A specimen behind a link, without the link.
+struct Standing {
+    disp: f64,
+    /// The displacement sensor reads this instead of the command.
+    reads: Option<f64>,
+}
+
+impl Rig for Standing {
+    fn axes(&self) -> usize {
+        1
+    }
+    fn is_remote(&self) -> bool {
+        true
+    }
+    fn connect(&mut self, _: &Visitor, _: &mut Wanted<'_>) -> Result<Introduction, Over> {
+        Ok(Introduction {
+            standing: vec![self.disp],
+            force: vec![0.0],
+            ..Introduction::default()
+        })
+    }
+    fn arm(&mut self, _: u64, _: &[f64], _: &mut dyn FnMut() -> bool) -> Result<bool, LinkFault> {
+        Ok(true)
+    }
+    fn trial(
+        &mut self,
+        command: &Command<'_>,
+        _: f64,
+        _: &mut dyn FnMut() -> bool,
+        into: &mut Measurement,
+    ) -> Result<bool, LinkFault> {
+        into.disp.copy_from_slice(command.disp);
+        into.disp[0] = self.reads.unwrap_or(into.disp[0]);
+        Ok(true)
+    }
+    fn commit(&mut self) -> Result<(), LinkFault> {
+        Ok(())
+    }
+    fn revert(&mut self) {}
+    fn tangent(&mut self, _: &mut [f64]) {}
+    fn end(&mut self, _: Retirement) -> Option<String> {
+        None
+    }
+}
+
+const SLOW: &str = "command_vel_m_per_s = { trip = 0.1 }";
+
+#[test]
+fn neither_an_arm_nor_a_new_session_renews_the_speed_allowance() {
+    for rate in [Some((100, 1)), None] {
+        for again in [Led::arms, Led::connects] {
+            let mut led = Led::at(SLOW, rate);
+            // In 2 ms for each turn: 1 m/s.
+            let trips = (0..100).find_map(|_| {
+                again(&mut led);
+                let trip = [0.0, 0.99e-3, 0.99e-3]
+                    .into_iter()
+                    .find_map(|step| led.goes(step));
+                led.waits(0.002);
+                trip
+            });
+            assert_eq!(trips, Some(Quantity::CommandVel), "{rate:?}");
+            // The burst, and what has passed.
+            assert!(led.disp <= 0.1 * (0.02 + 0.2), "{rate:?}: {}", led.disp);
+            assert!(led.disp < 0.004, "{rate:?}: {}", led.disp);
+        }
+    }
+}
+
+#[test]
+fn a_command_after_a_silence_has_the_burst_and_no_more() {
+    for (step, trip) in [(1.99e-3, None), (2.1e-3, Some(Quantity::CommandVel))] {
+        let mut led = Led::at(SLOW, Some((1000, 1)));
+        assert_eq!(led.goes(0.0), None);
+        led.waits(0.5);
+        // 499 commands were lost.
+        led.sequence += 499;
+        assert_eq!(led.goes(step), trip);
+    }
+}
+
+#[test]
+fn an_arm_in_motion_does_not_hide_the_change_of_speed() {
+    for (again, silence, trip) in [
+        (false, 0.001, true),
+        (true, 0.001, true),
+        // It has come to rest.
+        (true, 0.1, false),
+    ] {
+        let mut led = Led::at("command_accel_m_per_s2 = { trip = 150.0 }", Some((1000, 1)));
+        let steps = [0.0, 1e-4, 2e-4];
+        for step in steps {
+            assert_eq!(led.goes(step), None);
+            led.waits(0.001);
+        }
+        led.waits(silence - 0.001);
+        if again {
+            led.arms();
+        }
+        // From 0.2 m/s to none: 200 m/s2.
+        let found = led.goes(0.0);
+        assert_eq!(found.is_some(), trip, "{again} {silence}: {found:?}");
+    }
+}
+
+#[test]
+fn a_measured_displacement_that_cannot_be_trips_without_any_limit() {
+    for (reads, trips) in [(999.0, false), (-1001.0, true), (1e308, true)] {
+        let mut led = Led::at("", Some((1000, 1)));
+        assert_eq!(led.goes(0.0), None);
+        led.station.rig = Box::new(Standing {
+            disp: led.disp,
+            reads: Some(reads),
+        });
+        let trip = led.goes(0.0);
+        let wanted = trips.then_some(Quantity::MeasuredDisp);
+        assert_eq!(trip, wanted, "{reads}");
+    }
+}
+
+#[test]
+fn a_trip_is_the_specimens_until_its_operator_clears_it_and_a_lost_link_is_none() {
+    let mut led = Led::at("command_step_m = { trip = 0.001 }", Some((1000, 1)));
+    assert_eq!(led.goes(0.0), None);
+    assert_eq!(led.goes(0.002), Some(Quantity::CommandStep));
+    led.station.end(Close::Stopped, "tripped");
+    for _ in 0..2 {
+        let over = led.station.begin(&led.visitor, &mut || Ok(())).unwrap_err();
+        let told = over.text.contains("command_step_m") && over.text.contains("0.001");
+        assert!(told, "{}", over.text);
+    }
+    let cleared = led.station.latch().clear().unwrap().unwrap();
+    assert_eq!(cleared.what, "command_step_m");
+    led.connects();
+    led.station.trip(Trip::Lost(LinkFault::Closed));
+    led.connects();
+    assert_eq!(led.goes(0.0), None);
 }

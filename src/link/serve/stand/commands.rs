@@ -88,6 +88,9 @@ impl Stand {
             Err(trip) if !held => {
                 let text = self.station.whole(trip);
                 desk.tell(Heard::Tripped { sequence, text });
+                if let Some(text) = self.station.next_step() {
+                    desk.tell(Heard::Told { text });
+                }
             }
             Ok(false) => return Err(self.told_to_stop()),
             Err(_) | Ok(true) => {}

@@ -154,7 +154,7 @@ impl Stand {
                         over
                     }
                 })?;
-                self.station.now_is(self.line.now());
+                self.station.starts(self.line.now());
                 if let Some((pending, ..)) = self.pending {
                     self.misses_up_to(pending);
                 }

@@ -95,7 +95,7 @@ impl Stand {
         let axes = station.axes();
         let now = line.now();
         let mut station = station;
-        station.now_is(now);
+        station.starts(now);
         Self {
             line,
             inbox,

@@ -38,6 +38,23 @@ fn axis() -> Axis {
     }
 }
 
+fn hello(axis: Axis, rate: (u64, u64)) -> Hello {
+    Hello {
+        proof: [0; 32],
+        nonce: [7; 32],
+        layout: layout_hash(std::slice::from_ref(&axis)),
+        versions: Versions::OURS,
+        keyed: false,
+        rate_numerator: rate.0,
+        rate_denominator: rate.1,
+        watchdog_s: (rate.1 as f64 / rate.0 as f64).max(0.5),
+        sampling: Sampling::Reply,
+        software: "test".to_owned(),
+        name: "test".to_owned(),
+        axes: vec![axis],
+    }
+}
+
 /// A spring of 8 N/mm.
 fn host() -> Host {
     let build = || {
@@ -83,20 +100,7 @@ impl Controller {
             out: vec![0; LARGEST_FRAME],
             tap,
         };
-        let hello = Hello {
-            proof: [0; 32],
-            nonce: [7; 32],
-            layout: layout_hash(std::slice::from_ref(&axis)),
-            versions: Versions::OURS,
-            keyed: false,
-            rate_numerator: rate.0,
-            rate_denominator: rate.1,
-            watchdog_s: (rate.1 as f64 / rate.0 as f64).max(0.5),
-            sampling: Sampling::Reply,
-            software: "test".to_owned(),
-            name: "test".to_owned(),
-            axes: vec![axis],
-        };
+        let hello = hello(axis, rate);
         let Some(Control::Welcome(welcome)) = one.ask(&Control::Hello(hello)) else {
             panic!("not welcome");
         };
@@ -465,6 +469,62 @@ fn a_slow_rate_gives_the_first_commands_after_an_arm_no_more_time() {
     controller.clock.advance(1_000_000);
     let into = controller.told(1, 0.003, 0.001).unwrap().unwrap();
     assert!(into.status.has(Status::INTERLOCK), "the first was left out");
+    assert!(told.lock().unwrap().is_empty());
+}
+
+#[test]
+fn a_computed_specimen_has_limits_and_a_trip_of_its_session_unless_it_remembers() {
+    for remembers in [false, true] {
+        let limits = toml::from_str("command_step_m = { trip = 0.002 }").unwrap();
+        let first = host().limited(vec![limits]);
+        let first = if remembers {
+            first.remembering()
+        } else {
+            first
+        };
+        let latch = first.latch();
+        let again = host().limited(vec![limits]).guarded_as(&first);
+        let mut controller = Controller::of(first, axis());
+        assert_eq!(controller.command(0, 0.0, 0.001), FINE);
+        let into = controller.told(1, 0.003, 0.001).unwrap().unwrap();
+        assert!(into.status.has(Status::INTERLOCK));
+        assert_eq!(latch.trip().is_some(), remembers);
+        drop(controller);
+        let mut station = again.station(remembers).unwrap();
+        let visitor = crate::link::rig::Visitor::unnamed(([127, 0, 0, 1], 1).into());
+        let begun = station.begin(&visitor, &mut || Ok(()));
+        assert_eq!(begun.is_err(), remembers);
+        latch.clear().unwrap();
+        assert!(station.begin(&visitor, &mut || Ok(())).is_ok());
+    }
+}
+
+#[test]
+fn a_latched_specimen_refuses_a_hello_with_its_trip() {
+    let (host, told) = gateway(None);
+    host.latch()
+        .set("far", "interlock", "the interlock is open");
+    let clock = SimClock::new();
+    let mut end = Simulated::new(host, clock.clone(), 0, true);
+    let message = handshake::encode(&Control::Hello(hello(axis(), (1000, 1)))).unwrap();
+    let mut frame = vec![0; LARGEST_FRAME];
+    let length = Encoder::greeting(Side::Controller).control(&message, &mut frame);
+    end.send(&frame[..length.unwrap()]).unwrap();
+    let until = clock.now().plus(1_000_000);
+    let length = end.recv(&mut frame, until).unwrap().unwrap();
+    let mut decoder = Decoder::greeting(Side::Specimen);
+    let Frame::Control(message) = decoder.open(&frame[..length]).unwrap().frame else {
+        panic!("no refusal");
+    };
+    let Control::Refuse(refuse) = handshake::decode(message).unwrap() else {
+        panic!("no refusal");
+    };
+    assert_eq!(refuse.code, RefuseCode::NotReady);
+    assert!(
+        refuse.text.contains("the interlock is open"),
+        "{}",
+        refuse.text
+    );
     assert!(told.lock().unwrap().is_empty());
 }
 

@@ -1,0 +1,85 @@
+//! How a controller's test at a station begins: the latch, the guard of the specimen and the log, and then the specimen.
+
+use super::announced::Announced;
+use super::guard::SpecimenGuard;
+use super::{Close, Over, Station};
+use crate::link::rig::log::Log;
+use crate::link::rig::{Visitor, Wanted, with_last_words};
+use crate::record::NoteLevel;
+use crate::substructure::{LinkStats, Measurement};
+
+impl Station {
+    /// Gets everything ready for a controller's test: log, connection, direction, arming. Returns what whoever watches
+    /// should know. May block and move what is to be tried, for as long as the test is `wanted`.
+    ///
+    /// # Errors
+    /// Why there is no test; the specimen, if it was reached, has been told, and holds where it is.
+    pub fn begin(
+        &mut self,
+        visitor: &Visitor,
+        wanted: &mut Wanted<'_>,
+    ) -> Result<Vec<String>, Over> {
+        self.end(Close::Failed, "another controller came");
+        if let Some(refusal) = self.latch.refusal() {
+            return Err(Over::failed(refusal));
+        }
+        self.borrow_guard(visitor)?;
+        // The specimen is not connected yet.
+        (self.begun, self.is_dismissed) = (true, true);
+        self.tripped = None;
+        self.announced = Announced::by(visitor, &self.units);
+        self.begins = None;
+        self.commits = 0;
+        self.unsettled = 0;
+        self.holding = 0;
+        self.link = LinkStats::default();
+        self.measured = Measurement::zeros(self.units.len());
+        self.sound = Measurement::zeros(self.units.len());
+        if let Err(text) = self.open_log(visitor) {
+            self.end(Close::Failed, &text);
+            return Err(text.into());
+        }
+        self.is_dismissed = false;
+        match self.get_ready(visitor, wanted) {
+            Ok(told) => Ok(told),
+            Err(Over { close, text }) => {
+                // Its own reason is one for its controller, too.
+                let said = self.dismiss(close);
+                let text = with_last_words(text, said);
+                let over = Over { close, text };
+                if matches!(over.close, Close::Failed | Close::Vanished) {
+                    self.note(NoteLevel::Error, "link", &over.text);
+                }
+                self.end(over.close, &over.text);
+                Err(over)
+            }
+        }
+    }
+
+    fn open_log(&mut self, visitor: &Visitor) -> Result<(), String> {
+        let Some(settings) = &self.keeping else {
+            return Ok(());
+        };
+        let log = Log::open(settings, &self.name, &self.units, visitor, self.away_from);
+        let mut log = log.map_err(|text| format!("the log cannot be kept: {text}"))?;
+        if let Some(words) = &self.played {
+            log.warn("faults", words);
+        }
+        self.log = Some(log);
+        Ok(())
+    }
+
+    /// A session begins with the guard of the specimen, or with a new one where the specimen is new, too.
+    fn borrow_guard(&mut self, visitor: &Visitor) -> Result<(), Over> {
+        let new = SpecimenGuard::new(self.guard.limits.clone(), self.moves);
+        if self.is_lasting() {
+            let lent = self.store.lend(|| new);
+            self.guard = lent.ok_or_else(|| Over::failed("another session has the specimen"))?;
+            self.guard.begin(visitor.rate);
+        } else {
+            self.guard = new;
+            self.guard.begin(visitor.rate);
+        }
+        Ok(())
+    }
+}

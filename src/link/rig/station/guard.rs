@@ -1,0 +1,110 @@
+//! The guard of a served specimen: its limits and what they remember.
+//!
+//! A specimen that moves has one guard for as long as the server's process holds it. The guard keeps the speed allowance and
+//! the history of commands, so an Arm, a new session or a new client begins where the last command ended. It is lent to one
+//! session at a time ([`GuardStore`]). A computed specimen that does not remember has a new guard for each Arm.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use super::USUAL_TICK_S;
+use super::allowed::{Allowed, Request};
+use crate::control::limits::{AxisLimits, Watch};
+use crate::time::Nanos;
+
+/// The limits of one specimen, and what they remember.
+#[derive(Debug, Clone)]
+pub(super) struct SpecimenGuard {
+    pub limits: Vec<AxisLimits>,
+    pub watch: Watch,
+    allowed: Allowed,
+}
+
+impl SpecimenGuard {
+    /// A guard of a specimen whose position is not known yet.
+    pub fn new(limits: Vec<AxisLimits>, moves: bool) -> Self {
+        Self {
+            watch: Watch::new(limits.clone(), USUAL_TICK_S),
+            allowed: Allowed::new(moves),
+            limits,
+        }
+    }
+
+    /// A session begins, whose client announced this rate. It forgets the measurements and warnings of the session before.
+    pub fn begin(&mut self, rate: Option<(u64, u64)>) {
+        self.watch.begins_session();
+        self.allowed.announced(rate);
+    }
+
+    /// Everything is forgotten but the limits and the announced rate.
+    pub fn forget(&mut self) {
+        self.watch = Watch::new(self.limits.clone(), USUAL_TICK_S);
+        self.allowed.forget();
+    }
+
+    /// The specimen is at `disp`, in m. Commands start there, and the first has this number.
+    pub fn arm(&mut self, sequence: u64, disp: impl Iterator<Item = f64>) {
+        self.watch.is_found_at(disp);
+        self.allowed.begin(sequence);
+    }
+
+    /// Commands may come from now on. Real-time: yes.
+    pub fn starts(&mut self, now: Nanos) {
+        self.allowed.starts(now);
+    }
+
+    /// The time that a command of the client has for its motion, if anything is known of it, and whether the specimen has come to
+    /// rest before. It goes to `disp`, in m. Real-time: yes.
+    pub fn time_of(
+        &mut self,
+        sequence: u64,
+        elapsed: f64,
+        disp: impl Iterator<Item = f64>,
+        now: Nanos,
+    ) -> (Option<f64>, bool) {
+        let rested = self.allowed.has_rested(now);
+        if rested {
+            self.watch.rests();
+        }
+        let request = Request {
+            sequence,
+            elapsed,
+            stays: self.watch.is_at(disp),
+        };
+        (self.allowed.time_of(request, now), rested)
+    }
+}
+
+/// Where a guard is between sessions. Clones share it.
+#[derive(Debug, Clone, Default)]
+pub struct GuardStore(Arc<Mutex<Stored>>);
+
+#[derive(Debug, Default)]
+enum Stored {
+    /// There was no session yet.
+    #[default]
+    Unused,
+    Here(Box<SpecimenGuard>),
+    /// A session holds the guard.
+    Lent,
+}
+
+impl GuardStore {
+    fn stored(&self) -> MutexGuard<'_, Stored> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The guard of the last session, or `new` before the first; none while a session holds it.
+    pub(super) fn lend(&self, new: impl FnOnce() -> SpecimenGuard) -> Option<SpecimenGuard> {
+        let mut stored = self.stored();
+        match std::mem::replace(&mut *stored, Stored::Lent) {
+            Stored::Unused => Some(new()),
+            Stored::Here(guard) => Some(*guard),
+            Stored::Lent => None,
+        }
+    }
+
+    /// A session gives it back.
+    pub(super) fn take_back(&self, guard: SpecimenGuard) {
+        *self.stored() = Stored::Here(Box::new(guard));
+    }
+}

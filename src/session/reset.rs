@@ -1,0 +1,249 @@
+//! The control socket of a server: through it the operator of a specimen clears its latched trip.
+//!
+//! It is made as that of a running test is ([`super::desk`]): one line of JSON in, one out. `{"request": "reset"}` is answered
+//! with `{"trip": …}`, what was cleared in words, or `null` where nothing was latched.
+
+use std::io::{self, ErrorKind};
+use std::os::unix::fs::FileTypeExt;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::desk::{Desk, SOCKET, in_a_line, reach, read_line, write_line};
+
+/// End of the name of the file that keeps a trip, in place of that of the socket.
+const LATCH: &str = "latch.json";
+
+/// Where a server is controlled: a folder and the name of the socket in it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ControlPlace {
+    folder: PathBuf,
+    name: String,
+    path: PathBuf,
+}
+
+impl ControlPlace {
+    /// `path` is a folder, whose socket is `control.sock`, or a socket that may not exist yet.
+    #[must_use]
+    pub fn at(path: &Path) -> Self {
+        match path.file_name().and_then(|name| name.to_str()) {
+            Some(name) if !path.is_dir() => {
+                let folder = path
+                    .parent()
+                    .filter(|folder| !folder.as_os_str().is_empty());
+                Self {
+                    folder: folder.unwrap_or(Path::new(".")).to_owned(),
+                    name: name.to_owned(),
+                    path: path.to_owned(),
+                }
+            }
+            _ => Self {
+                folder: path.to_owned(),
+                name: SOCKET.into(),
+                path: path.to_owned(),
+            },
+        }
+    }
+
+    /// The argument of `gusset reset`.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The file that keeps the trip of a physical specimen, beside the socket.
+    #[must_use]
+    pub fn latch_file(&self) -> PathBuf {
+        self.folder.join(&self.name).with_extension(LATCH)
+    }
+}
+
+/// Why a server cannot be controlled at a place.
+#[derive(Debug, Error)]
+pub enum ControlError {
+    /// Another server is controlled there.
+    #[error("{}: another server is controlled there: give each server another --control", .0.display())]
+    Taken(PathBuf),
+    /// The system gives no socket there.
+    #[error("{}: no control socket can be made there: {source} (--control PATH names another place)", path.display())]
+    Socket {
+        /// Where.
+        path: PathBuf,
+        /// The system's word.
+        source: io::Error,
+    },
+}
+
+/// The control socket of a server; closed and removed when dropped.
+#[derive(Debug)]
+pub struct ServerControl {
+    _desk: Desk,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum ServerRequest {
+    Reset,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Asked {
+    request: ServerRequest,
+}
+
+/// What `reset` is answered with.
+#[derive(Debug, Serialize, Deserialize)]
+struct ResetAnswer {
+    /// The trip that was cleared, in words.
+    trip: Option<String>,
+    /// Why it is not cleared.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    error: Option<String>,
+}
+
+impl ServerControl {
+    /// Listens at `place`, and calls `clear` when asked to: it returns what was latched, in words. A socket that a killed server
+    /// has left is replaced.
+    ///
+    /// # Errors
+    /// [`ControlError`].
+    pub fn open(
+        place: &ControlPlace,
+        mut clear: impl FnMut() -> io::Result<Option<String>> + Send + 'static,
+    ) -> Result<Self, ControlError> {
+        let path = || place.folder.join(&place.name);
+        let wrong = |source| ControlError::Socket {
+            path: path(),
+            source,
+        };
+        let is_socket = std::fs::symlink_metadata(path()).is_ok_and(|m| m.file_type().is_socket());
+        if is_socket {
+            match reach(&place.folder, &place.name) {
+                Err(error) if error.kind() == ErrorKind::ConnectionRefused => {
+                    std::fs::remove_file(path()).map_err(wrong)?;
+                }
+                Err(error) if error.kind() == ErrorKind::PermissionDenied => {
+                    return Err(wrong(error));
+                }
+                Ok(_) | Err(_) => return Err(ControlError::Taken(path())),
+            }
+        }
+        let serve = move |line: &[u8]| {
+            let Asked {
+                request: ServerRequest::Reset,
+            } = serde_json::from_slice(line)?;
+            in_a_line(&match clear() {
+                Ok(trip) => ResetAnswer { trip, error: None },
+                Err(error) => ResetAnswer {
+                    trip: None,
+                    error: Some(error.to_string()),
+                },
+            })
+        };
+        let desk = Desk::listen(&place.folder, &place.name, Box::new(serve), None);
+        Ok(Self {
+            _desk: desk.map_err(wrong)?,
+        })
+    }
+}
+
+/// Why a trip is not cleared.
+#[derive(Debug, Error)]
+pub enum ResetError {
+    /// No server listens there.
+    #[error(
+        "{}: no server is controlled there: {source} (a server that is not running clears its trip at a start with --reset)",
+        path.display()
+    )]
+    NoServer {
+        /// Where.
+        path: PathBuf,
+        /// The system's word.
+        source: io::Error,
+    },
+    /// The server does not answer.
+    #[error("{}: the server does not answer: {source}", path.display())]
+    Silent {
+        /// Where.
+        path: PathBuf,
+        /// The system's word.
+        source: io::Error,
+    },
+    /// The server cannot remove the file.
+    #[error("{}: the trip stays latched: {text}", path.display())]
+    Kept {
+        /// Where.
+        path: PathBuf,
+        /// Why.
+        text: String,
+    },
+}
+
+/// Clears the latched trip of the server that is controlled at `place`; what it was, if there was one.
+///
+/// # Errors
+/// [`ResetError`].
+pub fn reset(place: &ControlPlace) -> Result<Option<String>, ResetError> {
+    let path = || place.path.clone();
+    let silent = |source| ResetError::Silent {
+        path: path(),
+        source,
+    };
+    let stream = reach(&place.folder, &place.name);
+    let stream = stream.map_err(|source| ResetError::NoServer {
+        path: path(),
+        source,
+    })?;
+    let request = ServerRequest::Reset;
+    write_line(&stream, &Asked { request }).map_err(silent)?;
+    let answer: ResetAnswer = read_line(&stream).map_err(silent)?;
+    match answer.error {
+        Some(text) => Err(ResetError::Kept { path: path(), text }),
+        None => Ok(answer.trip),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn nothing() -> io::Result<Option<String>> {
+        Ok(None)
+    }
+
+    #[test]
+    fn a_reset_clears_what_is_latched_and_says_what_it_was() {
+        let folder = tempfile::tempdir().unwrap();
+        for path in [folder.path().to_owned(), folder.path().join("rig.sock")] {
+            let place = ControlPlace::at(&path);
+            assert_eq!(place.latch_file().parent(), Some(folder.path()));
+            assert!(matches!(reset(&place), Err(ResetError::NoServer { .. })));
+            let mut latched = vec![Ok(Some("too much".to_owned()))];
+            latched.insert(0, Err(io::Error::from(ErrorKind::ReadOnlyFilesystem)));
+            let clear = move || latched.pop().unwrap_or(Ok(None));
+            let socket = ServerControl::open(&place, clear).unwrap();
+            let taken = ServerControl::open(&place, nothing);
+            assert!(matches!(taken, Err(ControlError::Taken(_))));
+            assert_eq!(reset(&place).unwrap().as_deref(), Some("too much"));
+            assert!(matches!(reset(&place), Err(ResetError::Kept { .. })));
+            assert_eq!(reset(&place).unwrap(), None);
+            drop(socket);
+            assert!(matches!(reset(&place), Err(ResetError::NoServer { .. })));
+        }
+    }
+
+    #[test]
+    fn the_socket_of_a_killed_server_is_replaced_and_no_other_file_is() {
+        let folder = tempfile::tempdir().unwrap();
+        let place = ControlPlace::at(folder.path());
+        let path = folder.path().join(SOCKET);
+        drop(std::os::unix::net::UnixListener::bind(&path).unwrap());
+        drop(ServerControl::open(&place, nothing).unwrap());
+        std::fs::write(&path, "a file").unwrap();
+        let refused = ServerControl::open(&place, nothing);
+        assert!(matches!(refused, Err(ControlError::Socket { .. })));
+        assert_eq!(std::fs::read(&path).unwrap(), b"a file");
+    }
+}
