@@ -109,8 +109,8 @@ pub struct Desk {
     thread: Option<JoinHandle<()>>,
 }
 
-/// Makes the answer to a line; an error closes the connection.
-type Serve = Box<dyn FnMut(&[u8]) -> io::Result<Vec<u8>> + Send>;
+/// Makes the answer to a caller whose line is whole; an error closes the connection.
+type Serve = Box<dyn FnMut(&Caller) -> io::Result<Vec<u8>> + Send>;
 
 impl Desk {
     /// Listens in `folder`.
@@ -123,11 +123,11 @@ impl Desk {
         phase: PhaseCell,
         roll: &Roll,
     ) -> io::Result<Self> {
-        let serve = move |line: &[u8]| in_a_line(&told(line, &requests, &phase)?);
+        let serve = move |caller: &Caller| in_a_line(&told(caller, &requests, &phase)?);
         Self::listen(folder, SOCKET, Box::new(serve), Some(roll))
     }
 
-    /// Listens at the socket of this name in `folder`, and answers every line as `serve` does.
+    /// Listens at the socket of this name in `folder`, and answers every caller as `serve` does.
     ///
     /// # Errors
     /// The system gives no socket or no thread.
@@ -183,9 +183,9 @@ struct Counter {
 }
 
 /// Who has come and not said a whole line.
-struct Caller {
+pub(super) struct Caller {
     stream: UnixStream,
-    line: Vec<u8>,
+    pub(super) line: Vec<u8>,
     until_ns: u64,
 }
 
@@ -225,7 +225,7 @@ impl Counter {
                 // Whoever speaks nonsense or not at all gets no answer.
                 Heard::Part => {}
                 Heard::Whole => {
-                    let answer = (self.serve)(&caller.line);
+                    let answer = (self.serve)(&caller);
                     let _ = answer.and_then(|line| (&caller.stream).write_all(&line));
                     if let Some(stamper) = &mut self.stamper {
                         stamper.since(What::Request, began_ns, 0);
@@ -255,8 +255,8 @@ impl Counter {
 }
 
 /// Passes the request in a line to the running test, and returns the answer.
-fn told(line: &[u8], requests: &Sender<Operator>, phase: &PhaseCell) -> io::Result<Answer> {
-    let asked: Asked = serde_json::from_slice(line)?;
+fn told(caller: &Caller, requests: &Sender<Operator>, phase: &PhaseCell) -> io::Result<Answer> {
+    let asked: Asked = serde_json::from_slice(&caller.line)?;
     let seen = phase.glimpse();
     let heard = seen.phase.can_be_held();
     let is_taken = |word: Operator| word.say_into(requests).is_ok();

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::desk::{Desk, SOCKET, in_a_line, reach, read_line, write_line};
+use super::desk::{Caller, Desk, SOCKET, in_a_line, reach, read_line, write_line};
 
 /// End of the name of the file that keeps a trip, in place of that of the socket.
 const LATCH: &str = "latch.json";
@@ -130,10 +130,10 @@ impl ServerControl {
                 Ok(_) | Err(_) => return Err(ControlError::Taken(path())),
             }
         }
-        let serve = move |line: &[u8]| {
+        let serve = move |caller: &Caller| {
             let Asked {
                 request: ServerRequest::Reset,
-            } = serde_json::from_slice(line)?;
+            } = serde_json::from_slice(&caller.line)?;
             in_a_line(&match clear() {
                 Ok(trip) => ResetAnswer { trip, error: None },
                 Err(error) => ResetAnswer {
