@@ -128,6 +128,12 @@ fn check_excitation(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
 fn check_safety(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
     let safety = &file.safety;
     let usual = SafetyTable::default();
+    findings.idle(
+        at,
+        "divergence_m",
+        safety.divergence_m.is_some() && file.structure.is_none(),
+        "a bound of the structure's DOFs, and there is no structure",
+    );
     if file.structure.is_none() {
         let keys = [
             ("stability_used", safety.stability_used.is_some()),
