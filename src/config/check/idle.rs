@@ -41,8 +41,6 @@ impl Findings {
 pub(super) fn check_idle(file: &TestFile, clock_is_chosen: bool, findings: &mut Findings) {
     let root = KeyPath::root();
     check_time(file, &root.key("time"), findings);
-    let is_remote = |specimen: &SpecimenTable| specimen.link.is_some();
-
     check_integrator(file, &root.key("integrator"), findings);
     check_excitation(file, &root.key("excitation"), findings);
     check_safety(file, &root.key("safety"), findings);

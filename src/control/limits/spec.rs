@@ -29,8 +29,7 @@ pub struct LimitsSpec {
     /// Second difference of the command over that time squared, in m/s².
     #[serde(skip_serializing_if = "Option::is_none")]
     pub command_accel_m_per_s2: Option<BoundSpec>,
-    /// Displacement that may be measured, in m. Without a trip level `safety.divergence_m` bounds it in a test, 1000 m by default
-    /// and where it is served.
+    /// Displacement that may be measured, in m. Without a trip level more than 1000 m trips.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub measured_disp_m: Option<RangeSpec>,
     /// Force that may be measured, in N.
