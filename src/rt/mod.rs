@@ -14,6 +14,7 @@
 //! | [`spec`] | the `[timing]` table of a test file |
 //! | [`throttle`] | the kernel's budget for real-time threads, and the spin that fits into it |
 //! | [`clock`] | the monotonic clock: sleep, then spin |
+//! | [`control_socket`] | a local socket for programs of the same user |
 //! | [`wall`] | UTC |
 //! | [`timing`] | histograms of the tick, misses and their first classification |
 //! | [`sampler`] | context switches, page faults and steal, watched from another processor |
@@ -28,6 +29,7 @@ use serde::Serialize;
 
 pub mod apply;
 pub mod clock;
+pub mod control_socket;
 pub mod doctor;
 pub mod load;
 pub mod os;

@@ -3,27 +3,23 @@
 //! One line of JSON in, one out: `{"request": "hold"}` and `{"accepted": true, "phase": "running"}`. Nothing here can hold
 //! the loop up: requests go through the bounded channel that it polls, the phase is a number that it leaves behind. Nobody
 //! waits at the desk for another, nor its end for anybody. Who asks keeps apart a test that is over from one that does not
-//! answer: of the second nothing is known but that it may still move. Only the user who started the test may speak (mode
-//! 0600).
+//! answer: of the second nothing is known but that it may still move. Only the user who started the test may speak
+//! ([`crate::rt::control_socket`]).
 
-use std::fs::{self, File, Metadata, Permissions};
 use std::io::{self, BufRead, BufReader, ErrorKind, Read, Write};
-use std::os::fd::AsRawFd;
-use std::os::unix::fs::PermissionsExt;
-use std::os::unix::net::{UnixListener, UnixStream};
-use std::path::{Path, PathBuf};
+use std::os::unix::net::UnixStream;
+use std::path::Path;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
 use crossbeam_channel::Sender;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use rustix::net::sockopt::{Timeout, set_socket_timeout};
-use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::engine::{Glimpse, Operator, PhaseCell};
-use crate::record::{Roll, Stamper, What, is_claimed, is_same_file};
+use crate::record::{Roll, Stamper, What, is_claimed};
+use crate::rt::control_socket::{ControlSocket, connect};
 use crate::rt::os::monotonic_ns;
 
 /// The socket's name in the run folder.
@@ -107,18 +103,9 @@ impl Unanswered {
 /// The listening end; closed and removed when dropped.
 #[derive(Debug)]
 pub struct Desk {
-    /// Whatever it is called by now: where it was, the folder of another test may stand.
-    folder: File,
-    /// As it was made.
-    socket: Metadata,
     /// The thread ends when this does.
     open: Option<UnixStream>,
     thread: Option<JoinHandle<()>>,
-}
-
-/// The socket in a folder by a path that is short enough for an address, however long the folder's is.
-fn address(folder: &File) -> PathBuf {
-    PathBuf::from(format!("/proc/self/fd/{}/{SOCKET}", folder.as_raw_fd()))
 }
 
 impl Desk {
@@ -132,17 +119,12 @@ impl Desk {
         phase: PhaseCell,
         roll: &Roll,
     ) -> io::Result<Self> {
-        let folder = File::open(folder)?;
-        let address = address(&folder);
-        let listener = UnixListener::bind(&address)?;
-        let socket = fs::symlink_metadata(&address)?;
-        fs::set_permissions(&address, Permissions::from_mode(0o600))?;
-        listener.set_nonblocking(true)?;
+        let socket = ControlSocket::bind(folder, SOCKET)?;
         let (open, closed) = UnixStream::pair()?;
         let roll = roll.clone();
         let work = move || {
             let mut counter = Counter {
-                listener,
+                socket,
                 closed,
                 callers: Vec::new(),
                 requests,
@@ -157,8 +139,6 @@ impl Desk {
             .name("gusset-desk".into())
             .spawn(work)?;
         Ok(Self {
-            folder,
-            socket,
             open: Some(open),
             thread: Some(thread),
         })
@@ -169,19 +149,15 @@ impl Drop for Desk {
     fn drop(&mut self) {
         self.open = None;
         if let Some(thread) = self.thread.take() {
-            // It waits for nothing but this and what comes.
+            // It waits for nothing but this and what comes, and removes the socket.
             let _ = thread.join();
-        }
-        let address = address(&self.folder);
-        if fs::symlink_metadata(&address).is_ok_and(|found| is_same_file(&found, &self.socket)) {
-            let _ = fs::remove_file(&address);
         }
     }
 }
 
 /// The desk's thread: it waits for all at once, and for each only so long.
 struct Counter {
-    listener: UnixListener,
+    socket: ControlSocket,
     /// Readable when the desk closes.
     closed: UnixStream,
     callers: Vec<Caller>,
@@ -202,7 +178,7 @@ impl Counter {
     fn waits(&self) -> bool {
         let mut ends = vec![PollFd::new(&self.closed, PollFlags::IN)];
         if self.callers.len() < MOST_CALLERS {
-            ends.push(PollFd::new(&self.listener, PollFlags::IN));
+            ends.push(PollFd::new(&self.socket, PollFlags::IN));
         }
         let streams = self.callers.iter();
         ends.extend(streams.map(|caller| PollFd::new(&caller.stream, PollFlags::IN)));
@@ -241,16 +217,20 @@ impl Counter {
     }
 
     fn accept(&mut self) {
-        match self.listener.accept() {
-            Ok((stream, _)) if stream.set_nonblocking(true).is_ok() => {
+        match self.socket.accept() {
+            Ok(stream) if stream.set_nonblocking(true).is_ok() => {
                 self.callers.push(Caller {
                     stream,
                     line: Vec::new(),
                     until_ns: monotonic_ns().saturating_add(nanos(PATIENCE)),
                 });
             }
-            Err(error) if error.kind() != ErrorKind::WouldBlock => super::pause(BREATH),
-            Ok(_) | Err(_) => {}
+            Ok(_) => {}
+            Err(error) => match error.kind() {
+                // None waits, or it was another user's.
+                ErrorKind::WouldBlock | ErrorKind::PermissionDenied => {}
+                _ => super::pause(BREATH),
+            },
         }
     }
 
@@ -323,7 +303,7 @@ fn write_line(mut to: &UnixStream, value: &impl Serialize) -> io::Result<()> {
 /// # Errors
 /// Nothing runs there, or it does not answer.
 pub fn ask(folder: &Path, request: Request) -> Result<Answer, Unanswered> {
-    let stream = reach(folder).map_err(|error| match error.kind() {
+    let stream = connect(folder, SOCKET, PATIENCE).map_err(|error| match error.kind() {
         ErrorKind::PermissionDenied => Unanswered::Barred(error),
         // The socket goes with its test; where that was killed it stays behind, and nobody listens. One that has claimed the
         // folder does not listen yet, or its socket was deleted.
@@ -338,23 +318,11 @@ pub fn ask(folder: &Path, request: Request) -> Result<Answer, Unanswered> {
     read_line(&stream).map_err(Unanswered::silent(true))
 }
 
-/// A connection. One that is not taken up in time because too many wait before it is not waited for, either.
-fn reach(folder: &Path) -> io::Result<UnixStream> {
-    let folder = File::open(folder)?;
-    let socket = rustix::net::socket_with(
-        AddressFamily::UNIX,
-        SocketType::STREAM,
-        SocketFlags::CLOEXEC,
-        None,
-    )?;
-    set_socket_timeout(&socket, Timeout::Send, Some(PATIENCE))?;
-    set_socket_timeout(&socket, Timeout::Recv, Some(PATIENCE))?;
-    rustix::net::connect(&socket, &SocketAddrUnix::new(address(&folder))?)?;
-    Ok(UnixStream::from(socket))
-}
-
 #[cfg(test)]
 mod tests {
+    use std::fs;
+    use std::os::unix::net::UnixListener;
+
     use super::*;
     use crate::engine::Phase;
     use crate::record::RunFolder;
