@@ -52,7 +52,8 @@ pub(super) enum Command {
     /// Let a running test stand still: test time stops, the specimens hold.
     #[command(after_help = "Example:\n  gusset hold runs/first")]
     Hold(OperateArgs),
-    /// Let a test that is held go on; of one that is not, confirm what its sensors read if it asks for that.
+    /// Let a test that is held go on; of one that is not, confirm what its sensors read if it asks for that. It ends the hold
+    /// that it finds, and no later one.
     #[command(after_help = "Example:\n  gusset continue runs/first")]
     Continue(OperateArgs),
     /// Feed a recorded test through the loop again and prove that every number comes out bit for bit the same.

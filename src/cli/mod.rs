@@ -55,7 +55,6 @@ use args::{Cli, Command};
 
 use crate::config::{Diagnostics, printable};
 use crate::rt::os;
-use crate::session::Request;
 
 /// Runs the command line and returns the exit code of contracts: 0 done, 1 stopped, 2 wrong usage, 3 link, 4 no real
 /// time, 5 our own fault, 130 and 143 interrupted.
@@ -84,9 +83,9 @@ fn dispatch(command: Command) -> anyhow::Result<Exit> {
         Command::Doctor(args) => doctor::doctor(&args),
         Command::Export(args) => export::export(&args),
         Command::Report(args) => report::report(&args),
-        Command::Stop(args) => operate::operate(&args, Request::Stop),
-        Command::Hold(args) => operate::operate(&args, Request::Hold),
-        Command::Continue(args) => operate::operate(&args, Request::Continue),
+        Command::Stop(args) => operate::operate(&args, operate::Order::Stop),
+        Command::Hold(args) => operate::operate(&args, operate::Order::Hold),
+        Command::Continue(args) => operate::operate(&args, operate::Order::Continue),
         Command::Replay(args) => replay::replay(&args),
         Command::Serve(args) => serve::serve(&args),
         Command::Verify(args) => verify::verify(&args),
