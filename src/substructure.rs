@@ -200,6 +200,8 @@ pub struct LinkStats {
     pub duplicates: u64,
     /// Commands that never arrived, as the far end counts them.
     pub missed: u64,
+    /// How often the network said that a datagram of a signed session did not arrive.
+    pub unreachable: u64,
 }
 
 /// What a specimen says of itself once it is connected. Empty in process.

@@ -43,6 +43,15 @@ pub trait Transport: Send {
     /// The link is lost.
     fn recv(&mut self, buffer: &mut [u8], deadline: Nanos) -> Result<Option<usize>, LinkFault>;
 
+    /// From here on every frame is signed. What the network itself says of a datagram is not, and anybody can forge it: it is
+    /// counted and ends nothing any more.
+    fn trust_only_frames(&mut self) {}
+
+    /// How often the network has said since that a datagram did not arrive. Real-time: yes.
+    fn unreachable(&self) -> u64 {
+        0
+    }
+
     /// The present on the clock of its deadlines: CLOCK_MONOTONIC, unless time itself is simulated. Real-time: yes.
     fn now(&self) -> Nanos {
         Nanos(os::monotonic_ns())

@@ -390,6 +390,7 @@ fn links(outcome: &Outcome) -> BTreeMap<String, LinkCounts> {
         duplicates: link.stats.duplicates,
         recovered: link.stats.recovered,
         missed: link.stats.missed,
+        unreachable: link.stats.unreachable,
     };
     outcome
         .ports

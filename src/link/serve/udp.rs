@@ -3,7 +3,7 @@
 
 use std::collections::HashMap;
 use std::io;
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
 
 use tokio::net::UdpSocket;
@@ -14,13 +14,13 @@ use super::line::Carried;
 use super::{Desk, Heard};
 use crate::link::inbox::Inbox;
 use crate::link::socket::beside;
-use crate::link::{SocketOptions, UdpTransport};
+use crate::link::{SocketOptions, Transport, UdpTransport};
 use crate::rt::os;
 use crate::wire::handshake::{Arm, Refuse};
 use crate::wire::native::{Decoder, Frame, LARGEST_FRAME};
 use crate::wire::{Side, WireError};
 
-/// Controllers that have been welcomed and not armed yet; the oldest makes room.
+/// Controllers that have been welcomed and not armed yet; the oldest of the address where most wait makes room.
 const MOST_WAITING: usize = 64;
 /// Of them at one address, where its own oldest makes room: one machine does not push out the others.
 const MOST_OF_ONE: usize = 16;
@@ -186,16 +186,20 @@ fn hear(
     }
 }
 
-/// Lets the oldest go where there are too many, of all or at the address of `peer`.
+/// Where there are too many, at the address of `peer` or in all, lets the oldest go: there, or where most wait.
 fn make_room(candidates: &mut HashMap<SocketAddr, Candidate>, peer: SocketAddr) {
-    let at_home = |other: &SocketAddr| other.ip() == peer.ip();
-    let too_many_of_one = candidates.keys().filter(|p| at_home(p)).count() >= MOST_OF_ONE;
-    if !too_many_of_one && candidates.len() < MOST_WAITING {
+    let waiting = |ip: IpAddr| candidates.keys().filter(|other| other.ip() == ip).count();
+    let crowd = if waiting(peer.ip()) >= MOST_OF_ONE {
+        Some(peer.ip())
+    } else if candidates.len() >= MOST_WAITING {
+        let addresses = candidates.keys().map(SocketAddr::ip);
+        addresses.max_by_key(|ip| waiting(*ip))
+    } else {
         return;
-    }
+    };
     let may_go = candidates
         .iter()
-        .filter(|(other, _)| !too_many_of_one || at_home(other));
+        .filter(|(other, _)| Some(other.ip()) == crowd);
     let oldest = may_go.min_by_key(|(_, candidate)| candidate.since);
     if let Some(oldest) = oldest.map(|(peer, _)| *peer) {
         candidates.remove(&oldest);
@@ -211,7 +215,12 @@ fn hand_over(socket: &UdpSocket, peer: SocketAddr, desk: &Desk, greeted: Greeted
         .and_then(|own| {
             UdpTransport::from_socket(own, SocketOptions::default()).map_err(|e| e.to_string())
         })
-        .map(|udp| Carried::Udp(udp).into());
+        .map(|mut udp| {
+            if desk.key.is_some() {
+                udp.trust_only_frames();
+            }
+            Carried::Udp(udp).into()
+        });
     match line {
         Ok(line) => {
             let inbox = Inbox::new(false);
