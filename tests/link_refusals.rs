@@ -202,6 +202,25 @@ fn who_connects_and_says_nothing_keeps_no_controller_out() {
     drop(silent);
 }
 
+#[test]
+fn what_strangers_send_all_the_time_is_told_only_so_often() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let served = Served::start(folder, &local(), &[]);
+    for _ in 0..300 {
+        let mut stream = TcpStream::connect(&served.address).unwrap();
+        stream.write_all(b"GET / HTTP/1.1\r\n\r\n").unwrap();
+        // It is turned away, with or without a reset.
+        let _ = stream.read_to_end(&mut Vec::new());
+    }
+    let (code, said) = run(folder, "run", &linked(STEPS, &served.address, ""));
+    assert_eq!(code, 0, "{said}");
+    let before = served.says_before("test over");
+    let told = |words: &str| before.iter().filter(|line| line.contains(words)).count();
+    assert_eq!(told(": refused: "), 100);
+    assert_eq!(told("are not told for"), 1);
+}
+
 /// A connection from another address of this machine.
 fn connect_from(own: [u8; 4], to: &str) -> TcpStream {
     use rustix::net::{AddressFamily, SocketType};

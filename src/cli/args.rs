@@ -171,7 +171,8 @@ pub(super) struct LiveArgs {
         value_parser = crate::monitor::page::parse_address,
     )]
     pub live: Option<String>,
-    /// For --live: the token for looking, in place of a fresh one for every test: one line of 16 letters or more.
+    /// For --live: the token for looking, in place of a fresh one for every test: one line of 16 letters or more, in a
+    /// file that not all users of the machine can read.
     #[arg(long, value_name = "FILE", requires = "live")]
     pub live_token: Option<PathBuf>,
 }

@@ -10,6 +10,7 @@ pub mod fault;
 mod inbox;
 pub mod native;
 pub mod openfresco;
+mod quota;
 pub mod rig;
 pub mod secret;
 pub mod serve;

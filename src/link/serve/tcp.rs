@@ -102,8 +102,7 @@ pub(super) async fn accept(listener: TcpListener, desk: Arc<Desk>) {
             Ok((stream, peer)) => {
                 if let Some(peer) = waiting.make_room(peer) {
                     let text = "it had not armed when more came than may wait: it gave way";
-                    let text = text.to_owned();
-                    desk.tell(Heard::Refused { peer, text });
+                    desk.complain(peer, text.to_owned());
                 }
                 let (desk, theirs) = (Arc::clone(&desk), Arc::clone(&waiting));
                 let task = tokio::spawn(async move {
@@ -124,26 +123,28 @@ enum Ended {
     Gone,
     /// It was turned away, with these last bytes.
     Refused(String, Vec<u8>),
+    /// The same, and it has said nothing that makes sense.
+    Nonsense(String, Vec<u8>),
 }
 
 impl From<Lost> for Ended {
     fn from(lost: Lost) -> Self {
         match lost {
             Lost::Gone => Ended::Gone,
-            Lost::Tls(text) => Ended::Refused(text, Vec::new()),
+            Lost::Tls(text) => Ended::Nonsense(text, Vec::new()),
         }
     }
 }
 
 async fn attend(stream: TcpStream, peer: SocketAddr, desk: &Desk, waiting: &Waiting) {
     let let_in = Caller::let_in(stream, desk.tls.as_ref());
-    let refused = match timeout(HELLO_LIMIT, let_in).await {
+    let ended = match timeout(HELLO_LIMIT, let_in).await {
         Ok(Ok(caller)) => return greet(caller, peer, desk, waiting).await,
         Ok(Err(lost)) => lost.into(),
         Err(_) => silent("end of the TLS handshake", HELLO_LIMIT),
     };
-    if let Ended::Refused(text, _) = refused {
-        desk.tell(Heard::Refused { peer, text });
+    if let Ended::Refused(text, _) | Ended::Nonsense(text, _) = ended {
+        desk.complain(peer, text);
     }
 }
 
@@ -165,24 +166,29 @@ async fn greet(mut stream: Caller, peer: SocketAddr, desk: &Desk, waiting: &Wait
             Err(_) => Err(silent("arm message", ARM_LIMIT)),
         }
     };
-    match outcome.await {
-        Ok((greeted, arm)) => hand_over(stream, peer, desk, inbox, greeted, arm),
-        Err(Ended::Gone) => {}
+    let last = match outcome.await {
+        Ok((greeted, arm)) => return hand_over(stream, peer, desk, inbox, greeted, arm),
+        Err(Ended::Gone) => return,
         Err(Ended::Refused(text, last)) => {
             desk.tell(Heard::Refused { peer, text });
-            // A peer that does not take the reason does without it.
-            let _ = timeout(HELLO_LIMIT, async {
-                let _ = stream.write_all(&last).await;
-                stream.shutdown().await;
-            })
-            .await;
+            last
         }
-    }
+        Err(Ended::Nonsense(text, last)) => {
+            desk.complain(peer, text);
+            last
+        }
+    };
+    // A peer that does not take the reason does without it.
+    let _ = timeout(HELLO_LIMIT, async {
+        let _ = stream.write_all(&last).await;
+        stream.shutdown().await;
+    })
+    .await;
 }
 
 fn silent(what: &str, limit: Duration) -> Ended {
     let text = format!("no {what} within {} s", limit.as_secs());
-    Ended::Refused(text, Vec::new())
+    Ended::Nonsense(text, Vec::new())
 }
 
 /// The next whole frame of the stream, given to `open`.
@@ -208,12 +214,14 @@ fn malformed(error: WireError) -> Ended {
     {
         // What a TLS client understands is that this is none.
         let text = "it speaks TLS, and plain TCP is served here (--transport tls)";
-        return Ended::Refused(
+        return Ended::Nonsense(
             text.to_owned(),
             greet::refusal(greet::nonsense(error), None),
         );
     }
-    refused(greet::nonsense(error))
+    let refuse = greet::nonsense(error);
+    let text = refuse.text.clone();
+    Ended::Nonsense(text, greet::refusal(refuse, None))
 }
 
 fn refused(refuse: crate::wire::handshake::Refuse) -> Ended {
