@@ -200,7 +200,7 @@ pub struct LinkStats {
     pub duplicates: u64,
     /// Commands that never arrived, as the far end counts them.
     pub missed: u64,
-    /// How often the network said that a datagram of a signed session did not arrive.
+    /// ICMP errors in a signed session over datagrams.
     pub unreachable: u64,
 }
 

@@ -28,8 +28,9 @@ const ALLOWED: &[(&str, &[&str])] = &[
         "control",
         &["compensation", "geometry", "substructure", "time"],
     ),
-    ("record", &["substructure"]),
-    ("wire", &["substructure"]),
+    ("record", &["substructure", "text"]),
+    ("text", &[]),
+    ("wire", &["substructure", "text"]),
     (
         "link",
         &[
@@ -38,13 +39,17 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "rt",
             "specimen",
             "substructure",
+            "text",
             "time",
             "wire",
         ],
     ),
     ("rt", &["time"]),
     // Substructures say what the bits of a status column mean.
-    ("report", &["assets", "metrics", "record", "substructure"]),
+    (
+        "report",
+        &["assets", "metrics", "record", "substructure", "text"],
+    ),
     // Looks at what passes and sends an operator's requests; decides nothing.
     (
         "monitor",
@@ -56,6 +61,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "record",
             "rt",
             "substructure",
+            "text",
         ],
     ),
     (
@@ -114,6 +120,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "specimen",
             "spectral",
             "substructure",
+            "text",
             "time",
             "transfer",
             "wire",
@@ -156,6 +163,7 @@ const PURE: &[&str] = &[
     "identify",
     "control",
     "substructure",
+    "text",
     "wire",
 ];
 

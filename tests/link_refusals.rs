@@ -232,7 +232,7 @@ fn connect_from(own: [u8; 4], to: &str) -> TcpStream {
     TcpStream::from(socket)
 }
 
-/// A hello proves nothing: whoever has seen one can send it again.
+/// A hello proves nothing: an eavesdropper can send it again.
 #[test]
 fn a_captured_hello_keeps_no_holder_of_the_key_out() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,7 +1,7 @@
 //! `gusset stop`, `hold` and `continue`: what an operator says to a running test.
 //!
-//! A test that does not answer is not over: it is asked on, and a stop or a hold waits in its socket. What lets specimens
-//! move names the hold that it ends, and is carried out only while its sender is there.
+//! A test that does not answer is not over: the command retries, and a stop or a hold waits in the socket. A continue names
+//! the hold that it ends, and the test carries it out only while its sender is connected.
 
 use std::path::Path;
 use std::time::Duration;
@@ -24,14 +24,14 @@ const WORTH_A_WORD: Duration = Duration::from_secs(1);
 /// Time between two looks.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 
-/// What an operator wants of a running test.
+/// An operator command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Order {
-    /// It ends.
+    /// End the test.
     Stop,
-    /// Test time stands still.
+    /// Stop test time.
     Hold,
-    /// It goes on, or what the sensors read is right: which of the two is asked shows when it is looked at.
+    /// End the hold, or confirm the sensor readings: the state of the test decides which.
     Continue,
 }
 

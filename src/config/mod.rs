@@ -51,6 +51,7 @@ use schemars::transform::{Transform, transform_subschemas};
 use thiserror::Error;
 use toml_edit::DocumentMut;
 
+pub use crate::text::printable;
 pub use build::{
     ALL_MODES, ActuatorFacts, Analysis, DelayedMode, Dial, Drawn, Estimate, Facts, Files, Limit,
     LimitFacts, LoadingFacts, Loop, ModeFacts, Prepared, SpecimenLimits, Stability, StructureFacts,
@@ -63,7 +64,6 @@ pub use diagnose::{Diagnostic, Diagnostics, Finding, Part, Place, Severity, Sour
 pub use document::{KeyPath, PathError, Segment};
 pub use driven::Drive;
 use echo::plain;
-pub use echo::printable;
 pub use excitation::{
     ExcitationTable, GroundTable, NodalFileTable, NodalForceTable, PrescribedPlace, PrescribedTable,
 };

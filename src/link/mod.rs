@@ -44,11 +44,11 @@ pub trait Transport: Send {
     /// The link is lost.
     fn recv(&mut self, buffer: &mut [u8], deadline: Nanos) -> Result<Option<usize>, LinkFault>;
 
-    /// From here on every frame is signed. What the network itself says of a datagram is not, and anybody can forge it: it is
-    /// counted and ends nothing any more.
+    /// Every frame is signed from here on. ICMP errors are not signed, so an attacker can forge them: the transport counts them
+    /// and stays open.
     fn trust_only_frames(&mut self) {}
 
-    /// How often the network has said since that a datagram did not arrive. Real-time: yes.
+    /// Number of ICMP errors since then. Real-time: yes.
     fn unreachable(&self) -> u64 {
         0
     }

@@ -1,16 +1,16 @@
-//! How much of what strangers cause is told: anybody who reaches a port can send as much as the network carries, and none of it
-//! must fill a disk with lines.
+//! Limits the messages that strangers can cause. A peer can send as much as the network carries; the log must not fill the disk
+//! because of it.
 
-/// Messages of one kind that are told in [`PERIOD_NS`].
+/// Most messages of one kind in one [`PERIOD_NS`].
 const MOST: u64 = 100;
 const PERIOD_NS: u64 = 60_000_000_000;
 
 /// What becomes of one message.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Allowance {
-    /// It is told.
+    /// The message passes.
     pub is_told: bool,
-    /// And this behind it.
+    /// A notice that follows it.
     pub notice: Option<String>,
 }
 

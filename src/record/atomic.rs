@@ -1,6 +1,6 @@
 //! A file that appears whole or not at all: written beside its place, then moved there.
 //!
-//! The name beside it cannot be guessed, and nothing that has it already is opened: a link that somebody put there leads nowhere.
+//! The temporary name is random and must be new, so a planted symbolic link is never followed.
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -82,7 +82,7 @@ impl Drop for AtomicFile {
     }
 }
 
-/// Where what will be at `path` is made: in the same folder, under a name that nobody can guess.
+/// A temporary path in the folder of `path`, with a random name.
 ///
 /// # Errors
 /// `path` has no name, or the system no random numbers.
@@ -124,7 +124,7 @@ mod tests {
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 
-    /// Whoever can write to the same folder, `/tmp` for example, must not choose where our bytes go.
+    /// Another user of the same folder, `/tmp` for example, must not choose where our bytes go.
     #[test]
     fn a_link_that_was_put_under_the_name_beside_is_not_followed() {
         let folder = tempfile::tempdir().unwrap();

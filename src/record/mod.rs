@@ -188,7 +188,7 @@ pub enum EventKind {
     HoldRequested,
     /// The operator let a test that was held, or was to be held, go on.
     ContinueRequested,
-    /// The operator let the test go on after a hold that had ended: another one stands, and goes on standing.
+    /// A continue named an earlier hold and was dropped: the latest hold remains.
     ContinueDropped {
         /// The hold that he named.
         hold: u32,

@@ -98,7 +98,7 @@ pub struct LinkCounts {
     /// Commands that never arrived, as the far end counts them.
     #[serde(default)]
     pub missed: u64,
-    /// How often the network said that a datagram of a signed session did not arrive.
+    /// ICMP errors in a signed session over datagrams.
     #[serde(default)]
     pub unreachable: u64,
 }

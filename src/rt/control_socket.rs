@@ -28,7 +28,7 @@ pub struct ControlSocket {
     /// The folder, whatever its path is by now.
     folder: File,
     name: String,
-    /// The socket file as it was made.
+    /// Identity of the socket file, to remove no other file.
     made: Metadata,
     socket: OwnedFd,
 }

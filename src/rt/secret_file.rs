@@ -34,7 +34,7 @@ pub enum SecretError {
 /// See [`SecretError`].
 pub fn open_secret(path: &Path) -> Result<File, SecretError> {
     let file = File::open(path)?;
-    // Of what was opened, whatever has that name by now.
+    // Permissions of the open file: another file may have the name by now.
     let mode = file.metadata()?.permissions().mode() & 0o7777;
     if mode & OTHERS != 0 {
         let path = path.display().to_string();

@@ -54,8 +54,7 @@ pub enum Request {
 }
 
 impl Request {
-    /// True if the specimens may move because of it. Such a request is carried out only while its sender is there: whoever
-    /// left does not see any more what it does.
+    /// True if specimens may move because of it. The test carries out such a request only while its sender is connected.
     #[must_use]
     pub const fn lets_move(self) -> bool {
         matches!(self, Self::Continue { .. } | Self::Confirm)
@@ -284,7 +283,7 @@ impl Caller {
     fn has_left(&self) -> bool {
         let mut end = [PollFd::new(&self.stream, PollFlags::empty())];
         let looked = poll(&mut end, Some(&Timespec::default()));
-        // Without a look nobody knows.
+        // An unknown state counts as closed.
         looked.is_err() || end.iter().any(|end| end.revents().contains(PollFlags::HUP))
     }
 

@@ -192,7 +192,7 @@ fn a_continue_ends_the_hold_that_it_names_and_no_later_one() {
             running.until_phase("running");
         }
     }
-    // Sent for the first hold, and heard in the second.
+    // A continue for the first hold arrives during the second.
     assert_eq!(running.order("continue?hold=1").status, 409);
     assert_eq!(running.order("continue?hold=3").status, 409);
     let bearer = format!("Bearer {}", running.token);

@@ -135,8 +135,8 @@ impl News {
         }
     }
 
-    /// The kind, of which only so much is told: anybody at the port can cause each of them as often as he likes. The end of a
-    /// test in which something was commanded is one of its own.
+    /// The kind of message; each kind has a quota, because any peer can cause it without end. The end of a test with commands
+    /// is a separate kind.
     pub(super) const fn kind(&self) -> usize {
         match self {
             Self::Connected(_) => 0,

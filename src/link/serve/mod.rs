@@ -99,7 +99,7 @@ struct Desk {
     stop: AtomicBool,
     sessions: Sender<data::Session>,
     heard: UnboundedSender<Heard>,
-    /// How much of it is told, by its kind.
+    /// One quota for each kind of event.
     quotas: Mutex<[Quota; KINDS]>,
     /// The end of the last session.
     parted: Mutex<Option<Parted>>,
@@ -120,7 +120,7 @@ impl Desk {
         frames.unwrap_or_default().to_vec()
     }
 
-    /// Something happened. What anybody at the port can cause as often as he likes is told only so often.
+    /// Reports an event. The events that any peer can cause without end have a quota.
     fn tell(&self, heard: Heard) {
         match kind(&heard) {
             Some(kind) => self.tell_at_most(kind, heard),
@@ -128,7 +128,7 @@ impl Desk {
         }
     }
 
-    /// Somebody was turned away who has said nothing that makes sense.
+    /// Reports a peer that was turned away for nonsense.
     fn complain(&self, peer: SocketAddr, text: String) {
         self.tell_at_most(STRANGERS, Heard::Refused { peer, text });
     }
@@ -172,11 +172,11 @@ impl Desk {
     }
 }
 
-/// Kinds of what anybody at the port can cause.
+/// Kinds of events that any peer can cause.
 const KINDS: usize = 6;
 const STRANGERS: usize = 5;
 
-/// The kind of what anybody at the port can cause; none of what only a test under way can.
+/// The kind of an event that any peer can cause; none for the events of a running test.
 const fn kind(heard: &Heard) -> Option<usize> {
     match heard {
         Heard::Hello { .. } => Some(0),

@@ -123,7 +123,7 @@ enum Ended {
     Gone,
     /// It was turned away, with these last bytes.
     Refused(String, Vec<u8>),
-    /// The same, and it has said nothing that makes sense.
+    /// It was turned away for nonsense, with these last bytes.
     Nonsense(String, Vec<u8>),
 }
 

@@ -405,7 +405,7 @@ mod tests {
         assert_eq!(ours.recv(&mut buffer, later(5 * SECOND)), Ok(Some(2)));
     }
 
-    /// Anybody can forge what the network says, and nobody a signed frame.
+    /// An attacker can forge an ICMP message, but no signed frame.
     #[test]
     fn what_the_network_says_of_signed_datagrams_is_counted_and_ends_nothing() {
         let gone = UdpSocket::bind("127.0.0.1:0").unwrap();

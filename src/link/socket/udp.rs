@@ -23,19 +23,19 @@ pub struct UdpTransport {
     returns: Returns,
 }
 
-/// What the network says of datagrams that did not arrive.
+/// ICMP errors: the network reports a datagram that did not arrive.
 #[derive(Debug, Default)]
 struct Returns {
     /// A datagram of ours has come back, and that is not told yet. Told once, like the system does: a later datagram
     /// may find somebody.
     is_refused: bool,
-    /// The frames are signed, and these words are not: they are counted only.
+    /// The frames are signed, and ICMP errors are not: those are counted only.
     signed: bool,
     count: u64,
 }
 
 impl Returns {
-    /// What anybody on the way can make the system say (icmp(7)).
+    /// Errors that a forged ICMP message can cause (icmp(7)).
     const FORGEABLE: [Errno; 7] = [
         Errno::CONNREFUSED,
         Errno::HOSTUNREACH,
@@ -46,7 +46,7 @@ impl Returns {
         Errno::PROTO,
     ];
 
-    /// True for the word that a datagram came back, which the system says once, and ahead of what lies in the queue.
+    /// True if the error reports a returned datagram. The system reports it once, before it hands out queued datagrams.
     fn takes(&mut self, error: &io::Error) -> bool {
         if self.signed {
             let is_one = Errno::from_io_error(error).is_some_and(|e| Self::FORGEABLE.contains(&e));
@@ -59,7 +59,7 @@ impl Returns {
     }
 }
 
-/// Such words in a row before a datagram counts as sent and lost.
+/// ICMP errors in a row before a datagram counts as sent and lost.
 const MOST_RETURNS: u32 = 4;
 
 impl UdpTransport {
@@ -168,7 +168,7 @@ impl Transport for UdpTransport {
                 },
             }
         }
-        // Whoever waits for its answer learns that it is lost.
+        // The datagram counts as lost: no answer will come.
         Ok(())
     }
 

@@ -61,7 +61,7 @@ impl Listener for Door {
     type Addr = SocketAddr;
 
     async fn accept(&mut self) -> (Caller, SocketAddr) {
-        // Those that came before may have asked by now: what asks is not closed for whoever comes.
+        // Earlier connections get a chance to send their request: a connection with a request is not closed.
         for _ in 0..2 {
             tokio::task::yield_now().await;
         }
@@ -113,8 +113,7 @@ impl Places {
     }
 }
 
-/// Which connection is closed for a newcomer from `newcomer`, if one must be: of the address that has most of them, the one that
-/// has asked nothing for the longest.
+/// The connection to close for a newcomer, if one must be: the longest idle one of the most crowded address.
 fn gives_way(all: &[Arc<Connection>], newcomer: IpAddr) -> Option<usize> {
     let idle_of = |ip: IpAddr| {
         let idle = all.iter().filter(|one| one.is_idle());
@@ -136,7 +135,7 @@ fn gives_way(all: &[Arc<Connection>], newcomer: IpAddr) -> Option<usize> {
     longest.map(|(index, _)| index)
 }
 
-/// One connection as everybody sees it who has to do with it.
+/// One connection, shared by its task and its requests.
 #[derive(Debug)]
 pub(super) struct Connection {
     stream: TcpStream,
@@ -158,16 +157,16 @@ impl Connection {
         self.requests.load(Ordering::Relaxed) == 0
     }
 
-    /// True if the other end has closed, or will send nothing more: nobody may wait for the answer.
+    /// True if the client has closed its connection, or at least its sending half.
     pub fn has_left(&self) -> bool {
         let mut end = [PollFd::new(&self.stream, PollFlags::RDHUP)];
         let looked = poll(&mut end, Some(&Timespec::default()));
         let gone = PollFlags::RDHUP | PollFlags::HUP | PollFlags::ERR;
-        // Without a look nobody knows.
+        // An unknown state counts as closed.
         looked.is_err() || end.iter().any(|end| end.revents().intersects(gone))
     }
 
-    /// Ends it: whoever reads or writes it learns so.
+    /// Closes the connection under its task.
     fn close(&self) {
         // One that is closed already is as good.
         let _ = rustix::net::shutdown(&self.stream, rustix::net::Shutdown::Both);
@@ -206,7 +205,7 @@ pub(super) struct Caller {
     place: Place,
     /// Something was read, and nothing written since.
     unanswered: bool,
-    /// Who waits for the answer to be written, after which the end of what is read shows.
+    /// Wakes the reader once the answer is written: only then the reader sees the end of the stream.
     at_the_end: Option<Waker>,
     /// Until something is told to it.
     untold: Pin<Box<Sleep>>,
@@ -278,7 +277,7 @@ impl AsyncRead for Caller {
         let mut read = self.poll_read_now(cx, buffer);
         match (&read, buffer.filled().len() > before) {
             (Poll::Ready(Ok(())), true) => self.unanswered = true,
-            // The server would drop the request of one that says nothing more, a STOP perhaps.
+            // The server would drop the request of a client that has closed, perhaps a STOP.
             (Poll::Ready(Ok(())), false) if self.unanswered => {
                 self.at_the_end = Some(cx.waker().clone());
                 read = Poll::Pending;

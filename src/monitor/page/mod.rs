@@ -358,7 +358,7 @@ mod tests {
         assert_ne!(near.control.text(), far.control.text());
     }
 
-    /// The board of a test, and the most that may stand for λ where its specimen is as stiff as [`STIFF`].
+    /// The board of a test, and the limit of λ for a specimen of stiffness [`STIFF`].
     fn board(phase: crate::engine::PhaseCell) -> (Arc<Board>, f64) {
         use crate::monitor::{About, Subject};
 
@@ -388,7 +388,7 @@ mod tests {
         })
     }
 
-    /// What has waited until its sender gave up must not move a specimen later.
+    /// A request that waited until its sender gave up must not move a specimen later.
     #[test]
     fn what_lets_specimens_move_is_dropped_once_its_sender_has_left_and_a_stop_is_not() {
         use std::io::Write;
@@ -418,7 +418,7 @@ mod tests {
             stream.write_all(request.as_bytes()).unwrap();
             stream
         };
-        // Nobody accepts yet: each of them waits, and some do not wait long enough.
+        // The server does not accept yet: all requests wait, and some senders leave.
         drop([
             say("continue?hold=3"),
             say("confirm"),

@@ -164,7 +164,7 @@ async fn scrape(State(site): Shared, headers: HeaderMap) -> Result<Response, Ref
 
 const TOO_MANY_VIEWERS: Refusal = Refusal(
     StatusCode::SERVICE_UNAVAILABLE,
-    "there are too many viewers; HOLD, CONTINUE, CONFIRM and STOP are heard all the same",
+    "there are too many viewers; HOLD, CONTINUE, CONFIRM and STOP still work",
 );
 
 async fn operate(
@@ -179,7 +179,7 @@ async fn operate(
         let note = Note::new(level, event).with("request", what.as_str());
         note.with("from", connection.peer.to_string())
     };
-    // Also what may be here if the token is right is only said to those who have it.
+    // Without the token, no answer says which requests exist.
     let is_one = REQUESTS.contains(&what.as_str());
     if let Err(refusal) = site.gate.control(&headers) {
         if is_one && let Some(times) = site.refused.count(monotonic_ns()) {
@@ -212,10 +212,10 @@ async fn operate(
     Ok((status, kind, answer).into_response())
 }
 
-/// What may stand behind `/control/`.
+/// The requests below `/control/`.
 const REQUESTS: [&str; 4] = ["hold", "continue", "confirm", "stop"];
 
-/// What is asked for; a CONTINUE names the hold that it ends.
+/// The operator command of a request; CONTINUE names the hold that it ends.
 fn request(what: &str, query: Option<&str>) -> Result<Operator, Refusal> {
     match what {
         "hold" => Ok(Operator::Hold),
@@ -238,7 +238,7 @@ const NO_HOLD_NAMED: Refusal = Refusal(
     "CONTINUE names the hold that it ends: POST /control/continue?hold=NUMBER, with the NUMBER of gusset_hold_number in /metrics",
 );
 
-/// Why what lets specimens move is not passed on: its sender does not see any more what it does.
+/// The reason to drop a command that lets specimens move: its sender cannot see the effect any more.
 fn unsent(request: Operator, connection: &Connection) -> Option<&'static str> {
     let lets_move = matches!(request, Operator::EndHold(_) | Operator::Confirm);
     (lets_move && connection.has_left()).then_some("its sender has left")
