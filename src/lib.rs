@@ -38,6 +38,7 @@
 //! | [`metrics`] | numbers read off recorded histories |
 //! | [`report`] | the page a run leaves behind |
 //! | [`monitor`] | a running test as people look at it: live page, terminal, Prometheus |
+//! | [`text`] | text that is shown to people, with what a terminal would obey or hide spelled out |
 //! | [`assets`] | the chart script that our pages carry |
 //! | [`verify`] | the published values of the family, obtained anew and judged |
 //! | [`frontier`] | how large a model keeps its deadlines: models of any size, the search, the picture |
@@ -76,6 +77,7 @@ pub mod specimen;
 pub mod spectral;
 pub mod stability;
 pub mod substructure;
+pub mod text;
 pub mod time;
 pub mod transfer;
 pub mod units;

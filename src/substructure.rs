@@ -200,6 +200,8 @@ pub struct LinkStats {
     pub duplicates: u64,
     /// Commands that never arrived, as the far end counts them.
     pub missed: u64,
+    /// ICMP errors in a signed session over datagrams.
+    pub unreachable: u64,
 }
 
 /// What a specimen says of itself once it is connected. Empty in process.

@@ -29,8 +29,9 @@ const ALLOWED: &[(&str, &[&str])] = &[
         "control",
         &["compensation", "geometry", "substructure", "time"],
     ),
-    ("record", &["substructure"]),
-    ("wire", &["substructure"]),
+    ("record", &["substructure", "text"]),
+    ("text", &[]),
+    ("wire", &["substructure", "text"]),
     (
         "link",
         &[
@@ -39,13 +40,17 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "rt",
             "specimen",
             "substructure",
+            "text",
             "time",
             "wire",
         ],
     ),
     ("rt", &["time"]),
     // Substructures say what the bits of a status column mean.
-    ("report", &["assets", "metrics", "record", "substructure"]),
+    (
+        "report",
+        &["assets", "metrics", "record", "substructure", "text"],
+    ),
     // Looks at what passes and sends an operator's requests; decides nothing.
     (
         "monitor",
@@ -57,6 +62,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "record",
             "rt",
             "substructure",
+            "text",
         ],
     ),
     (
@@ -116,6 +122,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "specimen",
             "spectral",
             "substructure",
+            "text",
             "time",
             "transfer",
             "units",
@@ -165,6 +172,7 @@ const PURE: &[&str] = &[
     "identify",
     "control",
     "substructure",
+    "text",
     "wire",
 ];
 

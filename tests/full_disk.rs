@@ -35,6 +35,29 @@ fn on_a_full_disk(kilobytes: u32, test: &Path, out: &Path, more: &[&str]) -> Sai
         .into()
 }
 
+/// With six to eight files, a library of ours panicked where its signals were set up.
+#[test]
+fn too_few_files_are_a_refusal_before_anything_is_made() {
+    let folder = tempfile::tempdir().unwrap();
+    let test = write(folder.path(), "test.toml", FRAME);
+    let out = folder.path().join("out");
+    for files in [6, 7, 8, 16, 63] {
+        let script = format!("ulimit -n {files}; exec \"$0\" \"$@\"");
+        let mut command = Command::new("bash");
+        command
+            .args(["-c", &script])
+            .arg(assert_cmd::cargo::cargo_bin!("gusset"))
+            .arg("run")
+            .arg(&test)
+            .arg("--out")
+            .arg(&out);
+        let said: Said = command.output().unwrap().into();
+        assert_eq!(said.code, Some(2), "{files}: {}", said.stderr);
+        assert!(said.stderr.contains("ulimit -n"), "{}", said.stderr);
+        assert!(!out.exists());
+    }
+}
+
 #[test]
 fn a_full_disk_does_not_end_the_test_but_every_lost_row_is_counted_and_shouted() {
     let folder = tempfile::tempdir().unwrap();

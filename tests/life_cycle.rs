@@ -429,6 +429,7 @@ fn said(run: &Run) -> Vec<&'static str> {
     let words = run.events.iter().filter_map(|event| match event.kind {
         EventKind::HoldRequested => Some("hold"),
         EventKind::ContinueRequested => Some("continue"),
+        EventKind::ContinueDropped { .. } => Some("dropped"),
         EventKind::Zeroed { .. } => Some("read"),
         EventKind::Confirmed => Some("confirmed"),
         EventKind::Started => Some("started"),
@@ -495,6 +496,31 @@ fn a_confirmation_that_comes_late_ends_no_hold_of_the_test() {
     assert_eq!(said(&run), words);
     assert!(way[152..=400].iter().all(|disp| *disp == way[152]));
     assert!(way[403] != way[400]);
+    assert_eq!(run.outcome.ending, Ending::Completed);
+}
+
+/// It was on its way while the first hold ended and another one began.
+#[test]
+fn a_continue_that_comes_late_ends_no_later_hold() {
+    let says = &[
+        (150, Operator::Hold),
+        (200, Operator::EndHold(1)),
+        (210, Operator::Hold),
+        (300, Operator::EndHold(1)),
+        (400, Operator::EndHold(2)),
+    ];
+    let (run, way) = Lab::new(SHORT).run_with_operator(says);
+    let words = [
+        "read", "started", "hold", "continue", "hold", "dropped", "continue",
+    ];
+    assert_eq!(said(&run), words);
+    assert!(way[212..=400].iter().all(|disp| *disp == way[212]));
+    assert!(way[403] != way[400]);
+    let dropped = run.events.iter().find_map(|event| match event.kind {
+        EventKind::ContinueDropped { hold, latest } => Some((hold, latest)),
+        _ => None,
+    });
+    assert_eq!(dropped, Some((1, 2)));
     assert_eq!(run.outcome.ending, Ending::Completed);
 }
 

@@ -203,6 +203,70 @@ fn who_connects_and_says_nothing_keeps_no_controller_out() {
 }
 
 #[test]
+fn what_strangers_send_all_the_time_is_told_only_so_often() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let served = Served::start(folder, &local(), &[]);
+    for _ in 0..300 {
+        let mut stream = TcpStream::connect(&served.address).unwrap();
+        stream.write_all(b"GET / HTTP/1.1\r\n\r\n").unwrap();
+        // It is turned away, with or without a reset.
+        let _ = stream.read_to_end(&mut Vec::new());
+    }
+    let (code, said) = run(folder, "run", &linked(STEPS, &served.address, ""));
+    assert_eq!(code, 0, "{said}");
+    let before = served.says_before("test over");
+    let told = |words: &str| before.iter().filter(|line| line.contains(words)).count();
+    assert_eq!(told(": refused: "), 100);
+    assert_eq!(told("are not told for"), 1);
+}
+
+/// A connection from another address of this machine.
+fn connect_from(own: [u8; 4], to: &str) -> TcpStream {
+    use rustix::net::{AddressFamily, SocketType};
+    let socket = rustix::net::socket(AddressFamily::INET, SocketType::STREAM, None).unwrap();
+    let own = std::net::SocketAddrV4::new(own.into(), 0);
+    rustix::net::bind(&socket, &own).unwrap();
+    let to: std::net::SocketAddrV4 = to.parse().unwrap();
+    rustix::net::connect(&socket, &to).unwrap();
+    TcpStream::from(socket)
+}
+
+/// A hello proves nothing: an eavesdropper can send it again.
+#[test]
+fn a_captured_hello_keeps_no_holder_of_the_key_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    write(folder, "lab.key", "a secret of more than sixteen bytes\n");
+    let key = folder.join("lab.key").display().to_string();
+    let keyed = |address: &str| linked(STEPS, address, "key_file = \"lab.key\"");
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let captured = std::thread::spawn(move || {
+        let (mut stream, _) = listener.accept().unwrap();
+        let mut bytes = vec![0; 4096];
+        let count = stream.read(&mut bytes).unwrap();
+        bytes.truncate(count);
+        bytes
+    });
+    run(folder, "captured", &keyed(&address));
+    let hello = captured.join().unwrap();
+
+    let served = Served::start(folder, &local(), &["--key", &key]);
+    let mut strangers = Vec::new();
+    for index in 0..64 {
+        let mut stream = connect_from([127, 0, 0, 2 + index / 16], &served.address);
+        stream.write_all(&hello).unwrap();
+        // The welcome: it counts as one that has said who it is.
+        assert!(stream.read(&mut [0; 4096]).unwrap() > 0);
+        strangers.push(stream);
+    }
+    let (code, said) = run(folder, "run", &keyed(&served.address));
+    assert_eq!(code, 0, "{said}");
+    served.hears("it gave way");
+}
+
+#[test]
 fn another_version_is_refused_with_both_versions_in_the_text() {
     let folder = tempfile::tempdir().unwrap();
     let served = Served::start(folder.path(), &local(), &[]);

@@ -175,6 +175,29 @@ fn who_says_half_of_it_over_datagrams_keeps_nobody_out() {
     drop(silent);
 }
 
+#[test]
+fn what_strangers_send_all_the_time_is_told_only_so_often() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let served = serve(folder, "openfresco", "udp");
+    let strangers: Vec<_> = (0..50)
+        .map(|_| UdpSocket::bind("127.0.0.1:0").unwrap())
+        .collect();
+    for _ in 0..20 {
+        for stranger in &strangers {
+            stranger.send_to(&[0xff; 100], &served.address).unwrap();
+        }
+        gusset::session::pause(std::time::Duration::from_millis(5));
+    }
+    let keys = "protocol = \"openfresco\"\ntransport = \"udp\"";
+    let (code, said) = run(folder, "run", &linked(STEPS, &served.address, keys));
+    assert_eq!(code, 0, "{said}");
+    let before = served.says_before("the client ended the test");
+    let told = |words: &str| before.iter().filter(|line| line.contains(words)).count();
+    assert_eq!(told("100 bytes that open no test"), 100);
+    assert_eq!(told("are not told for"), 1);
+}
+
 /// Every port of OpenFresco's protocols, over TCP and UDP, while a test runs over it.
 #[test]
 fn noise_at_every_port_does_not_disturb_a_running_test() {

@@ -177,7 +177,8 @@ fn summary_and_timing_have_the_keys_of_the_contract() {
             "corrupt",
             "duplicates",
             "recovered",
-            "missed"
+            "missed",
+            "unreachable"
         ]
     );
     let timing = json(&out, "timing.json");

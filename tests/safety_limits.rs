@@ -62,6 +62,11 @@ fn a_specimen_behind_a_link_without_limits_is_refused_with_a_table_that_can_be_p
     );
     let silent = text.replace("[safety]", "[safety]\nunlimited = \" \"");
     assert!(complaint(&silent).contains("gives no reason"));
+    // What looks like a reason to a program shows nothing to a person.
+    for blank in ["\\u2800", "\\u00a0\\u2800"] {
+        let silent = text.replace("[safety]", &format!("[safety]\nunlimited = \"{blank}\""));
+        assert!(complaint(&silent).contains("gives no reason"), "{blank}");
+    }
     // A gateway, too: OpenSees has no limits of its own.
     let folder = tempfile::tempdir().unwrap();
     let between = gateway("127.0.0.1:1", "stiffness_n_per_m = 4e5\n", "").replace(UNLIMITED, "");

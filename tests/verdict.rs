@@ -134,10 +134,12 @@ fn accepted_findings_let_a_test_run_and_stand_in_its_summary() {
     // Either reason alone is not enough.
     let one = text.replace("accept_trip", "# accept_trip");
     assert_eq!(gusset(folder.path(), "check", &one, &[]).code, 1);
-    let blank = text.replace("a study of growth", "  ");
-    let refused = gusset(folder.path(), "check", &blank, &[]);
-    assert_eq!(refused.code, 2);
-    assert!(refused.stderr.contains("safety.accept_unstable"));
+    for blank in ["  ", "\u{200b}", "\u{2060} "] {
+        let text = text.replace("a study of growth", blank);
+        let refused = gusset(folder.path(), "check", &text, &[]);
+        assert_eq!(refused.code, 2, "{blank:?}");
+        assert!(refused.stderr.contains("safety.accept_unstable"));
+    }
 }
 
 #[test]

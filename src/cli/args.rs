@@ -54,7 +54,8 @@ pub(super) enum Command {
     /// Let a running test stand still: test time stops, the specimens hold.
     #[command(after_help = "Example:\n  gusset hold runs/first")]
     Hold(OperateArgs),
-    /// Let a test that is held go on; of one that is not, confirm what its sensors read if it asks for that.
+    /// Let a test that is held go on; of one that is not, confirm what its sensors read if it asks for that. It ends the hold
+    /// that it finds, and no later one.
     #[command(after_help = "Example:\n  gusset continue runs/first")]
     Continue(OperateArgs),
     /// Feed a recorded test through the loop again and prove that every number comes out bit for bit the same.
@@ -174,7 +175,8 @@ pub(super) struct LiveArgs {
         value_parser = crate::monitor::page::parse_address,
     )]
     pub live: Option<String>,
-    /// For --live: the token for looking, in place of a fresh one for every test: one line of 16 letters or more.
+    /// For --live: the token for looking, in place of a fresh one for every test: one line of 16 letters or more, in a
+    /// file that not all users of the machine can read.
     #[arg(long, value_name = "FILE", requires = "live")]
     pub live_token: Option<PathBuf>,
 }

@@ -16,6 +16,8 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::OFlags;
 use rustix::net::SendFlags;
 
+use crate::text::printable;
+
 /// So long a reader is waited for, ms: well below the shortest watchdog.
 const PATIENCE_MS: i64 = 5;
 
@@ -146,7 +148,8 @@ pub fn write(text: &[u8]) {
 /// A line to whoever reads stderr while something runs.
 pub fn remark(text: impl Display) {
     super::screen::step_aside();
-    write(format!("{text}\n").as_bytes());
+    // Much of it comes from other machines.
+    write(printable(&format!("{text}\n")).as_bytes());
 }
 
 /// The program's log, below what stands on the terminal and changes.
@@ -156,13 +159,20 @@ pub struct Log;
 impl Write for Log {
     fn write(&mut self, line: &[u8]) -> io::Result<usize> {
         super::screen::step_aside();
-        write(line);
+        write(spelled(line).as_bytes());
         Ok(line.len())
     }
 
     fn flush(&mut self) -> io::Result<()> {
         Ok(())
     }
+}
+
+/// A line of the log with hidden characters spelled. Its colours stay: in what is logged, the library spells what begins one.
+fn spelled(line: &[u8]) -> String {
+    let text = String::from_utf8_lossy(line);
+    let parts = text.split('\u{1b}').map(printable);
+    parts.collect::<Vec<_>>().join("\u{1b}")
 }
 
 /// A panic says where and why, and where it was called from if `RUST_BACKTRACE` asks for that.
@@ -253,6 +263,13 @@ mod tests {
         let words = "[nobody read: 2 messages are missing here]";
         let heard = String::from_utf8(heard).unwrap();
         assert_eq!(heard, format!("{words}\nheard\n"));
+    }
+
+    #[test]
+    fn a_line_of_the_log_keeps_its_colours_and_turns_no_writing() {
+        let line = "\u{1b}[33m WARN\u{1b}[0m \u{202e}gnp\u{200b}\n";
+        let shown = "\u{1b}[33m WARN\u{1b}[0m \\u{202e}gnp\\u{200b}\n";
+        assert_eq!(spelled(line.as_bytes()), shown);
     }
 
     #[test]

@@ -180,6 +180,7 @@ mod tests {
                 hold,
                 stands: hold,
                 unconfirmed,
+                hold_number: 0,
             });
             attendant.confirm();
             let said: Vec<Operator> = heard.try_iter().collect();

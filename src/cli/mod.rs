@@ -52,9 +52,9 @@ pub use screen::in_colour;
 
 use args::{Cli, Command};
 
-use crate::config::{Diagnostics, printable};
+use crate::config::Diagnostics;
 use crate::rt::os;
-use crate::session::Request;
+use crate::text::printable;
 
 /// Runs the command line and returns the exit code of contracts: 0 done, 1 stopped, 2 wrong usage, 3 link, 4 no real
 /// time, 5 our own fault, 130 and 143 interrupted.
@@ -62,15 +62,34 @@ use crate::session::Request;
 pub fn main() -> ExitCode {
     os::ignore_file_size_signal();
     let cli = Cli::parse();
-    match caught(|| dispatch(cli.command)) {
+    match caught(|| enough_files().and_then(|()| dispatch(cli.command))) {
         Ok(exit) => exit.into(),
         Err(error) => {
             match error.downcast_ref::<exit::Mistakes>() {
-                Some(exit::Mistakes(pictures)) => tell(pictures),
-                None => tell(format_args!("error: {}", printable(&in_one_line(&error)))),
+                Some(exit::Mistakes(pictures)) => show(pictures),
+                None => tell(format_args!("error: {}", in_one_line(&error))),
             }
             exit::of(&error).into()
         }
+    }
+}
+
+/// Files that a process needs at least, with the sockets of a test of a few specimens.
+const FEWEST_FILES: u64 = 64;
+/// Files that a process asks for, as far as it may: a live page and a server have many connections.
+const WANTED_FILES: u64 = 4096;
+
+/// Refuses to begin what would fail in the middle for want of files.
+fn enough_files() -> anyhow::Result<()> {
+    match os::raise_open_files(WANTED_FILES) {
+        Some(most) if most < FEWEST_FILES => {
+            let text = format!(
+                "this process may open {most} files, and gusset needs {FEWEST_FILES} at least: raise the limit with \
+                 `ulimit -n {WANTED_FILES}`; nothing was moved"
+            );
+            Err(exit::WithExit(Exit::Usage, text).into())
+        }
+        _ => Ok(()),
     }
 }
 
@@ -83,9 +102,9 @@ fn dispatch(command: Command) -> anyhow::Result<Exit> {
         Command::Doctor(args) => doctor::doctor(&args),
         Command::Export(args) => export::export(&args),
         Command::Report(args) => report::report(&args),
-        Command::Stop(args) => operate::operate(&args, Request::Stop),
-        Command::Hold(args) => operate::operate(&args, Request::Hold),
-        Command::Continue(args) => operate::operate(&args, Request::Continue),
+        Command::Stop(args) => operate::operate(&args, operate::Order::Stop),
+        Command::Hold(args) => operate::operate(&args, operate::Order::Hold),
+        Command::Continue(args) => operate::operate(&args, operate::Order::Continue),
         Command::Replay(args) => replay::replay(&args),
         Command::Serve(args) => serve::serve(&args),
         Command::Reset(args) => control::reset(&args),
@@ -121,6 +140,11 @@ fn in_one_line(error: &anyhow::Error) -> String {
 /// A line to whoever reads stderr, and is waited for: before something runs, and when it is over ([`aside::remark`] is for in
 /// between). If nobody can read, nothing is lost but the line.
 fn tell(text: impl Display) {
+    show(printable(&text.to_string()));
+}
+
+/// Writes a text with colours of ours to stderr.
+fn show(text: impl Display) {
     screen::step_aside();
     let _nobody_reads = writeln!(io::stderr(), "{text}");
 }
@@ -149,7 +173,7 @@ fn answer(text: impl Display) -> io::Result<()> {
 /// Warnings as pictures; in colour on a terminal.
 fn warn(warnings: &Diagnostics) {
     if !warnings.0.is_empty() {
-        tell(warnings.render(in_colour()));
+        show(warnings.render(in_colour()));
     }
 }
 

@@ -1,6 +1,7 @@
 //! `gusset stop`, `hold` and `continue`: what an operator says to a running test.
 //!
-//! A test that does not answer is not over: it is asked on, and what was said to it waits in its socket.
+//! A test that does not answer is not over: the command retries, and a stop or a hold waits in the socket. A continue names
+//! the hold that it ends, and the test carries it out only while its sender is connected.
 
 use std::path::Path;
 use std::time::Duration;
@@ -23,9 +24,20 @@ const WORTH_A_WORD: Duration = Duration::from_secs(1);
 /// Time between two looks.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 
+/// An operator command.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Order {
+    /// End the test.
+    Stop,
+    /// Stop test time.
+    Hold,
+    /// End the hold, or confirm the sensor readings: the state of the test decides which.
+    Continue,
+}
+
 /// Says it, and waits until it is so.
-pub fn operate(args: &OperateArgs, request: Request) -> anyhow::Result<Exit> {
-    let word = say(&args.run, request)
+pub fn operate(args: &OperateArgs, order: Order) -> anyhow::Result<Exit> {
+    let word = say(&args.run, order)
         .map_err(|(exit, text)| WithExit(exit, format!("{}: {text}", args.run.display())))?;
     answer(word)?;
     Ok(Exit::Done)
@@ -34,9 +46,13 @@ pub fn operate(args: &OperateArgs, request: Request) -> anyhow::Result<Exit> {
 /// Why it is not so.
 type Refusal = (Exit, String);
 
-fn say(folder: &Path, request: Request) -> Result<String, Refusal> {
+fn say(folder: &Path, order: Order) -> Result<String, Refusal> {
     // Who wants it to go on looks first what that means: said blindly, the same word could do more than was meant.
-    let mut word = (request != Request::Continue).then_some(request);
+    let mut word = match order {
+        Order::Stop => Some(Request::Stop),
+        Order::Hold => Some(Request::Hold),
+        Order::Continue => None,
+    };
     let mut is_told = false;
     let mut was_leaving = false;
     let mut waited = Duration::ZERO;
@@ -57,6 +73,9 @@ fn say(folder: &Path, request: Request) -> Result<String, Refusal> {
                     }
                     // Somebody else did, meanwhile.
                     Some(Request::Confirm) if !accepted && !seen.unconfirmed => is_told = true,
+                    Some(Request::Continue { hold }) if !accepted && seen.hold_number != hold => {
+                        return Err(another_hold(hold, seen));
+                    }
                     Some(_) if !accepted => return Err(not_taken(seen.phase)),
                     Some(word) if is_told => {
                         if let Some(outcome) = judge(word, seen, waited >= PATIENCE) {
@@ -68,7 +87,7 @@ fn say(folder: &Path, request: Request) -> Result<String, Refusal> {
                 waited += LOOK_EVERY;
             }
             Err(Unanswered::Over(_)) if is_told => {
-                return over(word.unwrap_or(request), was_leaving, || {
+                return over(word.unwrap_or(Request::Phase), was_leaving, || {
                     ended_otherwise(folder)
                 });
             }
@@ -79,7 +98,7 @@ fn say(folder: &Path, request: Request) -> Result<String, Refusal> {
                 return Err((Exit::Usage, error.to_string()));
             }
             Err(error @ Unanswered::Silent { left, .. }) => {
-                is_told |= left && asked != Request::Phase;
+                is_told |= left && asked != Request::Phase && !asked.lets_move();
                 let since = *silent_since.get_or_insert(began);
                 let silent = Duration::from_nanos(monotonic_ns().saturating_sub(since));
                 if silent >= SILENCE {
@@ -103,8 +122,20 @@ const fn to_go_on(seen: Glimpse) -> Request {
     if seen.unconfirmed && !seen.hold {
         Request::Confirm
     } else {
-        Request::Continue
+        Request::Continue {
+            hold: seen.hold_number,
+        }
     }
+}
+
+/// The hold that was to end is not the one that stands.
+fn another_hold(named: u32, seen: Glimpse) -> Refusal {
+    let latest = seen.hold_number;
+    let text = format!(
+        "hold {latest} was asked for after hold {named}, which this `continue` was to end: the test is still held; look at \
+         it, and say `gusset continue` again"
+    );
+    (Exit::Stopped, text)
 }
 
 const OVER: &str = "this test is over";
@@ -130,7 +161,7 @@ fn over(
             };
         }
         Request::Hold => "the test ended before it held",
-        Request::Continue => "the test ended before it went on",
+        Request::Continue { .. } => "the test ended before it went on",
         Request::Confirm => "the test ended before it heard that what was read is confirmed",
     };
     Err((Exit::Stopped, too_late.to_owned()))
@@ -189,8 +220,13 @@ fn judge(told: Request, now: Glimpse, long_enough: bool) -> Option<Result<String
     let phase = now.phase.word();
     match told {
         Request::Stop | Request::Phase => return None,
-        Request::Hold | Request::Continue | Request::Confirm if refusal(now.phase).is_some() => {
+        Request::Hold | Request::Continue { .. } | Request::Confirm
+            if refusal(now.phase).is_some() =>
+        {
             return refusal(now.phase).map(Err);
+        }
+        Request::Continue { hold } if now.hold && now.hold_number != hold => {
+            return Some(Err(another_hold(hold, now)));
         }
         Request::Hold if now.phase == Phase::Holding => return Some(Ok(phase.to_owned())),
         Request::Hold if now.stands => return Some(Ok(format!("holding ({phase})"))),
@@ -201,18 +237,18 @@ fn judge(told: Request, now: Glimpse, long_enough: bool) -> Option<Result<String
             return Some(Ok(format!("{phase}: what was read is confirmed{held}")));
         }
         // Held no more, and about to go on; or its loop does not listen yet.
-        Request::Continue if now.hold || matches!(now.phase, Phase::Holding | Phase::Connected) => {
-        }
-        Request::Continue if now.unconfirmed => {
+        Request::Continue { .. }
+            if now.hold || matches!(now.phase, Phase::Holding | Phase::Connected) => {}
+        Request::Continue { .. } if now.unconfirmed => {
             let text = "it is not held; what was read is still to be confirmed, by another `gusset continue`";
             return Some(Ok(format!("{phase}: {text}")));
         }
-        Request::Continue if now.phase == Phase::Zeroing => {
+        Request::Continue { .. } if now.phase == Phase::Zeroing => {
             return Some(Ok(format!(
                 "{phase}: it is not held, and asks for no confirmation yet"
             )));
         }
-        Request::Continue => return Some(Ok(phase.to_owned())),
+        Request::Continue { .. } => return Some(Ok(phase.to_owned())),
         Request::Hold => {}
     }
     let so_far = match (told, now.hold) {
@@ -285,6 +321,7 @@ mod tests {
     #[test]
     fn who_goes_on_is_told_whether_he_ended_a_hold_or_confirmed_what_was_read() {
         use Phase::{Armed, Connected, Holding, Leaving, Ramping, Running, Zeroing};
+        let go_on = Request::Continue { hold: 0 };
         let held = |phase| seen(phase, true, true);
         let free = |phase| seen(phase, false, false);
         let asks = |seen| Glimpse {
@@ -292,28 +329,28 @@ mod tests {
             ..seen
         };
         for (told, now, long_enough, said) in [
-            (Request::Continue, held(Holding), false, "waits"),
-            (Request::Continue, free(Holding), false, "waits"),
-            (Request::Continue, free(Running), false, "running"),
-            (Request::Continue, held(Ramping), false, "waits"),
-            (Request::Continue, free(Ramping), false, "ramping"),
+            (go_on, held(Holding), false, "waits"),
+            (go_on, free(Holding), false, "waits"),
+            (go_on, free(Running), false, "running"),
+            (go_on, held(Ramping), false, "waits"),
+            (go_on, free(Ramping), false, "ramping"),
             // Its loop does not listen yet: a hold may lie before this.
-            (Request::Continue, free(Connected), false, "waits"),
+            (go_on, free(Connected), false, "waits"),
             (
-                Request::Continue,
+                go_on,
                 free(Connected),
                 true,
                 "Stopped: it is connected after 10 s: it has not heard of it yet",
             ),
-            (Request::Continue, asks(held(Zeroing)), false, "waits"),
+            (go_on, asks(held(Zeroing)), false, "waits"),
             (
-                Request::Continue,
+                go_on,
                 asks(free(Zeroing)),
                 false,
                 "zeroing: it is not held; what was read is still to be confirmed, by another `gusset continue`",
             ),
             (
-                Request::Continue,
+                go_on,
                 free(Zeroing),
                 false,
                 "zeroing: it is not held, and asks for no confirmation yet",
@@ -339,7 +376,7 @@ mod tests {
                 "ramping: what was read is confirmed, and it is held",
             ),
             (
-                Request::Continue,
+                go_on,
                 held(Ramping),
                 true,
                 "Stopped: it is ramping after 10 s: it is still held",
@@ -347,8 +384,20 @@ mod tests {
         ] {
             assert_eq!(words(told, now, long_enough), said);
         }
-        let late = words(Request::Continue, free(Leaving), false);
+        let late = words(go_on, free(Leaving), false);
         assert!(late.starts_with("Stopped: it is leaving"), "{late}");
+    }
+
+    #[test]
+    fn who_goes_on_after_one_hold_does_not_end_another() {
+        let second = Glimpse {
+            hold_number: 2,
+            ..seen(Phase::Holding, true, true)
+        };
+        let judged = |hold| judge(Request::Continue { hold }, second, false);
+        assert_eq!(judged(1).unwrap().unwrap_err().0, Exit::Stopped);
+        assert!(judged(2).is_none());
+        assert_eq!(to_go_on(second), Request::Continue { hold: 2 });
     }
 
     #[test]
@@ -368,7 +417,8 @@ mod tests {
         assert!(text.ends_with("its interlock is open"), "{text}");
         let cut = over(Request::Stop, true, in_order).unwrap();
         assert!(cut.starts_with("ended: the way out was cut short"), "{cut}");
-        for request in [Request::Hold, Request::Continue, Request::Confirm] {
+        let go_on = Request::Continue { hold: 1 };
+        for request in [Request::Hold, go_on, Request::Confirm] {
             assert_eq!(over(request, false, in_order).unwrap_err().0, Exit::Stopped);
             let told = seen(Phase::Leaving, false, false);
             assert!(judge(Request::Stop, told, true).is_none());

@@ -96,6 +96,7 @@ fn a_hold_that_has_no_phase_of_its_own_is_named_once_it_stands_and_so_is_what_is
                 hold: true,
                 stands,
                 unconfirmed,
+                hold_number: 1,
             },
         );
         let line = Sight::of(&board, 1024.0).line(200);

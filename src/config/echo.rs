@@ -1,5 +1,7 @@
 //! What a file says, said back in a message: short enough to be read, and nothing that a terminal would obey.
 
+use crate::text::is_hidden;
+
 /// Longest echo of a text, in characters.
 const LONGEST: usize = 80;
 /// Longest row of digits: those of a double are fewer.
@@ -27,26 +29,7 @@ pub(crate) fn quoted(text: &str) -> String {
     }
 }
 
-/// True for what a terminal obeys or hides: control characters, and those that turn the direction of writing.
-pub(crate) fn is_unprintable(c: char) -> bool {
-    c.is_control() || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
-}
-
-/// A text with characters that a terminal would obey or hide spelt as `\u{1b}`; lines stay lines.
-#[must_use]
-pub fn printable(text: &str) -> String {
-    let mut shown = String::with_capacity(text.len());
-    for c in text.chars() {
-        if c != '\n' && is_unprintable(c) {
-            shown.extend(c.escape_unicode());
-        } else {
-            shown.push(c);
-        }
-    }
-    shown
-}
-
-/// A message about a file: [`printable`], and without endless numbers and words.
+/// A message about a file: [`crate::text::printable`], and without endless numbers and words.
 #[must_use]
 pub(crate) fn plain(message: &str) -> String {
     let mut text = String::with_capacity(message.len());
@@ -73,7 +56,7 @@ fn short_word(word: &str, text: &mut String) {
             text.push_str(&rest[..MOST_DIGITS / 2]);
             text.push_str(&format!("…({digits} digits)"));
             digits
-        } else if is_unprintable(first) {
+        } else if is_hidden(first) {
             text.extend(first.escape_unicode());
             first.len_utf8()
         } else {

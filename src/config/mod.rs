@@ -52,6 +52,7 @@ use schemars::transform::{Transform, transform_subschemas};
 use thiserror::Error;
 use toml_edit::DocumentMut;
 
+pub use crate::text::printable;
 pub use build::{
     ALL_MODES, ActuatorFacts, Analysis, DelayedMode, Dial, Doubt, Drawn, Estimate, Facts, Files,
     Limit, LimitFacts, LoadingFacts, Loop, ModeFacts, Prepared, SpecimenLimits, Stability,
@@ -65,7 +66,6 @@ pub use diagnose::{Diagnostic, Diagnostics, Finding, Part, Place, Severity, Sour
 pub use document::{KeyPath, PathError, Segment};
 pub use driven::Drive;
 use echo::plain;
-pub use echo::printable;
 pub use excitation::{
     ExcitationTable, GroundTable, NodalFileTable, NodalForceTable, PrescribedPlace, PrescribedTable,
 };

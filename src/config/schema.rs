@@ -22,7 +22,7 @@ use crate::rt::TimingSpec;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TestFile {
-    /// Name of the test, as it stands in the report and in the name of the run folder; no control characters. Default: the
+    /// Name of the test for the report and for the name of the run folder; no control or other hidden characters. Default: the
     /// file's own name.
     #[serde(default)]
     pub title: String,

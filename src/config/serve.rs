@@ -69,7 +69,8 @@ pub struct ServeTable {
     pub transport: Option<Carrier>,
     /// For `transport = "tls"` only.
     pub tls: ServeTlsSpec,
-    /// File with the pre-shared key, relative to this file. Beyond loopback our own protocol wants this or TLS.
+    /// File with the pre-shared key, relative to this file. Beyond loopback our own protocol wants this or TLS. A file that all
+    /// users of the machine can read or change is refused (`chmod 600`).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub key_file: Option<String>,
     /// The computed specimen keeps its state, its limits' history and its trip between sessions, as a real one does. An

@@ -141,6 +141,8 @@ pub struct Engine {
     /// Where the phase is left for others to see.
     pub phase_cell: PhaseCell,
     hold_wanted: bool,
+    /// Number of the latest hold, from 1.
+    hold_number: u32,
     /// The tick at hand moves nothing.
     still: bool,
     /// The operator said before this tick that the test may go on.
@@ -340,6 +342,7 @@ impl Engine {
             at: Tick::before_start(0.0),
             phase_cell: PhaseCell::default(),
             hold_wanted: false,
+            hold_number: 0,
             still: false,
             goes_on: false,
             unconfirmed: false,

@@ -14,7 +14,10 @@ pub enum Operator {
     Stop,
     /// Let test time stand still.
     Hold,
-    /// Go on after a hold. Nothing is confirmed by it.
+    /// Go on after the hold of this number ([`super::Glimpse::hold_number`]); dropped if another hold stands by now. Nothing
+    /// is confirmed by it.
+    EndHold(u32),
+    /// Go on after whichever hold stands. No operator asks for it: a replay does, whose holds have no numbers.
     Continue,
     /// What the sensors read is right. Heard only while that is asked; no hold ends by it.
     Confirm,

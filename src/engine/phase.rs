@@ -8,7 +8,7 @@
 //! Phases that a test has no use for are left out. Every change is an event with its cause.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU8, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use serde::{Deserialize, Serialize};
 
@@ -142,6 +142,9 @@ pub struct Glimpse {
     /// What the sensors read is known, and the operator is asked to confirm it.
     #[serde(default)]
     pub unconfirmed: bool,
+    /// Number of the latest hold, from 1; 0 before the first. Who lets the test go on names it.
+    #[serde(default)]
+    pub hold_number: u32,
 }
 
 impl Glimpse {
@@ -153,18 +156,20 @@ impl Glimpse {
             hold: false,
             stands: false,
             unconfirmed: false,
+            hold_number: 0,
         }
     }
 }
 
 /// The phase and the hold as they can be seen from outside of the loop: a number that the loop leaves behind.
 #[derive(Debug, Clone, Default)]
-pub struct PhaseCell(Arc<AtomicU8>);
+pub struct PhaseCell(Arc<AtomicU64>);
 
-/// The bits above the phase.
-const UNCONFIRMED: u8 = 1 << 5;
-const HOLD: u8 = 1 << 6;
-const STANDS: u8 = 1 << 7;
+/// The bits above the phase; the number of the hold has the upper half.
+const UNCONFIRMED: u64 = 1 << 5;
+const HOLD: u64 = 1 << 6;
+const STANDS: u64 = 1 << 7;
+const PHASE: u64 = UNCONFIRMED - 1;
 
 impl PhaseCell {
     /// A phase in which nobody holds anything. Real-time: yes.
@@ -176,27 +181,30 @@ impl PhaseCell {
     /// confirmed but where the sensors are read. Real-time: yes.
     pub fn show(&self, seen: Glimpse) {
         let hold = seen.hold && seen.phase.can_be_held();
-        let flag = |is: bool, bit: u8| if is { bit } else { 0 };
+        let flag = |is: bool, bit: u64| if is { bit } else { 0 };
         let flags = flag(hold, HOLD)
             | flag(hold && seen.stands, STANDS)
             | flag(
                 seen.unconfirmed && seen.phase == Phase::Zeroing,
                 UNCONFIRMED,
             );
-        self.0.store(seen.phase as u8 | flags, Ordering::Relaxed);
+        let number = u64::from(seen.hold_number) << 32;
+        let bits = seen.phase as u64 | flags | number;
+        self.0.store(bits, Ordering::Relaxed);
     }
 
     /// The latest.
     #[must_use]
     pub fn glimpse(&self) -> Glimpse {
         let bits = self.0.load(Ordering::Relaxed);
-        let code = bits & !(HOLD | STANDS | UNCONFIRMED);
-        let known = Phase::ALL.into_iter().find(|phase| *phase as u8 == code);
+        let code = bits & PHASE;
+        let known = Phase::ALL.into_iter().find(|phase| *phase as u64 == code);
         Glimpse {
             phase: known.unwrap_or(Phase::Connected),
             hold: bits & HOLD != 0,
             stands: bits & STANDS != 0,
             unconfirmed: bits & UNCONFIRMED != 0,
+            hold_number: (bits >> 32) as u32,
         }
     }
 
@@ -279,13 +287,14 @@ mod tests {
     fn what_is_shown_is_seen_and_no_hold_where_none_is_heard() {
         let cell = PhaseCell::default();
         for phase in Phase::ALL {
-            for bits in 0..8 {
+            for bits in 0..8_u32 {
                 let [hold, stands, unconfirmed] = [1, 2, 4].map(|bit| bits & bit != 0);
                 cell.show(Glimpse {
                     phase,
                     hold,
                     stands,
                     unconfirmed,
+                    hold_number: u32::MAX - bits,
                 });
                 let hold = hold && !matches!(phase, Phase::Leaving | Phase::Tripped | Phase::Safe);
                 let seen = Glimpse {
@@ -293,6 +302,7 @@ mod tests {
                     hold,
                     stands: hold && stands,
                     unconfirmed: unconfirmed && phase == Phase::Zeroing,
+                    hold_number: u32::MAX - bits,
                 };
                 assert_eq!(cell.glimpse(), seen);
                 cell.set(phase);

@@ -204,11 +204,18 @@ impl Engine {
             Some(_) if !self.phase.can_be_held() => {}
             Some(Operator::Hold) => {
                 if !self.hold_wanted {
+                    self.hold_number = self.hold_number.saturating_add(1);
                     self.report_now(EventKind::HoldRequested);
                 }
                 self.hold_wanted = true;
             }
-            Some(Operator::Continue) => {
+            Some(Operator::EndHold(hold)) if hold != self.hold_number => {
+                self.report_now(EventKind::ContinueDropped {
+                    hold,
+                    latest: self.hold_number,
+                });
+            }
+            Some(Operator::EndHold(_) | Operator::Continue) => {
                 if self.hold_wanted {
                     self.report_now(EventKind::ContinueRequested);
                 }
@@ -236,6 +243,7 @@ impl Engine {
             phase: self.phase,
             hold: self.hold_wanted,
             unconfirmed: self.unconfirmed,
+            hold_number: self.hold_number,
             stands: self.still || matches!(self.phase, Phase::Armed | Phase::Holding),
         });
     }

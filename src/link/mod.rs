@@ -10,6 +10,7 @@ pub mod fault;
 mod inbox;
 pub mod native;
 pub mod openfresco;
+mod quota;
 pub mod rig;
 pub mod secret;
 pub mod serve;
@@ -42,6 +43,15 @@ pub trait Transport: Send {
     /// # Errors
     /// The link is lost.
     fn recv(&mut self, buffer: &mut [u8], deadline: Nanos) -> Result<Option<usize>, LinkFault>;
+
+    /// Every frame is signed from here on. ICMP errors are not signed, so an attacker can forge them: the transport counts them
+    /// and stays open.
+    fn trust_only_frames(&mut self) {}
+
+    /// Number of ICMP errors since then. Real-time: yes.
+    fn unreachable(&self) -> u64 {
+        0
+    }
 
     /// The present on the clock of its deadlines: CLOCK_MONOTONIC, unless time itself is simulated. Real-time: yes.
     fn now(&self) -> Nanos {

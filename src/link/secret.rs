@@ -6,6 +6,7 @@ use std::path::Path;
 
 use thiserror::Error;
 
+use crate::rt::secret_file::{SecretError, open_secret};
 use crate::wire::key::{LONGEST_KEY, PreSharedKey};
 
 /// Why there is no key.
@@ -18,6 +19,14 @@ pub enum KeyError {
         path: String,
         /// The system's word.
         source: io::Error,
+    },
+    /// Other users know the key.
+    #[error("the key file {path} cannot be used: {source}")]
+    Open {
+        /// Which file.
+        path: String,
+        /// Why.
+        source: SecretError,
     },
     /// The file holds no usable key.
     #[error("the key file {path} holds no key: {reason}")]
@@ -41,8 +50,14 @@ pub fn read_key(path: &Path) -> Result<PreSharedKey, KeyError> {
     };
     let mut bytes = Vec::new();
     // Two bytes more than a key may have: the line end, or the proof that it is too long.
-    File::open(path)
-        .map_err(unreadable)?
+    open_secret(path)
+        .map_err(|error| match error {
+            SecretError::Io(source) => unreadable(source),
+            source => KeyError::Open {
+                path: name(),
+                source,
+            },
+        })?
         .take(LONGEST_KEY as u64 + 3)
         .read_to_end(&mut bytes)
         .map_err(unreadable)?;
@@ -78,6 +93,9 @@ pub(super) fn random<const N: usize>() -> io::Result<[u8; N]> {
 
 #[cfg(test)]
 mod tests {
+    use std::fs::Permissions;
+    use std::os::unix::fs::PermissionsExt;
+
     use super::*;
 
     #[test]
@@ -86,6 +104,7 @@ mod tests {
         let write = |name: &str, bytes: &[u8]| {
             let path = folder.path().join(name);
             std::fs::write(&path, bytes).unwrap();
+            std::fs::set_permissions(&path, Permissions::from_mode(0o600)).unwrap();
             path
         };
         let plain = read_key(&write("a", b"sixteen bytes it is")).unwrap();
@@ -114,6 +133,17 @@ mod tests {
             assert!(blank.to_string().contains("nothing but blanks"), "{blank}");
         }
         assert!(read_key(&folder.path().join("none")).is_err());
+    }
+
+    #[test]
+    fn a_key_that_all_users_can_read_is_none() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("lab.key");
+        std::fs::write(&path, b"sixteen bytes it is").unwrap();
+        std::fs::set_permissions(&path, Permissions::from_mode(0o644)).unwrap();
+        let refused = read_key(&path).unwrap_err();
+        assert!(matches!(refused, KeyError::Open { .. }), "{refused}");
+        assert!(refused.to_string().contains("chmod 600"), "{refused}");
     }
 
     #[test]

@@ -23,7 +23,8 @@ pub struct LinkSpec {
     /// The far end: "rig.lab:4823", "192.0.2.7:4823" or "[2001:db8::7]:4823". Every address behind a name is tried; over UDP,
     /// where nothing shows that nobody is there, the first.
     pub address: String,
-    /// File with the pre-shared key, relative to the test file. It is never copied into the run folder.
+    /// File with the pre-shared key, relative to the test file. It is never copied into the run folder. A file that all users of
+    /// the machine can read or change is refused (`chmod 600`).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub key_file: Option<String>,
     /// Whether a reply is owed for each command, or the specimen lives in its own time.

@@ -13,6 +13,7 @@ use super::trip::Trip;
 use crate::engine::{Glimpse, Phase, PhaseCell};
 use crate::integrate::OnlineLimit;
 use crate::record::MissClasses;
+use crate::text::printable;
 
 /// Least time between two looks for the limit of λ, ns: no tangent is forgotten before one.
 pub(super) const MARGIN_EVERY_NS: u64 = WINDOW_NS / 2;
@@ -186,7 +187,8 @@ impl Board {
     }
 
     /// Tells how it ended. The room of λ of its last while is found when it is looked at next.
-    pub fn end(&self, ended: Ended) {
+    pub fn end(&self, mut ended: Ended) {
+        ended.reason = printable(&ended.reason);
         lock(&self.margin).0 = 0;
         *lock(&self.ended) = Some(ended);
     }

@@ -59,12 +59,18 @@ fn test(text: &mut Text, board: &Board, latest: &Snapshot, now_ns: u64, viewers:
         text.sample(name, &[("status", &ended.status)], 1.0);
     }
     let gauge = "gauge";
-    let hold = f64::from(u8::from(board.glimpse().hold));
+    let seen = board.glimpse();
     text.one(
         "gusset_hold_requested",
         gauge,
         "1 while the operator wants a hold.",
-        hold,
+        f64::from(u8::from(seen.hold)),
+    );
+    text.one(
+        "gusset_hold_number",
+        gauge,
+        "Number of the latest hold: CONTINUE names it.",
+        seen.hold_number,
     );
     text.one("gusset_test_time_seconds", gauge, "Test time.", latest.time);
     let duration = subject.steps as f64 * subject.dt;

@@ -7,6 +7,7 @@ use crate::control::limits::{AxisLimits, Watch};
 use crate::control::{DispZero, Exit};
 use crate::engine::{Experiment, MissLevels};
 use crate::record::Column;
+use crate::text::printable;
 
 /// Degrees of freedom that are drawn at most.
 const MOST_DOFS: usize = 8;
@@ -267,8 +268,8 @@ impl Subject {
         };
         Self {
             channels: channels(&dofs, &places, &columns, &specimens),
-            title: about.title,
-            run: about.run,
+            title: printable(&about.title),
+            run: printable(&about.run),
             real_clock: about.real_clock,
             goes_on: about.goes_on,
             steps: experiment.steps,

@@ -1,7 +1,9 @@
 //! A file that appears whole or not at all: written beside its place, then moved there.
+//!
+//! The temporary name is random and must be new, so a planted symbolic link is never followed.
 
 use std::fs::File;
-use std::io::{self, Seek, SeekFrom, Write};
+use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 /// A file under way. Dropped without [`AtomicFile::commit`], it leaves nothing.
@@ -19,14 +21,10 @@ impl AtomicFile {
     /// # Errors
     /// The system refuses; the folder of `path` must exist.
     pub fn create(path: &Path) -> io::Result<Self> {
-        let name = path.file_name().ok_or(io::ErrorKind::InvalidInput)?;
         let special = path.metadata().is_ok_and(|found| !found.is_file());
-        let partial = (!special).then(|| {
-            let process = std::process::id();
-            path.with_file_name(format!(".{}.partial-{process}", name.to_string_lossy()))
-        });
+        let partial = (!special).then(|| partial_of(path)).transpose()?;
         let file = match &partial {
-            Some(partial) => File::create(partial)?,
+            Some(partial) => File::create_new(partial)?,
             None => File::options().write(true).open(path)?,
         };
         Ok(Self {
@@ -84,6 +82,19 @@ impl Drop for AtomicFile {
     }
 }
 
+/// A temporary path in the folder of `path`, with a random name.
+///
+/// # Errors
+/// `path` has no name, or the system no random numbers.
+pub(super) fn partial_of(path: &Path) -> io::Result<PathBuf> {
+    let name = path.file_name().ok_or(io::ErrorKind::InvalidInput)?;
+    let mut bytes = [0; 8];
+    File::open("/dev/urandom")?.read_exact(&mut bytes)?;
+    let number = u64::from_le_bytes(bytes);
+    let partial = format!(".{}.partial-{number:016x}", name.to_string_lossy());
+    Ok(path.with_file_name(partial))
+}
+
 /// Writes `bytes` to `path`, whole or not at all.
 ///
 /// # Errors
@@ -111,6 +122,23 @@ mod tests {
         write(&path, b"new").unwrap();
         assert_eq!(std::fs::read(&path).unwrap(), b"new");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    /// Another user of the same folder, `/tmp` for example, must not choose where our bytes go.
+    #[test]
+    fn a_link_that_was_put_under_the_name_beside_is_not_followed() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.csv");
+        let victim = folder.path().join("victim");
+        std::fs::write(&victim, b"precious").unwrap();
+        // The name that a program of this number could be thought to use.
+        let guess = format!(".a.csv.partial-{}", std::process::id());
+        std::os::unix::fs::symlink(&victim, folder.path().join(guess)).unwrap();
+        write(&path, b"new").unwrap();
+        assert_eq!(std::fs::read(&victim).unwrap(), b"precious");
+        assert!(!path.is_symlink());
+        let [one, other] = [partial_of(&path).unwrap(), partial_of(&path).unwrap()];
+        assert_ne!(one, other);
     }
 
     #[test]

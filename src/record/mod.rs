@@ -190,6 +190,13 @@ pub enum EventKind {
     HoldRequested,
     /// The operator let a test that was held, or was to be held, go on.
     ContinueRequested,
+    /// A continue named an earlier hold and was dropped: the latest hold remains.
+    ContinueDropped {
+        /// The hold that he named.
+        hold: u32,
+        /// The latest hold.
+        latest: u32,
+    },
     /// What the sensors read before anything moves was confirmed.
     Confirmed,
     /// Where an axis of a specimen stands when a test is gone on with.

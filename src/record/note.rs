@@ -2,6 +2,8 @@
 
 use serde_json::{Map, Value};
 
+use crate::text::printable;
+
 /// How grave a note is; decides the level of its log line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NoteLevel {
@@ -47,10 +49,14 @@ impl Note {
         }
     }
 
-    /// The note with one more key.
+    /// The note with one more key. A text may come from anywhere: hidden characters are spelled.
     #[must_use]
     pub fn with(mut self, key: &str, value: impl Into<Value>) -> Self {
-        self.fields.insert(key.to_owned(), value.into());
+        let value = match value.into() {
+            Value::String(text) => Value::String(printable(&text)),
+            other => other,
+        };
+        self.fields.insert(key.to_owned(), value);
         self
     }
 

@@ -98,6 +98,9 @@ pub struct LinkCounts {
     /// Commands that never arrived, as the far end counts them.
     #[serde(default)]
     pub missed: u64,
+    /// ICMP errors in a signed session over datagrams.
+    #[serde(default)]
+    pub unreachable: u64,
 }
 
 /// A file that the test read and of which the folder has a copy.

@@ -5,10 +5,12 @@
 
 use std::borrow::Cow;
 
+use crate::text::is_hidden;
+
 /// What stands for a number that does not exist.
 pub(super) const NOTHING: &str = "–";
 
-/// Text made harmless for element content and quoted attributes; control characters, which XML forbids, are dropped.
+/// Text made harmless for element content and quoted attributes; hidden characters are spelled.
 pub(crate) fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len() + 8);
     for c in text.chars() {
@@ -18,25 +20,32 @@ pub(crate) fn escape(text: &str) -> String {
             '>' => out.push_str("&gt;"),
             '"' => out.push_str("&quot;"),
             '\'' => out.push_str("&#39;"),
-            c if is_xml(c) => out.push(c),
-            _ => {}
+            c if is_shown(c) => out.push(c),
+            c => out.extend(c.escape_unicode()),
         }
     }
     out
 }
 
-/// Text without the characters that XML 1.0 forbids even when they are escaped.
+/// Text with hidden characters spelled, for a library that escapes markup itself.
 pub(super) fn printable(text: &str) -> Cow<'_, str> {
-    if text.chars().all(is_xml) {
-        Cow::Borrowed(text)
-    } else {
-        Cow::Owned(text.chars().filter(|&c| is_xml(c)).collect())
+    if text.chars().all(is_shown) {
+        return Cow::Borrowed(text);
     }
+    let mut out = String::with_capacity(text.len() + 8);
+    for c in text.chars() {
+        if is_shown(c) {
+            out.push(c);
+        } else {
+            out.extend(c.escape_unicode());
+        }
+    }
+    Cow::Owned(out)
 }
 
-fn is_xml(c: char) -> bool {
-    matches!(c, '\t' | '\n' | '\r')
-        || (c >= ' ' && !matches!(c, '\u{7f}'..='\u{9f}' | '\u{fffe}' | '\u{ffff}'))
+/// False for what a browser would obey or hide, and for what XML 1.0 forbids even when it is escaped.
+fn is_shown(c: char) -> bool {
+    matches!(c, '\t' | '\n' | '\r') || !(is_hidden(c) || matches!(c, '\u{fffe}' | '\u{ffff}'))
 }
 
 /// The first `most` characters, with an ellipsis where something was cut.
@@ -215,10 +224,10 @@ mod tests {
     #[test]
     fn markup_and_control_characters_do_not_survive() {
         assert_eq!(
-            escape("<a href=\"x\">'&'\u{0}\u{1b}</a>"),
-            "&lt;a href=&quot;x&quot;&gt;&#39;&amp;&#39;&lt;/a&gt;"
+            escape("<a href=\"x\">'&'\u{0}\u{202e}</a>"),
+            "&lt;a href=&quot;x&quot;&gt;&#39;&amp;&#39;\\u{0}\\u{202e}&lt;/a&gt;"
         );
-        assert_eq!(printable("a\u{0}b\u{7}c"), "abc");
+        assert_eq!(printable("a\u{0}b\u{200b}c"), "a\\u{0}b\\u{200b}c");
     }
 
     #[test]

@@ -53,6 +53,7 @@ const KINDS: [(&str, &[&str], Ink); 5] = [
             "stop_requested",
             "hold_requested",
             "continue_requested",
+            "continue_dropped",
             "confirmed",
         ],
         Ink::Series(0),

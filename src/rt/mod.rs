@@ -18,6 +18,7 @@
 //! | [`wall`] | UTC |
 //! | [`timing`] | histograms of the tick, misses and their first classification |
 //! | [`sampler`] | context switches, page faults and steal, watched from another processor |
+//! | [`secret_file`] | files that hold a secret |
 //! | [`load`] | a hungry neighbour, for measurements |
 //! | [`doctor`] | what this machine gives and lacks |
 //! | [`proc`] | readers of the kernel's text files |
@@ -35,6 +36,7 @@ pub mod load;
 pub mod os;
 pub mod proc;
 pub mod sampler;
+pub mod secret_file;
 pub mod spec;
 pub mod throttle;
 pub mod timing;

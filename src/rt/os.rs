@@ -14,7 +14,7 @@ use std::num::NonZeroU64;
 use std::os::fd::AsRawFd;
 
 use rustix::mm::MlockAllFlags;
-use rustix::process::{Resource, getpid, getrlimit};
+use rustix::process::{Resource, Rlimit, getpid, getrlimit, setrlimit};
 use rustix::thread::{CapabilitySet, ClockId, CpuSet, Timespec};
 
 pub use rustix::io::Errno;
@@ -198,6 +198,26 @@ pub fn is_ignored(signal: libc::c_int) -> bool {
     // SAFETY: no new disposition is given; `action` is alive and of the type that is filled in.
     let outcome = unsafe { libc::sigaction(signal, std::ptr::null(), &raw mut action) };
     outcome == 0 && action.sa_sigaction == libc::SIG_IGN
+}
+
+/// Raises the number of files that the process may open at once (RLIMIT_NOFILE) up to `wanted`, as far as that is allowed; what it is
+/// then, none if unlimited.
+#[must_use]
+pub fn raise_open_files(wanted: u64) -> Option<u64> {
+    let limit = getrlimit(Resource::Nofile);
+    let soft = limit.current?;
+    let raised = limit.maximum.map_or(wanted, |most| most.min(wanted));
+    if raised <= soft {
+        return Some(soft);
+    }
+    let limit = Rlimit {
+        current: Some(raised),
+        ..limit
+    };
+    match setrlimit(Resource::Nofile, limit) {
+        Ok(()) => Some(raised),
+        Err(_) => Some(soft),
+    }
 }
 
 /// A file at its size limit (RLIMIT_FSIZE) gives an error to the writer instead of ending the process.

@@ -1,6 +1,7 @@
 //! The operator's desk: a socket in the run folder, through which other programs speak to a running test.
 //!
-//! One line of JSON in, one out: `{"request": "hold"}` and `{"accepted": true, "phase": "running"}`. Nothing here can hold
+//! One line of JSON in, one out: `{"request": "hold"}` and `{"accepted": true, "phase": "running"}`. Who lets a test go on
+//! names the hold that he ends: `{"request": "continue", "hold": 1}`. Nothing here can hold
 //! the loop up: requests go through the bounded channel that it polls, the phase is a number that it leaves behind. Nobody
 //! waits at the desk for another, nor its end for anybody. Who asks keeps apart a test that is over from one that does not
 //! answer: of the second nothing is known but that it may still move. Only the user who started the test may speak
@@ -36,30 +37,36 @@ const BREATH: Duration = Duration::from_millis(10);
 
 /// What can be asked of a running test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[serde(rename_all = "snake_case", tag = "request", deny_unknown_fields)]
 pub enum Request {
     /// End in an orderly way.
     Stop,
     /// Let test time stand still.
     Hold,
-    /// Go on after a hold. Nothing is confirmed by it.
-    Continue,
-    /// What the sensors read is right. Taken only while that is asked; no hold ends by it.
+    /// Go on after a hold. Nothing is confirmed by it. Refused if another hold stands by now, and if its sender has left.
+    Continue {
+        /// The hold that it ends ([`Glimpse::hold_number`]).
+        hold: u32,
+    },
+    /// What the sensors read is right. Taken only while that is asked; no hold ends by it. Refused if its sender has left.
     Confirm,
     /// Where in its life it is.
     Phase,
 }
 
-#[derive(Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Asked {
-    request: Request,
+impl Request {
+    /// True if specimens may move because of it. The test carries out such a request only while its sender is connected.
+    #[must_use]
+    pub const fn lets_move(self) -> bool {
+        matches!(self, Self::Continue { .. } | Self::Confirm)
+    }
 }
 
 /// What the test answers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Answer {
-    /// False if the queue of requests is full, or the phase one in which this is not heard. An end is always heard.
+    /// False if the queue of requests is full, the phase one in which this is not heard, or the hold that it names not the
+    /// latest. An end is always heard.
     pub accepted: bool,
     /// Where the test was when it was asked.
     #[serde(flatten)]
@@ -78,7 +85,7 @@ pub enum Unanswered {
     /// Somebody may listen there who did not answer.
     #[error("the test does not answer ({})", in_words(.error))]
     Silent {
-        /// The request lies in the socket, and whoever comes to it carries it out.
+        /// The request lies in the socket. The test carries it out when it comes to it, unless it lets specimens move.
         left: bool,
         /// The system's word.
         error: io::Error,
@@ -123,8 +130,19 @@ impl Desk {
         phase: PhaseCell,
         roll: &Roll,
     ) -> io::Result<Self> {
+        let socket = ControlSocket::bind(folder, SOCKET)?;
+        Self::on(socket, requests, phase, roll)
+    }
+
+    /// Answers operators on a socket that is open.
+    fn on(
+        socket: ControlSocket,
+        requests: Sender<Operator>,
+        phase: PhaseCell,
+        roll: &Roll,
+    ) -> io::Result<Self> {
         let serve = move |caller: &Caller| in_a_line(&told(caller, &requests, &phase)?);
-        Self::listen(folder, SOCKET, Box::new(serve), Some(roll))
+        Self::serve_on(socket, Box::new(serve), Some(roll))
     }
 
     /// Listens at the socket of this name in `folder`, and answers every caller as `serve` does.
@@ -137,7 +155,10 @@ impl Desk {
         serve: Serve,
         roll: Option<&Roll>,
     ) -> io::Result<Self> {
-        let socket = ControlSocket::bind(folder, name)?;
+        Self::serve_on(ControlSocket::bind(folder, name)?, serve, roll)
+    }
+
+    fn serve_on(socket: ControlSocket, serve: Serve, roll: Option<&Roll>) -> io::Result<Self> {
         let (open, closed) = UnixStream::pair()?;
         let roll = roll.cloned();
         let work = move || {
@@ -254,16 +275,21 @@ impl Counter {
     }
 }
 
-/// Passes the request in a line to the running test, and returns the answer.
+/// Passes the request in a line to the running test, and returns the answer. An error closes the connection.
 fn told(caller: &Caller, requests: &Sender<Operator>, phase: &PhaseCell) -> io::Result<Answer> {
-    let asked: Asked = serde_json::from_slice(&caller.line)?;
+    let request: Request = serde_json::from_slice(&caller.line)?;
+    if request.lets_move() && caller.has_left() {
+        return Err(io::ErrorKind::ConnectionAborted.into());
+    }
     let seen = phase.glimpse();
     let heard = seen.phase.can_be_held();
     let is_taken = |word: Operator| word.say_into(requests).is_ok();
-    let accepted = match asked.request {
+    let accepted = match request {
         Request::Stop => is_taken(Operator::Stop),
         Request::Hold => heard && is_taken(Operator::Hold),
-        Request::Continue => heard && is_taken(Operator::Continue),
+        Request::Continue { hold } => {
+            heard && hold == seen.hold_number && is_taken(Operator::EndHold(hold))
+        }
         Request::Confirm => seen.unconfirmed && is_taken(Operator::Confirm),
         Request::Phase => true,
     };
@@ -278,6 +304,14 @@ enum Heard {
 }
 
 impl Caller {
+    /// True if the other end is closed. One that only says nothing more still listens.
+    fn has_left(&self) -> bool {
+        let mut end = [PollFd::new(&self.stream, PollFlags::empty())];
+        let looked = poll(&mut end, Some(&Timespec::default()));
+        // An unknown state counts as closed.
+        looked.is_err() || end.iter().any(|end| end.revents().contains(PollFlags::HUP))
+    }
+
     /// What has come by now.
     fn hear(&mut self) -> Heard {
         let mut bytes = [0; LONGEST];
@@ -338,7 +372,7 @@ pub fn ask(folder: &Path, request: Request) -> Result<Answer, Unanswered> {
         }
         _ => Unanswered::silent(false)(error),
     })?;
-    write_line(&stream, &Asked { request }).map_err(Unanswered::silent(false))?;
+    write_line(&stream, &request).map_err(Unanswered::silent(false))?;
     read_line(&stream).map_err(Unanswered::silent(true))
 }
 
@@ -370,14 +404,15 @@ mod tests {
         let answer = ask(&folder, Request::Hold).unwrap();
         assert!(answer.accepted);
         assert_eq!(answer.seen, Glimpse::of(Phase::Running));
-        assert!(ask(&folder, Request::Continue).unwrap().accepted);
+        let end_hold = Request::Continue { hold: 0 };
+        assert!(ask(&folder, end_hold).unwrap().accepted);
         let full = ask(&folder, Request::Hold).unwrap();
         assert!(!full.accepted, "the rest of the room is for ends");
         for _ in 0..2 {
             assert!(ask(&folder, Request::Stop).unwrap().accepted);
         }
         let heard: Vec<Operator> = receiver.try_iter().collect();
-        let [hold, go_on, stop] = [Operator::Hold, Operator::Continue, Operator::Stop];
+        let [hold, go_on, stop] = [Operator::Hold, Operator::EndHold(0), Operator::Stop];
         assert_eq!(heard, [hold, go_on, stop, stop]);
         drop(desk);
         let over = ask(&folder, Request::Phase).unwrap_err();
@@ -396,12 +431,13 @@ mod tests {
             hold: true,
             stands: true,
             unconfirmed: false,
+            hold_number: 3,
         };
         cell.show(held);
         assert_eq!(ask(folder.path(), Request::Phase).unwrap().seen, held);
         for phase in [Phase::Leaving, Phase::Tripped, Phase::Safe] {
             cell.set(phase);
-            for request in [Request::Hold, Request::Continue] {
+            for request in [Request::Hold, Request::Continue { hold: 0 }] {
                 let refused = ask(folder.path(), request).unwrap();
                 assert_eq!((refused.accepted, refused.seen.phase), (false, phase));
             }
@@ -423,14 +459,16 @@ mod tests {
                 hold,
                 stands: hold,
                 unconfirmed,
+                hold_number: 7,
             };
             cell.show(seen);
             let answer = ask(folder.path(), Request::Confirm).unwrap();
             assert_eq!((answer.accepted, answer.seen), (unconfirmed, seen));
             let said: Vec<Operator> = receiver.try_iter().collect();
             assert_eq!(said, vec![Operator::Confirm; usize::from(unconfirmed)]);
-            assert!(ask(folder.path(), Request::Continue).unwrap().accepted);
-            assert_eq!(receiver.try_recv(), Ok(Operator::Continue), "{seen:?}");
+            let go_on = Request::Continue { hold: 7 };
+            assert!(ask(folder.path(), go_on).unwrap().accepted);
+            assert_eq!(receiver.try_recv(), Ok(Operator::EndHold(7)), "{seen:?}");
         }
     }
 
@@ -449,8 +487,8 @@ mod tests {
         );
         assert_eq!(silent.to_string(), "the test does not answer (2 s)");
         let (lies_there, _) = listener.accept().unwrap();
-        let asked: Asked = read_line(&lies_there).unwrap();
-        assert_eq!(asked.request, Request::Stop);
+        let asked: Request = read_line(&lies_there).unwrap();
+        assert_eq!(asked, Request::Stop);
         drop(listener);
         // A killed one leaves its socket.
         let over = ask(path, Request::Stop).unwrap_err();
@@ -478,7 +516,13 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(4);
         let _desk = Desk::open(folder.path(), sender, PhaseCell::default(), &roll()).unwrap();
-        for text in ["", "GET / HTTP/1.1\r\n\r\n", "{\"request\":\"explode\"}\n"] {
+        for text in [
+            "",
+            "GET / HTTP/1.1\r\n\r\n",
+            "{\"request\":\"explode\"}\n",
+            "{\"request\":\"continue\"}\n",
+            "{\"request\":\"continue\",\"hold\":0,\"now\":true}\n",
+        ] {
             let stream = UnixStream::connect(folder.path().join(SOCKET)).unwrap();
             (&stream).write_all(text.as_bytes()).unwrap();
             stream.shutdown(std::net::Shutdown::Write).unwrap();
@@ -486,8 +530,64 @@ mod tests {
             (&stream).read_to_string(&mut answer).unwrap();
             assert_eq!(answer, "");
         }
-        assert!(ask(folder.path(), Request::Continue).unwrap().accepted);
-        assert_eq!(receiver.try_recv(), Ok(Operator::Continue));
+        let go_on = Request::Continue { hold: 0 };
+        assert!(ask(folder.path(), go_on).unwrap().accepted);
+        assert_eq!(receiver.try_recv(), Ok(Operator::EndHold(0)));
+    }
+
+    #[test]
+    fn a_continue_ends_the_hold_that_it_names_and_no_other() {
+        let folder = tempfile::tempdir().unwrap();
+        let (sender, receiver) = crossbeam_channel::bounded(4);
+        let cell = PhaseCell::default();
+        let _desk = Desk::open(folder.path(), sender, cell.clone(), &roll()).unwrap();
+        let second = Glimpse {
+            hold: true,
+            stands: true,
+            hold_number: 2,
+            ..Glimpse::of(Phase::Holding)
+        };
+        cell.show(second);
+        let answer = ask(folder.path(), Request::Continue { hold: 1 }).unwrap();
+        assert_eq!((answer.accepted, answer.seen), (false, second));
+        assert!(receiver.try_recv().is_err());
+        assert!(
+            ask(folder.path(), Request::Continue { hold: 2 })
+                .unwrap()
+                .accepted
+        );
+        assert_eq!(receiver.try_recv(), Ok(Operator::EndHold(2)));
+    }
+
+    /// What waits behind a full desk until its sender has given up must not move a specimen later.
+    #[test]
+    fn what_lets_specimens_move_is_dropped_once_its_sender_has_left_and_a_stop_is_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let (sender, receiver) = crossbeam_channel::bounded(8);
+        let cell = PhaseCell::default();
+        cell.show(Glimpse {
+            unconfirmed: true,
+            ..Glimpse::of(Phase::Zeroing)
+        });
+        let socket = ControlSocket::bind(folder.path(), SOCKET).unwrap();
+        let mut here = Vec::new();
+        for (line, stays) in [
+            ("{\"request\":\"continue\",\"hold\":0}\n", false),
+            ("{\"request\":\"confirm\"}\n", false),
+            ("{\"request\":\"hold\"}\n", false),
+            ("{\"request\":\"stop\"}\n", false),
+            ("{\"request\":\"confirm\"}\n", true),
+        ] {
+            let stream = UnixStream::connect(folder.path().join(SOCKET)).unwrap();
+            (&stream).write_all(line.as_bytes()).unwrap();
+            // Says nothing more, and listens.
+            stream.shutdown(std::net::Shutdown::Write).unwrap();
+            here.extend(stays.then_some(stream));
+        }
+        let _desk = Desk::on(socket, sender, cell, &roll()).unwrap();
+        let heard: Vec<_> = (0..3).map(|_| receiver.recv().unwrap()).collect();
+        assert_eq!(heard, [Operator::Hold, Operator::Stop, Operator::Confirm]);
+        assert!(receiver.try_recv().is_err());
     }
 
     #[test]

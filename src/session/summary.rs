@@ -392,6 +392,7 @@ fn links(outcome: &Outcome) -> BTreeMap<String, LinkCounts> {
         duplicates: link.stats.duplicates,
         recovered: link.stats.recovered,
         missed: link.stats.missed,
+        unreachable: link.stats.unreachable,
     };
     outcome
         .ports

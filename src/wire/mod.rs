@@ -219,7 +219,9 @@ pub enum WireError {
         found: f64,
     },
     /// A text is too long, empty, or not text.
-    #[error("{field} is not a text of 1 to {limit} bytes without control characters")]
+    #[error(
+        "{field} is not a text of 1 to {limit} bytes without control or other hidden characters"
+    )]
     Text {
         /// Which text.
         field: &'static str,

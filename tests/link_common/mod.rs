@@ -109,6 +109,12 @@ pub fn gusset() -> Command {
 pub fn write(folder: &Path, name: &str, text: &str) -> PathBuf {
     let path = folder.join(name);
     std::fs::write(&path, text).unwrap();
+    // A secret that other users can read is refused.
+    if [".key", ".token"].iter().any(|end| name.ends_with(end)) {
+        use std::os::unix::fs::PermissionsExt;
+        let owner = std::fs::Permissions::from_mode(0o600);
+        std::fs::set_permissions(&path, owner).unwrap();
+    }
     path
 }
 
@@ -281,6 +287,18 @@ impl Served {
         loop {
             match self.heard.recv_timeout(PATIENCE) {
                 Ok(line) if line.contains(words) => return line,
+                Ok(line) => before.push(line),
+                Err(_) => panic!("{words:?} was never said, but {before:?}"),
+            }
+        }
+    }
+
+    /// Everything that it says up to a line that contains `words`.
+    pub fn says_before(&self, words: &str) -> Vec<String> {
+        let mut before = Vec::new();
+        loop {
+            match self.heard.recv_timeout(PATIENCE) {
+                Ok(line) if line.contains(words) => return before,
                 Ok(line) => before.push(line),
                 Err(_) => panic!("{words:?} was never said, but {before:?}"),
             }

@@ -309,10 +309,13 @@ fn a_long_warm_up_raises_no_alarm_and_its_hold_is_scraped() {
         hold: true,
         stands: true,
         unconfirmed: false,
+        hold_number: 1,
     });
     tap.turn(9 * second, &progress);
     assert_eq!(board.latest().row_ns, 9 * second);
-    assert!(metrics(&board, 9 * second, 0).contains("gusset_hold_requested 1"));
+    let scraped = metrics(&board, 9 * second, 0);
+    assert!(scraped.contains("gusset_hold_requested 1"));
+    assert!(scraped.contains("gusset_hold_number 1"));
     phase.set(Phase::Running);
     tap.turn(13 * second, &progress);
     assert_eq!(board.latest().row_ns, 9 * second, "here silence is one");

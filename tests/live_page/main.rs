@@ -11,7 +11,7 @@ use std::net::TcpListener;
 use std::path::Path;
 
 use common::{FRAME, completed, json, names, run, same_physics, write};
-use web::{Running, ask, call, until, watch};
+use web::{Running, ask, call, keep_alive, until, watch};
 
 /// The frame in real time, for so many seconds.
 fn real(home: &Path, seconds: f64) -> std::path::PathBuf {
@@ -175,6 +175,69 @@ fn hold_holds_continue_goes_on_and_stop_stops_for_who_has_the_token_alone() {
         let text = String::from_utf8_lossy(&bytes);
         assert!(!text.contains(&token), "the token stands in {name}");
     }
+}
+
+#[test]
+fn a_continue_ends_the_hold_that_it_names_and_no_later_one() {
+    let home = tempfile::tempdir().unwrap();
+    let home = home.path();
+    let running = Running::start(home, "run", &real(home, 3600.0), "127.0.0.1", &[]);
+    running.until_phase("running");
+    for number in [1.0, 2.0] {
+        assert_eq!(running.order("hold").status, 202);
+        running.until_phase("holding");
+        assert_eq!(running.metric("gusset_hold_number"), number);
+        if number < 2.0 {
+            assert_eq!(running.order("continue?hold=1").status, 202);
+            running.until_phase("running");
+        }
+    }
+    // A continue for the first hold arrives during the second.
+    assert_eq!(running.order("continue?hold=1").status, 409);
+    assert_eq!(running.order("continue?hold=3").status, 409);
+    let bearer = format!("Bearer {}", running.token);
+    let headers = [("Authorization", bearer.as_str())];
+    assert_eq!(running.ask("POST /control/continue", &headers).status, 400);
+    assert_eq!(running.metric("gusset_hold_requested"), 1.0);
+    assert_eq!(running.order("continue?hold=2").status, 202);
+    running.until_phase("running");
+    assert_eq!(running.order("stop").status, 202);
+    let folder = running.folder.clone();
+    assert_eq!(running.end().0, Some(130));
+    let events = std::fs::read_to_string(folder.join("events.jsonl")).unwrap();
+    assert_eq!(events.matches("\"continue_requested\"").count(), 2);
+}
+
+/// They ask again and again on connections that stay open, so that none of them is ever silent.
+#[test]
+fn more_clients_than_there_are_places_keep_no_stop_out() {
+    let home = tempfile::tempdir().unwrap();
+    let home = home.path();
+    let running = Running::start(home, "run", &real(home, 3600.0), "127.0.0.1", &[]);
+    running.until_phase("running");
+    let viewers: Vec<_> = (0..80)
+        .map(|_| call(&running.address, "GET /stream", &[]))
+        .collect();
+    until("viewers have the places that they may have", || {
+        running.metric("gusset_viewers") == 64.0
+    });
+    let clients: Vec<_> = (0..96).map(|_| keep_alive(&running.address)).collect();
+    let is_over = std::sync::atomic::AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            while !is_over.load(std::sync::atomic::Ordering::Relaxed) {
+                for mut client in &clients {
+                    // One that was closed for a newcomer comes back no more.
+                    let _ = std::io::Write::write_all(&mut client, web::KEEP_ALIVE);
+                }
+                gusset::session::pause(std::time::Duration::from_millis(50));
+            }
+        });
+        assert_eq!(running.order("stop").status, 202);
+        is_over.store(true, std::sync::atomic::Ordering::Relaxed);
+    });
+    drop(viewers);
+    assert_eq!(running.end().0, Some(130));
 }
 
 #[test]

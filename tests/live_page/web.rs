@@ -71,10 +71,13 @@ impl Running {
         ask(&self.address, request, headers)
     }
 
-    /// POST /control/`what` with the right token.
+    /// POST /control/`what` with the right token; a `continue` of the latest hold.
     pub fn order(&self, what: &str) -> Reply {
         let bearer = format!("Bearer {}", self.token);
-        let request = format!("POST /control/{what}");
+        let mut request = format!("POST /control/{what}");
+        if what == "continue" {
+            request += &format!("?hold={}", self.metric("gusset_hold_number"));
+        }
         self.ask(&request, &[("Authorization", &bearer)])
     }
 
@@ -143,6 +146,20 @@ pub fn call(address: &str, request: &str, headers: &[(&str, &str)]) -> TcpStream
     }
     text.push_str("Connection: close\r\nContent-Length: 0\r\n\r\n");
     stream.write_all(text.as_bytes()).unwrap();
+    stream
+}
+
+/// A request that leaves its connection open.
+pub const KEEP_ALIVE: &[u8] = b"GET /icon.svg HTTP/1.1\r\nHost: localhost\r\n\r\n";
+
+/// Opens a connection that stays open, and has one request on it answered.
+pub fn keep_alive(address: &str) -> TcpStream {
+    let mut stream = TcpStream::connect(address).unwrap();
+    stream.write_all(KEEP_ALIVE).unwrap();
+    let patience = Some(Duration::from_secs(60));
+    stream.set_read_timeout(patience).unwrap();
+    stream.set_write_timeout(patience).unwrap();
+    let _some = stream.read(&mut [0; 4096]).unwrap();
     stream
 }
 

@@ -69,7 +69,14 @@ impl Authority {
 }
 
 fn write(folder: &Path, name: &str, text: &str) {
-    std::fs::write(folder.join(name), text).unwrap();
+    let path = folder.join(name);
+    std::fs::write(&path, text).unwrap();
+    // A private key that other users can read is refused.
+    if name.ends_with(".key") {
+        use std::os::unix::fs::PermissionsExt;
+        let owner = std::fs::Permissions::from_mode(0o600);
+        std::fs::set_permissions(&path, owner).unwrap();
+    }
 }
 
 /// All six files with the names that are looked for.

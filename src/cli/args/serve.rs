@@ -36,13 +36,15 @@ pub(in crate::cli) struct ServeArgs {
     /// it is required, unless --transport tls requires certificates.
     #[arg(long, value_name = "HOST")]
     pub client: Option<String>,
-    /// Pre-shared key of our own protocol; beyond loopback it wants this or --transport tls.
+    /// Pre-shared key of our own protocol; beyond loopback it wants this or --transport tls. A file that all users of the
+    /// machine can read or change is refused.
     #[arg(long, value_name = "FILE")]
     pub key: Option<PathBuf>,
     #[command(flatten)]
     pub tls: TlsArgs,
     /// Record every controller's test in a run folder of its own below this one: test-0001, test-0002 and so on, with one
-    /// row per exchange. `gusset report` and `gusset export` read them. Without it nothing is recorded.
+    /// row per exchange. `gusset report` and `gusset export` read them. Without it nothing is recorded. A controller that
+    /// would begin more than 30 tests within 30 s is refused.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Where `gusset reset` reaches this server: a socket, or a folder for control.sock. Of a specimen that moves, the file

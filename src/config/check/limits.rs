@@ -7,6 +7,7 @@ use crate::config::document::KeyPath;
 use crate::config::safety::{ExitChoice, SafetyTable};
 use crate::config::specimen::SpecimenTable;
 use crate::control::limits::LimitsSpec;
+use crate::text::is_visible;
 
 /// Two bounds that say the same in different units may differ by rounding.
 const SAME: f64 = 1.0 + 1e-9;
@@ -310,7 +311,7 @@ pub(super) fn check_required(
     findings: &mut Findings,
 ) {
     let why = KeyPath::root().key("safety").key("unlimited");
-    if unlimited.is_some_and(|reason| reason.trim().is_empty()) {
+    if unlimited.is_some_and(|reason| !is_visible(reason)) {
         findings.0.push(
             Finding::error(why, "`unlimited` gives no reason")
                 .label("why may a specimen be without limits?")

@@ -8,6 +8,7 @@ use crate::config::specimen::{DispUnit, ForceUnit, SpecimenTable};
 use crate::link::LinkSpec;
 use crate::link::openfresco::RemoteSettings;
 use crate::link::spec::{Carrier, LinkCoupling, Protocol};
+use crate::text::is_hidden;
 
 /// The link of one specimen.
 pub(super) fn check_link(
@@ -290,7 +291,7 @@ fn check_names(names: &[String], specimen: &SpecimenTable, at: &KeyPath, finding
             .push(Finding::error(at.clone(), text).label("one name per axis"));
     }
     for (index, name) in names.iter().enumerate() {
-        let fits = !name.is_empty() && name.len() <= 64 && !name.chars().any(char::is_control);
+        let fits = !name.is_empty() && name.len() <= 64 && !name.chars().any(is_hidden);
         if !fits || names[..index].contains(name) {
             findings.0.push(
                 Finding::error(at.index(index), format!("{name:?} cannot name an axis"))

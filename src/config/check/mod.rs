@@ -24,7 +24,6 @@ use way::check_way;
 
 use super::diagnose::Finding;
 use super::document::{Datum, KeyPath, Node};
-use super::echo::is_unprintable;
 use super::schema::{Method, Start, StructureTable, TestFile};
 use super::serve::ServeFile;
 use super::steps::{Time, not_positive};
@@ -32,6 +31,7 @@ use super::suggest::listed;
 use super::timetable::ClockChoice;
 use super::value::{DofChoice, LambdaValue};
 use crate::rt::OnMiss;
+use crate::text::is_hidden;
 
 /// Every number of the document that is not finite, but λ, which may be infinite.
 pub(crate) fn not_finite(root: &Node) -> Vec<Finding> {
@@ -150,7 +150,7 @@ impl Findings {
 
     /// A text that is shown to people holds nothing that a terminal would obey.
     fn printable(&mut self, at: &KeyPath, text: Option<&str>) {
-        if let Some(c) = text.and_then(|text| text.chars().find(|c| is_unprintable(*c))) {
+        if let Some(c) = text.and_then(|text| text.chars().find(|c| is_hidden(*c))) {
             let headline = format!("`{at}` has a character that cannot be printed");
             let finding = Finding::error(at.clone(), headline);
             self.0
@@ -161,7 +161,7 @@ impl Findings {
     /// A reason that the user gives says something, in characters that can be printed.
     fn reason(&mut self, at: KeyPath, reason: Option<&str>) {
         self.printable(&at, reason);
-        if reason.is_some_and(|reason| reason.trim().is_empty()) {
+        if reason.is_some_and(|reason| !crate::text::is_visible(reason)) {
             let headline = format!("`{at}` gives no reason");
             self.0
                 .push(Finding::error(at, headline).label("the reason stands in the summary"));

@@ -148,7 +148,7 @@ fn endless_numbers_and_texts_are_not_echoed_whole() {
 #[test]
 fn a_text_that_a_terminal_would_obey_is_refused_or_spelt() {
     for key in ["title", "safety.unlimited"] {
-        for c in ["\\u001b[2J", "\\u0007", "\\u202e"] {
+        for c in ["\\u001b[2J", "\\u0007", "\\u202e", "\\u200b", "\\ufeff"] {
             let set = format!("{key}=\"a{c}b\"");
             refused_as(
                 GOOD,

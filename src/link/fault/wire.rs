@@ -276,6 +276,14 @@ impl<T: Transport> FaultyWire<T> {
 }
 
 impl<T: Transport> Transport for FaultyWire<T> {
+    fn trust_only_frames(&mut self) {
+        self.inner.trust_only_frames();
+    }
+
+    fn unreachable(&self) -> u64 {
+        self.inner.unreachable()
+    }
+
     fn send(&mut self, frame: &[u8]) -> Result<(), LinkFault> {
         if self.closed {
             return Err(LinkFault::Closed);

@@ -76,7 +76,7 @@ pub(super) struct Live {
 
 impl Live {
     pub(super) fn new(
-        transport: Box<dyn Transport>,
+        mut transport: Box<dyn Transport>,
         inbox: Inbox,
         encoder: Encoder,
         decoder: Decoder,
@@ -87,6 +87,9 @@ impl Live {
         let reply_timeout = setup.reply_timeout.as_nanos();
         let reply_timeout_ns = u64::try_from(reply_timeout).unwrap_or(u64::MAX);
         let nudge_ns = nudge_ns(watchdog_ns(welcome), reply_timeout_ns, inbox.is_stream());
+        if setup.key.is_some() {
+            transport.trust_only_frames();
+        }
         Self {
             sent_ns: transport.now().0,
             transport,
@@ -116,8 +119,11 @@ impl Live {
         }
     }
 
-    pub(super) const fn stats(&self) -> LinkStats {
-        self.book.stats
+    pub(super) fn stats(&self) -> LinkStats {
+        LinkStats {
+            unreachable: self.transport.unreachable(),
+            ..self.book.stats
+        }
     }
 
     pub(super) fn recover(&mut self, force: &mut [f64]) -> Option<u64> {

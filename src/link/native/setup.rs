@@ -11,6 +11,7 @@ use crate::link::spec::Carrier;
 use crate::link::tls::{TlsClient, is_alert};
 use crate::link::{ConnectError, SocketOptions, TcpTransport, Transport, UdpTransport};
 use crate::substructure::{Coupling, Introduction, LISTEN_NS, LinkFault};
+use crate::text::is_hidden;
 use crate::wire::handshake::{
     self, Axis, Capabilities, Control, Hello, Limits, Sampling, Versions, Welcome, layout_hash,
 };
@@ -238,11 +239,11 @@ pub fn unlimited_axis(
     }
 }
 
-/// A text that fits into a message: no control characters, not too long, not empty.
+/// A text that fits into a message: no hidden characters, not too long, not empty.
 pub(in crate::link) fn fit(text: &str) -> String {
     let mut fitting: String = text
         .chars()
-        .map(|c| if c.is_control() { ' ' } else { c })
+        .map(|c| if is_hidden(c) { ' ' } else { c })
         .collect();
     while fitting.len() > handshake::TEXT_LIMIT {
         fitting.pop();

@@ -117,6 +117,42 @@ pub enum News {
     Ended(SocketAddr, End, Tally),
 }
 
+impl News {
+    /// Kinds of news.
+    pub(super) const KINDS: usize = 10;
+
+    /// Whom it is about, if it is about one peer.
+    pub(super) const fn peer(&self) -> Option<SocketAddr> {
+        match self {
+            Self::Connected(peer)
+            | Self::Ready(peer, _)
+            | Self::Told(peer, _)
+            | Self::TurnedAway(peer)
+            | Self::NotAdmitted(peer)
+            | Self::Stray(peer, _)
+            | Self::Ended(peer, ..) => Some(*peer),
+            Self::Ignored(_) | Self::InitLine => None,
+        }
+    }
+
+    /// The kind of message; each kind has a quota, because any peer can cause it without end. The end of a test with commands
+    /// is a separate kind.
+    pub(super) const fn kind(&self) -> usize {
+        match self {
+            Self::Connected(_) => 0,
+            Self::Ready(..) => 1,
+            Self::Told(..) => 2,
+            Self::TurnedAway(_) => 3,
+            Self::NotAdmitted(_) => 4,
+            Self::Stray(..) => 5,
+            Self::Ignored(_) => 6,
+            Self::InitLine => 7,
+            Self::Ended(.., tally) if tally.commands == 0 => 8,
+            Self::Ended(..) => 9,
+        }
+    }
+}
+
 impl std::fmt::Display for News {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {

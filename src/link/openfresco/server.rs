@@ -14,6 +14,7 @@ use super::hall::{Client, receive};
 use super::host::{Host, HostFault, Tally};
 use super::news::{End, News};
 use crate::link::Transport;
+use crate::link::quota::{Allowance, Quota};
 use crate::link::rig::{Over, Visitor};
 use crate::link::socket::LOOK;
 use crate::rt::os::monotonic_ns;
@@ -68,6 +69,8 @@ pub fn serve_openfresco(
 ) -> Result<(), DoorError> {
     let mut buffer = vec![0; CHUNK];
     let mut waste = vec![0; CHUNK];
+    let mut quotas: [Quota; News::KINDS] = Default::default();
+    let tell = &mut |news: &News| tell_at_most(&mut quotas, news, tell);
     while let Some(client) = receive(door, host, settings, stop, tell, &mut buffer)? {
         let peer = client.peer;
         let attendance = Attendance {
@@ -99,6 +102,21 @@ pub fn serve_openfresco(
         tell(&News::Ended(peer, end, tally));
     }
     Ok(())
+}
+
+/// Tells what is within the quota of its kind, and where more is not told.
+fn tell_at_most(quotas: &mut [Quota], news: &News, tell: &mut dyn FnMut(&News)) {
+    let Some(quota) = quotas.get_mut(news.kind()) else {
+        return;
+    };
+    let Allowance { is_told, notice } = quota.take(monotonic_ns());
+    if is_told {
+        tell(news);
+    }
+    if let Some(text) = notice {
+        let nobody = || ([0, 0, 0, 0], 0).into();
+        tell(&News::Told(news.peer().unwrap_or_else(nobody), text));
+    }
 }
 
 /// One client from its sizes to its end.

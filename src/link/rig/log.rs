@@ -87,7 +87,7 @@ impl Log {
         visitor: &Visitor,
         away_from: Option<usize>,
     ) -> Result<Self, String> {
-        let mut folder = next_folder(&settings.root).map_err(|error| error.to_string())?;
+        let mut folder = next_folder(&settings.root)?;
         let rate_hz = visitor
             .rate
             .map(|(above, below)| above as f64 / below as f64)
@@ -329,18 +329,70 @@ impl Log {
     }
 }
 
+/// Tests that may begin within [`NEW_S`]: one that begins and ends tests all the time must not fill the disk with folders.
+const MOST_NEW: u32 = 30;
+const NEW_S: u64 = 30;
+
 /// The folder after the last one in `root`. Two servers may share a root.
-fn next_folder(root: &Path) -> Result<RunFolder, FolderError> {
+fn next_folder(root: &Path) -> Result<RunFolder, String> {
     let number = |name: &str| name.strip_prefix("test-")?.parse::<u32>().ok();
     let last = std::fs::read_dir(root).map_or(0, |entries| {
         let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
         names.filter_map(|name| number(&name)).max().unwrap_or(0)
     });
     let mut next = last.saturating_add(1);
+    let earlier = next
+        .checked_sub(MOST_NEW)
+        .map(|number| path_of(root, number));
+    if earlier.is_some_and(|folder| is_new(&folder)) {
+        return Err(format!(
+            "{MOST_NEW} tests began within the last {NEW_S} s, and each has a folder in {}: wait a moment, or serve without \
+             `--out`",
+            root.display()
+        ));
+    }
     loop {
-        match RunFolder::create(&root.join(format!("test-{next:04}"))) {
+        match RunFolder::create(&path_of(root, next)) {
             Err(FolderError::Occupied(_)) if next < MOST_FOLDERS => next += 1,
-            other => return other,
+            other => return other.map_err(|error| error.to_string()),
         }
+    }
+}
+
+fn path_of(root: &Path, number: u32) -> PathBuf {
+    root.join(format!("test-{number:04}"))
+}
+
+/// True of a folder that was made within [`NEW_S`]. What was added to it later does not make it new.
+fn is_new(folder: &Path) -> bool {
+    let Ok(found) = folder.metadata() else {
+        return false;
+    };
+    let made = [found.created(), found.modified()].into_iter().flatten();
+    let age = made
+        .min()
+        .map(|made| Wall::now().system_time().duration_since(made));
+    // One of the future was made before the clock was set.
+    matches!(age, Some(Ok(age)) if age.as_secs() < NEW_S)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tests_that_follow_each_other_all_the_time_are_refused_their_folders() {
+        let root = tempfile::tempdir().unwrap();
+        for number in 1..=MOST_NEW {
+            let made = next_folder(root.path()).unwrap();
+            assert_eq!(made.path(), path_of(root.path(), number));
+        }
+        assert!(next_folder(root.path()).is_err());
+        // As if that one had been made a while ago.
+        let earlier = std::fs::File::open(path_of(root.path(), 1)).unwrap();
+        let ago = std::time::Duration::from_secs(NEW_S + 1);
+        let then = Wall::now().system_time() - ago;
+        earlier.set_modified(then).unwrap();
+        assert!(next_folder(root.path()).is_ok());
     }
 }

@@ -103,6 +103,7 @@ pub(super) fn summarise(
         duplicates: stats.duplicates,
         recovered: stats.recovered,
         missed: stats.missed,
+        unreachable: stats.unreachable,
     };
     let some = |values: &[f64]| values.iter().map(|value| Some(*value)).collect();
     Summary {

@@ -5,6 +5,7 @@ use crate::link::native::{SOFTWARE, fit};
 use crate::link::rig::elsewhere;
 use crate::link::secret::random;
 use crate::link::spec::WATCHDOG_MAX_S;
+use crate::text::is_hidden;
 use crate::wire::handshake::{
     self, Arm, Control, Hello, Limits, Refuse, RefuseCode, Sampling, TEXT_LIMIT, Terms, Versions,
     Welcome, layout_hash,
@@ -41,7 +42,7 @@ pub(super) struct Greeted {
 
 fn refuse(code: RefuseCode, text: &str) -> Refuse {
     let mut text = text.to_owned();
-    text.retain(|c| !c.is_control());
+    text.retain(|c| !is_hidden(c));
     while text.len() > TEXT_LIMIT {
         text.pop();
     }

@@ -82,6 +82,19 @@ impl From<Carried> for Line {
 }
 
 impl Transport for Carried {
+    fn trust_only_frames(&mut self) {
+        if let Carried::Udp(udp) = self {
+            udp.trust_only_frames();
+        }
+    }
+
+    fn unreachable(&self) -> u64 {
+        match self {
+            Carried::Udp(udp) => udp.unreachable(),
+            Carried::Tcp(_) | Carried::Tls(_) | Carried::Simulated(_) => 0,
+        }
+    }
+
     fn send(&mut self, frame: &[u8]) -> Result<(), LinkFault> {
         match self {
             Carried::Tcp(tcp) => tcp.send(frame),
@@ -116,6 +129,20 @@ impl Transport for Carried {
 }
 
 impl Transport for Line {
+    fn trust_only_frames(&mut self) {
+        match self {
+            Line::Plain(carried) => carried.trust_only_frames(),
+            Line::Faulty(faulty) => faulty.trust_only_frames(),
+        }
+    }
+
+    fn unreachable(&self) -> u64 {
+        match self {
+            Line::Plain(carried) => carried.unreachable(),
+            Line::Faulty(faulty) => faulty.unreachable(),
+        }
+    }
+
     fn send(&mut self, frame: &[u8]) -> Result<(), LinkFault> {
         match self {
             Line::Plain(carried) => carried.send(frame),

@@ -32,6 +32,7 @@ use parted::Parted;
 use thiserror::Error;
 use tokio::sync::mpsc::UnboundedSender;
 
+use super::quota::{Allowance, Quota};
 use super::spec::Carrier;
 use super::tls::TlsServer;
 use super::{ConnectError, socket};
@@ -98,6 +99,8 @@ struct Desk {
     stop: AtomicBool,
     sessions: Sender<data::Session>,
     heard: UnboundedSender<Heard>,
+    /// One quota for each kind of event.
+    quotas: Mutex<[Quota; KINDS]>,
     /// The end of the last session.
     parted: Mutex<Option<Parted>>,
 }
@@ -117,7 +120,38 @@ impl Desk {
         frames.unwrap_or_default().to_vec()
     }
 
+    /// Reports an event. The events that any peer can cause without end have a quota.
     fn tell(&self, heard: Heard) {
+        match kind(&heard) {
+            Some(kind) => self.tell_at_most(kind, heard),
+            None => self.pass(heard),
+        }
+    }
+
+    /// Reports a peer that was turned away for nonsense.
+    fn complain(&self, peer: SocketAddr, text: String) {
+        self.tell_at_most(STRANGERS, Heard::Refused { peer, text });
+    }
+
+    fn tell_at_most(&self, kind: usize, heard: Heard) {
+        let allowance = {
+            let mut quotas = self.quotas.lock().unwrap_or_else(PoisonError::into_inner);
+            quotas
+                .get_mut(kind)
+                .map(|quota| quota.take(os::monotonic_ns()))
+        };
+        let Some(Allowance { is_told, notice }) = allowance else {
+            return;
+        };
+        if is_told {
+            self.pass(heard);
+        }
+        if let Some(text) = notice {
+            self.pass(Heard::Told { text });
+        }
+    }
+
+    fn pass(&self, heard: Heard) {
         // Nobody listens any more only when the server ends.
         let _ = self.heard.send(heard);
     }
@@ -135,6 +169,25 @@ impl Desk {
 
     fn give_back(&self) {
         self.present.store(false, Ordering::Release);
+    }
+}
+
+/// Kinds of events that any peer can cause.
+const KINDS: usize = 6;
+const STRANGERS: usize = 5;
+
+/// The kind of an event that any peer can cause; none for the events of a running test.
+const fn kind(heard: &Heard) -> Option<usize> {
+    match heard {
+        Heard::Hello { .. } => Some(0),
+        Heard::Refused { .. } => Some(1),
+        Heard::Armed { .. } => Some(2),
+        Heard::Told { .. } => Some(3),
+        Heard::Ended { .. } => Some(4),
+        Heard::Tripped { .. }
+        | Heard::Holding { .. }
+        | Heard::Resumed { .. }
+        | Heard::NotGranted { .. } => None,
     }
 }
 
@@ -262,6 +315,7 @@ impl Server {
             stop: AtomicBool::new(false),
             sessions,
             heard: heard_in,
+            quotas: Mutex::default(),
             parted: Mutex::default(),
         });
         let for_data = Arc::clone(&desk);

@@ -89,6 +89,7 @@ impl Simulated {
             clock,
             stream,
             desk: Desk {
+                quotas: Mutex::default(),
                 host,
                 key: None,
                 tls: None,

@@ -1,6 +1,6 @@
 //! TCP: accept, greet, hand over.
 
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -22,8 +22,8 @@ use crate::wire::{Side, WireError};
 const HELLO_LIMIT: Duration = Duration::from_secs(5);
 /// From the welcome to the arming: a large model takes a while to get ready.
 const ARM_LIMIT: Duration = Duration::from_secs(60);
-/// Connections that have not armed yet. Where more come, whoever has been silent for the longest gives way; if all have said
-/// who they are, what comes is closed unheard, which is told once until there is room again.
+/// Connections that have not armed yet. Where more come, one gives way ([`gives_way`]): a greeting proves nothing, for it may be
+/// a copy of another one.
 const MOST_WAITING: usize = 64;
 /// Of them from one address: one machine does not keep out the others.
 const MOST_OF_ONE: usize = 16;
@@ -42,12 +42,23 @@ struct Guest {
     has_spoken: bool,
 }
 
-/// Room for one more.
-enum Room {
-    Free,
-    /// This one was sent away for it.
-    Of(SocketAddr),
-    None,
+/// Who gives way to one more from `newcomer`, if anybody must: of the address where most wait, who has said nothing for the longest,
+/// or else who has said hello for the longest and has not armed.
+fn gives_way(all: &[Guest], newcomer: IpAddr) -> Option<usize> {
+    let waiting = |ip: IpAddr| all.iter().filter(|guest| guest.peer.ip() == ip).count();
+    let crowd = if waiting(newcomer) >= MOST_OF_ONE {
+        newcomer
+    } else if all.len() >= MOST_WAITING {
+        let addresses = all.iter().map(|guest| guest.peer.ip());
+        addresses.max_by_key(|ip| waiting(*ip))?
+    } else {
+        return None;
+    };
+    let at_home = |guest: &Guest| guest.peer.ip() == crowd;
+    let silent = all
+        .iter()
+        .position(|guest| at_home(guest) && !guest.has_spoken);
+    silent.or_else(|| all.iter().position(at_home))
 }
 
 impl Waiting {
@@ -55,23 +66,12 @@ impl Waiting {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Room for `peer`: where there are too many, of all or at its address, a silent one of those gives way.
-    fn room_for(&self, peer: SocketAddr) -> Room {
+    /// Makes room for `peer`; who was sent away for it.
+    fn make_room(&self, peer: SocketAddr) -> Option<SocketAddr> {
         let mut all = self.all();
-        let at_home = |guest: &Guest| guest.peer.ip() == peer.ip();
-        let too_many_of_one = all.iter().filter(|guest| at_home(guest)).count() >= MOST_OF_ONE;
-        if !too_many_of_one && all.len() < MOST_WAITING {
-            return Room::Free;
-        }
-        let may_go = |guest: &Guest| !guest.has_spoken && (!too_many_of_one || at_home(guest));
-        match all.iter().position(may_go) {
-            Some(index) => {
-                let guest = all.remove(index);
-                guest.task.abort();
-                Room::Of(guest.peer)
-            }
-            None => Room::None,
-        }
+        let guest = gives_way(&all, peer.ip()).map(|index| all.remove(index))?;
+        guest.task.abort();
+        Some(guest.peer)
     }
 
     fn enter(&self, peer: SocketAddr, task: AbortHandle) {
@@ -97,25 +97,12 @@ impl Waiting {
 /// Accepts for as long as the runtime lives.
 pub(super) async fn accept(listener: TcpListener, desk: Arc<Desk>) {
     let waiting = Arc::new(Waiting::default());
-    let mut full = false;
     loop {
         match listener.accept().await {
             Ok((stream, peer)) => {
-                match waiting.room_for(peer) {
-                    Room::Free => full = false,
-                    Room::Of(peer) => {
-                        full = false;
-                        let text = "it had said nothing when more came than may wait: it gave way";
-                        let text = text.to_owned();
-                        desk.tell(Heard::Refused { peer, text });
-                    }
-                    Room::None => {
-                        if !std::mem::replace(&mut full, true) {
-                            let text = "closed unheard: too many wait already".to_owned();
-                            desk.tell(Heard::Refused { peer, text });
-                        }
-                        continue;
-                    }
+                if let Some(peer) = waiting.make_room(peer) {
+                    let text = "it had not armed when more came than may wait: it gave way";
+                    desk.complain(peer, text.to_owned());
                 }
                 let (desk, theirs) = (Arc::clone(&desk), Arc::clone(&waiting));
                 let task = tokio::spawn(async move {
@@ -136,26 +123,28 @@ enum Ended {
     Gone,
     /// It was turned away, with these last bytes.
     Refused(String, Vec<u8>),
+    /// It was turned away for nonsense, with these last bytes.
+    Nonsense(String, Vec<u8>),
 }
 
 impl From<Lost> for Ended {
     fn from(lost: Lost) -> Self {
         match lost {
             Lost::Gone => Ended::Gone,
-            Lost::Tls(text) => Ended::Refused(text, Vec::new()),
+            Lost::Tls(text) => Ended::Nonsense(text, Vec::new()),
         }
     }
 }
 
 async fn attend(stream: TcpStream, peer: SocketAddr, desk: &Desk, waiting: &Waiting) {
     let let_in = Caller::let_in(stream, desk.tls.as_ref());
-    let refused = match timeout(HELLO_LIMIT, let_in).await {
+    let ended = match timeout(HELLO_LIMIT, let_in).await {
         Ok(Ok(caller)) => return greet(caller, peer, desk, waiting).await,
         Ok(Err(lost)) => lost.into(),
         Err(_) => silent("end of the TLS handshake", HELLO_LIMIT),
     };
-    if let Ended::Refused(text, _) = refused {
-        desk.tell(Heard::Refused { peer, text });
+    if let Ended::Refused(text, _) | Ended::Nonsense(text, _) = ended {
+        desk.complain(peer, text);
     }
 }
 
@@ -177,24 +166,29 @@ async fn greet(mut stream: Caller, peer: SocketAddr, desk: &Desk, waiting: &Wait
             Err(_) => Err(silent("arm message", ARM_LIMIT)),
         }
     };
-    match outcome.await {
-        Ok((greeted, arm)) => hand_over(stream, peer, desk, inbox, greeted, arm),
-        Err(Ended::Gone) => {}
+    let last = match outcome.await {
+        Ok((greeted, arm)) => return hand_over(stream, peer, desk, inbox, greeted, arm),
+        Err(Ended::Gone) => return,
         Err(Ended::Refused(text, last)) => {
             desk.tell(Heard::Refused { peer, text });
-            // A peer that does not take the reason does without it.
-            let _ = timeout(HELLO_LIMIT, async {
-                let _ = stream.write_all(&last).await;
-                stream.shutdown().await;
-            })
-            .await;
+            last
         }
-    }
+        Err(Ended::Nonsense(text, last)) => {
+            desk.complain(peer, text);
+            last
+        }
+    };
+    // A peer that does not take the reason does without it.
+    let _ = timeout(HELLO_LIMIT, async {
+        let _ = stream.write_all(&last).await;
+        stream.shutdown().await;
+    })
+    .await;
 }
 
 fn silent(what: &str, limit: Duration) -> Ended {
     let text = format!("no {what} within {} s", limit.as_secs());
-    Ended::Refused(text, Vec::new())
+    Ended::Nonsense(text, Vec::new())
 }
 
 /// The next whole frame of the stream, given to `open`.
@@ -220,12 +214,14 @@ fn malformed(error: WireError) -> Ended {
     {
         // What a TLS client understands is that this is none.
         let text = "it speaks TLS, and plain TCP is served here (--transport tls)";
-        return Ended::Refused(
+        return Ended::Nonsense(
             text.to_owned(),
             greet::refusal(greet::nonsense(error), None),
         );
     }
-    refused(greet::nonsense(error))
+    let refuse = greet::nonsense(error);
+    let text = refuse.text.clone();
+    Ended::Nonsense(text, greet::refusal(refuse, None))
 }
 
 fn refused(refuse: crate::wire::handshake::Refuse) -> Ended {

@@ -3,7 +3,7 @@
 
 use std::collections::HashMap;
 use std::io;
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
 
 use tokio::net::UdpSocket;
@@ -14,19 +14,16 @@ use super::line::Carried;
 use super::{Desk, Heard};
 use crate::link::inbox::Inbox;
 use crate::link::socket::beside;
-use crate::link::{SocketOptions, UdpTransport};
+use crate::link::{SocketOptions, Transport, UdpTransport};
 use crate::rt::os;
 use crate::wire::handshake::{Arm, Refuse};
 use crate::wire::native::{Decoder, Frame, LARGEST_FRAME};
 use crate::wire::{Side, WireError};
 
-/// Controllers that have been welcomed and not armed yet; the oldest makes room.
+/// Controllers that have been welcomed and not armed yet; the oldest of the address where most wait makes room.
 const MOST_WAITING: usize = 64;
 /// Of them at one address, where its own oldest makes room: one machine does not push out the others.
 const MOST_OF_ONE: usize = 16;
-/// Complaints of one kind that are told in [`COMPLAINTS_NS`]; the last of them says that further ones are not.
-const MOST_COMPLAINTS: u64 = 100;
-const COMPLAINTS_NS: u64 = 60_000_000_000;
 
 /// A socket on `address` that hears everybody.
 pub(super) fn bind(address: SocketAddr) -> io::Result<std::net::UdpSocket> {
@@ -41,40 +38,10 @@ struct Candidate {
     greeted: Greeted,
 }
 
-/// How many complaints of one kind were told since when.
-#[derive(Default)]
-struct Told {
-    since: u64,
-    count: u64,
-}
-
-impl Told {
-    /// The text of a complaint as it is told now, if it is.
-    fn tell(&mut self, text: String, now: u64) -> Option<String> {
-        if self.count == 0 || now.saturating_sub(self.since) >= COMPLAINTS_NS {
-            (self.since, self.count) = (now, 0);
-        }
-        self.count += 1;
-        match self.count {
-            ..MOST_COMPLAINTS => Some(text),
-            MOST_COMPLAINTS => {
-                let rest = COMPLAINTS_NS.saturating_sub(now.saturating_sub(self.since));
-                Some(format!(
-                    "{text}; further ones of this kind are not told for {} s",
-                    rest / 1_000_000_000
-                ))
-            }
-            _ => None,
-        }
-    }
-}
-
 /// Hears everybody for as long as the runtime lives.
 pub(super) async fn receive(socket: UdpSocket, desk: Arc<Desk>) {
     let mut buffer = vec![0; LARGEST_FRAME + 1];
     let mut candidates: HashMap<SocketAddr, Candidate> = HashMap::new();
-    // Of strangers, and of those who are answered: nonsense from anybody does not hide a controller that is turned away.
-    let mut told = [Told::default(), Told::default()];
     loop {
         let Ok((count, peer)) = socket.recv_from(&mut buffer).await else {
             // An error of an earlier datagram: its receiver is gone.
@@ -86,9 +53,11 @@ pub(super) async fn receive(socket: UdpSocket, desk: Arc<Desk>) {
         let last = match answer {
             Ok(answer) => answer,
             Err((refuse, last)) => {
-                let [strangers, answered] = &mut told;
-                let kind = if last.is_empty() { strangers } else { answered };
-                if let Some(text) = kind.tell(refuse.text, os::monotonic_ns()) {
+                let text = refuse.text;
+                // Nonsense of anybody, which is not answered, hides no controller that is turned away.
+                if last.is_empty() {
+                    desk.complain(peer, text);
+                } else {
                     desk.tell(Heard::Refused { peer, text });
                 }
                 last
@@ -186,16 +155,20 @@ fn hear(
     }
 }
 
-/// Lets the oldest go where there are too many, of all or at the address of `peer`.
+/// Where there are too many, at the address of `peer` or in all, lets the oldest go: there, or where most wait.
 fn make_room(candidates: &mut HashMap<SocketAddr, Candidate>, peer: SocketAddr) {
-    let at_home = |other: &SocketAddr| other.ip() == peer.ip();
-    let too_many_of_one = candidates.keys().filter(|p| at_home(p)).count() >= MOST_OF_ONE;
-    if !too_many_of_one && candidates.len() < MOST_WAITING {
+    let waiting = |ip: IpAddr| candidates.keys().filter(|other| other.ip() == ip).count();
+    let crowd = if waiting(peer.ip()) >= MOST_OF_ONE {
+        Some(peer.ip())
+    } else if candidates.len() >= MOST_WAITING {
+        let addresses = candidates.keys().map(SocketAddr::ip);
+        addresses.max_by_key(|ip| waiting(*ip))
+    } else {
         return;
-    }
+    };
     let may_go = candidates
         .iter()
-        .filter(|(other, _)| !too_many_of_one || at_home(other));
+        .filter(|(other, _)| Some(other.ip()) == crowd);
     let oldest = may_go.min_by_key(|(_, candidate)| candidate.since);
     if let Some(oldest) = oldest.map(|(peer, _)| *peer) {
         candidates.remove(&oldest);
@@ -211,7 +184,12 @@ fn hand_over(socket: &UdpSocket, peer: SocketAddr, desk: &Desk, greeted: Greeted
         .and_then(|own| {
             UdpTransport::from_socket(own, SocketOptions::default()).map_err(|e| e.to_string())
         })
-        .map(|udp| Carried::Udp(udp).into());
+        .map(|mut udp| {
+            if desk.key.is_some() {
+                udp.trust_only_frames();
+            }
+            Carried::Udp(udp).into()
+        });
     match line {
         Ok(line) => {
             let inbox = Inbox::new(false);
@@ -221,23 +199,5 @@ fn hand_over(socket: &UdpSocket, peer: SocketAddr, desk: &Desk, greeted: Greeted
             desk.give_back();
             desk.tell(Heard::Refused { peer, text });
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn beyond_so_many_complaints_the_last_says_that_no_more_are_told_and_later_they_are() {
-        let mut told = Told::default();
-        let mut tell = |s: u64| told.tell("nonsense".to_owned(), 5 + s * 1_000_000_000);
-        for _ in 1..MOST_COMPLAINTS {
-            assert_eq!(tell(0).as_deref(), Some("nonsense"));
-        }
-        let last = "nonsense; further ones of this kind are not told for 50 s";
-        assert_eq!(tell(10).as_deref(), Some(last));
-        assert_eq!((tell(11), tell(59)), (None, None));
-        assert_eq!(tell(60).as_deref(), Some("nonsense"));
     }
 }

@@ -405,6 +405,28 @@ mod tests {
         assert_eq!(ours.recv(&mut buffer, later(5 * SECOND)), Ok(Some(2)));
     }
 
+    /// An attacker can forge an ICMP message, but no signed frame.
+    #[test]
+    fn what_the_network_says_of_signed_datagrams_is_counted_and_ends_nothing() {
+        let gone = UdpSocket::bind("127.0.0.1:0").unwrap();
+        let address = gone.local_addr().unwrap();
+        drop(gone);
+        let options = SocketOptions::default();
+        let mut ours = UdpTransport::connect(&address.to_string(), options).unwrap();
+        ours.trust_only_frames();
+        let mut buffer = [0; 8];
+        for round in 1..=3 {
+            ours.send(b"hello").unwrap();
+            assert_eq!(ours.recv(&mut buffer, later(SECOND / 100)), Ok(None));
+            assert_eq!(ours.unreachable(), round);
+        }
+        let far = UdpSocket::bind(address).unwrap();
+        ours.send(b"hello").unwrap();
+        let (_, peer) = far.recv_from(&mut buffer).unwrap();
+        far.send_to(b"hi", peer).unwrap();
+        assert_eq!(ours.recv(&mut buffer, later(5 * SECOND)), Ok(Some(2)));
+    }
+
     /// Whoever wakes up late answers what has waited, and hears that nobody is there any more; but behind it lie the last words.
     #[test]
     fn what_a_udp_peer_said_before_it_left_is_read_before_it_counts_as_gone() {

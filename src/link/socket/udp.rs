@@ -9,6 +9,7 @@ use super::{
     ConnectError, Kept, Pause, SocketOptions, Verdict, Wait, ask_busy_poll, resolve, verdict,
 };
 use crate::link::Transport;
+use crate::rt::os::Errno;
 use crate::substructure::LinkFault;
 use crate::time::Nanos;
 
@@ -19,10 +20,47 @@ pub struct UdpTransport {
     peer: SocketAddr,
     options: SocketOptions,
     kept: Kept,
+    returns: Returns,
+}
+
+/// ICMP errors: the network reports a datagram that did not arrive.
+#[derive(Debug, Default)]
+struct Returns {
     /// A datagram of ours has come back, and that is not told yet. Told once, like the system does: a later datagram
     /// may find somebody.
     is_refused: bool,
+    /// The frames are signed, and ICMP errors are not: those are counted only.
+    signed: bool,
+    count: u64,
 }
+
+impl Returns {
+    /// Errors that a forged ICMP message can cause (icmp(7)).
+    const FORGEABLE: [Errno; 7] = [
+        Errno::CONNREFUSED,
+        Errno::HOSTUNREACH,
+        Errno::NETUNREACH,
+        Errno::HOSTDOWN,
+        Errno::NONET,
+        Errno::NOPROTOOPT,
+        Errno::PROTO,
+    ];
+
+    /// True if the error reports a returned datagram. The system reports it once, before it hands out queued datagrams.
+    fn takes(&mut self, error: &io::Error) -> bool {
+        if self.signed {
+            let is_one = Errno::from_io_error(error).is_some_and(|e| Self::FORGEABLE.contains(&e));
+            self.count += u64::from(is_one);
+            return is_one;
+        }
+        let is_one = error.kind() == io::ErrorKind::ConnectionRefused;
+        self.is_refused |= is_one;
+        is_one
+    }
+}
+
+/// ICMP errors in a row before a datagram counts as sent and lost.
+const MOST_RETURNS: u32 = 4;
 
 impl UdpTransport {
     /// Binds a port of the system's choice and aims it at "host:port" (the first address behind the name). Nothing
@@ -73,7 +111,7 @@ impl UdpTransport {
             peer,
             options,
             kept: Kept::new(),
-            is_refused: false,
+            returns: Returns::default(),
         })
     }
 
@@ -93,23 +131,22 @@ impl UdpTransport {
         let Self {
             socket,
             kept,
-            is_refused,
+            returns,
             ..
         } = self;
+        let mut tries = 0;
         kept.flush(|bytes| match socket.send(bytes) {
-            Err(error) if notes_refusal(&error, is_refused) => {
-                Err(io::ErrorKind::Interrupted.into())
+            Err(error) if returns.takes(&error) => {
+                tries += 1;
+                if tries < MOST_RETURNS {
+                    Err(io::ErrorKind::Interrupted.into())
+                } else {
+                    Ok(bytes.len())
+                }
             }
             other => other,
         })
     }
-}
-
-/// True for the word that a datagram came back, which the system says once, and ahead of what lies in the queue.
-fn notes_refusal(error: &io::Error, is_refused: &mut bool) -> bool {
-    let is_one = error.kind() == io::ErrorKind::ConnectionRefused;
-    *is_refused |= is_one;
-    is_one
 }
 
 impl Transport for UdpTransport {
@@ -119,11 +156,11 @@ impl Transport for UdpTransport {
             // Two datagrams must not become one.
             return Err(LinkFault::Backpressure);
         }
-        loop {
+        for _ in 0..MOST_RETURNS {
             match self.socket.send(frame) {
                 Ok(_) => return Ok(()),
                 // The word is of an earlier datagram; what the peer sent before it left is read first.
-                Err(error) if notes_refusal(&error, &mut self.is_refused) => {}
+                Err(error) if self.returns.takes(&error) => {}
                 Err(error) => match verdict(&error) {
                     Verdict::Again => {}
                     Verdict::NotNow => return self.kept.keep(frame),
@@ -131,6 +168,16 @@ impl Transport for UdpTransport {
                 },
             }
         }
+        // The datagram counts as lost: no answer will come.
+        Ok(())
+    }
+
+    fn trust_only_frames(&mut self) {
+        self.returns.signed = true;
+    }
+
+    fn unreachable(&self) -> u64 {
+        self.returns.count
     }
 
     /// A buffer that is smaller than the datagram receives its beginning only. Empty datagrams are passed over.
@@ -145,11 +192,15 @@ impl Transport for UdpTransport {
                     }
                 }
                 Ok(count) => return Ok(Some(count)),
-                Err(error) if notes_refusal(&error, &mut self.is_refused) => {}
+                Err(error) if self.returns.takes(&error) => {
+                    if self.returns.signed && pause.is_over() {
+                        return Ok(None);
+                    }
+                }
                 Err(error) => match verdict(&error) {
                     Verdict::Again => {}
                     // Its last words may have waited behind the refusal: it is gone when they are read.
-                    Verdict::NotNow if std::mem::take(&mut self.is_refused) => {
+                    Verdict::NotNow if std::mem::take(&mut self.returns.is_refused) => {
                         return Err(LinkFault::Closed);
                     }
                     Verdict::NotNow => {

@@ -5,7 +5,7 @@
 
 use std::fmt::Display;
 use std::fs::File;
-use std::io::Read;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use rustls::pki_types::pem::PemObject;
@@ -16,6 +16,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error as Thiserror;
 
 use super::fault::TlsFault;
+use crate::rt::secret_file::{SecretError, open_secret};
 
 /// No PEM file of use is longer.
 const LONGEST: u64 = 1 << 20;
@@ -30,7 +31,8 @@ pub struct TlsSpec {
     /// or else in the working directory, where OpenFresco looks.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub certificate_file: Option<String>,
-    /// The private key of our certificate, PEM, not encrypted. Default: `client.key`. It is never copied into the run folder.
+    /// The private key of our certificate, PEM, not encrypted. Default: `client.key`. It is never copied into the run folder. A file that all users
+    /// of the machine can read or change is refused (`chmod 600`).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub key_file: Option<String>,
     /// The authorities that may have signed the far end's certificate, PEM. Default: `client_ca.crt`.
@@ -64,7 +66,8 @@ pub struct ServeTlsSpec {
     /// else in the working directory, where OpenFresco looks.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub certificate_file: Option<String>,
-    /// The private key of our certificate, PEM, not encrypted. Default: `server.key`.
+    /// The private key of our certificate, PEM, not encrypted. Default: `server.key`. A file that all users
+    /// of the machine can read or change is refused (`chmod 600`).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub key_file: Option<String>,
     /// The authorities that may have signed a client's certificate, PEM. Default: `server_ca.crt`.
@@ -179,7 +182,11 @@ impl TlsFiles {
         let bytes = read("certificate_file", what, &self.certificate)?;
         let chain = certificates("certificate_file", what, &self.certificate, &bytes)?;
         let what = "the private key file";
-        let bytes = read("key_file", what, &self.key)?;
+        let file = open_secret(&self.key).map_err(|error| match error {
+            SecretError::Io(error) => unreadable("key_file", what, &self.key, &error),
+            open @ SecretError::Open { .. } => wrong("key_file", what, &self.key, &open),
+        })?;
+        let bytes = read_from(file, "key_file", what, &self.key)?;
         let key = PrivateKeyDer::from_pem_slice(&bytes).map_err(|_| {
             let encrypted = bytes
                 .windows(ENCRYPTED.len())
@@ -243,14 +250,22 @@ fn wrong(key: &'static str, what: &str, path: &Path, reason: &dyn Display) -> Fi
     }
 }
 
+fn unreadable(key: &'static str, what: &str, path: &Path, error: &io::Error) -> FileError {
+    FileError {
+        key,
+        text: format!("{what} {} cannot be read: {error}", path.display()),
+    }
+}
+
 fn read(key: &'static str, what: &str, path: &Path) -> Result<Vec<u8>, FileError> {
+    let file = File::open(path).map_err(|error| unreadable(key, what, path, &error))?;
+    read_from(file, key, what, path)
+}
+
+fn read_from(file: File, key: &'static str, what: &str, path: &Path) -> Result<Vec<u8>, FileError> {
     let mut bytes = Vec::new();
-    File::open(path)
-        .and_then(|file| file.take(LONGEST).read_to_end(&mut bytes))
-        .map_err(|error| FileError {
-            key,
-            text: format!("{what} {} cannot be read: {error}", path.display()),
-        })?;
+    let read = file.take(LONGEST).read_to_end(&mut bytes);
+    read.map_err(|error| unreadable(key, what, path, &error))?;
     Ok(bytes)
 }
 

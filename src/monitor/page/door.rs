@@ -1,23 +1,32 @@
 //! The listening end: a bounded number of connections, each with a small buffer, and none without an answer for long.
 //!
-//! A connection takes a file descriptor and memory; neither may run out because of viewers.
+//! A connection takes a file descriptor and memory; neither may run out because of viewers. Every connection is accepted at once,
+//! so that a STOP never waits behind others: where there are too many, one that asks nothing just now is closed for it.
+//! Viewers never have all places ([`MOST_VIEWERS`] of [`MOST`]); the others are for requests that are answered at once.
 
 use std::io;
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::pin::Pin;
-use std::sync::Arc;
-use std::task::{Context, Poll};
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::task::{Context, Poll, Waker, ready};
 use std::time::Duration;
 
 use axum::extract::connect_info::Connected;
 use axum::serve::{IncomingStream, Listener};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::{Instant, Sleep};
 
-/// Connections at the same time; who comes after waits in the system's queue.
+use crate::rt::os::monotonic_ns;
+
+/// Connections at the same time.
 const MOST: usize = 96;
+/// Connections of one address that ask nothing just now.
+const MOST_IDLE_OF_ONE: usize = 16;
+/// Viewers at the same time.
+pub(super) const MOST_VIEWERS: usize = 64;
 /// Bytes that the system may keep for one viewer: a slow one skips instead of reading what was long ago.
 const SEND_BUFFER: usize = 128 << 10;
 /// How long a caller stays who has not asked anything: who is silent, or does not come to the end of his first request. Whoever waits
@@ -35,14 +44,14 @@ const PAUSE: Duration = Duration::from_millis(200);
 #[derive(Debug)]
 pub(super) struct Door {
     listener: TcpListener,
-    places: Arc<Semaphore>,
+    places: Arc<Places>,
 }
 
 impl Door {
     pub fn new(listener: TcpListener) -> Self {
         Self {
             listener,
-            places: Arc::new(Semaphore::new(MOST)),
+            places: Arc::default(),
         }
     }
 }
@@ -52,19 +61,18 @@ impl Listener for Door {
     type Addr = SocketAddr;
 
     async fn accept(&mut self) -> (Caller, SocketAddr) {
+        // Earlier connections get a chance to send their request: a connection with a request is not closed.
+        for _ in 0..2 {
+            tokio::task::yield_now().await;
+        }
         loop {
-            let Ok(place) = Arc::clone(&self.places).acquire_owned().await else {
-                // Nobody closes it.
-                std::future::pending::<()>().await;
-                continue;
-            };
             match self.listener.accept().await {
                 Ok((stream, peer)) => {
                     // What is refused is a comfort and nothing more.
                     let _ = rustix::net::sockopt::set_socket_send_buffer_size(&stream, SEND_BUFFER);
                     let _ = rustix::net::sockopt::set_tcp_user_timeout(&stream, NO_ANSWER_MS);
                     let _ = stream.set_nodelay(true);
-                    return (Caller::new(stream, place), peer);
+                    return (Caller::new(self.places.take(stream, peer)), peer);
                 }
                 Err(_) => tokio::time::sleep(PAUSE).await,
             }
@@ -76,28 +84,185 @@ impl Listener for Door {
     }
 }
 
-/// One connection.
+/// The connections that are open, in the order in which they came.
+#[derive(Debug, Default)]
+struct Places(Mutex<Vec<Arc<Connection>>>);
+
+impl Places {
+    fn all(&self) -> MutexGuard<'_, Vec<Arc<Connection>>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// A place for a newcomer, for as long as what is returned lives.
+    fn take(self: &Arc<Self>, stream: TcpStream, peer: SocketAddr) -> Place {
+        let connection = Arc::new(Connection {
+            stream,
+            peer,
+            requests: AtomicU32::new(0),
+            idle_since_ns: AtomicU64::new(monotonic_ns()),
+        });
+        let mut all = self.all();
+        while let Some(index) = gives_way(&all, peer.ip()) {
+            all.remove(index).close();
+        }
+        all.push(Arc::clone(&connection));
+        Place {
+            connection,
+            places: Arc::clone(self),
+        }
+    }
+}
+
+/// The connection to close for a newcomer, if one must be: the longest idle one of the most crowded address.
+fn gives_way(all: &[Arc<Connection>], newcomer: IpAddr) -> Option<usize> {
+    let idle_of = |ip: IpAddr| {
+        let idle = all.iter().filter(|one| one.is_idle());
+        idle.filter(|one| one.peer.ip() == ip).count()
+    };
+    let crowd = if idle_of(newcomer) >= MOST_IDLE_OF_ONE {
+        newcomer
+    } else if all.len() >= MOST {
+        let idle = all.iter().filter(|one| one.is_idle());
+        idle.map(|one| one.peer.ip())
+            .max_by_key(|ip| idle_of(*ip))?
+    } else {
+        return None;
+    };
+    let may_go = |one: &Connection| one.is_idle() && one.peer.ip() == crowd;
+    let places = all.iter().enumerate().filter(|(_, one)| may_go(one));
+    let since = |one: &Connection| one.idle_since_ns.load(Ordering::Relaxed);
+    let longest = places.min_by_key(|(_, one)| since(one));
+    longest.map(|(index, _)| index)
+}
+
+/// One connection, shared by its task and its requests.
+#[derive(Debug)]
+pub(super) struct Connection {
+    stream: TcpStream,
+    pub peer: SocketAddr,
+    /// Requests that are being answered.
+    requests: AtomicU32,
+    /// When the last of them was answered, or when it came.
+    idle_since_ns: AtomicU64,
+}
+
+impl Connection {
+    /// A request is answered on it for as long as what is returned lives.
+    pub fn asks(self: &Arc<Self>) -> Asking {
+        self.requests.fetch_add(1, Ordering::Relaxed);
+        Asking(Arc::clone(self))
+    }
+
+    fn is_idle(&self) -> bool {
+        self.requests.load(Ordering::Relaxed) == 0
+    }
+
+    /// True if the client has closed its connection, or at least its sending half.
+    pub fn has_left(&self) -> bool {
+        let mut end = [PollFd::new(&self.stream, PollFlags::RDHUP)];
+        let looked = poll(&mut end, Some(&Timespec::default()));
+        let gone = PollFlags::RDHUP | PollFlags::HUP | PollFlags::ERR;
+        // An unknown state counts as closed.
+        looked.is_err() || end.iter().any(|end| end.revents().intersects(gone))
+    }
+
+    /// Closes the connection under its task.
+    fn close(&self) {
+        // One that is closed already is as good.
+        let _ = rustix::net::shutdown(&self.stream, rustix::net::Shutdown::Both);
+    }
+}
+
+/// A request that is being answered.
+#[derive(Debug)]
+pub(super) struct Asking(Arc<Connection>);
+
+impl Drop for Asking {
+    fn drop(&mut self) {
+        let now = monotonic_ns();
+        self.0.idle_since_ns.store(now, Ordering::Relaxed);
+        self.0.requests.fetch_sub(1, Ordering::Relaxed);
+    }
+}
+
+/// The place of one connection, which is free again when this is dropped.
+#[derive(Debug)]
+struct Place {
+    connection: Arc<Connection>,
+    places: Arc<Places>,
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        let mut all = self.places.all();
+        all.retain(|one| !Arc::ptr_eq(one, &self.connection));
+    }
+}
+
+/// Our end of one connection.
 #[derive(Debug)]
 pub(super) struct Caller {
-    stream: TcpStream,
+    place: Place,
+    /// Something was read, and nothing written since.
+    unanswered: bool,
+    /// Wakes the reader once the answer is written: only then the reader sees the end of the stream.
+    at_the_end: Option<Waker>,
     /// Until something is told to it.
     untold: Pin<Box<Sleep>>,
-    _place: OwnedSemaphorePermit,
 }
 
 impl Caller {
-    fn new(stream: TcpStream, place: OwnedSemaphorePermit) -> Self {
+    fn new(place: Place) -> Self {
         Self {
-            stream,
+            place,
+            unanswered: false,
+            at_the_end: None,
             untold: Box::pin(tokio::time::sleep(NOTHING_ASKED)),
-            _place: place,
         }
+    }
+
+    fn stream(&self) -> &TcpStream {
+        &self.place.connection.stream
     }
 
     /// Something was told, or was not.
     fn note(&mut self, told: &Poll<io::Result<usize>>) {
         if matches!(told, Poll::Ready(Ok(count)) if *count > 0) {
             self.untold.as_mut().reset(Instant::now() + NOTHING_TOLD);
+            self.unanswered = false;
+            self.at_the_end.take().into_iter().for_each(Waker::wake);
+        }
+    }
+
+    fn poll_read_now(
+        &self,
+        cx: &mut Context<'_>,
+        buffer: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        loop {
+            ready!(self.stream().poll_read_ready(cx))?;
+            match self.stream().try_read(buffer.initialize_unfilled()) {
+                Ok(count) => {
+                    buffer.advance(count);
+                    return Poll::Ready(Ok(()));
+                }
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
+                Err(error) => return Poll::Ready(Err(error)),
+            }
+        }
+    }
+
+    fn poll_write_now(
+        &self,
+        cx: &mut Context<'_>,
+        parts: &[io::IoSlice<'_>],
+    ) -> Poll<io::Result<usize>> {
+        loop {
+            ready!(self.stream().poll_write_ready(cx))?;
+            match self.stream().try_write_vectored(parts) {
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
+                written => return Poll::Ready(written),
+            }
         }
     }
 }
@@ -108,7 +273,17 @@ impl AsyncRead for Caller {
         cx: &mut Context<'_>,
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
-        let read = Pin::new(&mut self.stream).poll_read(cx, buffer);
+        let before = buffer.filled().len();
+        let mut read = self.poll_read_now(cx, buffer);
+        match (&read, buffer.filled().len() > before) {
+            (Poll::Ready(Ok(())), true) => self.unanswered = true,
+            // The server would drop the request of a client that has closed, perhaps a STOP.
+            (Poll::Ready(Ok(())), false) if self.unanswered => {
+                self.at_the_end = Some(cx.waker().clone());
+                read = Poll::Pending;
+            }
+            _ => {}
+        }
         if read.is_pending() && self.untold.as_mut().poll(cx).is_ready() {
             return Poll::Ready(Err(io::ErrorKind::TimedOut.into()));
         }
@@ -118,13 +293,11 @@ impl AsyncRead for Caller {
 
 impl AsyncWrite for Caller {
     fn poll_write(
-        mut self: Pin<&mut Self>,
+        self: Pin<&mut Self>,
         cx: &mut Context<'_>,
         bytes: &[u8],
     ) -> Poll<io::Result<usize>> {
-        let told = Pin::new(&mut self.stream).poll_write(cx, bytes);
-        self.note(&told);
-        told
+        self.poll_write_vectored(cx, &[io::IoSlice::new(bytes)])
     }
 
     fn poll_write_vectored(
@@ -132,30 +305,31 @@ impl AsyncWrite for Caller {
         cx: &mut Context<'_>,
         parts: &[io::IoSlice<'_>],
     ) -> Poll<io::Result<usize>> {
-        let told = Pin::new(&mut self.stream).poll_write_vectored(cx, parts);
+        let told = self.poll_write_now(cx, parts);
         self.note(&told);
         told
     }
 
     fn is_write_vectored(&self) -> bool {
-        self.stream.is_write_vectored()
+        true
     }
 
-    fn poll_flush(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.stream).poll_flush(cx)
+    fn poll_flush(self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Poll::Ready(Ok(()))
     }
 
-    fn poll_shutdown(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.stream).poll_shutdown(cx)
+    fn poll_shutdown(self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<io::Result<()>> {
+        let ended = rustix::net::shutdown(self.stream(), rustix::net::Shutdown::Write);
+        Poll::Ready(ended.map_err(io::Error::from))
     }
 }
 
 /// Who calls.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Peer(pub SocketAddr);
+#[derive(Debug, Clone)]
+pub(super) struct Peer(pub Arc<Connection>);
 
 impl Connected<IncomingStream<'_, Door>> for Peer {
     fn connect_info(stream: IncomingStream<'_, Door>) -> Self {
-        Self(*stream.remote_addr())
+        Self(Arc::clone(&stream.io().place.connection))
     }
 }

@@ -18,6 +18,7 @@ use futures_core::Stream;
 use serde_json::{Value, json};
 use tokio::time::{Interval, MissedTickBehavior};
 
+use super::door::Asking;
 use super::work::Work;
 use crate::engine::{Glimpse, Phase};
 use crate::monitor::board::Board;
@@ -116,6 +117,7 @@ impl Feed {
             "hold": seen.hold,
             "stands": seen.stands,
             "unconfirmed": seen.unconfirmed,
+            "hold_number": seen.hold_number,
             "sent": now as f64 * 1e-9,
             "age": (latest.row_ns > 0).then(|| age(latest.row_ns)),
             "viewers": self.viewers(),
@@ -191,6 +193,8 @@ fn text_of(bin: &Bin) -> Box<str> {
 #[derive(Debug)]
 pub(super) struct Viewer {
     feed: Arc<Feed>,
+    /// Its connection is not idle.
+    _asking: Asking,
     pace: Interval,
     /// Number of the next bin to send; none before the greeting.
     next: Option<u64>,
@@ -199,12 +203,13 @@ pub(super) struct Viewer {
 }
 
 impl Viewer {
-    pub fn new(feed: Arc<Feed>) -> Self {
+    pub fn new(feed: Arc<Feed>, asking: Asking) -> Self {
         feed.viewers.fetch_add(1, Ordering::Relaxed);
         let mut pace = tokio::time::interval(PACE);
         pace.set_missed_tick_behavior(MissedTickBehavior::Delay);
         Self {
             feed,
+            _asking: asking,
             pace,
             next: None,
             version: 0,

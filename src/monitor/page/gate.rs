@@ -13,6 +13,8 @@ use std::path::Path;
 use axum::http::{HeaderMap, StatusCode, header};
 use thiserror::Error;
 
+use crate::rt::secret_file::{SecretError, open_secret};
+
 /// Letters of a token, none of which looks like another.
 const LETTERS: &[u8; 32] = b"abcdefghjkmnpqrstuvwxyz123456789";
 /// Letters of a token that is made here: 100 bits.
@@ -45,6 +47,14 @@ pub enum TokenError {
         path: String,
         /// The system's word.
         source: io::Error,
+    },
+    /// Other users know the token.
+    #[error("the token file {path} cannot be used: {source}")]
+    Open {
+        /// Which.
+        path: String,
+        /// Why.
+        source: SecretError,
     },
     /// It holds something else.
     #[error(
@@ -91,12 +101,19 @@ impl Token {
     pub fn read(path: &Path) -> Result<Self, TokenError> {
         let name = || path.display().to_string();
         let mut text = String::new();
-        File::open(path)
-            .and_then(|file| file.take(4096).read_to_string(&mut text))
-            .map_err(|source| TokenError::Unreadable {
+        let unreadable = |source| TokenError::Unreadable {
+            path: name(),
+            source,
+        };
+        let file = open_secret(path).map_err(|error| match error {
+            SecretError::Io(source) => unreadable(source),
+            source => TokenError::Open {
                 path: name(),
                 source,
-            })?;
+            },
+        })?;
+        let read = file.take(4096).read_to_string(&mut text);
+        read.map_err(unreadable)?;
         let text = text.trim();
         let allowed = |c: char| c.is_ascii_alphanumeric() || "-._~+/=".contains(c);
         let found = if let Some(strange) = text.chars().find(|c| !allowed(*c)) {
@@ -383,6 +400,8 @@ mod tests {
         let path = folder.path().join("token");
         let read = |text: &str| {
             std::fs::write(&path, text).unwrap();
+            let owner = std::os::unix::fs::PermissionsExt::from_mode(0o600);
+            std::fs::set_permissions(&path, owner).unwrap();
             Token::read(&path).map_err(|error| error.to_string())
         };
         assert!(
@@ -397,6 +416,10 @@ mod tests {
                 .contains("found")
         );
         assert!(read("").unwrap_err().contains("holds no token"));
+        let others = std::os::unix::fs::PermissionsExt::from_mode(0o644);
+        std::fs::set_permissions(&path, others).unwrap();
+        let known = Token::read(&path).unwrap_err();
+        assert!(matches!(known, TokenError::Open { .. }), "{known}");
         let missing = Token::read(&folder.path().join("none")).unwrap_err();
         assert!(missing.to_string().contains("cannot be read"));
     }

@@ -358,9 +358,9 @@ mod tests {
         assert_ne!(near.control.text(), far.control.text());
     }
 
-    #[test]
-    fn the_room_of_lambda_is_found_also_while_nobody_looks() {
-        use crate::monitor::{About, AxisView, Snapshot, Subject};
+    /// The board of a test, and the limit of λ for a specimen of stiffness [`STIFF`].
+    fn board(phase: crate::engine::PhaseCell) -> (Arc<Board>, f64) {
+        use crate::monitor::{About, Subject};
 
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("test.toml");
@@ -374,16 +374,86 @@ mod tests {
         };
         let subject = Subject::new(&prepared.experiment, about);
         let online = prepared.facts.structure.unwrap().online_limit.unwrap();
-        let limit = online.limit([(3e7, None)]).value();
-        let board = Board::new(subject, crate::engine::PhaseCell::default(), Some(online));
-        let board = Arc::new(board);
+        let limit = online.limit([(STIFF, None)]).value();
+        let board = Board::new(subject, phase, Some(online));
+        (Arc::new(board), limit)
+    }
+
+    const STIFF: f64 = 3e7;
+
+    fn roll() -> Roll {
+        Roll::new(monotonic_ns, || crate::record::threads::Who {
+            name: String::new(),
+            id: crate::rt::os::thread_id(),
+        })
+    }
+
+    /// A request that waited until its sender gave up must not move a specimen later.
+    #[test]
+    fn what_lets_specimens_move_is_dropped_once_its_sender_has_left_and_a_stop_is_not() {
+        use std::io::Write;
+        use std::net::TcpStream;
+
+        use crate::engine::{Glimpse, Phase, PhaseCell};
+
+        let phase = PhaseCell::default();
+        phase.show(Glimpse {
+            hold: true,
+            stands: true,
+            unconfirmed: true,
+            hold_number: 3,
+            ..Glimpse::of(Phase::Zeroing)
+        });
+        let (board, _) = board(phase);
+        let (operator, asked) = crossbeam_channel::bounded(8);
+        let (notes, written) = crossbeam_channel::bounded(16);
+        let page = LivePage::bind("127.0.0.1:0", None).unwrap();
+        let say = |what: &str| {
+            let mut stream = TcpStream::connect(page.address()).unwrap();
+            let token = page.control_token().text();
+            let request = format!(
+                "POST /control/{what} HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer {token}\r\n\
+                 Content-Length: 0\r\n\r\n"
+            );
+            stream.write_all(request.as_bytes()).unwrap();
+            stream
+        };
+        // The server does not accept yet: all requests wait, and some senders leave.
+        drop([
+            say("continue?hold=3"),
+            say("confirm"),
+            say("hold"),
+            say("stop"),
+        ]);
+        let _waits = say("continue?hold=3");
+        let serving = page.serve(board, operator, notes, roll()).unwrap();
+        let told = written
+            .iter()
+            .filter(|note| note.event == "control_request");
+        let accepted = told.take(5).filter(|note| note.fields["accepted"] == true);
+        let mut accepted: Vec<String> = accepted
+            .map(|note| note.fields["request"].as_str().unwrap().to_owned())
+            .collect();
+        accepted.sort_unstable();
+        assert_eq!(accepted, ["continue", "hold", "stop"]);
+        let heard: Vec<Operator> = asked.try_iter().collect();
+        assert_eq!(heard.len(), 3);
+        assert!(heard.contains(&Operator::EndHold(3)));
+        drop(serving);
+    }
+
+    #[test]
+    fn the_room_of_lambda_is_found_also_while_nobody_looks() {
+        use crate::monitor::{AxisView, Snapshot};
+
+        let (board, limit) = board(crate::engine::PhaseCell::default());
         let stiff = AxisView {
             command: 0.0,
             measured: 0.0,
             force: 0.0,
             error: 0.0,
-            stiffness: 3e7,
-            stiffest: 3e7,
+            stiffness: STIFF,
+            stiffest: STIFF,
             damping: f64::NAN,
             added: 0.0,
             margin: [f64::NAN; 2],
@@ -394,14 +464,10 @@ mod tests {
             axes: vec![stiff],
             ..Snapshot::default()
         }));
-        let roll = Roll::new(monotonic_ns, || crate::record::threads::Who {
-            name: String::new(),
-            id: crate::rt::os::thread_id(),
-        });
         let (operator, _asked) = crossbeam_channel::bounded(1);
         let (notes, _written) = crossbeam_channel::bounded(1);
         let page = LivePage::bind("127.0.0.1:0", None).unwrap();
-        let serving = page.serve(Arc::clone(&board), operator, notes, roll);
+        let serving = page.serve(Arc::clone(&board), operator, notes, roll());
         let began_ns = monotonic_ns();
         while board.known_margin().is_none() {
             let waited_ns = monotonic_ns() - began_ns;

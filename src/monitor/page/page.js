@@ -348,6 +348,9 @@ function askToStop() {
   $("sure").showModal();
 }
 
+/** So long an answer is waited for, ms. Then the request is taken back: what waits somewhere must not take effect later. */
+const PATIENCE = 5000;
+
 async function order(what) {
   const token = $("token").value.trim();
   if (!token) {
@@ -357,14 +360,18 @@ async function order(what) {
   say(`${what.toUpperCase()} …`);
   try {
     const headers = { Authorization: `Bearer ${token}` };
-    const answer = await fetch(`/control/${what}`, { method: "POST", headers, cache: "no-store" });
+    // The hold that is on the screen, and no other one, ends.
+    const which = what === "continue" ? `?hold=${state?.hold_number ?? 0}` : "";
+    const signal = what === "stop" ? undefined : AbortSignal.timeout(PATIENCE);
+    const answer = await fetch(`/control/${what}${which}`, { method: "POST", headers, cache: "no-store", signal });
     if (answer.status === 202) {
       sessionStorage.setItem("control", token);
       return say(`${what.toUpperCase()} accepted ${new Date().toLocaleTimeString()}`);
     }
     const text = answer.status === 503 ? "the queue of requests is full; try again" : (await answer.text()).trim();
     return say(`${what.toUpperCase()} REFUSED: ${text}`, true);
-  } catch {
+  } catch (error) {
+    if (error.name === "TimeoutError") return say(`${what.toUpperCase()} TAKEN BACK: no answer for ${PATIENCE / 1000} s. Look at the test, and say it again.`, true);
     const there = what === "confirm" ? "continue" : what;
     return say(`${what.toUpperCase()} NOT SENT: no connection. Use \`gusset ${there} ${test?.subject.run ?? "RUN_DIR"}\` where the test runs.`, true);
   }

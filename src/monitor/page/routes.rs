@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use axum::Router;
 use axum::body::Body;
-use axum::extract::{ConnectInfo, Path, Request, State};
+use axum::extract::{ConnectInfo, Path, RawQuery, Request, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
@@ -13,7 +13,7 @@ use axum::routing::{get, post};
 use crossbeam_channel::Sender;
 use serde_json::json;
 
-use super::door::{Door, Peer};
+use super::door::{Connection, Door, MOST_VIEWERS, Peer};
 use super::feed::{Feed, Viewer};
 use super::gate::{Gate, Refusal};
 use crate::assets;
@@ -120,7 +120,13 @@ pub(super) async fn serve(door: Door, site: Site, end: impl Future<Output = ()> 
 }
 
 /// The name by which we were called, before anything else; the heads, after everything else.
-async fn guard(State(site): Shared, request: Request, next: Next) -> Response {
+async fn guard(
+    State(site): Shared,
+    ConnectInfo(Peer(connection)): ConnectInfo<Peer>,
+    request: Request,
+    next: Next,
+) -> Response {
+    let _asking = connection.asks();
     let mut response = match site.gate.host(request.headers()) {
         Ok(()) => next.run(request).await,
         Err(refusal) => refusal.into_response(),
@@ -132,9 +138,16 @@ async fn guard(State(site): Shared, request: Request, next: Next) -> Response {
     response
 }
 
-async fn stream(State(site): Shared, headers: HeaderMap) -> Result<Response, Refusal> {
+async fn stream(
+    State(site): Shared,
+    ConnectInfo(Peer(connection)): ConnectInfo<Peer>,
+    headers: HeaderMap,
+) -> Result<Response, Refusal> {
     site.gate.view(&headers)?;
-    let viewer = Viewer::new(Arc::clone(&site.feed));
+    if site.feed.viewers() >= MOST_VIEWERS {
+        return Err(TOO_MANY_VIEWERS);
+    }
+    let viewer = Viewer::new(Arc::clone(&site.feed), connection.asks());
     let kind = [(header::CONTENT_TYPE, "text/event-stream")];
     Ok((kind, Body::from_stream(viewer)).into_response())
 }
@@ -149,41 +162,38 @@ async fn scrape(State(site): Shared, headers: HeaderMap) -> Result<Response, Ref
     Ok((kind, text).into_response())
 }
 
+const TOO_MANY_VIEWERS: Refusal = Refusal(
+    StatusCode::SERVICE_UNAVAILABLE,
+    "there are too many viewers; HOLD, CONTINUE, CONFIRM and STOP still work",
+);
+
 async fn operate(
     State(site): Shared,
-    ConnectInfo(Peer(peer)): ConnectInfo<Peer>,
+    ConnectInfo(Peer(connection)): ConnectInfo<Peer>,
     Path(what): Path<String>,
+    RawQuery(query): RawQuery,
     headers: HeaderMap,
 ) -> Result<Response, Refusal> {
     let seen = site.feed.board.glimpse();
-    let (request, word) = match what.as_str() {
-        "hold" => (Operator::Hold, "hold"),
-        "continue" => (Operator::Continue, "continue"),
-        "confirm" => (Operator::Confirm, "confirm"),
-        "stop" => (Operator::Stop, "stop"),
-        // Also what may be here if the token is right is only said to those who have it.
-        _ => {
-            site.gate.control(&headers)?;
-            let text = "wanted hold, continue, confirm or stop";
-            return Err(Refusal(StatusCode::NOT_FOUND, text));
-        }
-    };
     let note = |level, event: &str| {
-        let note = Note::new(level, event).with("request", word);
-        note.with("from", peer.to_string())
+        let note = Note::new(level, event).with("request", what.as_str());
+        note.with("from", connection.peer.to_string())
     };
+    // Without the token, no answer says which requests exist.
+    let is_one = REQUESTS.contains(&what.as_str());
     if let Err(refusal) = site.gate.control(&headers) {
-        if let Some(times) = site.refused.count(monotonic_ns()) {
+        if is_one && let Some(times) = site.refused.count(monotonic_ns()) {
             let refused = note(NoteLevel::Warning, "control_refused").with("why", refusal.1);
             // A full queue is enough of a warning.
             let _full = site.notes.try_send(refused.with("times", times));
         }
         return Err(refusal);
     }
+    let request = request(&what, query.as_deref())?;
     if site.feed.board.ended().is_some() {
         return Err(Refusal(StatusCode::CONFLICT, OVER));
     }
-    if let Some(why) = unheard(request, seen) {
+    if let Some(why) = unheard(request, seen).or_else(|| unsent(request, &connection)) {
         let refused = note(NoteLevel::Info, "control_request").with("accepted", false);
         let _full = site.notes.try_send(refused.with("why", why));
         return Err(Refusal(StatusCode::CONFLICT, why));
@@ -202,16 +212,51 @@ async fn operate(
     Ok((status, kind, answer).into_response())
 }
 
+/// The requests below `/control/`.
+const REQUESTS: [&str; 4] = ["hold", "continue", "confirm", "stop"];
+
+/// The operator command of a request; CONTINUE names the hold that it ends.
+fn request(what: &str, query: Option<&str>) -> Result<Operator, Refusal> {
+    match what {
+        "hold" => Ok(Operator::Hold),
+        "confirm" => Ok(Operator::Confirm),
+        "stop" => Ok(Operator::Stop),
+        "continue" => {
+            let hold = query.and_then(|query| query.strip_prefix("hold="));
+            let hold = hold.and_then(|number| number.parse().ok());
+            hold.map(Operator::EndHold).ok_or(NO_HOLD_NAMED)
+        }
+        _ => Err(Refusal(
+            StatusCode::NOT_FOUND,
+            "wanted hold, continue, confirm or stop",
+        )),
+    }
+}
+
+const NO_HOLD_NAMED: Refusal = Refusal(
+    StatusCode::BAD_REQUEST,
+    "CONTINUE names the hold that it ends: POST /control/continue?hold=NUMBER, with the NUMBER of gusset_hold_number in /metrics",
+);
+
+/// The reason to drop a command that lets specimens move: its sender cannot see the effect any more.
+fn unsent(request: Operator, connection: &Connection) -> Option<&'static str> {
+    let lets_move = matches!(request, Operator::EndHold(_) | Operator::Confirm);
+    (lets_move && connection.has_left()).then_some("its sender has left")
+}
+
 const OVER: &str = "the test is over";
 
 /// Why the loop would not hear this where it is seen, if it would not.
 fn unheard(request: Operator, seen: Glimpse) -> Option<&'static str> {
     match seen.phase {
         _ if request == Operator::Stop => None,
-        phase if phase.can_be_held() => {
-            let is_unasked = request == Operator::Confirm && !seen.unconfirmed;
-            is_unasked.then_some("nothing is to be confirmed")
-        }
+        phase if phase.can_be_held() => match request {
+            Operator::Confirm if !seen.unconfirmed => Some("nothing is to be confirmed"),
+            Operator::EndHold(hold) if hold != seen.hold_number => {
+                Some("another hold stands by now: look at the test, and say CONTINUE again")
+            }
+            _ => None,
+        },
         Phase::Leaving => {
             Some("the way out is neither held nor gone on with; STOP freezes it where it is")
         }
@@ -242,17 +287,36 @@ mod tests {
             for unconfirmed in [false, true] {
                 let seen = Glimpse {
                     unconfirmed,
+                    hold_number: 2,
                     ..Glimpse::of(phase)
                 };
                 let heard = |request| unheard(request, seen).is_none();
                 assert!(heard(Operator::Stop));
-                for request in [Operator::Hold, Operator::Continue] {
+                for request in [Operator::Hold, Operator::EndHold(2)] {
                     assert_eq!(heard(request), phase.can_be_held(), "{phase:?}");
                 }
+                assert!(!heard(Operator::EndHold(1)) && !heard(Operator::EndHold(3)));
                 let asked = unconfirmed && phase.can_be_held();
                 assert_eq!(heard(Operator::Confirm), asked, "{phase:?}");
             }
         }
+    }
+
+    #[test]
+    fn a_continue_names_its_hold() {
+        assert_eq!(
+            request("continue", Some("hold=3")),
+            Ok(Operator::EndHold(3))
+        );
+        for query in [None, Some(""), Some("hold="), Some("hold=-1"), Some("x=1")] {
+            let refused = request("continue", query).unwrap_err();
+            assert_eq!(refused.0, StatusCode::BAD_REQUEST);
+        }
+        assert_eq!(request("stop", None), Ok(Operator::Stop));
+        assert_eq!(
+            request("explode", None).unwrap_err().0,
+            StatusCode::NOT_FOUND
+        );
     }
 
     #[test]

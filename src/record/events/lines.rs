@@ -34,6 +34,11 @@ impl<S: Store> EventLog<S> {
             | EventKind::Confirmed => {
                 tracing::info!(tick = event.tick, time = event.time, "{name}");
             }
+            EventKind::ContinueDropped { hold, latest } => {
+                put(line, "hold", hold);
+                put(line, "latest", latest);
+                tracing::warn!(tick = event.tick, time = event.time, hold, latest, "{name}");
+            }
             EventKind::Grid { of, first_edge_ns } => {
                 put(line, "of", of.word());
                 put(line, "first_edge_ns", first_edge_ns);

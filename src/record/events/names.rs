@@ -25,6 +25,7 @@ pub(super) const fn kind_name(kind: &EventKind) -> &'static str {
         EventKind::StopRequested => "stop_requested",
         EventKind::HoldRequested => "hold_requested",
         EventKind::ContinueRequested => "continue_requested",
+        EventKind::ContinueDropped { .. } => "continue_dropped",
         EventKind::Confirmed => "confirmed",
         EventKind::Stands { .. } => "stands",
         EventKind::Moved { .. } => "moved",

@@ -8,6 +8,7 @@ use bincode::error::{DecodeError, EncodeError};
 use super::{
     Arm, Axis, Bye, Control, Hello, Limits, NAME_LIMIT, Refuse, Sampling, TEXT_LIMIT, Unit, Welcome,
 };
+use crate::text::is_hidden;
 use crate::wire::bytes::{finite, same_length};
 use crate::wire::key::{PROOF_LEN, PreSharedKey, Proof, SessionKey, same};
 use crate::wire::native::{CONTROL_LIMIT, Cause, MAX_AXES};
@@ -314,7 +315,7 @@ fn may_be_empty(field: &'static str, text: &str) -> Result<(), WireError> {
 }
 
 fn bounded(field: &'static str, text: &str, limit: usize) -> Result<(), WireError> {
-    if text.len() <= limit && !text.chars().any(char::is_control) {
+    if text.len() <= limit && !text.chars().any(is_hidden) {
         Ok(())
     } else {
         Err(WireError::Text { field, limit })

@@ -7,6 +7,7 @@ use crate::link::Transport;
 use crate::link::native::with_words;
 use crate::link::rig::{Close, Over, Trip, with_last_words};
 use crate::link::serve::{Desk, greet};
+use crate::text::is_hidden;
 use crate::wire::WireError;
 use crate::wire::handshake::{self, Bye, Control, Refuse, TEXT_LIMIT};
 use crate::wire::native::{Cause, Notice};
@@ -205,7 +206,7 @@ impl Stand {
     /// Last words for people.
     fn say(&mut self, cause: Cause, text: &str) {
         let mut text = text.to_owned();
-        text.retain(|c| !c.is_control());
+        text.retain(|c| !is_hidden(c));
         while text.len() > TEXT_LIMIT {
             text.pop();
         }

@@ -151,7 +151,11 @@ impl Stand {
     }
 
     /// The books of a session are closed; what there is to tell, and the line.
-    pub(super) fn finish(mut self, Over { close, text }: Over) -> (Heard, Line) {
+    pub(super) fn finish(mut self, Over { close, mut text }: Over) -> (Heard, Line) {
+        let unreachable = self.line.unreachable();
+        if unreachable > 0 {
+            text = format!("{text}; the network said {unreachable} times that it was unreachable");
+        }
         if let Some((pending, ..)) = self.pending {
             self.misses_up_to(pending);
         }

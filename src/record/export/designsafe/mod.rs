@@ -29,6 +29,7 @@ use test::{Test, is_of_dof, is_of_specimen};
 use super::csv::Sheet;
 use super::plan::{Choice, Exposed, Plan};
 use super::{ExportError, Exported};
+use crate::record::atomic;
 use crate::record::run::Run;
 
 const READERS: [(&str, &str); 2] = [
@@ -99,9 +100,7 @@ struct Staging {
 
 impl Staging {
     fn beside(out: &Path) -> io::Result<Self> {
-        let name = out.file_name().ok_or(io::ErrorKind::InvalidInput)?;
-        let process = std::process::id();
-        let path = out.with_file_name(format!(".{}.partial-{process}", name.to_string_lossy()));
+        let path = atomic::partial_of(out)?;
         fs::create_dir(&path)?;
         Ok(Self { path })
     }

@@ -127,7 +127,7 @@ fn nonsense_is_refused_when_it_leaves_and_when_it_comes() {
             ..
         }
     ));
-    for bad in ["", "a\nb", &"x".repeat(65)] {
+    for bad in ["", "a\nb", "a\u{202e}b", "\u{200b}", &"x".repeat(65)] {
         assert!(matches!(
             fails(&|m| m.axes[0].name = bad.into()),
             WireError::Text {

@@ -1,0 +1,92 @@
+//! Text that is shown to people: what a terminal or a browser would obey or hide is spelled out.
+//!
+//! Names, titles and reasons come from files and from other machines. A character that moves the cursor, turns the direction of
+//! writing or takes no room could make a line say something else than it does. Every place that shows such a text uses
+//! [`printable`]: terminal, log, events, report and live page.
+
+/// True of a character that is obeyed or hidden instead of shown: controls, those that turn the direction of writing or break
+/// lines, and those without width.
+#[must_use]
+pub fn is_hidden(c: char) -> bool {
+    c.is_control()
+        || matches!(
+            c,
+            '\u{ad}'
+                | '\u{34f}'
+                | '\u{61c}'
+                | '\u{115f}'
+                | '\u{1160}'
+                | '\u{17b4}'
+                | '\u{17b5}'
+                | '\u{180b}'..='\u{180f}'
+                | '\u{200b}'..='\u{200f}'
+                | '\u{2028}'..='\u{202e}'
+                | '\u{2060}'..='\u{206f}'
+                | '\u{3164}'
+                | '\u{feff}'
+                | '\u{ffa0}'
+                | '\u{fff9}'..='\u{fffb}'
+                | '\u{1d173}'..='\u{1d17a}'
+                | '\u{e0000}'..='\u{e0fff}'
+        )
+}
+
+/// The text with every hidden character spelled as `\u{202e}`; lines stay lines.
+#[must_use]
+pub fn printable(text: &str) -> String {
+    let mut shown = String::with_capacity(text.len());
+    for c in text.chars() {
+        if c != '\n' && is_hidden(c) {
+            shown.extend(c.escape_unicode());
+        } else {
+            shown.push(c);
+        }
+    }
+    shown
+}
+
+/// True if a reader sees anything: a text of blanks and hidden characters says nothing.
+#[must_use]
+pub fn is_visible(text: &str) -> bool {
+    // The Braille pattern without dots is as blank as a space.
+    let shows = |c: char| !c.is_whitespace() && !is_hidden(c) && c != '\u{2800}';
+    text.chars().any(shows)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_obeyed_or_hidden_is_spelled_and_the_rest_stays() {
+        assert_eq!(printable("a \u{1b}[2J b\nc\td"), "a \\u{1b}[2J b\nc\\u{9}d");
+        for (c, spelled) in [
+            ('\u{202e}', "\\u{202e}"),
+            ('\u{2066}', "\\u{2066}"),
+            ('\u{200b}', "\\u{200b}"),
+            ('\u{200f}', "\\u{200f}"),
+            ('\u{feff}', "\\u{feff}"),
+            ('\u{2028}', "\\u{2028}"),
+            ('\u{ad}', "\\u{ad}"),
+            ('\u{e0041}', "\\u{e0041}"),
+        ] {
+            assert_eq!(printable(&format!("x{c}y")), format!("x{spelled}y"));
+        }
+        let usual = "µm, \"Prüfling\", ζ = 2 %, 東京, žába, –45.6\u{a0}kN";
+        assert_eq!(printable(usual), usual);
+    }
+
+    #[test]
+    fn blanks_and_hidden_characters_say_nothing() {
+        for nothing in [
+            "",
+            " \t\n",
+            "\u{200b}",
+            "\u{2800}\u{a0}",
+            "\u{3164} \u{202e}",
+        ] {
+            assert!(!is_visible(nothing), "{nothing:?}");
+        }
+        assert!(is_visible(" a\u{200b}"));
+    }
+}
