@@ -185,6 +185,9 @@ pub struct Summary {
     /// steps, and the corrections of a static load.
     #[serde(default)]
     pub force_on_the_way_in: BTreeMap<String, Vec<Option<f64>>>,
+    /// Findings that would have refused the test, and that the user has accepted: the name of each override and the reason given.
+    #[serde(default)]
+    pub accepted: BTreeMap<String, String>,
 }
 
 #[cfg(test)]
@@ -225,6 +228,7 @@ pub(super) mod tests {
             falsified: Value::Null,
             left: BTreeMap::new(),
             force_on_the_way_in: BTreeMap::new(),
+            accepted: BTreeMap::new(),
         }
     }
 
@@ -266,6 +270,7 @@ pub(super) mod tests {
             "falsified",
             "left",
             "force_on_the_way_in",
+            "accepted",
         ];
         assert_eq!(keys, [&contract[..], &additions[..]].concat());
         assert_eq!(

@@ -1,5 +1,7 @@
 //! The loop with no specimen, with or without a structure: the same threads, engine and recording as a test.
 
+use std::collections::BTreeMap;
+
 use crate::config::{ClockChoice, Diagnostics, Facts, Files, LimitFacts, Prepared};
 use crate::engine::{Experiment, Limits, OnMiss, Opening, Pacing, Side, TestLimits};
 use crate::rt::TimingSpec;
@@ -82,6 +84,7 @@ pub fn loop_round(
         confirm: false,
         limits: LimitFacts::default(),
         warnings: Vec::new(),
+        accepted: BTreeMap::new(),
     };
     let files = Files {
         test: text.clone().into_bytes(),

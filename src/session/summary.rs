@@ -145,6 +145,7 @@ pub(super) fn summarise(
         falsified: Value::Null,
         left: outcome.map(left).unwrap_or_default(),
         force_on_the_way_in: outcome.map(on_the_way_in).unwrap_or_default(),
+        accepted: facts.accepted.clone(),
     };
     (finish, summary)
 }

@@ -1,5 +1,6 @@
 //! What is known about a test before it runs: for `check`, the session and the report.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use super::{Analysis, LimitFacts};
@@ -46,6 +47,8 @@ pub struct Facts {
     pub limits: LimitFacts,
     /// What the user should know although the test may run.
     pub warnings: Vec<String>,
+    /// Findings that would have refused the test, and that the user has accepted: the name of each override and the reason given.
+    pub accepted: BTreeMap<String, String>,
 }
 
 impl Facts {

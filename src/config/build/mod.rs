@@ -25,6 +25,7 @@ mod specimens;
 mod structure;
 mod trial;
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use super::{ConfigError, Diagnostics, Finding, KeyPath, Loaded, TestFile};
@@ -213,6 +214,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         announced: announced(file),
         confirm: safety::needs_confirmation(file),
         warnings: warnings.iter().map(|w| w.headline.clone()).collect(),
+        accepted: BTreeMap::new(),
     };
     let named = links::with_keys_from_anywhere(file, &site.loaded.path);
     let resolved = match super::resolve(&named, facts.lambda(), &site.inputs) {

@@ -140,5 +140,6 @@ pub(super) fn summarise(
         falsified: serde_json::Value::Null,
         left: BTreeMap::new(),
         force_on_the_way_in: BTreeMap::new(),
+        accepted: BTreeMap::new(),
     }
 }
