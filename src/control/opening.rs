@@ -337,6 +337,31 @@ impl Port {
         self.stand_still();
     }
 
+    /// Newtons in one unit of force of an axis.
+    #[must_use]
+    pub fn newtons_of(&self, axis: usize) -> f64 {
+        self.guard.units().get(axis).map_or(1.0, |unit| unit.1)
+    }
+
+    /// A force in N as the structure sees it, in the unit of the axis' load cell.
+    #[must_use]
+    pub fn in_own_unit(&self, axis: usize, newtons: f64) -> f64 {
+        newtons / self.axes.get(axis).map_or(1.0, |axis| axis.force_gain.abs())
+    }
+
+    /// The most that the force of an axis can change where the axes are displaced by `ways`, both in the specimen's own units and
+    /// by its initial stiffness: |kᵢⱼ| is at most √(kᵢᵢ kⱼⱼ).
+    #[must_use]
+    pub fn most_force_of(&self, axis: usize, ways: &[f64]) -> f64 {
+        let roots = self.stiffness.iter().map(|stiffness| stiffness.abs().sqrt());
+        let roots: Vec<f64> = roots.collect();
+        let each = ways.iter().zip(&self.axes).zip(&roots);
+        let all: f64 = each
+            .map(|((way, axis), root)| root * (way / axis.disp_gain).abs())
+            .sum();
+        roots.get(axis).map_or(0.0, |root| self.in_own_unit(axis, root * all))
+    }
+
     /// Metres in one unit of an axis.
     #[must_use]
     pub fn metres_of(&self, axis: usize) -> f64 {

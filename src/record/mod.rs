@@ -45,7 +45,7 @@ pub mod writer;
 pub use folder::{FolderError, RunFolder};
 pub use image::FolderImage;
 pub use intact::{Extent, Meddled, is_same_file};
-pub use journal::{End, Journal};
+pub use journal::{End, Journal, Row};
 pub use layout::{COMMITS, Layout};
 pub use memory::MemoryRecorder;
 pub use miss::{MissClasses, SchedSample};
@@ -53,7 +53,7 @@ pub use missing::{MissingEnd, ToldBy};
 pub use note::{Note, NoteLevel, Position};
 pub use onlooker::Onlooker;
 pub use ring::{RingReader, RingRecorder, RingSize, WhenFull, ring};
-pub use run::{Events, Run, keeps_waiting};
+pub use run::{EventLines, Events, Run, keeps_waiting};
 pub use summary::Summary;
 pub use threads::{Roll, Stamper, ThreadLog, What};
 pub(crate) use warned::times;
@@ -241,6 +241,8 @@ pub enum EventKind {
         left: f64,
         /// What it reads now.
         found: f64,
+        /// How far it may differ, in its own unit.
+        within: f64,
         /// True if the difference is taken for drift of its zero.
         is_taken: bool,
     },

@@ -1,6 +1,7 @@
 //! What a test is made of, in its run folder, and on record with its digests.
 
-use super::retrace::{ORIGIN, Origin, sha256};
+use super::lineage::{ORIGIN, Origin};
+use super::retrace::sha256;
 use crate::config::Files;
 use crate::record::{FolderError, Layout, Note, NoteLevel, RunFolder};
 

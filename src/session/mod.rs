@@ -23,6 +23,7 @@ mod energetics;
 mod guarded;
 mod kept;
 mod last_words;
+mod lineage;
 mod page;
 mod ready;
 mod recorded;
@@ -48,7 +49,7 @@ pub use desk::{Answer, Request, Unanswered, ask};
 pub use page::{Page, PageError, conclude, hero, write_report};
 pub use ready::missing;
 pub use replay::{Difference, Replay, ReplayError, replay, replay_rows};
-pub use resume::{ResumeError, resume, resume_over};
+pub use resume::{Allowed, ResumeError, resume, resume_allowed, resume_over};
 pub use retrace::altered;
 pub use signals::{Signal, Signals, Taken};
 pub use summary::ending;
@@ -106,6 +107,8 @@ pub enum Finish {
     Completed,
     /// Stopped by a limit, divergence, a stale or miss bound.
     Stopped,
+    /// Before it moved anything: a specimen is another than the one of the interrupted test.
+    Refused,
     /// By the operator.
     Interrupted,
     /// A link or peer failed.

@@ -8,7 +8,8 @@ use thiserror::Error;
 
 use super::Finished;
 use super::energetics::{Without, known};
-use super::retrace::{Origin, way_from};
+use super::lineage::{Generation, Lineage, Origin};
+use super::retrace::way_from;
 use crate::metrics::energy::Model;
 use crate::record::summary::Status;
 use crate::record::{Column, End, Events, FolderError, MissingEnd, Run, atomic};
@@ -208,7 +209,7 @@ pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
     let step = origin.as_ref().map(|origin| origin.step);
     let known = known(folder, &resolved, run.layout().columns(), step);
     let earlier = origin.map(|origin| Earlier {
-        folders: folders_of(folder, &origin),
+        folders: folders_of(folder),
         step: origin.step,
         ground: known.ground_before,
     });
@@ -259,28 +260,27 @@ pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
 
 /// The folders in which the steps of a test up to the one stand that it went on after, with their steps where those are in several.
 /// A test of the line that made none has none. What a folder that is not there any more went on with is not known.
-fn folders_of(folder: &Path, origin: &Origin) -> String {
+fn folders_of(folder: &Path) -> String {
     let mut folders: Vec<(String, u64, u64)> = Vec::new();
-    let (mut at, mut origin) = (folder.to_owned(), origin.clone());
-    loop {
-        let parent = origin.parent_from(&at).ok();
-        let parent = parent.map(|run| run.path().to_owned());
-        let before = parent.as_deref().and_then(|parent| Origin::of(parent).ok());
-        let before = before.flatten();
-        let first = before.as_ref().map_or(0, |before| before.step + 1);
+    let mut generations = Lineage::of(folder).flatten().peekable();
+    while let Some(Generation {
+        folder: at,
+        origin,
+        parent,
+    }) = generations.next()
+    {
+        let before = generations.peek().map(|before| before.origin.step);
+        let first = before.map_or(0, |step| step + 1);
         if first <= origin.step {
-            let way = parent.as_deref().and_then(|to| way_from(folder, to));
-            let way = way.as_ref().unwrap_or(if at == folder {
-                &origin.parent
+            let parent = parent.as_ref().map(|run| run.path()).ok();
+            let way = parent.and_then(|to| way_from(folder, to));
+            let way = way.unwrap_or(if at == folder {
+                origin.parent
             } else {
-                &origin.parent_absolute
+                origin.parent_absolute
             });
             folders.push((way.display().to_string(), first, origin.step));
         }
-        let (Some(parent), Some(before)) = (parent, before) else {
-            break;
-        };
-        (at, origin) = (parent, before);
     }
     if let [(only, ..)] = folders.as_slice() {
         return only.clone();

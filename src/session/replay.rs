@@ -63,6 +63,19 @@ pub enum ReplayError {
         /// Where the interrupted test was.
         parent: PathBuf,
     },
+    /// A run continues itself, directly or through others.
+    #[error(
+        "{} says that the test continued {}, which is this test or one that continued it: no test can be its own ancestor. The file \
+         was changed; put back the one that the test wrote",
+        path.display(),
+        parent.display()
+    )]
+    Circle {
+        /// `resumed.json`.
+        path: PathBuf,
+        /// The folder that it names.
+        parent: PathBuf,
+    },
     /// The interrupted test that this one goes on with does not come out again.
     #[error("the test that this one goes on with, {}, does not come out again", .0.display())]
     Parent(PathBuf),

@@ -19,6 +19,10 @@ use crate::rt::timing::{Quantity, Timing};
 use crate::rt::wall::Wall;
 use crate::substructure::{AGREED, Holder, LinkFault};
 
+/// How the user resumes a test although a specimen has changed.
+pub(super) const ACCEPT: &str =
+    "`--accept-changed \"reason\"` resumes the test all the same";
+
 /// When the loop began, and how long it took on the wall.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Span {
@@ -72,6 +76,9 @@ pub(super) fn summarise(
         (None, Some(Unconnected::Refused(text)), _) => {
             (Finish::LinkFailed, format!("{text}; nothing was moved"))
         }
+        (None, Some(Unconnected::Changed(text)), _) => {
+            (Finish::Refused, format!("{text}; nothing was moved"))
+        }
         (None, Some(Unconnected::Stopped), _) => (
             Finish::Interrupted,
             "stopped by the operator while the specimens were being connected; nothing was moved"
@@ -111,7 +118,7 @@ pub(super) fn summarise(
     let summary = Summary {
         status: match finish {
             Finish::Completed => Status::Completed,
-            Finish::Stopped => Status::Stopped,
+            Finish::Stopped | Finish::Refused => Status::Stopped,
             Finish::Interrupted => Status::Interrupted,
             Finish::LinkFailed | Finish::Panicked => Status::Failed,
         },
@@ -293,10 +300,11 @@ const fn finish_of(stop: &Stop) -> Finish {
         // A specimen that must not be armed is a peer that failed.
         Stop::Link { .. } | Stop::Misfit { .. } => Finish::LinkFailed,
         Stop::Internal => Finish::Panicked,
+        // The specimen is another than the one of the interrupted test: it was not moved.
+        Stop::Moved { .. } | Stop::ForceChanged { .. } => Finish::Refused,
         Stop::Interlock { .. }
         | Stop::Saturated { .. }
         | Stop::HoldsOn { .. }
-        | Stop::Moved { .. }
         | Stop::Limit { .. }
         | Stop::Geometry { .. }
         | Stop::TestLimit(_)
@@ -334,6 +342,12 @@ pub(super) fn words(ending: &Ending, outcome: &Outcome) -> String {
                 ": its answers are late, lost or all to one old command; `link` in the summary counts them, \
                  `max_stale` and `max_stale_s` are the limits",
             );
+        }
+        Stop::Moved { .. } => {
+            reason = format!("{reason}: the specimen has changed since the interruption. Nothing was moved. `[safety] resume_within_m` is the tolerance; {ACCEPT}");
+        }
+        Stop::ForceChanged { .. } => {
+            reason = format!("{reason}: the specimen has changed since the interruption. Nothing was moved. `[safety] resume_within_n` is the tolerance; {ACCEPT}");
         }
         Stop::HoldsOn { .. } => {
             reason.push_str(

@@ -3,18 +3,18 @@
 //! What was decided while the test ran stands in the rows: when the operator wanted a hold, when a measurement was stale,
 //! when a slow partner answered. So all of it happens again where it happened. Checkpoints are compared as they come.
 
-use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read;
 use std::sync::{Arc, Mutex};
 
 use crossbeam_channel::Sender;
+use serde_json::Value;
 
 use super::replay::{Difference, ReplayError};
 use crate::control::Stage;
 use crate::engine::{Experiment, GIVEN_UP, NOT_AWAITED, Operator, Phase, Word};
 use crate::record::{
-    Column, Event, EventKind, FolderError, Journal, Layout, Recorder, Run, WarmUpRows,
+    Column, Event, EventKind, EventLines, FolderError, Journal, Layout, Recorder, Run, WarmUpRows,
 };
 
 /// Columns that say where within a step a row stands.
@@ -29,10 +29,10 @@ pub(super) struct Verified {
     pub rows: u64,
 }
 
-/// What was recorded: rows, and the digest of each checkpoint by its step.
+/// What was recorded: rows, and the digests of checkpoints.
 pub(super) struct Recording {
     journal: Journal<Box<dyn Read + Send>>,
-    checkpoints: BTreeMap<u64, String>,
+    checkpoints: Option<Checkpoints>,
 }
 
 impl Recording {
@@ -44,7 +44,7 @@ impl Recording {
             Err(source) => return Err(ReplayError::Unreadable { path, source }),
         };
         Ok(Self {
-            checkpoints: checkpoints(run)?,
+            checkpoints: Some(Checkpoints::of(run)?),
             ..Self::without_checkpoints(samples, run.layout())
         })
     }
@@ -53,7 +53,7 @@ impl Recording {
     pub fn without_checkpoints(samples: Box<dyn Read + Send>, layout: &Layout) -> Self {
         Self {
             journal: Journal::new(samples, layout.columns().len()),
-            checkpoints: BTreeMap::new(),
+            checkpoints: None,
         }
     }
 }
@@ -84,7 +84,7 @@ pub(super) struct Tape {
     until: u64,
     /// Whether the rows from the test's end on are none of this.
     only_the_test: bool,
-    checkpoints: BTreeMap<u64, String>,
+    checkpoints: Option<Checkpoints>,
     pub verified: Option<Verified>,
     operator: Sender<Operator>,
     pub difference: Option<Difference>,
@@ -280,10 +280,11 @@ impl Tape {
 
     /// Compares a checkpoint of this step, whose row was the last.
     fn check(&mut self, step: u64, digest: u64) {
-        let Some(recorded) = self.checkpoints.get(&step) else {
+        let checkpoints = self.checkpoints.as_mut();
+        let Some(recorded) = checkpoints.and_then(|checkpoints| checkpoints.of_step(step)) else {
             return;
         };
-        if *recorded == format!("{digest:016x}") {
+        if recorded == format!("{digest:016x}") {
             self.verified = Some(Verified {
                 step,
                 rows: self.row,
@@ -302,16 +303,48 @@ impl Tape {
     }
 }
 
-/// Step and digest of every checkpoint.
-fn checkpoints(run: &Run) -> Result<BTreeMap<u64, String>, FolderError> {
-    let events = run.events()?.events;
-    let found = events.iter().filter_map(|event| {
-        let is_one = event.get("event")?.as_str()? == "checkpoint";
-        let step = event.get("tick")?.as_u64()?;
-        let digest = event.get("digest")?.as_str()?.to_owned();
-        is_one.then_some((step, digest))
-    });
-    Ok(found.collect())
+/// The checkpoints of a recording, read as the replay comes to them.
+struct Checkpoints {
+    events: EventLines,
+    /// The next one: its step and digest.
+    coming: Option<(u64, String)>,
+}
+
+impl Checkpoints {
+    fn of(run: &Run) -> Result<Self, FolderError> {
+        let mut checkpoints = Self {
+            events: run.event_lines()?,
+            coming: None,
+        };
+        checkpoints.read()?;
+        Ok(checkpoints)
+    }
+
+    fn read(&mut self) -> Result<(), FolderError> {
+        let one = |event: &Value| {
+            let is_one = event.get("event")?.as_str()? == "checkpoint";
+            let step = event.get("tick")?.as_u64()?;
+            let digest = event.get("digest")?.as_str()?.to_owned();
+            is_one.then_some((step, digest))
+        };
+        self.coming = None;
+        while self.coming.is_none()
+            && let Some(event) = self.events.next()
+        {
+            self.coming = event?.as_ref().and_then(one);
+        }
+        Ok(())
+    }
+
+    /// The recorded digest of the checkpoint of this step, if it has one. Steps are asked for in their order.
+    fn of_step(&mut self, step: u64) -> Option<String> {
+        while self.coming.as_ref().is_some_and(|(at, _)| *at < step) {
+            // What cannot be read any more proves nothing.
+            self.read().ok()?;
+        }
+        let (_, digest) = self.coming.as_ref().filter(|(at, _)| *at == step)?;
+        Some(digest.clone())
+    }
 }
 
 /// True of a row of the running test.

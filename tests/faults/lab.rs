@@ -294,6 +294,7 @@ impl Played {
         let code = match finish {
             Finish::Completed => 0,
             Finish::Stopped => 1,
+            Finish::Refused => 2,
             Finish::LinkFailed => 3,
             Finish::Panicked => 5,
             Finish::Interrupted => 130,

@@ -33,6 +33,16 @@ pub(super) fn opening(file: &TestFile, period: f64) -> Opening {
     }
 }
 
+/// Root mean square of the noise that the load cells of each specimen are declared to have, in N at the specimen.
+pub(super) fn force_noise_n(file: &TestFile, time: &Time) -> Vec<f64> {
+    let tick = time.step.value() / f64::from(time.ticks_per_step);
+    let noise = |specimen: &SpecimenTable| {
+        let known = specimen.believed_transfer(1.0);
+        known.map_or(0.0, |known| known.force_sensor.noise_rms(tick))
+    };
+    file.specimen.iter().map(noise).collect()
+}
+
 /// True if what is read must be confirmed: something must be.
 fn confirms(file: &TestFile) -> bool {
     zero_s(file) > 0.0 && (file.safety.confirm || is_relative(file))

@@ -219,6 +219,9 @@ impl Host {
     pub(super) const fn capabilities(&self) -> Capabilities {
         // A gateway passes on what its specimen measures, and warns itself of one that may not.
         let kind = match self.behind {
+            Behind::Law(_) if self.remembers() => {
+                Capabilities::SIMULATED.and(Capabilities::KEEPS_STATE)
+            }
             Behind::Law(_) => Capabilities::SIMULATED,
             // It reports its own trips as an interlock.
             Behind::Far(..) => Capabilities::INTERLOCK,

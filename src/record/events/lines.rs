@@ -173,18 +173,21 @@ impl<S: Store> EventLog<S> {
                 axis,
                 left,
                 found,
+                within,
                 is_taken,
             } => {
                 self.specimen(line, port);
                 put(line, "axis", axis + 1);
                 put(line, "left", left);
                 put(line, "found", found);
+                put(line, "within", within);
                 put(line, "taken_for_drift", is_taken);
                 tracing::warn!(
                     specimen = port + 1,
                     axis = axis + 1,
                     left,
                     found,
+                    within,
                     "{}",
                     if is_taken {
                         "another force than the test was left with: taken for drift of the load cell"
