@@ -332,6 +332,19 @@ pub enum EventKind {
         /// Specimen and axis, from 0, that have the most of it, where that can be said.
         worst: Option<(u32, u32)>,
     },
+    /// An axis bears a force before the test moves it.
+    InitialForce {
+        /// Specimen, from 0.
+        port: u32,
+        /// Axis, from 0.
+        axis: u32,
+        /// What the allowed force is a share of: `yield_force_n`, `measured_force_n`, or `noise` where neither is known.
+        of: &'static str,
+        /// The force that its displacement does not explain, N at the specimen.
+        force: f64,
+        /// What is not warned about.
+        most: f64,
+    },
     /// What was read of one axis of specimen `port` while zeroing.
     Zeroed {
         /// Specimen, from 0.

@@ -96,10 +96,21 @@ fn resume_refuses_a_changed_force() {
 }
 
 /// A spring whose load cell reads `extra` more than its force.
-struct Cell {
+pub struct Cell {
     extra: f64,
     disp: f64,
     sequence: u64,
+}
+
+impl Cell {
+    pub fn with(extra: f64) -> Self {
+        let (disp, sequence) = (0.0, 0);
+        Self {
+            extra,
+            disp,
+            sequence,
+        }
+    }
 }
 
 impl Substructure for Cell {
@@ -144,8 +155,7 @@ fn a_force_may_differ_by_2_percent_of_the_recorded_peak_or_by_what_the_test_file
         );
         let test = write(home.path(), "test.toml", &text);
         let run = |mut test: gusset::config::Prepared, extra: f64, out: &str| {
-            let cell = Cell { extra, disp: 0.0, sequence: 0 };
-            test.experiment.ports[0].put_recording(Box::new(cell));
+            test.experiment.ports[0].put_recording(Box::new(Cell::with(extra)));
             test.experiment.ports[0].computed = true;
             let folder = RunFolder::create(&at(out)).unwrap();
             let (_says, requests) = crossbeam_channel::bounded(1);

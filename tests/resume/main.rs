@@ -8,6 +8,7 @@ mod link_common;
 
 mod borne;
 mod changed;
+mod fresh;
 mod refusals;
 mod rigs;
 mod same_bits;

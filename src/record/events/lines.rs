@@ -6,7 +6,7 @@ use super::super::append::Store;
 use super::super::miss::{Evidence, classify};
 use super::super::utc::rfc3339;
 use super::super::{Event, EventKind};
-use super::EventLog;
+use super::{BEARS_A_FORCE, EventLog};
 use super::names::{fault_name, kind_name};
 use crate::substructure::{AGREED, LinkFault};
 
@@ -369,6 +369,21 @@ impl<S: Store> EventLog<S> {
                 } else {
                     tracing::error!(ticks, missed, in_a_row, mean_ns, longest_ns, "{name}");
                 }
+            }
+            EventKind::InitialForce {
+                port,
+                axis,
+                of,
+                force,
+                most,
+            } => {
+                self.specimen(line, port);
+                put(line, "axis", u64::from(axis) + 1);
+                put(line, "of", of);
+                put(line, "force", force);
+                put(line, "most", most);
+                let (specimen, axis) = (port + 1, axis + 1);
+                tracing::warn!(specimen, axis, force, most, of, "{BEARS_A_FORCE}");
             }
             EventKind::Zeroed { port, axis, values } => {
                 self.specimen(line, port);
