@@ -162,6 +162,12 @@ impl Host {
         self.memory.is_some()
     }
 
+    /// True of a computed specimen that each test finds as new.
+    #[must_use]
+    pub const fn starts_anew(&self) -> bool {
+        !self.is_gateway() && !self.remembers()
+    }
+
     /// Where the specimen stands; empty if that is not known before a controller arms it: a gateway learns it with its first
     /// test, and with its next whether what may be a computation stays where that left it.
     #[must_use]
