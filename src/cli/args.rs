@@ -93,7 +93,8 @@ pub(super) struct RunArgs {
     #[arg(required_unless_present = "resume")]
     pub test: Option<PathBuf>,
     /// Goes on with an interrupted test where its folder's record ends, into a folder of its own; refused if a specimen does
-    /// not stand where it was left or bears another force, a file was changed, or a test went on already that moved specimens which remember it.
+    /// not stand where it was left or bears another force, a file was changed, or another test has continued it already and
+    /// moved its specimens.
     #[arg(long, value_name = "RUN_DIR", conflicts_with_all = ["sets", "clock"])]
     pub resume: Option<PathBuf>,
     /// With --resume: the test had tripped and may go on, each trip by its name: the key of a limit, or interlock, saturated,

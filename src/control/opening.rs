@@ -346,7 +346,11 @@ impl Port {
     /// A force in N as the structure sees it, in the unit of the axis' load cell.
     #[must_use]
     pub fn in_own_unit(&self, axis: usize, newtons: f64) -> f64 {
-        newtons / self.axes.get(axis).map_or(1.0, |axis| axis.force_gain.abs())
+        newtons
+            / self
+                .axes
+                .get(axis)
+                .map_or(1.0, |axis| axis.force_gain.abs())
     }
 
     /// Force of an axis that its displacement does not explain by the initial stiffness, and how far off that is where the stiffness is
@@ -384,13 +388,18 @@ impl Port {
     /// by its initial stiffness: |kᵢⱼ| is at most √(kᵢᵢ kⱼⱼ).
     #[must_use]
     pub fn most_force_of(&self, axis: usize, ways: &[f64]) -> f64 {
-        let roots = self.stiffness.iter().map(|stiffness| stiffness.abs().sqrt());
+        let roots = self
+            .stiffness
+            .iter()
+            .map(|stiffness| stiffness.abs().sqrt());
         let roots: Vec<f64> = roots.collect();
         let each = ways.iter().zip(&self.axes).zip(&roots);
         let all: f64 = each
             .map(|((way, axis), root)| root * (way / axis.disp_gain).abs())
             .sum();
-        roots.get(axis).map_or(0.0, |root| self.in_own_unit(axis, root * all))
+        roots
+            .get(axis)
+            .map_or(0.0, |root| self.in_own_unit(axis, root * all))
     }
 
     /// Metres in one unit of an axis.

@@ -35,13 +35,13 @@ pub struct Opening {
 /// The largest force that an axis may bear before the test moves it, without a warning.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InitialForce {
-    /// What it is a share of: `yield_force_n` of the stand-in, `measured_force_n` of the limits, or `noise` where neither is known.
+    /// The reference: `yield_force_n` of the stand-in, `measured_force_n` of the limits, or `noise` if neither is known.
     pub of: &'static str,
-    /// That share, N at the specimen.
+    /// 1 % of the reference, N at the specimen.
     pub most_n: f64,
 }
 
-/// Beside that a force may be so many times the noise of its load cell, or as large as this displacement in m makes it.
+/// Multiple of the load cell's noise, and displacement in m, whose force is added to the allowed force.
 const NOISE: f64 = 5.0;
 const RESOLUTION_M: f64 = 1e-9;
 /// The initial stiffness is known to this share.
@@ -85,8 +85,11 @@ impl Engine {
     /// or something holds it. `measured`: displacement and force of an axis in its own units.
     pub(super) fn report_initial_forces(&mut self, measured: impl Fn(&Port, usize) -> [f64; 2]) {
         let mut found = Vec::new();
-        for (index, (port, bounds)) in
-            self.ports.iter().zip(&self.opening.initial_forces).enumerate()
+        for (index, (port, bounds)) in self
+            .ports
+            .iter()
+            .zip(&self.opening.initial_forces)
+            .enumerate()
         {
             // A law of this process begins in its virgin state; of one that has not answered nothing is known.
             if port.is_formula() || !port.partner.measured {

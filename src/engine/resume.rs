@@ -2,10 +2,10 @@
 //!
 //! Nothing of the state is saved while a test runs: what was measured is on record, and the loop makes the same bits of it
 //! again. So the interrupted test is retraced through the same loop ([`Engine::retrace`]), and what the loop then holds
-//! ([`Engine::stand_by`]) is what it held. In the test that goes on the specimens are read where they stand. Position and force
+//! ([`Engine::stand_by`]) is what it held. The resumed test reads every sensor before it moves a specimen. Position and force
 //! must be those of the record: a specimen that differs by more than its tolerance has changed, and the test is refused unless
-//! the user has accepted that. A relative displacement sensor takes its drift since then for its zero, a load cell only if that
-//! is asked for; and the pace is that after a hold.
+//! the user has accepted that. A relative displacement sensor takes its drift for its zero, a load cell only if
+//! `resume_takes_force_drift` is set. The pace is that after a hold.
 
 use super::operator::{Control, Notice};
 use super::phase::{Cause, Phase};
@@ -25,7 +25,7 @@ pub struct Place {
     pub force: f64,
     /// How far from it it may stand; infinite for a formula, which stands where it is told.
     pub within: f64,
-    /// What the displacement sensor read when the load cell read `force`.
+    /// Reading of the displacement sensor in the row of `force`.
     pub disp_of_force: f64,
     /// How far the load cell may differ from `force` where the displacement sensor reads `disp_of_force`; infinite for a formula,
     /// and in recordings of earlier versions.
@@ -163,11 +163,7 @@ impl Engine {
     }
 
     /// Specimens that say where they stand must stand where they were left; nothing has moved yet.
-    fn stand_where_left(
-        &mut self,
-        left: &[Vec<Place>],
-        accepts_changed: bool,
-    ) -> Result<(), Stop> {
+    fn stand_where_left(&mut self, left: &[Vec<Place>], accepts_changed: bool) -> Result<(), Stop> {
         for (index, (port, places)) in self.ports.iter().zip(left).enumerate() {
             let stands = port.standing().unwrap_or(&port.sent);
             let axes = stands.iter().zip(&port.sent).zip(places);
@@ -253,11 +249,13 @@ impl Engine {
         let takes_drift = self.opening.takes_force_drift;
         let (mut changed, mut differ) = (None, Vec::new());
         for (index, (port, places)) in self.ports.iter().zip(left).enumerate() {
-            let ways: Vec<f64> = places.iter().enumerate().map(|(axis, place)| {
-                port.reading(axis).disp - place.disp_of_force
-            }).collect();
+            let ways: Vec<f64> = places
+                .iter()
+                .enumerate()
+                .map(|(axis, place)| port.reading(axis).disp - place.disp_of_force)
+                .collect();
             for (axis, place) in places.iter().enumerate() {
-                // A formula has no load cell: it goes on from its own state.
+                // A formula has no load cell: it continues from its own state.
                 if place.within.is_infinite() {
                     continue;
                 }
@@ -294,14 +292,14 @@ impl Engine {
         changed
     }
 
-    /// A relative displacement sensor takes what it reads elsewhere for drift of its zero, a relative load cell only if the test
-    /// file says so: what it reads less where a motion came to an end was a force of the specimen. An axis that was moved, as the
-    /// user has accepted, has not drifted.
+    /// A relative displacement sensor takes a difference within its tolerance for drift of its zero. A relative load cell does so
+    /// only with `resume_takes_force_drift`: at the end of a motion a specimen may lose a real force. An axis that was moved, as
+    /// the user has accepted, has not drifted.
     fn take_drift(&mut self, left: &[Vec<Place>]) {
         let takes_force = self.opening.takes_force_drift;
         for (port, places) in self.ports.iter_mut().zip(left) {
             for (axis, place) in places.iter().enumerate() {
-                // A formula has no sensors that drift: it stays where the test was, whatever way out is on record.
+                // A formula has no sensors that drift: it stays where the test was.
                 if place.within.is_infinite() {
                     continue;
                 }

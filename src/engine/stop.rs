@@ -141,9 +141,9 @@ pub enum Stop {
         port: usize,
         /// Axis, from 0.
         axis: usize,
-        /// What it reads.
+        /// The reading.
         found: f64,
-        /// What it read last in the interrupted test.
+        /// The last reading of the interrupted test.
         left: f64,
         /// How far it may differ.
         within: f64,

@@ -21,7 +21,7 @@ use super::warned::Warned;
 use super::{Event, EventKind};
 use lines::head;
 
-/// What is said of an axis that bears a force before the test moves it.
+/// Words for an axis that bears a force before the test moves it.
 pub(super) const BEARS_A_FORCE: &str =
     "it bears a force at the beginning that its displacement does not explain";
 

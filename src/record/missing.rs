@@ -93,15 +93,14 @@ impl MissingEnd {
     }
 }
 
-/// What the events tell of the end of a test, read one after the other.
+/// The end of a test according to its events, which are read one after the other.
 #[derive(Debug, Default)]
 struct Told {
-    /// Test time of the first phase, s: a test that goes on with another is there from its first event on, which rows of its way
-    /// in do not say.
+    /// Test time of the first phase, s. A resumed test begins there, which the rows of its startup do not show.
     begins_s: Option<f64>,
     /// Test time and tick of the latest event.
     latest: Option<(f64, f64)>,
-    /// Of the notes on rows that could not be written the one with most rows: test time, and rows that the writer had taken.
+    /// The note on unwritten rows with the most rows: its test time, and the rows that the writer had taken.
     unwritten: Option<(f64, u64)>,
 }
 

@@ -338,11 +338,11 @@ pub enum EventKind {
         port: u32,
         /// Axis, from 0.
         axis: u32,
-        /// What the allowed force is a share of: `yield_force_n`, `measured_force_n`, or `noise` where neither is known.
+        /// Reference of the allowed force: `yield_force_n`, `measured_force_n`, or `noise` if neither is known.
         of: &'static str,
         /// The force that its displacement does not explain, N at the specimen.
         force: f64,
-        /// What is not warned about.
+        /// The allowed force, N at the specimen.
         most: f64,
     },
     /// What was read of one axis of specimen `port` while zeroing.

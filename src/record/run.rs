@@ -251,7 +251,7 @@ impl EventLines {
         self.lines.is_some()
     }
 
-    /// The next line without its end; false where there is none any more. What is longer than any event is cut off.
+    /// Reads the next line without its end; false after the last line. A line that is longer than any event is cut off.
     fn next_line(&mut self) -> io::Result<bool> {
         let Some(lines) = &mut self.lines else {
             return Ok(false);

@@ -1,4 +1,4 @@
-//! Limits that were warned of while a test ran: how often, and what was found when they were first passed. Axes that bore a force
+//! Limits that were warned of while a test ran: how often, and what was found when they were first passed. Axes with a force
 //! before the test moved them.
 
 use super::EventKind;
@@ -8,23 +8,23 @@ use super::events::BEARS_A_FORCE;
 #[derive(Debug, Default)]
 pub(super) struct Warned {
     passed: Vec<Passed>,
-    bore: Vec<Bore>,
+    initial: Vec<InitialForce>,
 }
 
-/// One axis that bore a force before the test moved it.
+/// An axis with a force before the test moved it.
 #[derive(Debug)]
-struct Bore {
+struct InitialForce {
     /// Specimen and axis, from 0.
     port: u32,
     axis: u32,
-    /// What the allowed force is a share of.
+    /// Reference of the allowed force.
     of: &'static str,
     /// The force and what is allowed, N at the specimen.
     force: f64,
     most: f64,
 }
 
-impl Bore {
+impl InitialForce {
     /// In a sentence; `specimens` are their names.
     fn sentence(&self, specimens: &[String]) -> String {
         let Self {
@@ -86,7 +86,7 @@ impl Warned {
                 force,
                 most,
             } => {
-                self.bore.push(Bore {
+                self.initial.push(InitialForce {
                     port,
                     axis,
                     of,
@@ -97,7 +97,10 @@ impl Warned {
             }
             _ => return,
         };
-        let known = self.passed.iter_mut().find(|p| p.of == of && p.limit == limit);
+        let known = self
+            .passed
+            .iter_mut()
+            .find(|p| p.of == of && p.limit == limit);
         if let Some(passed) = known {
             passed.times += 1;
         } else {
@@ -134,8 +137,8 @@ impl Warned {
                 "{whose} passed the warning level of {limit} {times}, first with {value:.6}, allowed {bound:.6}"
             )
         };
-        let bore = self.bore.iter().map(|bore| bore.sentence(specimens));
-        bore.chain(self.passed.iter().map(sentence)).collect()
+        let initial = self.initial.iter().map(|force| force.sentence(specimens));
+        initial.chain(self.passed.iter().map(sentence)).collect()
     }
 }
 

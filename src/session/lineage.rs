@@ -23,13 +23,13 @@ pub(super) const ORIGIN: &str = "resumed.json";
 pub(super) struct Kept {
     /// The last command.
     pub command: f64,
-    /// What the displacement sensor reads there.
+    /// The reading of the displacement sensor there.
     pub disp: f64,
     /// The last force.
     pub force: f64,
     /// How far from `disp` the axis may stand.
     pub within: f64,
-    /// What the displacement sensor read with `force`.
+    /// The reading of the displacement sensor in the row of `force`.
     pub disp_of_force: f64,
     /// How far from `force` the load cell may read, at `disp_of_force`.
     pub force_within: f64,
@@ -55,8 +55,8 @@ pub(super) struct Origin {
     /// Where the axes of each specimen were left, each in its own unit: the last command, what the sensor reads there, the
     /// force, and how far off it may stand. In words, since JSON's numbers need not come back to the last bit.
     pub left: Vec<Vec<[String; 4]>>,
-    /// The same of the force: what the displacement sensor read with it, and how far it may differ. Recordings of earlier versions
-    /// do not have it: their forces refused nothing.
+    /// Per axis: the displacement reading in the row of the last force, and how far the force may differ. Recordings of earlier
+    /// versions do not have it: their forces refused nothing.
     #[serde(default)]
     pub left_forces: Vec<Vec<[String; 2]>>,
     /// Largest magnitudes of the test so far, those after the rows that count, too. Older ones do not say.
@@ -136,11 +136,13 @@ impl Origin {
             let values = [axis.command, axis.disp, axis.force, axis.within];
             values.map(|value| format!("{value:?}"))
         };
-        let forces = |axis: &Kept| {
-            [axis.disp_of_force, axis.force_within].map(|value| format!("{value:?}"))
-        };
+        let forces =
+            |axis: &Kept| [axis.disp_of_force, axis.force_within].map(|value| format!("{value:?}"));
         let each = left.iter();
-        self.left = each.clone().map(|axes| axes.iter().map(words).collect()).collect();
+        self.left = each
+            .clone()
+            .map(|axes| axes.iter().map(words).collect())
+            .collect();
         self.left_forces = each.map(|axes| axes.iter().map(forces).collect()).collect();
     }
 

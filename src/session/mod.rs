@@ -11,6 +11,7 @@
 //! No shared mutable state with the loop, no mutex it could meet. On the real clock every thread but the loop's leaves stamps
 //! of what it does ([`crate::record::threads`]).
 
+mod agreement;
 mod archive;
 mod bare;
 mod borne;
@@ -42,6 +43,7 @@ use std::time::Duration;
 
 use thiserror::Error;
 
+pub use agreement::SummaryDifference;
 pub use bare::{bare_loop, loop_round};
 pub use compare::{Compared, compare, compared_name};
 pub use continued::{Now, Unsaid, WentOn};

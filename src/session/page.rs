@@ -7,8 +7,10 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 use super::Finished;
+use super::agreement::{is_of_an_earlier_version, with_record};
 use super::energetics::{Without, known};
 use super::lineage::{Generation, Lineage, Origin};
+use super::replay::ReplayError;
 use super::retrace::way_from;
 use crate::metrics::energy::Model;
 use crate::record::summary::Status;
@@ -46,6 +48,10 @@ pub struct Page {
     pub identified: Vec<IdentifiedAxis>,
     /// What of the record is not there any more, in words.
     pub damaged: Vec<String>,
+    /// What the summary says that the rows and events do not show, in words.
+    pub contradicted: Vec<String>,
+    /// The summary is of an earlier version.
+    pub is_of_an_earlier_version: bool,
 }
 
 /// Writes report.html into a run folder, finished or not.
@@ -87,6 +93,8 @@ fn page(path: PathBuf, run: &RunData) -> Page {
         path,
         identified: identified(run),
         damaged: run.damaged.clone(),
+        contradicted: run.contradicted.clone(),
+        is_of_an_earlier_version: is_of_an_earlier_version(run.events.iter()),
     }
 }
 
@@ -237,7 +245,9 @@ pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
         .then(|| "the run has no summary.json: it is still running or was killed".to_owned());
     let told = run.events()?;
     let rows = on_disk.end.get();
-    let damaged = rows.map_or_else(Vec::new, |rows| damages(&run, &told, rows));
+    let mut damaged = rows.map_or_else(Vec::new, |rows| damages(&run, &told, rows));
+    damaged.extend(circle(folder));
+    let contradicted = with_record(&run, &resolved)?;
     Ok(RunData {
         title: title.or_else(name).unwrap_or_else(|| "run".to_owned()),
         columns: run.layout().columns().to_vec(),
@@ -253,8 +263,18 @@ pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
         unreadable_events: told.unreadable,
         unfinished,
         damaged,
+        contradicted: contradicted.iter().map(ToString::to_string).collect(),
         missing_rows: rows.map_or(0, |rows| rows.lost),
         resolved,
+    })
+}
+
+/// What says that a run continues itself, if it does.
+fn circle(folder: &Path) -> Option<String> {
+    let mut generations = Lineage::of(folder).filter_map(Result::ok);
+    generations.find_map(|generation| match generation.parent {
+        Err(error @ ReplayError::Circle { .. }) => Some(error.to_string()),
+        _ => None,
     })
 }
 

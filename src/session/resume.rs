@@ -32,6 +32,9 @@ use trips::Told;
 
 /// Name of the override in `accepted` of the summary.
 const CHANGED: &str = "changed";
+const ON_ITS_WAY_IN: &str = "it had ended on its way in, and made no step of its own: the state is that of the test before it, the \
+    specimens stand where it left them";
+const UNTRIED: &str = "which way round the specimens are wired is not tried again: who has changed it since begins a new test";
 /// Name of a trip whose event is missing.
 const UNKNOWN: &str = "unknown";
 
@@ -136,36 +139,32 @@ fn resume_by(
     next.files.resolved = String::from_utf8_lossy(&read(&folder.join("resolved.toml"))?).into();
     next.facts.resumed = Some((folder.to_owned(), step));
     next.files.origin = serde_json::to_string_pretty(&origin).ok();
-    let text = format!(
+    let resumed = format!(
         "resumed from {} after step {step} ({} s): {} rows retraced",
         folder.display(),
         origin.time,
         traced.rows
     );
-    let on_its_way_in = on_its_way_in.then(|| {
-        "it had ended on its way in, and made no step of its own: the state is that of the test before it, the specimens stand \
-         where it left them"
-            .to_owned()
-    });
-    // What a test tries before it begins is not tried again.
+    // The wiring check is not repeated.
     let tried = !std::mem::take(&mut next.facts.announced).is_empty();
-    let untried = tried.then(|| {
-        "which way round the specimens are wired is not tried again: who has changed it since begins a new test".to_owned()
-    });
     let again = went_on.map(|before| {
         format!("{before}: the specimens are led once more through the steps after step {step}, because of `--back-to-step`")
     });
     let accepted = allowed.changed.map(|reason| {
-        let facts = &mut next.facts;
-        facts.accepted.insert(CHANGED.to_owned(), reason.to_owned());
-        format!(
-            "`--accept-changed` was given: a specimen that has changed since the interruption does not stop the test; reason: {reason}"
-        )
+        let reason = reason.to_owned();
+        next.facts.accepted.insert(CHANGED.to_owned(), reason.clone());
+        format!("`--accept-changed`: a specimen that has changed since the interruption does not stop the test; reason: {reason}")
     });
-    for text in [Some(text), Some(ended), again, on_its_way_in, untried, note, accepted]
-        .into_iter()
-        .flatten()
-    {
+    let texts = [
+        Some(resumed),
+        Some(ended),
+        again,
+        on_its_way_in.then(|| ON_ITS_WAY_IN.to_owned()),
+        tried.then(|| UNTRIED.to_owned()),
+        note,
+        accepted,
+    ];
+    for text in texts.into_iter().flatten() {
         next.facts.announced.push(text.clone());
         next.facts.warnings.push(text);
     }

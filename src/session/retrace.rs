@@ -163,7 +163,10 @@ fn go_on_from(experiment: &mut Experiment, origin: &Origin, state: State) {
 
 /// The state that the ancestors of a test came to, the first of them first; none for a test without any. An ancestor that ended
 /// before its first step has changed nothing: the state is that of those before it.
-fn state_of(mut ancestors: Vec<Ancestor>, replaced: Replaced) -> Result<Option<State>, ReplayError> {
+fn state_of(
+    mut ancestors: Vec<Ancestor>,
+    replaced: Replaced,
+) -> Result<Option<State>, ReplayError> {
     let mut state = None;
     let mut next = 0;
     while let Some(Ancestor { run, rows, origin }) = ancestors.get(next) {

@@ -20,8 +20,7 @@ use crate::rt::wall::Wall;
 use crate::substructure::{AGREED, Holder, LinkFault};
 
 /// How the user resumes a test although a specimen has changed.
-pub(super) const ACCEPT: &str =
-    "`--accept-changed \"reason\"` resumes the test all the same";
+pub(super) const ACCEPT: &str = "`--accept-changed \"reason\"` resumes the test all the same";
 
 /// When the loop began, and how long it took on the wall.
 #[derive(Debug, Clone, Copy)]
@@ -116,12 +115,7 @@ pub(super) fn summarise(
     let last_words = outcome.map(last_words).into_iter().flatten();
     warnings.extend(last_words.map(|(_, text)| text));
     let summary = Summary {
-        status: match finish {
-            Finish::Completed => Status::Completed,
-            Finish::Stopped | Finish::Refused => Status::Stopped,
-            Finish::Interrupted => Status::Interrupted,
-            Finish::LinkFailed | Finish::Panicked => Status::Failed,
-        },
+        status: status_of(finish),
         reason,
         steps: outcome.map_or(0, |outcome| outcome.steps),
         dt: facts.dt,
@@ -155,6 +149,16 @@ pub(super) fn summarise(
         accepted: facts.accepted.clone(),
     };
     (finish, summary)
+}
+
+/// As the summary spells it.
+pub(super) const fn status_of(finish: Finish) -> Status {
+    match finish {
+        Finish::Completed => Status::Completed,
+        Finish::Stopped | Finish::Refused => Status::Stopped,
+        Finish::Interrupted => Status::Interrupted,
+        Finish::LinkFailed | Finish::Panicked => Status::Failed,
+    }
 }
 
 /// Specimens whose simulated actuators did not come to terms with what they move, in sentences.
@@ -344,10 +348,14 @@ pub(super) fn words(ending: &Ending, outcome: &Outcome) -> String {
             );
         }
         Stop::Moved { .. } => {
-            reason = format!("{reason}: the specimen has changed since the interruption. Nothing was moved. `[safety] resume_within_m` is the tolerance; {ACCEPT}");
+            reason = format!(
+                "{reason}: the specimen has changed since the interruption. Nothing was moved. `[safety] resume_within_m` is the tolerance; {ACCEPT}"
+            );
         }
         Stop::ForceChanged { .. } => {
-            reason = format!("{reason}: the specimen has changed since the interruption. Nothing was moved. `[safety] resume_within_n` is the tolerance; {ACCEPT}");
+            reason = format!(
+                "{reason}: the specimen has changed since the interruption. Nothing was moved. `[safety] resume_within_n` is the tolerance; {ACCEPT}"
+            );
         }
         Stop::HoldsOn { .. } => {
             reason.push_str(
@@ -359,7 +367,7 @@ pub(super) fn words(ending: &Ending, outcome: &Outcome) -> String {
     reason
 }
 
-fn finite(values: &[f64]) -> Vec<Option<f64>> {
+pub(super) fn finite(values: &[f64]) -> Vec<Option<f64>> {
     values
         .iter()
         .map(|value| value.is_finite().then_some(*value))

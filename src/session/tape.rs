@@ -90,6 +90,10 @@ pub(super) struct Tape {
     pub difference: Option<Difference>,
     /// What ends the rows before the end of the recording.
     pub short: Option<String>,
+    /// The rows ended while the loop would have gone on: they do not say how the test ended.
+    pub ran_out: bool,
+    /// Where the rows end the loop goes on into the next tick: what trips before a command leaves has no row.
+    pub goes_on: bool,
 }
 
 impl Tape {
@@ -125,6 +129,8 @@ impl Tape {
             operator,
             difference: None,
             short: None,
+            ran_out: false,
+            goes_on: false,
         };
         tape.fill();
         tape.say();
@@ -218,10 +224,21 @@ impl Tape {
         (word.holds && (!held || word.goes_on)).then_some(Operator::Hold)
     }
 
+    /// True if the loop ends by itself after the row before: it was that of the last step, of the way out, or of a trip.
+    fn ends_by_itself(&self) -> bool {
+        self.before.is_some_and(|(state, step)| {
+            let is_last = state == Phase::Running.code() && step >= self.steps as f64;
+            is_last || is_after_the_test(state)
+        })
+    }
+
     /// Says what the operator said before the row that comes. Nothing left to compare with: the loop may end.
     fn say(&mut self) {
-        let request = if self.is_over() || self.difference.is_some() {
+        let request = if self.difference.is_some() {
             Some(Operator::Stop)
+        } else if self.is_over() {
+            self.ran_out = !self.ends_by_itself() && !self.goes_on;
+            self.ran_out.then_some(Operator::Stop)
         } else {
             self.request()
         };

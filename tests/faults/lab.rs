@@ -187,6 +187,8 @@ pub fn play(
             difference: None,
             short: None,
             files_proven: true,
+            summary: Vec::new(),
+            is_of_an_earlier_version: false,
         }
     } else {
         let mut again = build(loaded).map_err(|error| error.to_string())?.experiment;

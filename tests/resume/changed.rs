@@ -18,7 +18,10 @@ fn killed_test(home: &Path, remembers: bool) -> (link_common::Served, PathBuf) {
     let test = write(home, "test.toml", &test);
     let (whole, first) = (home.join("whole"), home.join("first"));
     completed(&test, &whole, &[]);
-    let (disps, forces) = (column(&whole, "raw_disp_1_1"), column(&whole, "raw_force_1_1"));
+    let (disps, forces) = (
+        column(&whole, "raw_disp_1_1"),
+        column(&whole, "raw_force_1_1"),
+    );
     // More than an elastic column would bear on the way from zero.
     let beyond = |row: &usize| forces[*row].abs() - 4e5 * disps[*row].abs();
     let rows = (50..disps.len()).max_by(|one, other| beyond(one).total_cmp(&beyond(other)));
@@ -43,7 +46,10 @@ fn resume_refuses_a_computed_specimen_whose_server_does_not_keep_its_state() {
     assert_eq!(told["status"], "stopped");
     assert_eq!(told["accepted"], serde_json::json!({}));
     assert_eq!(column(&at("refused"), "state").len(), 0, "nothing was sent");
-    assert!(!at("first/continued.json").exists(), "nothing went on with it");
+    assert!(
+        !at("first/continued.json").exists(),
+        "nothing went on with it"
+    );
 
     let reason = "the column was replaced by a new one";
     let said = go_on_with(&first, &at("second"), &["--accept-changed", reason]);
@@ -78,11 +84,20 @@ fn resume_refuses_a_changed_force() {
         assert!(reason.contains(word), "{word}: {reason}");
     }
     let commands = column(&at("refused"), "cmd_1_1");
-    assert!(commands.iter().all(|command| *command == commands[0]), "nothing was moved");
+    assert!(
+        commands.iter().all(|command| *command == commands[0]),
+        "nothing was moved"
+    );
     let events = Run::open(&at("refused")).unwrap().events().unwrap().events;
-    let changed = events.iter().find(|event| event["event"] == "force_changed").unwrap();
+    let changed = events
+        .iter()
+        .find(|event| event["event"] == "force_changed")
+        .unwrap();
     let number = |key: &str| changed[key].as_f64().unwrap();
-    assert!((number("left") - number("found")).abs() > number("within"), "{changed}");
+    assert!(
+        (number("left") - number("found")).abs() > number("within"),
+        "{changed}"
+    );
     let found = replay(&at("refused")).unwrap();
     assert!(found.is_exact(), "{found:?}");
     for empty in ["", "  "] {
@@ -90,7 +105,11 @@ fn resume_refuses_a_changed_force() {
         assert_eq!(said.code, Some(2), "{}", said.stderr);
         assert!(!at("empty").exists());
     }
-    let said = go_on_with(&first, &at("second"), &["--accept-changed", "unloaded by hand"]);
+    let said = go_on_with(
+        &first,
+        &at("second"),
+        &["--accept-changed", "unloaded by hand"],
+    );
     assert_eq!(said.code, Some(0), "{}", said.stderr);
     drop(served);
 }
@@ -166,9 +185,15 @@ fn a_force_may_differ_by_2_percent_of_the_recorded_peak_or_by_what_the_test_file
         killed(&at("whole"), &at("first"), 300);
         // What counts is the peak up to the kill.
         let forces = column(&at("first"), "raw_force_1_1");
-        let peak = forces.iter().fold(0.0, |most: f64, force| most.max(force.abs()));
+        let peak = forces
+            .iter()
+            .fold(0.0, |most: f64, force| most.max(force.abs()));
         let next = resume(&at("first"), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
         let ended = run(next, share * peak, "second");
-        assert_eq!(ended.finish, finish, "{safety} {share}: {}", ended.summary.reason);
+        assert_eq!(
+            ended.finish, finish,
+            "{safety} {share}: {}",
+            ended.summary.reason
+        );
     }
 }

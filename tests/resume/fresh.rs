@@ -7,7 +7,9 @@ use super::*;
 /// The words of the events that tell of such a force.
 fn told(run: &Path) -> Vec<(String, f64, f64)> {
     let events = Run::open(run).unwrap().events().unwrap().events;
-    let told = events.iter().filter(|event| event["event"] == "initial_force");
+    let told = events
+        .iter()
+        .filter(|event| event["event"] == "initial_force");
     told.map(|event| {
         let number = |key: &str| event[key].as_f64().unwrap();
         let of = event["of"].as_str().unwrap().to_owned();
@@ -20,12 +22,19 @@ fn told(run: &Path) -> Vec<(String, f64, f64)> {
 fn a_new_test_warns_of_a_specimen_that_has_yielded_before() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
-    let law = "bilinear = { stiffness_n_per_m = 4e5, yield_force_n = 400.0, post_yield_ratio = 0.1 }";
+    let law =
+        "bilinear = { stiffness_n_per_m = 4e5, yield_force_n = 400.0, post_yield_ratio = 0.1 }";
     let serve = format!("[serve]\nremembers = true\n[[specimen]]\nname = \"column\"\nlaw.{law}\n");
     for (more, of) in [
         ("", "noise"),
-        ("[specimen.limits]\nmeasured_force_n = { trip = [-5e3, 5e3] }\n", "measured_force_n"),
-        (&format!("[specimen.stand_in.law]\n{law}\n"), "yield_force_n"),
+        (
+            "[specimen.limits]\nmeasured_force_n = { trip = [-5e3, 5e3] }\n",
+            "measured_force_n",
+        ),
+        (
+            &format!("[specimen.stand_in.law]\n{law}\n"),
+            "yield_force_n",
+        ),
     ] {
         let served = link_common::Served::start(home.path(), &serve, &[]);
         let text = link_common::linked(300, &served.address, "watchdog_s = 20\n") + more;
@@ -60,8 +69,16 @@ fn a_force_at_the_beginning_is_warned_of_beyond_1_percent_of_the_limit() {
         ("", -101.0, true),
         ("[structure]\nstatic_load_n = [2e3]\n", 99.0, false),
         ("[structure]\nstatic_load_n = [2e3]\n", 101.0, true),
-        ("[structure]\ninitial_displacement_m = [1e-4]\n", 90.0, false),
-        ("[structure]\ninitial_displacement_m = [1e-4]\n", 150.0, true),
+        (
+            "[structure]\ninitial_displacement_m = [1e-4]\n",
+            90.0,
+            false,
+        ),
+        (
+            "[structure]\ninitial_displacement_m = [1e-4]\n",
+            150.0,
+            true,
+        ),
     ] {
         let home = tempfile::tempdir().unwrap();
         let out = home.path().join("run");
@@ -79,6 +96,11 @@ fn a_force_at_the_beginning_is_warned_of_beyond_1_percent_of_the_limit() {
         let folder = RunFolder::create(&out).unwrap();
         let (_says, requests) = crossbeam_channel::bounded(1);
         session::run(test, folder, requests, Watches::default(), &mut |_| {}).unwrap();
-        assert_eq!(!told(&out).is_empty(), is_told, "{structure} {extra}: {:?}", told(&out));
+        assert_eq!(
+            !told(&out).is_empty(),
+            is_told,
+            "{structure} {extra}: {:?}",
+            told(&out)
+        );
     }
 }

@@ -9,6 +9,8 @@ mod link_common;
 mod borne;
 mod changed;
 mod fresh;
+mod lineage;
+mod memory;
 mod refusals;
 mod rigs;
 mod same_bits;

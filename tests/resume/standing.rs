@@ -157,8 +157,7 @@ fn concluded(mut test: gusset::config::Prepared, out: &Path) -> session::Finishe
 /// The frame whose bottom storey is the damper.
 fn damped(home: &Path, safety: &str, specimen: &str) -> gusset::config::Prepared {
     // What bears a force in motion only bears another one at rest.
-    let safety =
-        format!("[safety]\nunlimited = \"a damper\"\nresume_within_n = 1e6\n{safety}");
+    let safety = format!("[safety]\nunlimited = \"a damper\"\nresume_within_n = 1e6\n{safety}");
     let law = frame(200, 1, 2.0, 0.0).replace("[safety]\n", &safety);
     let linked = law.split("[specimen.law").next().unwrap().to_owned()
         + "stiffness_n_per_m = 5e5\nlink = { address = \"127.0.0.1:9\", coupling = \"lockstep\" }\n"

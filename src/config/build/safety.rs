@@ -7,7 +7,9 @@ use crate::config::{
 };
 use crate::control::limits::{Bound, BoundSpec, LimitsSpec};
 use crate::control::{Axis, Exit, Exits, Reference, Zero};
-use crate::engine::{InitialForce, Intake, MissLevels, Numerical, Opening, TestLimits, TestQuantity};
+use crate::engine::{
+    InitialForce, Intake, MissLevels, Numerical, Opening, TestLimits, TestQuantity,
+};
 
 /// Wall time in s over which sensors are averaged, unless the file says otherwise.
 const ZERO_S: f64 = 0.2;
@@ -42,7 +44,10 @@ fn initial_forces(table: &SpecimenTable) -> Vec<InitialForce> {
     let axes = table.axes_by_itself();
     let limits = table.limits_of(axes);
     let of_axis = |(axis, limits): (usize, &LimitsSpec)| {
-        let yields = table.stand_in.as_ref().and_then(|law| law.yield_force(axis));
+        let yields = table
+            .stand_in
+            .as_ref()
+            .and_then(|law| law.yield_force(axis));
         let trip = limits.measured_force_n.and_then(|range| range.trip);
         let limit = trip.map(|levels| levels[0].abs().min(levels[1].abs()));
         let (of, force) = match (yields, limit.filter(|limit| limit.is_finite())) {

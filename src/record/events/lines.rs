@@ -6,8 +6,8 @@ use super::super::append::Store;
 use super::super::miss::{Evidence, classify};
 use super::super::utc::rfc3339;
 use super::super::{Event, EventKind};
-use super::{BEARS_A_FORCE, EventLog};
 use super::names::{fault_name, kind_name};
+use super::{BEARS_A_FORCE, EventLog};
 use crate::substructure::{AGREED, LinkFault};
 
 /// Log lines of one kind before they move to the debug level; the file has them all.

@@ -323,7 +323,10 @@ mod tests {
             for command in command {
                 axis.take(&[command, command, 0.0, Phase::Running.code(), 0.0]);
             }
-            assert!(axis.latest.len() <= 501, "bounded, however long the test is");
+            assert!(
+                axis.latest.len() <= 501,
+                "bounded, however long the test is"
+            );
             let way = axis.way_lost(&port, 0, (rate_hz, ticks));
             assert!((way - wanted).abs() < 1e-12, "{per_step}: {way}");
         }

@@ -56,7 +56,8 @@ impl Told {
             _ => None,
         };
         let trip = trip.map(str::to_owned);
-        self.trips.extend(trip.filter(|trip| !self.trips.contains(trip)));
+        self.trips
+            .extend(trip.filter(|trip| !self.trips.contains(trip)));
     }
 
     /// Whether the event of a trip may be one of those that cannot be read: a test that `ended` so and not by itself, nor by its
@@ -142,7 +143,11 @@ impl<'a> Links<'a> {
         let mut ended = false;
         let each = self.each.iter_mut().zip(self.bounds);
         for (((stale, lost), bound), status) in each.zip(statuses) {
-            *stale = if status.has(Status::STALE) { *stale + 1 } else { 0 };
+            *stale = if status.has(Status::STALE) {
+                *stale + 1
+            } else {
+                0
+            };
             let was_lost = std::mem::replace(lost, status.has(Status::LOST));
             ended |= *lost && !was_lost;
             ended |= bound.is_some_and(|bound| *stale > bound);
