@@ -53,7 +53,7 @@ pub struct SafetyTable {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub resume_within_m: Option<f64>,
     /// `gusset run --resume`: how far in N, at the specimen, the force of each axis may differ from the last one of the interrupted
-    /// test. Absent: 2 % of the recorded peak force, and five times the noise of the load cell: as declared, else as it was read
+    /// test. Absent: 2 % of the recorded peak force, and five times the noise of the load cell: as declared, else as measured
     /// before the test. Where the displacement differs too, the force may differ by the initial stiffness times that. What differs by
     /// more is refused, unless `--accept-changed` gives a reason.
     #[serde(skip_serializing_if = "Option::is_none")]

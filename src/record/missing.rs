@@ -80,7 +80,7 @@ impl MissingEnd {
         told.missing(last)
     }
 
-    /// Of a recorded run, by the last whole row of its file; none if nothing is missing, or if that cannot be known.
+    /// The missing end of a run, by the last whole row of its file; none if nothing is missing, or if that cannot be known.
     #[must_use]
     pub fn of_run(run: &Run) -> Option<Self> {
         let place = run.layout().index_of("time")?;

@@ -83,7 +83,7 @@ pub(super) fn is_of_an_earlier_version<'a>(mut events: impl Iterator<Item = &'a 
     events.find_map(is_of_this_version) != Some(true)
 }
 
-/// The same of a run, whose events are read up to the first that says it.
+/// True if an earlier version wrote the run. Its events are read up to the one that names the version.
 ///
 /// # Errors
 /// The events cannot be read.

@@ -40,7 +40,7 @@ pub(super) struct Kept {
 pub(super) struct Origin {
     /// Folder of the interrupted test, from the folder of this one, or absolute.
     pub parent: PathBuf,
-    /// The same, absolute, when the test was resumed.
+    /// Absolute path of that folder when the test was resumed.
     pub parent_absolute: PathBuf,
     /// Rows of it that count.
     pub rows: u64,
@@ -56,7 +56,7 @@ pub(super) struct Origin {
     /// force, and how far off it may stand. In words, since JSON's numbers need not come back to the last bit.
     pub left: Vec<Vec<[String; 4]>>,
     /// Per axis: the displacement reading in the row of the last force, and how far the force may differ. Recordings of earlier
-    /// versions do not have it: their forces refused nothing.
+    /// versions lack it: their forces refused nothing.
     #[serde(default)]
     pub left_forces: Vec<Vec<[String; 2]>>,
     /// Largest magnitudes of the test so far, those after the rows that count, too. Older ones do not say.
@@ -81,7 +81,7 @@ impl Origin {
         }
     }
 
-    /// Its text for the folder of the test that goes on: from there the parent is found as long as both are moved together.
+    /// Its text for the folder of the resumed test: the parent is found from there as long as both are moved together.
     pub fn text_for(text: &str, folder: &Path) -> Option<String> {
         let mut origin: Self = serde_json::from_str(text).ok()?;
         origin.parent = way_from(folder, &origin.parent_absolute)?;
@@ -197,7 +197,7 @@ fn kept(values: &[String; 4], force: Option<&[String; 2]>) -> Kept {
     }
 }
 
-/// What is no number is nowhere.
+/// The number in a text; NaN if it is none.
 fn number(text: &str) -> f64 {
     text.parse().unwrap_or(f64::NAN)
 }
@@ -213,7 +213,7 @@ pub(super) struct Generation {
     pub parent: Result<Run, ReplayError>,
 }
 
-/// The generations of a run: that of its own `resumed.json` first. It ends with the first test, with a parent that is not found,
+/// The generations of a run, beginning with that of its `resumed.json`. It ends with the first test, with a parent that is not found,
 /// or with a folder that was there before.
 #[derive(Debug)]
 pub(super) struct Lineage {

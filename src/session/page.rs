@@ -48,7 +48,7 @@ pub struct Page {
     pub identified: Vec<IdentifiedAxis>,
     /// What of the record is not there any more, in words.
     pub damaged: Vec<String>,
-    /// What the summary says that the rows and events do not show, in words.
+    /// Keys of the summary that the rows and events contradict, in words.
     pub contradicted: Vec<String>,
     /// The summary is of an earlier version.
     pub is_of_an_earlier_version: bool,

@@ -38,13 +38,13 @@ const UNTRIED: &str = "which way round the specimens are wired is not tried agai
 /// Name of a trip whose event is missing.
 const UNKNOWN: &str = "unknown";
 
-/// What the user allows a test that is resumed.
+/// Permissions of the user for a test that is resumed.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Allowed<'a> {
     /// The trips after which it may go on, by their names.
     pub after: &'a [String],
-    /// The step that it may go back to where its record is damaged, or after which another went on already, though specimens are
-    /// then led once more through what they have been through.
+    /// The step to which it may go back if its record is damaged, or after which another test has continued it already. Specimens
+    /// are then led through the following steps once more.
     pub back_to: Option<u64>,
     /// Why it may go on although a specimen changed since the interruption: it stands elsewhere, its force is another one, or it is
     /// computed by a server that does not keep its state.
@@ -70,7 +70,7 @@ pub fn resume(
     resume_allowed(folder, test, allowed)
 }
 
-/// The same, with all that the user allows.
+/// Prepares the test in `folder` to continue, with all permissions of the user.
 ///
 /// # Errors
 /// See [`ResumeError`].
@@ -122,7 +122,7 @@ fn resume_by(
     let mut next = prepared_by(&run, Replaced::Remote, true, build)?;
     let step = resumption.step();
     if step >= next.experiment.steps {
-        // What stopped it was its way out.
+        // It was stopped during its shutdown.
         return Err(ResumeError::Complete(folder.to_owned()));
     }
     let rate_hz = next.facts.rate_hz;
@@ -171,8 +171,8 @@ fn resume_by(
     Ok(next)
 }
 
-/// Refuses a test that runs, may be running, is complete, or was gone on with already, unless `back_to` names a step. Returns who
-/// went on with it.
+/// Refuses a test that runs, may be running, is complete, or was gone on with already, unless `back_to` names a step. Returns the
+/// test that has continued it.
 fn may_be_resumed(run: &Run, back_to: Option<u64>) -> Result<Option<WentOn>, ResumeError> {
     let folder = run.path();
     match ask(folder, Request::Phase) {
@@ -223,7 +223,7 @@ fn has_its_end(run: &Run, origin: Option<&Origin>) -> Result<(), ResumeError> {
     }
 }
 
-/// What the folder of the test that goes on says of the one before it: `before` is the same of that one.
+/// The content of `resumed.json` for the resumed test; `before` is that of the interrupted test.
 fn origin_of(
     run: &Run,
     traced: &Retraced,

@@ -1,6 +1,6 @@
 //! From a run folder back to the experiment, and to the state that its test had after any of its rows.
 //!
-//! A test that went on after an interruption has its parent's rows before its own ([`super::lineage`]). So the state is made of
+//! A resumed test has its parent's rows before its own ([`super::lineage`]). So the state is made of
 //! all its ancestors. Rows and events are read one after the other: no record is held whole.
 
 use std::fs::File;
@@ -111,7 +111,7 @@ pub(super) fn prepared_by(
     prepared_from(run, origin.zip(state), keys, build)
 }
 
-/// The same, with the state that its ancestors came to, if it has any.
+/// Builds the test of a run folder, with the state that its ancestors came to, if it has any.
 fn prepared_from(
     run: &Run,
     before: Option<(Origin, State)>,
@@ -150,7 +150,7 @@ fn prepared_from(
 /// What a test is made of that goes on: the numerical side, the ports, and the rest.
 type State = (Side, Vec<Port>, Resumption);
 
-/// An experiment that goes on as its `resumed.json` says, with the state that its ancestors came to.
+/// Makes an experiment continue as its `resumed.json` says, with the state that its ancestors came to.
 fn go_on_from(experiment: &mut Experiment, origin: &Origin, state: State) {
     let (side, ports, mut resumption) = state;
     resumption.left = origin.places();

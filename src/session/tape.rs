@@ -29,7 +29,7 @@ pub(super) struct Verified {
     pub rows: u64,
 }
 
-/// What was recorded: rows, and the digests of checkpoints.
+/// A recording: rows, and the digests of checkpoints.
 pub(super) struct Recording {
     journal: Journal<Box<dyn Read + Send>>,
     checkpoints: Option<Checkpoints>,
@@ -92,7 +92,7 @@ pub(super) struct Tape {
     pub short: Option<String>,
     /// The rows ended while the loop would have gone on: they do not say how the test ended.
     pub ran_out: bool,
-    /// Where the rows end the loop goes on into the next tick: what trips before a command leaves has no row.
+    /// At the end of the rows the loop continues into the next tick: a trip before a command leaves has no row.
     pub goes_on: bool,
 }
 

@@ -21,7 +21,7 @@ const LATEST_S: f64 = 1.0;
 const SHARE: f64 = 1.5;
 /// Relative size of what is nothing.
 const NOTHING: f64 = 1e-9;
-/// A force may differ by this share of the largest that was recorded, and by so many times the noise of its load cell.
+/// Allowed difference of a force: this share of the largest recorded force, and this multiple of the load cell's noise.
 const FORCE_SHARE: f64 = 0.02;
 const NOISE: f64 = 5.0;
 
@@ -48,14 +48,14 @@ struct Columns {
     status: usize,
 }
 
-/// What is kept of the rows of one axis, however many there are.
+/// The values that are kept of the rows of one axis: as many for a long test as for a short one.
 struct Axis {
     columns: Columns,
-    /// Where it stood when a test went on that ended on its way in.
+    /// Its place according to the test before, if the interrupted test ended during its startup.
     found: Option<Kept>,
     /// Measured less commanded displacement while the test ran: number, sum, smallest and largest.
     errors: (f64, f64, [f64; 2]),
-    /// The same in the last row, unless its measurement is old.
+    /// Measured less commanded displacement in the last row, unless the measurement is old.
     error_at_last: Option<f64>,
     command: Option<f64>,
     /// Displacement and force of the last row that has both.
@@ -126,7 +126,7 @@ impl Axis {
 
     /// Of a test that made steps of its own.
     fn place_of_steps(&self) -> Kept {
-        // What it reads beyond its command, on the average of the test itself: the offset of its sensor.
+        // The mean difference while the test ran is the offset of the sensor.
         let (count, sum, [least, most]) = self.errors;
         let beyond = sum / count.max(1.0);
         // The way out may have led it where a wrong scale reads another offset.
@@ -207,7 +207,7 @@ fn is_all_known(run: &Run, port: &Port, state: Option<f64>) -> bool {
 }
 
 /// How far the force of an axis may differ where its displacement does not, in its own unit: by the noise of the load cell as it
-/// is declared, else as it was read before the test.
+/// is declared, else as measured before the test.
 fn force_within(port: &Port, index: usize, axis: usize, by: &Tolerances<'_>) -> f64 {
     if let Some(newtons) = by.within_n {
         return newtons / port.newtons_of(axis);
@@ -243,7 +243,7 @@ pub(super) fn places(
         let one = |(number, axis): (usize, &Axis)| {
             let mut kept = axis.place();
             if port.is_formula() {
-                // It stands where it is told.
+                // A formula is at its last command.
                 (kept.within, kept.force_within) = (f64::INFINITY, f64::INFINITY);
                 return kept;
             }

@@ -11,11 +11,10 @@ use crate::session::recorded::Replaced;
 use crate::session::retrace::{prepared, unreadable};
 use crate::substructure::Status;
 
-/// What the events of a test say of its trips, read one after the other.
+/// The trips of a test according to its events, which are read one after the other.
 #[derive(Debug, Default)]
 pub(super) struct Told {
-    /// Keys of limits, and the names of other alarms. A link that was lost is none; a number that is none has come over it, or out
-    /// of a law.
+    /// Keys of limits, and the names of other alarms. A lost link is no trip; a NaN or infinity from a link or a law is one.
     pub trips: Vec<String>,
     /// Lines that cannot be read.
     pub unreadable: usize,
@@ -121,8 +120,8 @@ fn stale_bounds(experiment: &Experiment) -> Vec<Option<u64>> {
     ports.map(bound).collect()
 }
 
-/// What the rows so far tell of the links: a specimen that was lost, or whose measurement was stale more often than allowed. That
-/// it is stale for once says nothing of another specimen.
+/// The links in the rows so far: a specimen that was lost, or whose measurement was stale more often than allowed. One stale
+/// measurement does not explain a trip.
 struct Links<'a> {
     /// Stale measurements in a row that each specimen is allowed.
     bounds: &'a [Option<u64>],
@@ -175,7 +174,7 @@ mod tests {
         assert_eq!(told.trips, ["not_finite", "diverged"]);
     }
 
-    /// Whether one of these rows is believed to be that of a trip.
+    /// Whether one of these rows counts as that of a trip.
     fn has_one(states: &[f64], statuses: &[Vec<f64>], bounds: &[Option<u64>]) -> bool {
         let mut links = Links::new(bounds);
         (0..states.len()).any(|row| {
