@@ -655,3 +655,126 @@ fn a_folder_that_is_foreign_or_half_is_refused_in_words() {
     assert_eq!(code, 1, "{said}");
     assert!(said.contains("row 0 of the samples is damaged"), "{said}");
 }
+
+/// A test that a limit of its specimen stopped.
+fn tripped(home: &Path) -> PathBuf {
+    let limits = "[specimen.limits]\ncommand_disp_m = { trip = [-4e-3, 4e-3] }\n";
+    record_of(&test_in(home, limits), &[])
+}
+
+/// What `replay --json` and `report` say of a run with another summary: their exit codes, the keys that differ, and the page.
+fn judged(
+    run: &Path,
+    edit: impl FnOnce(&mut serde_json::Value),
+) -> ([Option<i32>; 2], Vec<String>, String) {
+    let original = std::fs::read(run.join("summary.json")).unwrap();
+    let mut summary = serde_json::from_slice(&original).unwrap();
+    edit(&mut summary);
+    std::fs::write(run.join("summary.json"), summary.to_string()).unwrap();
+    let replayed = gusset(&["replay", "--json", run.to_str().unwrap()]);
+    let reported = gusset(&["report", run.to_str().unwrap()]);
+    std::fs::write(run.join("summary.json"), original).unwrap();
+    let told: serde_json::Value = serde_json::from_slice(&replayed.stdout).unwrap();
+    let keys = told["summary"].as_array().unwrap().iter();
+    let keys = keys.map(|one| one["key"].as_str().unwrap().to_owned());
+    let page = std::fs::read_to_string(run.join("report.html")).unwrap();
+    let headline = page.split("<p class=\"headline\">").nth(1).unwrap();
+    let headline = headline.split("</p>").next().unwrap().to_owned();
+    (
+        [replayed.status.code(), reported.status.code()],
+        keys.collect(),
+        headline,
+    )
+}
+
+fn says_completed(summary: &mut serde_json::Value) {
+    summary["status"] = "completed".into();
+    summary["reason"] = "end of the test".into();
+}
+
+#[test]
+fn an_edited_summary_does_not_turn_a_tripped_test_into_a_completed_one() {
+    let home = tempfile::tempdir().unwrap();
+    let run = tripped(home.path());
+    let (codes, keys, headline) = judged(&run, |_| {});
+    assert_eq!((codes, keys), ([Some(0); 2], vec![]), "{headline}");
+    assert!(headline.starts_with("Stopped"), "{headline}");
+
+    let (codes, keys, headline) = judged(&run, says_completed);
+    assert_eq!(codes, [Some(1); 2]);
+    assert_eq!(keys, ["status", "reason"]);
+    assert!(
+        headline.starts_with("Contradicted") && headline.contains("`status`"),
+        "{headline}"
+    );
+
+    // What an earlier version wrote differs for other reasons: it is told, and the headline is no better.
+    let events = std::fs::read_to_string(run.join("events.jsonl")).unwrap();
+    let version = format!("\"version\":\"{}\"", env!("CARGO_PKG_VERSION"));
+    assert!(events.contains(&version), "{events}");
+    let older = events.replace(&version, "\"version\":\"0.0.9\"");
+    std::fs::write(run.join("events.jsonl"), older).unwrap();
+    let (codes, keys, headline) = judged(&run, says_completed);
+    assert_eq!(codes, [Some(0); 2]);
+    assert_eq!(keys, ["status", "reason"]);
+    assert!(headline.starts_with("Contradicted"), "{headline}");
+}
+
+#[test]
+fn a_summary_with_other_steps_peaks_or_another_trip_is_found() {
+    let home = tempfile::tempdir().unwrap();
+    let run = tripped(home.path());
+    let (codes, keys, headline) = judged(&run, |summary| {
+        summary["steps"] = (summary["steps"].as_u64().unwrap() + 1).into();
+    });
+    assert_eq!(
+        (codes[1], headline.contains("`steps`")),
+        (Some(1), true),
+        "{headline}"
+    );
+    // The rows end before such a summary does: then nothing is proven.
+    assert_eq!((codes[0], keys.len()), (Some(1), 0));
+    let (codes, keys, headline) = judged(&run, |summary| {
+        let peak = summary["peak"]["displacement"][1].as_f64().unwrap();
+        summary["peak"]["displacement"][1] = (0.5 * peak).into();
+    });
+    assert_eq!(
+        (codes, keys),
+        ([Some(1); 2], vec!["peak.displacement[1]".to_owned()])
+    );
+    assert!(headline.contains("peak.displacement[1]"), "{headline}");
+    let (codes, keys, _) = judged(&run, |summary| {
+        summary["peak"]["force"]["s"][0] = 1e6.into();
+    });
+    assert_eq!(
+        (codes[0], keys),
+        (Some(1), vec!["peak.force.s[0]".to_owned()])
+    );
+    let (codes, keys, _) = judged(&run, |summary| {
+        let reason = summary["reason"].as_str().unwrap();
+        summary["reason"] = reason
+            .replace("commanded displacement", "measured displacement")
+            .into();
+    });
+    assert_eq!((codes[0], keys), (Some(1), vec!["reason".to_owned()]));
+}
+
+/// Its rows end where it was stopped, as those of a test that was killed there: the events say who stopped it.
+#[test]
+fn an_interrupted_test_is_told_from_one_that_a_panic_ended() {
+    let mut words = vec![Operator::Continue; 900];
+    words.push(Operator::Stop);
+    let home = tempfile::tempdir().unwrap();
+    let run = record(home.path(), &words);
+    let (codes, keys, headline) = judged(&run, |_| {});
+    assert_eq!((codes, keys), ([Some(0); 2], vec![]), "{headline}");
+    for status in ["completed", "failed", "stopped"] {
+        let (codes, keys, headline) = judged(&run, |summary| summary["status"] = status.into());
+        assert_eq!(
+            (codes, keys),
+            ([Some(1); 2], vec!["status".to_owned()]),
+            "{status}"
+        );
+        assert!(headline.contains("`status`"), "{headline}");
+    }
+}

@@ -21,6 +21,7 @@ HELLO, WELCOME, REFUSE, ARM, BYE = 0, 1, 2, 3, 4
 ORDERLY, WATCHDOG = 0, 3
 HELLO_LIMIT, ARM_LIMIT, SEND_LIMIT, MOST = 10, 60, 10, 16  # seconds; connections at the same time
 FLAG_SPECIMEN, INTERLOCK, HOLDING, NONE = 2, 1, 2, 2**64 - 1
+SIMULATED, KEEPS_STATE = 1, 16  # capabilities
 LENGTHS = {COMMAND: 76, HEARTBEAT: 60, HOLD: 52, RETIRE: 52, GOODBYE: 52}
 LAYOUT = hashlib.sha256(b"gusset frames 1 axes 1 history 4\naxis 1|m|N\n").digest()
 AXIS = struct.pack("<Q6sIIdddd", 6, b"axis 1", 0, 3, -float("inf"), float("inf"), float("inf"), float("inf"))
@@ -141,7 +142,7 @@ class Session:
         self.announced(hello)
         session = int.from_bytes(os.urandom(8), "little") or 1
         name, program = b"spring", b"specimen.py 1"
-        welcome = struct.pack("<I32s32s32sQH?IdI", WELCOME, bytes(32), os.urandom(32), LAYOUT, session, 1, False, 1, self.watchdog, 0)
+        welcome = struct.pack("<I32s32s32sQH?IdI", WELCOME, bytes(32), os.urandom(32), LAYOUT, session, 1, False, SIMULATED + KEEPS_STATE, self.watchdog, 0)
         welcome += struct.pack("<QdQd", 1, self.rig.stiffness, 1, self.rig.disp)
         welcome += struct.pack("<Q", len(program)) + program + struct.pack("<Q", len(name)) + name
         welcome += struct.pack("<Q", 1) + AXIS

@@ -77,6 +77,14 @@ pub(super) enum Command {
     Schema,
 }
 
+/// A reason that says something.
+fn reason(text: &str) -> Result<String, String> {
+    match text.trim() {
+        "" => Err("it is empty: say why the test may go on".to_owned()),
+        reason => Ok(reason.to_owned()),
+    }
+}
+
 #[derive(Debug, Args)]
 #[command(
     after_help = "Example:\n  gusset run config/frame-bouc-wen.toml --out runs/first\n  \
@@ -90,7 +98,8 @@ pub(super) struct RunArgs {
     #[arg(required_unless_present = "resume")]
     pub test: Option<PathBuf>,
     /// Goes on with an interrupted test where its folder's record ends, into a folder of its own; refused if a specimen does
-    /// not stand where it was left, a file was changed, or a test went on already that moved specimens which remember it.
+    /// not stand where it was left or bears another force, a file was changed, or another test has continued it already and
+    /// moved its specimens.
     #[arg(long, value_name = "RUN_DIR", conflicts_with_all = ["sets", "clock"])]
     pub resume: Option<PathBuf>,
     /// With --resume: the test had tripped and may go on, each trip by its name: the key of a limit, or interlock, saturated,
@@ -103,6 +112,11 @@ pub(super) struct RunArgs {
     /// they have been through; a refusal names it.
     #[arg(long, value_name = "STEP", requires = "resume")]
     pub back_to_step: Option<u64>,
+    /// With --resume: the test may go on although a specimen has changed since the interruption, for this reason. Without it the
+    /// test is refused (exit 2) where a specimen stands elsewhere, its force is another one, or it is computed by a server that
+    /// does not keep its state ([serve] remembers). The reason is kept in the summary and in the report.
+    #[arg(long, value_name = "REASON", requires = "resume", value_parser = reason)]
+    pub accept_changed: Option<String>,
     #[command(flatten)]
     pub test_run: TestRunArgs,
     /// Print the summary as JSON on stdout.

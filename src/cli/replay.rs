@@ -36,6 +36,16 @@ pub fn replay(args: &ReplayArgs) -> anyhow::Result<Exit> {
             args.run.display()
         ));
     }
+    for difference in found
+        .summary
+        .iter()
+        .filter(|_| found.is_of_an_earlier_version)
+    {
+        tell(format_args!(
+            "warning: {}: {difference}; an earlier version wrote it",
+            args.run.display()
+        ));
+    }
     if args.json {
         let difference = found.difference.as_ref().map(|difference| {
             json!({
@@ -54,6 +64,11 @@ pub fn replay(args: &ReplayArgs) -> anyhow::Result<Exit> {
             "difference": difference,
             "short": found.short,
             "files_proven": found.files_proven,
+            "summary": found.summary.iter().map(|difference| json!({
+                "key": difference.key,
+                "summary": difference.summary,
+                "replayed": difference.found,
+            })).collect::<Vec<_>>(),
         }))?)?;
     } else {
         if found.rows == 0 {
@@ -74,6 +89,13 @@ pub fn replay(args: &ReplayArgs) -> anyhow::Result<Exit> {
                 difference.recorded,
                 difference.replayed
             ))?;
+        }
+        for difference in found
+            .summary
+            .iter()
+            .filter(|_| !found.is_of_an_earlier_version)
+        {
+            answer(format_args!("{difference}"))?;
         }
         if let Some(short) = &found.short {
             answer(format_args!("the proof ends there: {short}"))?;

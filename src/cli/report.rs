@@ -24,12 +24,26 @@ pub fn report(args: &ReportArgs) -> anyhow::Result<Exit> {
     for what in &page.damaged {
         tell(format_args!("warning: {}: {what}", args.run.display()));
     }
+    for what in &page.contradicted {
+        let level = if page.is_of_an_earlier_version {
+            "warning"
+        } else {
+            "error"
+        };
+        tell(format_args!("{level}: {}: {what}", args.run.display()));
+    }
     tell(page.path.display());
     if let Some(picture) = &args.picture {
         anyhow::ensure!(!picture.exists(), "{} exists already", picture.display());
         tell(session::hero(&args.run, picture)?.display());
     }
-    Ok(Exit::Done)
+    // Earlier versions counted otherwise.
+    let is_contradicted = !page.contradicted.is_empty() && !page.is_of_an_earlier_version;
+    Ok(if is_contradicted {
+        Exit::Stopped
+    } else {
+        Exit::Done
+    })
 }
 
 fn compare(first: &Path, second: &Path, out: Option<&Path>) -> anyhow::Result<Exit> {

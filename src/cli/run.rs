@@ -17,7 +17,8 @@ use crate::config::{self, ConfigError, Facts, Loaded, Method, Prepared};
 use crate::record::{Progress, RecordedVerdict};
 use crate::report::told;
 use crate::session::{
-    self, Finish, Finished, Judged, Page, ReplayError, ResumeError, Signal, Signals, Watches,
+    self, Allowed, Finish, Finished, Judged, Page, ReplayError, ResumeError, Signal, Signals,
+    Watches,
 };
 use crate::units::{duration, quantity};
 
@@ -88,6 +89,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     Ok(match (finished.finish, signals.seen()) {
         (Finish::Completed, _) => Exit::Done,
         (Finish::Stopped, _) => Exit::Stopped,
+        (Finish::Refused, _) => Exit::Usage,
         (Finish::Interrupted, Some(Signal::Terminate)) => Exit::Terminated,
         (Finish::Interrupted, _) => Exit::Interrupted,
         (Finish::LinkFailed, _) => Exit::Link,
@@ -120,8 +122,12 @@ fn obey(judged: &Judged) -> anyhow::Result<()> {
 /// The test that is asked for: a new one, or an interrupted one that goes on.
 fn prepare(args: &RunArgs) -> anyhow::Result<Prepared> {
     if let Some(folder) = &args.resume {
-        let (test, trips) = (args.test.as_deref(), &args.after_trip);
-        let next = session::resume(folder, test, trips, args.back_to_step);
+        let allowed = Allowed {
+            after: &args.after_trip,
+            back_to: args.back_to_step,
+            changed: args.accept_changed.as_deref(),
+        };
+        let next = session::resume_allowed(folder, args.test.as_deref(), allowed);
         return next.map_err(|error| match error {
             ResumeError::Replay(ReplayError::Config(error)) => refused(error),
             other => WithExit(Exit::Usage, format!("{other}\nnothing was moved")).into(),
@@ -130,6 +136,7 @@ fn prepare(args: &RunArgs) -> anyhow::Result<Prepared> {
     let of_resumed = [
         ("--after-trip", !args.after_trip.is_empty()),
         ("--back-to-step", args.back_to_step.is_some()),
+        ("--accept-changed", args.accept_changed.is_some()),
     ];
     only_with("--resume", of_resumed)
         .map_err(|text| anyhow::anyhow!("{text}\nnothing was moved"))?;
@@ -178,6 +185,7 @@ fn conclude(facts: &Facts, finished: &Finished, page: Option<&Page>) {
     let verdict = match finished.finish {
         Finish::Completed => "completed",
         Finish::Stopped => "STOPPED",
+        Finish::Refused => "REFUSED: a specimen has changed since the interruption",
         Finish::Interrupted => "interrupted",
         Finish::LinkFailed => "FAILED: a link was lost",
         Finish::Panicked => "FAILED: internal error, the specimens were retired",

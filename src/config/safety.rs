@@ -50,9 +50,16 @@ pub struct SafetyTable {
     pub at_end: ExitChoice,
     /// `gusset run --resume`: how far in m, at the specimen, each axis may stand from where it was left. Absent: half as much
     /// again as it was ever off its command; after a kill or an internal error, or where it was lost, also the way of its last
-    /// commands in 0.05 s, or of one command where that is longer, since as much of the record can be lost.
+    /// commands in 0.05 s, or of one command where that is longer, since as much of the record can be lost. An axis that stands
+    /// elsewhere is refused, unless `--accept-changed` gives a reason.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub resume_within_m: Option<f64>,
+    /// `gusset run --resume`: how far in N, at the specimen, the force of each axis may differ from the last one of the interrupted
+    /// test. Absent: 2 % of the recorded peak force, and five times the noise of the load cell: as declared, else as measured
+    /// before the test. Where the displacement differs too, the force may differ by the initial stiffness times that. What differs by
+    /// more is refused, unless `--accept-changed` gives a reason.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub resume_within_n: Option<f64>,
     /// `gusset run --resume`: whether a load cell with a relative zero takes what it reads now beyond its last reading for drift
     /// of its zero. Else the old zero holds, and the difference is told: what was left in motion has lost a real force.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
@@ -106,6 +113,7 @@ impl Default for SafetyTable {
             on_trip: ExitChoice::Freeze,
             at_end: ExitChoice::Freeze,
             resume_within_m: None,
+            resume_within_n: None,
             resume_takes_force_drift: false,
             exit_speed_m_per_s: None,
             stability_used: None,

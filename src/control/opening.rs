@@ -337,6 +337,71 @@ impl Port {
         self.stand_still();
     }
 
+    /// Newtons in one unit of force of an axis.
+    #[must_use]
+    pub fn newtons_of(&self, axis: usize) -> f64 {
+        self.guard.units().get(axis).map_or(1.0, |unit| unit.1)
+    }
+
+    /// A force in N as the structure sees it, in the unit of the axis' load cell.
+    #[must_use]
+    pub fn in_own_unit(&self, axis: usize, newtons: f64) -> f64 {
+        newtons
+            / self
+                .axes
+                .get(axis)
+                .map_or(1.0, |axis| axis.force_gain.abs())
+    }
+
+    /// Force of an axis that its displacement does not explain by the initial stiffness, and how far off that is where the stiffness is
+    /// known to a `share` and the other axes are coupled with it. `measured`: displacement and force of each axis; all is in the
+    /// specimen's own units.
+    #[must_use]
+    pub fn unexplained_force(&self, axis: usize, measured: &[[f64; 2]], share: f64) -> (f64, f64) {
+        let disps = measured.iter().zip(&self.axes);
+        let mut ways: Vec<f64> = disps
+            .map(|([disp, _], axis)| disp - axis.measured_offset - axis.disp_offset)
+            .collect();
+        let (Some(own), Some(known), Some([_, force])) =
+            (ways.get_mut(axis), self.axes.get(axis), measured.get(axis))
+        else {
+            return (0.0, 0.0);
+        };
+        let stiffness = self.stiffness.get(axis).copied().unwrap_or(0.0);
+        let explained = stiffness / (known.force_gain * known.disp_gain) * *own;
+        *own *= share;
+        let slack = self.most_force_of(axis, &ways);
+        (force - known.force_offset - explained, slack)
+    }
+
+    /// Initial stiffness of an axis at the specimen's own scale, N/m.
+    #[must_use]
+    pub fn stiffness_at_specimen(&self, axis: usize) -> f64 {
+        let (Some(known), Some(stiffness)) = (self.axes.get(axis), self.stiffness.get(axis)) else {
+            return 0.0;
+        };
+        let own = stiffness / (known.force_gain * known.disp_gain);
+        (own * self.newtons_of(axis) / self.metres_of(axis)).abs()
+    }
+
+    /// The most that the force of an axis can change where the axes are displaced by `ways`, both in the specimen's own units and
+    /// by its initial stiffness: |kᵢⱼ| is at most √(kᵢᵢ kⱼⱼ).
+    #[must_use]
+    pub fn most_force_of(&self, axis: usize, ways: &[f64]) -> f64 {
+        let roots = self
+            .stiffness
+            .iter()
+            .map(|stiffness| stiffness.abs().sqrt());
+        let roots: Vec<f64> = roots.collect();
+        let each = ways.iter().zip(&self.axes).zip(&roots);
+        let all: f64 = each
+            .map(|((way, axis), root)| root * (way / axis.disp_gain).abs())
+            .sum();
+        roots
+            .get(axis)
+            .map_or(0.0, |root| self.in_own_unit(axis, root * all))
+    }
+
     /// Metres in one unit of an axis.
     #[must_use]
     pub fn metres_of(&self, axis: usize) -> f64 {

@@ -139,7 +139,7 @@ impl Engine {
             Phase::Connected | Phase::Probing | Phase::Zeroing
         ) && !matches!(
             ending,
-            Ending::Stopped(Stop::Misfit { .. } | Stop::Moved { .. })
+            Ending::Stopped(Stop::Misfit { .. } | Stop::Moved { .. } | Stop::ForceChanged { .. })
         );
         self.operator_stopped = matches!(ending, Ending::Stopped(Stop::Operator));
         if tripped {

@@ -9,7 +9,7 @@ use super::ready::Readiness;
 use super::tick::Tick;
 use super::{Engine, Side, Stop};
 use crate::control::Port;
-use crate::record::WarmUpRows;
+use crate::record::{EventKind, WarmUpRows};
 use crate::rt::timing::TickStamps;
 
 /// Share of a speed limit that a ramp uses at its fastest.
@@ -28,7 +28,24 @@ pub struct Opening {
     pub ramp_s: f64,
     /// Of a test that is gone on with: whether a relative load cell's change is drift of its zero.
     pub takes_force_drift: bool,
+    /// Of each axis of each specimen: the largest force that it may bear before the test moves it, without a warning.
+    pub initial_forces: Vec<Vec<InitialForce>>,
 }
+
+/// The largest force that an axis may bear before the test moves it, without a warning.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct InitialForce {
+    /// The reference: `yield_force_n` of the stand-in, `measured_force_n` of the limits, or `noise` if neither is known.
+    pub of: &'static str,
+    /// 1 % of the reference, N at the specimen.
+    pub most_n: f64,
+}
+
+/// Multiple of the load cell's noise, and displacement in m, whose force is added to the allowed force.
+const NOISE: f64 = 5.0;
+const RESOLUTION_M: f64 = 1e-9;
+/// The initial stiffness is known to this share.
+const STIFFNESS_SHARE: f64 = 0.1;
 
 impl Opening {
     /// True if nothing moves at once: the first command is where the specimen stands.
@@ -54,7 +71,52 @@ impl Engine {
             port.take_zero();
         }
         self.tell_readings(control);
+        // Under a static load a force at t = 0 is as it must be: what counts is the force before it.
+        if self.settling.is_some() {
+            self.report_initial_forces(|port, axis| {
+                let reading = port.reading(axis);
+                [reading.disp, reading.force]
+            });
+        }
         self.wait_for_confirmation(control)
+    }
+
+    /// Reports each axis of a specimen behind a link that bears a force beyond what its displacement explains: it has yielded before,
+    /// or something holds it. `measured`: displacement and force of an axis in its own units.
+    pub(super) fn report_initial_forces(&mut self, measured: impl Fn(&Port, usize) -> [f64; 2]) {
+        let mut found = Vec::new();
+        for (index, (port, bounds)) in self
+            .ports
+            .iter()
+            .zip(&self.opening.initial_forces)
+            .enumerate()
+        {
+            // A law of this process begins in its virgin state; of one that has not answered nothing is known.
+            if port.is_formula() || !port.partner.measured {
+                continue;
+            }
+            let all: Vec<[f64; 2]> = (0..port.axes()).map(|axis| measured(port, axis)).collect();
+            for (axis, bound) in bounds.iter().enumerate().take(all.len()) {
+                let newtons = port.newtons_of(axis);
+                let noise = port.reading(axis).force_noise * newtons;
+                let (force, slack) = port.unexplained_force(axis, &all, STIFFNESS_SHARE);
+                let resolution = port.stiffness_at_specimen(axis) * RESOLUTION_M;
+                let most = bound.most_n + NOISE * noise + resolution + slack * newtons;
+                let force = force * newtons;
+                if force.abs() > most {
+                    found.push((index, axis, bound.of, [force, most]));
+                }
+            }
+        }
+        for (port, axis, of, [force, most]) in found {
+            self.report_now(EventKind::InitialForce {
+                port: port as u32,
+                axis: axis as u32,
+                of,
+                force,
+                most,
+            });
+        }
     }
 
     /// What one tick that moves the specimens beside the test is of its time, in s.

@@ -31,7 +31,7 @@ mod waiting;
 
 pub use after::{Left, Unfinished};
 pub use audit::StepAudit;
-pub use before::Opening;
+pub use before::{InitialForce, Opening};
 pub use checks::{TestHit, TestLimits, TestQuantity};
 pub use columns::{GIVEN_UP, NOT_AWAITED, Word};
 pub use intake::Intake;

@@ -2,9 +2,10 @@
 //!
 //! Nothing of the state is saved while a test runs: what was measured is on record, and the loop makes the same bits of it
 //! again. So the interrupted test is retraced through the same loop ([`Engine::retrace`]), and what the loop then holds
-//! ([`Engine::stand_by`]) is what it held. In the test that goes on the specimens are read where they stand, and must stand
-//! where they were left; a relative displacement sensor takes its drift since then for its zero, a load cell only if that is
-//! asked for; and the pace is that after a hold.
+//! ([`Engine::stand_by`]) is what it held. The resumed test reads every sensor before it moves a specimen. Position and force
+//! must be those of the record: a specimen that differs by more than its tolerance has changed, and the test is refused unless
+//! the user has accepted that. A relative displacement sensor takes its drift for its zero, a load cell only if
+//! `resume_takes_force_drift` is set. The pace is that after a hold.
 
 use super::operator::{Control, Notice};
 use super::phase::{Cause, Phase};
@@ -24,6 +25,18 @@ pub struct Place {
     pub force: f64,
     /// How far from it it may stand; infinite for a formula, which stands where it is told.
     pub within: f64,
+    /// Reading of the displacement sensor in the row of `force`.
+    pub disp_of_force: f64,
+    /// How far the load cell may differ from `force` where the displacement sensor reads `disp_of_force`; infinite for a formula,
+    /// and in recordings of earlier versions.
+    pub force_within: f64,
+}
+
+impl Place {
+    /// True if a displacement sensor that reads `disp` reads what it read there.
+    fn stands_at(&self, disp: f64) -> bool {
+        (disp - self.disp).abs() <= self.within
+    }
 }
 
 /// The largest magnitudes that the interrupted test has come to, those after the last step that counts, too: the state goes
@@ -47,6 +60,8 @@ pub struct Resumption {
     pub left: Vec<Vec<Place>>,
     /// What was borne already.
     pub borne: Borne,
+    /// The user has accepted that a specimen changed since the interruption: what differs is reported, and refuses nothing.
+    pub accepts_changed: bool,
 }
 
 impl Resumption {
@@ -85,6 +100,7 @@ impl Engine {
             peaks: self.peaks,
             left: Vec::new(),
             borne: Borne::default(),
+            accepts_changed: false,
         };
         Some((self.side, self.ports, resumption))
     }
@@ -107,10 +123,11 @@ impl Engine {
             port.ask_again();
             port.has_come_to_rest();
         }
-        self.stand_where_left(&from.left)?;
+        let (left, accepts_changed) = (&from.left, from.accepts_changed);
+        self.stand_where_left(left, accepts_changed)?;
         self.arm(control)?;
         self.begin_grid(GridOf::Opening);
-        self.read_again(&from.left, control)?;
+        self.read_again(left, accepts_changed, control)?;
         for port in &mut self.ports {
             port.return_to_the_test();
         }
@@ -146,13 +163,13 @@ impl Engine {
     }
 
     /// Specimens that say where they stand must stand where they were left; nothing has moved yet.
-    fn stand_where_left(&mut self, left: &[Vec<Place>]) -> Result<(), Stop> {
+    fn stand_where_left(&mut self, left: &[Vec<Place>], accepts_changed: bool) -> Result<(), Stop> {
         for (index, (port, places)) in self.ports.iter().zip(left).enumerate() {
             let stands = port.standing().unwrap_or(&port.sent);
             let axes = stands.iter().zip(&port.sent).zip(places);
             for (axis, ((found, left), place)) in axes.enumerate() {
                 let stands_there = (found - left).abs() <= place.within;
-                if !stands_there {
+                if !stands_there && !accepts_changed {
                     return Err(Stop::Moved {
                         port: index,
                         axis,
@@ -168,8 +185,13 @@ impl Engine {
         Ok(())
     }
 
-    /// Reads every sensor while the specimens hold, and holds that against where they were left.
-    fn read_again(&mut self, left: &[Vec<Place>], control: &Control) -> Result<(), Stop> {
+    /// Reads every sensor while the specimens hold, and compares position and force with the record.
+    fn read_again(
+        &mut self,
+        left: &[Vec<Place>],
+        accepts_changed: bool,
+        control: &Control,
+    ) -> Result<(), Stop> {
         if self.ports.is_empty() {
             return Ok(());
         }
@@ -180,34 +202,10 @@ impl Engine {
             port.rest();
         }
         self.read_at_rest(self.opening.zero_ticks.max(1), control)?;
-        let (mut moved, mut found) = (None, Vec::new());
-        for (index, (port, places)) in self.ports.iter().zip(left).enumerate() {
-            for (axis, place) in places.iter().enumerate() {
-                let reading = port.reading(axis);
-                let off = (reading.disp - place.disp).abs();
-                let stands_there = off <= place.within;
-                found.push((index, axis, [reading.disp, place.disp, place.within]));
-                if !stands_there && moved.is_none() {
-                    moved = Some(Stop::Moved {
-                        port: index,
-                        axis,
-                        read: true,
-                        found: reading.disp,
-                        left: place.disp,
-                        within: place.within,
-                    });
-                }
-            }
-        }
         self.tell_readings(control);
-        for (port, axis, values) in found {
-            self.report_now(EventKind::Stands {
-                port: port as u32,
-                axis: axis as u32,
-                values,
-            });
-        }
-        if let Some(stop) = moved {
+        let moved = self.report_places(left);
+        let changed = self.report_forces(left);
+        if let Some(stop) = moved.or(changed).filter(|_| !accepts_changed) {
             return Err(stop);
         }
         self.take_drift(left);
@@ -216,38 +214,102 @@ impl Engine {
         Ok(())
     }
 
-    /// Channels that read something else than they did: of relative ones it may be drift. What a load cell reads less where a
-    /// motion came to an end was a force of the specimen; that it is gone is told whatever its zero is.
-    fn take_drift(&mut self, left: &[Vec<Place>]) {
-        let takes_force = self.opening.takes_force_drift;
-        let mut differ = Vec::new();
-        for (index, (port, places)) in self.ports.iter_mut().zip(left).enumerate() {
+    /// Reports what each displacement sensor reads and where its axis was left; returns the first that differs too much.
+    fn report_places(&mut self, left: &[Vec<Place>]) -> Option<Stop> {
+        let (mut moved, mut found) = (None, Vec::new());
+        for (index, (port, places)) in self.ports.iter().zip(left).enumerate() {
             for (axis, place) in places.iter().enumerate() {
-                // A formula has no sensors that drift: it stays where the test was, whatever way out is on record.
-                if place.within.is_infinite() {
-                    continue;
-                }
-                port.take_disp_drift(axis, place.disp);
-                if takes_force {
-                    port.take_force_drift(axis, place.force);
-                }
-                let reading = port.reading(axis);
-                let noise = NOISE * reading.force_noise;
-                if (reading.force - place.force).abs() > noise {
-                    let is_taken = takes_force && port.has_relative_force(axis);
-                    let forces = [place.force, reading.force];
-                    differ.push((index as u32, axis as u32, forces, is_taken));
+                let disp = port.reading(axis).disp;
+                found.push((index, axis, [disp, place.disp, place.within]));
+                if !place.stands_at(disp) && moved.is_none() {
+                    moved = Some(Stop::Moved {
+                        port: index,
+                        axis,
+                        read: true,
+                        found: disp,
+                        left: place.disp,
+                        within: place.within,
+                    });
                 }
             }
         }
-        for (port, axis, [left, found], is_taken) in differ {
+        for (port, axis, values) in found {
+            self.report_now(EventKind::Stands {
+                port: port as u32,
+                axis: axis as u32,
+                values,
+            });
+        }
+        moved
+    }
+
+    /// Reports each load cell that reads another force than the record has; returns the first that differs too much. A force that
+    /// belongs to another displacement may differ by what the initial stiffness makes of the way between the two.
+    fn report_forces(&mut self, left: &[Vec<Place>]) -> Option<Stop> {
+        let takes_drift = self.opening.takes_force_drift;
+        let (mut changed, mut differ) = (None, Vec::new());
+        for (index, (port, places)) in self.ports.iter().zip(left).enumerate() {
+            let ways: Vec<f64> = places
+                .iter()
+                .enumerate()
+                .map(|(axis, place)| port.reading(axis).disp - place.disp_of_force)
+                .collect();
+            for (axis, place) in places.iter().enumerate() {
+                // A formula has no load cell: it continues from its own state.
+                if place.within.is_infinite() {
+                    continue;
+                }
+                let reading = port.reading(axis);
+                let within = place.force_within + port.most_force_of(axis, &ways);
+                let difference = (reading.force - place.force).abs();
+                let is_the_same = difference <= within;
+                if !is_the_same && changed.is_none() {
+                    changed = Some(Stop::ForceChanged {
+                        port: index,
+                        axis,
+                        found: reading.force,
+                        left: place.force,
+                        within,
+                    });
+                }
+                if !is_the_same || difference > NOISE * reading.force_noise {
+                    let is_taken = takes_drift && port.has_relative_force(axis);
+                    let values = [place.force, reading.force, within];
+                    differ.push((index as u32, axis as u32, values, is_taken));
+                }
+            }
+        }
+        for (port, axis, [left, found, within], is_taken) in differ {
             self.report_now(EventKind::ForceChanged {
                 port,
                 axis,
                 left,
                 found,
+                within,
                 is_taken,
             });
+        }
+        changed
+    }
+
+    /// A relative displacement sensor takes a difference within its tolerance for drift of its zero. A relative load cell does so
+    /// only with `resume_takes_force_drift`: at the end of a motion a specimen may lose a real force. An axis that was moved, as
+    /// the user has accepted, has not drifted.
+    fn take_drift(&mut self, left: &[Vec<Place>]) {
+        let takes_force = self.opening.takes_force_drift;
+        for (port, places) in self.ports.iter_mut().zip(left) {
+            for (axis, place) in places.iter().enumerate() {
+                // A formula has no sensors that drift: it stays where the test was.
+                if place.within.is_infinite() {
+                    continue;
+                }
+                if place.stands_at(port.reading(axis).disp) {
+                    port.take_disp_drift(axis, place.disp);
+                }
+                if takes_force {
+                    port.take_force_drift(axis, place.force);
+                }
+            }
         }
     }
 

@@ -123,7 +123,15 @@ impl Engine {
         self.ramp(control)?;
         self.aim_at_start();
         self.begin_ride();
-        self.warm_up(control)
+        let is_loaded = self.settling.is_some();
+        self.warm_up(control)?;
+        if !is_loaded {
+            self.report_initial_forces(|port, axis| {
+                let raw = port.raw();
+                [raw.disp.get(axis), raw.force.get(axis)].map(|value| value.copied().unwrap_or(0.0))
+            });
+        }
+        Ok(())
     }
 
     /// Specimens that say where they stand are commanded to stay there, whatever the test begins with.

@@ -137,6 +137,25 @@ pub enum Stop {
         /// How far it may be off.
         within: f64,
     },
+    /// A load cell reads another force than when the test was interrupted. Nothing was moved.
+    #[error(
+        "specimen {}, axis {}: its load cell reads {found:.6e}, but read {left:.6e} when the test was interrupted, and may differ by \
+         {within:.3e} (its own unit)",
+        port + 1,
+        axis + 1
+    )]
+    ForceChanged {
+        /// Specimen, from 0.
+        port: usize,
+        /// Axis, from 0.
+        axis: usize,
+        /// The reading.
+        found: f64,
+        /// The last reading of the interrupted test.
+        left: f64,
+        /// How far it may differ.
+        within: f64,
+    },
     /// A fault of our own, caught at the boundary of the loop's thread.
     #[error("internal error")]
     Internal,
@@ -212,6 +231,7 @@ impl Stop {
             }) => "no_go",
             Self::TestLimit(hit) => hit.quantity.key(),
             Self::Moved { .. } => "moved",
+            Self::ForceChanged { .. } => "force_changed",
             Self::Internal => "internal_error",
             Self::CannotCommand => "cannot_command",
             Self::NotSettled { .. } => "not_settled",
@@ -234,6 +254,7 @@ impl Stop {
             | Self::Limit { port, .. }
             | Self::Geometry { port, .. }
             | Self::Moved { port, .. }
+            | Self::ForceChanged { port, .. }
             | Self::DoesNotFollow { port, .. }
             | Self::NotAtRest { port, .. } => Some(*port),
             Self::NotSettled { port, .. } => *port,

@@ -77,6 +77,17 @@ impl LawSpec {
         })
     }
 
+    /// The force in N at which the law yields from its virgin state; none for a law that does not yield, or not at one force.
+    #[must_use]
+    pub const fn yield_force(&self) -> Option<f64> {
+        match self {
+            Self::Bilinear(spec) => Some(spec.yield_force_n),
+            Self::ElasticPlastic(spec) => Some(spec.yield_force_n),
+            Self::BoucWen(spec) => Some(spec.yield_force_n),
+            _ => None,
+        }
+    }
+
     /// Builds each entry of the list that stands under the key `list`.
     ///
     /// # Errors

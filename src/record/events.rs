@@ -21,6 +21,10 @@ use super::warned::Warned;
 use super::{Event, EventKind};
 use lines::head;
 
+/// Words for an axis that bears a force before the test moves it.
+pub(super) const BEARS_A_FORCE: &str =
+    "it bears a force at the beginning that its displacement does not explain";
+
 /// One moment as the writer's two clocks show it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Moment {

@@ -66,7 +66,10 @@ impl MissingEnd {
 
     fn of_unfinished(run: &Run) -> Option<Self> {
         // Before the rows: the test may still be running.
-        let told = run.events().ok()?.events;
+        let mut told = Told::default();
+        for event in run.event_lines().ok()? {
+            told.take(event.ok()?.as_ref());
+        }
         let last = run.last_row().ok()?;
         if last.is_none() && run.rows_made().ok()? > 0 {
             // Whoever reads the rows tells of the damage.
@@ -74,54 +77,10 @@ impl MissingEnd {
         }
         let place = run.layout().index_of("time")?;
         let last = last.and_then(|(number, row)| Some((number, *row.get(place)?)));
-        Self::of_events(&told, last)
+        told.missing(last)
     }
 
-    /// `last`: number and test time of the last row.
-    fn of_events(told: &[Value], last: Option<(u64, f64)>) -> Option<Self> {
-        let number = |event: &Value, key: &str| event.get(key).and_then(Value::as_f64);
-        let name = |event: &Value| {
-            event
-                .get("event")
-                .and_then(Value::as_str)
-                .map(str::to_owned)
-        };
-        let ends_s = last.map(|(_, time)| time);
-        // A test that goes on with another is there from its first event on; rows of its way in do not say so.
-        let first = told
-            .iter()
-            .find(|event| name(event).as_deref() == Some("phase"));
-        let begins = first.and_then(|event| number(event, "time")).unwrap_or(0.0);
-        let ends = ends_s.map_or(begins, |ends| ends.max(begins));
-        let later = |event: &Value| {
-            let (time, tick) = (number(event, "time")?, number(event, "tick")?);
-            let missing = ((time - ends) / (time / tick)).round();
-            (missing > 1.0).then_some((time, missing as u64))
-        };
-        let latest = told.iter().filter_map(later);
-        let latest = latest.max_by(|one, other| one.0.total_cmp(&other.0));
-        let unwritten = |event: &Value| {
-            let taken = event.get("tick")?.as_u64()? + 1;
-            let missing = taken.saturating_sub(last.map_or(0, |(number, _)| number + 1));
-            let is_one = UNWRITTEN.contains(&name(event)?.as_str()) && missing > 0;
-            Some((number(event, "time")?, missing)).filter(|_| is_one)
-        };
-        let (told_by, (until_s, missing)) = match latest {
-            Some(latest) => (ToldBy::Events, latest),
-            None => (
-                ToldBy::Writer,
-                told.iter().filter_map(unwritten).next_back()?,
-            ),
-        };
-        Some(Self {
-            told_by,
-            until_s,
-            ends_s,
-            missing,
-        })
-    }
-
-    /// Of a recorded run, by the last whole row of its file; none if nothing is missing, or if that cannot be known.
+    /// The missing end of a run, by the last whole row of its file; none if nothing is missing, or if that cannot be known.
     #[must_use]
     pub fn of_run(run: &Run) -> Option<Self> {
         let place = run.layout().index_of("time")?;
@@ -131,6 +90,70 @@ impl MissingEnd {
             None => None,
         };
         Self::of(run, time)
+    }
+}
+
+/// The end of a test according to its events, which are read one after the other.
+#[derive(Debug, Default)]
+struct Told {
+    /// Test time of the first phase, s. A resumed test begins there, which the rows of its startup do not show.
+    begins_s: Option<f64>,
+    /// Test time and tick of the latest event.
+    latest: Option<(f64, f64)>,
+    /// The note on unwritten rows with the most rows: its test time, and the rows that the writer had taken.
+    unwritten: Option<(f64, u64)>,
+}
+
+impl Told {
+    fn take(&mut self, event: Option<&Value>) {
+        let Some(event) = event else {
+            return;
+        };
+        let number = |key: &str| event.get(key).and_then(Value::as_f64);
+        let name = event.get("event").and_then(Value::as_str);
+        let (time, tick) = (number("time"), number("tick"));
+        if name == Some("phase") && self.begins_s.is_none() {
+            self.begins_s = Some(time.unwrap_or(0.0));
+        }
+        if let (Some(time), Some(tick)) = (time, tick)
+            && time / tick > 0.0
+            && self.latest.is_none_or(|(latest, _)| time >= latest)
+        {
+            self.latest = Some((time, tick));
+        }
+        let taken = event.get("tick").and_then(Value::as_u64);
+        if let (Some(name), Some(time), Some(taken)) = (name, time, taken)
+            && UNWRITTEN.contains(&name)
+        {
+            let before = self.unwritten.filter(|(_, rows)| *rows > taken + 1);
+            self.unwritten = before.or(Some((time, taken + 1)));
+        }
+    }
+
+    /// `last`: number and test time of the last row.
+    fn missing(&self, last: Option<(u64, f64)>) -> Option<MissingEnd> {
+        let ends_s = last.map(|(_, time)| time);
+        let begins = self.begins_s.unwrap_or(0.0);
+        let ends = ends_s.map_or(begins, |ends| ends.max(begins));
+        let later = self.latest.and_then(|(time, tick)| {
+            let missing = ((time - ends) / (time / tick)).round();
+            (missing > 1.0).then_some((time, missing as u64))
+        });
+        let rows = last.map_or(0, |(number, _)| number + 1);
+        let unwritten = self.unwritten.and_then(|(time, taken)| {
+            let missing = taken.saturating_sub(rows);
+            (missing > 0).then_some((time, missing))
+        });
+        let (told_by, (until_s, missing)) = match later {
+            Some(later) => (ToldBy::Events, later),
+            None => (ToldBy::Writer, unwritten?),
+        };
+        Some(MissingEnd {
+            told_by,
+            until_s,
+            ends_s,
+            missing,
+        })
     }
 }
 
@@ -193,6 +216,12 @@ mod tests {
         );
     }
 
+    fn of_events(told: &[Value], last: Option<(u64, f64)>) -> Option<MissingEnd> {
+        let mut all = Told::default();
+        told.iter().for_each(|event| all.take(Some(event)));
+        all.missing(last)
+    }
+
     fn loop_event(step: u64, name: &str) -> Value {
         json!({"tick": step, "time": step as f64 * 0.01, "event": name})
     }
@@ -202,7 +231,7 @@ mod tests {
         let begins = loop_event(0, "phase");
         let missing = |more: &[Value], last| {
             let told: Vec<Value> = [&begins].into_iter().chain(more).cloned().collect();
-            MissingEnd::of_events(&told, last)
+            of_events(&told, last)
         };
         let at = |step: u64| Some((step + 20, step as f64 * 0.01));
         let told = [loop_event(99, "checkpoint"), loop_event(101, "ended")];
@@ -228,13 +257,13 @@ mod tests {
     fn rows_that_the_writer_took_and_could_not_write_are_missed_where_test_time_stood_still() {
         let held = |row: u64, name: &str| json!({"tick": row, "time": 3.0, "event": name});
         let failed = [held(700, "write_failed"), held(900, "rows_lost")];
-        let missing = |last| MissingEnd::of_events(&failed, Some((last, 3.0)));
+        let missing = |last| of_events(&failed, Some((last, 3.0)));
         let found = missing(650).unwrap();
         assert_eq!((found.told_by, found.missing), (ToldBy::Writer, 250));
         assert!(found.to_string().contains("250 rows more"), "{found}");
         assert_eq!(missing(900), None, "what was lost lies between rows");
         let other = [held(900, "warning")];
-        assert_eq!(MissingEnd::of_events(&other, Some((650, 3.0))), None);
+        assert_eq!(of_events(&other, Some((650, 3.0))), None);
     }
 
     #[test]
@@ -245,9 +274,9 @@ mod tests {
             loop_event(301, "limit_warning"),
         ];
         for last in [None, Some((12, 0.0)), Some((40, 3.0))] {
-            assert_eq!(MissingEnd::of_events(&told, last), None);
+            assert_eq!(of_events(&told, last), None);
         }
         let later = [&told[..], &[loop_event(302, "ended")]].concat();
-        assert!(MissingEnd::of_events(&later, Some((12, 0.0))).is_some());
+        assert!(of_events(&later, Some((12, 0.0))).is_some());
     }
 }

@@ -46,7 +46,7 @@ pub mod writer;
 pub use folder::{FolderError, RunFolder};
 pub use image::FolderImage;
 pub use intact::{Extent, Meddled, is_same_file};
-pub use journal::{End, Journal};
+pub use journal::{End, Journal, Row};
 pub use layout::{COMMITS, Layout};
 pub use memory::MemoryRecorder;
 pub use miss::{MissClasses, SchedSample};
@@ -54,7 +54,7 @@ pub use missing::{MissingEnd, ToldBy};
 pub use note::{Note, NoteLevel, Position};
 pub use onlooker::Onlooker;
 pub use ring::{RingReader, RingRecorder, RingSize, WhenFull, ring};
-pub use run::{Events, Run, keeps_waiting};
+pub use run::{EventLines, Events, Run, keeps_waiting};
 pub use summary::Summary;
 pub use threads::{Roll, Stamper, ThreadLog, What};
 pub use verdict::{Kind, Outcome, RecordedFinding, RecordedVerdict};
@@ -250,6 +250,8 @@ pub enum EventKind {
         left: f64,
         /// What it reads now.
         found: f64,
+        /// How far it may differ, in its own unit.
+        within: f64,
         /// True if the difference is taken for drift of its zero.
         is_taken: bool,
     },
@@ -338,6 +340,19 @@ pub enum EventKind {
         bound: f64,
         /// Specimen and axis, from 0, that have the most of it, where that can be said.
         worst: Option<(u32, u32)>,
+    },
+    /// An axis bears a force before the test moves it.
+    InitialForce {
+        /// Specimen, from 0.
+        port: u32,
+        /// Axis, from 0.
+        axis: u32,
+        /// Reference of the allowed force: `yield_force_n`, `measured_force_n`, or `noise` if neither is known.
+        of: &'static str,
+        /// The force that its displacement does not explain, N at the specimen.
+        force: f64,
+        /// The allowed force, N at the specimen.
+        most: f64,
     },
     /// What was read of one axis of specimen `port` while zeroing.
     Zeroed {

@@ -1,7 +1,7 @@
 //! A run folder read: finished or not, on any machine, from the folder alone.
 
 use std::fs::{self, File};
-use std::io::{self, Seek as _, SeekFrom};
+use std::io::{self, BufRead as _, BufReader, Read as _, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
@@ -11,6 +11,9 @@ use super::journal::Journal;
 use super::layout::Layout;
 use super::summary::Summary;
 use super::threads::{self, ThreadReader};
+
+/// Bytes of the longest line of `events.jsonl` that is read.
+const LONGEST_LINE: u64 = 1 << 20;
 
 /// A recorded run, finished or not.
 #[derive(Debug, Clone)]
@@ -199,26 +202,94 @@ impl Run {
     /// # Errors
     /// The system refuses.
     pub fn events(&self) -> Result<Events, FolderError> {
-        let path = self.path.join("events.jsonl");
-        let found = if_there(&path, fs::read(&path))?;
-        let is_there = found.is_some();
-        let bytes = found.unwrap_or_default();
-        let lines = bytes.split(|&b| b == b'\n').filter(|line| !line.is_empty());
-        let (mut events, mut unreadable, mut is_torn) = (Vec::new(), 0, false);
-        for line in lines {
-            let read = serde_json::from_slice(line);
-            is_torn = read.is_err() && !bytes.ends_with(b"\n");
-            match read {
-                Ok(event) => events.push(event),
-                Err(_) => unreadable += 1,
-            }
+        let mut lines = self.event_lines()?;
+        let mut events = Vec::new();
+        for event in &mut lines {
+            events.extend(event?);
         }
         Ok(Events {
             events,
-            unreadable,
-            is_torn,
-            is_there,
+            unreadable: lines.unreadable,
+            is_torn: lines.is_torn,
+            is_there: lines.is_there(),
         })
+    }
+
+    /// Its events one after the other, however many there are; none if there is no file of them.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn event_lines(&self) -> Result<EventLines, FolderError> {
+        let path = self.path.join("events.jsonl");
+        let file = if_there(&path, File::open(&path))?;
+        Ok(EventLines {
+            lines: file.map(BufReader::new),
+            path,
+            line: Vec::new(),
+            unreadable: 0,
+            is_torn: false,
+        })
+    }
+}
+
+/// Reads events one after the other.
+#[derive(Debug)]
+pub struct EventLines {
+    lines: Option<BufReader<File>>,
+    path: PathBuf,
+    line: Vec<u8>,
+    /// Lines so far that could not be read; one at the end is normal after a kill.
+    pub unreadable: usize,
+    /// The last line is one of those, and was never finished.
+    pub is_torn: bool,
+}
+
+impl EventLines {
+    /// There is a file of them: every run has one from its beginning on.
+    #[must_use]
+    pub const fn is_there(&self) -> bool {
+        self.lines.is_some()
+    }
+
+    /// Reads the next line without its end; false after the last line. A line that is longer than any event is cut off.
+    fn next_line(&mut self) -> io::Result<bool> {
+        let Some(lines) = &mut self.lines else {
+            return Ok(false);
+        };
+        self.line.clear();
+        let mut piece = lines.take(LONGEST_LINE);
+        let length = piece.read_until(b'\n', &mut self.line)?;
+        if length == 0 {
+            return Ok(false);
+        }
+        let is_whole = self.line.ends_with(b"\n");
+        self.is_torn = !is_whole && (length as u64) < LONGEST_LINE;
+        if is_whole {
+            self.line.pop();
+        } else {
+            lines.skip_until(b'\n')?;
+        }
+        Ok(true)
+    }
+}
+
+impl Iterator for EventLines {
+    /// An event; none where a line cannot be read.
+    type Item = Result<Option<Value>, FolderError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            match self.next_line() {
+                Ok(true) if self.line.is_empty() => {}
+                Ok(true) => break,
+                Ok(false) => return None,
+                Err(error) => return Some(Err(at(&self.path)(error))),
+            }
+        }
+        let event = serde_json::from_slice(&self.line).ok();
+        self.unreadable += usize::from(event.is_none());
+        self.is_torn &= event.is_none();
+        Some(Ok(event))
     }
 }
 

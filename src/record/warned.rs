@@ -1,10 +1,52 @@
-//! Limits that were warned of while a test ran: how often, and what was found when they were first passed.
+//! Limits that were warned of while a test ran: how often, and what was found when they were first passed. Axes with a force
+//! before the test moved them.
 
 use super::EventKind;
+use super::events::BEARS_A_FORCE;
 
 /// All of them, in the order in which they were first met.
 #[derive(Debug, Default)]
-pub(super) struct Warned(Vec<Passed>);
+pub(super) struct Warned {
+    passed: Vec<Passed>,
+    initial: Vec<InitialForce>,
+}
+
+/// An axis with a force before the test moved it.
+#[derive(Debug)]
+struct InitialForce {
+    /// Specimen and axis, from 0.
+    port: u32,
+    axis: u32,
+    /// Reference of the allowed force.
+    of: &'static str,
+    /// The force and what is allowed, N at the specimen.
+    force: f64,
+    most: f64,
+}
+
+impl InitialForce {
+    /// In a sentence; `specimens` are their names.
+    fn sentence(&self, specimens: &[String]) -> String {
+        let Self {
+            port,
+            axis,
+            of,
+            force,
+            most,
+        } = self;
+        let name = specimens.get(*port as usize).map_or("", String::as_str);
+        let of = match *of {
+            "yield_force_n" => "1 % of the yield force of its stand-in",
+            "measured_force_n" => "1 % of its limit `measured_force_n`",
+            _ => "the noise of its load cell; neither a yield force nor a limit is declared",
+        };
+        format!(
+            "specimen \"{name}\" axis {}: {BEARS_A_FORCE}: {force:.4e} N, allowed {most:.4e} N ({of}); it may have yielded in an \
+             earlier test",
+            axis + 1
+        )
+    }
+}
 
 /// One limit that was passed.
 #[derive(Debug)]
@@ -37,13 +79,32 @@ impl Warned {
                 bound,
                 ..
             } => (None, quantity, value, bound),
+            EventKind::InitialForce {
+                port,
+                axis,
+                of,
+                force,
+                most,
+            } => {
+                self.initial.push(InitialForce {
+                    port,
+                    axis,
+                    of,
+                    force,
+                    most,
+                });
+                return;
+            }
             _ => return,
         };
-        let known = self.0.iter_mut().find(|p| p.of == of && p.limit == limit);
+        let known = self
+            .passed
+            .iter_mut()
+            .find(|p| p.of == of && p.limit == limit);
         if let Some(passed) = known {
             passed.times += 1;
         } else {
-            self.0.push(Passed {
+            self.passed.push(Passed {
                 of,
                 limit,
                 times: 1,
@@ -76,7 +137,8 @@ impl Warned {
                 "{whose} passed the warning level of {limit} {times}, first with {value:.6}, allowed {bound:.6}"
             )
         };
-        self.0.iter().map(sentence).collect()
+        let initial = self.initial.iter().map(|force| force.sentence(specimens));
+        initial.chain(self.passed.iter().map(sentence)).collect()
     }
 }
 

@@ -52,6 +52,10 @@ pub(super) fn verdict(run: &RunData, after: Option<u64>, more: &[String]) -> Ver
             Tone::Bad,
             "Unfinished: this run did not come to an orderly end",
         ),
+        _ if !run.contradicted.is_empty() => (
+            Tone::Bad,
+            "Contradicted: summary.json is not what the record shows",
+        ),
         _ if !run.damaged.is_empty() => (Tone::Bad, "Damaged: this record is not whole any more"),
         Some("completed") => (Tone::Good, "Completed: the test ran to its end"),
         Some("interrupted") => (
@@ -68,6 +72,13 @@ pub(super) fn verdict(run: &RunData, after: Option<u64>, more: &[String]) -> Ver
     };
     let warned = warned(run);
     let mut headline = headline.to_owned();
+    if let Some(first) = run
+        .contradicted
+        .first()
+        .filter(|_| run.unfinished.is_none())
+    {
+        headline += &format!(": {first}");
+    }
     if warned > 0 {
         tone = worse(tone);
         let limits = if warned == 1 { "limit" } else { "limits" };
@@ -95,8 +106,10 @@ pub(super) fn verdict(run: &RunData, after: Option<u64>, more: &[String]) -> Ver
     if let Some(why) = &run.unfinished {
         sentences.push(ended(why));
     }
+    sentences.extend(run.contradicted.iter().map(|what| ended(what)));
     sentences.extend(run.damaged.iter().map(|what| ended(what)));
-    if let Some(status) = status.filter(|_| !run.damaged.is_empty()) {
+    if let Some(status) = status.filter(|_| !run.damaged.is_empty() && run.contradicted.is_empty())
+    {
         sentences.push(format!("The test itself: {}.", status.replace('_', " ")));
     }
     if run.unreadable_events > 0 && run.unfinished.is_none() {

@@ -227,6 +227,7 @@ pub(super) fn hybrid(seconds: f64, delay: usize) -> RunData {
         events,
         unfinished: None,
         damaged: Vec::new(),
+        contradicted: Vec::new(),
         missing_rows: 0,
         unreadable_events: 0,
         resolved: "title = \"Three storeys\"\n\n[time]\nrate_hz = 1024\nduration_s = 40.0\n\n[structure.shear_building]\nmass_kg = [20e3, 20e3, 20e3]\n\n[integrator]\nmethod = \"gui\"\nlambda = \"auto\"\n\n[excitation.ground_acceleration.signal.kanai_tajimi]\nseed = 7\n\n[[specimen]]\nname = \"bottom column\"\nstorey = 1\n[specimen.law.bouc_wen]\nstiffness_n_per_m = 9e6\n".to_owned(),

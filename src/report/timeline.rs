@@ -43,6 +43,7 @@ const KINDS: [(&str, &[&str], Ink); 5] = [
             "misfit",
             "moved",
             "unsettled",
+            "initial_force",
             "faults",
         ],
         Ink::Series(4),

@@ -1,6 +1,8 @@
 //! What a test is made of, in its run folder, and on record with its digests.
 
-use super::retrace::{ORIGIN, Origin, sha256};
+use super::agreement::VERSION;
+use super::lineage::{ORIGIN, Origin};
+use super::retrace::sha256;
 use crate::config::Files;
 use crate::record::{FolderError, Layout, Note, NoteLevel, RunFolder};
 
@@ -31,5 +33,6 @@ pub(super) fn note(files: &Files, layout: &Layout, folder: &RunFolder) -> Note {
     for input in folder.inputs() {
         add(&input.path, input.sha256.clone());
     }
-    Note::new(NoteLevel::Info, "files").with("sha256", hashes)
+    let note = Note::new(NoteLevel::Info, "files").with("sha256", hashes);
+    note.with(VERSION, env!("CARGO_PKG_VERSION"))
 }

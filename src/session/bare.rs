@@ -79,6 +79,8 @@ pub fn loop_round(
         record_required: false,
         queue_s: 4.0,
         resume_within: None,
+        resume_within_n: None,
+        force_noise_n: Vec::new(),
         resumed: None,
         announced: Vec::new(),
         confirm: false,

@@ -49,7 +49,7 @@ pub(super) fn borne(peak: &Peak, ports: &[Port]) -> Borne {
 }
 
 /// Places of the columns of one kind, each with its number from 0.
-fn places(run: &Run, letter: char) -> Vec<(usize, usize)> {
+pub(super) fn places(run: &Run, letter: char) -> Vec<(usize, usize)> {
     let columns = run.layout().columns().iter().enumerate();
     let each = columns.filter_map(|(place, column)| {
         let number = column.name.strip_prefix(letter)?.parse::<usize>().ok()?;
@@ -114,7 +114,7 @@ fn of_rows(run: &Run, from: u64, ports: &[Port]) -> Result<Peak, FolderError> {
     })
 }
 
-fn raise_all(peak: &mut Peak, others: &Peak) {
+pub(super) fn raise_all(peak: &mut Peak, others: &Peak) {
     let each = |peaks: &mut Vec<Option<f64>>, others: &[Option<f64>]| {
         for (index, other) in others.iter().enumerate() {
             raise(peaks, index, other.unwrap_or(f64::NAN));
@@ -128,7 +128,7 @@ fn raise_all(peak: &mut Peak, others: &Peak) {
     }
 }
 
-fn raise(peaks: &mut Vec<Option<f64>>, index: usize, value: f64) {
+pub(super) fn raise(peaks: &mut Vec<Option<f64>>, index: usize, value: f64) {
     if peaks.len() <= index {
         peaks.resize(index + 1, None);
     }

@@ -10,10 +10,11 @@ use std::time::Duration;
 use crossbeam_channel::{Receiver, Sender};
 use serde_json::Value;
 
+use super::summary::ACCEPT;
 use crate::config::ClockChoice;
 use crate::control::Port;
 use crate::engine::{Control, Experiment, Operator};
-use crate::record::{Note, NoteLevel, Roll, What, Writer};
+use crate::record::{FolderError, Note, NoteLevel, Roll, Run, What, Writer};
 use crate::substructure::{Introduction, LinkFault, Retirement, Unavailable};
 
 /// Where a specimen said that it stands, in the note on its connection: numbers in its own unit, one per axis, in words,
@@ -29,12 +30,15 @@ fn in_words(numbers: &[f64]) -> String {
 }
 
 /// Specimens say again where they stood when a recorded test was connected to them.
-pub(super) fn put_standing(events: &[Value], ports: &mut [Port]) {
+pub(super) fn put_standing(run: &Run, ports: &mut [Port]) -> Result<(), FolderError> {
     // What they said to an interrupted test was true then.
     for port in &mut *ports {
         port.says_it_stands_at(&[]);
     }
-    for event in events {
+    for event in run.event_lines()? {
+        let Some(event) = event? else {
+            continue;
+        };
         let said = event.get(STANDING).and_then(Value::as_str);
         let number = event.get("specimen").and_then(Value::as_u64);
         let (Some(said), Some(number)) = (said, number) else {
@@ -46,6 +50,7 @@ pub(super) fn put_standing(events: &[Value], ports: &mut [Port]) {
             port.says_it_stands_at(&standing);
         }
     }
+    Ok(())
 }
 
 /// Why there is no loop.
@@ -53,6 +58,8 @@ pub(super) fn put_standing(events: &[Value], ports: &mut [Port]) {
 pub(super) enum Unconnected {
     /// Who cannot take part, in words.
     Refused(String),
+    /// Which specimen has lost its state since the interruption, in words.
+    Changed(String),
     /// The operator asked for an end.
     Stopped,
 }
@@ -78,7 +85,9 @@ pub(super) fn connect(
     }
     line.put_back();
     let mut warnings = Vec::new();
-    let mut refusals = Vec::new();
+    let (mut refusals, mut changed) = (Vec::new(), Vec::new());
+    let resumed = experiment.resume.as_ref();
+    let must_keep_state = resumed.is_some_and(|resumed| !resumed.accepts_changed);
     for (number, (name, said)) in (1u64..).zip(names.iter().zip(all)) {
         let Some((port, outcome)) = said else {
             let text =
@@ -98,6 +107,14 @@ pub(super) fn connect(
                     let note = Note::new(NoteLevel::Warning, "warning");
                     writer.note(note.with("text", warning.as_str()));
                 }
+                if must_keep_state && introduction.simulated && !introduction.keeps_state {
+                    changed.push(format!(
+                        "specimen \"{name}\", {}: its server says that it is computed, but not that it keeps its state between two \
+                         tests: it has forgotten the interrupted test. Start such a server with `[serve] remembers = true` before the \
+                         first test; {ACCEPT}",
+                        introduction.peer
+                    ));
+                }
                 warnings.extend(introduction.warnings);
                 if port.is_remote() {
                     let note = about(NoteLevel::Info, "connected");
@@ -116,13 +133,15 @@ pub(super) fn connect(
         }
         experiment.ports.push(port);
     }
-    if refusals.is_empty() {
-        return Ok(warnings);
-    }
+    let why = match (refusals.as_slice(), changed.as_slice()) {
+        ([], []) => return Ok(warnings),
+        ([], _) => Unconnected::Changed(changed.join("; ")),
+        _ => Unconnected::Refused(refusals.join("; ")),
+    };
     for port in &mut experiment.ports {
         port.retire(Retirement::Orderly);
     }
-    Err(Unconnected::Refused(refusals.join("; ")))
+    Err(why)
 }
 
 /// On the simulated clock commands follow each other as fast as they are answered: that is for computations.

@@ -12,7 +12,8 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::retrace::{Origin, places, way_from};
+use super::lineage::{Generation, Lineage, Origin};
+use super::retrace::{places, way_from};
 use crate::config::Files;
 use crate::control::Port;
 use crate::engine::{GIVEN_UP, Phase};
@@ -160,23 +161,42 @@ fn way_of(folder: &Path, after: u64) -> Way {
     if let Some(step) = told.filter(|step| *step > after) {
         return Way::To(step);
     }
-    let Ok(columns) = run.columns(&["state", "step"]) else {
-        return Way::Unknown;
-    };
-    let [states, steps] = columns.as_slice() else {
-        return Way::Unknown;
-    };
-    let is_beside =
-        |state: &f64| *state == GIVEN_UP || BESIDE.iter().any(|phase| *state == phase.code());
-    let mut rows = states.iter().zip(steps).rev();
-    match rows.find(|(state, _)| !is_beside(state)) {
-        Some((_, step)) => Way::To(*step as u64),
-        None => match MissingEnd::of_run(&run) {
+    match last_step_of(&run) {
+        Err(_) => Way::Unknown,
+        Ok(Some(step)) => Way::To(step),
+        Ok(None) => match MissingEnd::of_run(&run) {
             Some(missing) if missing.told_by != ToldBy::Summary(after) => Way::Unknown,
             _ if run.summary_fault().is_some() => Way::Unknown,
             _ => Way::None,
         },
     }
+}
+
+/// Step of the last row in which the run moved something as part of the test; none without such a row. The rows are read one
+/// after the other.
+fn last_step_of(run: &Run) -> Result<Option<u64>, FolderError> {
+    let place = |name: &str| {
+        let place = run.layout().index_of(name);
+        place.ok_or_else(|| FolderError::NoColumn(name.to_owned()))
+    };
+    let places = [place("state")?, place("step")?];
+    let is_beside =
+        |state: f64| state == GIVEN_UP || BESIDE.iter().any(|phase| state == phase.code());
+    let path = run.path().join("samples.bin");
+    let io = |source| FolderError::Io {
+        path: path.clone(),
+        source,
+    };
+    let (mut journal, mut last) = (run.journal()?, None);
+    while let Some(row) = journal.next_row().map_err(io)? {
+        let [state, step] = places.map(|place| row.values.get(place).copied());
+        if let (Some(state), Some(step)) = (state, step)
+            && !is_beside(state)
+        {
+            last = Some(step as u64);
+        }
+    }
+    Ok(last)
 }
 
 /// The last test that went on with the one in `folder`; none if nobody did.
@@ -359,19 +379,19 @@ pub enum Unsaid {
 /// The test that another goes on with, and where it made no steps of its own those before it, too.
 fn line_of(origin: &Origin) -> Vec<PathBuf> {
     let mut line = vec![origin.parent_absolute.clone()];
-    loop {
-        let Some(last) = line.last() else {
-            return line;
+    for generation in Lineage::of(&origin.parent_absolute) {
+        let Ok(Generation {
+            folder,
+            origin,
+            parent: Ok(parent),
+        }) = generation
+        else {
+            break;
         };
-        let Ok(Some(before)) = Origin::of(last) else {
-            return line;
-        };
-        if way_of(last, before.step) != Way::None {
-            return line;
+        if way_of(&folder, origin.step) != Way::None {
+            break;
         }
-        let Ok(parent) = before.parent_from(last) else {
-            return line;
-        };
         line.push(parent.path().to_owned());
     }
+    line
 }

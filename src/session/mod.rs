@@ -11,6 +11,7 @@
 //! No shared mutable state with the loop, no mutex it could meet. On the real clock every thread but the loop's leaves stamps
 //! of what it does ([`crate::record::threads`]).
 
+mod agreement;
 mod archive;
 mod bare;
 mod borne;
@@ -24,6 +25,7 @@ mod guarded;
 mod judged;
 mod kept;
 mod last_words;
+mod lineage;
 mod page;
 mod ready;
 mod recorded;
@@ -43,6 +45,7 @@ use std::time::Duration;
 
 use thiserror::Error;
 
+pub use agreement::SummaryDifference;
 pub use bare::{bare_loop, loop_round};
 pub use compare::{Compared, compare, compared_name};
 pub use continued::{Now, Unsaid, WentOn};
@@ -52,7 +55,7 @@ pub use page::{Page, PageError, conclude, hero, write_report};
 pub use ready::missing;
 pub use replay::{Difference, Replay, ReplayError, replay, replay_rows};
 pub use reset::{ControlError, ControlPlace, ResetError, ServerControl, reset};
-pub use resume::{ResumeError, resume, resume_over};
+pub use resume::{Allowed, ResumeError, resume, resume_allowed, resume_over};
 pub use retrace::altered;
 pub use signals::{Signal, Signals, Taken};
 pub use summary::ending;
@@ -120,6 +123,8 @@ pub enum Finish {
     Completed,
     /// Stopped by a limit, divergence, a stale or miss bound.
     Stopped,
+    /// Before it moved anything: a specimen is another than the one of the interrupted test.
+    Refused,
     /// By the operator.
     Interrupted,
     /// A link or peer failed.

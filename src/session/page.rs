@@ -7,8 +7,11 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 use super::Finished;
+use super::agreement::{is_of_an_earlier_version, with_record};
 use super::energetics::{Without, known};
-use super::retrace::{Origin, way_from};
+use super::lineage::{Generation, Lineage, Origin};
+use super::replay::ReplayError;
+use super::retrace::way_from;
 use crate::metrics::energy::Model;
 use crate::record::summary::Status;
 use crate::record::{Column, End, Events, FolderError, MissingEnd, Run, atomic};
@@ -45,6 +48,10 @@ pub struct Page {
     pub identified: Vec<IdentifiedAxis>,
     /// What of the record is not there any more, in words.
     pub damaged: Vec<String>,
+    /// Keys of the summary that the rows and events contradict, in words.
+    pub contradicted: Vec<String>,
+    /// The summary is of an earlier version.
+    pub is_of_an_earlier_version: bool,
 }
 
 /// Writes report.html into a run folder, finished or not.
@@ -86,6 +93,8 @@ fn page(path: PathBuf, run: &RunData) -> Page {
         path,
         identified: identified(run),
         damaged: run.damaged.clone(),
+        contradicted: run.contradicted.clone(),
+        is_of_an_earlier_version: is_of_an_earlier_version(run.events.iter()),
     }
 }
 
@@ -208,7 +217,7 @@ pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
     let step = origin.as_ref().map(|origin| origin.step);
     let known = known(folder, &resolved, run.layout().columns(), step);
     let earlier = origin.map(|origin| Earlier {
-        folders: folders_of(folder, &origin),
+        folders: folders_of(folder),
         step: origin.step,
         ground: known.ground_before,
     });
@@ -236,7 +245,9 @@ pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
         .then(|| "the run has no summary.json: it is still running or was killed".to_owned());
     let told = run.events()?;
     let rows = on_disk.end.get();
-    let damaged = rows.map_or_else(Vec::new, |rows| damages(&run, &told, rows));
+    let mut damaged = rows.map_or_else(Vec::new, |rows| damages(&run, &told, rows));
+    damaged.extend(circle(folder));
+    let contradicted = with_record(&run, &resolved)?;
     Ok(RunData {
         title: title.or_else(name).unwrap_or_else(|| "run".to_owned()),
         columns: run.layout().columns().to_vec(),
@@ -252,35 +263,44 @@ pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
         unreadable_events: told.unreadable,
         unfinished,
         damaged,
+        contradicted: contradicted.iter().map(ToString::to_string).collect(),
         missing_rows: rows.map_or(0, |rows| rows.lost),
         resolved,
     })
 }
 
+/// What says that a run continues itself, if it does.
+fn circle(folder: &Path) -> Option<String> {
+    let mut generations = Lineage::of(folder).filter_map(Result::ok);
+    generations.find_map(|generation| match generation.parent {
+        Err(error @ ReplayError::Circle { .. }) => Some(error.to_string()),
+        _ => None,
+    })
+}
+
 /// The folders in which the steps of a test up to the one stand that it went on after, with their steps where those are in several.
 /// A test of the line that made none has none. What a folder that is not there any more went on with is not known.
-fn folders_of(folder: &Path, origin: &Origin) -> String {
+fn folders_of(folder: &Path) -> String {
     let mut folders: Vec<(String, u64, u64)> = Vec::new();
-    let (mut at, mut origin) = (folder.to_owned(), origin.clone());
-    loop {
-        let parent = origin.parent_from(&at).ok();
-        let parent = parent.map(|run| run.path().to_owned());
-        let before = parent.as_deref().and_then(|parent| Origin::of(parent).ok());
-        let before = before.flatten();
-        let first = before.as_ref().map_or(0, |before| before.step + 1);
+    let mut generations = Lineage::of(folder).flatten().peekable();
+    while let Some(Generation {
+        folder: at,
+        origin,
+        parent,
+    }) = generations.next()
+    {
+        let before = generations.peek().map(|before| before.origin.step);
+        let first = before.map_or(0, |step| step + 1);
         if first <= origin.step {
-            let way = parent.as_deref().and_then(|to| way_from(folder, to));
-            let way = way.as_ref().unwrap_or(if at == folder {
-                &origin.parent
+            let parent = parent.as_ref().map(|run| run.path()).ok();
+            let way = parent.and_then(|to| way_from(folder, to));
+            let way = way.unwrap_or(if at == folder {
+                origin.parent
             } else {
-                &origin.parent_absolute
+                origin.parent_absolute
             });
             folders.push((way.display().to_string(), first, origin.step));
         }
-        let (Some(parent), Some(before)) = (parent, before) else {
-            break;
-        };
-        (at, origin) = (parent, before);
     }
     if let [(only, ..)] = folders.as_slice() {
         return only.clone();

@@ -59,6 +59,7 @@ impl Substructure for Recorded {
         let answered = &mut self.answered;
         with(&self.tape, |tape| {
             // The end of the recording ends the replay.
+            tape.ran_out |= tape.next().is_none();
             let row = tape.next().ok_or(LinkFault::Closed)?;
             let at = |index: usize| at(Some(row), index);
             let recorded = at(self.sequence) as u64;
@@ -83,6 +84,7 @@ impl Substructure for Recorded {
     /// says that the operator ended the wait.
     fn is_answered(&mut self, wait_ns: u64) -> Result<bool, LinkFault> {
         let is_here = with(&self.tape, |tape| {
+            tape.ran_out |= tape.next().is_none();
             let row = tape.next().ok_or(LinkFault::Closed)?;
             if Status(at(Some(row), self.status) as u32).has(Status::OWED) {
                 // Who was asked for it was waited for, too, where the wait ended in this row.

@@ -10,11 +10,14 @@ use std::sync::{Arc, Mutex};
 
 use thiserror::Error;
 
+use super::agreement::{
+    SummaryDifference, of_an_earlier_version, trips_without_a_row, with_events, with_loop,
+};
 use super::recorded::{Replaced, put_recorded};
 use super::retrace::{check_files, prepared, same_columns};
 use super::tape::{Comparing, Recording, Tape, with};
 use crate::config::ConfigError;
-use crate::engine::{Control, Ending, Engine, Experiment};
+use crate::engine::{Control, Ending, Engine, Experiment, Outcome};
 use crate::record::{End, FolderError, Layout, MissingEnd, Run};
 
 /// Why a folder cannot be replayed.
@@ -63,6 +66,19 @@ pub enum ReplayError {
         /// Where the interrupted test was.
         parent: PathBuf,
     },
+    /// A run continues itself, directly or through others.
+    #[error(
+        "{} says that the test continued {}, which is this test or one that continued it: no test can be its own ancestor. The file \
+         was changed; put back the one that the test wrote",
+        path.display(),
+        parent.display()
+    )]
+    Circle {
+        /// `resumed.json`.
+        path: PathBuf,
+        /// The folder that it names.
+        parent: PathBuf,
+    },
     /// The interrupted test that this one goes on with does not come out again.
     #[error("the test that this one goes on with, {}, does not come out again", .0.display())]
     Parent(PathBuf),
@@ -108,13 +124,19 @@ pub struct Replay {
     pub short: Option<String>,
     /// The recording says which files it is of, and they are the same.
     pub files_proven: bool,
+    /// Keys of the summary that are not what the loop comes to; none of a run without a summary, or one that is not proven to its
+    /// end.
+    pub summary: Vec<SummaryDifference>,
+    /// The summary is of an earlier version: what differs there proves nothing.
+    pub is_of_an_earlier_version: bool,
 }
 
 impl Replay {
-    /// True if every recorded number came out again.
+    /// True if every recorded number came out again, and the summary says what the loop comes to.
     #[must_use]
     pub const fn is_exact(&self) -> bool {
-        self.difference.is_none() && self.short.is_none()
+        let summary_agrees = self.summary.is_empty() || self.is_of_an_earlier_version;
+        self.difference.is_none() && self.short.is_none() && summary_agrees
     }
 }
 
@@ -124,12 +146,23 @@ impl Replay {
 /// See [`ReplayError`]. A number that differs is no error but [`Replay::difference`].
 pub fn replay(folder: &Path) -> Result<Replay, ReplayError> {
     let run = Run::open(folder)?;
-    let experiment = prepared(&run, Replaced::All, false)?.experiment;
+    let test = prepared(&run, Replaced::All, false)?;
     let files_proven = check_files(&run)?;
     let recording = Recording::of(&run)?;
-    let mut found = follow(experiment, run.layout(), recording)?;
+    let goes_on = trips_without_a_row(&run)? && !test.experiment.ports.is_empty();
+    let layout = run.layout();
+    let (mut found, outcome, ran_out) = follow(test.experiment, layout, recording, goes_on)?;
     if found.is_exact() {
         found.short = missing_end(&run, &found);
+    }
+    if let Some(summary) = run.summary().filter(|_| found.is_exact()) {
+        let required = test.facts.record_required;
+        found.summary = if ran_out {
+            with_events(&run, summary, &outcome, required)?
+        } else {
+            with_loop(summary, &outcome, required)
+        };
+        found.is_of_an_earlier_version = of_an_earlier_version(&run)?;
     }
     found.files_proven = files_proven;
     Ok(found)
@@ -157,24 +190,28 @@ pub fn replay_rows(
         experiment,
         layout,
         Recording::without_checkpoints(samples, layout),
+        false,
     )
+    .map(|(found, ..)| found)
 }
 
 fn follow(
     mut experiment: Experiment,
     layout: &Layout,
     recording: Recording,
-) -> Result<Replay, ReplayError> {
+    goes_on: bool,
+) -> Result<(Replay, Outcome, bool), ReplayError> {
     same_columns(layout.columns(), &experiment.columns())?;
     let (operator, requests) = crossbeam_channel::bounded(4);
-    let tape = Tape::new(recording, layout, &experiment, operator, None, false);
+    let mut tape = Tape::new(recording, layout, &experiment, operator, None, false);
+    tape.goes_on = goes_on;
     let tape = Arc::new(Mutex::new(tape));
     put_recorded(&mut experiment, &tape, layout, Replaced::All);
     let compared = layout.columns().iter().filter(|c| !c.timing).count();
     let recorder = Box::new(Comparing(Arc::clone(&tape)));
     let mut engine = Engine::for_a_replay(experiment, recorder);
     let outcome = engine.run(&Control::from(requests));
-    Ok(with(&tape, |tape| {
+    let (found, ran_out) = with(&tape, |tape| {
         let left = !tape.is_over() && tape.difference.is_none();
         let short = match (tape.end(), &outcome.ending) {
             _ if tape.short.is_some() => tape.short.take(),
@@ -185,13 +222,17 @@ fn follow(
             (Some(End::Clean) | None, _) => None,
             (Some(end), _) => Some(end.to_string()),
         };
-        Replay {
+        let found = Replay {
             rows: tape.row,
             columns: compared,
             time: tape.time,
             difference: tape.difference.take(),
             short,
             files_proven: false,
-        }
-    }))
+            summary: Vec::new(),
+            is_of_an_earlier_version: false,
+        };
+        (found, tape.ran_out)
+    });
+    Ok((found, outcome, ran_out))
 }

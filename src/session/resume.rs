@@ -14,27 +14,45 @@ mod trips;
 use std::path::Path;
 
 use super::borne::{borne, peak_of};
-use super::continued::{self, Now};
+use super::continued::{self, Now, WentOn};
 use super::desk::{Request, Unanswered, ask};
+use super::lineage::Origin;
 use super::recorded::Replaced;
 use super::retrace::{
-    Build, Origin, Retraced, check_files as check_files_of, prepared_by, read, retrace,
-    rows_sha256, sha256, take_over,
+    Build, Retraced, check_files as check_files_of, prepared_by, read, retrace, rows_sha256,
+    sha256, take_over,
 };
-use crate::config::{self, Dial, Loaded, Prepared};
+use crate::config::{self, Dial, Facts, Loaded, Prepared};
 use crate::control::Port;
 use crate::record::summary::Status;
 use crate::record::{MissingEnd, Run, ToldBy};
 pub use error::ResumeError;
-use places::{places, ticks_lost};
+use places::{Tolerances, places, ticks_lost};
+use trips::Told;
 
+/// Name of the override in `accepted` of the summary.
+const CHANGED: &str = "changed";
+const ON_ITS_WAY_IN: &str = "it had ended on its way in, and made no step of its own: the state is that of the test before it, the \
+    specimens stand where it left them";
+const UNTRIED: &str = "which way round the specimens are wired is not tried again: who has changed it since begins a new test";
 /// Name of a trip whose event is missing.
 const UNKNOWN: &str = "unknown";
 
+/// Permissions of the user for a test that is resumed.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Allowed<'a> {
+    /// The trips after which it may go on, by their names.
+    pub after: &'a [String],
+    /// The step to which it may go back if its record is damaged, or after which another test has continued it already. Specimens
+    /// are then led through the following steps once more.
+    pub back_to: Option<u64>,
+    /// Why it may go on although a specimen changed since the interruption: it stands elsewhere, its force is another one, or it is
+    /// computed by a server that does not keep its state.
+    pub changed: Option<&'a str>,
+}
+
 /// Prepares the test in `folder` to go on. `test`: the test file, if one was given; it must be the one that was
-/// interrupted. `after`: the trips after which it may go on, by their names. `back_to`: the step that it may go back to where
-/// its record is damaged, or after which another went on already, though specimens are then led once more through what they
-/// have been through.
+/// interrupted. `after` and `back_to`: see [`Allowed`].
 ///
 /// # Errors
 /// See [`ResumeError`].
@@ -44,7 +62,24 @@ pub fn resume(
     after: &[String],
     back_to: Option<u64>,
 ) -> Result<Prepared, ResumeError> {
-    resume_by(folder, test, after, back_to, &mut config::build)
+    let allowed = Allowed {
+        after,
+        back_to,
+        changed: None,
+    };
+    resume_allowed(folder, test, allowed)
+}
+
+/// Prepares the test in `folder` to continue, with all permissions of the user.
+///
+/// # Errors
+/// See [`ResumeError`].
+pub fn resume_allowed(
+    folder: &Path,
+    test: Option<&Path>,
+    allowed: Allowed<'_>,
+) -> Result<Prepared, ResumeError> {
+    resume_by(folder, test, allowed, &mut config::build)
 }
 
 /// The same with links over transports that are connected already: those that `dial` makes, one after the other.
@@ -57,17 +92,89 @@ pub fn resume_over(
     dial: &mut Dial<'_>,
 ) -> Result<Prepared, ResumeError> {
     let build = &mut |loaded: &Loaded| config::build_over(loaded, dial);
-    resume_by(folder, None, after, None, build)
+    let allowed = Allowed {
+        after,
+        ..Allowed::default()
+    };
+    resume_by(folder, None, allowed, build)
 }
 
 fn resume_by(
     folder: &Path,
     test: Option<&Path>,
-    after: &[String],
-    back_to: Option<u64>,
+    allowed: Allowed<'_>,
     build: &mut Build<'_>,
 ) -> Result<Prepared, ResumeError> {
     let run = Run::open(folder)?;
+    let went_on = may_be_resumed(&run, allowed.back_to)?;
+    let before = Origin::of(folder)?;
+    has_its_end(&run, before.as_ref())?;
+    check_files(&run, test, before.as_ref())?;
+    let ended = end_before(&run, allowed.after)?;
+    let (mut traced, note) = trace(&run)?;
+    let Some((side, ports, mut resumption)) = traced.state.take() else {
+        return Err(if traced.completed {
+            ResumeError::Complete(folder.to_owned())
+        } else {
+            ResumeError::NotBegun(folder.to_owned())
+        });
+    };
+    let mut next = prepared_by(&run, Replaced::Remote, true, build)?;
+    let step = resumption.step();
+    if step >= next.experiment.steps {
+        // It was stopped during its shutdown.
+        return Err(ResumeError::Complete(folder.to_owned()));
+    }
+    let rate_hz = next.facts.rate_hz;
+    check_way_back(&run, &traced, &ports, step, allowed.back_to, rate_hz)?;
+    let on_its_way_in = traced.on_its_way_in;
+    let origin = origin_of(&run, &traced, &ports, (step, &next.facts), before, allowed)?;
+    resumption.left = origin.places();
+    resumption.borne = borne(&origin.peak, &ports);
+    resumption.accepts_changed = origin.accepts_changed();
+    take_over(&mut next.experiment, side, ports);
+    origin.put(&mut next.experiment.ports);
+    next.experiment.resume = Some(resumption);
+    next.files.test = read(&folder.join("test.toml"))?;
+    next.files.resolved = String::from_utf8_lossy(&read(&folder.join("resolved.toml"))?).into();
+    next.facts.resumed = Some((folder.to_owned(), step));
+    next.files.origin = serde_json::to_string_pretty(&origin).ok();
+    let resumed = format!(
+        "resumed from {} after step {step} ({} s): {} rows retraced",
+        folder.display(),
+        origin.time,
+        traced.rows
+    );
+    // The wiring check is not repeated.
+    let tried = !std::mem::take(&mut next.facts.announced).is_empty();
+    let again = went_on.map(|before| {
+        format!("{before}: the specimens are led once more through the steps after step {step}, because of `--back-to-step`")
+    });
+    let accepted = allowed.changed.map(|reason| {
+        let reason = reason.to_owned();
+        next.facts.accepted.insert(CHANGED.to_owned(), reason.clone());
+        format!("`--accept-changed`: a specimen that has changed since the interruption does not stop the test; reason: {reason}")
+    });
+    let texts = [
+        Some(resumed),
+        Some(ended),
+        again,
+        on_its_way_in.then(|| ON_ITS_WAY_IN.to_owned()),
+        tried.then(|| UNTRIED.to_owned()),
+        note,
+        accepted,
+    ];
+    for text in texts.into_iter().flatten() {
+        next.facts.announced.push(text.clone());
+        next.facts.warnings.push(text);
+    }
+    Ok(next)
+}
+
+/// Refuses a test that runs, may be running, is complete, or was gone on with already, unless `back_to` names a step. Returns the
+/// test that has continued it.
+fn may_be_resumed(run: &Run, back_to: Option<u64>) -> Result<Option<WentOn>, ResumeError> {
+    let folder = run.path();
     match ask(folder, Request::Phase) {
         Ok(_) => return Err(ResumeError::Running(folder.to_owned())),
         Err(Unanswered::Over(_)) => {}
@@ -97,93 +204,62 @@ fn resume_by(
             fault: fault.to_owned(),
         });
     }
-    let origin = Origin::of(folder)?;
+    Ok(went_on)
+}
+
+/// Refuses a record whose last rows are missing.
+fn has_its_end(run: &Run, origin: Option<&Origin>) -> Result<(), ResumeError> {
     // One that ended on its way in has made no step of those that its summary tells of.
     let has_steps = |missing: &MissingEnd| {
-        let before = origin.as_ref().map(|origin| origin.step);
+        let before = origin.map(|origin| origin.step);
         before.is_none_or(|step| missing.told_by != ToldBy::Summary(step))
     };
-    if let Some(missing) = MissingEnd::of_run(&run).filter(has_steps) {
-        return Err(ResumeError::Short {
-            folder: folder.to_owned(),
+    match MissingEnd::of_run(run).filter(has_steps) {
+        None => Ok(()),
+        Some(missing) => Err(ResumeError::Short {
+            folder: run.path().to_owned(),
             missing,
-        });
+        }),
     }
-    check_files(&run, test, origin.as_ref())?;
-    let ended = end_before(&run, after)?;
-    let (mut traced, note) = trace(&run)?;
-    let Some((side, ports, mut resumption)) = traced.state.take() else {
-        return Err(if traced.completed {
-            ResumeError::Complete(folder.to_owned())
-        } else {
-            ResumeError::NotBegun(folder.to_owned())
-        });
+}
+
+/// The content of `resumed.json` for the resumed test; `before` is that of the interrupted test.
+fn origin_of(
+    run: &Run,
+    traced: &Retraced,
+    ports: &[Port],
+    (step, facts): (u64, &Facts),
+    before: Option<Origin>,
+    allowed: Allowed<'_>,
+) -> Result<Origin, ResumeError> {
+    let folder = run.path();
+    let peak = before.as_ref().map(|before| &before.peak);
+    let peak = peak_of(run, traced.rows, ports, peak)?;
+    let by = Tolerances {
+        within_m: facts.resume_within,
+        within_n: facts.resume_within_n,
+        noise_n: &facts.force_noise_n,
+        peak: &peak,
+        pace: (facts.rate_hz, facts.ticks_per_step),
     };
-    let mut next = prepared_by(&run, Replaced::Remote, true, build)?;
-    let step = resumption.step();
-    if step >= next.experiment.steps {
-        // What stopped it was its way out.
-        return Err(ResumeError::Complete(folder.to_owned()));
-    }
-    check_way_back(&run, &traced, &ports, step, back_to, next.facts.rate_hz)?;
-    let time = step as f64 * next.facts.dt;
-    let within = next.facts.resume_within;
-    let peak = peak_of(
-        &run,
-        traced.rows,
-        &ports,
-        origin.as_ref().map(|origin| &origin.peak),
-    )?;
-    let before = origin.filter(|_| traced.on_its_way_in);
-    let pace = (next.facts.rate_hz, next.facts.ticks_per_step);
-    let left = places(&run, &ports, within, pace, before.as_ref())?;
+    let before = before.filter(|_| traced.on_its_way_in);
+    let left = places(run, ports, &by, before.as_ref())?;
     let absolute = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
-    let origin = Origin {
+    let mut origin = Origin {
         parent: absolute.clone(),
         parent_absolute: absolute,
         rows: traced.rows,
-        rows_sha256: rows_sha256(&run, traced.rows)?,
+        rows_sha256: rows_sha256(run, traced.rows)?,
         resolved_sha256: sha256(&read(&folder.join("resolved.toml"))?),
         step,
-        time,
-        left,
+        time: step as f64 * facts.dt,
+        left: Vec::new(),
+        left_forces: Vec::new(),
         peak,
+        accepted_changed: allowed.changed.map(str::to_owned),
     };
-    resumption.left = origin.places();
-    resumption.borne = borne(&origin.peak, &ports);
-    take_over(&mut next.experiment, side, ports);
-    origin.put(&mut next.experiment.ports);
-    next.experiment.resume = Some(resumption);
-    next.files.test = read(&folder.join("test.toml"))?;
-    next.files.resolved = String::from_utf8_lossy(&read(&folder.join("resolved.toml"))?).into();
-    next.facts.resumed = Some((folder.to_owned(), step));
-    next.files.origin = serde_json::to_string_pretty(&origin).ok();
-    let text = format!(
-        "resumed from {} after step {step} ({time} s): {} rows retraced",
-        folder.display(),
-        traced.rows
-    );
-    let on_its_way_in = before.map(|_| {
-        "it had ended on its way in, and made no step of its own: the state is that of the test before it, the specimens stand \
-         where it left them"
-            .to_owned()
-    });
-    // What a test tries before it begins is not tried again.
-    let tried = !std::mem::take(&mut next.facts.announced).is_empty();
-    let untried = tried.then(|| {
-        "which way round the specimens are wired is not tried again: who has changed it since begins a new test".to_owned()
-    });
-    let again = went_on.map(|before| {
-        format!("{before}: the specimens are led once more through the steps after step {step}, because of `--back-to-step`")
-    });
-    for text in [Some(text), Some(ended), again, on_its_way_in, untried, note]
-        .into_iter()
-        .flatten()
-    {
-        next.facts.announced.push(text.clone());
-        next.facts.warnings.push(text);
-    }
-    Ok(next)
+    origin.keep(&left);
+    Ok(origin)
 }
 
 /// What the test ended with before, to be told. Its trips must be those in `after`.
@@ -192,9 +268,10 @@ fn end_before(run: &Run, after: &[String]) -> Result<String, ResumeError> {
         || "it was killed: there is no summary.json".to_owned(),
         |summary| summary.reason.clone(),
     );
-    let told = run.events()?;
-    let mut trips = trips::of_events(&told.events);
-    let may_hide = trips::may_hide(run.summary().map(|summary| summary.status), &told);
+    let told = Told::of(run)?;
+    let may_hide = told.may_hide(run.summary().map(|summary| summary.status));
+    let unreadable = told.unreadable;
+    let mut trips = told.trips;
     let has_tripped = !trips.is_empty() || trips::has_a_row_of_one(run)?;
     if trips.is_empty() && (may_hide || has_tripped) {
         trips.push(UNKNOWN.to_owned());
@@ -235,11 +312,8 @@ fn end_before(run: &Run, after: &[String]) -> Result<String, ResumeError> {
             trips.join(", ")
         )
     };
-    if told.unreadable > 0 {
-        text = format!(
-            "{text}; {} lines of its events cannot be read",
-            told.unreadable
-        );
+    if unreadable > 0 {
+        text = format!("{text}; {unreadable} lines of its events cannot be read");
     }
     Ok(text)
 }

@@ -1,134 +1,26 @@
 //! From a run folder back to the experiment, and to the state that its test had after any of its rows.
 //!
-//! A test that went on after an interruption has its parent's rows before its own: `resumed.json` names the parent, the rows
-//! that count, and their digest. So the state is made of the whole line of ancestors.
+//! A resumed test has its parent's rows before its own ([`super::lineage`]). So the state is made of
+//! all its ancestors. Rows and events are read one after the other: no record is held whole.
 
+use std::fs::File;
+use std::io::Read as _;
 use std::path::{Component, Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 use super::borne::borne;
 use super::connect::put_standing;
+use super::lineage::{Ancestor, Origin, ancestors};
 use super::recorded::{Replaced, put_recorded};
 use super::replay::ReplayError;
 use super::tape::{Comparing, Recording, Tape, Verified, with};
 use crate::config::{self, ConfigError, Loaded, Prepared};
 use crate::control::Port;
-use crate::engine::{Control, Ending, Engine, Experiment, Place, Resumption, Side};
-use crate::record::summary::Peak;
+use crate::engine::{Control, Ending, Engine, Experiment, Resumption, Side};
 use crate::record::{Column, FolderError, Run, keeps_waiting};
-
-/// Name of the file in the folder of a resumed test.
-pub(super) const ORIGIN: &str = "resumed.json";
-
-/// Where a resumed test comes from: `resumed.json`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(super) struct Origin {
-    /// Folder of the interrupted test, from the folder of this one, or absolute.
-    pub parent: PathBuf,
-    /// The same, absolute, when the test was resumed.
-    pub parent_absolute: PathBuf,
-    /// Rows of it that count.
-    pub rows: u64,
-    /// SHA-256 of their bytes.
-    pub rows_sha256: String,
-    /// SHA-256 of its `resolved.toml`.
-    pub resolved_sha256: String,
-    /// Last step that was made.
-    pub step: u64,
-    /// Test time of it, s.
-    pub time: f64,
-    /// Where the axes of each specimen were left, each in its own unit: the last command, what the sensor reads there, the
-    /// force, and how far off it may stand. In words, since JSON's numbers need not come back to the last bit.
-    pub left: Vec<Vec<[String; 4]>>,
-    /// Largest magnitudes of the test so far, those after the rows that count, too. Older ones do not say.
-    #[serde(default)]
-    pub peak: Peak,
-}
-
-impl Origin {
-    /// That of a run; none if it began at its beginning.
-    pub fn of(folder: &Path) -> Result<Option<Self>, ReplayError> {
-        let path = folder.join(ORIGIN);
-        if !path.exists() {
-            return Ok(None);
-        }
-        let text = read(&path)?;
-        match serde_json::from_slice(&text) {
-            Ok(origin) => Ok(Some(origin)),
-            Err(source) => Err(ReplayError::Origin { path, source }),
-        }
-    }
-
-    /// Its text for the folder of the test that goes on: from there the parent is found as long as both are moved together.
-    pub fn text_for(text: &str, folder: &Path) -> Option<String> {
-        let mut origin: Self = serde_json::from_str(text).ok()?;
-        origin.parent = way_from(folder, &origin.parent_absolute)?;
-        serde_json::to_string_pretty(&origin).ok()
-    }
-
-    /// The parent's run, wherever both are now. What is there is the one if its digests are.
-    pub fn parent_from(&self, folder: &Path) -> Result<Run, ReplayError> {
-        let mut wrong = None;
-        for place in places(folder, &self.parent, &self.parent_absolute) {
-            if place.exists() {
-                match self.proven(&place) {
-                    Ok(run) => return Ok(run),
-                    Err(error) => wrong.get_or_insert(error),
-                };
-            }
-        }
-        Err(wrong.unwrap_or_else(|| ReplayError::NoParent {
-            path: folder.join(ORIGIN),
-            parent: self.parent_absolute.clone(),
-        }))
-    }
-
-    /// The run in a folder, if it is the parent.
-    fn proven(&self, parent: &Path) -> Result<Run, ReplayError> {
-        let run = Run::open(parent)?;
-        same(&parent.join("resolved.toml"), &self.resolved_sha256)?;
-        let found = rows_sha256(&run, self.rows)?;
-        if found != self.rows_sha256 {
-            return Err(ReplayError::Input {
-                path: parent.join("samples.bin"),
-                wanted: self.rows_sha256.clone(),
-                found,
-            });
-        }
-        Ok(run)
-    }
-
-    /// Last command, reading and force of one axis, and how far off it may stand, all in its own unit.
-    pub fn axis(&self, port: usize, axis: usize) -> Option<[f64; 4]> {
-        let values = self.left.get(port)?.get(axis)?;
-        Some(values.each_ref().map(|value| number(value)))
-    }
-
-    /// Specimens behind links stand where they were left, wherever the interrupted test was when it was retraced.
-    pub fn put(&self, ports: &mut [Port]) {
-        for (port, axes) in ports.iter_mut().zip(&self.left) {
-            if port.is_remote() {
-                let commands: Vec<f64> = axes.iter().map(|axis| number(&axis[0])).collect();
-                port.stands_at(&commands);
-            }
-        }
-    }
-
-    /// Where they were left.
-    pub fn places(&self) -> Vec<Vec<Place>> {
-        let place = |[_, disp, force, within]: &[String; 4]| Place {
-            disp: number(disp),
-            force: number(force),
-            within: number(within),
-        };
-        let specimen = |axes: &Vec<[String; 4]>| axes.iter().map(place).collect();
-        self.left.iter().map(specimen).collect()
-    }
-}
 
 /// Where another folder may be now: where it was from `folder`, beside that one, or where it was then.
 pub(super) fn places(
@@ -156,11 +48,6 @@ fn way_between(from: &Path, to: &Path) -> Option<PathBuf> {
     (common > 1).then(|| up.chain(to.components().skip(common)).collect())
 }
 
-/// What is no number is nowhere.
-fn number(text: &str) -> f64 {
-    text.parse().unwrap_or(f64::NAN)
-}
-
 /// Makes the experiment of a test file.
 pub(super) type Build<'a> = dyn FnMut(&Loaded) -> Result<Prepared, ConfigError> + 'a;
 
@@ -170,24 +57,41 @@ pub(super) fn read(path: &Path) -> Result<Vec<u8>, ReplayError> {
     } else {
         std::fs::read(path)
     };
-    bytes.map_err(|source| ReplayError::Unreadable {
-        path: path.to_owned(),
-        source,
-    })
+    bytes.map_err(|source| unreadable(path, source))
 }
 
 pub(super) fn sha256(bytes: &[u8]) -> String {
-    let digest = Sha256::digest(bytes);
+    in_hex(&Sha256::digest(bytes))
+}
+
+fn in_hex(digest: &[u8]) -> String {
     digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// SHA-256 of the first `rows` rows of a run.
+pub(super) fn unreadable(path: &Path, source: std::io::Error) -> ReplayError {
+    ReplayError::Unreadable {
+        path: path.to_owned(),
+        source,
+    }
+}
+
+/// SHA-256 of the first `rows` rows of a run, read in pieces.
 pub(super) fn rows_sha256(run: &Run, rows: u64) -> Result<String, ReplayError> {
-    let bytes = read(&run.path().join("samples.bin"))?;
-    let end = usize::try_from(rows)
-        .unwrap_or(usize::MAX)
-        .saturating_mul(run.layout().stride());
-    Ok(sha256(bytes.get(..end).unwrap_or(&bytes)))
+    let path = run.path().join("samples.bin");
+    let failed = |source| unreadable(&path, source);
+    if keeps_waiting(&path) {
+        return Err(failed(std::io::Error::other("it is not a file")));
+    }
+    let file = File::open(&path).map_err(failed)?;
+    let bytes = rows.saturating_mul(run.layout().stride() as u64);
+    let mut piece = vec![0; 1 << 16];
+    let (mut file, mut digest) = (file.take(bytes), Sha256::new());
+    loop {
+        match file.read(&mut piece).map_err(failed)? {
+            0 => return Ok(in_hex(&digest.finalize())),
+            count => digest.update(piece.get(..count).unwrap_or_default()),
+        }
+    }
 }
 
 /// The test of a run folder, as it was built, with the state of its ancestors if it has any. Nobody is connected.
@@ -199,6 +103,18 @@ pub(super) fn prepared(run: &Run, replaced: Replaced, keys: bool) -> Result<Prep
 pub(super) fn prepared_by(
     run: &Run,
     replaced: Replaced,
+    keys: bool,
+    build: &mut Build<'_>,
+) -> Result<Prepared, ReplayError> {
+    let origin = Origin::of(run.path())?;
+    let state = state_of(ancestors(run.path())?, replaced)?;
+    prepared_from(run, origin.zip(state), keys, build)
+}
+
+/// Builds the test of a run folder, with the state that its ancestors came to, if it has any.
+fn prepared_from(
+    run: &Run,
+    before: Option<(Origin, State)>,
     keys: bool,
     build: &mut Build<'_>,
 ) -> Result<Prepared, ReplayError> {
@@ -224,27 +140,52 @@ pub(super) fn prepared_by(
         }
     }
     let mut test = build(&loaded)?;
-    if let Some(origin) = Origin::of(folder)? {
-        let (side, ports, mut resumption) = state_before(folder, &origin, replaced)?;
-        resumption.left = origin.places();
-        resumption.borne = borne(&origin.peak, &ports);
-        take_over(&mut test.experiment, side, ports);
-        origin.put(&mut test.experiment.ports);
-        test.experiment.resume = Some(resumption);
+    if let Some((origin, state)) = before {
+        go_on_from(&mut test.experiment, &origin, state);
     }
-    put_standing(&run.events()?.events, &mut test.experiment.ports);
+    put_standing(run, &mut test.experiment.ports)?;
     Ok(test)
 }
 
 /// What a test is made of that goes on: the numerical side, the ports, and the rest.
 type State = (Side, Vec<Port>, Resumption);
 
-/// The state that a resumed test in `folder` went on with.
-fn state_before(folder: &Path, origin: &Origin, replaced: Replaced) -> Result<State, ReplayError> {
-    let before = origin.parent_from(folder)?;
-    let traced = retrace(&before, Some(origin.rows), replaced)?;
-    let parent = || ReplayError::Parent(before.path().to_owned());
-    traced.state.ok_or_else(parent)
+/// Makes an experiment continue as its `resumed.json` says, with the state that its ancestors came to.
+fn go_on_from(experiment: &mut Experiment, origin: &Origin, state: State) {
+    let (side, ports, mut resumption) = state;
+    resumption.left = origin.places();
+    resumption.borne = borne(&origin.peak, &ports);
+    resumption.accepts_changed = origin.accepts_changed();
+    take_over(experiment, side, ports);
+    origin.put(&mut experiment.ports);
+    experiment.resume = Some(resumption);
+}
+
+/// The state that the ancestors of a test came to, the first of them first; none for a test without any. An ancestor that ended
+/// before its first step has changed nothing: the state is that of those before it.
+fn state_of(
+    mut ancestors: Vec<Ancestor>,
+    replaced: Replaced,
+) -> Result<Option<State>, ReplayError> {
+    let mut state = None;
+    let mut next = 0;
+    while let Some(Ancestor { run, rows, origin }) = ancestors.get(next) {
+        let before = origin.clone().zip(state.take());
+        let test = prepared_from(run, before, false, &mut config::build)?.experiment;
+        let traced = follow(run, test, Some(*rows), replaced)?;
+        match traced.state {
+            Some(reached) => {
+                state = Some(reached);
+                next += 1;
+            }
+            None if origin.is_some() && !traced.completed => {
+                ancestors.remove(next);
+                next = 0;
+            }
+            None => return Err(ReplayError::Parent(run.path().to_owned())),
+        }
+    }
+    Ok(state)
 }
 
 /// The retraced side and ports in place of new ones; links stay those of the new ones.
@@ -279,7 +220,22 @@ pub(super) fn retrace(
     until: Option<u64>,
     replaced: Replaced,
 ) -> Result<Retraced, ReplayError> {
-    let mut experiment = prepared(run, replaced, false)?.experiment;
+    let experiment = prepared(run, replaced, false)?.experiment;
+    let mut traced = follow(run, experiment, until, replaced)?;
+    if traced.state.is_none() && !traced.completed {
+        traced.state = state_of(ancestors(run.path())?, replaced)?;
+        traced.on_its_way_in = traced.state.is_some();
+    }
+    Ok(traced)
+}
+
+/// Follows the rows of a run with an experiment that is prepared for it.
+fn follow(
+    run: &Run,
+    mut experiment: Experiment,
+    until: Option<u64>,
+    replaced: Replaced,
+) -> Result<Retraced, ReplayError> {
     same_columns(run.layout().columns(), &experiment.columns())?;
     let (operator, requests) = crossbeam_channel::bounded(4);
     let recording = Recording::of(run)?;
@@ -290,11 +246,7 @@ pub(super) fn retrace(
     let mut engine = Engine::for_a_replay(experiment, recorder);
     let ending = engine.retrace(&Control::from(requests));
     let completed = ending == Ending::Completed;
-    let mut state = if completed { None } else { engine.stand_by() };
-    let origin = Origin::of(run.path())?.filter(|_| state.is_none() && !completed);
-    if let Some(origin) = &origin {
-        state = Some(state_before(run.path(), origin, replaced)?);
-    }
+    let state = if completed { None } else { engine.stand_by() };
     Ok(with(&tape, |tape| {
         let damage = tape.end().filter(|end| {
             use crate::record::End::{Clean, Torn};
@@ -315,7 +267,7 @@ pub(super) fn retrace(
         };
         Retraced {
             state,
-            on_its_way_in: origin.is_some(),
+            on_its_way_in: false,
             rows: tape.row,
             verified: tape.verified,
             trouble,
@@ -326,17 +278,21 @@ pub(super) fn retrace(
 
 /// The files of the test and their SHA-256, as its events say; none if they do not.
 pub(super) fn files_of(run: &Run) -> Result<Option<Vec<(PathBuf, String)>>, FolderError> {
-    let events = run.events()?.events;
-    let is_files = |event: &&Value| event.get("event").and_then(Value::as_str) == Some("files");
-    let hashes = events.iter().find(is_files);
-    let hashes = hashes.and_then(|event| event.get("sha256")?.as_object());
-    Ok(hashes.map(|hashes| {
-        let each = hashes.iter().map(|(name, wanted)| {
-            let wanted = wanted.as_str().unwrap_or_default();
-            (run.path().join(name), wanted.to_owned())
-        });
-        each.collect()
-    }))
+    let is_files = |event: &Value| event.get("event").and_then(Value::as_str) == Some("files");
+    for event in run.event_lines()? {
+        let Some(event) = event?.filter(is_files) else {
+            continue;
+        };
+        let hashes = event.get("sha256").and_then(Value::as_object);
+        return Ok(hashes.map(|hashes| {
+            let each = hashes.iter().map(|(name, wanted)| {
+                let wanted = wanted.as_str().unwrap_or_default();
+                (run.path().join(name), wanted.to_owned())
+            });
+            each.collect()
+        }));
+    }
+    Ok(None)
 }
 
 /// The files are those of the test, as far as it says which they were. True if it does.

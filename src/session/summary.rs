@@ -19,6 +19,9 @@ use crate::rt::timing::{Quantity, Timing};
 use crate::rt::wall::Wall;
 use crate::substructure::{AGREED, Holder, LinkFault};
 
+/// How the user resumes a test although a specimen has changed.
+pub(super) const ACCEPT: &str = "`--accept-changed \"reason\"` resumes the test all the same";
+
 /// When the loop began, and how long it took on the wall.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Span {
@@ -72,6 +75,9 @@ pub(super) fn summarise(
         (None, Some(Unconnected::Refused(text)), _) => {
             (Finish::LinkFailed, format!("{text}; nothing was moved"))
         }
+        (None, Some(Unconnected::Changed(text)), _) => {
+            (Finish::Refused, format!("{text}; nothing was moved"))
+        }
         (None, Some(Unconnected::Stopped), _) => (
             Finish::Interrupted,
             "stopped by the operator while the specimens were being connected; nothing was moved"
@@ -109,12 +115,7 @@ pub(super) fn summarise(
     let last_words = outcome.map(last_words).into_iter().flatten();
     warnings.extend(last_words.map(|(_, text)| text));
     let summary = Summary {
-        status: match finish {
-            Finish::Completed => Status::Completed,
-            Finish::Stopped => Status::Stopped,
-            Finish::Interrupted => Status::Interrupted,
-            Finish::LinkFailed | Finish::Panicked => Status::Failed,
-        },
+        status: status_of(finish),
         reason,
         steps: outcome.map_or(0, |outcome| outcome.steps),
         dt: facts.dt,
@@ -149,6 +150,16 @@ pub(super) fn summarise(
         verdict: None,
     };
     (finish, summary)
+}
+
+/// As the summary spells it.
+pub(super) const fn status_of(finish: Finish) -> Status {
+    match finish {
+        Finish::Completed => Status::Completed,
+        Finish::Stopped | Finish::Refused => Status::Stopped,
+        Finish::Interrupted => Status::Interrupted,
+        Finish::LinkFailed | Finish::Panicked => Status::Failed,
+    }
 }
 
 /// Specimens whose simulated actuators did not come to terms with what they move, in sentences.
@@ -294,10 +305,11 @@ const fn finish_of(stop: &Stop) -> Finish {
         // A specimen that must not be armed is a peer that failed.
         Stop::Link { .. } | Stop::Misfit { .. } => Finish::LinkFailed,
         Stop::Internal => Finish::Panicked,
+        // The specimen is another than the one of the interrupted test: it was not moved.
+        Stop::Moved { .. } | Stop::ForceChanged { .. } => Finish::Refused,
         Stop::Interlock { .. }
         | Stop::Saturated { .. }
         | Stop::HoldsOn { .. }
-        | Stop::Moved { .. }
         | Stop::Limit { .. }
         | Stop::Geometry { .. }
         | Stop::TestLimit(_)
@@ -336,6 +348,16 @@ pub(super) fn words(ending: &Ending, outcome: &Outcome) -> String {
                  `max_stale` and `max_stale_s` are the limits",
             );
         }
+        Stop::Moved { .. } => {
+            reason = format!(
+                "{reason}: the specimen has changed since the interruption. Nothing was moved. `[safety] resume_within_m` is the tolerance; {ACCEPT}"
+            );
+        }
+        Stop::ForceChanged { .. } => {
+            reason = format!(
+                "{reason}: the specimen has changed since the interruption. Nothing was moved. `[safety] resume_within_n` is the tolerance; {ACCEPT}"
+            );
+        }
         Stop::HoldsOn { .. } => {
             reason.push_str(
                 ": look at the specimen's end, whose watchdog was alarmed when commands stopped",
@@ -346,7 +368,7 @@ pub(super) fn words(ending: &Ending, outcome: &Outcome) -> String {
     reason
 }
 
-fn finite(values: &[f64]) -> Vec<Option<f64>> {
+pub(super) fn finite(values: &[f64]) -> Vec<Option<f64>> {
     values
         .iter()
         .map(|value| value.is_finite().then_some(*value))

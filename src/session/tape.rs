@@ -3,18 +3,18 @@
 //! What was decided while the test ran stands in the rows: when the operator wanted a hold, when a measurement was stale,
 //! when a slow partner answered. So all of it happens again where it happened. Checkpoints are compared as they come.
 
-use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read;
 use std::sync::{Arc, Mutex};
 
 use crossbeam_channel::Sender;
+use serde_json::Value;
 
 use super::replay::{Difference, ReplayError};
 use crate::control::Stage;
 use crate::engine::{Experiment, GIVEN_UP, NOT_AWAITED, Operator, Phase, Word};
 use crate::record::{
-    Column, Event, EventKind, FolderError, Journal, Layout, Recorder, Run, WarmUpRows,
+    Column, Event, EventKind, EventLines, FolderError, Journal, Layout, Recorder, Run, WarmUpRows,
 };
 
 /// Columns that say where within a step a row stands.
@@ -29,10 +29,10 @@ pub(super) struct Verified {
     pub rows: u64,
 }
 
-/// What was recorded: rows, and the digest of each checkpoint by its step.
+/// A recording: rows, and the digests of checkpoints.
 pub(super) struct Recording {
     journal: Journal<Box<dyn Read + Send>>,
-    checkpoints: BTreeMap<u64, String>,
+    checkpoints: Option<Checkpoints>,
 }
 
 impl Recording {
@@ -44,7 +44,7 @@ impl Recording {
             Err(source) => return Err(ReplayError::Unreadable { path, source }),
         };
         Ok(Self {
-            checkpoints: checkpoints(run)?,
+            checkpoints: Some(Checkpoints::of(run)?),
             ..Self::without_checkpoints(samples, run.layout())
         })
     }
@@ -53,7 +53,7 @@ impl Recording {
     pub fn without_checkpoints(samples: Box<dyn Read + Send>, layout: &Layout) -> Self {
         Self {
             journal: Journal::new(samples, layout.columns().len()),
-            checkpoints: BTreeMap::new(),
+            checkpoints: None,
         }
     }
 }
@@ -84,12 +84,16 @@ pub(super) struct Tape {
     until: u64,
     /// Whether the rows from the test's end on are none of this.
     only_the_test: bool,
-    checkpoints: BTreeMap<u64, String>,
+    checkpoints: Option<Checkpoints>,
     pub verified: Option<Verified>,
     operator: Sender<Operator>,
     pub difference: Option<Difference>,
     /// What ends the rows before the end of the recording.
     pub short: Option<String>,
+    /// The rows ended while the loop would have gone on: they do not say how the test ended.
+    pub ran_out: bool,
+    /// At the end of the rows the loop continues into the next tick: a trip before a command leaves has no row.
+    pub goes_on: bool,
 }
 
 impl Tape {
@@ -125,6 +129,8 @@ impl Tape {
             operator,
             difference: None,
             short: None,
+            ran_out: false,
+            goes_on: false,
         };
         tape.fill();
         tape.say();
@@ -218,10 +224,21 @@ impl Tape {
         (word.holds && (!held || word.goes_on)).then_some(Operator::Hold)
     }
 
+    /// True if the loop ends by itself after the row before: it was that of the last step, of the way out, or of a trip.
+    fn ends_by_itself(&self) -> bool {
+        self.before.is_some_and(|(state, step)| {
+            let is_last = state == Phase::Running.code() && step >= self.steps as f64;
+            is_last || is_after_the_test(state)
+        })
+    }
+
     /// Says what the operator said before the row that comes. Nothing left to compare with: the loop may end.
     fn say(&mut self) {
-        let request = if self.is_over() || self.difference.is_some() {
+        let request = if self.difference.is_some() {
             Some(Operator::Stop)
+        } else if self.is_over() {
+            self.ran_out = !self.ends_by_itself() && !self.goes_on;
+            self.ran_out.then_some(Operator::Stop)
         } else {
             self.request()
         };
@@ -280,10 +297,11 @@ impl Tape {
 
     /// Compares a checkpoint of this step, whose row was the last.
     fn check(&mut self, step: u64, digest: u64) {
-        let Some(recorded) = self.checkpoints.get(&step) else {
+        let checkpoints = self.checkpoints.as_mut();
+        let Some(recorded) = checkpoints.and_then(|checkpoints| checkpoints.of_step(step)) else {
             return;
         };
-        if *recorded == format!("{digest:016x}") {
+        if recorded == format!("{digest:016x}") {
             self.verified = Some(Verified {
                 step,
                 rows: self.row,
@@ -302,16 +320,48 @@ impl Tape {
     }
 }
 
-/// Step and digest of every checkpoint.
-fn checkpoints(run: &Run) -> Result<BTreeMap<u64, String>, FolderError> {
-    let events = run.events()?.events;
-    let found = events.iter().filter_map(|event| {
-        let is_one = event.get("event")?.as_str()? == "checkpoint";
-        let step = event.get("tick")?.as_u64()?;
-        let digest = event.get("digest")?.as_str()?.to_owned();
-        is_one.then_some((step, digest))
-    });
-    Ok(found.collect())
+/// The checkpoints of a recording, read as the replay comes to them.
+struct Checkpoints {
+    events: EventLines,
+    /// The next one: its step and digest.
+    coming: Option<(u64, String)>,
+}
+
+impl Checkpoints {
+    fn of(run: &Run) -> Result<Self, FolderError> {
+        let mut checkpoints = Self {
+            events: run.event_lines()?,
+            coming: None,
+        };
+        checkpoints.read()?;
+        Ok(checkpoints)
+    }
+
+    fn read(&mut self) -> Result<(), FolderError> {
+        let one = |event: &Value| {
+            let is_one = event.get("event")?.as_str()? == "checkpoint";
+            let step = event.get("tick")?.as_u64()?;
+            let digest = event.get("digest")?.as_str()?.to_owned();
+            is_one.then_some((step, digest))
+        };
+        self.coming = None;
+        while self.coming.is_none()
+            && let Some(event) = self.events.next()
+        {
+            self.coming = event?.as_ref().and_then(one);
+        }
+        Ok(())
+    }
+
+    /// The recorded digest of the checkpoint of this step, if it has one. Steps are asked for in their order.
+    fn of_step(&mut self, step: u64) -> Option<String> {
+        while self.coming.as_ref().is_some_and(|(at, _)| *at < step) {
+            // What cannot be read any more proves nothing.
+            self.read().ok()?;
+        }
+        let (_, digest) = self.coming.as_ref().filter(|(at, _)| *at == step)?;
+        Some(digest.clone())
+    }
 }
 
 /// True of a row of the running test.

@@ -19,6 +19,16 @@ pub enum SpecimenLaw {
 }
 
 impl SpecimenLaw {
+    /// The force in N at which an axis yields from its virgin state, if its law says that.
+    #[must_use]
+    pub fn yield_force(&self, axis: usize) -> Option<f64> {
+        match self {
+            Self::Law(law) => law.yield_force(),
+            Self::Laws(laws) => laws.get(axis)?.yield_force(),
+            Self::Coupled(_) => None,
+        }
+    }
+
     /// The behaviour from the three keys of a specimen's table, which exclude each other; none of them is `None`.
     ///
     /// # Errors

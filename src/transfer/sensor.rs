@@ -94,6 +94,14 @@ impl DispSensorSpec {
 }
 
 impl ForceSensorSpec {
+    /// Root mean square of its noise in N where a tick is `dt` s of test time.
+    #[must_use]
+    pub fn noise_rms(&self, dt: f64) -> f64 {
+        let of_power = |power: f64| if dt > 0.0 { (power / dt).sqrt() } else { 0.0 };
+        let of_power = || self.noise_power_n2_s.map_or(0.0, of_power);
+        self.noise_rms_n.unwrap_or_else(of_power)
+    }
+
     /// The sensor.
     ///
     /// # Errors

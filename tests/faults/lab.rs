@@ -187,6 +187,8 @@ pub fn play(
             difference: None,
             short: None,
             files_proven: true,
+            summary: Vec::new(),
+            is_of_an_earlier_version: false,
         }
     } else {
         let mut again = build(loaded).map_err(|error| error.to_string())?.experiment;
@@ -294,6 +296,7 @@ impl Played {
         let code = match finish {
             Finish::Completed => 0,
             Finish::Stopped => 1,
+            Finish::Refused => 2,
             Finish::LinkFailed => 3,
             Finish::Panicked => 5,
             Finish::Interrupted => 130,

@@ -7,6 +7,10 @@ mod common;
 mod link_common;
 
 mod borne;
+mod changed;
+mod fresh;
+mod lineage;
+mod memory;
 mod refusals;
 mod rigs;
 mod same_bits;
@@ -109,13 +113,14 @@ fn steps(runs: &[&Path]) -> BTreeMap<u64, Vec<u64>> {
 }
 
 fn go_on(from: &Path, out: &Path) -> common::Said {
-    say([
-        "run",
-        "--resume",
-        from.to_str().unwrap(),
-        "--out",
-        out.to_str().unwrap(),
-    ])
+    go_on_with(from, out, &[])
+}
+
+fn go_on_with(from: &Path, out: &Path, more: &[&str]) -> common::Said {
+    let (from, out) = (from.to_str().unwrap(), out.to_str().unwrap());
+    let mut args = vec!["run", "--resume", from, "--out", out];
+    args.extend(more);
+    say(args)
 }
 
 fn bytes(folder: &Path) -> Vec<(String, Vec<u8>)> {

@@ -175,7 +175,7 @@ fn who_is_well_when_a_link_is_lost_stands_where_the_record_ends_and_the_test_can
         // Further than any record can lack.
         put([stands[0], stands[1] + 0.5]);
         let moved = run_rigs(again(), rigs(None), &at(&format!("moved-{end:?}")), None);
-        assert_eq!(moved.finish, Finish::Stopped, "{}", moved.summary.reason);
+        assert_eq!(moved.finish, Finish::Refused, "{}", moved.summary.reason);
         put(stands);
         let ended = run_rigs(again(), rigs(None), &second, None);
         assert_eq!(ended.finish, Finish::Completed, "{}", ended.summary.reason);
@@ -355,7 +355,7 @@ fn a_test_that_ended_on_its_way_in_to_where_it_was_to_go_on_can_go_on() {
     for (from, to) in [("third", "refused"), ("refused", "refused-again")] {
         put([5e-3, 0.0]);
         let ended = run_rigs(again(from), rigs(), &at(to), None);
-        assert_eq!(ended.finish, Finish::Stopped, "{}", ended.summary.reason);
+        assert_eq!(ended.finish, Finish::Refused, "{}", ended.summary.reason);
         assert!(ended.summary.reason.contains("was left at"));
     }
     put([0.0; 2]);
@@ -363,7 +363,7 @@ fn a_test_that_ended_on_its_way_in_to_where_it_was_to_go_on_can_go_on() {
     put([0.5, 0.0]);
     killed(&at("second"), &at("cut-anew"), ramps - 5);
     let ended = run_rigs(again("cut-anew"), rigs(), &at("aside"), None);
-    assert_eq!(ended.finish, Finish::Stopped, "{}", ended.summary.reason);
+    assert_eq!(ended.finish, Finish::Refused, "{}", ended.summary.reason);
 }
 
 /// What specimens that remember went through once they do not go through again: neither after an end nor after a kill of the test
@@ -385,7 +385,7 @@ fn the_same_interruption_is_gone_on_with_once() {
 
     put([stands[0], stands[1] + 0.5]);
     let ended = run_rigs(next(), rigs(), &at("refused"), None);
-    assert_eq!(ended.finish, Finish::Stopped, "{}", ended.summary.reason);
+    assert_eq!(ended.finish, Finish::Refused, "{}", ended.summary.reason);
     std::fs::remove_dir_all(at("refused")).unwrap();
     assert!(!mark.exists(), "it takes its word back");
     put(stands);

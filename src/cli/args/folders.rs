@@ -6,7 +6,8 @@ use clap::{Args, ValueEnum};
 
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  gusset replay runs/first\n\nExits with 1 if a number differs or the recording has a gap."
+    after_help = "Example:\n  gusset replay runs/first\n\nExits with 1 if a number differs, the recording has a gap, or summary.json \
+                  has another status, reason, number of steps or peak than the loop comes to."
 )]
 pub(in crate::cli) struct ReplayArgs {
     /// The run folder, finished or not.
@@ -87,7 +88,8 @@ pub(in crate::cli) enum RateArg {
 
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  gusset report runs/first\n  gusset report runs/rehearsal runs/test --out comparison.html"
+    after_help = "Example:\n  gusset report runs/first\n  gusset report runs/rehearsal runs/test --out comparison.html\n\n\
+                  Exits with 1 if the rows or events contradict summary.json; the page is written all the same."
 )]
 pub(in crate::cli) struct ReportArgs {
     /// The run folder, finished or not.

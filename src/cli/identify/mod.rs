@@ -139,6 +139,10 @@ pub fn identify(args: &IdentifyArgs) -> anyhow::Result<Exit> {
             );
             return Err(WithExit(Exit::Stopped, text).into());
         }
+        Finish::Refused => {
+            let text = format!("nothing is identified: {}", finished.summary.reason);
+            return Err(WithExit(Exit::Usage, text).into());
+        }
         Finish::Interrupted => return Ok(interrupted),
         Finish::LinkFailed | Finish::Panicked => {
             let exit = if finished.finish == Finish::Panicked {

@@ -37,6 +37,10 @@ pub struct Facts {
     pub queue_s: f64,
     /// How far from where it was left each axis may stand when an interrupted test goes on, in m; none: as the record says.
     pub resume_within: Option<f64>,
+    /// How far the force of each axis may differ then, in N at the specimen; none: as the record says.
+    pub resume_within_n: Option<f64>,
+    /// Root mean square of the noise that each specimen's load cells are declared to have, in N at the specimen.
+    pub force_noise_n: Vec<f64>,
     /// The interrupted test that it goes on with, if it does: its folder, and the last step that was made there.
     pub resumed: Option<(PathBuf, u64)>,
     /// What is moved before the test, and why.

@@ -226,6 +226,8 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         record_required: file.record.required,
         queue_s: file.record.queue_s,
         resume_within: file.safety.resume_within_m,
+        resume_within_n: file.safety.resume_within_n,
+        force_noise_n: safety::force_noise_n(file, &time),
         resumed: None,
         announced: announced(file),
         confirm: safety::needs_confirmation(file),

@@ -5,9 +5,11 @@ use super::{Refused, Site, path};
 use crate::config::{
     AxisTable, ExitChoice, Finding, ShareSpec, SpecimenTable, TestFile, Time, ZeroChoice,
 };
-use crate::control::limits::{Bound, BoundSpec};
+use crate::control::limits::{Bound, BoundSpec, LimitsSpec};
 use crate::control::{Axis, Exit, Exits, Reference, Zero};
-use crate::engine::{Intake, MissLevels, Numerical, Opening, TestLimits, TestQuantity};
+use crate::engine::{
+    InitialForce, Intake, MissLevels, Numerical, Opening, TestLimits, TestQuantity,
+};
 
 /// Wall time in s over which sensors are averaged, unless the file says otherwise.
 const ZERO_S: f64 = 0.2;
@@ -30,7 +32,45 @@ pub(super) fn opening(file: &TestFile, period: f64) -> Opening {
         confirm: confirms(file),
         ramp_s: file.safety.ramp_s,
         takes_force_drift: file.safety.resume_takes_force_drift,
+        initial_forces: file.specimen.iter().map(initial_forces).collect(),
     }
+}
+
+/// Share of a specimen's yield force, or else of its limit, beyond which a force at t = 0 is warned about.
+const INITIAL_SHARE: f64 = 0.01;
+
+/// The largest force at t = 0 of each axis that is not warned about.
+fn initial_forces(table: &SpecimenTable) -> Vec<InitialForce> {
+    let axes = table.axes_by_itself();
+    let limits = table.limits_of(axes);
+    let of_axis = |(axis, limits): (usize, &LimitsSpec)| {
+        let yields = table
+            .stand_in
+            .as_ref()
+            .and_then(|law| law.yield_force(axis));
+        let trip = limits.measured_force_n.and_then(|range| range.trip);
+        let limit = trip.map(|levels| levels[0].abs().min(levels[1].abs()));
+        let (of, force) = match (yields, limit.filter(|limit| limit.is_finite())) {
+            (Some(force), _) => ("yield_force_n", force),
+            (None, Some(force)) => ("measured_force_n", force),
+            (None, None) => ("noise", 0.0),
+        };
+        InitialForce {
+            of,
+            most_n: INITIAL_SHARE * force,
+        }
+    };
+    limits.iter().enumerate().map(of_axis).collect()
+}
+
+/// Root mean square of the noise that the load cells of each specimen are declared to have, in N at the specimen.
+pub(super) fn force_noise_n(file: &TestFile, time: &Time) -> Vec<f64> {
+    let tick = time.step.value() / f64::from(time.ticks_per_step);
+    let noise = |specimen: &SpecimenTable| {
+        let known = specimen.believed_transfer(1.0);
+        known.map_or(0.0, |known| known.force_sensor.noise_rms(tick))
+    };
+    file.specimen.iter().map(noise).collect()
 }
 
 /// True if what is read must be confirmed: something must be.

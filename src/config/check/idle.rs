@@ -151,6 +151,7 @@ fn check_safety(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
             ("at_end", safety.at_end != usual.at_end),
             ("exit_speed_m_per_s", safety.exit_speed_m_per_s.is_some()),
             ("resume_within_m", safety.resume_within_m.is_some()),
+            ("resume_within_n", safety.resume_within_n.is_some()),
             ("resume_takes_force_drift", safety.resume_takes_force_drift),
             ("added_energy_share", safety.added_energy_share.is_some()),
             ("stability_used", safety.stability_used.is_some()),

@@ -9,6 +9,7 @@ pub(super) fn check_safety(file: &TestFile, findings: &mut Findings) {
     findings.positive(at.key("divergence_m"), safety.divergence_m);
     findings.positive(at.key("exit_speed_m_per_s"), safety.exit_speed_m_per_s);
     findings.positive(at.key("resume_within_m"), safety.resume_within_m);
+    findings.positive(at.key("resume_within_n"), safety.resume_within_n);
     for (key, bound) in [
         ("stability_used", safety.stability_used),
         ("delay_used", safety.delay_used),

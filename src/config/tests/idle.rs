@@ -194,6 +194,7 @@ fn keys_of_safety_that_nothing_follows_from_are_told_of() {
         ("zero_s", "1"),
         ("exit_speed_m_per_s", "1"),
         ("resume_within_m", "1"),
+        ("resume_within_n", "1"),
         ("added_energy_share", "{warn=0.1,floor_j=1}"),
         ("stability_used", "{warn=0.5}"),
         ("ramp_s", "3"),

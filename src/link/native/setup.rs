@@ -167,6 +167,7 @@ impl NativeSetup {
             force: Vec::new(),
             warnings,
             simulated: welcome.capabilities.has(Capabilities::SIMULATED),
+            keeps_state: welcome.capabilities.has(Capabilities::KEEPS_STATE),
             repeats_the_command: welcome.capabilities.0 & measures == 0,
         };
         Ok((live, introduction))

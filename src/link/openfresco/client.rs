@@ -256,6 +256,7 @@ impl Substructure for Remote {
                 )],
             },
             simulated: false,
+            keeps_state: false,
             repeats_the_command: false,
         })
     }

@@ -155,7 +155,7 @@ impl Far {
         *self = match (std::mem::replace(self, Far::Between), over) {
             (Far::Waiting(waiting), _) => waiting.turn(desk),
             (Far::Testing(stand, _), Some(end)) => {
-                let (ended, line) = stand.finish(end);
+                let (ended, line) = stand.finish(end, desk.host.starts_anew());
                 desk.tell(ended);
                 desk.give_back();
                 Far::Over(line)

@@ -69,6 +69,8 @@ pub enum Heard {
         corrupt: u64,
         /// Its link is gone, and with it what is known of it.
         is_lost: bool,
+        /// It is computed, and the next test finds it as new.
+        starts_anew: bool,
     },
 }
 
@@ -101,11 +103,15 @@ impl std::fmt::Display for Heard {
                 missed,
                 corrupt,
                 is_lost,
+                starts_anew,
             } => {
-                let stands = if *is_lost {
-                    "where the specimen stands only its own end knows"
-                } else {
-                    "the specimen stays where it is"
+                let stands = match (is_lost, starts_anew) {
+                    (true, _) => "where the specimen stands only its own end knows",
+                    (false, true) => {
+                        "the specimen stays where it is until the next test, which finds it as new: it cannot resume this one \
+                         (`[serve] remembers`)"
+                    }
+                    (false, false) => "the specimen stays where it is",
                 };
                 write!(
                     f,

@@ -189,6 +189,12 @@ impl Host {
         self.memory.is_some()
     }
 
+    /// True of a computed specimen that each test finds as new.
+    #[must_use]
+    pub const fn starts_anew(&self) -> bool {
+        !self.is_gateway() && !self.remembers()
+    }
+
     /// Where the specimen stands; empty if that is not known before a controller arms it: a gateway learns it with its first
     /// test, and with its next whether what may be a computation stays where that left it.
     #[must_use]
@@ -246,6 +252,9 @@ impl Host {
     pub(super) const fn capabilities(&self) -> Capabilities {
         // A gateway passes on what its specimen measures, and warns itself of one that may not.
         let kind = match self.behind {
+            Behind::Law(_) if self.remembers() => {
+                Capabilities::SIMULATED.and(Capabilities::KEEPS_STATE)
+            }
             Behind::Law(_) => Capabilities::SIMULATED,
             // It reports its own trips as an interlock.
             Behind::Far(..) => Capabilities::INTERLOCK,

@@ -6,8 +6,8 @@ use super::super::append::Store;
 use super::super::miss::{Evidence, classify};
 use super::super::utc::rfc3339;
 use super::super::{Event, EventKind};
-use super::EventLog;
 use super::names::{fault_name, kind_name};
+use super::{BEARS_A_FORCE, EventLog};
 use crate::substructure::{AGREED, LinkFault};
 
 /// Log lines of one kind before they move to the debug level; the file has them all.
@@ -178,18 +178,21 @@ impl<S: Store> EventLog<S> {
                 axis,
                 left,
                 found,
+                within,
                 is_taken,
             } => {
                 self.specimen(line, port);
                 put(line, "axis", axis + 1);
                 put(line, "left", left);
                 put(line, "found", found);
+                put(line, "within", within);
                 put(line, "taken_for_drift", is_taken);
                 tracing::warn!(
                     specimen = port + 1,
                     axis = axis + 1,
                     left,
                     found,
+                    within,
                     "{}",
                     if is_taken {
                         "another force than the test was left with: taken for drift of the load cell"
@@ -371,6 +374,21 @@ impl<S: Store> EventLog<S> {
                 } else {
                     tracing::error!(ticks, missed, in_a_row, mean_ns, longest_ns, "{name}");
                 }
+            }
+            EventKind::InitialForce {
+                port,
+                axis,
+                of,
+                force,
+                most,
+            } => {
+                self.specimen(line, port);
+                put(line, "axis", u64::from(axis) + 1);
+                put(line, "of", of);
+                put(line, "force", force);
+                put(line, "most", most);
+                let (specimen, axis) = (port + 1, axis + 1);
+                tracing::warn!(specimen, axis, force, most, of, "{BEARS_A_FORCE}");
             }
             EventKind::Zeroed { port, axis, values } => {
                 self.specimen(line, port);

@@ -44,6 +44,7 @@ pub(super) const fn kind_name(kind: &EventKind) -> &'static str {
         EventKind::Limit { .. } | EventKind::TestLimit { .. } => "limit_warning",
         EventKind::Readiness { go: true, .. } => "go",
         EventKind::Readiness { go: false, .. } => "no_go",
+        EventKind::InitialForce { .. } => "initial_force",
         EventKind::Zeroed { .. } => "zeroed",
     }
 }

@@ -3,12 +3,15 @@
 //! By the last commands on record, and by how far the sensors were ever off their commands while the test ran. What was
 //! killed, what was lost, and what failed in a tick without a row may have gone further than its record.
 
+use std::collections::VecDeque;
+
 use super::ResumeError;
 use crate::control::Port;
 use crate::engine::{Left, Phase};
-use crate::record::Run;
-use crate::record::summary::Status;
-use crate::session::retrace::Origin;
+use crate::record::summary::{Peak, Status};
+use crate::record::{Row, Run};
+use crate::session::lineage::{Kept, Origin};
+use crate::session::retrace::unreadable;
 use crate::substructure::Status as LinkStatus;
 
 /// Wall time in s of which the record may be lost, and before that the time in which it went as fast as then.
@@ -18,69 +21,167 @@ const LATEST_S: f64 = 1.0;
 const SHARE: f64 = 1.5;
 /// Relative size of what is nothing.
 const NOTHING: f64 = 1e-9;
+/// Allowed difference of a force: this share of the largest recorded force, and this multiple of the load cell's noise.
+const FORCE_SHARE: f64 = 0.02;
+const NOISE: f64 = 5.0;
 
-/// Where one axis was left, in its own unit.
-struct Place {
-    command: f64,
-    disp: f64,
-    force: f64,
-    within: f64,
+/// How far off specimens may be, as the test file and the record say.
+pub(super) struct Tolerances<'a> {
+    /// How far in m each axis may stand from where it was left; none: as the record says.
+    pub within_m: Option<f64>,
+    /// How far in N the force of each axis may differ; none: as the record says.
+    pub within_n: Option<f64>,
+    /// Root mean square of the noise that each specimen's load cells are declared to have, N.
+    pub noise_n: &'a [f64],
+    /// The largest forces that the ports, which were retraced, do not know.
+    pub peak: &'a Peak,
+    /// Ticks per second of wall time, and in one step.
+    pub pace: (f64, u32),
 }
 
-/// What is on record of one axis, row by row.
-struct Axis<'a> {
-    command: &'a [f64],
-    disp: &'a [f64],
-    force: &'a [f64],
-    state: &'a [f64],
-    status: &'a [f64],
+/// Places of the columns of one axis in a row.
+struct Columns {
+    command: usize,
+    disp: usize,
+    force: usize,
+    state: usize,
+    status: usize,
 }
 
-impl Axis<'_> {
-    /// Of a test that made steps of its own.
-    fn place(&self) -> Place {
-        let is_old = |status: f64| LinkStatus(status as u32).has(LinkStatus::STALE);
-        // What it reads beyond its command, on the average of the test itself: the offset of its sensor. An old measurement
-        // says nothing of that.
-        let rows = self.disp.iter().zip(self.command);
-        let rows = rows.zip(self.state.iter().zip(self.status));
-        let errors: Vec<f64> = rows
-            .filter(|(_, (state, status))| **state == Phase::Running.code() && !is_old(**status))
-            .map(|((disp, command), _)| disp - command)
-            .collect();
-        let beyond = errors.iter().sum::<f64>() / (errors.len().max(1) as f64);
-        // The way out may have led it where a wrong scale reads another offset.
-        let last = self.disp.last().zip(self.command.last());
-        let last = last.zip(self.status.last());
-        let at_last = last.filter(|(_, status)| !is_old(**status));
-        let at_last = at_last.map(|((disp, command), _)| disp - command);
-        let off = errors.iter().copied().chain(at_last);
-        let off = off.map(|error| (error - beyond).abs()).fold(0.0, f64::max);
-        let command = self.command.last().copied().unwrap_or(0.0);
-        Place {
+/// The values that are kept of the rows of one axis: as many for a long test as for a short one.
+struct Axis {
+    columns: Columns,
+    /// Its place according to the test before, if the interrupted test ended during its startup.
+    found: Option<Kept>,
+    /// Measured less commanded displacement while the test ran: number, sum, smallest and largest.
+    errors: (f64, f64, [f64; 2]),
+    /// Measured less commanded displacement in the last row, unless the measurement is old.
+    error_at_last: Option<f64>,
+    command: Option<f64>,
+    /// Displacement and force of the last row that has both.
+    measured: Option<[f64; 2]>,
+    /// Forces where it stood as `found`: number and sum.
+    stood: (f64, f64),
+    /// The last commands, and how many of them are kept.
+    latest: VecDeque<f64>,
+    most: usize,
+}
+
+impl Axis {
+    fn new(columns: Columns, found: Option<Kept>, rate_hz: f64) -> Self {
+        Self {
+            columns,
+            found,
+            errors: (0.0, 0.0, [f64::INFINITY, f64::NEG_INFINITY]),
+            error_at_last: None,
+            command: None,
+            measured: None,
+            stood: (0.0, 0.0),
+            latest: VecDeque::new(),
+            most: (LATEST_S * rate_hz).ceil() as usize + 1,
+        }
+    }
+
+    fn take(&mut self, row: &[f64]) {
+        let at = |place: usize| row.get(place).copied().unwrap_or(f64::NAN);
+        let Columns {
             command,
-            disp: command + beyond,
-            force: self.force.last().copied().unwrap_or(0.0),
+            disp,
+            force,
+            state,
+            status,
+        } = self.columns;
+        let [command, disp, force] = [command, disp, force].map(at);
+        // An old measurement says nothing of the command beside it.
+        let is_old = LinkStatus(at(status) as u32).has(LinkStatus::STALE);
+        let error = disp - command;
+        self.error_at_last = (!is_old).then_some(error);
+        if at(state) == Phase::Running.code() && !is_old {
+            let (count, sum, [least, most]) = &mut self.errors;
+            *count += 1.0;
+            *sum += error;
+            *least = least.min(error);
+            *most = most.max(error);
+        }
+        self.command = Some(command);
+        if disp.is_finite() && force.is_finite() {
+            self.measured = Some([disp, force]);
+        }
+        if self.found.is_some_and(|found| found.command == command) {
+            self.stood.0 += 1.0;
+            self.stood.1 += force;
+        }
+        if self.latest.len() == self.most {
+            self.latest.pop_front();
+        }
+        self.latest.push_back(command);
+    }
+
+    fn place(&self) -> Kept {
+        match &self.found {
+            None => self.place_of_steps(),
+            Some(found) => self.place_after(found),
+        }
+    }
+
+    /// Of a test that made steps of its own.
+    fn place_of_steps(&self) -> Kept {
+        // The mean difference while the test ran is the offset of the sensor.
+        let (count, sum, [least, most]) = self.errors;
+        let beyond = sum / count.max(1.0);
+        // The way out may have led it where a wrong scale reads another offset.
+        let extremes = [least, most].into_iter().filter(|error| error.is_finite());
+        let off = extremes
+            .chain(self.error_at_last)
+            .map(|error| (error - beyond).abs())
+            .fold(0.0, f64::max);
+        let command = self.command.unwrap_or(0.0);
+        let disp = command + beyond;
+        let [disp_of_force, force] = self.measured.unwrap_or([disp, 0.0]);
+        Kept {
+            command,
+            disp,
+            force,
             within: SHARE * off,
+            disp_of_force,
+            force_within: f64::INFINITY,
         }
     }
 
     /// Of a test that went on with another and ended on its way in: as far from where it found the axis as it was commanded
     /// since. Its sensors are held against what they read in the test before, of which it tells nothing new.
-    fn place_after(&self, found: &Place) -> Place {
-        let command = self.command.last().copied().unwrap_or(found.command);
-        let rows = self.force.iter().zip(self.command);
-        let stood = rows.filter(|(_, command)| **command == found.command);
-        let stood: Vec<f64> = stood.map(|(force, _)| *force).collect();
-        let force = stood.iter().sum::<f64>() / (stood.len().max(1) as f64);
-        let force = self.force.last().map_or(0.0, |last| last - force);
+    fn place_after(&self, found: &Kept) -> Kept {
+        let command = self.command.unwrap_or(found.command);
+        let (count, sum) = self.stood;
+        let stood = sum / count.max(1.0);
+        let force = self.measured.map_or(0.0, |[_, last]| last - stood);
         let is_there = command == found.command;
-        Place {
+        let way = command - found.command;
+        Kept {
             command,
-            disp: found.disp + (command - found.command),
+            disp: found.disp + way,
             force: found.force + if is_there { 0.0 } else { force },
             within: found.within,
+            disp_of_force: found.disp_of_force + way,
+            force_within: found.force_within,
         }
+    }
+
+    /// How far a command may have gone after the last row of a test that was killed, in its own unit: as fast as at the end of
+    /// it, and at least to the command that stood ready. Who is commanded once a step goes the way of a whole one with each
+    /// command, and gets that much fewer of them.
+    fn way_lost(&self, port: &Port, axis: usize, (rate_hz, ticks_per_step): (f64, u32)) -> f64 {
+        let pairs = self.latest.iter().zip(self.latest.iter().skip(1));
+        let steps = pairs.map(|(one, next)| (next - one).abs());
+        let ready = port.command.get(axis).zip(port.sent.get(axis));
+        let ready = ready.map(|(ready, sent)| (ready - sent).abs());
+        let ticks = ticks_lost(rate_hz);
+        let commands = if port.is_per_step() {
+            (ticks / f64::from(ticks_per_step)).ceil()
+        } else {
+            ticks
+        };
+        steps.chain(ready).fold(0.0, f64::max) * commands
     }
 }
 
@@ -89,96 +190,105 @@ pub(super) fn ticks_lost(rate_hz: f64) -> f64 {
     (LOST_S * rate_hz).max(1.0)
 }
 
-/// How far a command may have gone after the last row of a test that was killed, in its own unit: as fast as at the end of it,
-/// and at least to the command that stood ready. Who is commanded once a step goes the way of a whole one with each command, and
-/// gets that much fewer of them.
-fn way_lost(command: &[f64], port: &Port, axis: usize, rate_hz: f64, ticks_per_step: u32) -> f64 {
-    let latest = command
-        .len()
-        .saturating_sub((LATEST_S * rate_hz).ceil() as usize + 1);
-    let steps = command.get(latest..).unwrap_or_default().windows(2);
-    let steps = steps.map(|pair| (pair[1] - pair[0]).abs());
-    let ready = port.command.get(axis).zip(port.sent.get(axis));
-    let ready = ready.map(|(ready, sent)| (ready - sent).abs());
-    let ticks = ticks_lost(rate_hz);
-    let commands = if port.is_per_step() {
-        (ticks / f64::from(ticks_per_step)).ceil()
-    } else {
-        ticks
-    };
-    steps.chain(ready).fold(0.0, f64::max) * commands
-}
-
 /// True if the specimen was sent nothing that is not on record: the test ended in order, and the specimen, which was not lost,
 /// stands at its last command. What failed without a row of its end, as after a panic of our own, failed in a tick whose
 /// commands had left.
-fn is_all_known(run: &Run, port: &Port, state: &[f64]) -> bool {
+fn is_all_known(run: &Run, port: &Port, state: Option<f64>) -> bool {
     let Some(summary) = run.summary() else {
         return false;
     };
     let left = summary.left.get(port.name.as_str()).map(String::as_str);
     let stands = [Left::Stayed, Left::Reached].map(|left| Some(left.word()));
     let ends = [Phase::Tripped, Phase::Leaving].map(Phase::code);
-    let has_its_end = state.last().is_none_or(|last| ends.contains(last));
+    let has_its_end = state.is_none_or(|last| ends.contains(&last));
     summary.rows_lost == 0
         && stands.contains(&left)
         && (summary.status != Status::Failed || has_its_end)
 }
 
-/// Where each axis was left by the last command on record, and how far off it may stand: `within` in m if that is given.
-/// `before`: the origin of a test that ended on its way in.
+/// How far the force of an axis may differ where its displacement does not, in its own unit: by the noise of the load cell as it
+/// is declared, else as measured before the test.
+fn force_within(port: &Port, index: usize, axis: usize, by: &Tolerances<'_>) -> f64 {
+    if let Some(newtons) = by.within_n {
+        return newtons / port.newtons_of(axis);
+    }
+    let told = by.peak.force.get(port.name.as_str());
+    let told = told.and_then(|peaks| *peaks.get(axis)?).unwrap_or(0.0);
+    let peak = port.peak_force.get(axis).map_or(told, |own| own.max(told));
+    let declared = by.noise_n.get(index).copied().filter(|rms| *rms > 0.0);
+    let noise = declared.map(|rms| rms / port.newtons_of(axis));
+    let noise = noise.unwrap_or_else(|| port.reading(axis).force_noise);
+    FORCE_SHARE * port.in_own_unit(axis, peak) + NOISE * noise
+}
+
+/// Where each axis was left by the last command on record, and how far off it may be. `before`: the origin of a test that ended
+/// on its way in. The rows are read once, one after the other.
 pub(super) fn places(
     run: &Run,
     ports: &[Port],
-    within: Option<f64>,
-    (rate_hz, ticks_per_step): (f64, u32),
+    by: &Tolerances<'_>,
     before: Option<&Origin>,
-) -> Result<Vec<Vec<[String; 4]>>, ResumeError> {
+) -> Result<Vec<Vec<Kept>>, ResumeError> {
+    let mut all = axes_of(run, ports, by.pace.0, before)?;
+    let place = run.layout().index_of("state");
+    let (mut journal, mut state) = (run.journal()?, None);
+    let failed = |source| unreadable(&run.path().join("samples.bin"), source);
+    while let Some(Row { values, .. }) = journal.next_row().map_err(failed)? {
+        state = place.and_then(|place| values.get(place).copied());
+        all.iter_mut().flatten().for_each(|axis| axis.take(values));
+    }
+    let specimens = ports.iter().zip(&all).enumerate();
+    let kept = specimens.map(|(index, (port, axes))| {
+        let is_all_known = is_all_known(run, port, state);
+        let one = |(number, axis): (usize, &Axis)| {
+            let mut kept = axis.place();
+            if port.is_formula() {
+                // A formula is at its last command.
+                (kept.within, kept.force_within) = (f64::INFINITY, f64::INFINITY);
+                return kept;
+            }
+            let lost = if is_all_known {
+                0.0
+            } else {
+                axis.way_lost(port, number, by.pace)
+            };
+            let own = kept.within + lost + NOTHING * kept.command.abs();
+            kept.within = by
+                .within_m
+                .map_or(own, |metres| metres / port.metres_of(number));
+            kept.force_within = force_within(port, index, number, by);
+            kept
+        };
+        axes.iter().enumerate().map(one).collect()
+    });
+    Ok(kept.collect())
+}
+
+/// The axes of all specimens before the first row.
+fn axes_of(
+    run: &Run,
+    ports: &[Port],
+    rate_hz: f64,
+    before: Option<&Origin>,
+) -> Result<Vec<Vec<Axis>>, ResumeError> {
+    let find = |name: String| {
+        let place = run.layout().index_of(&name);
+        place.ok_or(crate::record::FolderError::NoColumn(name))
+    };
     let mut all = Vec::new();
     for (index, port) in ports.iter().enumerate() {
         let mut axes = Vec::new();
         for axis in 0..port.axes() {
-            let name = |kind: &str| format!("{kind}_{}_{}", index + 1, axis + 1);
-            let names = [name("cmd"), name("raw_disp"), name("raw_force")];
-            let mut names: Vec<&str> = names.iter().map(String::as_str).collect();
-            let status = format!("status_{}", index + 1);
-            names.extend(["state", &status]);
-            let columns = run.columns(&names)?;
-            let [command, disp, force, state, status] = columns.as_slice() else {
-                continue;
-            };
-            let recorded = Axis {
-                command,
-                disp,
-                force,
-                state,
-                status,
+            let of_axis = |kind: &str| find(format!("{kind}_{}_{}", index + 1, axis + 1));
+            let columns = Columns {
+                command: of_axis("cmd")?,
+                disp: of_axis("raw_disp")?,
+                force: of_axis("raw_force")?,
+                state: find("state".to_owned())?,
+                status: find(format!("status_{}", index + 1))?,
             };
             let found = before.and_then(|origin| origin.axis(index, axis));
-            let place = match found {
-                None => recorded.place(),
-                Some([command, disp, force, within]) => recorded.place_after(&Place {
-                    command,
-                    disp,
-                    force,
-                    within,
-                }),
-            };
-            let lost = if is_all_known(run, port, state) {
-                0.0
-            } else {
-                way_lost(command, port, axis, rate_hz, ticks_per_step)
-            };
-            let own = place.within + lost + NOTHING * place.command.abs();
-            let own = within.map_or(own, |metres| metres / port.metres_of(axis));
-            // A formula stands where it is told.
-            let within = if port.is_formula() {
-                f64::INFINITY
-            } else {
-                own
-            };
-            let values = [place.command, place.disp, place.force, within];
-            axes.push(values.map(|value| format!("{value:?}")));
+            axes.push(Axis::new(columns, found, rate_hz));
         }
         all.push(axes);
     }
@@ -202,7 +312,22 @@ mod tests {
             let steps = (0..600).map(|row| f64::from(row) / f64::from(ticks));
             let steps = steps.map(|steps| if per_step { steps.floor() } else { steps });
             let command: Vec<f64> = steps.map(|steps| 12e-3 * steps).collect();
-            let way = way_lost(&command, &port, 0, rate_hz, ticks);
+            let columns = Columns {
+                command: 0,
+                disp: 1,
+                force: 2,
+                state: 3,
+                status: 4,
+            };
+            let mut axis = Axis::new(columns, None, rate_hz);
+            for command in command {
+                axis.take(&[command, command, 0.0, Phase::Running.code(), 0.0]);
+            }
+            assert!(
+                axis.latest.len() <= 501,
+                "bounded, however long the test is"
+            );
+            let way = axis.way_lost(&port, 0, (rate_hz, ticks));
             assert!((way - wanted).abs() < 1e-12, "{per_step}: {way}");
         }
     }

@@ -6,16 +6,39 @@ use super::ResumeError;
 use crate::control::OnStale;
 use crate::engine::{Experiment, Phase};
 use crate::record::summary::Status as Ended;
-use crate::record::{Events, Run};
+use crate::record::{FolderError, Run};
 use crate::session::recorded::Replaced;
-use crate::session::retrace::prepared;
+use crate::session::retrace::{prepared, unreadable};
 use crate::substructure::Status;
 
-/// What tripped a test, by its events: keys of limits, and the names of other alarms. A link that was lost is none; a number
-/// that is none has come over it, or out of a law.
-pub(super) fn of_events(events: &[Value]) -> Vec<String> {
-    let mut trips = Vec::new();
-    for event in events {
+/// The trips of a test according to its events, which are read one after the other.
+#[derive(Debug, Default)]
+pub(super) struct Told {
+    /// Keys of limits, and the names of other alarms. A lost link is no trip; a NaN or infinity from a link or a law is one.
+    pub trips: Vec<String>,
+    /// Lines that cannot be read.
+    pub unreadable: usize,
+    /// The last line is one of those, and was never finished.
+    is_torn: bool,
+    /// The loop said that it was over.
+    have_end: bool,
+}
+
+impl Told {
+    /// By the events of a run.
+    pub fn of(run: &Run) -> Result<Self, FolderError> {
+        let mut lines = run.event_lines()?;
+        let mut told = Self::default();
+        for event in &mut lines {
+            if let Some(event) = event? {
+                told.take(&event);
+            }
+        }
+        (told.unreadable, told.is_torn) = (lines.unreadable, lines.is_torn);
+        Ok(told)
+    }
+
+    fn take(&mut self, event: &Value) {
         let word = |key: &str| event.get(key).and_then(Value::as_str);
         let trip = match word("event") {
             Some("limit_trip") => word("limit"),
@@ -25,43 +48,63 @@ pub(super) fn of_events(events: &[Value]) -> Vec<String> {
             Some("link") => {
                 word("fault").filter(|fault| ["not_finite", "diverged"].contains(fault))
             }
+            Some("ended") => {
+                self.have_end = true;
+                None
+            }
             _ => None,
         };
         let trip = trip.map(str::to_owned);
-        trips.extend(trip.filter(|trip| !trips.contains(trip)));
+        self.trips
+            .extend(trip.filter(|trip| !self.trips.contains(trip)));
     }
-    trips
-}
 
-/// Whether the event of a trip may be one of those that cannot be read: a test that `ended` so and not by itself, nor by its
-/// operator; none if it was killed, which leaves half a line at the end.
-pub(super) fn may_hide(ended: Option<Ended>, told: &Events) -> bool {
-    match ended {
-        Some(Ended::Completed | Ended::Interrupted) => false,
-        Some(Ended::Stopped) if !told.have_end() => true,
-        Some(_) => told.unreadable > 0,
-        None => told.unreadable > usize::from(told.is_torn),
+    /// Whether the event of a trip may be one of those that cannot be read: a test that `ended` so and not by itself, nor by its
+    /// operator; none if it was killed, which leaves half a line at the end.
+    pub fn may_hide(&self, ended: Option<Ended>) -> bool {
+        match ended {
+            Some(Ended::Completed | Ended::Interrupted) => false,
+            Some(Ended::Stopped) if !self.have_end => true,
+            Some(_) => self.unreadable > 0,
+            None => self.unreadable > usize::from(self.is_torn),
+        }
     }
 }
 
 /// A row says that the test tripped there, and not only for a link. Rows are written before events: whatever ended the
-/// process in between left no more than this.
+/// process in between left no more than this. The rows are read one after the other.
 pub(super) fn has_a_row_of_one(run: &Run) -> Result<bool, ResumeError> {
-    let columns = run.layout().columns().iter();
-    let statuses = columns.filter(|column| column.name.starts_with("status_"));
-    let names: Vec<&str> = ["state"]
-        .into_iter()
-        .chain(statuses.map(|column| column.name.as_str()))
-        .collect();
-    let columns = run.columns(&names)?;
-    let Some((states, statuses)) = columns.split_first() else {
-        return Ok(false);
-    };
-    if !states.contains(&Phase::Tripped.code()) {
+    let columns = run.layout().columns().iter().enumerate();
+    let statuses = columns.filter(|(_, column)| column.name.starts_with("status_"));
+    let statuses: Vec<usize> = statuses.map(|(place, _)| place).collect();
+    let state = run
+        .layout()
+        .index_of("state")
+        .ok_or_else(|| FolderError::NoColumn("state".to_owned()))?;
+    // Most records have no such row: then the test need not be built.
+    let tripped = Phase::Tripped.code();
+    if !any_row(run, |row| row.get(state) == Some(&tripped))? {
         return Ok(false);
     }
     let bounds = stale_bounds(&prepared(run, Replaced::Remote, false)?.experiment);
-    Ok(has_one(states, statuses, &bounds))
+    let mut links = Links::new(&bounds);
+    any_row(run, |row| {
+        let at = |place: &usize| Status(row.get(*place).map_or(0, |status| *status as u32));
+        let of_a_link = links.pass(statuses.iter().map(at));
+        row.get(state) == Some(&tripped) && !of_a_link
+    })
+}
+
+/// Whether any row of a run is one of these; they are read up to the first.
+fn any_row(run: &Run, mut is_one: impl FnMut(&[f64]) -> bool) -> Result<bool, ResumeError> {
+    let mut journal = run.journal()?;
+    let failed = |source| unreadable(&run.path().join("samples.bin"), source);
+    while let Some(row) = journal.next_row().map_err(failed)? {
+        if is_one(row.values) {
+            return Ok(true);
+        }
+    }
+    Ok(false)
 }
 
 /// How many stale measurements in a row each specimen is allowed; none where rows cannot count them.
@@ -77,31 +120,39 @@ fn stale_bounds(experiment: &Experiment) -> Vec<Option<u64>> {
     ports.map(bound).collect()
 }
 
-/// Whether any row of a trip is believed to be one: that of a link is the row in which a specimen was lost, or in which its
-/// measurement was stale more often than allowed. That it is stale there for once says nothing of another specimen.
-fn has_one(states: &[f64], statuses: &[Vec<f64>], bounds: &[Option<u64>]) -> bool {
-    let has = |column: &[f64], row: usize, mark: Status| {
-        let status = column.get(row).map(|status| Status(*status as u32));
-        status.is_some_and(|status| status.has(mark))
-    };
-    let is_lost_here = |column: &Vec<f64>, row: usize| {
-        let before = row.checked_sub(1);
-        has(column, row, Status::LOST) && !before.is_some_and(|at| has(column, at, Status::LOST))
-    };
-    let is_too_old = |(column, bound): (&Vec<f64>, &Option<u64>), row: usize| {
-        let back = (0..=row).rev();
-        let stale = back
-            .take_while(|at| has(column, *at, Status::STALE))
-            .count();
-        bound.is_some_and(|bound| stale as u64 > bound)
-    };
-    let of_a_link = |row: usize| {
-        let mut specimens = statuses.iter().zip(bounds);
-        statuses.iter().any(|column| is_lost_here(column, row))
-            || specimens.any(|one| is_too_old(one, row))
-    };
-    let mut rows = states.iter().enumerate();
-    rows.any(|(row, state)| *state == Phase::Tripped.code() && !of_a_link(row))
+/// The links in the rows so far: a specimen that was lost, or whose measurement was stale more often than allowed. One stale
+/// measurement does not explain a trip.
+struct Links<'a> {
+    /// Stale measurements in a row that each specimen is allowed.
+    bounds: &'a [Option<u64>],
+    /// Of each specimen: stale measurements in a row so far, and whether it was lost in the row before.
+    each: Vec<(u64, bool)>,
+}
+
+impl<'a> Links<'a> {
+    fn new(bounds: &'a [Option<u64>]) -> Self {
+        Self {
+            bounds,
+            each: vec![(0, false); bounds.len()],
+        }
+    }
+
+    /// Takes the statuses of the next row. True if a link alone can have ended the test there.
+    fn pass(&mut self, statuses: impl Iterator<Item = Status>) -> bool {
+        let mut ended = false;
+        let each = self.each.iter_mut().zip(self.bounds);
+        for (((stale, lost), bound), status) in each.zip(statuses) {
+            *stale = if status.has(Status::STALE) {
+                *stale + 1
+            } else {
+                0
+            };
+            let was_lost = std::mem::replace(lost, status.has(Status::LOST));
+            ended |= *lost && !was_lost;
+            ended |= bound.is_some_and(|bound| *stale > bound);
+        }
+        ended
+    }
 }
 
 #[cfg(test)]
@@ -118,7 +169,19 @@ mod tests {
     fn a_force_that_is_no_number_is_a_trip_and_a_link_that_is_lost_is_none() {
         let link = |fault: &str| json!({"event": "link", "specimen": 1, "fault": fault});
         let all = ["closed", "timeout", "not_finite", "malformed", "diverged"].map(link);
-        assert_eq!(of_events(&all), ["not_finite", "diverged"]);
+        let mut told = Told::default();
+        all.iter().for_each(|event| told.take(event));
+        assert_eq!(told.trips, ["not_finite", "diverged"]);
+    }
+
+    /// Whether one of these rows counts as that of a trip.
+    fn has_one(states: &[f64], statuses: &[Vec<f64>], bounds: &[Option<u64>]) -> bool {
+        let mut links = Links::new(bounds);
+        (0..states.len()).any(|row| {
+            let at = |column: &Vec<f64>| Status(column[row] as u32);
+            let of_a_link = links.pass(statuses.iter().map(at));
+            states[row] == TRIPPED && !of_a_link
+        })
     }
 
     #[test]

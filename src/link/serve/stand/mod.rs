@@ -143,7 +143,7 @@ impl Stand {
     pub(super) fn run(mut self, desk: &Desk) -> Heard {
         let end = self.course(desk);
         let parted = Parted::new(self.peer, std::mem::take(&mut self.last_words));
-        let (ended, mut line) = self.finish(end);
+        let (ended, mut line) = self.finish(end, desk.host.starts_anew());
         // Closing the books may take as long as a controller is patient.
         parted.answers(&mut line);
         desk.part(parted);
@@ -151,7 +151,11 @@ impl Stand {
     }
 
     /// The books of a session are closed; what there is to tell, and the line.
-    pub(super) fn finish(mut self, Over { close, mut text }: Over) -> (Heard, Line) {
+    pub(super) fn finish(
+        mut self,
+        Over { close, mut text }: Over,
+        starts_anew: bool,
+    ) -> (Heard, Line) {
         let unreachable = self.line.unreachable();
         if unreachable > 0 {
             text = format!("{text}; the network said {unreachable} times that it was unreachable");
@@ -178,6 +182,7 @@ impl Stand {
             corrupt: self.corrupt,
             // A formula in this process is where it was, whatever was played on it.
             is_lost: lost.is_some() && self.station.is_remote(),
+            starts_anew,
         };
         (ended, self.line)
     }

@@ -1,0 +1,473 @@
+//! Whether `summary.json` says what the record shows: status, reason, steps and peaks.
+//!
+//! A replay compares it with the loop that was made again ([`with_loop`]), a report with the rows and events ([`with_record`]):
+//! a report builds no test, and looks only at the DOFs that were recorded. A summary that was edited, or that belongs to another
+//! test, shows here. Folders of earlier versions may differ for other reasons: their differences are warnings.
+
+use std::collections::BTreeMap;
+use std::fmt::{Display, Formatter};
+
+use serde::Serialize;
+use serde_json::Value;
+
+use super::lineage::Origin;
+use super::summary::{ending, finite, status_of};
+use super::tape::{is_a_trip, is_under_way};
+use crate::engine::{Ending, GIVEN_UP, Outcome, Phase, Stop, Unfinished};
+use crate::record::summary::{Peak, Status};
+use crate::record::{FolderError, Run, Summary};
+use crate::substructure::Status as LinkStatus;
+
+/// A key of `summary.json` that is not what the record shows.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SummaryDifference {
+    /// The key.
+    pub key: String,
+    /// Its value in `summary.json`.
+    pub summary: String,
+    /// The value that the record shows.
+    pub found: String,
+}
+
+impl SummaryDifference {
+    /// Both as JSON spells them.
+    fn new(key: impl Into<String>, summary: impl Serialize, found: impl Serialize) -> Self {
+        Self {
+            key: key.into(),
+            summary: json(summary),
+            found: json(found),
+        }
+    }
+}
+
+impl Display for SummaryDifference {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        let Self {
+            key,
+            summary,
+            found,
+        } = self;
+        write!(
+            f,
+            "summary.json has `{key}` = {summary}, but the record shows {found}"
+        )
+    }
+}
+
+fn json(value: impl Serialize) -> String {
+    serde_json::to_string(&value).unwrap_or_default()
+}
+
+/// As `summary.json` spells it.
+const fn word(status: Status) -> &'static str {
+    match status {
+        Status::Completed => "completed",
+        Status::Stopped => "stopped",
+        Status::Interrupted => "interrupted",
+        Status::Failed => "failed",
+    }
+}
+
+/// Key of the version in the first event, which names the files of the test.
+pub(super) const VERSION: &str = "version";
+
+/// Whether this version wrote the run, if the event says that.
+fn is_of_this_version(event: &Value) -> Option<bool> {
+    let name = event.get("event").and_then(Value::as_str)?;
+    let version = || event.get(VERSION).and_then(Value::as_str);
+    (name == "files").then(|| version() == Some(env!("CARGO_PKG_VERSION")))
+}
+
+/// True if an earlier version wrote the run of these events: its summary may differ for other reasons than that it was edited.
+pub(super) fn is_of_an_earlier_version<'a>(mut events: impl Iterator<Item = &'a Value>) -> bool {
+    events.find_map(is_of_this_version) != Some(true)
+}
+
+/// True if an earlier version wrote the run. Its events are read up to the one that names the version.
+///
+/// # Errors
+/// The events cannot be read.
+pub(super) fn of_an_earlier_version(run: &Run) -> Result<bool, FolderError> {
+    for event in run.event_lines()? {
+        if let Some(is_of_this) = event?.as_ref().and_then(is_of_this_version) {
+            return Ok(!is_of_this);
+        }
+    }
+    Ok(true)
+}
+
+/// Differences from what the loop comes to when all recorded rows have passed through it again. `required`: the test file makes a
+/// damaged record a stopped test.
+pub(super) fn with_loop(
+    summary: &Summary,
+    outcome: &Outcome,
+    required: bool,
+) -> Vec<SummaryDifference> {
+    let mut all = Vec::new();
+    let (finish, _) = ending(outcome);
+    all.extend(status(summary, Some(status_of(finish)), required));
+    if !is_stopped_for_its_record(summary, required) {
+        let wanted = words_of(outcome);
+        let missing = wanted.iter().find(|text| !summary.reason.contains(*text));
+        all.extend(missing.map(|text| SummaryDifference::new("reason", &summary.reason, text)));
+    }
+    all.extend(steps_and_peaks(summary, outcome));
+    all
+}
+
+/// Differences of a test whose rows do not show its end, since nothing moved after it: the events say how it ended.
+///
+/// # Errors
+/// The events cannot be read.
+pub(super) fn with_events(
+    run: &Run,
+    summary: &Summary,
+    outcome: &Outcome,
+    required: bool,
+) -> Result<Vec<SummaryDifference>, FolderError> {
+    let mut all = Vec::new();
+    all.extend(status(summary, Events::of(run)?.status, required));
+    if outcome.ending == Ending::Stopped(Stop::Operator) {
+        all.extend(steps_and_peaks(summary, outcome));
+    }
+    Ok(all)
+}
+
+/// True if a limit ended the test, as its events say, and no row does: the command that was too much never left.
+///
+/// # Errors
+/// The events or rows cannot be read.
+pub(super) fn trips_without_a_row(run: &Run) -> Result<bool, FolderError> {
+    let has_tripped = Events::of(run)?.status == Some(Status::Stopped);
+    let state = run.layout().index_of("state");
+    let last = run.last_row()?;
+    let last = last.and_then(|(_, row)| row.get(state?).copied());
+    Ok(has_tripped && last.is_some_and(is_under_way))
+}
+
+/// A status that differs; none where it is not known.
+fn status(summary: &Summary, found: Option<Status>, required: bool) -> Option<SummaryDifference> {
+    let found = found.filter(|found| *found != summary.status)?;
+    (!is_stopped_for_its_record(summary, required))
+        .then(|| SummaryDifference::new("status", word(summary.status), word(found)))
+}
+
+/// Only the writer knows that a record is damaged which the test file requires.
+fn is_stopped_for_its_record(summary: &Summary, required: bool) -> bool {
+    required && summary.status == Status::Stopped && summary.reason.ends_with("[record] required")
+}
+
+/// True of a test whose loop broke down: it left no steps and no peaks to its summary.
+fn has_no_outcome(summary: &Summary) -> bool {
+    summary.status == Status::Failed && summary.steps == 0 && summary.peak == Peak::default()
+}
+
+fn steps_and_peaks(summary: &Summary, outcome: &Outcome) -> Vec<SummaryDifference> {
+    let mut all = Vec::new();
+    if has_no_outcome(summary) {
+        return all;
+    }
+    if summary.steps != outcome.steps {
+        all.push(SummaryDifference::new(
+            "steps",
+            summary.steps,
+            outcome.steps,
+        ));
+    }
+    let forces = outcome.ports.iter();
+    let peak = Peak {
+        displacement: finite(&outcome.peaks.disp),
+        velocity: finite(&outcome.peaks.vel),
+        acceleration: finite(&outcome.peaks.accel),
+        force: forces
+            .map(|(name, force, _)| (name.clone(), finite(force)))
+            .collect(),
+        ..Peak::default()
+    };
+    all.extend(peaks(&summary.peak, &peak));
+    all
+}
+
+/// The words of an ending that the reason must contain, as far as the loop alone determines them.
+fn words_of(outcome: &Outcome) -> Vec<String> {
+    let ends = match outcome.unfinished {
+        Some(Unfinished { stop, after }) => vec![after, Ending::Stopped(stop)],
+        None => vec![outcome.ending],
+    };
+    let words = |ending: &Ending| match ending {
+        Ending::Completed => Some("end of the test".to_owned()),
+        // How many deadlines were missed only the clock knows.
+        _ if ending.is_for_being_late() => None,
+        Ending::Stopped(Stop::Internal) => None,
+        // A recording knows that a link was lost, and not why.
+        Ending::Stopped(Stop::Link { port, .. }) => Some(format!("specimen {}", port + 1)),
+        Ending::Stopped(stop) => Some(stop.to_string()),
+    };
+    ends.iter().filter_map(words).collect()
+}
+
+/// Peaks that differ, each by its key.
+fn peaks(told: &Peak, found: &Peak) -> Vec<SummaryDifference> {
+    let mut all = Vec::new();
+    let mut compare = |key: String, told: &[Option<f64>], found: &[Option<f64>]| {
+        let most = told.len().max(found.len());
+        let at = |values: &[Option<f64>], index: usize| values.get(index).copied().flatten();
+        let differs = (0..most).find(|index| at(told, *index) != at(found, *index));
+        all.extend(differs.map(|index| {
+            let key = format!("{key}[{index}]");
+            SummaryDifference::new(key, at(told, index), at(found, index))
+        }));
+    };
+    let key = |name: &str| format!("peak.{name}");
+    compare(key("displacement"), &told.displacement, &found.displacement);
+    compare(key("velocity"), &told.velocity, &found.velocity);
+    compare(key("acceleration"), &told.acceleration, &found.acceleration);
+    let names = told.force.keys().chain(found.force.keys());
+    let names: std::collections::BTreeSet<&String> = names.collect();
+    for name in names {
+        let of = |peak: &Peak| peak.force.get(name).cloned().unwrap_or_default();
+        compare(key(&format!("force.{name}")), &of(told), &of(found));
+    }
+    all
+}
+
+/// Differences from what the rows and events of a run show; none without a summary, and of a server's record, whose controller knows
+/// the test. The rows are read once.
+///
+/// # Errors
+/// The rows or events cannot be read.
+pub(super) fn with_record(
+    run: &Run,
+    resolved: &str,
+) -> Result<Vec<SummaryDifference>, FolderError> {
+    let Some(summary) = run.summary().filter(|_| !run.layout().is_served()) else {
+        return Ok(Vec::new());
+    };
+    let table: toml::Table = resolved.parse().unwrap_or_default();
+    let origin = Origin::of(run.path()).ok().flatten();
+    let mut all = Vec::new();
+    let events = Events::of(run)?;
+    let rows = Rows::of(run, &table)?;
+    let found = events.status.or(rows.tripped.then_some(Status::Stopped));
+    // A row does not say whether a limit or a link tripped the test there.
+    let may_be = events.status.is_none() && summary.status == Status::Failed;
+    let found = found.filter(|_| !may_be);
+    all.extend(status(summary, found, is_required(&table)));
+    if !rows.are_whole || summary.rows_lost > 0 || has_no_outcome(summary) {
+        // Missing rows are reported elsewhere.
+        return Ok(all);
+    }
+    let before = origin.as_ref().map_or(0, |origin| origin.step);
+    let steps = rows.steps.unwrap_or(before);
+    // Rows that are missing at the end are reported elsewhere, if the events go as far as the summary.
+    let is_cut_off =
+        steps < summary.steps && events.last_step.is_none_or(|last| last >= summary.steps);
+    // The summary of a test that was refused before its loop began has no step.
+    let is_refused = rows.steps.is_none() && summary.steps == 0;
+    if steps != summary.steps && !is_cut_off && !is_refused {
+        all.push(SummaryDifference::new("steps", summary.steps, steps));
+    }
+    let mut peak = rows.peak;
+    if let Some(origin) = &origin {
+        super::borne::raise_all(&mut peak, &origin.peak);
+    }
+    all.extend(lower_peaks(&summary.peak, &peak));
+    Ok(all)
+}
+
+fn is_required(table: &toml::Table) -> bool {
+    let required = table
+        .get("record")
+        .and_then(|record| record.get("required"));
+    required.and_then(toml::Value::as_bool) == Some(true)
+}
+
+/// Peaks of the summary that are smaller than what the rows have. A larger one may be of a tick before t = 0, whose rows are no steps.
+fn lower_peaks(told: &Peak, found: &Peak) -> Vec<SummaryDifference> {
+    let mut lower = found.clone();
+    let keep_lower = |found: &mut Vec<Option<f64>>, told: &[Option<f64>]| {
+        found.resize(told.len().max(found.len()), None);
+        for (index, found) in found.iter_mut().enumerate() {
+            let told = told.get(index).copied().flatten();
+            let is_lower = found.is_some_and(|found| told.is_none_or(|told| told < found));
+            if !is_lower {
+                *found = told;
+            }
+        }
+    };
+    keep_lower(&mut lower.displacement, &told.displacement);
+    keep_lower(&mut lower.velocity, &told.velocity);
+    keep_lower(&mut lower.acceleration, &told.acceleration);
+    for (name, told) in &told.force {
+        keep_lower(lower.force.entry(name.clone()).or_default(), told);
+    }
+    peaks(told, &lower)
+}
+
+/// How the test ended according to its events.
+#[derive(Debug, Default)]
+struct Events {
+    /// None where they do not say it: some cannot be read, or the loop did not say that it was over.
+    status: Option<Status>,
+    /// The step in which the loop said that it was over.
+    last_step: Option<u64>,
+}
+
+impl Events {
+    fn of(run: &Run) -> Result<Self, FolderError> {
+        let mut lines = run.event_lines()?;
+        let (mut status, mut last_step, mut diverged) = (None, None, false);
+        for event in &mut lines {
+            let Some(event) = event? else {
+                continue;
+            };
+            let word = |key: &str| event.get(key).and_then(Value::as_str).unwrap_or_default();
+            match word("event") {
+                "ended" => last_step = event.get("tick").and_then(Value::as_u64),
+                "link" => diverged = word("fault") == "diverged",
+                "phase" => {
+                    let phase = [word("from"), word("to"), word("cause")];
+                    status = Self::next(status, phase, diverged);
+                }
+                _ => {}
+            }
+        }
+        let is_known = last_step.is_some() && lines.unreadable == 0;
+        Ok(Self {
+            status: status.filter(|_| is_known),
+            last_step: last_step.filter(|_| is_known),
+        })
+    }
+
+    /// The status after a change of phase: what trips after an orderly end counts, what comes after a trip does not.
+    fn next(
+        before: Option<Status>,
+        [from, to, cause]: [&str; 3],
+        diverged: bool,
+    ) -> Option<Status> {
+        let is_orderly = matches!(before, None | Some(Status::Completed | Status::Interrupted));
+        let runs = [Phase::Running.word(), Phase::Holding.word()].contains(&from);
+        let ends = [Phase::Leaving.word(), Phase::Safe.word()].contains(&to);
+        if !is_orderly {
+            return before;
+        }
+        match cause {
+            "internal_error" => Some(Status::Failed),
+            _ if to == Phase::Tripped.word() => Some(match cause {
+                "link" if diverged => Status::Stopped,
+                "link" | "misfit" => Status::Failed,
+                _ => Status::Stopped,
+            }),
+            "done" if runs && ends => Some(Status::Completed),
+            "operator" if ends => Some(Status::Interrupted),
+            _ => before,
+        }
+    }
+}
+
+/// Findings in the rows of a run.
+#[derive(Debug, Default)]
+struct Rows {
+    /// A limit, a fault or the clock ended the test in one of them.
+    tripped: bool,
+    /// The last step that has a row.
+    steps: Option<u64>,
+    /// Largest magnitudes of the DOFs and specimens that were recorded.
+    peak: Peak,
+    /// None of them is missing or damaged.
+    are_whole: bool,
+}
+
+impl Rows {
+    fn of(run: &Run, table: &toml::Table) -> Result<Self, FolderError> {
+        let at = |name: &str| run.layout().index_of(name).unwrap_or(usize::MAX);
+        let (state, step) = (at("state"), at("step"));
+        let names = specimens(table);
+        let places = Places::of(run, names.len());
+        let mut found = Self::default();
+        let mut forces = vec![Vec::new(); names.len()];
+        let mut is_in_test = false;
+        let mut journal = run.journal()?;
+        let path = run.path().join("samples.bin");
+        let io = |source| FolderError::Io {
+            path: path.clone(),
+            source,
+        };
+        while let Some(row) = journal.next_row().map_err(io)? {
+            let value = |place: usize| row.values.get(place).copied().unwrap_or(f64::NAN);
+            let state = value(state);
+            found.tripped |= state == Phase::Tripped.code() || state == GIVEN_UP;
+            if state == Phase::Running.code() {
+                found.steps = Some(value(step) as u64);
+            }
+            if !is_a_trip(state) {
+                is_in_test = is_under_way(state);
+            }
+            if is_in_test {
+                places.raise(value, &mut found.peak, &mut forces);
+            }
+        }
+        found.are_whole = journal.end() == Some(crate::record::End::Clean) && journal.lost() == 0;
+        found.peak.force = names.into_iter().zip(forces).collect::<BTreeMap<_, _>>();
+        Ok(found)
+    }
+}
+
+/// Names of the specimens, in order.
+fn specimens(table: &toml::Table) -> Vec<String> {
+    let all = table.get("specimen").and_then(toml::Value::as_array);
+    let name = |specimen: &toml::Value| Some(specimen.get("name")?.as_str()?.to_owned());
+    all.into_iter().flatten().filter_map(name).collect()
+}
+
+/// Places of the columns whose largest magnitudes the summary has.
+struct Places {
+    /// Displacements, velocities and accelerations: DOF from 0, and place.
+    structure: [Vec<(usize, usize)>; 3],
+    /// Of each specimen: its status, and the force of each axis.
+    specimens: Vec<(usize, Vec<usize>)>,
+}
+
+impl Places {
+    fn of(run: &Run, specimens: usize) -> Self {
+        let layout = run.layout();
+        let forces = |number: usize| {
+            let axes = (1..).map(|axis| layout.index_of(&format!("force_{number}_{axis}")));
+            axes.map_while(|place| place).collect()
+        };
+        let status = |number: usize| layout.index_of(&format!("status_{number}"));
+        Self {
+            structure: ['x', 'v', 'a'].map(|letter| super::borne::places(run, letter)),
+            specimens: (1..=specimens)
+                .map(|number| (status(number).unwrap_or(usize::MAX), forces(number)))
+                .collect(),
+        }
+    }
+
+    fn raise(
+        &self,
+        value: impl Fn(usize) -> f64,
+        peak: &mut Peak,
+        forces: &mut [Vec<Option<f64>>],
+    ) {
+        let [disp, vel, accel] = &self.structure;
+        for (peaks, places) in [
+            (&mut peak.displacement, disp),
+            (&mut peak.velocity, vel),
+            (&mut peak.acceleration, accel),
+        ] {
+            for (dof, place) in places {
+                super::borne::raise(peaks, *dof, value(*place));
+            }
+        }
+        for (peaks, (status, places)) in forces.iter_mut().zip(&self.specimens) {
+            // A stale measurement was not taken in this tick.
+            if LinkStatus(value(*status) as u32).has(LinkStatus::STALE) {
+                continue;
+            }
+            for (axis, place) in places.iter().enumerate() {
+                super::borne::raise(peaks, axis, value(*place));
+            }
+        }
+    }
+}

@@ -1,0 +1,302 @@
+//! Which run continued which: `resumed.json` in the folder of a resumed test names the test before it, the rows of that which
+//! count, and their digest.
+//!
+//! [`Lineage`] walks from a run to the first of its ancestors. It is the only way through `resumed.json`: a folder that names
+//! itself, or one whose ancestors name it again, is refused there.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::replay::ReplayError;
+use super::retrace::{places, read, rows_sha256, same, way_from};
+use crate::control::Port;
+use crate::engine::Place;
+use crate::record::Run;
+use crate::record::summary::Peak;
+
+/// Name of the file in the folder of a resumed test.
+pub(super) const ORIGIN: &str = "resumed.json";
+
+/// Where one axis was left, and how far off it may be, in its own units.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Kept {
+    /// The last command.
+    pub command: f64,
+    /// The reading of the displacement sensor there.
+    pub disp: f64,
+    /// The last force.
+    pub force: f64,
+    /// How far from `disp` the axis may stand.
+    pub within: f64,
+    /// The reading of the displacement sensor in the row of `force`.
+    pub disp_of_force: f64,
+    /// How far from `force` the load cell may read, at `disp_of_force`.
+    pub force_within: f64,
+}
+
+/// Where a resumed test comes from: `resumed.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct Origin {
+    /// Folder of the interrupted test, from the folder of this one, or absolute.
+    pub parent: PathBuf,
+    /// Absolute path of that folder when the test was resumed.
+    pub parent_absolute: PathBuf,
+    /// Rows of it that count.
+    pub rows: u64,
+    /// SHA-256 of their bytes.
+    pub rows_sha256: String,
+    /// SHA-256 of its `resolved.toml`.
+    pub resolved_sha256: String,
+    /// Last step that was made.
+    pub step: u64,
+    /// Test time of it, s.
+    pub time: f64,
+    /// Where the axes of each specimen were left, each in its own unit: the last command, what the sensor reads there, the
+    /// force, and how far off it may stand. In words, since JSON's numbers need not come back to the last bit.
+    pub left: Vec<Vec<[String; 4]>>,
+    /// Per axis: the displacement reading in the row of the last force, and how far the force may differ. Recordings of earlier
+    /// versions lack it: their forces refused nothing.
+    #[serde(default)]
+    pub left_forces: Vec<Vec<[String; 2]>>,
+    /// Largest magnitudes of the test so far, those after the rows that count, too. Older ones do not say.
+    #[serde(default)]
+    pub peak: Peak,
+    /// Why the user has accepted that a specimen changed since the interruption; absent if nothing was accepted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub accepted_changed: Option<String>,
+}
+
+impl Origin {
+    /// That of a run; none if it began at its beginning.
+    pub fn of(folder: &Path) -> Result<Option<Self>, ReplayError> {
+        let path = folder.join(ORIGIN);
+        if !path.exists() {
+            return Ok(None);
+        }
+        let text = read(&path)?;
+        match serde_json::from_slice(&text) {
+            Ok(origin) => Ok(Some(origin)),
+            Err(source) => Err(ReplayError::Origin { path, source }),
+        }
+    }
+
+    /// Its text for the folder of the resumed test: the parent is found from there as long as both are moved together.
+    pub fn text_for(text: &str, folder: &Path) -> Option<String> {
+        let mut origin: Self = serde_json::from_str(text).ok()?;
+        origin.parent = way_from(folder, &origin.parent_absolute)?;
+        serde_json::to_string_pretty(&origin).ok()
+    }
+
+    /// The parent's run, wherever both are now. What is there is the one if its digests are.
+    fn parent_from(&self, folder: &Path) -> Result<Run, ReplayError> {
+        let mut wrong = None;
+        for place in places(folder, &self.parent, &self.parent_absolute) {
+            if place.exists() {
+                match self.proven(&place) {
+                    Ok(run) => return Ok(run),
+                    Err(error) => wrong.get_or_insert(error),
+                };
+            }
+        }
+        Err(wrong.unwrap_or_else(|| ReplayError::NoParent {
+            path: folder.join(ORIGIN),
+            parent: self.parent_absolute.clone(),
+        }))
+    }
+
+    /// The run in a folder, if it is the parent.
+    fn proven(&self, parent: &Path) -> Result<Run, ReplayError> {
+        let run = Run::open(parent)?;
+        same(&parent.join("resolved.toml"), &self.resolved_sha256)?;
+        let found = rows_sha256(&run, self.rows)?;
+        if found != self.rows_sha256 {
+            return Err(ReplayError::Input {
+                path: parent.join("samples.bin"),
+                wanted: self.rows_sha256.clone(),
+                found,
+            });
+        }
+        Ok(run)
+    }
+
+    /// Where one axis was left.
+    pub fn axis(&self, port: usize, axis: usize) -> Option<Kept> {
+        let values = self.left.get(port)?.get(axis)?;
+        Some(kept(values, self.force_of(port, axis)))
+    }
+
+    fn force_of(&self, port: usize, axis: usize) -> Option<&[String; 2]> {
+        self.left_forces.get(port)?.get(axis)
+    }
+
+    /// Keeps where the axes of each specimen were left.
+    pub fn keep(&mut self, left: &[Vec<Kept>]) {
+        let words = |axis: &Kept| {
+            let values = [axis.command, axis.disp, axis.force, axis.within];
+            values.map(|value| format!("{value:?}"))
+        };
+        let forces =
+            |axis: &Kept| [axis.disp_of_force, axis.force_within].map(|value| format!("{value:?}"));
+        let each = left.iter();
+        self.left = each
+            .clone()
+            .map(|axes| axes.iter().map(words).collect())
+            .collect();
+        self.left_forces = each.map(|axes| axes.iter().map(forces).collect()).collect();
+    }
+
+    /// True if the user has accepted that a specimen changed since the interruption.
+    pub fn accepts_changed(&self) -> bool {
+        self.accepted_changed.is_some()
+    }
+
+    /// Specimens behind links stand where they were left, wherever the interrupted test was when it was retraced.
+    pub fn put(&self, ports: &mut [Port]) {
+        for (port, axes) in ports.iter_mut().zip(&self.left) {
+            if port.is_remote() {
+                let commands: Vec<f64> = axes.iter().map(|axis| number(&axis[0])).collect();
+                port.stands_at(&commands);
+            }
+        }
+    }
+
+    /// Where they were left.
+    pub fn places(&self) -> Vec<Vec<Place>> {
+        let specimen = |(port, axes): (usize, &Vec<[String; 4]>)| {
+            let each = axes.iter().enumerate();
+            each.map(|(axis, values)| {
+                let kept = kept(values, self.force_of(port, axis));
+                Place {
+                    disp: kept.disp,
+                    force: kept.force,
+                    within: kept.within,
+                    disp_of_force: kept.disp_of_force,
+                    force_within: kept.force_within,
+                }
+            })
+            .collect()
+        };
+        self.left.iter().enumerate().map(specimen).collect()
+    }
+}
+
+fn kept(values: &[String; 4], force: Option<&[String; 2]>) -> Kept {
+    let [command, disp, left, within] = values.each_ref().map(|value| number(value));
+    let [disp_of_force, force_within] = match force {
+        Some(force) => force.each_ref().map(|value| number(value)),
+        None => [disp, f64::INFINITY],
+    };
+    Kept {
+        command,
+        disp,
+        force: left,
+        within,
+        disp_of_force,
+        force_within,
+    }
+}
+
+/// The number in a text; NaN if it is none.
+fn number(text: &str) -> f64 {
+    text.parse().unwrap_or(f64::NAN)
+}
+
+/// One generation of a lineage: the `resumed.json` of a folder, and the run that it names.
+#[derive(Debug)]
+pub(super) struct Generation {
+    /// The folder of the resumed test.
+    pub folder: PathBuf,
+    /// What its `resumed.json` says.
+    pub origin: Origin,
+    /// The test that it continued, if that is found and proven.
+    pub parent: Result<Run, ReplayError>,
+}
+
+/// The generations of a run, beginning with that of its `resumed.json`. It ends with the first test, with a parent that is not found,
+/// or with a folder that was there before.
+#[derive(Debug)]
+pub(super) struct Lineage {
+    next: Option<PathBuf>,
+    seen: Vec<PathBuf>,
+}
+
+impl Lineage {
+    /// From the run in `folder`.
+    pub fn of(folder: &Path) -> Self {
+        Self {
+            next: Some(folder.to_owned()),
+            seen: vec![itself(folder)],
+        }
+    }
+
+    /// The parent, unless it was there before.
+    fn parent(&mut self, folder: &Path, origin: &Origin) -> Result<Run, ReplayError> {
+        let run = origin.parent_from(folder)?;
+        let itself = itself(run.path());
+        if self.seen.contains(&itself) {
+            return Err(ReplayError::Circle {
+                path: folder.join(ORIGIN),
+                parent: run.path().to_owned(),
+            });
+        }
+        self.seen.push(itself);
+        Ok(run)
+    }
+}
+
+/// A folder by the one name that it has whichever way leads there.
+fn itself(folder: &Path) -> PathBuf {
+    folder.canonicalize().unwrap_or_else(|_| folder.to_owned())
+}
+
+impl Iterator for Lineage {
+    type Item = Result<Generation, ReplayError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let folder = self.next.take()?;
+        let origin = match Origin::of(&folder) {
+            Ok(origin) => origin?,
+            Err(error) => return Some(Err(error)),
+        };
+        let parent = self.parent(&folder, &origin);
+        self.next = parent.as_ref().ok().map(|run| run.path().to_owned());
+        Some(Ok(Generation {
+            folder,
+            origin,
+            parent,
+        }))
+    }
+}
+
+/// A test that was continued.
+pub(super) struct Ancestor {
+    /// Its run.
+    pub run: Run,
+    /// Rows of it that count.
+    pub rows: u64,
+    /// Where it comes from itself, if it was resumed.
+    pub origin: Option<Origin>,
+}
+
+/// The ancestors of the run in `folder`, the first test first; none if it began at its beginning.
+///
+/// # Errors
+/// One of them is missing, is another than was continued, or continues itself.
+pub(super) fn ancestors(folder: &Path) -> Result<Vec<Ancestor>, ReplayError> {
+    let mut all: Vec<Ancestor> = Vec::new();
+    for generation in Lineage::of(folder) {
+        let Generation { origin, parent, .. } = generation?;
+        let (run, rows) = (parent?, origin.rows);
+        if let Some(child) = all.last_mut() {
+            child.origin = Some(origin);
+        }
+        all.push(Ancestor {
+            run,
+            rows,
+            origin: None,
+        });
+    }
+    all.reverse();
+    Ok(all)
+}

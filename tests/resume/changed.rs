@@ -1,0 +1,199 @@
+//! A specimen that changed since the interruption: another force, another place, or a computation that starts anew. The test is
+//! refused with exit 2, unless the user gives a reason, which is recorded.
+
+use super::rigs::built;
+use super::*;
+
+/// A yielding column behind a server at this address.
+fn column_at(home: &Path, address: &str, remembers: bool) -> link_common::Served {
+    let law = "law.bilinear = { stiffness_n_per_m = 4e5, yield_force_n = 400.0, post_yield_ratio = 0.1 }\n";
+    let text = format!("[serve]\nremembers = {remembers}\n[[specimen]]\nname = \"column\"\n{law}");
+    link_common::Served::listen(home, &text, address, &[])
+}
+
+/// A test of such a column that was killed where the column bears a force near its zero, since it has yielded.
+fn killed_test(home: &Path, remembers: bool) -> (link_common::Served, PathBuf) {
+    let served = column_at(home, "127.0.0.1:0", remembers);
+    let test = link_common::linked(900, &served.address, "watchdog_s = 20\n");
+    let test = write(home, "test.toml", &test);
+    let (whole, first) = (home.join("whole"), home.join("first"));
+    completed(&test, &whole, &[]);
+    let (disps, forces) = (
+        column(&whole, "raw_disp_1_1"),
+        column(&whole, "raw_force_1_1"),
+    );
+    // More than an elastic column would bear on the way from zero.
+    let beyond = |row: &usize| forces[*row].abs() - 4e5 * disps[*row].abs();
+    let rows = (50..disps.len()).max_by(|one, other| beyond(one).total_cmp(&beyond(other)));
+    let row = rows.unwrap();
+    assert!(beyond(&row) > 100.0, "{} {}", disps[row], forces[row]);
+    killed(&whole, &first, row + 1);
+    (served, first)
+}
+
+/// The law starts anew where the column stands: its place alone does not show it.
+#[test]
+fn resume_refuses_a_computed_specimen_whose_server_does_not_keep_its_state() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let (served, first) = killed_test(home.path(), false);
+    let said = go_on(&first, &at("refused"));
+    assert_eq!(said.code, Some(2), "{}", said.stderr);
+    for word in ["remembers = true", "--accept-changed", "nothing was moved"] {
+        assert!(said.stderr.contains(word), "{word}: {}", said.stderr);
+    }
+    let told = common::json(&at("refused"), "summary.json");
+    assert_eq!(told["status"], "stopped");
+    assert_eq!(told["accepted"], serde_json::json!({}));
+    assert_eq!(column(&at("refused"), "state").len(), 0, "nothing was sent");
+    assert!(
+        !at("first/continued.json").exists(),
+        "nothing went on with it"
+    );
+
+    let reason = "the column was replaced by a new one";
+    let said = go_on_with(&first, &at("second"), &["--accept-changed", reason]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert!(said.stderr.contains(reason), "{}", said.stderr);
+    let told = common::json(&at("second"), "summary.json");
+    assert_eq!(told["accepted"], serde_json::json!({"changed": reason}));
+    assert!(told["warnings"].to_string().contains(reason));
+    let page = std::fs::read_to_string(at("second/report.html")).unwrap();
+    assert!(page.contains(reason));
+    let origin = common::json(&at("second"), "resumed.json");
+    assert_eq!(origin["accepted_changed"], reason);
+    let found = replay(&at("second")).unwrap();
+    assert!(found.is_exact(), "{found:?}");
+    drop(served);
+}
+
+/// Its server keeps its state, and was started again meanwhile.
+#[test]
+fn resume_refuses_a_changed_force() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let (mut served, first) = killed_test(home.path(), true);
+    served.signal("TERM");
+    let served = column_at(home.path(), &served.address, true);
+    let said = go_on(&first, &at("refused"));
+    assert_eq!(said.code, Some(2), "{}", said.stderr);
+    let told = common::json(&at("refused"), "summary.json");
+    assert_eq!(told["status"], "stopped");
+    let reason = told["reason"].as_str().unwrap();
+    for word in ["load cell", "resume_within_n", "--accept-changed"] {
+        assert!(reason.contains(word), "{word}: {reason}");
+    }
+    let commands = column(&at("refused"), "cmd_1_1");
+    assert!(
+        commands.iter().all(|command| *command == commands[0]),
+        "nothing was moved"
+    );
+    let events = Run::open(&at("refused")).unwrap().events().unwrap().events;
+    let changed = events
+        .iter()
+        .find(|event| event["event"] == "force_changed")
+        .unwrap();
+    let number = |key: &str| changed[key].as_f64().unwrap();
+    assert!(
+        (number("left") - number("found")).abs() > number("within"),
+        "{changed}"
+    );
+    let found = replay(&at("refused")).unwrap();
+    assert!(found.is_exact(), "{found:?}");
+    for empty in ["", "  "] {
+        let said = go_on_with(&first, &at("empty"), &["--accept-changed", empty]);
+        assert_eq!(said.code, Some(2), "{}", said.stderr);
+        assert!(!at("empty").exists());
+    }
+    let said = go_on_with(
+        &first,
+        &at("second"),
+        &["--accept-changed", "unloaded by hand"],
+    );
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    drop(served);
+}
+
+/// A spring whose load cell reads `extra` more than its force.
+pub struct Cell {
+    extra: f64,
+    disp: f64,
+    sequence: u64,
+}
+
+impl Cell {
+    pub fn with(extra: f64) -> Self {
+        let (disp, sequence) = (0.0, 0);
+        Self {
+            extra,
+            disp,
+            sequence,
+        }
+    }
+}
+
+impl Substructure for Cell {
+    fn axes(&self) -> usize {
+        1
+    }
+    fn coupling(&self) -> Coupling {
+        Coupling::Lockstep
+    }
+    fn is_remote(&self) -> bool {
+        true
+    }
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        (self.disp, self.sequence) = (command.disp[0], command.sequence);
+        Ok(())
+    }
+    fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        into.sequence = self.sequence;
+        (into.disp[0], into.force[0]) = (self.disp, 3e5 * self.disp + self.extra);
+        Ok(Freshness::Fresh)
+    }
+    fn retire(&mut self, _: Retirement) {}
+}
+
+#[test]
+fn a_force_may_differ_by_2_percent_of_the_recorded_peak_or_by_what_the_test_file_says() {
+    for (safety, share, finish) in [
+        ("", 0.019, Finish::Completed),
+        ("", 0.021, Finish::Refused),
+        ("", -0.021, Finish::Refused),
+        ("resume_within_n = 1e9\n", 0.5, Finish::Completed),
+        ("resume_within_n = 1e-3\n", 0.001, Finish::Refused),
+    ] {
+        let home = tempfile::tempdir().unwrap();
+        let at = |name: &str| home.path().join(name);
+        let text = format!(
+            "[time]\nrate_hz = 200\nduration_s = 2\nclock = \"simulated\"\n[structure.shear_building]\nmass_kg = [1000]\n\
+             stiffness_n_per_m = [0]\n[excitation.ground_acceleration.signal.sine]\namplitude = 4\nfrequency_hz = 1.4\n\
+             [timing]\nwarmup_ticks = 4\n[safety]\nunlimited = \"a spring\"\nzero_s = 0.05\nramp_s = 0.2\nease_s = 0\n{safety}\
+             [[specimen]]\nname = \"cell\"\nstorey = 1\nstiffness_n_per_m = 3e5\nlink = {{ address = \"127.0.0.1:9\", \
+             coupling = \"lockstep\", probe = \"none\" }}\n"
+        );
+        let test = write(home.path(), "test.toml", &text);
+        let run = |mut test: gusset::config::Prepared, extra: f64, out: &str| {
+            test.experiment.ports[0].put_recording(Box::new(Cell::with(extra)));
+            test.experiment.ports[0].computed = true;
+            let folder = RunFolder::create(&at(out)).unwrap();
+            let (_says, requests) = crossbeam_channel::bounded(1);
+            session::run(test, folder, requests, Watches::default(), &mut |_| {}).unwrap()
+        };
+        let whole = run(built(&test), 0.0, "whole");
+        assert_eq!(whole.finish, Finish::Completed);
+        killed(&at("whole"), &at("first"), 300);
+        // What counts is the peak up to the kill.
+        let forces = column(&at("first"), "raw_force_1_1");
+        let peak = forces
+            .iter()
+            .fold(0.0, |most: f64, force| most.max(force.abs()));
+        let next = resume(&at("first"), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
+        let ended = run(next, share * peak, "second");
+        assert_eq!(
+            ended.finish, finish,
+            "{safety} {share}: {}",
+            ended.summary.reason
+        );
+    }
+}

@@ -1,0 +1,41 @@
+//! A long record takes no more memory to go on with than a short one.
+
+use super::*;
+
+/// Twenty seconds of a frame with a rig, so that there is a place to be found, and a checkpoint every hundredth of a second.
+#[test]
+fn a_test_goes_on_with_as_much_memory_however_long_its_record_is() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let text = frame(500, 1, 20.0, 0.0).replace("checkpoint_s = 0.1", "checkpoint_s = 0.01");
+    let motion = |k: i32| {
+        format!(
+            "{:.3},{:.6}\n",
+            f64::from(k) * 0.005,
+            (f64::from(k) * 0.045).sin()
+        )
+    };
+    let motion: String = (0..4100).map(motion).collect();
+    let test = write(home.path(), "test.toml", &text);
+    write(home.path(), "motion.csv", &format!("t,a\n{motion}"));
+    completed(&test, &at("whole"), &[]);
+    let most = |name: &str, row: usize| {
+        killed(&at("whole"), &at(name), row);
+        let info = allocation_counter::measure(|| {
+            resume(&at(name), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
+        });
+        info.bytes_max
+    };
+    let (short, long) = (most("short", 500), most("long", 9500));
+    let bytes = |name: &str| {
+        std::fs::metadata(at(name).join("samples.bin"))
+            .unwrap()
+            .len()
+    };
+    let more = bytes("long") - bytes("short");
+    assert!(more > 1_000_000, "{more}");
+    assert!(
+        long < short + more / 20,
+        "{long} bytes, {short} for a short record"
+    );
+}
