@@ -180,7 +180,8 @@ impl Certificate {
 /// Trials that a GO needs at least.
 const LEAST_TRIALS: usize = 100;
 
-/// What a GO needs and this test does not have: enough trials, limits and capacities of linked specimens, no accepted finding.
+/// Reasons why GO cannot be established: too few trials, unknown limits or capacities of linked specimens, open or accepted
+/// findings.
 fn missing(loaded: &Loaded, judged: &Judged, trials: usize) -> Vec<String> {
     let mut missing = Vec::new();
     if trials < LEAST_TRIALS {

@@ -161,7 +161,7 @@ fn over(
             };
         }
         Request::Hold => "the test ended before it held",
-        Request::Continue { .. } => "the test ended before it went on",
+        Request::Continue { .. } => "the test ended before it continued",
         Request::Confirm => "the test ended before it heard that what was read is confirmed",
     };
     Err((Exit::Stopped, too_late.to_owned()))

@@ -34,7 +34,7 @@ pub fn tabulate(full: &FullRehearsal, table: &mut Table) {
     for needs in specimens {
         table.row(
             &needs.name,
-            &format!("stood for it: {}", needs.stand_in.words()),
+            &format!("rehearsed with {}", needs.stand_in.words()),
         );
         let word = match &needs.poses {
             Some(poses) => {

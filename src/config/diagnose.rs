@@ -101,7 +101,7 @@ impl Finding {
         self
     }
 
-    /// The same, stating one more number in SI units.
+    /// Adds a number in SI units.
     #[must_use]
     pub fn number(mut self, name: &'static str, value: f64) -> Self {
         self.numbers.push((name, value));

@@ -12,7 +12,7 @@ pub struct SafetyTable {
     /// Displacement of any DOF of the structure in m beyond which the test counts as diverged and stops. A value that is
     /// not finite always stops it. Absent: ten times the largest displacement of the rehearsal, but at least 0.1 m, if a
     /// specimen is behind a link, the loop is not found unstable and the rehearsal reached the end of the test. Else 1000.
-    /// `measured_disp_m` of a specimen has a bound of its own, 1000 by default.
+    /// A measured displacement beyond 1000 always trips.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub divergence_m: Option<f64>,
     /// Wall time in s over which every sensor is averaged before anything moves, while the specimens hold where they

@@ -153,7 +153,7 @@ pub struct IntegratorTable {
     /// modes. For structures of up to 300 degrees of freedom.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub lambda_of_mode: Vec<LambdaValue>,
-    /// Older form of `safety.accept_unstable`, without a reason of its own.
+    /// Older form of `safety.accept_unstable`, without a reason.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub allow_unstable_lambda: bool,
     /// Bound on how much a stiff mode amplifies a force error, for "auto". Default: 2 with a specimen, else 10.

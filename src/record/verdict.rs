@@ -1,16 +1,16 @@
-//! A verdict as `summary.json` and `check --json` have it.
+//! The verdict in `summary.json` and `check --json`.
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-/// What a finding is about.
+/// Subject of a finding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
     /// The loop is proven unstable: λ, a delay, or an actuator without sufficient compensation.
     Unstable,
-    /// The stability of this method cannot be told.
+    /// No proof of stability exists for this method.
     Unproven,
     /// Stability or needs are not known: a compensator adapts, a curve is not followed, a rehearsal ran out of its budget.
     Unknown,
@@ -48,22 +48,22 @@ pub struct RecordedVerdict {
 /// One finding in files.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RecordedFinding {
-    /// What it is about.
+    /// Its subject.
     pub kind: Kind,
     /// "error", "accepted" or "warning".
     pub severity: String,
     /// Path of the key in the test file.
     pub key: String,
-    /// What was found.
+    /// The finding in words.
     pub text: String,
     /// The numbers that it states, SI; null for one that is not finite.
     pub numbers: BTreeMap<String, Option<f64>>,
-    /// What is allowed, and what to do.
+    /// Allowed values and advice.
     pub help: Vec<String>,
 }
 
 impl RecordedVerdict {
-    /// What a reader must know first: that the loop is unstable, why, and that it was accepted. None if it is not.
+    /// Says first that the loop is unstable, why, and whether the user accepted it. None if the loop is not unstable.
     #[must_use]
     pub fn headline(&self) -> Option<String> {
         let found = self.findings.iter();

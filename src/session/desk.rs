@@ -48,7 +48,8 @@ pub enum Request {
         /// The hold that it ends ([`Glimpse::hold_number`]).
         hold: u32,
     },
-    /// What the sensors read is right. Taken only while that is asked; no hold ends by it. Refused if its sender has left.
+    /// Confirms the readings of the sensors. Accepted only while the test waits for that. It ends no hold. Refused if its
+    /// sender has left.
     Confirm,
     /// Where in its life it is.
     Phase,

@@ -17,7 +17,7 @@ pub struct Judged {
     pub test: Prepared,
     /// May it move its specimens?
     pub verdict: Verdict,
-    /// What is proven of its actuators.
+    /// Proofs of the loop with its actuators.
     pub following: Vec<Following>,
     /// Its rehearsal, if there was one.
     pub rehearsed: Option<FullRehearsal>,
@@ -57,7 +57,7 @@ impl Judged {
         judged
     }
 
-    /// The same with the findings of a rehearsal.
+    /// Adds the findings of a rehearsal.
     ///
     /// # Errors
     /// The rehearsal cannot be built.
@@ -97,7 +97,7 @@ impl Judged {
         }
     }
 
-    /// The accepted findings stand in the summary.
+    /// Passes the accepted findings to the summary.
     fn write_down(&mut self) {
         let accepted = self.verdict.accepted();
         self.test.facts.accepted.extend(accepted);

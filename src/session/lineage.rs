@@ -197,7 +197,7 @@ fn kept(values: &[String; 4], force: Option<&[String; 2]>) -> Kept {
     }
 }
 
-/// The number in a text; NaN if it is none.
+/// The number in a text; NaN if it has none.
 fn number(text: &str) -> f64 {
     text.parse().unwrap_or(f64::NAN)
 }

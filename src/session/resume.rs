@@ -31,7 +31,7 @@ use places::{Tolerances, places, ticks_lost};
 use trips::Told;
 
 /// Name of the override in `accepted` of the summary.
-const CHANGED: &str = "changed";
+const CHANGED: &str = "accept_changed";
 const ON_ITS_WAY_IN: &str = "it had ended on its way in, and made no step of its own: the state is that of the test before it, the \
     specimens stand where it left them";
 const UNTRIED: &str = "which way round the specimens are wired is not tried again: who has changed it since begins a new test";

@@ -1,63 +1,95 @@
 //! Specimens with several axes: no proof is made for them. The lag of each axis is compared with the critical delay of the recursion.
 
 use super::following::{Follows, decides};
-use crate::config::{Facts, Finding, KeyPath, Loaded};
+use crate::config::{Facts, Finding, KeyPath, Loaded, Loop};
 use crate::spectral::delay::{DiscreteLimit, continuous};
 use crate::units::duration;
 
-/// A warning for each specimen with several axes if one axis lags more than the recursion tolerates of all axes together.
+/// A warning for each specimen whose actuators are not proven by themselves: an axis lags more than the recursion tolerates of
+/// all axes together, or that is not known.
 pub(super) fn of_several_axes(loaded: &Loaded, facts: &Facts) -> Vec<Finding> {
-    let Some(analysis) = facts.structure.as_ref().and_then(|s| s.analysis.as_ref()) else {
+    let Some(structure) = &facts.structure else {
         return Vec::new();
     };
-    let modes = analysis.delayed_modes();
+    let analysis = structure.analysis.as_ref();
+    let modes = analysis.map_or_else(Vec::new, |analysis| analysis.delayed_modes());
     let lowest = modes.first().map(|mode| mode.frequency);
-    let pairs = analysis.loops.iter().zip(&loaded.file.specimen).enumerate();
-    let late = pairs.filter_map(|(number, (one, table))| {
+    let tables = loaded.file.specimen.iter().enumerate();
+    let found = tables.filter_map(|(number, table)| {
         let transfer = table.believed_transfer(1.0)?;
-        let system = &one.system;
-        if system.rows.nrows() < 2 {
+        let one = analysis.and_then(|analysis| analysis.loops.get(number));
+        if one.is_some_and(|one| one.system.rows.nrows() < 2) {
             return None;
         }
-        let critical = match one.discrete(facts.dt, facts.lambda()?) {
-            Ok(DiscreteLimit::At(critical)) => critical,
-            _ => return None,
-        };
-        // Where it would grow, as far as that is known.
-        let grows = continuous(system).ok().flatten();
-        let grows = grows
-            .map(|found| found.omega)
-            .filter(|omega| omega.is_finite());
-        let omega = grows.or(lowest)?;
         let follows = Follows {
             table,
             transfer: &transfer,
             tick: facts.rate_hz.recip(),
         };
-        let lags = (0..system.rows.nrows()).map(|axis| follows.left(omega, system, axis));
-        let most = lags
-            .collect::<Option<Vec<f64>>>()?
-            .into_iter()
-            .fold(0.0, f64::max);
-        (most > critical).then(|| {
-            let at = KeyPath::root()
-                .key("specimen")
-                .index(number)
-                .key(decides(table));
-            let text = format!(
-                "the actuators of {:?} lag {}, and all of them may together lag {}",
-                one.name,
-                duration(most),
-                duration(critical)
-            );
-            Finding::warning(at, text)
-                .at_key()
-                .label("with several late axes the test may grow")
-                .number("lag_s", most)
-                .number("critical_delay_s", critical)
-                .help("the critical delay is that of the recursion with all axes equally late")
-                .help("give a [specimen.compensation] that makes up for the lag")
-        })
+        let lags = one.and_then(|one| most_lag(one, follows, lowest));
+        let critical = one.and_then(|one| critical(one, facts));
+        let at = KeyPath::root().key("specimen").index(number);
+        let at = at.key(decides(table));
+        match (lags, critical) {
+            (Some(lag), Some(Critical::At(critical))) if lag > critical => {
+                Some(late(at, &table.name, lag, critical))
+            }
+            (Some(lag), Some(Critical::At(limit) | Critical::Beyond(limit))) if lag <= limit => {
+                None
+            }
+            _ => Some(unknown(at, &table.name)),
+        }
     });
-    late.collect()
+    found.collect()
+}
+
+/// The critical delay of all axes together, s.
+enum Critical {
+    At(f64),
+    /// It is longer than this.
+    Beyond(f64),
+}
+
+fn critical(one: &Loop, facts: &Facts) -> Option<Critical> {
+    match one.discrete(facts.dt, facts.lambda()?) {
+        Ok(DiscreteLimit::At(delay)) => Some(Critical::At(delay)),
+        Ok(DiscreteLimit::Beyond(delay)) => Some(Critical::Beyond(delay)),
+        Err(_) => None,
+    }
+}
+
+/// The largest remaining lag of an axis in s, at the frequency where the loop would grow; none if an axis has no known lag.
+fn most_lag(one: &Loop, follows: Follows<'_>, lowest: Option<f64>) -> Option<f64> {
+    let grows = continuous(&one.system).ok().flatten();
+    let grows = grows.map(|found| found.omega);
+    let omega = grows.filter(|omega| omega.is_finite()).or(lowest)?;
+    let mut most = 0.0;
+    for axis in 0..one.system.rows.nrows() {
+        most = f64::max(most, follows.left(omega, &one.system, axis)?);
+    }
+    Some(most)
+}
+
+fn late(at: KeyPath, name: &str, lag: f64, critical: f64) -> Finding {
+    let text = format!(
+        "the actuators of specimen \"{name}\" lag {}, and all of them together may lag {}",
+        duration(lag),
+        duration(critical)
+    );
+    Finding::warning(at, text)
+        .at_key()
+        .label("with several late axes the response may grow")
+        .number("lag_s", lag)
+        .number("critical_delay_s", critical)
+        .help("the critical delay is that of the recursion with all axes equally late")
+        .help("compensate the lag with [specimen.compensation]")
+}
+
+fn unknown(at: KeyPath, name: &str) -> Finding {
+    let text =
+        format!("the stability of the loop with the actuators of specimen \"{name}\" is not known");
+    Finding::warning(at, text)
+        .at_key()
+        .label("no proof for several axes, or for a structure of this size")
+        .help("`check --rehearse` tries it over everything that is uncertain")
 }

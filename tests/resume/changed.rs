@@ -56,7 +56,10 @@ fn resume_refuses_a_computed_specimen_whose_server_does_not_keep_its_state() {
     assert_eq!(said.code, Some(0), "{}", said.stderr);
     assert!(said.stderr.contains(reason), "{}", said.stderr);
     let told = common::json(&at("second"), "summary.json");
-    assert_eq!(told["accepted"], serde_json::json!({"changed": reason}));
+    assert_eq!(
+        told["accepted"],
+        serde_json::json!({"accept_changed": reason})
+    );
     assert!(told["warnings"].to_string().contains(reason));
     let page = std::fs::read_to_string(at("second/report.html")).unwrap();
     assert!(page.contains(reason));

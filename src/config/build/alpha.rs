@@ -15,7 +15,7 @@ const LARGEST: usize = 40;
 /// Differences of bound and estimate that are roundoff of their sums.
 const ROUNDOFF: f64 = 1e-9;
 
-/// What can be said of `method`. Growth, and what cannot be told, become doubts of the site.
+/// The stability of `method`. Growth and missing proofs become doubts of the site.
 pub(super) fn judged(
     site: &mut Site<'_>,
     structure: &Structure,

@@ -59,7 +59,7 @@ pub struct Prepared {
     pub files: Files,
     /// The warnings of the facts, with their places in the file.
     pub warnings: Diagnostics,
-    /// What the build found out about the stability of the integration.
+    /// Errors of stability that the build found.
     pub doubts: Vec<Doubt>,
     /// The file that it was made from; none of a trial, and of a loop that has no file.
     pub loaded: Option<Box<Loaded>>,

@@ -11,7 +11,7 @@ use crate::units::duration;
 /// First periods of structures that are tested, s.
 const PERIODS_S: [f64; 2] = [0.02, 20.0];
 
-/// Warns of a storey whose stiffness stands in the structure and in a specimen, and of an unusual first period.
+/// Warns of a storey that is stiff in the structure and in a specimen, and of an unusual first period.
 /// `frequencies` in rad/s, ascending.
 pub(super) fn check(site: &mut Site<'_>, specimens: &Specimens, frequencies: &[f64]) {
     let doubled = doubled_storeys(site, specimens);

@@ -164,7 +164,7 @@ impl Findings {
         if reason.is_some_and(|reason| !crate::text::is_visible(reason)) {
             let headline = format!("`{at}` gives no reason");
             self.0
-                .push(Finding::error(at, headline).label("the reason stands in the summary"));
+                .push(Finding::error(at, headline).label("the summary repeats the reason"));
         }
     }
 

@@ -7,7 +7,7 @@ const WHOLE: u64 = 64_000_000;
 /// DOFs that a tick counts at least: specimens and the loop itself cost something, too.
 const LEAST_DOFS: u64 = 64;
 
-/// What is left for rehearsals, in DOFs × ticks.
+/// The remaining budget for rehearsals, in DOFs × ticks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Budget(u64);
 
@@ -18,13 +18,13 @@ impl Default for Budget {
 }
 
 impl Budget {
-    /// So many DOFs × ticks.
+    /// A budget of `dof_ticks` DOFs × ticks.
     #[must_use]
     pub const fn new(dof_ticks: u64) -> Self {
         Self(dof_ticks)
     }
 
-    /// What one tick of an experiment costs.
+    /// The cost of one tick of an experiment.
     pub(super) fn cost(experiment: &Experiment) -> u64 {
         let dofs = match &experiment.side {
             Side::Structure(numerical) => numerical.structure.dofs() as u64,

@@ -12,7 +12,7 @@ use crate::rt::os;
 /// Ticks from one look at the wall clock to the next.
 const EVERY: u64 = 64;
 
-/// Keeps nothing of what it is handed; stops the test as an operator would when its ticks are used up.
+/// Drops every row. It stops the test as an operator would when its ticks are used up.
 pub struct Prompter {
     /// Ticks that may be made.
     ticks: u64,
@@ -37,7 +37,7 @@ impl Prompter {
         let _room_or_asked_already = self.operator.try_send(request);
     }
 
-    /// What it notes of the pace, to be read when the rehearsal is over.
+    /// The pace, to be read when the rehearsal is over.
     pub fn pace(&self) -> Pace {
         self.pace.clone()
     }

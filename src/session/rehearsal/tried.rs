@@ -7,7 +7,7 @@ use crate::config::{self, ConfigError, Finding, KeyPath, Loaded};
 use crate::control::limits::AxisLimits;
 use crate::engine::{Control, Stop};
 
-/// What a rehearsal with all limits shows.
+/// Result of a rehearsal with all limits.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Tried {
     /// No limit is left to be tried, none trips, or one trips that is known already.

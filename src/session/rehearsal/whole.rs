@@ -13,14 +13,14 @@ pub struct FullRehearsal {
     pub rehearsal: Rehearsal,
     /// An operator's hold where the test is fastest; none where nothing depends on it.
     pub held: Option<Held>,
-    /// What was found: limits, an early end, capacities. A trip and an exceeded capacity are errors.
+    /// Findings on limits, an early end and capacities. A trip and an exceeded capacity are errors.
     pub findings: Vec<Finding>,
-    /// What was not rehearsed, for want of budget.
+    /// Findings on parts that the budget did not cover.
     pub unknown: Vec<Finding>,
 }
 
 impl FullRehearsal {
-    /// Rehearses a test. `experiment` is the test as it was built, if the rehearsal may use it up.
+    /// Rehearses a test. `experiment` is the built test, if the rehearsal may use it up.
     ///
     /// # Errors
     /// As [`crate::config::build`].

@@ -13,7 +13,7 @@ impl Station {
     /// should know. May block and move what is to be tried, for as long as the test is `wanted`.
     ///
     /// # Errors
-    /// Why there is no test; the specimen, if it was reached, has been told, and holds where it is.
+    /// Why there is no test. A specimen that was reached is informed and holds where it is.
     pub fn begin(
         &mut self,
         visitor: &Visitor,
