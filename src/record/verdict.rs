@@ -77,6 +77,6 @@ impl RecordedVerdict {
             Outcome::Accepted => "; the user accepted this",
             _ => "",
         };
-        Some(format!("UNSTABLE LOOP: {}{more}{accepted}", first.text))
+        Some(format!("UNSTABLE: {}{more}{accepted}", first.text))
     }
 }

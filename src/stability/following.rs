@@ -144,7 +144,10 @@ impl Following {
         let at = at.key(self.key);
         let name = &self.specimen;
         if self.is_unstable() {
-            let text = format!("the loop is unstable with the actuator of specimen \"{name}\"");
+            let text = format!(
+                "the loop is unstable with the actuator of specimen \"{name}\"{}",
+                self.reason()
+            );
             let finding = self.with_numbers(Finding::error(at, text).at_key());
             let label = match self.kind {
                 "none" => "nothing compensates its lag",
@@ -187,19 +190,23 @@ impl Following {
         }
     }
 
-    /// What makes an unstable loop stable.
-    fn advice(&self) -> String {
-        let lag = match self.at_rest.bears {
+    /// Why an unstable loop is unstable.
+    fn reason(&self) -> String {
+        match self.at_rest.bears {
             Bears::LessThan { critical, lag, .. } => format!(
-                "the actuator lags {}, the critical delay is {}: ",
+                ": it lags {}, and the critical delay is {}",
                 duration(lag),
                 duration(critical)
             ),
             _ => String::new(),
-        };
+        }
+    }
+
+    /// What makes an unstable loop stable.
+    fn advice(&self) -> &'static str {
         match self.kind {
-            "none" => format!("{lag}compensate the lag with [specimen.compensation]"),
-            _ => format!("{lag}tune [specimen.compensation] to this actuator"),
+            "none" => "compensate the lag with [specimen.compensation]",
+            _ => "tune [specimen.compensation] to this actuator",
         }
     }
 
