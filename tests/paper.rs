@@ -6,8 +6,8 @@
 
 mod common;
 
-use common::engine::{distance, run_with_facts};
-use gusset::config::Facts;
+use common::engine::{distance, prepare, run_with_facts};
+use gusset::config::{Doubt, Facts};
 
 const STEP: f64 = 0.05;
 
@@ -171,7 +171,13 @@ fn example_4_1_is_stable_below_its_limit_and_not_above_and_11_5_is_the_closest()
     for lambda in ["17", "inf"] {
         let (history, facts) = LINEAR.run(lambda, false, [1.0; 2]);
         assert!(ratio(&history, &LINEAR, peak) > 3.0, "{lambda}");
-        assert!(!facts.warnings.is_empty(), "an unstable λ is not silent");
+        let choice = facts.structure.as_ref().unwrap().choice().unwrap();
+        assert!(!choice.is_stable(), "{lambda}");
+        let doubts = prepare(&LINEAR.file(lambda, false, [1.0; 2])).doubts;
+        assert!(
+            matches!(doubts[..], [Doubt::Unstable(_)]),
+            "an unstable λ is not silent"
+        );
     }
 }
 

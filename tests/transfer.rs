@@ -210,7 +210,7 @@ fn an_actuator_that_does_not_come_to_terms_with_its_law_is_told_of_before_and_af
              [[excitation.prescribed_displacement]]\nspecimen = \"brace\"\nease_in_s = 0.25\n\
              signal.sine = {{ amplitude = 6, unit = \"mm\", frequency_hz = 2 }}\n\
              [[specimen]]\nname = \"brace\"\nlaw.coulomb = {{ stiffness_n_per_m = {stiffness:?}, slip_force_n = 900.0 }}\n\
-             [specimen.transfer]\nactuator = {{ servo_hydraulic = {{}} }}\n"
+             limits.measured_disp_m = {{ trip = [-1e30, 1e30] }}\n[specimen.transfer]\nactuator = {{ servo_hydraulic = {{}} }}\n"
         )
     };
     // A surface that is held a hundred times as stiffly as the cylinder is; and one that is not.
