@@ -239,6 +239,38 @@ fn linked_machine_without_a_known_delay_is_a_warning() {
     assert_eq!(found, [is("unknown", "warning", "specimen[0].link")]);
 }
 
+#[test]
+fn two_actuators_that_are_tolerated_alone_are_unstable_together() {
+    let both = |lag_s: f64| {
+        let specimen = |name: &str, storey: u32| {
+            format!(
+                "[[specimen]]\nname = \"{name}\"\nstorey = {storey}\nstiffness_n_per_m = 1.5e6\n\
+                 [specimen.link]\naddress = \"127.0.0.1:1\"\n{LIMITS}{}",
+                lag("stand_in_transfer", lag_s)
+            )
+        };
+        let frame = FRAME.replace("[0, 1.5e6, 1.5e6, 1.5e6, 1.5e6]", "[0, 0]");
+        let frame = frame.replace("[1000, 1000, 1000, 1000, 1000]", "[1000, 1000]");
+        format!("{frame}{}{}", specimen("a", 1), specimen("b", 2))
+    };
+    let folder = TempDir::new().unwrap();
+    let check = |lag_s: f64| gusset(folder.path(), "check", &both(lag_s), &["--no-rehearsal"]);
+    let found = check(8.5e-4);
+    let each = found.json["following"].as_array().unwrap();
+    assert!(
+        each.iter().all(|one| one["unstable_roots"] == 0),
+        "{each:?}"
+    );
+    assert_eq!(found.code, 1, "{}", found.stderr);
+    assert_eq!(found.json["verdict"]["unstable"], true);
+    let unstable = is("unstable", "error", "specimen[0].stand_in_transfer");
+    assert_eq!(kinds(&found.json["verdict"]), [unstable]);
+    let run = gusset(folder.path(), "run", &both(8.5e-4), &[]);
+    assert_eq!(run.code, 2, "{}", run.stderr);
+    let found = check(1e-4);
+    assert_eq!((found.code, kinds(&found.json["verdict"])), (0, Vec::new()));
+}
+
 /// The divergence bound of a test that is judged, in its loop and in its resolved file.
 fn divergence(text: &str) -> (f64, f64, f64) {
     let loaded = config::parse(Path::new("test.toml"), text.to_owned(), &[]).unwrap();
@@ -262,6 +294,9 @@ fn divergence_of_a_linked_test_follows_from_its_rehearsal() {
     assert_eq!(divergence(&given).0, 0.7);
     assert_eq!(divergence(&simulated(0.001)).0, 1000.0);
     assert_eq!(divergence(&simulated(0.001)).1, 1000.0);
+    // An older resolved file has none, and meant 1 km.
+    let older = config::parse(Path::new("resolved.toml"), linked(1, 0.001), &[]).unwrap();
+    assert_eq!(older.file.safety.divergence_m, Some(1000.0));
     // An unstable loop has no peak that means anything.
     assert_eq!(divergence(&linked(1, 0.015)).0, 1000.0);
 }

@@ -160,19 +160,6 @@ pub fn load(path: &Path, sets: &[String]) -> Result<Loaded, ConfigError> {
     parse(path, read_text(path)?, sets)
 }
 
-/// Reads the `resolved.toml` of a run folder. Where it was written before a key had its present default, the older default counts.
-///
-/// # Errors
-/// As [`load`].
-pub fn load_resolved(path: &Path) -> Result<Loaded, ConfigError> {
-    let mut loaded = load(path, &[])?;
-    if loaded.file.structure.is_some() {
-        let bound = &mut loaded.file.safety.divergence_m;
-        bound.get_or_insert(build::DIVERGENCE_M);
-    }
-    Ok(loaded)
-}
-
 /// A test's matrices may stand in it.
 const LONGEST_TEST_MIB: u64 = 64;
 
@@ -264,6 +251,10 @@ pub fn parse(path: &Path, text: String, sets: &[String]) -> Result<Loaded, Confi
                 file.title = path
                     .file_stem()
                     .map_or_else(|| "test".to_owned(), |s| s.to_string_lossy().into_owned());
+            }
+            if removed::is_resolved(path) && file.structure.is_some() {
+                // Earlier versions did not write it down, and meant this.
+                file.safety.divergence_m.get_or_insert(build::DIVERGENCE_M);
             }
             Ok(Loaded {
                 path: path.to_owned(),

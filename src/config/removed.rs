@@ -35,9 +35,14 @@ impl RemovedKey {
     }
 }
 
+/// True for the resolved configuration of a run folder.
+pub(super) fn is_resolved(path: &Path) -> bool {
+    path.file_name().is_some_and(|name| name == "resolved.toml")
+}
+
 /// Takes the removed keys at their defaults out of the resolved configuration of a run folder. Any other file stays unchanged.
 pub(super) fn pass_over(path: &Path, root: &mut Node) {
-    if path.file_name().is_none_or(|name| name != "resolved.toml") {
+    if !is_resolved(path) {
         return;
     }
     for removed in &REMOVED {

@@ -2,6 +2,7 @@
 
 use super::rehearsal::FullRehearsal;
 use crate::config::{self, ConfigError, Loaded, Prepared};
+use crate::control::limits::DIVERGENCE_M;
 use crate::record::Kind;
 use crate::stability::{Following, Verdict};
 
@@ -91,7 +92,8 @@ impl Judged {
         if given || !trusted {
             return;
         }
-        let bound = (TIMES_PEAK * full.rehearsal.peak_disp).max(LEAST_DIVERGENCE_M);
+        let bound = TIMES_PEAK * full.rehearsal.peak_disp;
+        let bound = bound.clamp(LEAST_DIVERGENCE_M, DIVERGENCE_M);
         if bound.is_finite() {
             config::set_divergence(&mut self.test, bound);
         }

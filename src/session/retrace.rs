@@ -123,7 +123,7 @@ fn prepared_from(
         return Err(ReplayError::Served(folder.to_owned()));
     }
     check_inputs(run)?;
-    let mut loaded = config::load_resolved(&folder.join("resolved.toml"))?;
+    let mut loaded = config::load(&folder.join("resolved.toml"), &[])?;
     for specimen in &mut loaded.file.specimen {
         // It came, and is over: a test that goes on is without it.
         specimen.drill = None;

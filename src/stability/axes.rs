@@ -1,13 +1,14 @@
-//! Specimens with several axes: no proof is made for them. The lag of each axis is compared with the critical delay of the recursion.
+//! Actuators beyond the proofs in continuous time: of several axes, the lag is compared with the critical delay of the recursion;
+//! in a structure that is too large for a proof the stability is not known.
 
 use super::following::{Follows, decides};
 use crate::config::{Facts, Finding, KeyPath, Loaded, Loop};
 use crate::spectral::delay::{DiscreteLimit, continuous};
 use crate::units::duration;
 
-/// A warning for each specimen whose actuators are not proven by themselves: an axis lags more than the recursion tolerates of
-/// all axes together, or that is not known.
-pub(super) fn of_several_axes(loaded: &Loaded, facts: &Facts) -> Vec<Finding> {
+/// A warning for each specimen of which an axis lags more than the recursion tolerates of all axes together, and for each
+/// declared actuator in a structure that is too large for a proof.
+pub(super) fn not_proven(loaded: &Loaded, facts: &Facts) -> Vec<Finding> {
     let Some(structure) = &facts.structure else {
         return Vec::new();
     };
@@ -31,30 +32,21 @@ pub(super) fn of_several_axes(loaded: &Loaded, facts: &Facts) -> Vec<Finding> {
         let at = KeyPath::root().key("specimen").index(number);
         let at = at.key(decides(table));
         match (lags, critical) {
-            (Some(lag), Some(Critical::At(critical))) if lag > critical => {
+            _ if one.is_none() => Some(unknown(at, &table.name)),
+            (Some(lag), Some(critical)) if lag > critical => {
                 Some(late(at, &table.name, lag, critical))
             }
-            (Some(lag), Some(Critical::At(limit) | Critical::Beyond(limit))) if lag <= limit => {
-                None
-            }
-            _ => Some(unknown(at, &table.name)),
+            _ => None,
         }
     });
     found.collect()
 }
 
-/// The critical delay of all axes together, s.
-enum Critical {
-    At(f64),
-    /// It is longer than this.
-    Beyond(f64),
-}
-
-fn critical(one: &Loop, facts: &Facts) -> Option<Critical> {
+/// The critical delay of all axes together by the recursion, s; none if there is none, or it is not known.
+fn critical(one: &Loop, facts: &Facts) -> Option<f64> {
     match one.discrete(facts.dt, facts.lambda()?) {
-        Ok(DiscreteLimit::At(delay)) => Some(Critical::At(delay)),
-        Ok(DiscreteLimit::Beyond(delay)) => Some(Critical::Beyond(delay)),
-        Err(_) => None,
+        Ok(DiscreteLimit::At(delay)) => Some(delay),
+        Ok(DiscreteLimit::Beyond(_)) | Err(_) => None,
     }
 }
 
@@ -90,6 +82,6 @@ fn unknown(at: KeyPath, name: &str) -> Finding {
         format!("the stability of the loop with the actuators of specimen \"{name}\" is not known");
     Finding::warning(at, text)
         .at_key()
-        .label("no proof for several axes, or for a structure of this size")
+        .label("no proof for a structure of this size")
         .help("`check --rehearse` tries it over everything that is uncertain")
 }

@@ -10,8 +10,8 @@ use std::f64::consts::PI;
 
 use serde_json::json;
 
-pub(super) use state::Follows;
 use state::{Bears, State};
+pub(super) use state::{Follows, HIGHEST};
 
 use super::{diverging, growing};
 use crate::config::{Facts, Finding, KeyPath, Loaded, SpecimenTable};

@@ -8,6 +8,7 @@
 mod axes;
 mod following;
 mod integration;
+mod together;
 mod verdict;
 
 pub use following::Following;

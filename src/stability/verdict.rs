@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use super::axes::of_several_axes;
+use super::axes::not_proven;
+use super::together::together;
 use super::{Following, grows};
 use crate::config::{
     ClockChoice, Diagnostics, Doubt, Facts, Finding, KeyPath, Loaded, Prepared, SafetyTable,
@@ -95,7 +96,12 @@ impl Verdict {
         for (kind, finding) in following.iter().filter_map(Following::finding) {
             verdict.add(kind, finding);
         }
-        for finding in of_several_axes(loaded, facts) {
+        if !verdict.is_unstable()
+            && let Some((kind, finding)) = together(loaded, facts)
+        {
+            verdict.add(kind, finding);
+        }
+        for finding in not_proven(loaded, facts) {
             verdict.add(Kind::Unknown, finding);
         }
         for finding in unknown_actuators(loaded, facts) {
@@ -152,12 +158,6 @@ impl Verdict {
     pub fn is_unstable(&self) -> bool {
         let mut errors = self.findings.iter();
         errors.any(|one| one.kind == Kind::Unstable && one.finding.severity == Severity::Error)
-    }
-
-    /// True if nothing is known that could make the loop unstable: no finding on stability at all.
-    #[must_use]
-    pub fn is_stable(&self) -> bool {
-        self.findings.iter().all(|one| one.kind == Kind::Rehearsal)
     }
 
     /// Findings with their places in the file. An error that forbids nothing is shown as a warning, unless `as_errors`.

@@ -12,7 +12,7 @@ use crate::stability::INERTIA;
 use crate::transfer::TransferSpec;
 
 /// Frequencies that count are below this share of half the rate.
-const HIGHEST: f64 = 0.9;
+pub const HIGHEST: f64 = 0.9;
 /// Share of the lag that counts as left where a delay decides: less is rounding of a compensation.
 const LEFT: f64 = 0.05;
 
@@ -60,7 +60,7 @@ pub struct Follows<'a> {
 
 impl Follows<'_> {
     /// H at ω in rad/s for one axis of a system; none of what adapts or feeds back.
-    fn at(&self, omega: f64, system: &Delayed, axis: usize) -> Option<Complex<f64>> {
+    pub fn at(&self, omega: f64, system: &Delayed, axis: usize) -> Option<Complex<f64>> {
         let lead = match &self.table.compensation {
             None => Complex::new(1.0, 0.0),
             Some(spec) => spec.response(omega, self.tick)?,
