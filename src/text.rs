@@ -49,7 +49,9 @@ pub fn printable(text: &str) -> String {
 #[must_use]
 pub fn is_visible(text: &str) -> bool {
     // The Braille pattern without dots is as blank as a space.
-    let shows = |c: char| !c.is_whitespace() && !is_hidden(c) && c != '\u{2800}';
+    // A variation selector alone shows nothing.
+    let blank = |c: char| c == '\u{2800}' || ('\u{fe00}'..='\u{fe0f}').contains(&c);
+    let shows = |c: char| !c.is_whitespace() && !is_hidden(c) && !blank(c);
     text.chars().any(shows)
 }
 

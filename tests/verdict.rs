@@ -134,7 +134,7 @@ fn accepted_findings_let_a_test_run_and_stand_in_its_summary() {
     // Either reason alone is not enough.
     let one = text.replace("accept_trip", "# accept_trip");
     assert_eq!(gusset(folder.path(), "check", &one, &[]).code, 1);
-    for blank in ["  ", "\u{200b}", "\u{2060} "] {
+    for blank in ["  ", "\u{200b}", "\u{2060} ", "\u{fe0f}"] {
         let text = text.replace("a study of growth", blank);
         let refused = gusset(folder.path(), "check", &text, &[]);
         assert_eq!(refused.code, 2, "{blank:?}");
@@ -206,6 +206,15 @@ fn adaptive_compensation_is_not_known_and_a_warning() {
 fn rehearsed_trip_is_refused_behind_a_link_and_a_warning_in_simulation() {
     let folder = TempDir::new().unwrap();
     let narrow = |text: &str| text.replace("[-0.1, 0.1]", "[-0.0005, 0.0005]");
+    // A level of the axis does not hide the level of the specimen, which trips.
+    let merged = format!(
+        "{}[[specimen.axis]]\nlimits.command_disp_m = {{ warn = [-0.0001, 0.0001] }}\n",
+        narrow(&linked(1, 0.001))
+    );
+    let check = gusset(folder.path(), "check", &merged, &[]);
+    let found = kinds(&check.json["verdict"]);
+    let expected = is("rehearsal", "error", "specimen[0].limits.command_disp_m");
+    assert_eq!(found[0], expected, "{}", check.stderr);
     let text = narrow(&linked(1, 0.001));
     let run = gusset(folder.path(), "run", &text, &[]);
     assert_eq!(run.code, 2, "{}", run.stderr);

@@ -17,7 +17,10 @@ impl Rehearsal {
         let mut findings = Vec::new();
         for (index, needs) in self.specimens.iter().enumerate() {
             for (axis, all) in needs.axes.iter().enumerate() {
-                let place = |need: &Need| place(loaded, index, axis, need.quantity);
+                let place = |need: &Need| {
+                    let level = if need.trips() { "trip" } else { "warn" };
+                    place(loaded, index, axis, need.quantity, level)
+                };
                 let found = all
                     .iter()
                     .filter_map(|need| finding(need, needs, axis, place(need)));
@@ -80,7 +83,7 @@ impl Rehearsal {
             Curtain::Completed | Curtain::OutOfBudget => None,
             Curtain::Stopped(Stop::Limit { port, hit }) => {
                 let text = format!("the test would stop at {at} s: specimen {}, {hit}", port + 1);
-                let place = place(loaded, port, hit.axis, hit.quantity);
+                let place = place(loaded, port, hit.axis, hit.quantity, "trip");
                 Some(Finding::error(place, text).help("found on the simulated clock"))
             }
             Curtain::Stopped(stop @ Stop::Geometry { port, .. }) => Some(
@@ -143,7 +146,7 @@ impl Held {
                     let (value, _) = need.needed.farther_from(need.trip, need.warn);
                     let unit = need.quantity.unit();
                     Finding::warning(
-                        place(loaded, index, axis, need.quantity),
+                        place(loaded, index, axis, need.quantity, "trip"),
                         format!(
                             "an operator's hold at {} s needs a {} of {} {unit} on axis {} of `{}`, and would trip",
                             short(self.at),
@@ -275,8 +278,26 @@ fn finding(need: &Need, needs: &Needs, axis: usize, at: KeyPath) -> Option<Findi
 }
 
 /// Where a limit stands: with its axis, or with the whole specimen.
-fn place(loaded: &Loaded, specimen: usize, axis: usize, quantity: Quantity) -> KeyPath {
-    limit(loaded, specimen, axis, quantity.key())
+/// Levels are merged: the level decides, and not the limit.
+fn place(
+    loaded: &Loaded,
+    specimen: usize,
+    axis: usize,
+    quantity: Quantity,
+    level: &str,
+) -> KeyPath {
+    let common = KeyPath::root()
+        .key("specimen")
+        .index(specimen)
+        .key("limits");
+    let common = common.key(quantity.key());
+    let own = limit(loaded, specimen, axis, quantity.key());
+    let holds = |at: &KeyPath| loaded.locator.holds(&at.key(level));
+    if !holds(&own) && holds(&common) {
+        common
+    } else {
+        own
+    }
 }
 
 /// Where a key of the limits of an axis stands: its own, or that of its specimen.
