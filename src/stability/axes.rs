@@ -42,7 +42,7 @@ pub(super) fn not_proven(loaded: &Loaded, facts: &Facts) -> Vec<Finding> {
     found.collect()
 }
 
-/// The critical delay of all axes together by the recursion, s; none if there is none, or it is not known.
+/// The critical delay of all axes together by the recursion, s; none where no delay is critical, or the delay is not known.
 fn critical(one: &Loop, facts: &Facts) -> Option<f64> {
     match one.discrete(facts.dt, facts.lambda()?) {
         Ok(DiscreteLimit::At(delay)) => Some(delay),

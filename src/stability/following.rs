@@ -114,7 +114,7 @@ impl Following {
         })
     }
 
-    /// What is proven unstable in one of both states and stable in the other, in words.
+    /// Says in which of both states the loop is unstable, if it is unstable in one only.
     fn in_one_only(&self) -> Option<String> {
         let held = self.held.as_ref()?;
         if self.is_unstable() {
@@ -137,7 +137,7 @@ impl Following {
         }
     }
 
-    /// What a verdict must know of it: an error if the loop is proven unstable, a warning if that is not known.
+    /// Its finding for the verdict: an error if the loop is proven unstable, a warning if the stability is not known.
     #[must_use]
     pub fn finding(&self) -> Option<(Kind, Finding)> {
         let at = KeyPath::root().key("specimen").index(self.number);

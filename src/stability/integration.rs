@@ -1,4 +1,4 @@
-//! What is known of the stability of the integration itself, with nothing delayed.
+//! Stability of the integration itself, without any delay.
 
 use super::growing;
 use crate::config::{Stability, StructureFacts};

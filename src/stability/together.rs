@@ -17,7 +17,7 @@ use crate::transfer::TransferSpec;
 
 type Matrix = DMatrix<Complex<f64>>;
 
-/// What the verdict must know of the actuators of several axes together; none for a single axis, and where they are stable.
+/// The finding on all actuators together; none for a single axis, and where the loop is stable.
 pub(super) fn together(loaded: &Loaded, facts: &Facts) -> Option<(Kind, Finding)> {
     let analysis = facts.structure.as_ref()?.analysis.as_ref()?;
     let pairs = analysis.loops.iter().zip(&loaded.file.specimen).enumerate();

@@ -23,7 +23,7 @@ const fn accepted_by(kind: Kind) -> Option<&'static str> {
 /// A finding, its kind, and the reason for which the user accepts it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Judgement {
-    /// What it is about.
+    /// Its subject.
     pub kind: Kind,
     /// The finding with its place in the file; an accepted error stays an error here.
     pub finding: Finding,
@@ -32,13 +32,13 @@ pub struct Judgement {
 }
 
 impl Judgement {
-    /// True for an error that nobody has accepted.
+    /// True for an error that the user has not accepted.
     #[must_use]
     pub fn is_open(&self) -> bool {
         self.finding.severity == Severity::Error && self.accepted.is_none()
     }
 
-    /// The finding as it is shown: one that does not forbid the test is a warning.
+    /// The finding to show: an error only if it forbids the test, otherwise a warning.
     fn shown(&self, forbids: bool) -> Finding {
         let severity = if self.is_open() && forbids {
             Severity::Error
@@ -167,7 +167,7 @@ impl Verdict {
         loaded.diagnose(self.findings.iter().map(|one| one.shown(errors)))
     }
 
-    /// The reasons of the user for what was accepted, by the key of `[safety]`.
+    /// The reason for each accepted kind of finding, by its key of `[safety]`.
     #[must_use]
     pub fn accepted(&self) -> BTreeMap<String, String> {
         let accepted = self.findings.iter().filter_map(|one| {
@@ -193,7 +193,7 @@ impl Verdict {
             .map(|one| one.finding.headline.as_str())
     }
 
-    /// As `summary.json` and `check --json` have it.
+    /// The form for `summary.json` and `check --json`.
     #[must_use]
     pub fn record(&self) -> RecordedVerdict {
         let findings = self.findings.iter().map(|one| RecordedFinding {
@@ -220,7 +220,7 @@ impl Verdict {
     }
 }
 
-/// The reason for which an unstable loop is accepted; the older key has none of its own.
+/// The reason for which an unstable loop is accepted. The older key gives none.
 fn accepts_unstable(safety: &SafetyTable, allow_unstable_lambda: bool) -> Option<String> {
     let older = || "allow_unstable_lambda = true in [integrator]".to_owned();
     let given = safety.accept_unstable.clone();

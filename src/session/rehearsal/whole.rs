@@ -47,7 +47,7 @@ impl FullRehearsal {
         })
     }
 
-    /// What the undisturbed test needs of an axis.
+    /// Needs of an axis in the undisturbed test.
     #[must_use]
     pub fn need(&self, specimen: usize, axis: usize) -> Option<&AxisNeed> {
         self.rehearsal.specimens.get(specimen)?.found.get(axis)
