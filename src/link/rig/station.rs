@@ -24,7 +24,9 @@ use super::settings::{Close, Over, ProbeSettings};
 use super::{Rig, Trip};
 use crate::control::AxisUnits;
 use crate::control::limits::{AxisLimits, LimitsSpec, Quantity, Watch};
+use crate::link::quota::Allowance;
 use crate::record::{Note, NoteLevel};
+use crate::rt::os;
 use crate::substructure::{Command, LinkStats, Measurement};
 use crate::time::Nanos;
 
@@ -377,7 +379,13 @@ impl Station {
     pub fn note(&self, level: NoteLevel, event: &str, text: &str) {
         match &self.log {
             Some(log) => log.note(Note::new(level, event).with("text", text)),
-            None if level == NoteLevel::Warning => tracing::warn!("{text}"),
+            None if level == NoteLevel::Warning => {
+                let Allowance { is_told, notice } = self.store.warning(os::monotonic_ns());
+                let text = is_told.then_some(text);
+                for text in text.into_iter().chain(notice.as_deref()) {
+                    tracing::warn!("{text}");
+                }
+            }
             // Whoever watches the server is told of these.
             None => {}
         }

@@ -9,6 +9,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use super::USUAL_TICK_S;
 use super::allowed::{Allowed, Request};
 use crate::control::limits::{AxisLimits, Watch};
+use crate::link::quota::{Allowance, Quota};
 use crate::time::Nanos;
 
 /// The limits of one specimen, and what they remember.
@@ -74,9 +75,12 @@ impl SpecimenGuard {
     }
 }
 
-/// Where a guard is between sessions. Clones share it.
+/// Where a guard is between sessions, and how many warnings of the specimen were reported. Clones share it.
 #[derive(Debug, Clone, Default)]
-pub struct GuardStore(Arc<Mutex<Stored>>);
+pub struct GuardStore {
+    guard: Arc<Mutex<Stored>>,
+    warnings: Arc<Mutex<Quota>>,
+}
 
 #[derive(Debug, Default)]
 enum Stored {
@@ -90,7 +94,13 @@ enum Stored {
 
 impl GuardStore {
     fn stored(&self) -> MutexGuard<'_, Stored> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.guard.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// What becomes of one more warning. A new session does not renew the quota.
+    pub(super) fn warning(&self, now_ns: u64) -> Allowance {
+        let mut quota = self.warnings.lock().unwrap_or_else(PoisonError::into_inner);
+        quota.take(now_ns)
     }
 
     /// The guard of the last session, or `new` before the first; none while a session holds it.
@@ -106,5 +116,17 @@ impl GuardStore {
     /// A session gives it back.
     pub(super) fn take_back(&self, guard: SpecimenGuard) {
         *self.stored() = Stored::Here(Box::new(guard));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_sessions_of_a_specimen_share_one_quota_of_warnings() {
+        let store = GuardStore::default();
+        let told = (0..1000).filter(|_| store.clone().warning(5).is_told);
+        assert_eq!(told.count(), 100);
     }
 }
