@@ -16,10 +16,11 @@ pub(in crate::link) use first::words as first_words;
 pub use guard::GuardStore;
 
 use announced::Announced;
+use attempt::Origin;
 use guard::SpecimenGuard;
 
 use super::latch::Latch;
-use super::log::{Exchange, Log, LogSettings};
+use super::log::{Log, LogSettings};
 use super::settings::{Close, Over, ProbeSettings};
 use super::{Rig, Trip};
 use crate::control::AxisUnits;
@@ -313,7 +314,7 @@ impl Station {
         wanted: &mut dyn FnMut() -> bool,
         into: &mut Measurement,
     ) -> Result<bool, Trip> {
-        self.exchange_as(Exchange::RUNNING, command, elapsed, wanted, into)
+        self.exchange_as(Origin::Client, command, elapsed, wanted, into)
     }
 
     /// Latches the trip of a lasting specimen: no session begins before its operator has cleared it. A lost link is not latched.

@@ -33,6 +33,7 @@ impl SpecimenGuard {
     /// A session begins, whose client announced this rate. It forgets the measurements and warnings of the session before.
     pub fn begin(&mut self, rate: Option<(u64, u64)>) {
         self.watch.begins_session();
+        self.watch.tick_is(USUAL_TICK_S);
         self.allowed.announced(rate);
     }
 

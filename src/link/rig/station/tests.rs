@@ -434,6 +434,37 @@ fn an_arm_in_motion_does_not_hide_the_change_of_speed() {
 }
 
 #[test]
+fn our_own_small_motion_is_judged_by_its_own_time_and_not_by_the_last_clients() {
+    for (rate, own_s, trips) in [
+        // 1 mm in 4 commands of 10 ms is 0.025 m/s; in 1 ms it would be 0.25 m/s.
+        ((1000, 1), 0.01, false),
+        // 1 mm in 4 commands of 1 ms is too fast, whatever the client before announced.
+        ((1, 1), 0.001, true),
+    ] {
+        let mut led = Led::at(SLOW, Some(rate));
+        led.waits(1.0);
+        assert_eq!(led.goes(0.0), None);
+        led.waits(rate.1 as f64 / rate.0 as f64);
+        assert_eq!(led.goes(1e-6), None);
+        led.station.probe = ProbeSettings::Motion {
+            amplitude: vec![1e-3],
+            pace: Pace::of(4.0 * own_s, own_s),
+            forgets: false,
+        };
+        led.station.end(Close::Vanished, "gone");
+        led.station.rig = Box::new(Standing {
+            disp: led.disp,
+            reads: None,
+        });
+        led.visitor.start = vec![led.disp];
+        // A specimen without a force is refused; the limits judge the motion before.
+        let over = led.station.begin(&led.visitor, &mut || Ok(()));
+        let trip = led.station.latch().trip().map(|trip| trip.what);
+        assert_eq!(trip.is_some(), trips, "{rate:?}: {trip:?} {over:?}");
+    }
+}
+
+#[test]
 fn a_measured_displacement_that_cannot_be_trips_without_any_limit() {
     for (reads, trips) in [(999.0, false), (-1001.0, true), (1e308, true)] {
         let mut led = Led::at("", Some((1000, 1)));
