@@ -295,6 +295,10 @@ impl Station {
                 if let Some(why) = why {
                     text.push_str(&format!(" ({why})"));
                 }
+                let is_timed = hit.quantity != Quantity::CommandStep;
+                if let Some(cut) = self.guard.says_cut().filter(|_| is_timed) {
+                    text.push_str(&format!(" ({cut})"));
+                }
                 text
             }
             _ => trip.to_string(),

@@ -1,5 +1,6 @@
 //! One exchange of a station: what is judged before it leaves, and what is judged of the answer.
 
+use super::allowed::Times;
 use super::{Station, USUAL_TICK_S, first, metres, not_finite};
 use crate::control::limits::{Found, Level};
 use crate::link::rig::Trip;
@@ -100,7 +101,7 @@ impl Station {
         let is_theirs = origin == Origin::Client;
         let time = self.time_of(command, elapsed, origin);
         if let Some(time) = time {
-            self.guard.watch.tick_is(time);
+            self.guard.watch.tick_is(time.own);
         }
         if is_theirs
             && let Some((number, place)) = &self.begins
@@ -131,7 +132,7 @@ impl Station {
         let mut announced = self.announced.as_mut().filter(|_| is_theirs);
         if let Some(announced) = &mut announced {
             announced.command(
-                time.unwrap_or(USUAL_TICK_S),
+                time.map_or(USUAL_TICK_S, |time| time.announced),
                 metres(&self.units, command.disp),
             )?;
         }
@@ -247,11 +248,11 @@ impl Station {
         }
     }
 
-    /// The time that a command has for its motion, if anything is known of it. Our own small motions before the test keep to
+    /// The times that a command has for its motion, if anything is known of them. Our own small motions before the test keep to
     /// a pace of ours, and no client decides their time. Real-time: yes.
-    fn time_of(&mut self, command: &Command<'_>, elapsed: f64, origin: Origin) -> Option<f64> {
+    fn time_of(&mut self, command: &Command<'_>, elapsed: f64, origin: Origin) -> Option<Times> {
         if let Origin::Own { period_s } = origin {
-            return Some(period_s);
+            return Some(Times::both(period_s));
         }
         let now = self.now.unwrap_or_else(|| Nanos(os::monotonic_ns()));
         let disp = metres(&self.units, command.disp);

@@ -7,7 +7,7 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::USUAL_TICK_S;
-use super::allowed::{Allowed, Request};
+use super::allowed::{Allowed, MOST_S, Request, Times};
 use crate::control::limits::{AxisLimits, Watch};
 use crate::link::quota::{Allowance, Quota};
 use crate::time::Nanos;
@@ -54,7 +54,16 @@ impl SpecimenGuard {
         self.allowed.starts(now);
     }
 
-    /// The time that a command of the client has for its motion, if anything is known of it, and whether the specimen has come to
+    /// Why a command was judged by less time than its client has for it, if it was.
+    pub fn says_cut(&self) -> Option<String> {
+        self.allowed.is_cut().then(|| {
+            format!(
+                "at a specimen that moves a command has at most {MOST_S} s for its motion: send smaller steps more often"
+            )
+        })
+    }
+
+    /// The times that a command of the client has for its motion, if anything is known of it, and whether the specimen has come to
     /// rest before. It goes to `disp`, in m. Real-time: yes.
     pub fn time_of(
         &mut self,
@@ -62,7 +71,7 @@ impl SpecimenGuard {
         elapsed: f64,
         disp: impl Iterator<Item = f64>,
         now: Nanos,
-    ) -> (Option<f64>, bool) {
+    ) -> (Option<Times>, bool) {
         let rested = self.allowed.has_rested(now);
         if rested {
             self.watch.rests();

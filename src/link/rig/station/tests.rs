@@ -410,6 +410,24 @@ fn a_command_after_a_silence_has_the_burst_and_no_more() {
 }
 
 #[test]
+fn a_slow_client_moves_a_specimen_by_a_tenth_of_a_second_in_each_command() {
+    for rate in [Some((1, 4)), Some((1, 1))] {
+        for (step, trip) in [(9.9e-3, None), (10.1e-3, Some(Quantity::CommandVel))] {
+            let mut led = Led::at(SLOW, rate);
+            assert_eq!(led.goes(0.0), None);
+            let found = (0..5).find_map(|_| {
+                led.waits(rate.map_or(1.0, |(commands, seconds)| seconds as f64 / commands as f64));
+                led.goes(step)
+            });
+            assert_eq!(found, trip, "{rate:?} {step}");
+            if let Some(trip) = led.station.latch().trip() {
+                assert!(trip.text.contains("0.1 s"), "{}", trip.text);
+            }
+        }
+    }
+}
+
+#[test]
 fn an_arm_in_motion_does_not_hide_the_change_of_speed() {
     for (again, silence, trip) in [
         (false, 0.001, true),
