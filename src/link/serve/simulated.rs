@@ -233,7 +233,7 @@ mod tests {
             }
             let tapping = end.tapped.as_mut().unwrap();
             let told = std::iter::from_fn(|| tapping.heard.try_recv().ok());
-            // The last says that no more are told.
+            // The last one says that further events are not reported.
             assert_eq!(told.count(), 101, "{heard:?}");
         }
     }

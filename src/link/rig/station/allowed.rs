@@ -43,7 +43,7 @@ pub(super) struct Times {
 }
 
 impl Times {
-    /// The same by both.
+    /// One time by both.
     pub const fn both(time: f64) -> Self {
         Self {
             own: time,
@@ -68,7 +68,7 @@ pub(super) struct Allowed {
     commanded: Option<Nanos>,
     /// Wall time that has passed and was not used for motion.
     credit_s: f64,
-    /// The same for the limits that the client announced, with a burst of two of its periods however long.
+    /// That time for the limits that the client announced, with a burst of two of its periods however long.
     announced_credit_s: f64,
     /// The last command had less than the client's own period, for [`MOST_S`] is shorter.
     is_cut: bool,

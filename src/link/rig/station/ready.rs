@@ -255,7 +255,7 @@ impl Station {
         Ok(measured.force)
     }
 
-    /// One exchange of our own before the test, with the seconds that its motion takes.
+    /// One own exchange before the test, with the seconds that its motion takes.
     fn try_one(
         &mut self,
         when: &str,
