@@ -229,8 +229,10 @@ fn a_trip_refuses_every_test_until_the_operator_clears_it_also_after_a_kill() {
     let commanded = || std::fs::read_dir(&theirs).unwrap().count();
     let limits = "[specimen.limits]\ncommand_disp_m = { trip = [-0.004, 0.004] }\n";
     let text = gateway(&specimen.address, &format!("{KNOWN}{limits}"), "");
+    let file = link_common::write(folder, "gateway.toml", &text);
+    let starts = |arguments: &[&str]| Served::serves(&file, "127.0.0.1:0", arguments);
     let arguments = ["--out", out.to_str().unwrap()];
-    let mut served = Served::start(folder, &text, &arguments);
+    let mut served = starts(&arguments);
     let (code, said) = run(folder, "trips", &through(&served.address, ""));
     assert_eq!(code, 1, "{said}");
     let next = served.hears("no test begins until");
@@ -240,9 +242,21 @@ fn a_trip_refuses_every_test_until_the_operator_clears_it_also_after_a_kill() {
     let reason = refused(folder, "again", &served.address);
     assert!(reason.contains("command_disp_m"), "{reason}");
     served.kill();
-    let mut served = Served::start(folder, &text, &arguments);
+    // Where a server records does not decide what it remembers.
+    let elsewhere = folder.join("elsewhere");
+    for (name, arguments) in [
+        ("none", &[][..]),
+        ("other", &["--out", elsewhere.to_str().unwrap()]),
+    ] {
+        let mut served = starts(arguments);
+        served.hears("warning: the specimen tripped at");
+        refused(folder, name, &served.address);
+        served.kill();
+    }
+    let mut served = starts(&arguments);
     served.hears("warning: the specimen tripped at");
     refused(folder, "restarted", &served.address);
+    assert!(folder.join("gateway.control.latch.json").exists());
     assert_eq!(commanded(), 1, "the specimen had one test");
 
     let (code, said) = served.reset();
@@ -260,7 +274,7 @@ fn a_trip_refuses_every_test_until_the_operator_clears_it_also_after_a_kill() {
     assert!(said.contains("--reset"), "{said}");
 
     let with_reset = [&arguments[..], &["--reset"]].concat();
-    let served = Served::start(folder, &text, &with_reset);
+    let served = starts(&with_reset);
     served.hears("cleared: ");
     let (code, _) = run(folder, "anew", &through(&served.address, ""));
     assert_eq!(code, 1);
@@ -282,6 +296,24 @@ fn two_servers_are_not_controlled_at_one_place() {
     assert_eq!(output.status.code(), Some(2), "{output:?}");
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(said.contains("--control"), "{said}");
+}
+
+#[test]
+fn a_place_that_can_keep_no_trip_is_refused_with_the_way_to_name_another() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let file = link_common::write(folder, "rig.toml", &gateway("127.0.0.1:1", KNOWN, ""));
+    std::fs::create_dir(folder.join("rig.control.latch.json")).unwrap();
+    let mut command = gusset();
+    command.arg("serve").arg(&file);
+    command.args(["--listen", "127.0.0.1:0", "--out"]);
+    command.arg(folder.join("kept"));
+    let output = finish(command);
+    assert_eq!(output.status.code(), Some(2), "{output:?}");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    for words in ["rig.control.latch.json", "--control"] {
+        assert!(said.contains(words), "{said}");
+    }
 }
 
 /// A sensor that says nonsense, and no limit of the measured displacement.

@@ -88,7 +88,10 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
     let openfresco = protocol.openfresco();
     let physical =
         served.host.is_gateway() || (openfresco.is_some() && served.serve.openfresco.physical);
-    let (host, _control) = latched(served.host, args, physical)?;
+    let specimen = served.file.specimen.first();
+    let among = specimen.filter(|_| served.among_others);
+    let name = among.map(|specimen| specimen.name.as_str());
+    let (host, _control) = latched(served.host, args, name, physical)?;
     served.host = host;
     if let Some((role, port)) = openfresco {
         return serve_openfresco::serve(args, &served, role, port, carrier);

@@ -96,6 +96,8 @@ pub struct Served {
     pub text: String,
     /// What of it is served.
     pub file: ServeFile,
+    /// The file has other specimens, too.
+    pub among_others: bool,
     /// What the user should know.
     pub warnings: Vec<String>,
     /// Where each key of the file stands.
@@ -177,6 +179,7 @@ pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigErro
     }
     let index = choose(&file.specimen, name).map_err(|f| refuse(*f))?;
     let at = KeyPath::root().key("specimen").index(index);
+    let among_others = file.specimen.len() > 1;
     file.specimen = file.specimen.drain(..).skip(index).take(1).collect();
     let Some(table) = file.specimen.first() else {
         return Err(refuse(Finding::error(at, "there is no such specimen")));
@@ -219,6 +222,7 @@ pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigErro
         timing: file.timing.clone(),
         text,
         file,
+        among_others,
         warnings,
         locator: opened.locator,
     })

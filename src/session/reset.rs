@@ -12,8 +12,8 @@ use thiserror::Error;
 
 use super::desk::{Caller, Desk, SOCKET, in_a_line, reach, read_line, write_line};
 
-/// End of the name of the file that keeps a trip, in place of that of the socket.
-const LATCH: &str = "latch.json";
+/// End of the name of the file that keeps a trip, after the whole name of the socket.
+const LATCH: &str = ".latch.json";
 
 /// Where a server is controlled: a folder and the name of the socket in it.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -52,10 +52,10 @@ impl ControlPlace {
         &self.path
     }
 
-    /// The file that keeps the trip of a physical specimen, beside the socket.
+    /// The file that keeps the trip of a physical specimen, beside the socket. Each socket has its own.
     #[must_use]
     pub fn latch_file(&self) -> PathBuf {
-        self.folder.join(&self.name).with_extension(LATCH)
+        self.folder.join(format!("{}{LATCH}", self.name))
     }
 }
 
@@ -232,6 +232,14 @@ mod tests {
             drop(socket);
             assert!(matches!(reset(&place), Err(ResetError::NoServer { .. })));
         }
+    }
+
+    #[test]
+    fn each_socket_has_a_latch_file_of_its_own() {
+        let names = ["rig", "rig.1", "rig.2", "rig.sock"];
+        let files = names.map(|name| ControlPlace::at(&Path::new("ctl").join(name)).latch_file());
+        let wanted = names.map(|name| Path::new("ctl").join(format!("{name}.latch.json")));
+        assert_eq!(files, wanted);
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! No client moves a specimen faster than its limit allows.
 //!
 //! With a limit v of the commanded speed, no sequence of commands, bursts, silences, holds, Arms and sessions moves a specimen by
-//! more than v·(T + burst) in any T seconds. The burst is 0.02 s, or two announced periods where that is longer. Each sequence
-//! is drawn from its seed, and is played on simulated time.
+//! more than v·(T + burst) in any T seconds. The burst is 0.02 s, or two announced periods where that is longer, and 0.1 s at
+//! most. Each sequence is drawn from its seed, and is played on simulated time.
 
 use std::sync::{Arc, Mutex};
 
@@ -37,7 +37,7 @@ fn limits() -> LimitsSpec {
 
 /// The burst at this rate, s.
 fn burst((commands, seconds): (u64, u64)) -> f64 {
-    (2.0 * seconds as f64 / commands as f64).max(0.02)
+    (2.0 * seconds as f64 / commands as f64).clamp(0.02, 0.1)
 }
 
 /// Where a specimen was led, and when.

@@ -222,6 +222,11 @@ impl Served {
         static STARTED: std::sync::atomic::AtomicU32 = std::sync::atomic::AtomicU32::new(0);
         let number = STARTED.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
         let file = write(folder, &format!("serve-{number}.toml"), text);
+        Self::serves(&file, listen, arguments)
+    }
+
+    /// The server of a file that is there.
+    pub fn serves(file: &Path, listen: &str, arguments: &[&str]) -> Self {
         let given = arguments.contains(&"--listen");
         let out = arguments.iter().skip_while(|word| **word != "--out").nth(1);
         let control = out.map_or_else(|| file.with_extension("control.sock"), PathBuf::from);

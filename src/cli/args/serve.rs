@@ -47,8 +47,10 @@ pub(in crate::cli) struct ServeArgs {
     /// would begin more than 30 tests within 30 s is refused.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Where `gusset reset` reaches this server: a socket, or a folder for control.sock. Of a specimen that moves, the file
-    /// that keeps its trip is beside the socket (control.latch.json) [default: the folder of --out, else beside FILE].
+    /// Where `gusset reset` reaches this server: a socket, or a folder for control.sock [default: the folder of --out, else
+    /// FILE.control.sock]. A trip of a specimen that moves is kept beside this socket (PATH.latch.json, or
+    /// control.sock.latch.json in the folder). Without --control it is kept beside the served file, wherever --out
+    /// records (FILE.control.latch.json, or FILE.control.SPECIMEN.latch.json if the file has several).
     #[arg(long, value_name = "PATH")]
     pub control: Option<PathBuf>,
     /// Clear the latched trip of a test before this start.

@@ -23,7 +23,7 @@ pub struct LimitsSpec {
     /// The same over the time that it takes, in m/s. That is wall time; what is served to OpenFresco's clients is judged by the
     /// shorter of wall time and their test time, a formula by their test time alone. With a trip level v, a served specimen that
     /// moves goes no farther than v·(T + burst) in T seconds, whatever its clients do. The burst is 0.02 s, or two announced
-    /// periods where that is longer.
+    /// periods where that is longer, and 0.1 s at most. So a single command moves it by at most v·0.1 s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub command_vel_m_per_s: Option<BoundSpec>,
     /// Second difference of the command over that time squared, in m/s².

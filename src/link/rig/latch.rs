@@ -1,7 +1,7 @@
 //! The latch of a served specimen: a trip that lasts until the operator at this end clears it.
 //!
 //! The trip stops its own session for good, and the latch refuses every later one. Of a physical specimen the latch is a file
-//! beside the server's control socket, so that it outlives a crash and an automatic restart. A computed specimen that
+//! beside the served file, or where `--control` says, so that it outlives a crash and a new start. A computed specimen that
 //! remembers has its latch in memory, as it has its state. A lost link is not latched: the next session connects
 //! again, and the specimen reports its position.
 

@@ -16,15 +16,18 @@ pub(in crate::link) use first::words as first_words;
 pub use guard::GuardStore;
 
 use announced::Announced;
+use attempt::Origin;
 use guard::SpecimenGuard;
 
 use super::latch::Latch;
-use super::log::{Exchange, Log, LogSettings};
+use super::log::{Log, LogSettings};
 use super::settings::{Close, Over, ProbeSettings};
 use super::{Rig, Trip};
 use crate::control::AxisUnits;
 use crate::control::limits::{AxisLimits, LimitsSpec, Quantity, Watch};
+use crate::link::quota::Allowance;
 use crate::record::{Note, NoteLevel};
+use crate::rt::os;
 use crate::substructure::{Command, LinkStats, Measurement};
 use crate::time::Nanos;
 
@@ -292,6 +295,10 @@ impl Station {
                 if let Some(why) = why {
                     text.push_str(&format!(" ({why})"));
                 }
+                let is_timed = hit.quantity != Quantity::CommandStep;
+                if let Some(cut) = self.guard.says_cut().filter(|_| is_timed) {
+                    text.push_str(&format!(" ({cut})"));
+                }
                 text
             }
             _ => trip.to_string(),
@@ -311,7 +318,7 @@ impl Station {
         wanted: &mut dyn FnMut() -> bool,
         into: &mut Measurement,
     ) -> Result<bool, Trip> {
-        self.exchange_as(Exchange::RUNNING, command, elapsed, wanted, into)
+        self.exchange_as(Origin::Client, command, elapsed, wanted, into)
     }
 
     /// Latches the trip of a lasting specimen: no session begins before its operator has cleared it. A lost link is not latched.
@@ -377,7 +384,13 @@ impl Station {
     pub fn note(&self, level: NoteLevel, event: &str, text: &str) {
         match &self.log {
             Some(log) => log.note(Note::new(level, event).with("text", text)),
-            None if level == NoteLevel::Warning => tracing::warn!("{text}"),
+            None if level == NoteLevel::Warning => {
+                let Allowance { is_told, notice } = self.store.warning(os::monotonic_ns());
+                let text = is_told.then_some(text);
+                for text in text.into_iter().chain(notice.as_deref()) {
+                    tracing::warn!("{text}");
+                }
+            }
             // Whoever watches the server is told of these.
             None => {}
         }

@@ -190,3 +190,51 @@ impl Transport for Simulated {
         true
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::specimen::SpecimenLaw;
+    use crate::wire::handshake::{Axis, Limits, Unit};
+
+    fn host() -> Host {
+        let axis = Axis {
+            name: "axis 1".to_owned(),
+            disp_unit: Unit::Metre,
+            force_unit: Unit::Newton,
+            limits: Limits::NONE,
+        };
+        let build = || {
+            let text = "law = { linear = { stiffness_n_per_m = 8000.0 } }";
+            let law: SpecimenLaw = toml::from_str(text).unwrap();
+            Ok(law.build(1).unwrap())
+        };
+        Host::new("rig".into(), vec![axis], Box::new(build)).unwrap()
+    }
+
+    #[test]
+    fn every_event_that_a_client_can_repeat_has_a_quota() {
+        let sequence = 1;
+        for heard in [
+            Heard::Tripped {
+                sequence,
+                text: String::new(),
+            },
+            Heard::Holding {
+                sequence: None,
+                silent_s: 1.0,
+            },
+            Heard::Resumed { sequence },
+        ] {
+            let tap = Tap::default();
+            let mut end = Simulated::new(host(), SimClock::new(), 0, true).tapped(tap);
+            for _ in 0..1000 {
+                end.desk.tell(heard.clone());
+            }
+            let tapping = end.tapped.as_mut().unwrap();
+            let told = std::iter::from_fn(|| tapping.heard.try_recv().ok());
+            // The last one says that further events are not reported.
+            assert_eq!(told.count(), 101, "{heard:?}");
+        }
+    }
+}

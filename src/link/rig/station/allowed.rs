@@ -3,7 +3,9 @@
 //! For a specimen that moves, this is wall time, whatever test time the client says. The allowance is the specimen's: it
 //! fills with the time that passes, up to the burst, and each command that moves the specimen uses its share. An Arm, a
 //! new session, a silence and a hold fill nothing. The burst is [`BURST_S`], or two periods of the announced rate where
-//! that is longer. So with a velocity limit v no commands move the specimen by more than v·(T + burst) in T seconds.
+//! that is longer, and [`MOST_S`] at most. So with a velocity limit v no commands move the specimen by more than
+//! v·(T + burst) in T seconds. The client does not choose the burst: a single command has at most [`MOST_S`] for its
+//! motion, however seldom commands come. The limits that the client announced are judged by its own period instead.
 //!
 //! A client that announced its rate has one period for each command, lost ones included, as far as the allowance goes.
 //! Before its first command the allowance holds [`BURST_S`] at most. A client without a rate has the shorter of the wall
@@ -15,6 +17,8 @@ use crate::time::Nanos;
 
 /// The burst in s, where two announced periods are not longer.
 const BURST_S: f64 = 0.02;
+/// The longest burst in s of a specimen that moves, and the longest time that one command has for its motion.
+pub(super) const MOST_S: f64 = 0.1;
 /// A speed has a time, however short.
 const SHORTEST_S: f64 = 1e-9;
 
@@ -27,6 +31,25 @@ pub(super) struct Request {
     pub elapsed: f64,
     /// It repeats the last command.
     pub stays: bool,
+}
+
+/// The seconds that a command has for its motion.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Times {
+    /// By the limits of the specimen.
+    pub own: f64,
+    /// By the limits that the client announced.
+    pub announced: f64,
+}
+
+impl Times {
+    /// One time by both.
+    pub const fn both(time: f64) -> Self {
+        Self {
+            own: time,
+            announced: time,
+        }
+    }
 }
 
 /// The speed allowance of one specimen.
@@ -45,6 +68,10 @@ pub(super) struct Allowed {
     commanded: Option<Nanos>,
     /// Wall time that has passed and was not used for motion.
     credit_s: f64,
+    /// That time for the limits that the client announced, with a burst of two of its periods however long.
+    announced_credit_s: f64,
+    /// The last command had less than the client's own period, for [`MOST_S`] is shorter.
+    is_cut: bool,
 }
 
 impl Allowed {
@@ -58,11 +85,14 @@ impl Allowed {
             at: None,
             commanded: None,
             credit_s: BURST_S,
+            announced_credit_s: BURST_S,
+            is_cut: false,
         }
     }
 
     /// The client of a session announced this rate: commands and the seconds that they take.
     pub fn announced(&mut self, rate: Option<(u64, u64)>) {
+        self.is_cut = false;
         self.period_s = rate.map(|(commands, seconds)| seconds as f64 / commands as f64);
     }
 
@@ -83,26 +113,39 @@ impl Allowed {
     pub fn starts(&mut self, now: Nanos) {
         if std::mem::take(&mut self.waits) {
             let passed = now.since(*self.at.get_or_insert(now)) as f64 * 1e-9;
-            self.credit_s = (self.credit_s + passed).min(BURST_S);
+            for credit in [&mut self.credit_s, &mut self.announced_credit_s] {
+                *credit = (*credit + passed).min(BURST_S);
+            }
             self.at = Some(now);
         }
     }
 
-    fn burst(&self) -> f64 {
+    /// Two periods of the client: its commands come at least so often.
+    fn two_periods(&self) -> f64 {
         BURST_S.max(2.0 * self.period_s.unwrap_or(0.0))
     }
 
-    /// True if no command came for longer than the burst, so that the specimen has come to rest. After an Arm that holds for
+    fn burst(&self) -> f64 {
+        let longest = if self.moves { MOST_S } else { f64::INFINITY };
+        self.two_periods().min(longest)
+    }
+
+    /// True if the last command had [`MOST_S`] for its motion although its client is slower.
+    pub const fn is_cut(&self) -> bool {
+        self.is_cut
+    }
+
+    /// True if no command came for longer than two periods, so that the specimen has come to rest. After an Arm that holds for
     /// every specimen, else for one that moves: a formula, or a client without a rate, may take its time from step to step.
     /// Real-time: yes.
     pub fn has_rested(&self, now: Nanos) -> bool {
-        let silent = |last: Nanos| now.since(last) as f64 * 1e-9 > self.burst();
+        let silent = |last: Nanos| now.since(last) as f64 * 1e-9 > self.two_periods();
         let is_due = self.waits || (self.moves && self.period_s.is_some());
         is_due && self.commanded.is_some_and(silent)
     }
 
-    /// The time of a command that comes now; none if nothing is known. Real-time: yes.
-    pub fn time_of(&mut self, request: Request, now: Nanos) -> Option<f64> {
+    /// The times of a command that comes now; none if nothing is known. Real-time: yes.
+    pub fn time_of(&mut self, request: Request, now: Nanos) -> Option<Times> {
         self.starts(now);
         let Request {
             sequence,
@@ -112,24 +155,46 @@ impl Allowed {
         let passed = now.since(*self.at.get_or_insert(now)) as f64 * 1e-9;
         (self.at, self.commanded) = (Some(now), Some(now));
         self.credit_s += passed;
+        self.announced_credit_s += passed;
         let commands = sequence.saturating_sub(self.next).saturating_add(1);
         self.next = sequence.saturating_add(1);
         let said = Some(elapsed).filter(|said| *said > 0.0);
-        let time = match self.period_s {
+        let Times { own, announced } = match self.period_s {
             Some(period) if self.moves => {
+                let wanted = period * commands as f64;
                 self.credit_s = self.credit_s.min(self.burst());
-                (period * commands as f64).min(self.credit_s)
+                self.announced_credit_s = self.announced_credit_s.min(self.two_periods());
+                Times {
+                    own: wanted.min(self.credit_s),
+                    announced: wanted.min(self.announced_credit_s),
+                }
             }
-            Some(period) => (period * commands as f64).min(self.credit_s).max(period),
-            None if self.moves => said
-                .unwrap_or(USUAL_TICK_S)
-                .min(passed.max(USUAL_TICK_S))
-                .min(self.credit_s),
-            None => return said.map(|said| said.max(SHORTEST_S)),
+            Some(period) => {
+                let wanted = period * commands as f64;
+                Times::both(wanted.min(self.credit_s).max(period))
+            }
+            None if self.moves => {
+                let time = said
+                    .unwrap_or(USUAL_TICK_S)
+                    .min(passed.max(USUAL_TICK_S))
+                    .min(self.credit_s);
+                self.credit_s = self.credit_s.min(MOST_S);
+                Times {
+                    own: time.min(MOST_S),
+                    announced: time,
+                }
+            }
+            None => return said.map(|said| Times::both(said.max(SHORTEST_S))),
         };
-        let used = if stays { 0.0 } else { time };
-        self.credit_s = (self.credit_s - used).clamp(0.0, self.burst());
-        Some(time.max(SHORTEST_S))
+        self.is_cut = own < announced && own >= MOST_S;
+        let used = |time: f64| if stays { 0.0 } else { time };
+        self.credit_s = (self.credit_s - used(own)).clamp(0.0, self.burst());
+        let left = self.announced_credit_s - used(announced);
+        self.announced_credit_s = left.clamp(0.0, self.two_periods());
+        Some(Times {
+            own: own.max(SHORTEST_S),
+            announced: announced.max(SHORTEST_S),
+        })
     }
 }
 
@@ -167,7 +232,7 @@ mod tests {
                     elapsed,
                     stays: false,
                 };
-                allowed.time_of(request, now).unwrap()
+                allowed.time_of(request, now).unwrap().own
             })
             .collect()
     }
@@ -206,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn a_slow_rate_begins_with_the_burst_and_no_period() {
+    fn a_slow_rate_begins_with_the_burst_and_has_a_tenth_of_a_second_for_each_command() {
         let slow = || {
             let mut one = allowed(Some((1, 10)), true);
             one.begin(0);
@@ -214,20 +279,31 @@ mod tests {
             one
         };
         let is = |found: f64, wanted: f64| (found - wanted).abs() < 1e-9;
-        // At once, at the place of the Arm, and then as it announced.
-        let mut one = slow();
-        let first = Request {
-            sequence: 0,
+        let request = |sequence, stays| Request {
+            sequence,
             elapsed: 10.0,
-            stays: true,
+            stays,
         };
-        assert!(is(one.time_of(first, Nanos(0)).unwrap(), BURST_S));
-        let found = times_of(&mut one, [(1, 10.0, 9_990.0), (2, 10.0, 2e4)]);
-        assert!(found.iter().all(|time| is(*time, 10.0)), "{found:?}");
-        // The first is lost, or left out: as much as has passed.
-        for (at_ms, wanted) in [(0.0, BURST_S), (1e3, 1.02), (1e4, 10.02)] {
-            let found = times(slow(), [(1, 10.0, at_ms)]);
-            assert!(is(found[0], wanted), "{at_ms}: {found:?}");
+        // At once, at the place of the Arm, and then as it announced. Its own limits know its period.
+        let mut one = slow();
+        let first = one.time_of(request(0, true), Nanos(0)).unwrap();
+        assert!(is(first.own, BURST_S) && is(first.announced, BURST_S));
+        for (sequence, at) in [(1, 9_990_000_000), (2, 20_000_000_000)] {
+            let found = one.time_of(request(sequence, false), Nanos(at)).unwrap();
+            assert!(is(found.own, MOST_S), "{found:?}");
+            assert!(is(found.announced, 10.0), "{found:?}");
+            assert!(one.is_cut());
+        }
+        // The first is lost, or left out: as much as has passed, up to the burst.
+        for (at_ns, own, announced) in [
+            (0, BURST_S, BURST_S),
+            (50_000_000, 0.07, 0.07),
+            (1_000_000_000, MOST_S, 1.02),
+            (10_000_000_000, MOST_S, 10.02),
+        ] {
+            let found = slow().time_of(request(1, false), Nanos(at_ns)).unwrap();
+            assert!(is(found.own, own), "{at_ns}: {found:?}");
+            assert!(is(found.announced, announced), "{at_ns}: {found:?}");
         }
         // So it is after another Arm.
         let mut again = slow();
@@ -235,6 +311,20 @@ mod tests {
         again.begin(5);
         let found = times_of(&mut again, [(6, 10.0, 3e4)]);
         assert!(is(found[0], BURST_S), "{found:?}");
+    }
+
+    #[test]
+    fn no_client_has_more_than_a_tenth_of_a_second_for_one_command() {
+        for rate in [Some((1, 4)), Some((2, 1)), Some((1000, 1)), None] {
+            let mut one = allowed(rate, true);
+            let commands = (0..20).map(|k| (100_000 * k, 1e3, 1e4 * k as f64));
+            let found = times_of(&mut one, commands);
+            assert!(found.iter().all(|time| *time <= MOST_S), "{rate:?}");
+        }
+        // A formula takes the time of its client.
+        let commands = (0..3).map(|k| (k, 4.0, 4e3 * k as f64));
+        let found = times(allowed(Some((1, 4)), false), commands);
+        assert_eq!(found[1..], [4.0; 2]);
     }
 
     #[test]
@@ -254,7 +344,7 @@ mod tests {
 
     #[test]
     fn after_a_silence_the_burst_is_all_that_a_single_command_has() {
-        for (rate, period, burst) in [((1000, 1), PERIOD, BURST_S), ((10, 1), 0.1, 0.2)] {
+        for (rate, period, burst) in [((1000, 1), PERIOD, BURST_S), ((10, 1), 0.1, MOST_S)] {
             let mut one = allowed(Some(rate), true);
             let last = (10.0 / period) as u64;
             let commands = [

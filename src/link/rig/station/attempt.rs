@@ -1,5 +1,6 @@
 //! One exchange of a station: what is judged before it leaves, and what is judged of the answer.
 
+use super::allowed::Times;
 use super::{Station, USUAL_TICK_S, first, metres, not_finite};
 use crate::control::limits::{Found, Level};
 use crate::link::rig::Trip;
@@ -9,13 +10,32 @@ use crate::rt::os;
 use crate::substructure::{Command, Measurement, Status};
 use crate::time::Nanos;
 
+/// Whose motion a command is part of.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Origin {
+    /// A command of the client's test.
+    Client,
+    /// A command of ours before the test. It has `period_s` for its motion.
+    Own { period_s: f64 },
+}
+
+impl Origin {
+    /// Its value in the column `state`.
+    const fn state(self) -> f64 {
+        match self {
+            Self::Client => Exchange::RUNNING,
+            Self::Own { .. } => Exchange::PROBING,
+        }
+    }
+}
+
 /// Answers in a row in which a specimen may say that it holds: as many as a controller's loop puts up with at least.
 const HOLDING_IN_A_ROW: u64 = 10;
 
 impl Station {
     pub(super) fn exchange_as(
         &mut self,
-        state: f64,
+        origin: Origin,
         command: &Command<'_>,
         elapsed: f64,
         wanted: &mut dyn FnMut() -> bool,
@@ -29,8 +49,7 @@ impl Station {
         let mut answered_ns = None;
         let mut is_answered = true;
         if self.tripped.is_none() {
-            let is_theirs = state == Exchange::RUNNING;
-            match self.attempt(command, elapsed, is_theirs, wanted, &mut answered_ns) {
+            match self.attempt(command, elapsed, origin, wanted, &mut answered_ns) {
                 Ok(answered) => is_answered = answered,
                 Err(trip) => self.trip(trip),
             }
@@ -52,7 +71,7 @@ impl Station {
         }
         if let Some(log) = &mut self.log {
             log.exchange(&Exchange {
-                state: answered_ns.map_or(Exchange::KEPT_BACK, |_| state),
+                state: answered_ns.map_or(Exchange::KEPT_BACK, |_| origin.state()),
                 command,
                 elapsed,
                 commits: self.commits,
@@ -71,7 +90,7 @@ impl Station {
         &mut self,
         command: &Command<'_>,
         elapsed: f64,
-        is_theirs: bool,
+        origin: Origin,
         wanted: &mut dyn FnMut() -> bool,
         answered_ns: &mut Option<u64>,
     ) -> Result<bool, Trip> {
@@ -79,9 +98,10 @@ impl Station {
             let measured = false;
             return Err(Trip::NotFinite { axis, measured });
         }
-        let time = self.time_of(command, elapsed, is_theirs);
+        let is_theirs = origin == Origin::Client;
+        let time = self.time_of(command, elapsed, origin);
         if let Some(time) = time {
-            self.guard.watch.tick_is(time);
+            self.guard.watch.tick_is(time.own);
         }
         if is_theirs
             && let Some((number, place)) = &self.begins
@@ -112,7 +132,7 @@ impl Station {
         let mut announced = self.announced.as_mut().filter(|_| is_theirs);
         if let Some(announced) = &mut announced {
             announced.command(
-                time.unwrap_or(USUAL_TICK_S),
+                time.map_or(USUAL_TICK_S, |time| time.announced),
                 metres(&self.units, command.disp),
             )?;
         }
@@ -228,11 +248,11 @@ impl Station {
         }
     }
 
-    /// The time that a command has for its motion, if anything is known of it. Our own small motions before the test keep to
-    /// a pace of ours. Real-time: yes.
-    fn time_of(&mut self, command: &Command<'_>, elapsed: f64, is_theirs: bool) -> Option<f64> {
-        if !is_theirs {
-            return Some(elapsed).filter(|elapsed| *elapsed > 0.0);
+    /// The times that a command has for its motion, if anything is known of them. Our own small motions before the test keep to
+    /// a pace of ours, and no client decides their time. Real-time: yes.
+    fn time_of(&mut self, command: &Command<'_>, elapsed: f64, origin: Origin) -> Option<Times> {
+        if let Origin::Own { period_s } = origin {
+            return Some(Times::both(period_s));
         }
         let now = self.now.unwrap_or_else(|| Nanos(os::monotonic_ns()));
         let disp = metres(&self.units, command.disp);

@@ -42,7 +42,7 @@ impl Station {
         let text = format!("the specimen said when the test was over: {said}");
         match &mut self.log {
             Some(log) => log.warn("last_words", &text),
-            None => tracing::warn!("{text}"),
+            None => self.note(NoteLevel::Warning, "last_words", &text),
         }
         Some(said)
     }

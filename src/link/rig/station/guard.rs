@@ -7,8 +7,9 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::USUAL_TICK_S;
-use super::allowed::{Allowed, Request};
+use super::allowed::{Allowed, MOST_S, Request, Times};
 use crate::control::limits::{AxisLimits, Watch};
+use crate::link::quota::{Allowance, Quota};
 use crate::time::Nanos;
 
 /// The limits of one specimen, and what they remember.
@@ -32,6 +33,7 @@ impl SpecimenGuard {
     /// A session begins, whose client announced this rate. It forgets the measurements and warnings of the session before.
     pub fn begin(&mut self, rate: Option<(u64, u64)>) {
         self.watch.begins_session();
+        self.watch.tick_is(USUAL_TICK_S);
         self.allowed.announced(rate);
     }
 
@@ -52,7 +54,16 @@ impl SpecimenGuard {
         self.allowed.starts(now);
     }
 
-    /// The time that a command of the client has for its motion, if anything is known of it, and whether the specimen has come to
+    /// Why a command was judged by less time than its client has for it, if it was.
+    pub fn says_cut(&self) -> Option<String> {
+        self.allowed.is_cut().then(|| {
+            format!(
+                "at a specimen that moves a command has at most {MOST_S} s for its motion: send smaller steps more often"
+            )
+        })
+    }
+
+    /// The times that a command of the client has for its motion, if anything is known of it, and whether the specimen has come to
     /// rest before. It goes to `disp`, in m. Real-time: yes.
     pub fn time_of(
         &mut self,
@@ -60,7 +71,7 @@ impl SpecimenGuard {
         elapsed: f64,
         disp: impl Iterator<Item = f64>,
         now: Nanos,
-    ) -> (Option<f64>, bool) {
+    ) -> (Option<Times>, bool) {
         let rested = self.allowed.has_rested(now);
         if rested {
             self.watch.rests();
@@ -74,9 +85,12 @@ impl SpecimenGuard {
     }
 }
 
-/// Where a guard is between sessions. Clones share it.
+/// Where a guard is between sessions, and how many warnings of the specimen were reported. Clones share it.
 #[derive(Debug, Clone, Default)]
-pub struct GuardStore(Arc<Mutex<Stored>>);
+pub struct GuardStore {
+    guard: Arc<Mutex<Stored>>,
+    warnings: Arc<Mutex<Quota>>,
+}
 
 #[derive(Debug, Default)]
 enum Stored {
@@ -90,7 +104,13 @@ enum Stored {
 
 impl GuardStore {
     fn stored(&self) -> MutexGuard<'_, Stored> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.guard.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// What becomes of one more warning. A new session does not renew the quota.
+    pub(super) fn warning(&self, now_ns: u64) -> Allowance {
+        let mut quota = self.warnings.lock().unwrap_or_else(PoisonError::into_inner);
+        quota.take(now_ns)
     }
 
     /// The guard of the last session, or `new` before the first; none while a session holds it.
@@ -106,5 +126,17 @@ impl GuardStore {
     /// A session gives it back.
     pub(super) fn take_back(&self, guard: SpecimenGuard) {
         *self.stored() = Stored::Here(Box::new(guard));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_sessions_of_a_specimen_share_one_quota_of_warnings() {
+        let store = GuardStore::default();
+        let told = (0..1000).filter(|_| store.clone().warning(5).is_told);
+        assert_eq!(told.count(), 100);
     }
 }

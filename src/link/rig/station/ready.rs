@@ -1,8 +1,8 @@
 //! Before a controller's first command: connection, comparison of estimates, direction, arming.
 
-use super::{Station, metres, not_finite};
+use super::attempt::Origin;
+use super::{Station, USUAL_TICK_S, metres, not_finite};
 use crate::control::{AxisUnits, Opinion, Pace, Probe, compare_stiffness};
-use crate::link::rig::log::Exchange;
 use crate::link::rig::settings::{Over, ProbeSettings};
 use crate::link::rig::{Visitor, Wanted, apart, elsewhere};
 use crate::record::NoteLevel;
@@ -209,7 +209,8 @@ impl Station {
                 disp: &disp,
                 vel: &vel,
             };
-            self.try_one(WHILE, &command, wanted, &mut measured)?;
+            let period_s = pace.period_ns as f64 * 1e-9;
+            self.try_one(WHILE, (&command, period_s), wanted, &mut measured)?;
             probe.take(&measured.disp, &measured.force);
             if !forgets {
                 // What moved has moved: a rig that hears of no step would take the way back for one that is taken back.
@@ -249,22 +250,29 @@ impl Station {
             vel: &vec![0.0; stands.len()],
         };
         let mut measured = Measurement::zeros(stands.len());
-        self.try_one("where it stands", &command, wanted, &mut measured)?;
+        let when = "where it stands";
+        self.try_one(when, (&command, USUAL_TICK_S), wanted, &mut measured)?;
         Ok(measured.force)
     }
 
-    /// One exchange of our own before the test.
+    /// One own exchange before the test, with the seconds that its motion takes.
     fn try_one(
         &mut self,
         when: &str,
-        command: &Command<'_>,
+        (command, period_s): (&Command<'_>, f64),
         wanted: &mut Wanted<'_>,
         measured: &mut Measurement,
     ) -> Result<(), Over> {
         wanted()?;
         let mut unwanted = None;
         let mut is_wanted = || wanted().map_err(|over| unwanted = Some(over)).is_ok();
-        let outcome = self.exchange_as(Exchange::PROBING, command, 0.0, &mut is_wanted, measured);
+        let outcome = self.exchange_as(
+            Origin::Own { period_s },
+            command,
+            0.0,
+            &mut is_wanted,
+            measured,
+        );
         match (unwanted, outcome) {
             (Some(over), _) => Err(over),
             (None, Err(trip)) => Err(format!("{when}: {}", self.whole(trip)).into()),

@@ -410,6 +410,24 @@ fn a_command_after_a_silence_has_the_burst_and_no_more() {
 }
 
 #[test]
+fn a_slow_client_moves_a_specimen_by_a_tenth_of_a_second_in_each_command() {
+    for rate in [Some((1, 4)), Some((1, 1))] {
+        for (step, trip) in [(9.9e-3, None), (10.1e-3, Some(Quantity::CommandVel))] {
+            let mut led = Led::at(SLOW, rate);
+            assert_eq!(led.goes(0.0), None);
+            let found = (0..5).find_map(|_| {
+                led.waits(rate.map_or(1.0, |(commands, seconds)| seconds as f64 / commands as f64));
+                led.goes(step)
+            });
+            assert_eq!(found, trip, "{rate:?} {step}");
+            if let Some(trip) = led.station.latch().trip() {
+                assert!(trip.text.contains("0.1 s"), "{}", trip.text);
+            }
+        }
+    }
+}
+
+#[test]
 fn an_arm_in_motion_does_not_hide_the_change_of_speed() {
     for (again, silence, trip) in [
         (false, 0.001, true),
@@ -430,6 +448,37 @@ fn an_arm_in_motion_does_not_hide_the_change_of_speed() {
         // From 0.2 m/s to none: 200 m/s2.
         let found = led.goes(0.0);
         assert_eq!(found.is_some(), trip, "{again} {silence}: {found:?}");
+    }
+}
+
+#[test]
+fn our_own_small_motion_is_judged_by_its_own_time_and_not_by_the_last_clients() {
+    for (rate, own_s, trips) in [
+        // 1 mm in 4 commands of 10 ms is 0.025 m/s; in 1 ms it would be 0.25 m/s.
+        ((1000, 1), 0.01, false),
+        // 1 mm in 4 commands of 1 ms is too fast, whatever the client before announced.
+        ((1, 1), 0.001, true),
+    ] {
+        let mut led = Led::at(SLOW, Some(rate));
+        led.waits(1.0);
+        assert_eq!(led.goes(0.0), None);
+        led.waits(rate.1 as f64 / rate.0 as f64);
+        assert_eq!(led.goes(1e-6), None);
+        led.station.probe = ProbeSettings::Motion {
+            amplitude: vec![1e-3],
+            pace: Pace::of(4.0 * own_s, own_s),
+            forgets: false,
+        };
+        led.station.end(Close::Vanished, "gone");
+        led.station.rig = Box::new(Standing {
+            disp: led.disp,
+            reads: None,
+        });
+        led.visitor.start = vec![led.disp];
+        // A specimen without a force is refused; the limits judge the motion before.
+        let over = led.station.begin(&led.visitor, &mut || Ok(()));
+        let trip = led.station.latch().trip().map(|trip| trip.what);
+        assert_eq!(trip.is_some(), trips, "{rate:?}: {trip:?} {over:?}");
     }
 }
 
