@@ -151,7 +151,7 @@ pub enum Stop {
         axis: usize,
         /// The reading.
         found: f64,
-        /// The last reading of the interrupted test.
+        /// The last reading of the interrupted test, moved elastically to where the axis is found.
         left: f64,
         /// How far it may differ.
         within: f64,
