@@ -408,7 +408,7 @@ mod tests {
     use super::*;
     use crate::control::{Axis, Believed};
 
-    /// A specimen of 1e5 N/m that bore 100 N at 1 mm, and is found at 0.5 mm.
+    /// The force of a specimen of 1e5 N/m was 100 N at 1 mm; the specimen is found at 0.5 mm.
     fn passes(way_lost: f64, force: f64) -> bool {
         let axes = vec![Axis::plain(vec![(0, 1.0)])];
         let rig = Believed::new(axes.clone(), vec![vec![1e5]], Vec::new());

@@ -110,7 +110,7 @@ pub(super) fn connect(
                 if must_keep_state && introduction.simulated && !introduction.keeps_state {
                     changed.push(format!(
                         "specimen \"{name}\", {}: its server says that the specimen is computed, but not that an earlier test left its \
-                         state: the server was started anew since the interruption, or each of its tests starts anew. Start such a \
+                         state: the server was restarted since the interruption, or makes a new specimen for each test. Start such a \
                          server with `[serve] remembers = true` before the first test, and leave it running until the test is \
                          complete; {ACCEPT}",
                         introduction.peer

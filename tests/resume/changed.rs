@@ -70,9 +70,9 @@ fn resume_refuses_a_computed_specimen_whose_server_does_not_keep_its_state() {
     drop(served);
 }
 
-/// Its server keeps its state, and was started anew meanwhile: its first session holds nothing of the interrupted test.
+/// Its server keeps its state, and was restarted: its first session holds nothing of the interrupted test.
 #[test]
-fn resume_refuses_a_computed_specimen_whose_server_was_started_anew() {
+fn resume_refuses_a_computed_specimen_whose_server_was_restarted() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     let (mut served, first) = killed_test(home.path(), true);
@@ -82,7 +82,7 @@ fn resume_refuses_a_computed_specimen_whose_server_was_started_anew() {
     for name in ["refused", "again"] {
         let said = go_on(&first, &at(name));
         assert_eq!(said.code, Some(2), "{}", said.stderr);
-        for word in ["started anew", "remembers = true", "--accept-changed"] {
+        for word in ["restarted", "remembers = true", "--accept-changed"] {
             assert!(said.stderr.contains(word), "{word}: {}", said.stderr);
         }
         assert_eq!(column(&at(name), "state").len(), 0, "nothing was sent");
@@ -90,7 +90,7 @@ fn resume_refuses_a_computed_specimen_whose_server_was_started_anew() {
     drop(served);
 }
 
-/// Its server was started anew, and another test has armed the specimen since.
+/// Its server was restarted, and another test has armed the specimen since.
 #[test]
 fn resume_refuses_a_changed_force() {
     let home = tempfile::tempdir().unwrap();

@@ -255,6 +255,19 @@ mod tests {
         introduced
     }
 
+    /// Who only connects leaves no state of a test, and neither does the place in which the first test finds it.
+    #[test]
+    fn a_memory_is_of_a_test_once_one_has_armed_the_specimen() {
+        let memory = Memory::of(spring().as_mut(), &[0.01]);
+        let mut law = Law::new(spring(), true).recalling(memory.clone());
+        let visitor = Visitor::unnamed("127.0.0.1:1".parse().unwrap());
+        law.connect(&visitor, &mut || Ok(())).unwrap();
+        law.end(Retirement::Operator);
+        assert!(!memory.is_of_a_test());
+        goes_to(&mut law, &[0.01]);
+        assert!(memory.is_of_a_test());
+    }
+
     #[test]
     fn what_remembers_is_where_it_was_driven_last_however_its_test_ended() {
         // By itself from test to test, or one for each test, as over our own protocol.
