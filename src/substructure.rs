@@ -221,7 +221,7 @@ pub struct Introduction {
     pub warnings: Vec<String>,
     /// It says that it is a formula: nothing breaks.
     pub simulated: bool,
-    /// It says that it keeps its state between two tests. A computation that does not say so starts anew.
+    /// It says that an earlier test of the same process left its state. Other computations make a new specimen for each test.
     pub keeps_state: bool,
     /// It does not say that it measures displacement, although its protocol has a word for that: what it sends as such may be the
     /// command.

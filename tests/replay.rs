@@ -720,6 +720,59 @@ fn an_edited_summary_does_not_turn_a_tripped_test_into_a_completed_one() {
     assert!(headline.starts_with("Contradicted"), "{headline}");
 }
 
+/// With a limit that trips before a command leaves, the rows do not show the trip: the next tick of the loop does.
+#[test]
+fn no_loss_of_events_turns_a_tripped_test_into_a_completed_one() {
+    let home = tempfile::tempdir().unwrap();
+    let run = tripped(home.path());
+    let path = run.join("events.jsonl");
+    let events = std::fs::read_to_string(&path).unwrap();
+    let torn = format!("{events}{{\"event\":\n");
+    let without: String = events
+        .lines()
+        .filter(|line| {
+            !["\"phase\"", "\"ended\""]
+                .iter()
+                .any(|word| line.contains(word))
+        })
+        .map(|line| format!("{line}\n"))
+        .collect();
+    for (what, left) in [
+        ("torn", Some(torn)),
+        ("without", Some(without)),
+        ("deleted", None),
+    ] {
+        match left {
+            Some(text) => std::fs::write(&path, text).unwrap(),
+            None => std::fs::remove_file(&path).unwrap(),
+        }
+        let (codes, keys, headline) = judged(&run, says_completed);
+        assert_eq!(codes, [Some(1); 2], "{what}: {headline}");
+        assert_eq!(keys, ["status", "reason"], "{what}");
+        assert!(
+            headline.starts_with("Contradicted") && headline.contains("`status`"),
+            "{what}: {headline}"
+        );
+    }
+}
+
+/// The operator's end leaves no row: a test with fewer steps than its duration is not completed, whatever its events say.
+#[test]
+fn a_test_of_too_few_steps_is_never_completed() {
+    let mut words = vec![Operator::Continue; 900];
+    words.push(Operator::Stop);
+    let home = tempfile::tempdir().unwrap();
+    let run = record(home.path(), &words);
+    let path = run.join("events.jsonl");
+    let events = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(&path, format!("{events}{{\"event\":\n")).unwrap();
+    let (codes, keys, headline) = judged(&run, |_| {});
+    assert_eq!((codes, keys), ([Some(0); 2], vec![]), "{headline}");
+    let (codes, keys, headline) = judged(&run, says_completed);
+    assert_eq!((codes, keys), ([Some(1); 2], vec!["status".to_owned()]));
+    assert!(headline.contains("`status`"), "{headline}");
+}
+
 #[test]
 fn a_summary_with_other_steps_peaks_or_another_trip_is_found() {
     let home = tempfile::tempdir().unwrap();
@@ -743,20 +796,22 @@ fn a_summary_with_other_steps_peaks_or_another_trip_is_found() {
         ([Some(1); 2], vec!["peak.displacement[1]".to_owned()])
     );
     assert!(headline.contains("peak.displacement[1]"), "{headline}");
-    let (codes, keys, _) = judged(&run, |summary| {
+    let (codes, keys, headline) = judged(&run, |summary| {
         summary["peak"]["force"]["s"][0] = 1e6.into();
     });
     assert_eq!(
-        (codes[0], keys),
-        (Some(1), vec!["peak.force.s[0]".to_owned()])
+        (codes, keys),
+        ([Some(1); 2], vec!["peak.force.s[0]".to_owned()])
     );
-    let (codes, keys, _) = judged(&run, |summary| {
+    assert!(headline.contains("peak.force.s[0]"), "{headline}");
+    let (codes, keys, headline) = judged(&run, |summary| {
         let reason = summary["reason"].as_str().unwrap();
         summary["reason"] = reason
             .replace("commanded displacement", "measured displacement")
             .into();
     });
-    assert_eq!((codes[0], keys), (Some(1), vec!["reason".to_owned()]));
+    assert_eq!((codes, keys), ([Some(1); 2], vec!["reason".to_owned()]));
+    assert!(headline.contains("`reason`"), "{headline}");
 }
 
 /// Its rows end where it was stopped, as those of a test that was killed there: the events say who stopped it.

@@ -56,8 +56,9 @@ pub struct SafetyTable {
     pub resume_within_m: Option<f64>,
     /// `gusset run --resume`: how far in N, at the specimen, the force of each axis may differ from the last one of the interrupted
     /// test. Absent: 2 % of the recorded peak force, and five times the noise of the load cell: as declared, else as measured
-    /// before the test. Where the displacement differs too, the force may differ by the initial stiffness times that. What differs by
-    /// more is refused, unless `--accept-changed` gives a reason.
+    /// before the test. Where the displacement differs too, the force is expected to differ by the initial stiffness times that. After a
+    /// kill the specimen may have yielded on the way of the lost commands: a force between the two passes as well. What differs by more
+    /// is refused, unless `--accept-changed` gives a reason.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub resume_within_n: Option<f64>,
     /// `gusset run --resume`: whether a load cell with a relative zero takes what it reads now beyond its last reading for drift

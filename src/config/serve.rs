@@ -74,7 +74,7 @@ pub struct ServeTable {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub key_file: Option<String>,
     /// The computed specimen keeps its state, its limits' history and its trip between sessions, as a real one does. An
-    /// interrupted test can then be resumed. Default: each session finds it as new.
+    /// interrupted test can then be resumed as long as this server runs. Default: each session finds it as new.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub remembers: bool,
     /// For `protocol = "openfresco…"` only.

@@ -254,6 +254,13 @@ impl Port {
         }
     }
 
+    /// True if the zero of an axis' displacement sensor was read, not declared.
+    #[must_use]
+    pub fn has_relative_disp(&self, index: usize) -> bool {
+        let reference = self.opening.references.get(index);
+        reference.is_some_and(|of| of.disp == Zero::Relative)
+    }
+
     /// True if the zero of an axis' load cell was read, not declared.
     #[must_use]
     pub fn has_relative_force(&self, index: usize) -> bool {
@@ -382,6 +389,15 @@ impl Port {
         };
         let own = stiffness / (known.force_gain * known.disp_gain);
         (own * self.newtons_of(axis) / self.metres_of(axis)).abs()
+    }
+
+    /// Change of the force of an axis whose displacement changes by `way`, by its initial stiffness; both in the specimen's own units.
+    #[must_use]
+    pub fn elastic_force_of(&self, axis: usize, way: f64) -> f64 {
+        let (Some(known), Some(stiffness)) = (self.axes.get(axis), self.stiffness.get(axis)) else {
+            return 0.0;
+        };
+        stiffness / (known.force_gain * known.disp_gain) * way
     }
 
     /// The most that the force of an axis can change where the axes are displaced by `ways`, both in the specimen's own units and

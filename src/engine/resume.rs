@@ -10,7 +10,7 @@
 use super::operator::{Control, Notice};
 use super::phase::{Cause, Phase};
 use super::{Ending, Engine, Peaks, Side, Stop};
-use crate::control::Port;
+use crate::control::{Port, Reading};
 use crate::record::{EventKind, GridOf};
 
 /// A force that differs by so many times its noise differs.
@@ -30,6 +30,8 @@ pub struct Place {
     /// How far the load cell may differ from `force` where the displacement sensor reads `disp_of_force`; infinite for a formula,
     /// and in recordings of earlier versions.
     pub force_within: f64,
+    /// The way of the commands that the record may have lost. On that way the axis may have yielded.
+    pub way_lost: f64,
 }
 
 impl Place {
@@ -70,6 +72,36 @@ impl Resumption {
     pub const fn step(&self) -> u64 {
         self.steps_done
     }
+}
+
+/// The force that an axis bears where it is found, and how far its load cell may differ from that. `ways`: how far each axis stands
+/// from where its last force was recorded. The specimen unloads elastically: the recorded force changes by the initial stiffness
+/// times the way. It may also have yielded: the force then lies between the recorded and the elastic one, as far as lost commands
+/// or the drift of a relative displacement sensor explain the way. The stiffness between two axes is known by its bound only.
+fn expected_force(
+    port: &Port,
+    axis: usize,
+    place: &Place,
+    ways: &[f64],
+    reading: &Reading,
+) -> [f64; 2] {
+    let way = ways.get(axis).copied().unwrap_or(0.0);
+    let expected = place.force + port.elastic_force_of(axis, way);
+    let others = ways.iter().enumerate();
+    let others = others.map(|(other, way)| if other == axis { 0.0 } else { *way });
+    let others: Vec<f64> = others.collect();
+    let noise = NOISE * port.elastic_force_of(axis, reading.disp_noise).abs();
+    let explained = if port.has_relative_disp(axis) {
+        place.within
+    } else {
+        place.way_lost
+    };
+    let explained = way.abs().min(explained.max(0.0)).copysign(way);
+    let yields = port.elastic_force_of(axis, explained);
+    let has_yielded = (reading.force - expected) * yields < 0.0;
+    let yields = if has_yielded { yields.abs() } else { 0.0 };
+    let coupled = port.most_force_of(axis, &others);
+    [expected, place.force_within + coupled + noise + yields]
 }
 
 impl Engine {
@@ -243,8 +275,7 @@ impl Engine {
         moved
     }
 
-    /// Reports each load cell that reads another force than the record has; returns the first that differs too much. A force that
-    /// belongs to another displacement may differ by what the initial stiffness makes of the way between the two.
+    /// Reports each load cell that reads another force than expected; returns the first that differs too much.
     fn report_forces(&mut self, left: &[Vec<Place>]) -> Option<Stop> {
         let takes_drift = self.opening.takes_force_drift;
         let (mut changed, mut differ) = (None, Vec::new());
@@ -260,21 +291,21 @@ impl Engine {
                     continue;
                 }
                 let reading = port.reading(axis);
-                let within = place.force_within + port.most_force_of(axis, &ways);
-                let difference = (reading.force - place.force).abs();
+                let [left, within] = expected_force(port, axis, place, &ways, &reading);
+                let difference = (reading.force - left).abs();
                 let is_the_same = difference <= within;
                 if !is_the_same && changed.is_none() {
                     changed = Some(Stop::ForceChanged {
                         port: index,
                         axis,
                         found: reading.force,
-                        left: place.force,
+                        left,
                         within,
                     });
                 }
                 if !is_the_same || difference > NOISE * reading.force_noise {
                     let is_taken = takes_drift && port.has_relative_force(axis);
-                    let values = [place.force, reading.force, within];
+                    let values = [left, reading.force, within];
                     differ.push((index as u32, axis as u32, values, is_taken));
                 }
             }
@@ -369,5 +400,49 @@ impl Engine {
             self.ports.iter_mut().for_each(Port::stir);
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::{Axis, Believed};
+
+    /// The force of a specimen of 1e5 N/m was 100 N at 1 mm; the specimen is found at 0.5 mm.
+    fn passes(way_lost: f64, force: f64) -> bool {
+        let axes = vec![Axis::plain(vec![(0, 1.0)])];
+        let rig = Believed::new(axes.clone(), vec![vec![1e5]], Vec::new());
+        let port = Port::new("rig", axes, Box::new(rig), 1, vec![1e5]).unwrap();
+        let place = Place {
+            disp: 1e-3,
+            force: 100.0,
+            within: 1e-3,
+            disp_of_force: 1e-3,
+            force_within: 2.0,
+            way_lost,
+        };
+        let reading = Reading {
+            force,
+            ..port.reading(0)
+        };
+        let [expected, within] = expected_force(&port, 0, &place, &[-0.5e-3], &reading);
+        assert!((expected - 50.0).abs() < 1e-9, "{expected}");
+        (reading.force - expected).abs() <= within
+    }
+
+    #[test]
+    fn a_force_follows_the_displacement_elastically_and_only_lost_commands_explain_that_it_does_not()
+     {
+        for (way_lost, least, most) in [(0.0, 48.0, 52.0), (0.2e-3, 48.0, 72.0), (1.0, 48.0, 102.0)]
+        {
+            for (force, is_within) in [
+                (least - 0.1, false),
+                (least + 0.1, true),
+                (most - 0.1, true),
+                (most + 0.1, false),
+            ] {
+                assert_eq!(passes(way_lost, force), is_within, "{way_lost} {force}");
+            }
+        }
     }
 }

@@ -139,8 +139,8 @@ pub enum Stop {
     },
     /// A load cell reads another force than when the test was interrupted. Nothing was moved.
     #[error(
-        "specimen {}, axis {}: its load cell reads {found:.6e}, but read {left:.6e} when the test was interrupted, and may differ by \
-         {within:.3e} (its own unit)",
+        "specimen {}, axis {}: its load cell reads {found:.6e}; after the interruption {left:.6e} is expected where the axis stands, \
+         and the reading may differ by {within:.3e} (its own unit)",
         port + 1,
         axis + 1
     )]
@@ -151,7 +151,7 @@ pub enum Stop {
         axis: usize,
         /// The reading.
         found: f64,
-        /// The last reading of the interrupted test.
+        /// The last reading of the interrupted test, moved elastically to where the axis is found.
         left: f64,
         /// How far it may differ.
         within: f64,

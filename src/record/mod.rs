@@ -246,7 +246,7 @@ pub enum EventKind {
         port: u32,
         /// Axis, from 0.
         axis: u32,
-        /// What it read last, in its own unit.
+        /// The expected reading: the last one, moved elastically to where the axis is found, in its own unit.
         left: f64,
         /// What it reads now.
         found: f64,

@@ -123,7 +123,7 @@ pub struct RunData {
     pub unfinished: Option<String>,
     /// What of the rows is not there any more: damaged, cut off, cut out. Empty where all of them are as they were recorded.
     pub damaged: Vec<String>,
-    /// Keys of the summary that the rows and events contradict, in words.
+    /// Keys of the summary that the rows and events contradict, and a run that names itself as an ancestor, in words.
     pub contradicted: Vec<String>,
     /// Rows that are missing between the others.
     pub missing_rows: u64,

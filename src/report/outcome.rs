@@ -54,7 +54,7 @@ pub(super) fn verdict(run: &RunData, after: Option<u64>, more: &[String]) -> Ver
         ),
         _ if !run.contradicted.is_empty() => (
             Tone::Bad,
-            "Contradicted: summary.json is not what the record shows",
+            "Contradicted: the files of this run contradict each other",
         ),
         _ if !run.damaged.is_empty() => (Tone::Bad, "Damaged: this record is not whole any more"),
         Some("completed") => (Tone::Good, "Completed: the test ran to its end"),

@@ -4,7 +4,8 @@
 //! a report builds no test, and looks only at the DOFs that were recorded. A summary that was edited, or that belongs to another
 //! test, shows here. Folders of earlier versions may differ for other reasons: their differences are warnings.
 
-use std::collections::BTreeMap;
+mod rows;
+
 use std::fmt::{Display, Formatter};
 
 use serde::Serialize;
@@ -12,11 +13,13 @@ use serde_json::Value;
 
 use super::lineage::Origin;
 use super::summary::{ending, finite, status_of};
-use super::tape::{is_a_trip, is_under_way};
-use crate::engine::{Ending, GIVEN_UP, Outcome, Phase, Stop, Unfinished};
+use super::tape::is_under_way;
+use crate::config::{Time, TimeTable};
+use crate::control::limits::Quantity;
+use crate::engine::{Ending, Outcome, Phase, Stop, TestQuantity, Unfinished};
 use crate::record::summary::{Peak, Status};
 use crate::record::{FolderError, Run, Summary};
-use crate::substructure::Status as LinkStatus;
+use rows::Rows;
 
 /// A key of `summary.json` that is not what the record shows.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -80,10 +83,10 @@ fn is_of_this_version(event: &Value) -> Option<bool> {
 
 /// True if an earlier version wrote the run of these events: its summary may differ for other reasons than that it was edited.
 pub(super) fn is_of_an_earlier_version<'a>(mut events: impl Iterator<Item = &'a Value>) -> bool {
-    events.find_map(is_of_this_version) != Some(true)
+    events.find_map(is_of_this_version) == Some(false)
 }
 
-/// True if an earlier version wrote the run. Its events are read up to the one that names the version.
+/// True if an earlier version wrote the run; false if its events do not say which did. Its events are read up to the one that names the version.
 ///
 /// # Errors
 /// The events cannot be read.
@@ -93,7 +96,7 @@ pub(super) fn of_an_earlier_version(run: &Run) -> Result<bool, FolderError> {
             return Ok(!is_of_this);
         }
     }
-    Ok(true)
+    Ok(false)
 }
 
 /// Differences from what the loop comes to when all recorded rows have passed through it again. `required`: the test file makes a
@@ -115,7 +118,8 @@ pub(super) fn with_loop(
     all
 }
 
-/// Differences of a test whose rows do not show its end, since nothing moved after it: the events say how it ended.
+/// Differences of a test whose rows do not show its end, since nothing moved after it: the events say how it ended. Whatever they
+/// say, a test of fewer steps than its `duration_s` is not completed.
 ///
 /// # Errors
 /// The events cannot be read.
@@ -123,26 +127,44 @@ pub(super) fn with_events(
     run: &Run,
     summary: &Summary,
     outcome: &Outcome,
-    required: bool,
+    (required, steps): (bool, u64),
 ) -> Result<Vec<SummaryDifference>, FolderError> {
     let mut all = Vec::new();
-    all.extend(status(summary, Events::of(run)?.status, required));
+    let differs = status(summary, Events::of(run)?.status, required);
+    all.extend(differs.or_else(|| too_few(summary, outcome.steps, steps)));
     if outcome.ending == Ending::Stopped(Stop::Operator) {
         all.extend(steps_and_peaks(summary, outcome));
     }
     Ok(all)
 }
 
-/// True if a limit ended the test, as its events say, and no row does: the command that was too much never left.
+/// The status `completed` of a test that made fewer steps than it has.
+fn too_few(summary: &Summary, made: u64, steps: u64) -> Option<SummaryDifference> {
+    let is_too_few = summary.status == Status::Completed && made < steps;
+    is_too_few.then(|| {
+        let found = format!("{made} of {steps} steps");
+        SummaryDifference::new("status", word(summary.status), found)
+    })
+}
+
+/// Number of steps of the test; none if this version does not understand its `[time]`.
+fn steps_of(table: &toml::Table) -> Option<u64> {
+    let time: TimeTable = table.get("time")?.clone().try_into().ok()?;
+    Time::of(&time).ok().map(|time| time.steps)
+}
+
+/// True if the rows end in the running test, so that a limit may have tripped after them. It has not if the events say that the
+/// operator or a panic ended the test there.
 ///
 /// # Errors
 /// The events or rows cannot be read.
-pub(super) fn trips_without_a_row(run: &Run) -> Result<bool, FolderError> {
-    let has_tripped = Events::of(run)?.status == Some(Status::Stopped);
+pub(super) fn may_trip_after_its_rows(run: &Run) -> Result<bool, FolderError> {
+    let ended = Events::of(run)?.status;
+    let ended_before = matches!(ended, Some(Status::Interrupted | Status::Failed));
     let state = run.layout().index_of("state");
     let last = run.last_row()?;
     let last = last.and_then(|(_, row)| row.get(state?).copied());
-    Ok(has_tripped && last.is_some_and(is_under_way))
+    Ok(!ended_before && last.is_some_and(is_under_way))
 }
 
 /// A status that differs; none where it is not known.
@@ -252,7 +274,13 @@ pub(super) fn with_record(
     // A row does not say whether a limit or a link tripped the test there.
     let may_be = events.status.is_none() && summary.status == Status::Failed;
     let found = found.filter(|_| !may_be);
-    all.extend(status(summary, found, is_required(&table)));
+    // The events may tell that only the last rows are missing: that is reported elsewhere.
+    let are_all = rows.are_whole && events.last_step.is_none_or(|last| last < summary.steps);
+    let made = rows.steps.filter(|_| are_all).unwrap_or(summary.steps);
+    let made = made.min(summary.steps);
+    let differs = status(summary, found, is_required(&table));
+    all.extend(differs.or_else(|| too_few(summary, made, steps_of(&table)?)));
+    all.extend(another_limit(summary, &events, is_required(&table)));
     if !rows.are_whole || summary.rows_lost > 0 || has_no_outcome(summary) {
         // Missing rows are reported elsewhere.
         return Ok(all);
@@ -272,7 +300,32 @@ pub(super) fn with_record(
         super::borne::raise_all(&mut peak, &origin.peak);
     }
     all.extend(lower_peaks(&summary.peak, &peak));
+    // Steps of a parent folder have their peaks there; a test without a step has the force before it.
+    if origin.is_none() && rows.steps.is_some() && !is_cut_off {
+        all.extend(higher_peaks(&summary.peak, &rows.most));
+    }
     Ok(all)
+}
+
+/// The reason of a stopped test that names none of the limits that tripped according to its events.
+fn another_limit(summary: &Summary, events: &Events, required: bool) -> Option<SummaryDifference> {
+    let is_judged =
+        summary.status == Status::Stopped && !is_stopped_for_its_record(summary, required);
+    let words: Vec<&str> = events.limits.iter().filter_map(|key| limit(key)).collect();
+    let is_named = words.iter().any(|words| summary.reason.contains(words));
+    (is_judged && !is_named).then_some(())?;
+    let found = words.first()?;
+    Some(SummaryDifference::new("reason", &summary.reason, found))
+}
+
+/// A limit in words, as a reason names it; none of another cause.
+fn limit(key: &str) -> Option<&'static str> {
+    let specimens = Quantity::ALL.into_iter();
+    let specimens = specimens.map(|one| (one.key(), one.words()));
+    let tests = TestQuantity::ALL.into_iter();
+    let tests = tests.map(|one| (one.key(), one.words()));
+    let mut all = specimens.chain(tests);
+    all.find_map(|(known, words)| (known == key).then_some(words))
 }
 
 fn is_required(table: &toml::Table) -> bool {
@@ -282,26 +335,43 @@ fn is_required(table: &toml::Table) -> bool {
     required.and_then(toml::Value::as_bool) == Some(true)
 }
 
-/// Peaks of the summary that are smaller than what the rows have. A larger one may be of a tick before t = 0, whose rows are no steps.
+/// Peaks of the summary that are smaller than what the rows have.
 fn lower_peaks(told: &Peak, found: &Peak) -> Vec<SummaryDifference> {
-    let mut lower = found.clone();
-    let keep_lower = |found: &mut Vec<Option<f64>>, told: &[Option<f64>]| {
+    differing(told, found, |told, found| {
+        told.is_none_or(|told| told < found)
+    })
+}
+
+/// Peaks of the summary that are larger than in any row. Rows tell nothing of a DOF that was not recorded.
+fn higher_peaks(told: &Peak, most: &Peak) -> Vec<SummaryDifference> {
+    differing(told, most, |told, most| {
+        told.is_some_and(|told| told > most)
+    })
+}
+
+/// Peaks that `is_wrong` says of, given the number of the summary and that of the rows.
+fn differing(
+    told: &Peak,
+    found: &Peak,
+    is_wrong: impl Fn(Option<f64>, f64) -> bool,
+) -> Vec<SummaryDifference> {
+    let mut wrong = found.clone();
+    let keep_wrong = |found: &mut Vec<Option<f64>>, told: &[Option<f64>]| {
         found.resize(told.len().max(found.len()), None);
         for (index, found) in found.iter_mut().enumerate() {
             let told = told.get(index).copied().flatten();
-            let is_lower = found.is_some_and(|found| told.is_none_or(|told| told < found));
-            if !is_lower {
+            if !found.is_some_and(|found| is_wrong(told, found)) {
                 *found = told;
             }
         }
     };
-    keep_lower(&mut lower.displacement, &told.displacement);
-    keep_lower(&mut lower.velocity, &told.velocity);
-    keep_lower(&mut lower.acceleration, &told.acceleration);
+    keep_wrong(&mut wrong.displacement, &told.displacement);
+    keep_wrong(&mut wrong.velocity, &told.velocity);
+    keep_wrong(&mut wrong.acceleration, &told.acceleration);
     for (name, told) in &told.force {
-        keep_lower(lower.force.entry(name.clone()).or_default(), told);
+        keep_wrong(wrong.force.entry(name.clone()).or_default(), told);
     }
-    peaks(told, &lower)
+    peaks(told, &wrong)
 }
 
 /// How the test ended according to its events.
@@ -311,12 +381,15 @@ struct Events {
     status: Option<Status>,
     /// The step in which the loop said that it was over.
     last_step: Option<u64>,
+    /// Keys of the limits that tripped, as far as the events can be read.
+    limits: Vec<String>,
 }
 
 impl Events {
     fn of(run: &Run) -> Result<Self, FolderError> {
         let mut lines = run.event_lines()?;
         let (mut status, mut last_step, mut diverged) = (None, None, false);
+        let mut limits = Vec::new();
         for event in &mut lines {
             let Some(event) = event? else {
                 continue;
@@ -324,6 +397,7 @@ impl Events {
             let word = |key: &str| event.get(key).and_then(Value::as_str).unwrap_or_default();
             match word("event") {
                 "ended" => last_step = event.get("tick").and_then(Value::as_u64),
+                "limit_trip" => limits.push(word("limit").to_owned()),
                 "link" => diverged = word("fault") == "diverged",
                 "phase" => {
                     let phase = [word("from"), word("to"), word("cause")];
@@ -336,6 +410,7 @@ impl Events {
         Ok(Self {
             status: status.filter(|_| is_known),
             last_step: last_step.filter(|_| is_known),
+            limits,
         })
     }
 
@@ -361,113 +436,6 @@ impl Events {
             "done" if runs && ends => Some(Status::Completed),
             "operator" if ends => Some(Status::Interrupted),
             _ => before,
-        }
-    }
-}
-
-/// Findings in the rows of a run.
-#[derive(Debug, Default)]
-struct Rows {
-    /// A limit, a fault or the clock ended the test in one of them.
-    tripped: bool,
-    /// The last step that has a row.
-    steps: Option<u64>,
-    /// Largest magnitudes of the DOFs and specimens that were recorded.
-    peak: Peak,
-    /// None of them is missing or damaged.
-    are_whole: bool,
-}
-
-impl Rows {
-    fn of(run: &Run, table: &toml::Table) -> Result<Self, FolderError> {
-        let at = |name: &str| run.layout().index_of(name).unwrap_or(usize::MAX);
-        let (state, step) = (at("state"), at("step"));
-        let names = specimens(table);
-        let places = Places::of(run, names.len());
-        let mut found = Self::default();
-        let mut forces = vec![Vec::new(); names.len()];
-        let mut is_in_test = false;
-        let mut journal = run.journal()?;
-        let path = run.path().join("samples.bin");
-        let io = |source| FolderError::Io {
-            path: path.clone(),
-            source,
-        };
-        while let Some(row) = journal.next_row().map_err(io)? {
-            let value = |place: usize| row.values.get(place).copied().unwrap_or(f64::NAN);
-            let state = value(state);
-            found.tripped |= state == Phase::Tripped.code() || state == GIVEN_UP;
-            if state == Phase::Running.code() {
-                found.steps = Some(value(step) as u64);
-            }
-            if !is_a_trip(state) {
-                is_in_test = is_under_way(state);
-            }
-            if is_in_test {
-                places.raise(value, &mut found.peak, &mut forces);
-            }
-        }
-        found.are_whole = journal.end() == Some(crate::record::End::Clean) && journal.lost() == 0;
-        found.peak.force = names.into_iter().zip(forces).collect::<BTreeMap<_, _>>();
-        Ok(found)
-    }
-}
-
-/// Names of the specimens, in order.
-fn specimens(table: &toml::Table) -> Vec<String> {
-    let all = table.get("specimen").and_then(toml::Value::as_array);
-    let name = |specimen: &toml::Value| Some(specimen.get("name")?.as_str()?.to_owned());
-    all.into_iter().flatten().filter_map(name).collect()
-}
-
-/// Places of the columns whose largest magnitudes the summary has.
-struct Places {
-    /// Displacements, velocities and accelerations: DOF from 0, and place.
-    structure: [Vec<(usize, usize)>; 3],
-    /// Of each specimen: its status, and the force of each axis.
-    specimens: Vec<(usize, Vec<usize>)>,
-}
-
-impl Places {
-    fn of(run: &Run, specimens: usize) -> Self {
-        let layout = run.layout();
-        let forces = |number: usize| {
-            let axes = (1..).map(|axis| layout.index_of(&format!("force_{number}_{axis}")));
-            axes.map_while(|place| place).collect()
-        };
-        let status = |number: usize| layout.index_of(&format!("status_{number}"));
-        Self {
-            structure: ['x', 'v', 'a'].map(|letter| super::borne::places(run, letter)),
-            specimens: (1..=specimens)
-                .map(|number| (status(number).unwrap_or(usize::MAX), forces(number)))
-                .collect(),
-        }
-    }
-
-    fn raise(
-        &self,
-        value: impl Fn(usize) -> f64,
-        peak: &mut Peak,
-        forces: &mut [Vec<Option<f64>>],
-    ) {
-        let [disp, vel, accel] = &self.structure;
-        for (peaks, places) in [
-            (&mut peak.displacement, disp),
-            (&mut peak.velocity, vel),
-            (&mut peak.acceleration, accel),
-        ] {
-            for (dof, place) in places {
-                super::borne::raise(peaks, *dof, value(*place));
-            }
-        }
-        for (peaks, (status, places)) in forces.iter_mut().zip(&self.specimens) {
-            // A stale measurement was not taken in this tick.
-            if LinkStatus(value(*status) as u32).has(LinkStatus::STALE) {
-                continue;
-            }
-            for (axis, place) in places.iter().enumerate() {
-                super::borne::raise(peaks, axis, value(*place));
-            }
         }
     }
 }

@@ -109,9 +109,10 @@ pub(super) fn connect(
                 }
                 if must_keep_state && introduction.simulated && !introduction.keeps_state {
                     changed.push(format!(
-                        "specimen \"{name}\", {}: its server says that it is computed, but not that it keeps its state between two \
-                         tests: it has forgotten the interrupted test. Start such a server with `[serve] remembers = true` before the \
-                         first test; {ACCEPT}",
+                        "specimen \"{name}\", {}: its server says that the specimen is computed, but not that an earlier test left its \
+                         state: the server was restarted since the interruption, or makes a new specimen for each test. Start such a \
+                         server with `[serve] remembers = true` before the first test, and leave it running until the test is \
+                         complete; {ACCEPT}",
                         introduction.peer
                     ));
                 }

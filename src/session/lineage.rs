@@ -33,6 +33,8 @@ pub(super) struct Kept {
     pub disp_of_force: f64,
     /// How far from `force` the load cell may read, at `disp_of_force`.
     pub force_within: f64,
+    /// The way of the commands that the record may have lost.
+    pub way_lost: f64,
 }
 
 /// Where a resumed test comes from: `resumed.json`.
@@ -59,6 +61,9 @@ pub(super) struct Origin {
     /// versions lack it: their forces refused nothing.
     #[serde(default)]
     pub left_forces: Vec<Vec<[String; 2]>>,
+    /// Per axis: the way of the commands that the record may have lost. Recordings of earlier versions lack it.
+    #[serde(default)]
+    pub left_ways: Vec<Vec<String>>,
     /// Largest magnitudes of the test so far, those after the rows that count, too. Older ones do not say.
     #[serde(default)]
     pub peak: Peak,
@@ -123,7 +128,15 @@ impl Origin {
     /// Where one axis was left.
     pub fn axis(&self, port: usize, axis: usize) -> Option<Kept> {
         let values = self.left.get(port)?.get(axis)?;
-        Some(kept(values, self.force_of(port, axis)))
+        Some(kept(
+            values,
+            self.force_of(port, axis),
+            self.way_of(port, axis),
+        ))
+    }
+
+    fn way_of(&self, port: usize, axis: usize) -> Option<&String> {
+        self.left_ways.get(port)?.get(axis)
     }
 
     fn force_of(&self, port: usize, axis: usize) -> Option<&[String; 2]> {
@@ -142,6 +155,11 @@ impl Origin {
         self.left = each
             .clone()
             .map(|axes| axes.iter().map(words).collect())
+            .collect();
+        let ways = |axis: &Kept| format!("{:?}", axis.way_lost);
+        self.left_ways = each
+            .clone()
+            .map(|axes| axes.iter().map(ways).collect())
             .collect();
         self.left_forces = each.map(|axes| axes.iter().map(forces).collect()).collect();
     }
@@ -166,13 +184,14 @@ impl Origin {
         let specimen = |(port, axes): (usize, &Vec<[String; 4]>)| {
             let each = axes.iter().enumerate();
             each.map(|(axis, values)| {
-                let kept = kept(values, self.force_of(port, axis));
+                let kept = kept(values, self.force_of(port, axis), self.way_of(port, axis));
                 Place {
                     disp: kept.disp,
                     force: kept.force,
                     within: kept.within,
                     disp_of_force: kept.disp_of_force,
                     force_within: kept.force_within,
+                    way_lost: kept.way_lost,
                 }
             })
             .collect()
@@ -181,7 +200,7 @@ impl Origin {
     }
 }
 
-fn kept(values: &[String; 4], force: Option<&[String; 2]>) -> Kept {
+fn kept(values: &[String; 4], force: Option<&[String; 2]>, way: Option<&String>) -> Kept {
     let [command, disp, left, within] = values.each_ref().map(|value| number(value));
     let [disp_of_force, force_within] = match force {
         Some(force) => force.each_ref().map(|value| number(value)),
@@ -194,6 +213,7 @@ fn kept(values: &[String; 4], force: Option<&[String; 2]>) -> Kept {
         within,
         disp_of_force,
         force_within,
+        way_lost: way.map_or(f64::INFINITY, |way| number(way)),
     }
 }
 

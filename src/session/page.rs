@@ -48,7 +48,7 @@ pub struct Page {
     pub identified: Vec<IdentifiedAxis>,
     /// What of the record is not there any more, in words.
     pub damaged: Vec<String>,
-    /// Keys of the summary that the rows and events contradict, in words.
+    /// Keys of the summary that the rows and events contradict, and a run that names itself as an ancestor, in words.
     pub contradicted: Vec<String>,
     /// The summary is of an earlier version.
     pub is_of_an_earlier_version: bool,
@@ -245,9 +245,9 @@ pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
         .then(|| "the run has no summary.json: it is still running or was killed".to_owned());
     let told = run.events()?;
     let rows = on_disk.end.get();
-    let mut damaged = rows.map_or_else(Vec::new, |rows| damages(&run, &told, rows));
-    damaged.extend(circle(folder));
+    let damaged = rows.map_or_else(Vec::new, |rows| damages(&run, &told, rows));
     let contradicted = with_record(&run, &resolved)?;
+    let contradicted = contradicted.iter().map(ToString::to_string);
     Ok(RunData {
         title: title.or_else(name).unwrap_or_else(|| "run".to_owned()),
         columns: run.layout().columns().to_vec(),
@@ -263,7 +263,7 @@ pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
         unreadable_events: told.unreadable,
         unfinished,
         damaged,
-        contradicted: contradicted.iter().map(ToString::to_string).collect(),
+        contradicted: circle(folder).into_iter().chain(contradicted).collect(),
         missing_rows: rows.map_or(0, |rows| rows.lost),
         resolved,
     })

@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex};
 use thiserror::Error;
 
 use super::agreement::{
-    SummaryDifference, of_an_earlier_version, trips_without_a_row, with_events, with_loop,
+    SummaryDifference, may_trip_after_its_rows, of_an_earlier_version, with_events, with_loop,
 };
 use super::recorded::{Replaced, put_recorded};
 use super::retrace::{check_files, prepared, same_columns};
@@ -149,23 +149,35 @@ pub fn replay(folder: &Path) -> Result<Replay, ReplayError> {
     let test = prepared(&run, Replaced::All, false)?;
     let files_proven = check_files(&run)?;
     let recording = Recording::of(&run)?;
-    let goes_on = trips_without_a_row(&run)? && !test.experiment.ports.is_empty();
-    let layout = run.layout();
-    let (mut found, outcome, ran_out) = follow(test.experiment, layout, recording, goes_on)?;
+    let (steps, has_specimens) = (test.experiment.steps, !test.experiment.ports.is_empty());
+    let (mut found, outcome, ran_out) = follow(test.experiment, run.layout(), recording, false)?;
     if found.is_exact() {
         found.short = missing_end(&run, &found);
     }
     if let Some(summary) = run.summary().filter(|_| found.is_exact()) {
         let required = test.facts.record_required;
-        found.summary = if ran_out {
-            with_events(&run, summary, &outcome, required)?
+        let tripped = if ran_out && has_specimens && may_trip_after_its_rows(&run)? {
+            trip_of_the_next_tick(&run)?
         } else {
-            with_loop(summary, &outcome, required)
+            None
+        };
+        found.summary = match tripped {
+            Some(tripped) => with_loop(summary, &tripped, required),
+            None if ran_out => with_events(&run, summary, &outcome, (required, steps))?,
+            None => with_loop(summary, &outcome, required),
         };
         found.is_of_an_earlier_version = of_an_earlier_version(&run)?;
     }
     found.files_proven = files_proven;
     Ok(found)
+}
+
+/// How the test ended if the loop trips in the tick after the last row: the command that was too much never left.
+fn trip_of_the_next_tick(run: &Run) -> Result<Option<Outcome>, ReplayError> {
+    let test = prepared(run, Replaced::All, false)?;
+    let recording = Recording::of(run)?;
+    let (found, outcome, ran_out) = follow(test.experiment, run.layout(), recording, true)?;
+    Ok((found.is_exact() && !ran_out).then_some(outcome))
 }
 
 /// What is proven is not all that there was: rows that are whole may be too few.

@@ -255,6 +255,7 @@ fn origin_of(
         time: step as f64 * facts.dt,
         left: Vec::new(),
         left_forces: Vec::new(),
+        left_ways: Vec::new(),
         peak,
         accepted_changed: allowed.changed.map(str::to_owned),
     };

@@ -70,7 +70,27 @@ fn resume_refuses_a_computed_specimen_whose_server_does_not_keep_its_state() {
     drop(served);
 }
 
-/// Its server keeps its state, and was started again meanwhile.
+/// Its server keeps its state, and was restarted: its first session holds nothing of the interrupted test.
+#[test]
+fn resume_refuses_a_computed_specimen_whose_server_was_restarted() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let (mut served, first) = killed_test(home.path(), true);
+    served.signal("TERM");
+    let served = column_at(home.path(), &served.address, true);
+    // Nor does a second attempt, since the first one armed nothing.
+    for name in ["refused", "again"] {
+        let said = go_on(&first, &at(name));
+        assert_eq!(said.code, Some(2), "{}", said.stderr);
+        for word in ["restarted", "remembers = true", "--accept-changed"] {
+            assert!(said.stderr.contains(word), "{word}: {}", said.stderr);
+        }
+        assert_eq!(column(&at(name), "state").len(), 0, "nothing was sent");
+    }
+    drop(served);
+}
+
+/// Its server was restarted, and another test has armed the specimen since.
 #[test]
 fn resume_refuses_a_changed_force() {
     let home = tempfile::tempdir().unwrap();
@@ -78,6 +98,9 @@ fn resume_refuses_a_changed_force() {
     let (mut served, first) = killed_test(home.path(), true);
     served.signal("TERM");
     let served = column_at(home.path(), &served.address, true);
+    let short = link_common::linked(1, &served.address, "watchdog_s = 20\n");
+    let short = write(home.path(), "short.toml", &short);
+    completed(&short, &at("short"), &[]);
     let said = go_on(&first, &at("refused"));
     assert_eq!(said.code, Some(2), "{}", said.stderr);
     let told = common::json(&at("refused"), "summary.json");

@@ -89,7 +89,7 @@ pub(in crate::cli) enum RateArg {
 #[derive(Debug, Args)]
 #[command(
     after_help = "Example:\n  gusset report runs/first\n  gusset report runs/rehearsal runs/test --out comparison.html\n\n\
-                  Exits with 1 if the rows or events contradict summary.json; the page is written all the same."
+                  Exits with 1 if the rows or events contradict summary.json, or if the run names itself as an ancestor; the page is written all the same."
 )]
 pub(in crate::cli) struct ReportArgs {
     /// The run folder, finished or not.

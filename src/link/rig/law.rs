@@ -1,5 +1,6 @@
 //! A formula behind a server.
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::{Over, Rig, Visitor, Wanted};
@@ -8,7 +9,11 @@ use crate::substructure::{Command, Introduction, LinkFault, Measurement, Retirem
 
 /// How the last test left a specimen that is computed: shared by those who make one and those who ask where it stands.
 #[derive(Debug, Clone, Default)]
-pub struct Memory(Arc<Mutex<Option<Left>>>);
+pub struct Memory {
+    left: Arc<Mutex<Option<Left>>>,
+    /// A test has armed the specimen since this process made it.
+    was_armed: Arc<AtomicBool>,
+}
 
 #[derive(Debug, Clone)]
 struct Left {
@@ -25,11 +30,20 @@ impl Memory {
         specimen.commit();
         let (mut state, disp) = (Vec::new(), disp.to_vec());
         specimen.freeze(&mut state);
-        Self(Arc::new(Mutex::new(Some(Left { state, disp }))))
+        Self {
+            left: Arc::new(Mutex::new(Some(Left { state, disp }))),
+            ..Self::default()
+        }
+    }
+
+    /// True if a test of this process has armed the specimen: what is remembered is the state in which a test left it.
+    #[must_use]
+    pub fn is_of_a_test(&self) -> bool {
+        self.was_armed.load(Ordering::Acquire)
     }
 
     fn recall(&self) -> Option<Left> {
-        let left = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let left = self.left.lock().unwrap_or_else(PoisonError::into_inner);
         left.clone()
     }
 
@@ -137,6 +151,9 @@ impl Rig for Law {
         }
         self.specimen.revert();
         self.driven = false;
+        if let Some(memory) = &self.memory {
+            memory.was_armed.store(true, Ordering::Release);
+        }
         Ok(true)
     }
 
@@ -191,11 +208,12 @@ impl Rig for Law {
         } else {
             self.specimen.revert();
         }
-        if let Some(Memory(memory)) = &self.memory {
+        if let Some(memory) = &self.memory {
             let mut state = Vec::new();
             self.specimen.freeze(&mut state);
             let disp = self.committed.clone();
-            *memory.lock().unwrap_or_else(PoisonError::into_inner) = Some(Left { state, disp });
+            *memory.left.lock().unwrap_or_else(PoisonError::into_inner) =
+                Some(Left { state, disp });
         }
         None
     }
@@ -235,6 +253,19 @@ mod tests {
         }
         law.end(Retirement::Tripped);
         introduced
+    }
+
+    /// Who only connects leaves no state of a test, and neither does the place in which the first test finds it.
+    #[test]
+    fn a_memory_is_of_a_test_once_one_has_armed_the_specimen() {
+        let memory = Memory::of(spring().as_mut(), &[0.01]);
+        let mut law = Law::new(spring(), true).recalling(memory.clone());
+        let visitor = Visitor::unnamed("127.0.0.1:1".parse().unwrap());
+        law.connect(&visitor, &mut || Ok(())).unwrap();
+        law.end(Retirement::Operator);
+        assert!(!memory.is_of_a_test());
+        goes_to(&mut law, &[0.01]);
+        assert!(memory.is_of_a_test());
     }
 
     #[test]

@@ -249,10 +249,11 @@ impl Host {
         first_words(&limits, &units)
     }
 
-    pub(super) const fn capabilities(&self) -> Capabilities {
+    pub(super) fn capabilities(&self) -> Capabilities {
         // A gateway passes on what its specimen measures, and warns itself of one that may not.
         let kind = match self.behind {
-            Behind::Law(_) if self.remembers() => {
+            // In its first test a process finds the specimen as new: it holds no state of an interrupted test.
+            Behind::Law(_) if self.memory.as_ref().is_some_and(Memory::is_of_a_test) => {
                 Capabilities::SIMULATED.and(Capabilities::KEEPS_STATE)
             }
             Behind::Law(_) => Capabilities::SIMULATED,

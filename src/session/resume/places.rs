@@ -145,6 +145,7 @@ impl Axis {
             within: SHARE * off,
             disp_of_force,
             force_within: f64::INFINITY,
+            way_lost: 0.0,
         }
     }
 
@@ -164,6 +165,7 @@ impl Axis {
             within: found.within,
             disp_of_force: found.disp_of_force + way,
             force_within: found.force_within,
+            way_lost: found.way_lost,
         }
     }
 
@@ -256,6 +258,7 @@ pub(super) fn places(
             kept.within = by
                 .within_m
                 .map_or(own, |metres| metres / port.metres_of(number));
+            kept.way_lost += lost;
             kept.force_within = force_within(port, index, number, by);
             kept
         };

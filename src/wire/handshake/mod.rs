@@ -292,8 +292,8 @@ impl Capabilities {
     pub const MEASURES_DISP: Capabilities = Capabilities(4);
     /// It makes use of the commanded velocity.
     pub const USES_VEL: Capabilities = Capabilities(8);
-    /// It stays as a test left it until the next test arms, so that an interrupted test can be resumed. A machine needs no such
-    /// word: only a computation can start anew.
+    /// It stands as an earlier test of this process left it, so that an interrupted test can be resumed. In the first test of its
+    /// process no specimen has this capability. A machine does not need it: only a computation can be restarted.
     pub const KEEPS_STATE: Capabilities = Capabilities(16);
 
     /// True if every bit of `flag` is set.
