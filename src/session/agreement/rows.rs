@@ -1,4 +1,4 @@
-//! What the rows of a run show of its end, its steps and its largest magnitudes.
+//! The rows of a run show its end, its steps and its largest magnitudes.
 
 use std::collections::BTreeMap;
 
