@@ -9,8 +9,7 @@ use super::progress::TrialsLine;
 use super::run::refused;
 use super::stability;
 use super::table::Table;
-use crate::config::{Facts, Loaded, SpecimenTable};
-use crate::control::limits::LimitsSpec;
+use crate::config::{Facts, Loaded, SpecimenTable, missing_limits};
 use crate::session::Judged;
 use crate::session::certificate::{Band, Plan, Rehearsed as Trial, Trials, carry_out, interval};
 use crate::session::rehearsal::{AxisNeed, FullRehearsal, NEEDS};
@@ -199,22 +198,8 @@ fn missing(loaded: &Loaded, judged: &Judged, trials: usize) -> Vec<String> {
         let entries = capacity.entries();
         let unknown = entries.iter().filter(|(_, _, value)| value.is_none());
         missing.extend(unknown.map(|(key, ..)| without(&format!("`capacity.{key}`"))));
-        let limits = table.limits_of(table.axes());
-        let has = |of: fn(&LimitsSpec) -> bool| limits.iter().all(of);
-        if !has(|limits| {
-            limits
-                .command_disp_m
-                .is_some_and(|range| range.trip.is_some())
-        }) {
-            missing.push(without("trip level of `limits.command_disp_m`"));
-        }
-        if !has(|limits| {
-            limits
-                .measured_force_n
-                .is_some_and(|range| range.trip.is_some())
-        }) {
-            missing.push(without("trip level of `limits.measured_force_n`"));
-        }
+        let limits = missing_limits(table).into_iter();
+        missing.extend(limits.map(|key| without(&format!("trip level of {key}"))));
     }
     if !judged.verdict.is_clear() {
         missing.push("the verdict has errors".to_owned());

@@ -321,7 +321,7 @@ pub(super) fn check_required(
     }
     let mut idle = true;
     for (index, specimen) in specimens.iter().enumerate() {
-        let missing = missing(specimen);
+        let missing = missing_limits(specimen);
         if specimen.link.is_none() || missing.is_empty() {
             continue;
         }
@@ -358,8 +358,9 @@ pub(super) fn check_required(
     }
 }
 
-/// Keys without a trip level, with their axis where the axes differ.
-fn missing(specimen: &SpecimenTable) -> Vec<String> {
+/// Limits that a specimen behind a link needs and that have no trip level, with their axis where the axes differ.
+#[must_use]
+pub fn missing_limits(specimen: &SpecimenTable) -> Vec<String> {
     let limits = specimen.limits_of(specimen.axes());
     let mut missing = Vec::new();
     for (key, is_there) in [

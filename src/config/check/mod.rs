@@ -30,6 +30,8 @@ use super::steps::{Time, not_positive};
 use super::suggest::listed;
 use super::timetable::ClockChoice;
 use super::value::{DofChoice, LambdaValue};
+pub use limits::missing_limits;
+
 use crate::rt::OnMiss;
 use crate::text::is_hidden;
 
