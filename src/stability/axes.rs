@@ -2,7 +2,7 @@
 //! in a structure that is too large for a proof the stability is not known.
 
 use super::following::{Follows, decides};
-use crate::config::{Facts, Finding, KeyPath, Loaded, Loop};
+use crate::config::{Analysis, Facts, Finding, KeyPath, Loaded, Loop};
 use crate::spectral::delay::{DiscreteLimit, continuous};
 use crate::units::duration;
 
@@ -13,8 +13,6 @@ pub(super) fn not_proven(loaded: &Loaded, facts: &Facts) -> Vec<Finding> {
         return Vec::new();
     };
     let analysis = structure.analysis.as_ref();
-    let modes = analysis.map_or_else(Vec::new, |analysis| analysis.delayed_modes());
-    let lowest = modes.first().map(|mode| mode.frequency);
     let tables = loaded.file.specimen.iter().enumerate();
     let found = tables.filter_map(|(number, table)| {
         let transfer = table.believed_transfer(1.0)?;
@@ -27,7 +25,7 @@ pub(super) fn not_proven(loaded: &Loaded, facts: &Facts) -> Vec<Finding> {
             transfer: &transfer,
             tick: facts.rate_hz.recip(),
         };
-        let lags = one.and_then(|one| most_lag(one, follows, lowest));
+        let lags = one.and_then(|one| most_lag(one, follows, analysis?));
         let critical = one.and_then(|one| critical(one, facts));
         let at = KeyPath::root().key("specimen").index(number);
         let at = at.key(decides(table));
@@ -51,10 +49,11 @@ fn critical(one: &Loop, facts: &Facts) -> Option<f64> {
 }
 
 /// The largest remaining lag of an axis in s, at the frequency where the loop would grow; none if an axis has no known lag.
-fn most_lag(one: &Loop, follows: Follows<'_>, lowest: Option<f64>) -> Option<f64> {
+fn most_lag(one: &Loop, follows: Follows<'_>, analysis: &Analysis) -> Option<f64> {
     let grows = continuous(&one.system).ok().flatten();
     let grows = grows.map(|found| found.omega);
-    let omega = grows.filter(|omega| omega.is_finite()).or(lowest)?;
+    let lowest = || Some(analysis.delayed_modes().first()?.frequency);
+    let omega = grows.filter(|omega| omega.is_finite()).or_else(lowest)?;
     let mut most = 0.0;
     for axis in 0..one.system.rows.nrows() {
         most = f64::max(most, follows.left(omega, &one.system, axis)?);

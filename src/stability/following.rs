@@ -6,6 +6,7 @@
 
 mod state;
 
+use std::cell::LazyCell;
 use std::f64::consts::PI;
 
 use serde_json::json;
@@ -64,7 +65,7 @@ impl Following {
     pub fn of(loaded: &Loaded, facts: &Facts) -> Vec<Self> {
         let analysis = facts.structure.as_ref().and_then(|s| s.analysis.as_ref());
         let loops = analysis.map(|analysis| analysis.loops.as_slice());
-        let grows = analysis.is_some_and(|analysis| analysis.growth().is_some());
+        let grows = LazyCell::new(|| analysis.is_some_and(|analysis| analysis.growth().is_some()));
         let pairs = loops.unwrap_or_default().iter().zip(&loaded.file.specimen);
         let judged = pairs.enumerate().filter_map(|(number, (one, table))| {
             let transfer = table.believed_transfer(1.0)?;
@@ -92,7 +93,7 @@ impl Following {
                     .compensation
                     .as_ref()
                     .map_or("none", |spec| spec.kind()),
-                grows,
+                grows: *grows,
             })
         });
         judged.collect()
