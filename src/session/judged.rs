@@ -69,7 +69,7 @@ impl Judged {
         if self.test.facts.specimens.is_empty() {
             return Ok(self);
         }
-        let full = FullRehearsal::of(&loaded, None)?;
+        let full = FullRehearsal::of(&loaded)?;
         let found = full.findings.iter().map(|found| (Kind::Rehearsal, found));
         let unknown = full.unknown.iter().map(|found| (Kind::Unknown, found));
         for (kind, finding) in found.chain(unknown) {

@@ -182,7 +182,7 @@ fn allowed(args: &IdentifyArgs, loaded: &Loaded) -> anyhow::Result<(Plan, Loaded
             .beside(&plan.said(args), &plan.file)
             .map_err(refused)?;
         // A linear stand-in shows forces, and limits that are not those of the command.
-        let full = FullRehearsal::of(&driven, None).map_err(refused)?;
+        let full = FullRehearsal::of(&driven).map_err(refused)?;
         let possible = full.is_possible();
         if possible || args.amplitude.is_some() || halved == MOST_HALVED {
             let diagnostics = driven.diagnose(full.findings);

@@ -4,7 +4,6 @@ use super::{
     AxisNeed, Budget, Curtain, Held, Rehearsal, Tried, rehearse, rehearse_hold, try_limits,
 };
 use crate::config::{ConfigError, Finding, Loaded, Severity};
-use crate::engine::Experiment;
 
 /// A test's rehearsals, and what they found.
 #[derive(Debug, Clone)]
@@ -20,13 +19,13 @@ pub struct FullRehearsal {
 }
 
 impl FullRehearsal {
-    /// Rehearses a test. `experiment` is the built test, if the rehearsal may use it up.
+    /// Rehearses a test.
     ///
     /// # Errors
     /// As [`crate::config::build`].
-    pub fn of(loaded: &Loaded, experiment: Option<Experiment>) -> Result<Self, ConfigError> {
+    pub fn of(loaded: &Loaded) -> Result<Self, ConfigError> {
         let mut budget = Budget::default();
-        let rehearsal = rehearse(loaded, experiment, &mut budget)?;
+        let rehearsal = rehearse(loaded, None, &mut budget)?;
         let mut findings = rehearsal.findings(loaded);
         let held = rehearse_hold(loaded, &rehearsal, &mut budget)?;
         if let Some(held) = &held {
