@@ -197,12 +197,12 @@ pub fn run(setup: &Setup<'_>, controller: &mut dyn Compensator) -> Outcome {
     // Forces of past ticks, newest at the tick's own place.
     let mut forces = [0.0; LATEST];
     let late = setup.late.min(LATEST - 2);
-    let mut make = |motion: &Motion, controller: &mut dyn Compensator| {
+    let mut lead = |motion: &Motion, controller: &mut dyn Compensator| {
         let disp = motion.disp[0];
         let vel = (disp - last) / dt;
-        let command = controller.predict(disp, vel, (vel - last_vel) / dt);
+        let led = controller.lead(disp, vel, (vel - last_vel) / dt);
         (last, last_vel) = (disp, vel);
-        command
+        led
     };
     for (k, accel) in setup.ground.iter().enumerate() {
         for (floor, disp) in histories.floors.iter_mut().zip(&motion.disp) {
@@ -213,8 +213,9 @@ pub fn run(setup: &Setup<'_>, controller: &mut dyn Compensator) -> Outcome {
                 // The plant has been held at the last command until now.
                 let (disp, force) = rig.read(setup.noise, k);
                 histories.measured.push(disp);
-                controller.observe(rig.command, disp);
-                rig.command = make(&motion, controller);
+                let led = lead(&motion, controller);
+                controller.observe(led, disp);
+                rig.command = controller.regulate(led);
                 forces[k % LATEST] = force;
                 let back = (1 + late).min(k);
                 let force = if k > late {
@@ -242,7 +243,8 @@ pub fn run(setup: &Setup<'_>, controller: &mut dyn Compensator) -> Outcome {
                     - Vector3::new(force, 0.0, 0.0);
                 motion.vel += weight * pull * dt;
                 motion.disp += motion.vel * dt;
-                let command = make(&motion, controller);
+                let led = lead(&motion, controller);
+                let command = controller.regulate(led);
                 rig.go(rig.command, command);
                 rig.command = command;
             }
