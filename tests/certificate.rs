@@ -108,7 +108,8 @@ fn it_is_right_about_the_benchmark() {
             let setup = Setup {
                 frame: &Frame::case(case).unwrap(),
                 plant: Plant::default(),
-                wiring: Wiring::InTick,
+                wiring: Wiring::InTick(gusset::transfer::BetweenTicks::Ramped),
+                quantum: 0.0,
                 noise: Some(1),
                 ground: &ground,
                 late: 0,

@@ -250,6 +250,7 @@ fn a_run_that_was_killed_is_readable_to_its_last_row_and_known_as_unfinished() {
     let said = say([
         "export".as_ref(),
         out.as_os_str(),
+        "--no-units-line".as_ref(),
         "--out".as_ref(),
         file.as_os_str(),
     ]);

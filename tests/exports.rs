@@ -130,7 +130,8 @@ fn a_torn_run_gives_what_is_sound_and_an_empty_one_gives_columns() {
             .unwrap()
             .lines()
             .count(),
-        1
+        2,
+        "names and units"
     );
     let said = export(&run, "trace", &out.join("trace.json"), &[]);
     assert_eq!(said.code, Some(0), "{}", said.stderr);
@@ -148,7 +149,7 @@ fn a_window_of_test_time_is_the_same_in_every_format() {
         let time: f64 = line.split(',').next().unwrap().parse().unwrap();
         (0.1..=0.25).contains(&time)
     };
-    let wanted: Vec<&str> = text.lines().skip(1).filter(inside).collect();
+    let wanted: Vec<&str> = text.lines().skip(2).filter(inside).collect();
     let out = temp.path().join("part");
     let said = all_tables(&run, &out, &["--from", "0.1", "--to", "0.25"]);
     assert!(
@@ -157,8 +158,192 @@ fn a_window_of_test_time_is_the_same_in_every_format() {
         said.stderr
     );
     let part = fs::read_to_string(out.join("run.csv")).unwrap();
-    assert_eq!(part.lines().skip(1).collect::<Vec<_>>(), wanted);
+    assert_eq!(part.lines().skip(2).collect::<Vec<_>>(), wanted);
     assert!(wanted.len() > 20);
+}
+
+/// Names and numbers of a CSV, column by column.
+fn columns_of(csv: &Path) -> std::collections::BTreeMap<String, Vec<f64>> {
+    let text = fs::read_to_string(csv).unwrap();
+    let mut lines = text.lines().filter(|line| !line.starts_with('#'));
+    let head: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let rows: Vec<Vec<f64>> = lines
+        .map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect())
+        .collect();
+    let column = |at: usize| rows.iter().map(|row| row[at]).collect();
+    let each = head.iter().enumerate();
+    each.map(|(at, name)| ((*name).to_owned(), column(at)))
+        .collect()
+}
+
+/// The run of a test file, exported with every column that follows from the recorded ones, or with these.
+fn exported_with(folder: &Path, test: &str, with: &str) -> (Said, std::path::PathBuf) {
+    let file = write(folder, "test.toml", test);
+    let run = folder.join("run");
+    completed(&file, &run, &[]);
+    let csv = folder.join("out.csv");
+    (export(&run, "csv", &csv, &["--with", with]), csv)
+}
+
+const ALL: &str = "absolute-acceleration,storey-drift,storey-shear";
+
+/// Without damping the storeys carry what their springs and the specimen give: an equation that the export does not use.
+#[test]
+fn storey_shears_from_inertia_are_the_forces_of_the_storeys() {
+    let temp = tempfile::tempdir().unwrap();
+    let undamped = FRAME.replace(
+        "[structure.damping.rayleigh_ratio]\nratio = 0.02\nmodes = [1, 2]\n",
+        "",
+    );
+    assert_ne!(undamped, FRAME);
+    let (said, csv) = exported_with(temp.path(), &undamped, ALL);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let found = columns_of(&csv);
+    let column = |name: &str| &found[name];
+    let rows = column("time").len();
+    assert_eq!(rows, 101);
+    let peak = column("shear1")
+        .iter()
+        .fold(0.0, |m: f64, v| m.max(v.abs()));
+    assert!(peak > 1e3, "{peak}");
+    for k in 0..rows {
+        // The ground moves by 3 m/s² at 2 Hz.
+        let ground = 3.0 * (std::f64::consts::TAU * 2.0 * 0.005 * k as f64).sin();
+        assert!((column("ground")[k] - ground).abs() < 1e-12);
+        for dof in ["1", "2"] {
+            let wanted = column(&format!("a{dof}"))[k] + ground;
+            let found = column(&format!("abs_a{dof}"))[k];
+            assert!((found - wanted).abs() < 1e-12, "{k}: {found} {wanted}");
+        }
+        let drift = column("x2")[k] - column("x1")[k];
+        assert_eq!(column("drift1")[k], column("x1")[k]);
+        assert_eq!(column("drift2")[k], drift);
+        for (name, wanted) in [("shear1", column("force_1_1")[k]), ("shear2", 4e5 * drift)] {
+            let found = column(name)[k];
+            let off = (found - wanted).abs();
+            assert!(off < 1e-9 * peak, "{name} {k}: {found} {wanted}");
+        }
+    }
+}
+
+#[test]
+fn a_displaced_base_has_absolute_accelerations_and_is_the_floor_below_the_first() {
+    let temp = tempfile::tempdir().unwrap();
+    let base = FRAME
+        .replace("ground_acceleration.signal", "base_displacement.signal")
+        .replace("amplitude = 3.0", "amplitude = 0.003");
+    let (said, csv) = exported_with(temp.path(), &base, ALL);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let found = columns_of(&csv);
+    assert_eq!(found["abs_a1"], found["a1"]);
+    assert_eq!(found["abs_a2"], found["a2"]);
+    for k in 0..101 {
+        let drift = found["x1"][k] - found["ground"][k];
+        assert_eq!(found["drift1"][k], drift);
+        let shear = -(1000.0 * found["a1"][k] + 900.0 * found["a2"][k]);
+        assert!((found["shear1"][k] - shear).abs() <= 1e-12 * shear.abs());
+    }
+    let units = fs::read_to_string(&csv).unwrap();
+    let units = units.lines().nth(1).unwrap();
+    assert!(units.starts_with("# units: time s,x1 m,"), "{units}");
+    assert!(
+        units.contains(",ground m,") && units.ends_with(",shear2 N"),
+        "{units}"
+    );
+}
+
+#[test]
+fn columns_that_do_not_follow_from_a_test_are_refused() {
+    let matrices = "[structure.matrices]\nmass = [[1000.0, 0], [0, 900.0]]\nstiffness = [[4e5, -4e5], [-4e5, 4e5]]\n";
+    let (head, rest) = FRAME.split_once("[structure.shear_building]").unwrap();
+    let (_, rest) = rest.split_once("\n\n").unwrap();
+    let matrices = format!("{head}{matrices}\n{rest}").replace("storey = 1", "rows = [[1, 0]]");
+    let (still, specimen) = FRAME.split_once("[excitation").unwrap();
+    let (_, specimen) = specimen.split_once("[[specimen]]").unwrap();
+    let pulled = format!(
+        "{still}[[excitation.nodal_force]]\ndofs = [2]\nsignal.sine = {{ amplitude = 100.0, frequency_hz = 2.0 }}\n\n[[specimen]]{specimen}"
+    );
+    let (own, _) = FRAME.split_once("[[specimen]]").unwrap();
+    let own = own.replace("[0, 4e5]", "[5e5, 4e5]").replace(
+        "lambda = \"auto\"",
+        "method = \"kr_alpha\"\nrho_infinity = 0.8\nweighting = \"state\"",
+    );
+    let heavy = FRAME.replace("storey = 1", "storey = 1\nmass_in_force_kg = 20.0");
+    for (test, with, words) in [
+        (&matrices, "storey-drift", "[structure.matrices]"),
+        (&matrices, "storey-shear", "[structure.matrices]"),
+        (
+            &pulled,
+            "absolute-acceleration",
+            "[excitation.ground_acceleration]",
+        ),
+        (&pulled, "storey-shear", "excitation.nodal_force"),
+        (&own, "storey-shear", "integrator.weighting"),
+        (&heavy, "storey-shear", "mass_in_force_kg"),
+    ] {
+        let temp = tempfile::tempdir().unwrap();
+        let (said, csv) = exported_with(temp.path(), test, with);
+        assert_eq!(said.code, Some(2), "{with}: {}", said.stderr);
+        assert!(said.stderr.contains(words), "{with}: {}", said.stderr);
+        assert!(!csv.exists());
+    }
+    // Between the ends of steps the ground moves on, and the acceleration does not.
+    let temp = tempfile::tempdir().unwrap();
+    let fine = FRAME.replace("[time]\n", "[time]\nticks_per_step = 2\n");
+    let (said, csv) = exported_with(temp.path(), &fine, ALL);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let (run, ticks) = (temp.path().join("run"), temp.path().join("ticks.csv"));
+    for (with, code) in [("absolute-acceleration", 2), ("storey-drift", 0)] {
+        let said = export(&run, "csv", &ticks, &["--rate", "tick", "--with", with]);
+        assert_eq!(said.code, Some(code), "{with}: {}", said.stderr);
+    }
+    let rows = |csv: &Path| columns_of(csv)["drift2"].len();
+    assert_eq!((rows(&csv), rows(&ticks)), (101, 201));
+    let temp = tempfile::tempdir().unwrap();
+    let run = a_run(temp.path());
+    let out = temp.path().join("out");
+    for (format, more) in [
+        ("trace", ["--with", "storey-drift"]),
+        ("npz", ["--no-units-line", "--rate=step"]),
+    ] {
+        let said = export(&run, format, &out, &more);
+        assert_eq!(said.code, Some(2), "{format}: {}", said.stderr);
+        assert!(said.stderr.contains("--format"), "{}", said.stderr);
+    }
+}
+
+/// The line of units is a comment for the reader of records, and opting out gives the names and numbers alone.
+#[test]
+fn an_exported_ground_motion_is_a_record_of_another_test() {
+    let temp = tempfile::tempdir().unwrap();
+    let run = a_run(temp.path());
+    let (csv, plain) = (temp.path().join("out.csv"), temp.path().join("plain.csv"));
+    assert_eq!(export(&run, "csv", &csv, &[]).code, Some(0));
+    assert_eq!(
+        export(&run, "csv", &plain, &["--no-units-line"]).code,
+        Some(0)
+    );
+    let text = fs::read_to_string(&csv).unwrap();
+    let without: Vec<&str> = text.lines().filter(|line| !line.starts_with('#')).collect();
+    assert_eq!(text.lines().count(), without.len() + 1);
+    assert_eq!(
+        fs::read_to_string(&plain)
+            .unwrap()
+            .lines()
+            .collect::<Vec<_>>(),
+        without
+    );
+    let (signal, rest) = ("signal.sine]\namplitude = 3.0\nfrequency_hz = 2.0\n", FRAME);
+    let again = rest.replace(
+        signal,
+        "signal.file]\npath = \"out.csv\"\ncolumn.name = \"ground\"\ntime_column.name = \"time\"\nunit = \"m/s2\"\n",
+    );
+    assert_ne!(again, FRAME);
+    let file = write(temp.path(), "again.toml", &again);
+    let second = temp.path().join("again");
+    completed(&file, &second, &[]);
+    let ground = |run: &Path| Run::open(run).unwrap().columns(&["ground"]).unwrap();
+    assert_eq!(ground(&second), ground(&run));
 }
 
 #[test]

@@ -145,7 +145,8 @@ fn report_and_export_read_the_folder() {
     assert!(page.contains("Completed") && page.contains("<svg") && page.contains("column"));
     let csv = folder.join("rows.csv");
     let mut export = gusset();
-    export.arg("export").arg(&kept).arg("--out").arg(&csv);
+    export.arg("export").arg(&kept).arg("--no-units-line");
+    export.arg("--out").arg(&csv);
     assert!(finish(export).status.success());
     let text = std::fs::read_to_string(csv).unwrap();
     let mut lines = text.lines();

@@ -144,7 +144,14 @@ fn ours(method: &str, storeys: &[Storey]) -> Course {
     let path = |path: &Path| path.to_str().unwrap().to_owned();
     let (status, said) = Peer::gusset(&["run", &path(&file), "--out", &path(&run)]).end();
     assert!(status.success(), "{said:#?}");
-    let (status, said) = Peer::gusset(&["export", &path(&run), "--out", &path(&csv)]).end();
+    let (status, said) = Peer::gusset(&[
+        "export",
+        &path(&run),
+        "--no-units-line",
+        "--out",
+        &path(&csv),
+    ])
+    .end();
     assert!(status.success(), "{said:#?}");
     let text = std::fs::read_to_string(csv).unwrap();
     let mut lines = text.lines();

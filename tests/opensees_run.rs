@@ -46,6 +46,7 @@ fn history(folder: &Path, name: &str) -> Vec<Vec<f64>> {
     let export = Peer::gusset(&[
         "export",
         run.to_str().unwrap(),
+        "--no-units-line",
         "--out",
         csv.to_str().unwrap(),
     ]);

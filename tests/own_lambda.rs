@@ -66,6 +66,7 @@ fn moved(text: &str) -> Vec<Vec<f64>> {
     export.args([
         "export",
         from.to_str().unwrap(),
+        "--no-units-line",
         "--out",
         csv.to_str().unwrap(),
     ]);

@@ -475,6 +475,7 @@ fn real_and_simulated_time_give_the_same_bits() {
     let said = common::say([
         "export",
         real.to_str().unwrap(),
+        "--no-units-line",
         "--out",
         out.to_str().unwrap(),
     ]);

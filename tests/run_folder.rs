@@ -246,6 +246,7 @@ fn the_csv_has_one_row_per_step_whose_digits_read_back_to_the_bits_of_the_sample
             out.as_os_str(),
             "--format".as_ref(),
             "csv".as_ref(),
+            "--no-units-line".as_ref(),
             "--out".as_ref(),
             file.as_os_str(),
         ])
@@ -259,7 +260,7 @@ fn the_csv_has_one_row_per_step_whose_digits_read_back_to_the_bits_of_the_sample
     );
     let text = fs::read_to_string(&file).unwrap();
     let mut lines = text.lines();
-    let header = "time,x1,x2,v1,v2,a1,a2,target_1_1,cmd_1_1,meas_1_1,force_1_1,status_1";
+    let header = "time,x1,x2,v1,v2,a1,a2,target_1_1,cmd_1_1,meas_1_1,force_1_1,status_1,ground";
     assert_eq!(lines.next(), Some(header));
     let names: Vec<&str> = header.split(',').collect();
     let samples = Run::open(&out).unwrap().columns(&names).unwrap();

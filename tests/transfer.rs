@@ -9,6 +9,7 @@ use gusset::engine::{Ending, Stop, TestQuantity};
 use gusset::motion::{Grid, Motion, Quantity};
 use gusset::record::{EventKind, Run};
 use gusset::session::replay;
+use gusset::transfer::BetweenTicks;
 use link_common::{ONE_AXIS, ONE_AXIS_LAW, Served, columns, test_file};
 
 /// An actuator with everything that may depend on when and how often it is asked.
@@ -60,6 +61,11 @@ fn actuators_sensors_and_adaptation_give_the_same_bits_in_process_and_over_udp()
 
 #[test]
 fn an_ordinary_test_takes_the_course_of_the_benchmarks_own_runner() {
+    takes_the_course_of_the_benchmark(BetweenTicks::Ramped);
+    takes_the_course_of_the_benchmark(BetweenTicks::Held);
+}
+
+fn takes_the_course_of_the_benchmark(between_ticks: BetweenTicks) {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let config = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("config/vrths-case-1.toml");
@@ -71,6 +77,14 @@ fn an_ordinary_test_takes_the_course_of_the_benchmarks_own_runner() {
         .filter(|line| !line.contains("_sensor = "))
         .map(|line| format!("{line}\n"))
         .collect();
+    // A file without the key ramps.
+    let text = match between_ticks {
+        BetweenTicks::Ramped => text,
+        BetweenTicks::Held => text.replace(
+            "[specimen.transfer]\n",
+            "[specimen.transfer]\nbetween_ticks = \"held\"\n",
+        ),
+    };
     let file = common::write(folder, "vrths.toml", &text);
     common::completed(&file, &folder.join("run"), &["--clock", "simulated"]);
     let recorded = Run::open(&folder.join("run")).unwrap();
@@ -101,8 +115,9 @@ fn an_ordinary_test_takes_the_course_of_the_benchmarks_own_runner() {
     let setup = Setup {
         frame: &Frame::case(1).unwrap(),
         plant: Plant::default(),
-        wiring: Wiring::InTick,
+        wiring: Wiring::InTick(between_ticks),
         noise: None,
+        quantum: 0.0,
         ground: &ground,
         late: 0,
         force_limit: FORCE_LIMIT_N,
@@ -627,6 +642,30 @@ fn the_benchmark_command_prints_its_criteria() {
     for name in ["j2", "j3", "j4", "j5", "j6", "j7", "j8", "j9"] {
         assert!((1.0..60.0).contains(&j(name)), "{name}");
     }
+    assert_eq!(found["lines"].as_array().unwrap().len(), 1);
+    assert_eq!(line["between_ticks"], "held");
+    let in_tick = [
+        "benchmark",
+        "vrths",
+        "--case",
+        "1",
+        "--controller",
+        "inverse",
+        "--json",
+    ];
+    let in_tick = [&in_tick[..], &["--wiring", "in-tick"]].concat();
+    let rows = |more: &[&str]| {
+        let said = common::say(in_tick.iter().chain(more));
+        assert_eq!(said.code, Some(0), "{}", said.stderr);
+        let found: serde_json::Value = serde_json::from_str(&said.stdout).unwrap();
+        found["lines"].as_array().unwrap().clone()
+    };
+    let both = rows(&[]);
+    let names: Vec<_> = both.iter().map(|line| &line["between_ticks"]).collect();
+    assert_eq!(names, ["ramped", "held"]);
+    assert_eq!(rows(&["--between-ticks", "held"])[..], both[1..]);
+    let said = common::say(["benchmark", "vrths", "--between-ticks", "ramped"]);
+    assert_eq!(said.code, Some(2), "{}", said.stderr);
     let said = common::say(["benchmark", "vrths", "--case", "5"]);
     assert_eq!(said.code, Some(2));
     let said = common::say(["benchmark", "vrths", "--case", "1", "--late", "63"]);

@@ -2,9 +2,11 @@
 //! three storeys, the first of which is moved by a servo-hydraulic actuator.
 //!
 //! Two wirings. [`Wiring::Benchmark`] is the released one: the numerical side by the classical Runge–Kutta method, commands
-//! held over the tick, the force one tick late. [`Wiring::InTick`] is this program's loop: the family at λ = 4, a command that
-//! was known a tick ahead and ramps, the force of the same tick. The converters' 18 bits are left out: how many metres and
-//! newtons are a volt is not part of the published values. No file, no clock.
+//! held over the tick, the force one tick late, target and measurement of one tick for the compensator. [`Wiring::InTick`] is this
+//! program's loop: the family at λ = 4, a command that was known a tick ahead and ramps or is held, the force of the same tick.
+//!
+//! The converters have 18 bits in the released model, [`QUANTUM`] volts each. How many metres and newtons are a volt is not
+//! published; the sensors' gains are 1. Quantisation is therefore a choice of its own, beside the noise. No file, no clock.
 
 mod criteria;
 mod frame;
@@ -20,7 +22,7 @@ pub use frame::{DURATION_S, Frame, Motion, Part, RATE_HZ, SPECIMEN};
 use crate::compensation::Compensator;
 use crate::transfer::exact::Ramped;
 use crate::transfer::noise::normal_pair;
-use crate::transfer::{ServoHydraulicSpec, servo_tick};
+use crate::transfer::{BetweenTicks, ServoHydraulicSpec, servo_tick};
 
 /// How the two sides are joined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,11 +30,24 @@ pub enum Wiring {
     /// As released.
     Benchmark,
     /// As this program's loop.
-    InTick,
+    InTick(BetweenTicks),
+}
+
+impl Wiring {
+    /// What the command does between two ticks.
+    #[must_use]
+    pub const fn between_ticks(self) -> BetweenTicks {
+        match self {
+            Self::Benchmark => BetweenTicks::Held,
+            Self::InTick(between_ticks) => between_ticks,
+        }
+    }
 }
 
 /// Standard deviation of both sensors' noise at 4096 Hz: powers 6.25e-14 m² s and 1.16e-3 N² s.
 const NOISE_POWER: (f64, f64) = (6.25e-14, 1.16e-3);
+/// Quantum of the released converters, in V.
+pub const QUANTUM: f64 = 1.0 / (1_u32 << 18) as f64;
 /// The actuator gives no more, N.
 pub const FORCE_LIMIT_N: f64 = 8900.0;
 
@@ -97,6 +112,8 @@ pub struct Setup<'a> {
     pub wiring: Wiring,
     /// Seed of the sensors' noise; none: perfect sensors.
     pub noise: Option<u64>,
+    /// Commands in m, and readings in m and N, are multiples of this; 0: not quantised.
+    pub quantum: f64,
     /// Ground acceleration in m/s² at each tick.
     pub ground: &'a [f64],
     /// Further whole ticks by which the force comes late.
@@ -138,13 +155,18 @@ struct Rig {
     tick: Ramped<5, 2>,
     state: [f64; 5],
     command: f64,
+    between_ticks: BetweenTicks,
     limit: f64,
+    quantum: f64,
     saturated: usize,
 }
 
 impl Rig {
-    /// One tick with a command that goes from `start` to `end`.
-    fn go(&mut self, start: f64, end: f64) {
+    /// One tick to the command `new`.
+    fn go(&mut self, new: f64) {
+        let last = std::mem::replace(&mut self.command, new);
+        let start = self.converted(self.between_ticks.start(last, new));
+        let end = self.converted(new);
         let mut next = self.tick.step(&self.state, &[start, 0.0], &[end, 0.0]);
         let excess = next[2] - next[2].clamp(-self.limit, self.limit);
         if excess != 0.0 {
@@ -157,18 +179,25 @@ impl Rig {
         self.state = next;
     }
 
+    /// Half to even, as converters are specified.
+    fn converted(&self, value: f64) -> f64 {
+        if self.quantum > 0.0 {
+            (value / self.quantum).round_ties_even() * self.quantum
+        } else {
+            value
+        }
+    }
+
     /// Displacement and force as they are read.
     fn read(&self, noise: Option<u64>, tick: usize) -> (f64, f64) {
-        let (disp, force) = (self.state[0], self.state[2]);
-        let Some(seed) = noise else {
-            return (disp, force);
-        };
-        let (a, b) = normal_pair(seed, 0, tick as u64, 0);
-        let deviation = |power: f64| (power * RATE_HZ).sqrt();
-        (
-            disp + deviation(NOISE_POWER.0) * a,
-            force + deviation(NOISE_POWER.1) * b,
-        )
+        let (mut disp, mut force) = (self.state[0], self.state[2]);
+        if let Some(seed) = noise {
+            let (a, b) = normal_pair(seed, 0, tick as u64, 0);
+            let deviation = |power: f64| (power * RATE_HZ).sqrt();
+            disp += deviation(NOISE_POWER.0) * a;
+            force += deviation(NOISE_POWER.1) * b;
+        }
+        (self.converted(disp), self.converted(force))
     }
 }
 
@@ -181,7 +210,9 @@ pub fn run(setup: &Setup<'_>, controller: &mut dyn Compensator) -> Outcome {
         tick: servo_tick(&plant.servo, plant.stiffness, plant.damping, dt),
         state: [0.0; 5],
         command: 0.0,
+        between_ticks: setup.wiring.between_ticks(),
         limit: setup.force_limit,
+        quantum: setup.quantum,
         saturated: 0,
     };
     let part = setup.frame.numerical();
@@ -197,56 +228,43 @@ pub fn run(setup: &Setup<'_>, controller: &mut dyn Compensator) -> Outcome {
     // Forces of past ticks, newest at the tick's own place.
     let mut forces = [0.0; LATEST];
     let late = setup.late.min(LATEST - 2);
-    let mut make = |motion: &Motion, controller: &mut dyn Compensator| {
+    let mut lead = |motion: &Motion, controller: &mut dyn Compensator| {
         let disp = motion.disp[0];
         let vel = (disp - last) / dt;
-        let command = controller.predict(disp, vel, (vel - last_vel) / dt);
+        let led = controller.lead(disp, vel, (vel - last_vel) / dt);
         (last, last_vel) = (disp, vel);
-        command
+        led
     };
     for (k, accel) in setup.ground.iter().enumerate() {
         for (floor, disp) in histories.floors.iter_mut().zip(&motion.disp) {
             floor.push(*disp);
         }
-        match setup.wiring {
+        let (disp, force) = rig.read(setup.noise, k);
+        histories.measured.push(disp);
+        forces[k % LATEST] = force;
+        let past = |ticks: usize| k.checked_sub(ticks).map_or(0.0, |at| forces[at % LATEST]);
+        let command = match setup.wiring {
             Wiring::Benchmark => {
-                // The plant has been held at the last command until now.
-                let (disp, force) = rig.read(setup.noise, k);
-                histories.measured.push(disp);
-                controller.observe(rig.command, disp);
-                rig.command = make(&motion, controller);
-                forces[k % LATEST] = force;
-                let back = (1 + late).min(k);
-                let force = if k > late {
-                    forces[(k - back) % LATEST]
-                } else {
-                    0.0
-                };
+                // The command of this tick's target, against this tick's measurement: both sides of a fit are of one moment.
+                let led = lead(&motion, controller);
+                controller.observe(led, disp);
                 let next = setup.ground.get(k + 1).copied().unwrap_or(*accel);
-                motion = part.runge_kutta(motion, dt, [*accel, next], force);
-                rig.go(rig.command, rig.command);
+                motion = part.runge_kutta(motion, dt, [*accel, next], past(1 + late));
+                controller.regulate(led)
             }
-            Wiring::InTick => {
-                let (disp, force) = rig.read(setup.noise, k);
-                histories.measured.push(disp);
+            Wiring::InTick(_) => {
                 controller.observe(rig.command, disp);
-                forces[k % LATEST] = force;
-                let force = if k >= late {
-                    forces[(k - late) % LATEST]
-                } else {
-                    0.0
-                };
                 let pull = part.load * *accel
                     - part.damping * motion.vel
                     - part.stiffness * motion.disp
-                    - Vector3::new(force, 0.0, 0.0);
+                    - Vector3::new(past(late), 0.0, 0.0);
                 motion.vel += weight * pull * dt;
                 motion.disp += motion.vel * dt;
-                let command = make(&motion, controller);
-                rig.go(rig.command, command);
-                rig.command = command;
+                let led = lead(&motion, controller);
+                controller.regulate(led)
             }
-        }
+        };
+        rig.go(command);
     }
     Outcome {
         histories,

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 pub(super) use folders::{
-    ExportArgs, FormatArg, OperateArgs, RateArg, ReplayArgs, ReportArgs, ResetArgs,
+    DerivedArg, ExportArgs, FormatArg, OperateArgs, RateArg, ReplayArgs, ReportArgs, ResetArgs,
 };
 pub(super) use machine::{DoctorArgs, JitterArgs, ModelArg};
 pub(super) use serve::{ProtocolArg, ServeArgs, TlsArgs, TransportArg};

@@ -12,11 +12,12 @@ use self::ground::GroundArgs;
 use super::exit::{Exit, WithExit};
 use super::{answer, tell};
 use crate::benchmark::{
-    Criteria, FORCE_LIMIT_N, Frame, Plant, RATE_HZ, Setup, Wiring, reference, run,
+    Criteria, FORCE_LIMIT_N, Frame, Plant, QUANTUM, RATE_HZ, Setup, Wiring, reference, run,
 };
 use crate::compensation::CompensationSpec;
 use crate::rt::clock::{MonotonicClock, USUAL_SPIN_NS};
 use crate::time::Clock;
+use crate::transfer::BetweenTicks;
 
 #[derive(Debug, Subcommand)]
 pub enum Of {
@@ -40,12 +41,18 @@ pub struct VrthsArgs {
     controller: Option<String>,
     #[command(flatten)]
     ground: GroundArgs,
-    /// Noise of the sensors.
+    /// Noise of the sensors. It does not change the quantisation.
     #[arg(long, default_value = "on", value_parser = on_or_off, action = clap::ArgAction::Set)]
     noise: bool,
+    /// Converters of 18 bits: commands and readings are multiples of 2^-18 m and 2^-18 N, one volt per metre and newton.
+    #[arg(long, default_value = "off", value_parser = on_or_off, action = clap::ArgAction::Set)]
+    quantisation: bool,
     /// How the two sides are joined: as released, or as this program's loop.
     #[arg(long, value_enum, default_value_t = WiringArg::Benchmark)]
     wiring: WiringArg,
+    /// What the command does between two ticks of this program's loop [default: both, a row for each].
+    #[arg(long, value_enum)]
+    between_ticks: Option<BetweenTicksArg>,
     /// So many plants drawn from the published uncertainty: mean and worst; 0: the nominal one.
     #[arg(long, default_value_t = 0)]
     plants: u64,
@@ -81,6 +88,14 @@ pub enum WiringArg {
     InTick,
 }
 
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub enum BetweenTicksArg {
+    /// A straight line from the last command to the new one.
+    Ramped,
+    /// The new command over the whole tick, as a digital-to-analogue converter gives it.
+    Held,
+}
+
 /// Controllers of the table, with what they are tuned to on this plant (lag 24 ms).
 const CONTROLLERS: [(&str, &str); 11] = [
     ("none", "none = {}"),
@@ -105,10 +120,21 @@ const CONTROLLERS: [(&str, &str); 11] = [
     ("recursive-fir", "recursive_fir = { delay_s = 0.024 }"),
 ];
 
+/// One row of the table before it is computed.
+struct Job<'a> {
+    case: usize,
+    frame: Frame,
+    linear: [Vec<f64>; 3],
+    controller: &'a str,
+    spec: &'a CompensationSpec,
+    wiring: Wiring,
+}
+
 /// One line of the table.
 struct Line {
     case: usize,
     controller: String,
+    wiring: Wiring,
     /// Of the nominal plant, or the mean of the drawn ones.
     criteria: Criteria,
     /// The largest of each.
@@ -125,32 +151,77 @@ pub fn vrths(args: &VrthsArgs) -> anyhow::Result<Exit> {
         None => vec![1, 2, 3, 4],
     };
     let controllers = controllers(args.controller.as_deref()).map_err(usage)?;
+    let wirings = wirings(args).map_err(usage)?;
     let ground = args
         .ground
         .history(args.seed)
         .map_err(|error| WithExit(Exit::Usage, error.to_string()))?;
-    let wiring = match args.wiring {
-        WiringArg::Benchmark => Wiring::Benchmark,
-        WiringArg::InTick => Wiring::InTick,
-    };
     let clock = MonotonicClock::new(USUAL_SPIN_NS);
     let begun = clock.now();
     let mut jobs = Vec::new();
     for case in cases {
         let frame = Frame::case(case).context("the cases are 1 to 4")?;
         let linear = reference(&frame, &ground);
-        for (name, spec) in &controllers {
-            jobs.push((case, frame, linear.clone(), name.clone(), spec.clone()));
+        for (controller, spec) in &controllers {
+            for wiring in &wirings {
+                jobs.push(Job {
+                    case,
+                    frame,
+                    linear: linear.clone(),
+                    controller,
+                    spec,
+                    wiring: *wiring,
+                });
+            }
         }
     }
+    let lines = computed(args, &ground, &jobs)?;
+    let wall = clock.now().since(begun) as f64 * 1e-9;
+    let seconds = ground.len() as f64 / RATE_HZ;
+    if args.json {
+        let document = as_document(args, seconds, &lines);
+        answer(serde_json::to_string_pretty(&document)?)?;
+    } else {
+        show(&lines, args.plants)?;
+        let tests = lines.len() as f64 * (args.plants.max(1)) as f64;
+        tell(format_args!(
+            "{tests:.0} tests of {seconds:.1} s in {wall:.3} s: {:.0} times real time",
+            tests * seconds / wall
+        ));
+    }
+    Ok(Exit::Done)
+}
+
+/// The wirings of the table. This program's loop has a row with a ramped and one with a held command.
+fn wirings(args: &VrthsArgs) -> Result<Vec<Wiring>, String> {
+    let ways = [BetweenTicks::Ramped, BetweenTicks::Held];
+    match (args.wiring, args.between_ticks) {
+        (WiringArg::Benchmark, Some(BetweenTicksArg::Ramped)) => {
+            let wanted = "use --wiring in-tick, or leave --between-ticks out";
+            Err(format!(
+                "--between-ticks ramped: the released wiring holds its commands: {wanted}"
+            ))
+        }
+        (WiringArg::Benchmark, _) => Ok(vec![Wiring::Benchmark]),
+        (WiringArg::InTick, None) => Ok(ways.map(Wiring::InTick).to_vec()),
+        (WiringArg::InTick, Some(BetweenTicksArg::Ramped)) => {
+            Ok(vec![Wiring::InTick(BetweenTicks::Ramped)])
+        }
+        (WiringArg::InTick, Some(BetweenTicksArg::Held)) => {
+            Ok(vec![Wiring::InTick(BetweenTicks::Held)])
+        }
+    }
+}
+
+/// All rows in the order of the jobs, on all processors.
+fn computed(args: &VrthsArgs, ground: &[f64], jobs: &[Job<'_>]) -> anyhow::Result<Vec<Line>> {
     let next = AtomicUsize::new(0);
     let work = || {
         let mut done = Vec::new();
-        while let Some((case, frame, linear, name, spec)) =
-            jobs.get(next.fetch_add(1, Ordering::Relaxed))
-        {
-            let line = line(args, wiring, &ground, *case, frame, linear, name, spec)?;
-            done.push(line);
+        loop {
+            let place = next.fetch_add(1, Ordering::Relaxed);
+            let Some(job) = jobs.get(place) else { break };
+            done.push((place, line(args, ground, job)?));
         }
         Ok::<_, anyhow::Error>(done)
     };
@@ -168,44 +239,11 @@ pub fn vrths(args: &VrthsArgs) -> anyhow::Result<Exit> {
         }
         Ok(lines)
     })?;
-    let place = |name: &str| controllers.iter().position(|(own, _)| own == name);
-    lines.sort_by_key(|line| (line.case, place(&line.controller)));
-    let wall = clock.now().since(begun) as f64 * 1e-9;
-    let tests = lines.len() as f64 * (args.plants.max(1)) as f64;
-    let seconds = ground.len() as f64 / RATE_HZ;
-    if args.json {
-        let found: Vec<_> = lines.iter().map(as_json).collect();
-        let document = json!({
-            "benchmark": "vrths",
-            "convention": "sample standard deviation; J8, J9 are peaks of floors 2 and 3",
-            "wiring": if wiring == Wiring::Benchmark { "benchmark" } else { "in_tick" },
-            "noise": args.noise,
-            "plants": args.plants,
-            "record_s": seconds,
-            "lines": found,
-        });
-        answer(serde_json::to_string_pretty(&document)?)?;
-    } else {
-        show(&lines, args.plants)?;
-        tell(format_args!(
-            "{tests:.0} tests of {seconds:.1} s in {wall:.3} s: {:.0} times real time",
-            tests * seconds / wall
-        ));
-    }
-    Ok(Exit::Done)
+    lines.sort_by_key(|(place, _)| *place);
+    Ok(lines.into_iter().map(|(_, line)| line).collect())
 }
 
-#[allow(clippy::too_many_arguments)]
-fn line(
-    args: &VrthsArgs,
-    wiring: Wiring,
-    ground: &[f64],
-    case: usize,
-    frame: &Frame,
-    linear: &[Vec<f64>; 3],
-    name: &str,
-    spec: &CompensationSpec,
-) -> anyhow::Result<Line> {
+fn line(args: &VrthsArgs, ground: &[f64], job: &Job<'_>) -> anyhow::Result<Line> {
     let plants = if args.plants == 0 {
         0..1
     } else {
@@ -214,28 +252,41 @@ fn line(
     let mut all = Vec::new();
     let mut saturated = 0;
     for number in plants {
-        let mut controller = spec.build(1.0 / RATE_HZ)?;
+        let mut controller = job.spec.build(1.0 / RATE_HZ)?;
         controller.reset(0.0);
         let setup = Setup {
-            frame,
+            frame: &job.frame,
             plant: Plant::drawn(args.seed, number),
-            wiring,
+            wiring: job.wiring,
             noise: args.noise.then_some(args.seed + number),
+            quantum: if args.quantisation { QUANTUM } else { 0.0 },
             ground,
             late: args.late,
             force_limit: FORCE_LIMIT_N,
         };
         let outcome = run(&setup, controller.as_mut());
         saturated += outcome.saturated;
-        all.push(Criteria::of(&outcome.histories, linear, 1.0 / RATE_HZ));
+        all.push(Criteria::of(&outcome.histories, &job.linear, 1.0 / RATE_HZ));
     }
+    let (criteria, worst) = mean_and_worst(&all);
+    Ok(Line {
+        case: job.case,
+        controller: job.controller.to_owned(),
+        wiring: job.wiring,
+        criteria,
+        worst,
+        saturated,
+    })
+}
+
+fn mean_and_worst(all: &[Criteria]) -> (Criteria, Criteria) {
     let count = all.len() as f64;
     let mut criteria = Criteria {
         j: [0.0; 9],
         delay_ms: 0.0,
     };
     let mut worst = criteria;
-    for one in &all {
+    for one in all {
         for ((mean, worst), value) in criteria.j.iter_mut().zip(&mut worst.j).zip(one.j) {
             *mean += value / count;
             *worst = if value > *worst || value.is_nan() {
@@ -250,13 +301,7 @@ fn line(
             worst.delay_ms = one.delay_ms;
         }
     }
-    Ok(Line {
-        case,
-        controller: name.to_owned(),
-        criteria,
-        worst,
-        saturated,
-    })
+    (criteria, worst)
 }
 
 /// The controllers that are asked for: one by name, one in the words of `[specimen.compensation]`, or all.
@@ -304,9 +349,9 @@ fn model_inverse() -> CompensationSpec {
 
 fn show(lines: &[Line], plants: u64) -> anyhow::Result<()> {
     let mut text = String::from(
-        "case controller        J1 ms     J2 %     J3 %     J4 %     J5 %     J6 %     J7 %     J8 %     J9 %  delay ms\n",
+        "case controller        J1 ms     J2 %     J3 %     J4 %     J5 %     J6 %     J7 %     J8 %     J9 %  delay ms command\n",
     );
-    let mut row = |case: usize, name: &str, found: &Criteria, note: &str| {
+    let mut row = |line: &Line, name: &str, found: &Criteria, note: &str| {
         let numbers: String = found
             .j
             .iter()
@@ -319,9 +364,13 @@ fn show(lines: &[Line], plants: u64) -> anyhow::Result<()> {
             format!("{:.3}", found.delay_ms)
         };
         text.push_str(&format!(
-            "{case:4} {name:16} {:7.3}{numbers} {delay:>9}{note}\n",
-            found.j[0]
+            "{:4} {name:16} {:7.3}{numbers} {delay:>9} {:7}{note}",
+            line.case,
+            found.j[0],
+            line.wiring.between_ticks().name()
         ));
+        text.truncate(text.trim_end().len());
+        text.push('\n');
     };
     for line in lines {
         let note = if line.saturated > 0 {
@@ -329,13 +378,30 @@ fn show(lines: &[Line], plants: u64) -> anyhow::Result<()> {
         } else {
             ""
         };
-        row(line.case, &line.controller, &line.criteria, note);
+        row(line, &line.controller, &line.criteria, note);
         if plants > 0 {
-            row(line.case, "  worst", &line.worst, "");
+            row(line, "  worst", &line.worst, "");
         }
     }
     answer(text.trim_end())?;
     Ok(())
+}
+
+fn as_document(args: &VrthsArgs, record_s: f64, lines: &[Line]) -> serde_json::Value {
+    let found: Vec<_> = lines.iter().map(as_json).collect();
+    json!({
+        "benchmark": "vrths",
+        "convention": "sample standard deviation; J8, J9 are peaks of floors 2 and 3",
+        "wiring": match args.wiring {
+            WiringArg::Benchmark => "benchmark",
+            WiringArg::InTick => "in_tick",
+        },
+        "noise": args.noise,
+        "quantisation": args.quantisation,
+        "plants": args.plants,
+        "record_s": record_s,
+        "lines": found,
+    })
 }
 
 fn as_json(line: &Line) -> serde_json::Value {
@@ -352,6 +418,7 @@ fn as_json(line: &Line) -> serde_json::Value {
     json!({
         "case": line.case,
         "controller": line.controller,
+        "between_ticks": line.wiring.between_ticks().name(),
         "criteria": numbers(&line.criteria),
         "worst": numbers(&line.worst),
         "ticks_at_force_limit": line.saturated,

@@ -10,10 +10,11 @@ use super::run::{load, method_name, refused};
 use super::spectrum::Spectrum;
 use super::table::Table;
 use super::{answer, stability, tell, warn};
-use crate::config::{self, ClockChoice, Facts, Stability, StructureFacts};
+use crate::config::{self, ClockChoice, Facts, Loaded, Stability, StructureFacts};
 use crate::integrate::Lambda;
 use crate::record::{Outcome, RecordedVerdict};
 use crate::session::Judged;
+use crate::transfer::BetweenTicks;
 use crate::units::{duration, quantity};
 
 /// Checks one test.
@@ -45,10 +46,11 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
     };
     warn(&judged.verdict.diagnostics(&loaded, true));
     if args.json {
-        let found = as_json(&judged, spectrum.as_ref(), certificate.as_ref());
+        let found = as_json(&loaded, &judged, spectrum.as_ref(), certificate.as_ref());
         answer(serde_json::to_string_pretty(&found)?)?;
     } else {
         answer(as_table(
+            &loaded,
             &judged,
             spectrum.as_ref(),
             certificate.as_ref(),
@@ -65,6 +67,7 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
 
 /// The verdict, then the test and its needs; with `verbose` everything that is known.
 fn as_table(
+    loaded: &Loaded,
     judged: &Judged,
     spectrum: Option<&Spectrum>,
     certificate: Option<&Certificate>,
@@ -84,6 +87,13 @@ fn as_table(
     } else {
         in_short(&mut table, facts, spectrum);
     }
+    for (name, between_ticks) in commands(loaded) {
+        let what = match between_ticks {
+            BetweenTicks::Ramped => "ramped: a straight line from tick to tick",
+            BetweenTicks::Held => "held over each tick, as a D/A converter does",
+        };
+        table.row(&format!("command, {name}"), what);
+    }
     if let Some(full) = &judged.rehearsed {
         rehearsed::tabulate(full, &mut table);
     }
@@ -97,6 +107,16 @@ fn as_table(
         );
     }
     table
+}
+
+/// Each simulated actuator that lags, with what its command does between two ticks.
+fn commands(loaded: &Loaded) -> impl Iterator<Item = (&str, BetweenTicks)> {
+    loaded.file.specimen.iter().filter_map(|table| {
+        let transfer = table.believed_transfer(1.0)?;
+        transfer
+            .lags()
+            .then_some((table.name.as_str(), transfer.between_ticks))
+    })
 }
 
 /// The verdict in a few words.
@@ -285,6 +305,7 @@ fn frequencies(table: &mut Table, facts: &Facts, structure: &StructureFacts) {
 }
 
 fn as_json(
+    loaded: &Loaded,
     judged: &Judged,
     spectrum: Option<&Spectrum>,
     certificate: Option<&Certificate>,
@@ -338,6 +359,9 @@ fn as_json(
         "ticks_per_step": facts.ticks_per_step,
         "structure": structure,
         "specimens": facts.specimens,
+        "commands": commands(loaded)
+            .map(|(name, between_ticks)| json!({"specimen": name, "between_ticks": between_ticks.name()}))
+            .collect::<Vec<_>>(),
         "rehearsal": full.map(rehearsed::as_json),
         "limits": facts.limits,
         "warnings": facts.warnings,

@@ -4,12 +4,12 @@ use std::path::Path;
 
 use anyhow::Context;
 
-use super::args::{ExportArgs, FormatArg, RateArg};
-use super::exit::Exit;
+use super::args::{DerivedArg, ExportArgs, FormatArg, RateArg};
+use super::exit::{Exit, WithExit};
 use super::tell;
 use crate::record::Run;
-use crate::record::export::{self, Choice, Format, Rows};
-use crate::session;
+use crate::record::export::{self, Choice, Extra, Format, Rows};
+use crate::session::{self, Derived};
 
 /// Writes a run in a form that other programs read.
 pub fn export(args: &ExportArgs) -> anyhow::Result<Exit> {
@@ -51,8 +51,9 @@ pub fn export(args: &ExportArgs) -> anyhow::Result<Exit> {
         "{} is inside of the run that it would copy",
         args.out.display()
     );
-    let exported =
-        export::export(&run, format, &choice, &args.out).context("the run cannot be exported")?;
+    let extra = extra(args, format, &run, choice.rows)?;
+    let exported = export::export(&run, format, &choice, &extra, &args.out)
+        .context("the run cannot be exported")?;
     // Units and names of what was exported stand in a file that anybody may have edited.
     if let Some(error) = session::altered(&run) {
         tell(format_args!("warning: {error}"));
@@ -66,4 +67,34 @@ pub fn export(args: &ExportArgs) -> anyhow::Result<Exit> {
         args.out.display()
     ));
     Ok(Exit::Done)
+}
+
+/// The columns and lines that were asked for beside those of every export.
+fn extra(args: &ExportArgs, format: Format, run: &Run, rows: Rows) -> anyhow::Result<Extra> {
+    let usage = |text: &str| Err(WithExit(Exit::Usage, text.to_owned()).into());
+    if format == Format::Trace && !args.with.is_empty() {
+        return usage("--with adds columns to a table, and a trace is none: use another --format");
+    }
+    if args.no_units_line && !matches!(format, Format::Csv | Format::DesignSafe) {
+        return usage(
+            "--no-units-line is for --format csv and designsafe: other formats have units beside the values",
+        );
+    }
+    let mut wanted: Vec<Derived> = Vec::new();
+    for one in &args.with {
+        let one = match one {
+            DerivedArg::AbsoluteAcceleration => Derived::AbsoluteAcceleration,
+            DerivedArg::StoreyDrift => Derived::StoreyDrift,
+            DerivedArg::StoreyShear => Derived::StoreyShear,
+        };
+        if !wanted.contains(&one) {
+            wanted.push(one);
+        }
+    }
+    let sums = session::derived(run, &wanted, rows)
+        .map_err(|error| WithExit(Exit::Usage, format!("--with: {error}")))?;
+    Ok(Extra {
+        sums,
+        units_line: !args.no_units_line,
+    })
 }

@@ -1,7 +1,9 @@
 //! Compensators: the command that makes a specimen stand where the structure asks, in spite of its actuator.
 //!
 //! One per axis, in m at the specimen. Each tick [`Compensator::observe`] hears the command in force and what was measured of
-//! it, then [`Compensator::predict`] makes the next command of the next target. Before the first target after
+//! it, then [`Compensator::predict`] makes the next command of the next target. A loop whose target and measurement are of the same
+//! tick takes the lead of the target first, observes it with the measurement, and regulates last: what learns has no loop of its
+//! own, so that its lead is its command. Before the first target after
 //! [`Compensator::reset`] the history holds that target as if it had always stood there, so that start-up is a hold and never
 //! an extrapolation from nothing. What adapts is bounded in value and in rate. No allocation after construction, no clock.
 //!

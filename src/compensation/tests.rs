@@ -72,6 +72,17 @@ fn everything_holds_the_first_target_and_what_does_not_learn_keeps_holding_it() 
 }
 
 #[test]
+fn the_lead_of_what_learns_is_its_command() {
+    for text in ALL {
+        let mut one = build(text);
+        one.reset(0.0);
+        let learns = one.bounds().iter().any(|(lower, upper)| lower < upper);
+        let same = one.regulate(2e-3) == 2e-3;
+        assert!(!learns || same, "{text}");
+    }
+}
+
+#[test]
 fn newton_the_inverse_and_the_polynomial_on_steps_are_the_same_numbers() {
     let delay = 0.0031;
     let pairs = [

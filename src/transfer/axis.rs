@@ -1,12 +1,12 @@
 //! One actuator: from the command of a tick to where the specimen stands at its end.
 //!
-//! Between commands lies a straight line, which the linear part follows exactly. Limits act at the ends of ticks. While test
+//! Between commands lies a straight line or the new command, which the linear part follows exactly. Limits act at the ends of ticks. While test
 //! time stands still nothing moves, except what follows its command at once.
 
 use super::delay::Delay;
 use super::exact::Ramped;
 use super::servo::{DISP, FORCE, STATES, Servo, VEL};
-use super::spec::{ActuatorSpec, FirstOrderSpec, SecondOrderSpec};
+use super::spec::{ActuatorSpec, BetweenTicks, FirstOrderSpec, SecondOrderSpec};
 
 /// A correction that falls by less than this a round does so slowly, or not at all.
 const SLOWLY: f64 = 0.25;
@@ -44,6 +44,8 @@ pub(super) struct Bounds {
 #[derive(Debug, Clone)]
 pub(super) struct Axis {
     delay: Delay,
+    /// What arrives of the commands between two ticks.
+    pub between_ticks: BetweenTicks,
     dynamics: Dynamics,
     bounds: Bounds,
     /// Tick that the dynamics are made for, in s; 0 before the first.
@@ -81,6 +83,7 @@ impl Axis {
         };
         Self {
             delay,
+            between_ticks: BetweenTicks::default(),
             dynamics,
             bounds,
             dt: 0.0,
@@ -152,7 +155,8 @@ impl Axis {
         let [drive, drive_vel] = self.delay.trial(self.command, dt);
         let before = self.committed;
         let mut now = State { drive, ..before };
-        let (start, end) = ([before.drive], [drive]);
+        let first = self.between_ticks.start(before.drive, drive);
+        let (start, end) = ([first], [drive]);
         self.saturated = false;
         self.stopped = false;
         match &self.dynamics {
@@ -184,7 +188,7 @@ impl Axis {
                     } else {
                         &servo.tick
                     };
-                    now.x = tick.step(&before.x, &[before.drive, held], &[drive, held]);
+                    now.x = tick.step(&before.x, &[first, held], &[drive, held]);
                 }
             }
         }

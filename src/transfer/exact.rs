@@ -1,4 +1,5 @@
-//! Linear systems over one tick, exactly, for inputs that ramp from the last tick's value to this one's.
+//! Linear systems over one tick, exactly, for inputs that ramp from one value to another. A held input has equal ends: that is the
+//! zero-order hold.
 //!
 //! With time counted in ticks and A, B scaled accordingly, the exponential of \[A B 0; 0 0 I; 0 0 0\] holds everything: the state
 //! transition, what a held input adds and what its ramp adds (first-order hold; Van Loan 1978). Accurate to roundoff.

@@ -1,8 +1,8 @@
 //! Transfer systems: what lies between a command and the motion of a specimen, and between its force and a reading.
 //!
 //! [`Transfer`] is a specimen round a specimen: delay, actuator, limits and sensors of every axis. It is the same object in
-//! process, behind a server and in a simulated link. Linear parts are exact for a command that ramps over the tick
-//! ([`exact`]). Before the first committed command the actuator stands at rest at the command; while test time stands still it
+//! process, behind a server and in a simulated link. Linear parts are exact for a command that ramps over the tick, and for one
+//! that is held ([`exact`]). Before the first committed command the actuator stands at rest at the command; while test time stands still it
 //! does not move. Nothing here depends on how often a trial was asked for. No clock, no input or output.
 
 mod axis;
@@ -25,8 +25,8 @@ use sensor::Sensor;
 pub use delay::LONGEST;
 pub use servo::servo_tick;
 pub use spec::{
-    ActuatorSpec, FirstOrderSpec, ProportionalSpec, SecondOrderSpec, ServoHydraulicSpec,
-    TransferSpec,
+    ActuatorSpec, BetweenTicks, FirstOrderSpec, ProportionalSpec, SecondOrderSpec,
+    ServoHydraulicSpec, TransferSpec,
 };
 
 use crate::law::Reach;
@@ -165,7 +165,9 @@ impl Transfer {
             }
             let delay = Delay::new(spec.delay_s, spec.entries(dt), dt);
             let actuator = spec.actuator.as_ref();
-            axes.push(Axis::new(delay, actuator, bounds, stiffness, damping));
+            let mut axis = Axis::new(delay, actuator, bounds, stiffness, damping);
+            axis.between_ticks = spec.between_ticks;
+            axes.push(axis);
         }
         let feels = axes.iter().any(Axis::feels_the_specimen);
         Ok(Self {

@@ -16,6 +16,8 @@ use super::{TransferError, delay};
 pub struct TransferSpec {
     /// Pure delay of the command in s, whole ticks or not.
     pub delay_s: f64,
+    /// What the command does from one tick to the next. A delay comes before it.
+    pub between_ticks: BetweenTicks,
     /// How the actuator follows. Default: at once.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub actuator: Option<ActuatorSpec>,
@@ -37,6 +39,50 @@ pub struct TransferSpec {
     /// False: an end of stroke, force or sensor range is not told, and the test goes on with what is measured there.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tell_saturation: Option<bool>,
+}
+
+/// What the command of an actuator does between two ticks. For an actuator without a lag, both are the same.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum BetweenTicks {
+    /// A straight line from the last command to the new one, which the actuator receives at the end of the tick.
+    #[default]
+    Ramped,
+    /// The new command over the whole tick, as a digital-to-analogue converter gives it. The actuator receives it half a tick
+    /// earlier than a ramp on average.
+    Held,
+}
+
+impl BetweenTicks {
+    /// The name in a test file.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Ramped => "ramped",
+            Self::Held => "held",
+        }
+    }
+
+    /// The input at the start of a tick that goes from the command `last` to the command `new`. Real-time: yes.
+    #[must_use]
+    pub const fn start(self, last: f64, new: f64) -> f64 {
+        match self {
+            Self::Ramped => last,
+            Self::Held => new,
+        }
+    }
+
+    /// The fundamental of a held command over the command at ω in rad/s, for ticks of `tick` s: e^{iωT/2} sin(ωT/2)/(ωT/2).
+    /// A ramp counts as the command itself: it differs by (ωT)²/12.
+    #[must_use]
+    pub fn response(self, omega: f64, tick: f64) -> Complex<f64> {
+        let half = 0.5 * omega * tick;
+        if self == Self::Ramped || half == 0.0 {
+            return Complex::new(1.0, 0.0);
+        }
+        let (sine, cosine) = libm::sincos(half);
+        Complex::new(cosine, sine) * (sine / half)
+    }
 }
 
 /// How an actuator follows its command.
@@ -205,18 +251,23 @@ impl TransferSpec {
         }
     }
 
-    /// True if it makes velocities of its own: an actuator that lags, or a limit of speed.
+    /// True if the actuator lags behind its command.
     #[must_use]
-    pub fn has_its_own_time(&self) -> bool {
-        let lags = match &self.actuator {
+    pub const fn lags(&self) -> bool {
+        match &self.actuator {
             None | Some(ActuatorSpec::Proportional(_)) => false,
             Some(
                 ActuatorSpec::FirstOrder(_)
                 | ActuatorSpec::SecondOrder(_)
                 | ActuatorSpec::ServoHydraulic(_),
             ) => true,
-        };
-        lags || self.rate_limit_m_per_s.is_some()
+        }
+    }
+
+    /// True if it makes velocities of its own: an actuator that lags, or a limit of speed.
+    #[must_use]
+    pub fn has_its_own_time(&self) -> bool {
+        self.lags() || self.rate_limit_m_per_s.is_some()
     }
 
     /// True if a sensor is noisy: no two seeds are the same.
@@ -240,8 +291,35 @@ impl TransferSpec {
         }
     }
 
+    /// [`TransferSpec::response`] for commands of `tick` seconds, with what a held command adds.
+    #[must_use]
+    pub fn response_to_ticks(
+        &self,
+        omega: f64,
+        stiffness: f64,
+        damping: f64,
+        tick: f64,
+    ) -> Complex<f64> {
+        let continuous = self.response(omega, stiffness, damping);
+        if self.lags() {
+            continuous * self.between_ticks.response(omega, tick)
+        } else {
+            continuous
+        }
+    }
+
+    /// Phase lag in s at ω in rad/s for commands of `tick` seconds. A held command leads by half a tick.
+    #[must_use]
+    pub fn lag_to_ticks(&self, omega: f64, stiffness: f64, damping: f64, tick: f64) -> f64 {
+        let lead = match self.between_ticks {
+            BetweenTicks::Held if self.lags() => 0.5 * tick,
+            BetweenTicks::Held | BetweenTicks::Ramped => 0.0,
+        };
+        self.lag(omega, stiffness, damping) - lead
+    }
+
     /// Measured over commanded displacement at ω in rad/s, without limits and sensors, for a specimen of `stiffness`
-    /// (N/m) and `damping` (N s/m).
+    /// (N/m) and `damping` (N s/m), and a command that is continuous in time.
     #[must_use]
     pub fn response(&self, omega: f64, stiffness: f64, damping: f64) -> Complex<f64> {
         let s = Complex::new(0.0, omega);

@@ -91,6 +91,65 @@ fn lags_follow_ramps_and_steps_as_their_formulas_say() {
 }
 
 #[test]
+fn a_held_command_is_a_step_at_the_start_of_each_tick() {
+    // First order: x = 1 − e^{−t/T} from the start of the first tick on, exactly.
+    let mut first = behind(
+        "between_ticks = \"held\"\nactuator.first_order = { time_constant_s = 0.02 }",
+        spring(1.0, 0.0),
+    );
+    let step = follow(&mut first, DT, 400, |t| f64::from(u8::from(t > 0.0)));
+    for (k, [x, _]) in step.iter().enumerate() {
+        let wanted = 1.0 - libm::exp(-(k as f64 + 1.0) * DT / 0.02);
+        assert!((x - wanted).abs() < 1e-13, "{k}: {x} {wanted}");
+    }
+    // After a delay of three ticks, the same three ticks later.
+    let mut late = behind(
+        &format!(
+            "between_ticks = \"held\"\ndelay_s = {:?}\nactuator.first_order = {{ time_constant_s = 0.02 }}",
+            3.0 * DT
+        ),
+        spring(1.0, 0.0),
+    );
+    let later = follow(&mut late, DT, 400, |t| f64::from(u8::from(t > 0.0)));
+    assert_eq!(later[3..], step[..397]);
+    // Without a lag there is nothing between two ticks.
+    let direct = |text: &str| {
+        let mut direct = behind(text, spring(1.0, 0.0));
+        follow(&mut direct, DT, 50, |t| libm::sin(300.0 * t))
+    };
+    assert_eq!(direct("between_ticks = \"held\""), direct(""));
+}
+
+#[test]
+fn the_plant_answers_a_held_sine_half_a_tick_earlier() {
+    let (hertz, k, c) = (3.6, 1.19e6, 114.22);
+    let omega = 2.0 * PI * hertz;
+    let text = "between_ticks = \"held\"\nactuator.servo_hydraulic = {}";
+    let mut plant = behind(text, spring(k, c));
+    let n = 40_960;
+    let out = follow(&mut plant, DT, n, |t| 1e-3 * libm::sin(omega * t));
+    let held = spec(text);
+    let expected = held.response_to_ticks(omega, k, c, DT);
+    for (i, [x, _]) in out.iter().enumerate().skip(n - 1200) {
+        let (s, cosine) = libm::sincos(omega * (i + 1) as f64 * DT);
+        let wanted = 1e-3 * (expected.re * s + expected.im * cosine);
+        // The aliases at 4096 Hz are what a plant of three poles more than zeros lets through: nothing of 1e-12 m.
+        assert!((x - wanted).abs() < 1e-12, "{x} {wanted}");
+    }
+    let lead = held.lag(omega, k, c) - held.lag_to_ticks(omega, k, c, DT);
+    assert!((lead - 0.5 * DT).abs() < 1e-15);
+    let ramped = spec("actuator.servo_hydraulic = {}");
+    assert_eq!(
+        ramped.response_to_ticks(omega, k, c, DT),
+        ramped.response(omega, k, c)
+    );
+    assert_eq!(
+        ramped.lag_to_ticks(omega, k, c, DT),
+        ramped.lag(omega, k, c)
+    );
+}
+
+#[test]
 fn the_benchmark_plant_has_its_published_lags_and_gains() {
     let plant = spec("actuator.servo_hydraulic = {}");
     let (k, c) = (1.19e6, 114.22);

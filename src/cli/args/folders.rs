@@ -36,7 +36,8 @@ pub(in crate::cli) struct ResetArgs {
 
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  gusset export runs/first --format csv --out first.csv\n  \
+    after_help = "Examples:\n  gusset export runs/first --format csv --out first.csv                        pandas.read_csv('first.csv', comment='#')\n  \
+    gusset export runs/first --with storey-drift,storey-shear --out storeys.csv\n  \
     gusset export runs/first --format mat --out first.mat                        load('first.mat')\n  \
     gusset export runs/first --format npz --rate tick --out first.npz            numpy.load('first.npz')\n  \
     gusset export runs/first --format trace --from 2 --to 2.5 --out first.json   opens in ui.perfetto.dev"
@@ -59,11 +60,27 @@ pub(in crate::cli) struct ExportArgs {
     /// Only up to this test time, in seconds.
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub to: Option<f64>,
+    /// Further columns, computed from the recorded ones; several are separated by commas. A trace has none.
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "WHAT")]
+    pub with: Vec<DerivedArg>,
+    /// Leave out the second line of a CSV, a comment with the units: `# units: time s,x1 m,…`.
+    #[arg(long)]
+    pub no_units_line: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(in crate::cli) enum DerivedArg {
+    /// `abs_a<dof>`: acceleration of each DOF against a point that rests.
+    AbsoluteAcceleration,
+    /// `drift<storey>`: displacement of each floor against the floor below.
+    StoreyDrift,
+    /// `shear<storey>`: force that each storey passes on, from the inertia of the floors above.
+    StoreyShear,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 pub(in crate::cli) enum FormatArg {
-    /// Comma-separated values, 17 significant digits; bit 262144 of `status_1` marks rows without a measurement of specimen 1.
+    /// Comma-separated values, 17 significant digits, names and units in the first two lines; bit 262144 of `status_1` marks rows without a measurement of specimen 1.
     Csv,
     /// NumPy archive, one array per column.
     Npz,

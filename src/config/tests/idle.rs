@@ -254,6 +254,13 @@ fn keys_of_a_specimen_that_need_another_are_told_of() {
         "specimen[0].transfer.tell_saturation",
         "nothing ends",
     );
+    let held = "specimen.0.transfer={delay_s=0.01,between_ticks=\"held\"}";
+    idle(
+        GOOD,
+        &[held],
+        "specimen[0].transfer.between_ticks",
+        "follows at once",
+    );
     let zero = "specimen.0.axis=[{zero_disp=\"relative\",offset_m=0.01}]";
     idle(
         LINKED,

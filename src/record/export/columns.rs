@@ -8,7 +8,7 @@
 use std::io;
 use std::ops::Range;
 
-use super::plan::{Choice, Exposed, Plan, Source};
+use super::plan::{Choice, Exposed, Plan, Source, Sum};
 use super::{ExportError, Exported};
 use crate::record::run::Run;
 
@@ -33,17 +33,18 @@ pub(super) struct Columns {
 
 impl Columns {
     /// Counts the rows; a run that goes on has more later, and those that were counted are taken.
-    pub fn new(run: &Run, choice: &Choice) -> Result<(Self, Exported), ExportError> {
-        Self::within(run, choice, MEMORY)
+    pub fn new(run: &Run, choice: &Choice, sums: &[Sum]) -> Result<(Self, Exported), ExportError> {
+        Self::within(run, choice, sums, MEMORY)
     }
 
     /// The same with another bound of memory.
     pub fn within(
         run: &Run,
         choice: &Choice,
+        sums: &[Sum],
         memory: u64,
     ) -> Result<(Self, Exported), ExportError> {
-        let plan = Plan::new(run.layout())?;
+        let plan = Plan::new(run.layout(), sums)?;
         let mut counting = run.journal()?;
         let rows = plan
             .walk(&mut counting, choice, u64::MAX, |_, _| Ok(()))
@@ -150,7 +151,7 @@ struct Block {
 impl Block {
     /// Of about so many bytes, but at least 16 rows deep and not deeper than `rows`.
     fn new(columns: &[Exposed], size: usize, rows: u64) -> Self {
-        let sources: Vec<Source> = columns.iter().map(|exposed| exposed.source).collect();
+        let sources: Vec<Source> = columns.iter().map(|c| c.source.clone()).collect();
         let fitting = (size / (8 * sources.len().max(1))).max(16);
         let depth = usize::try_from(rows).map_or(fitting, |rows| fitting.min(rows.max(1)));
         // An odd depth: columns a power of two apart would fight for the same lines of the cache.
@@ -177,9 +178,8 @@ impl Block {
         let at = self.rows;
         for (column, source) in slots.chunks_exact_mut(self.depth).zip(&self.sources) {
             let bits = match source {
-                Source::Place(place) => row.get(*place).copied().unwrap_or(f64::NAN).to_bits(),
                 Source::Sequence => sequence,
-                Source::Nothing => f64::NAN.to_bits(),
+                Source::Place(_) | Source::Sum(_) | Source::Nothing => source.value(row).to_bits(),
             };
             if let Some(slot) = column.get_mut(at) {
                 *slot = bits.to_le_bytes();

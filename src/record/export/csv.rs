@@ -1,21 +1,30 @@
-//! The response history as CSV: a header, then one line per row.
+//! The response history as CSV: a header, a comment line with the units, then one line per row.
 //!
-//! 17 significant digits, so that every double reads back to the same bits; what does not exist is empty. Pure data:
-//! no comment lines, no units.
+//! 17 significant digits, so that every double reads back to the same bits; what does not exist is empty. The units stand behind
+//! the header as `# units: time s,x1 m,…`: a reader that skips one line and then comments finds numbers, and one that takes names from
+//! the first line finds them. [`Extra::units_line`] leaves the line out.
 
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 use super::plan::{Choice, Exposed, Plan, Source, Trouble};
-use super::{ExportError, Exported};
+use super::{ExportError, Exported, Extra};
 use crate::record::atomic::AtomicFile;
 use crate::record::journal::Journal;
 use crate::record::run::Run;
 
 /// Writes the columns of the contract.
-pub(super) fn export(run: &Run, choice: &Choice, out: &Path) -> Result<Exported, ExportError> {
-    let plan = Plan::new(run.layout())?;
-    let sheet = Sheet::of(plan.contract());
+pub(super) fn export(
+    run: &Run,
+    choice: &Choice,
+    extra: &Extra,
+    out: &Path,
+) -> Result<Exported, ExportError> {
+    let plan = Plan::new(run.layout(), &extra.sums)?;
+    let mut sheet = Sheet::of(plan.contract());
+    if extra.units_line {
+        sheet = sheet.with_units(plan.contract());
+    }
     let failed = ExportError::write(out);
     let mut journal = run.journal()?;
     let mut file = BufWriter::with_capacity(1 << 17, AtomicFile::create(out).map_err(failed)?);
@@ -35,7 +44,7 @@ pub(super) fn write(
     choice: &Choice,
     out: &mut impl Write,
 ) -> Result<u64, Trouble> {
-    let mut line = Vec::with_capacity(26 * sheet.places.len());
+    let mut line = Vec::with_capacity(26 * sheet.sources.len());
     sheet.head(out).map_err(Trouble::Write)?;
     plan.walk(journal, choice, u64::MAX, |_, row| {
         sheet.line(row, &mut line)?;
@@ -46,27 +55,37 @@ pub(super) fn write(
 /// Which column of the row goes where.
 pub(super) struct Sheet {
     header: String,
-    /// One per column of the CSV; `None` where the samples have no such column.
-    places: Vec<Option<usize>>,
+    /// One per column of the CSV.
+    sources: Vec<Source>,
 }
 
 impl Sheet {
     pub fn of<'a>(columns: impl IntoIterator<Item = &'a Exposed>) -> Self {
-        let (mut header, mut places) = (String::new(), Vec::new());
+        let (mut header, mut sources) = (String::new(), Vec::new());
         for exposed in columns {
             header.push_str(&exposed.column.name);
             header.push(',');
-            places.push(match exposed.source {
-                Source::Place(place) => Some(place),
-                Source::Sequence | Source::Nothing => None,
-            });
+            sources.push(exposed.source.clone());
         }
         header.pop();
         header.push('\n');
-        Self { header, places }
+        Self { header, sources }
     }
 
-    /// Writes the line of names.
+    /// The same with a comment line that has name and unit of each of these columns.
+    pub fn with_units<'a>(mut self, columns: impl IntoIterator<Item = &'a Exposed>) -> Self {
+        let each = columns.into_iter().map(|Exposed { column, .. }| {
+            // A line break or comma of a foreign description would be another line or column.
+            let unit = column.unit.replace([',', '\n', '\r'], " ");
+            format!("{} {unit}", column.name)
+        });
+        let each: Vec<String> = each.collect();
+        self.header
+            .push_str(&format!("# units: {}\n", each.join(",")));
+        self
+    }
+
+    /// Writes the line of names, and that of units.
     pub fn head(&self, out: &mut impl Write) -> io::Result<()> {
         out.write_all(self.header.as_bytes())
     }
@@ -74,9 +93,9 @@ impl Sheet {
     /// The line of a row, without allocating once `line` has its size.
     pub fn line(&self, row: &[f64], line: &mut Vec<u8>) -> io::Result<()> {
         line.clear();
-        for place in &self.places {
-            let value = place.and_then(|place| row.get(place));
-            if let Some(value) = value.filter(|value| !value.is_nan()) {
+        for source in &self.sources {
+            let value = source.value(row);
+            if !value.is_nan() {
                 write!(line, "{value:.16e}")?;
             }
             line.push(b',');
@@ -90,6 +109,6 @@ impl Sheet {
 
     #[cfg(test)]
     pub fn width(&self) -> usize {
-        self.places.len()
+        self.sources.len()
     }
 }

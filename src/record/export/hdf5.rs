@@ -15,15 +15,20 @@ use hdf5_pure::{
 
 use super::columns::Columns;
 use super::plan::{Choice, Source};
-use super::{ExportError, Exported};
+use super::{ExportError, Exported, Extra};
 use crate::record::atomic::AtomicFile;
 use crate::record::run::Run;
 
 /// Writes all columns.
-pub(super) fn export(run: &Run, choice: &Choice, out: &Path) -> Result<Exported, ExportError> {
+pub(super) fn export(
+    run: &Run,
+    choice: &Choice,
+    extra: &Extra,
+    out: &Path,
+) -> Result<Exported, ExportError> {
     let failed = ExportError::write(out);
     let refused = |error: Error| failed(system(error));
-    let (mut columns, exported) = Columns::new(run, choice)?;
+    let (mut columns, exported) = Columns::new(run, choice, &extra.sums)?;
     let mut file = AtomicFile::create(out).map_err(failed)?;
     groups(&columns).finish_to(&mut file).map_err(refused)?;
 
@@ -41,7 +46,7 @@ pub(super) fn export(run: &Run, choice: &Choice, out: &Path) -> Result<Exported,
         };
         let kind = match exposed.source {
             Source::Sequence => make_i64_type(),
-            Source::Place(_) | Source::Nothing => make_f64_type(),
+            Source::Place(_) | Source::Sum(_) | Source::Nothing => make_f64_type(),
         };
         let column = &exposed.column;
         let group = if column.timing { "timing" } else { "samples" };

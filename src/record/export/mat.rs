@@ -13,14 +13,19 @@ use hdf5_pure::mat::{Block, DataProducer, InvalidNamePolicy, MatBuilder, MatErro
 use super::columns::Columns;
 use super::hdf5::system;
 use super::plan::{Choice, Source};
-use super::{ExportError, Exported};
+use super::{ExportError, Exported, Extra};
 use crate::record::atomic::AtomicFile;
 use crate::record::run::Run;
 
 const TEXTS: [&str; 3] = ["units", "meanings", "summary"];
 
 /// Writes all columns.
-pub(super) fn export(run: &Run, choice: &Choice, out: &Path) -> Result<Exported, ExportError> {
+pub(super) fn export(
+    run: &Run,
+    choice: &Choice,
+    extra: &Extra,
+    out: &Path,
+) -> Result<Exported, ExportError> {
     let failed = ExportError::write(out);
     let refused = |error: MatError| {
         failed(match error {
@@ -29,7 +34,7 @@ pub(super) fn export(run: &Run, choice: &Choice, out: &Path) -> Result<Exported,
             other => std::io::Error::other(other),
         })
     };
-    let (columns, exported) = Columns::new(run, choice)?;
+    let (columns, exported) = Columns::new(run, choice, &extra.sums)?;
     let summary = columns.text("summary.json");
     let names = columns.plan().names(&TEXTS);
     let described: Vec<_> = columns.plan().columns().to_vec();
@@ -51,7 +56,9 @@ pub(super) fn export(run: &Run, choice: &Choice, out: &Path) -> Result<Exported,
         });
         match exposed.source {
             Source::Sequence => file.write_blocks::<i64>(name, &[rows, 1], of),
-            Source::Place(_) | Source::Nothing => file.write_blocks::<f64>(name, &[rows, 1], of),
+            Source::Place(_) | Source::Sum(_) | Source::Nothing => {
+                file.write_blocks::<f64>(name, &[rows, 1], of)
+            }
         }
         .map_err(refused)?;
     }

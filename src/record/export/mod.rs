@@ -36,7 +36,7 @@ use super::run::Run;
 use super::threads::ThreadEnd;
 
 use plan::Plan;
-pub use plan::{Choice, Rows};
+pub use plan::{Choice, Rows, Sum};
 pub use trace::OnlyLoop;
 
 /// A form that other programs read.
@@ -56,12 +56,40 @@ pub enum Format {
     DesignSafe,
 }
 
+/// What a table has beside the recorded columns.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Extra {
+    /// Sums of recorded columns. A trace has none.
+    pub sums: Vec<Sum>,
+    /// Whether a CSV has a comment line with the units.
+    pub units_line: bool,
+}
+
+impl Default for Extra {
+    fn default() -> Self {
+        Self {
+            sums: Vec::new(),
+            units_line: true,
+        }
+    }
+}
+
 /// Why there is no export.
 #[derive(Debug, Error)]
 pub enum ExportError {
     /// The samples have no such column.
     #[error("the samples have no column {0:?}, which an export needs")]
     NoColumn(&'static str),
+    /// A sum needs a column that was not recorded.
+    #[error(
+        "column {name} needs {needs}, which was not recorded: [record] dofs says which DOFs a test records"
+    )]
+    NotRecorded {
+        /// The sum.
+        name: String,
+        /// The column that it needs.
+        needs: String,
+    },
     /// A trace is of the edges of a loop, and the samples know none.
     #[error(
         "there is no loop to draw a timeline of: the samples have no column {0:?}, as those of a served test have none"
@@ -257,22 +285,23 @@ pub fn export(
     run: &Run,
     format: Format,
     choice: &Choice,
+    extra: &Extra,
     out: &Path,
 ) -> Result<Exported, ExportError> {
     choice.check()?;
     match format {
-        Format::Csv => csv::export(run, choice, out),
-        Format::Npz => npz::export(run, choice, out),
+        Format::Csv => csv::export(run, choice, extra, out),
+        Format::Npz => npz::export(run, choice, extra, out),
         #[cfg(feature = "hdf5")]
-        Format::Mat => mat::export(run, choice, out),
+        Format::Mat => mat::export(run, choice, extra, out),
         #[cfg(feature = "hdf5")]
-        Format::Hdf5 => hdf5::export(run, choice, out),
+        Format::Hdf5 => hdf5::export(run, choice, extra, out),
         #[cfg(not(feature = "hdf5"))]
         Format::Mat => Err(without_hdf5(".mat")),
         #[cfg(not(feature = "hdf5"))]
         Format::Hdf5 => Err(without_hdf5("HDF5")),
         Format::Trace => trace::export(run, choice, out),
-        Format::DesignSafe => designsafe::export(run, choice, out),
+        Format::DesignSafe => designsafe::export(run, choice, extra, out),
     }
 }
 

@@ -12,21 +12,26 @@ use zip::{CompressionMethod, ZipWriter};
 
 use super::columns::Columns;
 use super::plan::{Choice, Source};
-use super::{ExportError, Exported};
+use super::{ExportError, Exported, Extra};
 use crate::record::atomic::AtomicFile;
 use crate::record::run::Run;
 
 const TEXTS: [&str; 4] = ["columns", "units", "meanings", "summary"];
 
 /// Writes all columns.
-pub(super) fn export(run: &Run, choice: &Choice, out: &Path) -> Result<Exported, ExportError> {
+pub(super) fn export(
+    run: &Run,
+    choice: &Choice,
+    extra: &Extra,
+    out: &Path,
+) -> Result<Exported, ExportError> {
     let failed = ExportError::write(out);
-    let (mut columns, exported) = Columns::new(run, choice)?;
+    let (mut columns, exported) = Columns::new(run, choice, &extra.sums)?;
     let mut archive = ZipWriter::new(AtomicFile::create(out).map_err(failed)?);
     let names = columns.plan().names(&TEXTS);
     let shape = format!("({},)", columns.rows());
     for (index, name) in names.iter().enumerate() {
-        let source = columns.plan().columns().get(index).map(|c| c.source);
+        let source = columns.plan().columns().get(index).map(|c| &c.source);
         let kind = match source {
             Some(Source::Sequence) => "<i8",
             _ => "<f8",

@@ -2,8 +2,8 @@
 //!
 //! Rows: from t = 0 the last tick of each step, or every tick. Columns: `time`; `x<dof>` of all recorded DOFs, then
 //! `v<dof>`, then `a<dof>`; then for each specimen s and axis j `target_s_j`, `cmd_s_j`, `meas_s_j`, `force_s_j`; then
-//! `status_s` of each specimen where it was recorded, which marks the rows whose measurement is none of that tick; a format that
-//! holds numbers as they are goes on with all other columns of the log and the sequence numbers of the rows. The columns are
+//! `status_s` of each specimen where it was recorded, which marks the rows whose measurement is none of that tick; then the motion
+//! of the `ground` of a structure, and the sums that were asked for. A format that holds numbers as they are goes on with all other columns of the log and the sequence numbers of the rows. The columns are
 //! found by name in `samples.json`.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -78,15 +78,46 @@ fn roundoff(time: f64) -> f64 {
     1e-12 * time.abs().min(f64::MAX)
 }
 
+/// A column that is a weighted sum of recorded ones.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sum {
+    /// Its name.
+    pub name: String,
+    /// Its unit.
+    pub unit: String,
+    /// What it is.
+    pub meaning: String,
+    /// Names of recorded columns, with their factors.
+    pub terms: Vec<(String, f64)>,
+}
+
 /// Where the values of an exported column come from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) enum Source {
     /// This place of the row.
     Place(usize),
+    /// The sum of these places, each times its factor.
+    Sum(Vec<(usize, f64)>),
     /// The number of the row.
     Sequence,
     /// Nowhere: it was not recorded.
     Nothing,
+}
+
+impl Source {
+    /// The number of this column in a row; not a number where there is none. The sequence number is no part of the row.
+    pub fn value(&self, row: &[f64]) -> f64 {
+        let at = |place: usize| row.get(place).copied().unwrap_or(f64::NAN);
+        match self {
+            Self::Place(place) => at(*place),
+            Self::Sum(terms) => {
+                let terms = terms.iter().map(|(place, factor)| factor * at(*place));
+                // The first term alone keeps its bits.
+                terms.reduce(|sum, term| sum + term).unwrap_or(f64::NAN)
+            }
+            Self::Sequence | Self::Nothing => f64::NAN,
+        }
+    }
 }
 
 /// A column as it is exported.
@@ -138,7 +169,7 @@ impl Trouble {
 }
 
 impl Plan {
-    pub fn new(layout: &Layout) -> Result<Self, ExportError> {
+    pub fn new(layout: &Layout, sums: &[Sum]) -> Result<Self, ExportError> {
         let need = |name| layout.index_of(name).ok_or(ExportError::NoColumn(name));
         let (step, time) = (need("step")?, need("time")?);
         let mut dofs: BTreeMap<u32, [Option<usize>; 3]> = BTreeMap::new();
@@ -167,7 +198,16 @@ impl Plan {
         for (specimen, place) in statuses {
             wanted.push((format!("status_{specimen}"), "1", Some(place)));
         }
-        let csv = wanted.len();
+        if !dofs.is_empty()
+            && let Some(place) = layout.index_of("ground")
+        {
+            wanted.push(("ground".to_owned(), "m/s2", Some(place)));
+        }
+        let sums = sums
+            .iter()
+            .map(|sum| exposed(layout, sum))
+            .collect::<Result<Vec<_>, _>>()?;
+        let csv = wanted.len() + sums.len();
         let taken: BTreeSet<usize> = wanted.iter().filter_map(|(_, _, place)| *place).collect();
         let contract = wanted.into_iter().map(|(name, unit, place)| {
             match place.and_then(|p| layout.columns().get(p)) {
@@ -188,6 +228,7 @@ impl Plan {
             "number of the row as the loop counted; a gap is rows that were lost",
         );
         let columns = contract
+            .chain(sums)
             .chain(others)
             .chain([(sequence, Source::Sequence)])
             .map(|(column, source)| Exposed { column, source })
@@ -299,6 +340,23 @@ impl Plan {
         }
         Ok(given)
     }
+}
+
+fn exposed(layout: &Layout, sum: &Sum) -> Result<(Column, Source), ExportError> {
+    let place = |name: &str| {
+        let needs = || ExportError::NotRecorded {
+            name: sum.name.clone(),
+            needs: name.to_owned(),
+        };
+        layout.index_of(name).ok_or_else(needs)
+    };
+    let terms = sum
+        .terms
+        .iter()
+        .map(|(name, factor)| Ok((place(name)?, *factor)))
+        .collect::<Result<Vec<_>, ExportError>>()?;
+    let column = column(sum.name.clone(), &sum.unit, &sum.meaning);
+    Ok((column, Source::Sum(terms)))
 }
 
 fn column(name: String, unit: &str, meaning: &str) -> Column {

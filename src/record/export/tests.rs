@@ -37,7 +37,11 @@ fn row(step: f64, sub_tick: f64, time: f64, x2: f64) -> Vec<f64> {
 }
 
 fn export_csv(run: &Run, rows: Rows, out: &Path) -> Result<Exported, ExportError> {
-    export(run, Format::Csv, &Choice::all(rows), out)
+    let extra = Extra {
+        units_line: false,
+        ..Extra::default()
+    };
+    export(run, Format::Csv, &Choice::all(rows), &extra, out)
 }
 
 fn exported(rows: &[Vec<f64>], which: Rows) -> (String, Exported) {
@@ -127,6 +131,58 @@ fn a_column_that_was_not_recorded_stays_empty_in_its_place() {
 }
 
 #[test]
+fn ground_and_sums_follow_what_was_recorded_with_a_line_of_units() {
+    let temp = tempfile::tempdir().unwrap();
+    let path = temp.path().join("run");
+    let names = ["step", "time", "ground", "x1", "v1", "a1", "x2", "v2", "a2"];
+    recorded(
+        &path,
+        &names,
+        &[&[0.0, 0.0, 8.0, 1.0, 2.0, 3.0, 1.5, 4.0, 5.0]],
+    );
+    let run = Run::open(&path).unwrap();
+    let sum = |name: &str, terms: &[(&str, f64)]| Sum {
+        name: name.to_owned(),
+        unit: "m".to_owned(),
+        meaning: "a sum".to_owned(),
+        terms: terms.iter().map(|(n, f)| ((*n).to_owned(), *f)).collect(),
+    };
+    let mut extra = Extra {
+        sums: vec![
+            sum("drift2", &[("x2", 1.0), ("x1", -1.0)]),
+            sum("abs_a1", &[("a1", 1.0), ("ground", 0.25)]),
+        ],
+        units_line: true,
+    };
+    let choice = Choice::all(Rows::Step);
+    let out = temp.path().join("out.csv");
+    export(&run, Format::Csv, &choice, &extra, &out).unwrap();
+    let text = std::fs::read_to_string(&out).unwrap();
+    let lines: Vec<&str> = text.lines().collect();
+    assert_eq!(lines[0], "time,x1,x2,v1,v2,a1,a2,ground,drift2,abs_a1");
+    let comment = lines[1].strip_prefix("# units: ").unwrap();
+    let named: Vec<&str> = comment.split(',').collect();
+    assert_eq!((named.len(), named[8]), (10, "drift2 m"));
+    let values: Vec<f64> = lines[2].split(',').map(|v| v.parse().unwrap()).collect();
+    assert_eq!(values[7..], [8.0, 0.5, 5.0]);
+    // The other formats have the same columns in the same order.
+    let (mut columns, _) = Columns::within(&run, &choice, &extra.sums, 1 << 20).unwrap();
+    let names: Vec<_> = columns
+        .plan()
+        .columns()
+        .iter()
+        .map(|c| c.column.name.clone())
+        .collect();
+    assert_eq!(names[..10].join(","), lines[0]);
+    assert_eq!(columns.take(9).unwrap(), 5.0_f64.to_le_bytes());
+    extra.sums.push(sum("drift3", &[("x3", 1.0)]));
+    assert!(matches!(
+        export(&run, Format::Csv, &choice, &extra, &out),
+        Err(ExportError::NotRecorded { name, needs }) if (&*name, &*needs) == ("drift3", "x3")
+    ));
+}
+
+#[test]
 fn what_is_wrong_with_a_run_is_said_and_what_is_right_is_exported() {
     let temp = tempfile::tempdir().unwrap();
     let path = temp.path().join("run");
@@ -172,7 +228,7 @@ fn an_export_that_fails_leaves_what_was_there() {
     assert_eq!(std::fs::read_to_string(&out).unwrap(), "old");
     assert_eq!(std::fs::read_dir(temp.path()).unwrap().count(), 2);
 
-    let plan = Plan::new(&crate::record::layout::tests::named(&NAMES)).unwrap();
+    let plan = Plan::new(&crate::record::layout::tests::named(&NAMES), &[]).unwrap();
     struct Full;
     impl Write for Full {
         fn write(&mut self, _: &[u8]) -> io::Result<usize> {
@@ -235,7 +291,7 @@ fn columns_are_those_of_the_rows_however_few_fit_into_memory() {
         to: None,
     };
     for memory in [0, 700_000, 1 << 30] {
-        let (mut columns, exported) = Columns::within(&run, &choice, memory).unwrap();
+        let (mut columns, exported) = Columns::within(&run, &choice, &[], memory).unwrap();
         assert_eq!((columns.rows(), exported.rows), (39_000, 39_000));
         let exposed: Vec<_> = columns.plan().columns().to_vec();
         assert_eq!(exposed.len(), 16);
@@ -265,7 +321,14 @@ fn without_the_feature_it_is_named_and_nothing_is_written() {
     let run = Run::open(&path).unwrap();
     let out = temp.path().join("out");
     for format in [Format::Mat, Format::Hdf5] {
-        let refused = export(&run, format, &Choice::all(Rows::Step), &out).unwrap_err();
+        let refused = export(
+            &run,
+            format,
+            &Choice::all(Rows::Step),
+            &Extra::default(),
+            &out,
+        )
+        .unwrap_err();
         assert!(refused.to_string().contains("--features hdf5"), "{refused}");
         assert!(!out.exists());
     }
@@ -273,7 +336,7 @@ fn without_the_feature_it_is_named_and_nothing_is_written() {
 
 #[test]
 fn a_line_is_made_without_allocation() {
-    let plan = Plan::new(&crate::record::layout::tests::named(&NAMES)).unwrap();
+    let plan = Plan::new(&crate::record::layout::tests::named(&NAMES), &[]).unwrap();
     let values = row(1.0, 0.0, -1.2345678901234567e-300, f64::MAX);
     let sheet = Sheet::of(plan.contract());
     let mut line = Vec::with_capacity(26 * sheet.width());
@@ -285,7 +348,7 @@ proptest! {
     #[test]
     fn every_number_reads_back_to_the_same_bits(bits in any::<u64>()) {
         let value = f64::from_bits(bits);
-        let plan = Plan::new(&crate::record::layout::tests::named(&["step", "time", "x1"])).unwrap();
+        let plan = Plan::new(&crate::record::layout::tests::named(&["step", "time", "x1"]), &[]).unwrap();
         let mut line = Vec::new();
         Sheet::of(plan.contract()).line(&[0.0, 0.0, value], &mut line).unwrap();
         let text = std::str::from_utf8(&line).unwrap();

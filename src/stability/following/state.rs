@@ -66,7 +66,7 @@ impl Follows<'_> {
             Some(spec) => spec.response(omega, self.tick)?,
         };
         let (k, c) = of_axis(system, axis);
-        Some(lead * self.transfer.response(omega, k, c))
+        Some(lead * self.transfer.response_to_ticks(omega, k, c, self.tick))
     }
 
     /// What is left of the lag of an axis at ω in rad/s, s.
@@ -95,7 +95,8 @@ impl State {
     /// Of a system of one axis.
     pub fn of(system: &Delayed, follows: Follows<'_>) -> Self {
         let (k, c) = of_axis(system, 0);
-        let bears = Bears::of(system, |omega| follows.transfer.lag(omega, k, c));
+        let lag = |omega| follows.transfer.lag_to_ticks(omega, k, c, follows.tick);
+        let bears = Bears::of(system, lag);
         let left = match bears {
             Bears::LessThan { omega, .. } => follows.left(omega, system, 0),
             _ => None,

@@ -9,7 +9,7 @@ use crate::control::limits::LimitsSpec;
 use crate::law::Reach;
 use crate::link::LinkSpec;
 use crate::link::spec::{Carrier, CommandPace, LinkCoupling, Protocol, StaleChoice};
-use crate::transfer::TransferSpec;
+use crate::transfer::{BetweenTicks, TransferSpec};
 
 /// One specimen; `safety` is that of the test, and absent where the file is only served.
 pub(in crate::config::check) fn check_idle_specimen(
@@ -69,6 +69,12 @@ fn check_transfer(spec: &TransferSpec, at: &KeyPath, findings: &mut Findings) {
         "seed",
         spec.seed != 0 && !spec.is_noisy(),
         "no sensor is noisy",
+    );
+    findings.idle(
+        at,
+        "between_ticks",
+        spec.between_ticks == BetweenTicks::Held && !spec.lags(),
+        "the actuator follows at once: no `actuator` with a lag",
     );
     let ends = [
         spec.stroke_m,

@@ -28,7 +28,7 @@ use test::{Test, is_of_dof, is_of_specimen};
 
 use super::csv::Sheet;
 use super::plan::{Choice, Exposed, Plan};
-use super::{ExportError, Exported};
+use super::{ExportError, Exported, Extra};
 use crate::record::atomic;
 use crate::record::run::Run;
 
@@ -47,12 +47,17 @@ const READERS: [(&str, &str); 2] = [
 const COMPUTED: [&str; 4] = ["time", "structure", "integrator", "excitation"];
 
 /// Makes the folder, which must not be there.
-pub(super) fn export(run: &Run, choice: &Choice, out: &Path) -> Result<Exported, ExportError> {
+pub(super) fn export(
+    run: &Run,
+    choice: &Choice,
+    extra: &Extra,
+    out: &Path,
+) -> Result<Exported, ExportError> {
     let failed = ExportError::write(out);
     if out.symlink_metadata().is_ok() {
         return Err(ExportError::Occupied(out.to_owned()));
     }
-    let plan = Plan::new(run.layout())?;
+    let plan = Plan::new(run.layout(), &extra.sums)?;
     let staging = Staging::beside(out).map_err(failed)?;
     let test = Test::read(run);
     let mut project = Project {
@@ -66,7 +71,12 @@ pub(super) fn export(run: &Run, choice: &Choice, out: &Path) -> Result<Exported,
     let mut sheets = Vec::new();
     for (path, columns) in sheets_of(&plan, &test) {
         let file = BufWriter::new(project.create(&path).map_err(failed)?);
-        sheets.push((Sheet::of(columns), file));
+        let sheet = if extra.units_line {
+            Sheet::of(columns.iter().copied()).with_units(columns)
+        } else {
+            Sheet::of(columns)
+        };
+        sheets.push((sheet, file));
     }
     for (sheet, file) in &mut sheets {
         sheet.head(file).map_err(failed)?;

@@ -52,7 +52,7 @@ const OTHERS: u16 = 10;
 /// Writes the ticks of the window.
 pub(super) fn export(run: &Run, choice: &Choice, out: &Path) -> Result<Exported, ExportError> {
     let failed = ExportError::write(out);
-    let plan = Plan::new(run.layout())?;
+    let plan = Plan::new(run.layout(), &[])?;
     let stamps = Stamps::find(run.layout(), plan.time())?;
     let choice = Choice {
         rows: Rows::Tick,

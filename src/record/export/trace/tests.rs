@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 
 use crate::record::Run;
-use crate::record::export::{Choice, Exported, Format, Notice, OnlyLoop, Rows, export};
+use crate::record::export::{Choice, Exported, Extra, Format, Notice, OnlyLoop, Rows, export};
 use crate::record::folder::tests::recorded;
 use crate::record::summary::ClockKind;
 use crate::record::summary::tests::example;
@@ -115,7 +115,7 @@ fn traced(home: &Home, from: Option<f64>, to: Option<f64>) -> (Value, Exported) 
         ..Choice::all(Rows::Tick)
     };
     let run = Run::open(&home.run).unwrap();
-    let exported = export(&run, Format::Trace, &choice, &home.out).unwrap();
+    let exported = export(&run, Format::Trace, &choice, &Extra::default(), &home.out).unwrap();
     let text = std::fs::read_to_string(&home.out).unwrap();
     (serde_json::from_str(&text).unwrap(), exported)
 }

@@ -1,0 +1,256 @@
+//! Columns that follow from the recorded ones: absolute acceleration, storey drift and storey shear, as sums for an export.
+//!
+//! | columns | sum | needs |
+//! |---|---|---|
+//! | `abs_a<dof>` | a + ι a_g | a motion of the ground |
+//! | `drift<storey>` | x of the floor − x of the floor below | storeys |
+//! | `shear<storey>` | − Σ m (a + ι a_g) of the floors above | a shear building |
+//!
+//! Where the base is displaced, coordinates are absolute: a is absolute, and the floor below the first storey is the base. The shear
+//! comes from the inertia of the floors, so that it holds restoring and damping forces, and those of the specimens. It is positive
+//! where it resists a positive drift.
+
+use thiserror::Error;
+
+use crate::config::{self, ConfigError, TestFile, Weighting};
+use crate::model::{BuildError, StructureSpec};
+use crate::record::Run;
+use crate::record::export::{Rows, Sum};
+
+/// What follows from recorded columns.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Derived {
+    /// Acceleration against a point that rests.
+    AbsoluteAcceleration,
+    /// Displacement of a floor against the floor below.
+    StoreyDrift,
+    /// Force that a storey passes to the floor below.
+    StoreyShear,
+}
+
+/// Why there are no such columns.
+#[derive(Debug, Error)]
+pub enum DerivedError {
+    /// The configuration of the run cannot be read again.
+    #[error("resolved.toml of the run cannot be read again: {0}")]
+    Config(#[from] ConfigError),
+    /// The test has no structure.
+    #[error("the test has no [structure], so it has no {0}")]
+    NoStructure(&'static str),
+    /// Nothing moves the ground.
+    #[error(
+        "the ground does not move: without [excitation.ground_acceleration] and [excitation.base_displacement] the columns a1, a2 … \
+         are absolute"
+    )]
+    NoGround,
+    /// The structure has no storeys.
+    #[error("[structure.{0}] has no storeys: storey drift is of a shear_building or a chain")]
+    NoStoreys(&'static str),
+    /// Only a shear building has floors with their masses.
+    #[error("[structure.{0}] has no floors: storey shear is of a shear_building")]
+    NoFloors(&'static str),
+    /// A force that is not recorded acts on the floors.
+    #[error(
+        "storey shear is the inertia of the floors above, and `{0}` adds forces to them that are not recorded: take the drift instead"
+    )]
+    OtherForces(&'static str),
+    /// A specimen's measured force holds inertia.
+    #[error(
+        "storey shear needs the whole mass of each floor, and a part of it is in the force of specimen {name:?} \
+         (`mass_in_force_kg`): take the drift instead"
+    )]
+    MassInForce {
+        /// Name of the specimen.
+        name: String,
+    },
+    /// The recorded acceleration is not that of equilibrium.
+    #[error(
+        "storey shear needs the acceleration of equilibrium, and `integrator.weighting` \"state\" records another: take the drift \
+         instead"
+    )]
+    OwnAcceleration,
+    /// The ground moves within a step, and the acceleration does not.
+    #[error(
+        "with several ticks per step (`time.ticks_per_step`), accelerations are those of the step's end: take --rate step"
+    )]
+    BetweenSteps,
+}
+
+/// The columns that are wanted, of the configuration in the folder of a run.
+///
+/// # Errors
+/// [`DerivedError`].
+pub fn derived(run: &Run, wanted: &[Derived], rows: Rows) -> Result<Vec<Sum>, DerivedError> {
+    if wanted.is_empty() {
+        return Ok(Vec::new());
+    }
+    let loaded = config::load(&run.path().join("resolved.toml"), &[])?;
+    let test = Described::of(&loaded.file, run)?;
+    let mut sums = Vec::new();
+    for kind in wanted {
+        let is_between = rows == Rows::Tick && loaded.file.time.ticks_per_step > 1;
+        if is_between && *kind != Derived::StoreyDrift {
+            return Err(DerivedError::BetweenSteps);
+        }
+        match kind {
+            Derived::AbsoluteAcceleration => test.accelerations(&mut sums)?,
+            Derived::StoreyDrift => test.drifts(&mut sums)?,
+            Derived::StoreyShear => test.shears(&mut sums)?,
+        }
+    }
+    Ok(sums)
+}
+
+/// What of a test says how its columns hang together.
+struct Described<'a> {
+    file: &'a TestFile,
+    run: &'a Run,
+    kind: &'static str,
+    structure: &'a StructureSpec,
+}
+
+impl<'a> Described<'a> {
+    fn of(file: &'a TestFile, run: &'a Run) -> Result<Self, DerivedError> {
+        let kinds = file.structure.as_ref().map(|table| table.kinds());
+        let first = kinds.and_then(|kinds| kinds.first().copied());
+        let (kind, structure) = first.ok_or(DerivedError::NoStructure("columns of floors"))?;
+        Ok(Self {
+            file,
+            run,
+            kind,
+            structure,
+        })
+    }
+
+    fn has_base(&self) -> bool {
+        self.file.excitation.base_displacement.is_some()
+    }
+
+    /// ι of a DOF from 0; zero where the recorded motion is absolute.
+    fn influence(&self, dof: usize) -> f64 {
+        let Some(ground) = &self.file.excitation.ground_acceleration else {
+            return 0.0;
+        };
+        let own = match self.structure {
+            StructureSpec::Matrices(matrices) => matrices.influence.as_ref(),
+            StructureSpec::ShearBuilding(_) | StructureSpec::Chain(_) => None,
+        };
+        let given = ground.influence.as_ref().or(own);
+        given.map_or(1.0, |iota| iota.get(dof).copied().unwrap_or(0.0))
+    }
+
+    /// The absolute acceleration of a DOF from 0, times a factor.
+    fn accel(&self, dof: usize, factor: f64, terms: &mut Vec<(String, f64)>) {
+        terms.push((format!("a{}", dof + 1), factor));
+        let iota = self.influence(dof);
+        if iota != 0.0 {
+            terms.push(("ground".to_owned(), factor * iota));
+        }
+    }
+
+    fn accelerations(&self, sums: &mut Vec<Sum>) -> Result<(), DerivedError> {
+        let excitation = &self.file.excitation;
+        if excitation.ground_acceleration.is_none() && !self.has_base() {
+            return Err(DerivedError::NoGround);
+        }
+        for column in self.run.layout().columns() {
+            let number = column.name.strip_prefix('a');
+            let dof = number.and_then(|number| number.parse::<usize>().ok());
+            let Some(dof) = dof.and_then(|dof| dof.checked_sub(1)) else {
+                continue;
+            };
+            let mut terms = Vec::new();
+            self.accel(dof, 1.0, &mut terms);
+            let also = if self.has_base() {
+                ", which is the recorded one: the base is displaced"
+            } else {
+                ""
+            };
+            sums.push(Sum {
+                name: format!("abs_a{}", dof + 1),
+                unit: column.unit.clone(),
+                meaning: format!("absolute acceleration of DOF {}{also}", dof + 1),
+                terms,
+            });
+        }
+        Ok(())
+    }
+
+    fn drifts(&self, sums: &mut Vec<Sum>) -> Result<(), DerivedError> {
+        for storey in 1.. {
+            let row = match self.structure.storey_row(storey) {
+                Ok(row) => row,
+                Err(BuildError::NoSuchStorey { .. }) => break,
+                Err(_) => return Err(DerivedError::NoStoreys(self.kind)),
+            };
+            // The upper floor first, as a difference is read.
+            let each = row.iter().rev();
+            let mut terms: Vec<(String, f64)> = each
+                .map(|(dof, factor)| (format!("x{}", dof + 1), *factor))
+                .collect();
+            if storey == 1 && self.has_base() {
+                terms.push(("ground".to_owned(), -1.0));
+            }
+            sums.push(Sum {
+                name: format!("drift{storey}"),
+                unit: "m".to_owned(),
+                meaning: format!("drift of storey {storey}"),
+                terms,
+            });
+        }
+        Ok(())
+    }
+
+    fn shears(&self, sums: &mut Vec<Sum>) -> Result<(), DerivedError> {
+        let StructureSpec::ShearBuilding(building) = self.structure else {
+            return Err(DerivedError::NoFloors(self.kind));
+        };
+        self.check_forces()?;
+        let floors = building.mass_kg.len();
+        for storey in 1..=floors {
+            let mut terms = Vec::new();
+            for (floor, mass) in building.mass_kg.iter().enumerate().skip(storey - 1) {
+                self.accel(floor, -mass, &mut terms);
+            }
+            sums.push(Sum {
+                name: format!("shear{storey}"),
+                unit: "N".to_owned(),
+                meaning: format!("shear of storey {storey}, from the inertia of the floors above"),
+                terms,
+            });
+        }
+        Ok(())
+    }
+
+    /// The inertia of the floors is all that the storeys carry.
+    fn check_forces(&self) -> Result<(), DerivedError> {
+        let excitation = &self.file.excitation;
+        let structure = self.file.structure.as_ref();
+        for (key, is_given) in [
+            ("excitation.nodal_force", !excitation.nodal_force.is_empty()),
+            ("excitation.nodal_table", excitation.nodal_table.is_some()),
+            (
+                "structure.static_load_n",
+                structure.is_some_and(|table| table.static_load_n.is_some()),
+            ),
+            (
+                "structure.gravity",
+                structure.is_some_and(|table| table.gravity.is_some()),
+            ),
+        ] {
+            if is_given {
+                return Err(DerivedError::OtherForces(key));
+            }
+        }
+        let mut specimens = self.file.specimen.iter();
+        if let Some(heavy) = specimens.find(|specimen| specimen.mass_in_force_kg != 0.0) {
+            return Err(DerivedError::MassInForce {
+                name: heavy.name.clone(),
+            });
+        }
+        if self.file.integrator.weighting == Some(Weighting::State) {
+            return Err(DerivedError::OwnAcceleration);
+        }
+        Ok(())
+    }
+}
