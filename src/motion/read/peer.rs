@@ -411,7 +411,6 @@ mod tests {
             ("NPTS = 6\nDT = .0050 SEC", 0.005),
             ("    6   .00500", 0.005),
         ] {
-
             let record = read(fourth, VALUES).unwrap();
             assert_eq!(record.dt, dt, "{fourth}");
             assert_eq!(record.values, FIRST_SIX, "{fourth}");
