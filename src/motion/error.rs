@@ -123,7 +123,7 @@ pub enum MotionError {
         line: usize,
         /// What announces the count, as the header calls it.
         key: &'static str,
-        /// What the header says.
+        /// The count of the header.
         announced: usize,
         /// How many there are.
         found: usize,

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `knet` | K-NET and KiK-net (Japan), ASCII: 17 header lines, counts times the scale factor |
 //! | `cosmos` | COSMOS V1 and V2: headers of integers and reals, one or more channels |
-//! | `csmip` | CSMIP, CDMG and USC (California) V1 and V2: acceleration, velocity, displacement of each channel |
+//! | `csmip` | CSMIP and CDMG (California) V1 and V2: acceleration, velocity, displacement of each channel |
 //! | `renadic` | RENADIC (Chile): pairs of time and acceleration in g/10 |
 //! | `esm` | ESM, ITACA and AFAD (Europe, Italy, Türkiye), ASCII: `KEY: value` lines, then one value a line |
 //! | `geonet` | GeoNet (New Zealand) V1A and V2A: three components in mm/s² |
@@ -31,12 +31,12 @@ mod smc;
 mod tests;
 
 use super::peer::chosen_step;
-use super::text::shorten_to;
+use super::text::{lines, shorten_to};
 use super::{Column, ReadOptions, Record, RecordFormat};
 use crate::motion::error::{MotionError, all_finite, positive};
 use crate::motion::unit::{Quantity, Unit};
-use lines::Lines;
 
+use self::lines::Lines;
 pub(super) use binary::refuse as refuse_binary;
 
 /// One component of a recording.
@@ -62,16 +62,18 @@ struct Recording {
     warnings: Vec<String>,
 }
 
-/// The format whose marks stand in the first lines of a file, if one of these formats has them.
+/// The format whose marks the first lines of a file contain, if they are those of one of these formats.
 pub(super) fn detect(start: &str) -> Option<RecordFormat> {
-    let first: Vec<String> = start
-        .lines()
+    // A byte-order mark and blank lines may precede the first line.
+    let start = start.trim_start_matches('\u{feff}').trim_start();
+    let all = || lines(start).map(|(_, line)| line);
+    let first: Vec<String> = all()
         .take(12)
         .map(|line| line.trim().to_ascii_uppercase())
         .collect();
     let line = |at: usize| first.get(at).map_or("", String::as_str);
     let any = |mark: &str| first.iter().any(|line| line.contains(mark));
-    let is_labelled = |key: &str| start.lines().any(|line| line.starts_with(key));
+    let is_labelled = |key: &str| all().any(|line| line.starts_with(key));
     if line(0).starts_with("ORIGIN TIME") && any("STATION CODE") {
         return Some(RecordFormat::Knet);
     }
@@ -104,8 +106,7 @@ pub(super) fn detect(start: &str) -> Option<RecordFormat> {
     if any("ARCHIVO ESTANDAR DE ACELERACION") {
         return Some(RecordFormat::Unam);
     }
-    start
-        .lines()
+    all()
         .any(columns::is_bbp_heading)
         .then_some(RecordFormat::Bbp)
 }

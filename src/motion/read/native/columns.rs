@@ -46,12 +46,13 @@ pub(super) fn nsmn(lines: &mut Lines<'_>) -> Result<Recording, MotionError> {
     let (mut points, mut dt) = (None, None);
     let mut title = "";
     while let Some(line) = header_line(lines)? {
-        let value = line.split_once(':').map_or("", |(_, value)| value.trim());
-        if line.starts_with("NUMBER OF DATA") {
+        let (key, value) = line.split_once(':').unwrap_or((line, ""));
+        let (key, value) = (key.to_ascii_uppercase(), value.trim());
+        if key.starts_with("NUMBER OF DATA") {
             points = leading_number(value);
-        } else if line.starts_with("SAMPLING INTERVAL") {
+        } else if key.starts_with("SAMPLING INTERVAL") {
             dt = leading_number(value).filter(|dt| *dt > 0.0);
-        } else if line.starts_with("STATION ID") {
+        } else if key.starts_with("STATION ID") {
             title = value;
         }
     }
@@ -125,9 +126,10 @@ pub(super) fn cwa(lines: &mut Lines<'_>) -> Result<Recording, MotionError> {
         return Err(lines.refuse("a column of times at the stated rate", &found));
     }
     let announced = length.map(|length| (length * rate).round());
-    // Some records have the last instant, others end one step before it.
+    // Some records have the last instant, too.
+    let found = times.len() as f64;
     if let Some(announced) = announced
-        && (announced - times.len() as f64).abs() > 1.0
+        && !(announced..=announced + 1.0).contains(&found)
     {
         let announced = lines.points(announced, "a positive #RecordLength")?;
         return Err(lines.count("#RecordLength × #SampleRate", announced, times.len()));

@@ -8,7 +8,7 @@
 use super::lines::{BlockEnd, Lines, field_width, leading_number, number_after};
 use super::{Channel, Recording};
 use crate::motion::error::MotionError;
-use crate::motion::unit::Unit;
+use crate::motion::unit::{Quantity, Unit};
 
 const FORMAT: &str = "COSMOS";
 /// Text lines that a header may have.
@@ -61,13 +61,22 @@ fn channel(lines: &mut Lines<'_>, recording: &mut Recording) -> Result<(), Motio
     let reals = header_block(lines, "REAL", "the real header")?;
     comments(lines, &mut head)?;
     let known = |at: usize| reals.get(at).copied().filter(|value| *value != unknown);
-    series(lines, &mut head, integers.get(2).copied())?;
+    let is_ended = series(lines, &mut head, integers.get(2).copied())?;
     let (step_ms, length) = (known(61), known(62));
     head.dt = step_ms.map(|ms| ms / 1000.0).or(known(33));
+    if let Some(dt) = head.dt.filter(|dt| *dt <= 0.0) {
+        return Err(lines.refuse("a positive step as real 62 of the header", &dt.to_string()));
+    }
     check_length(lines, &head, length)?;
     head.stated_peak = known(63);
     if head.name.is_empty() {
         head.name = format!("Chan {}", recording.channels.len() + 1);
+    }
+    if !is_ended {
+        recording.warnings.push(format!(
+            "{}: the line End-of-data of {} is missing: its last value may be cut off",
+            lines.file, head.name
+        ));
     }
     recording.channels.push(head);
     Ok(())
@@ -120,14 +129,18 @@ fn comments(lines: &mut Lines<'_>, head: &mut Channel) -> Result<(), MotionError
     Ok(())
 }
 
-/// The line that announces the series, the values, and the line that ends them.
-fn series(lines: &mut Lines<'_>, head: &mut Channel, code: Option<f64>) -> Result<(), MotionError> {
+/// The line that announces the series, and the values. True if a line `End-of-data` ends them.
+fn series(
+    lines: &mut Lines<'_>,
+    head: &mut Channel,
+    code: Option<f64>,
+) -> Result<bool, MotionError> {
     const WANTED: &str = "a line such as `1000 acceleration pts, …, units=g (02)Format=(8f9.6)`";
     let line = lines.expect(WANTED)?;
     let upper = line.to_ascii_uppercase();
     let count = leading_number(line).filter(|_| upper.contains("PTS"));
     let points = lines.points(count.ok_or_else(|| lines.refuse(WANTED, line))?, WANTED)?;
-    // The code of the announcement; older files have it in the integer header alone.
+    // The announcement repeats the code of the integer header; some files omit it.
     let (before, format) = match upper.find("FORMAT") {
         Some(at) => line.split_at(at),
         None => (line, ""),
@@ -158,8 +171,8 @@ fn series(lines: &mut Lines<'_>, head: &mut Channel, code: Option<f64>) -> Resul
         _ => return Err(lines.unsupported(FORMAT, "its physical units measure no translation")),
     };
     let kind = match head.unit.map(Unit::quantity) {
-        Some(crate::motion::unit::Quantity::Velocity) => " velocity",
-        Some(crate::motion::unit::Quantity::Displacement) => " displacement",
+        Some(Quantity::Velocity) => " velocity",
+        Some(Quantity::Displacement) => " displacement",
         _ => "",
     };
     head.name.push_str(kind);
@@ -170,10 +183,11 @@ fn series(lines: &mut Lines<'_>, head: &mut Channel, code: Option<f64>) -> Resul
     head.values = lines.values(points, "the line with `pts`", width, BlockEnd::Text)?;
     head.values.iter_mut().for_each(|value| *value *= factor);
     let is_end = |line: &str| line.to_ascii_uppercase().starts_with("END");
-    if lines.peek().is_some_and(is_end) {
+    let is_ended = lines.peek().is_some_and(is_end);
+    if is_ended {
         lines.next();
     }
-    Ok(())
+    Ok(is_ended)
 }
 
 /// The length of the header must be the count times the step, or one step less.

@@ -1,4 +1,4 @@
-//! CSMIP, CDMG, USC (California) and RENADIC (Chile): volumes V1 and V2 of the tape layout of the 1970s.
+//! CSMIP and CDMG (California), and RENADIC (Chile): volumes V1 and V2 of the tape layout of the 1970s.
 //!
 //! Text lines, then 100 integers and 50 or 100 reals, then blocks of values:
 //!
@@ -31,7 +31,7 @@ pub(super) fn is_first_line(upper: &str) -> bool {
         || upper.starts_with("RESPONSE AND FOURIER AMPLITUDE SPECTRA")
 }
 
-/// What the text lines of one channel say.
+/// Content of the text lines of one channel.
 #[derive(Default)]
 struct Head {
     is_corrected: bool,
@@ -136,7 +136,9 @@ fn announced(
 ) -> Result<(), MotionError> {
     let count = leading_number(line).ok_or_else(|| lines.refuse(ANNOUNCEMENT, line))?;
     let points = lines.points(count, ANNOUNCEMENT)?;
-    let dt = lines.number_after(line, "SPACED AT", "a time step behind `spaced at`")?;
+    let dt = number_after(line, "SPACED AT")
+        .filter(|dt| *dt > 0.0)
+        .ok_or_else(|| lines.refuse("a positive time step behind `spaced at`", line))?;
     let upper = line.to_ascii_uppercase();
     let unit = upper
         .split_once("UNITS:")

@@ -1,7 +1,7 @@
 //! GeoNet (GNS Science, New Zealand) V1A and V2A: three components, one after the other.
 //!
 //! Each has 16 text lines, 4 lines of ten integers and 6 of ten reals in fields of 8 characters, then the values,
-//! ten to the line: accelerations in mm/s², and in V2A velocities in mm/s and displacements in mm. Counts stand in the
+//! ten to the line: accelerations in mm/s², and in V2A velocities in mm/s and displacements in mm. The counts are in the
 //! fourth line of integers (the first of V1A, the fourth to sixth of V2A), the step in the third line of reals.
 
 use super::lines::{BlockEnd, Lines, is_text, number_after};
@@ -15,7 +15,7 @@ const LONGEST_TEXT: usize = 40;
 const NUMBERS: usize = 100;
 const WIDTH: usize = 8;
 
-/// What the text lines of a component say.
+/// Content of the text lines of a component.
 #[derive(Default)]
 struct Head {
     is_corrected: bool,

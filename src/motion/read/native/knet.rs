@@ -6,6 +6,7 @@
 use super::lines::{BlockEnd, Lines, leading_number, unit_and_factor};
 use super::{Channel, Recording};
 use crate::motion::error::MotionError;
+use crate::motion::unit::Unit;
 
 /// Lines among which the header must end with `Memo.`.
 const LONGEST_HEADER: usize = 24;
@@ -69,7 +70,7 @@ pub(super) fn parse(lines: &mut Lines<'_>) -> Result<Recording, MotionError> {
 }
 
 /// `2000(gal)/8388608` as a factor in the unit.
-fn scale_factor(text: &str) -> Option<(f64, crate::motion::unit::Unit)> {
+fn scale_factor(text: &str) -> Option<(f64, Unit)> {
     let (numerator, rest) = text.split_once('(')?;
     let (unit, denominator) = rest.split_once(')')?;
     let denominator = leading_number(denominator.trim_start().strip_prefix('/')?)?;

@@ -93,16 +93,6 @@ impl<'a> Lines<'a> {
         }
     }
 
-    /// The number behind `key` in `line`, which must be there.
-    pub(super) fn number_after(
-        &self,
-        line: &str,
-        key: &str,
-        wanted: &'static str,
-    ) -> Result<f64, MotionError> {
-        number_after(line, key).ok_or_else(|| self.refuse(wanted, line))
-    }
-
     /// A whole number of points out of a header.
     pub(super) fn points(&self, found: f64, wanted: &'static str) -> Result<usize, MotionError> {
         let is_count = found >= 1.0 && found.fract() == 0.0;

@@ -15,7 +15,7 @@ pub(super) fn is_first_line(upper: &str) -> bool {
     series_of(upper).is_some()
 }
 
-/// The unit of the series that the first line names, or why it is none.
+/// The unit of the series that the first line names, or why the file is refused.
 fn series_of(upper: &str) -> Option<Result<Unit, &'static str>> {
     let (volume, kind) = upper.trim().split_once(' ')?;
     if volume.len() != 1 || !volume.starts_with(|c: char| c.is_ascii_digit()) {

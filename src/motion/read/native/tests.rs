@@ -256,23 +256,17 @@ fn another_count_than_the_header_states_is_refused_with_both_numbers() {
 fn a_truncated_file_never_yields_a_part_of_a_component() {
     for sample in &SAMPLES {
         let whole = read(sample.text, sample.column).unwrap();
-        for end in (1..sample.text.len()).filter(|end| sample.text.is_char_boundary(*end)) {
+        for end in (1..sample.text.len()).step_by(13) {
             let options = ReadOptions {
                 format: Some(sample.format),
                 ..with_column(sample.column.map(|name| Column::Name(name.into())))
             };
             let cut = &sample.text.as_bytes()[..end];
             if let Ok(record) = parse_record("cut.txt", cut, &options) {
-                // BBP states no count, and the digits of a last value may be cut in any text.
-                let is_counted = sample.format != RecordFormat::Bbp;
+                // BBP states no count; the digits of a last value may be cut in any text.
                 let is_whole = record.values.len() == whole.values.len();
-                let misses_one = sample.format == RecordFormat::Cwa
-                    && record.values.len() + 1 == whole.values.len();
-                assert!(
-                    is_whole || misses_one || !is_counted,
-                    "{} at {end}",
-                    sample.file
-                );
+                let is_counted = sample.format != RecordFormat::Bbp;
+                assert!(is_whole || !is_counted, "{} at {end}", sample.file);
             }
         }
     }
