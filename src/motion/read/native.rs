@@ -62,6 +62,25 @@ struct Recording {
     warnings: Vec<String>,
 }
 
+/// Components that a file may have.
+const MOST_CHANNELS: usize = 1000;
+
+impl Recording {
+    /// Adds a component.
+    fn push(&mut self, lines: &Lines<'_>, channel: Channel) -> Result<(), MotionError> {
+        self.channels.push(channel);
+        if self.channels.len() > MOST_CHANNELS {
+            return Err(MotionError::TooLarge {
+                file: lines.file.into(),
+                what: "components",
+                found: self.channels.len(),
+                limit: MOST_CHANNELS,
+            });
+        }
+        Ok(())
+    }
+}
+
 /// The format whose marks the first lines of a file contain, if they are those of one of these formats.
 pub(super) fn detect(start: &str) -> Option<RecordFormat> {
     // A byte-order mark and blank lines may precede the first line.
@@ -107,7 +126,7 @@ pub(super) fn detect(start: &str) -> Option<RecordFormat> {
         return Some(RecordFormat::Unam);
     }
     all()
-        .any(columns::is_bbp_heading)
+        .any(|line| columns::bbp_heading(line).is_some())
         .then_some(RecordFormat::Bbp)
 }
 

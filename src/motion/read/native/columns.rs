@@ -141,40 +141,41 @@ pub(super) fn cwa(lines: &mut Lines<'_>) -> Result<Recording, MotionError> {
     })
 }
 
-/// True of the heading of a BBP file: `#  time(sec)  N-S(cm/s/s)  E-W(cm/s/s)  U-D(cm/s/s)`.
-pub(super) fn is_bbp_heading(line: &str) -> bool {
-    let upper = line.to_ascii_uppercase();
-    line.starts_with(['#', '%']) && upper.contains("TIME(S") && upper.contains("N-S(")
+/// The columns behind the time in the heading of a BBP file, with their units; `None` if a line is no such heading.
+///
+/// `#  time(sec)  N-S(cm/s/s)  E-W(cm/s/s)  U-D(cm/s/s)`
+pub(super) fn bbp_heading(line: &str) -> Option<Vec<(String, (Unit, f64))>> {
+    let mut words = line
+        .strip_prefix(['#', '%'])?
+        .trim_start_matches(['#', '%'])
+        .split_whitespace();
+    words.next().filter(|time| time.starts_with("time(s"))?;
+    let columns: Option<Vec<_>> = words
+        .map(|word| {
+            let (name, unit) = word.split_once('(')?;
+            Some((name.to_owned(), unit_and_factor(unit)?))
+        })
+        .collect();
+    columns.filter(|columns| columns.first().is_some_and(|(name, _)| name == "N-S"))
 }
 
 /// BBP: comments, of which one names the columns and their units, then time and these columns.
 pub(super) fn bbp(lines: &mut Lines<'_>) -> Result<Recording, MotionError> {
     const WANTED: &str = "a heading such as `# time(sec) N-S(cm/s/s) E-W(cm/s/s) U-D(cm/s/s)`";
-    let mut heading = "";
+    let mut columns = Vec::new();
     let mut title = "";
     while let Some(line) = header_line(lines)? {
-        if is_bbp_heading(line) {
-            heading = line;
-        } else if title.is_empty() {
-            title = line.trim_start_matches(['#', '%', ' ']);
+        match bbp_heading(line) {
+            Some(heading) => columns = heading,
+            None if title.is_empty() => title = line.trim_start_matches(['#', '%', ' ']),
+            None => {}
         }
-    }
-    let mut columns = Vec::new();
-    for word in heading
-        .trim_start_matches(['#', '%'])
-        .split_whitespace()
-        .skip(1)
-    {
-        let column = word.split_once('(');
-        let column =
-            column.and_then(|(name, unit)| Some((name.to_owned(), unit_and_factor(unit)?)));
-        columns.push(column.ok_or_else(|| lines.refuse(WANTED, word))?);
     }
     let Some((_, unit)) = columns.first().cloned() else {
         return Err(lines.refuse(WANTED, "the end of the header"));
     };
     if columns.iter().any(|(_, other)| *other != unit) {
-        return Err(lines.refuse("columns of one unit", heading));
+        return Err(lines.refuse("columns of one unit", "several units"));
     }
     let first = lines.at + 1;
     let mut table = lines.rows(1 + columns.len(), None)?;

@@ -78,8 +78,7 @@ fn channel(lines: &mut Lines<'_>, recording: &mut Recording) -> Result<(), Motio
             lines.file, head.name
         ));
     }
-    recording.channels.push(head);
-    Ok(())
+    recording.push(lines, head)
 }
 
 /// `Sta Chan  1: 360 deg (Rcrdr Chan  1)`: the name and the direction.

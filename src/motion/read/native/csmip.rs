@@ -101,7 +101,10 @@ impl Head {
         } else if let Some((_, rest)) = upper.split_once("UNITS OF UNCOR ACCEL") {
             let words = rest.split("MAX").next().unwrap_or("");
             self.unit = words.split_whitespace().find_map(unit_and_factor);
-        } else if title.is_empty() && (upper.starts_with("RCRD OF") || upper.contains("EARTHQUAKE"))
+        } else if title.is_empty()
+            && (upper.starts_with("RCRD OF")
+                || upper.contains("EARTHQUAKE")
+                || upper.starts_with("STATION NO"))
         {
             line.clone_into(title);
         }
@@ -154,8 +157,7 @@ fn announced(
     channel.values = lines.values(points, key, field_width(line), BlockEnd::Text)?;
     let factor = unit.map_or(1.0, |(_, factor)| factor);
     channel.values.iter_mut().for_each(|value| *value *= factor);
-    recording.channels.push(channel);
-    Ok(())
+    recording.push(lines, channel)
 }
 
 /// Pairs of time and acceleration, as many as `NO. OF POINTS` states.
@@ -189,6 +191,5 @@ fn pairs(lines: &mut Lines<'_>, head: &Head, recording: &mut Recording) -> Resul
         .step_by(2)
         .map(|v| v * factor)
         .collect();
-    recording.channels.push(channel);
-    Ok(())
+    recording.push(lines, channel)
 }

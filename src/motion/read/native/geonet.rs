@@ -84,14 +84,15 @@ fn component(lines: &mut Lines<'_>, recording: &mut Recording) -> Result<(), Mot
             Some(WIDTH),
             BlockEnd::Count,
         )?;
-        recording.channels.push(Channel {
+        let channel = Channel {
             name: format!("{}{kind}", head.name),
             aliases: vec![format!("{}{kind}", head.alias)],
             dt: (dt > 0.0).then_some(dt),
             unit: Some(unit),
             stated_peak: peak,
             values,
-        });
+        };
+        recording.push(lines, channel)?;
     }
     if let Some(line) = lines.peek().filter(|line| !is_text(line)) {
         lines.next();

@@ -424,6 +424,18 @@ fn a_given_step_overrules_the_file_with_a_warning_and_a_time_column_does_not_app
     assert_eq!(error.key(), Some("time_column"));
 }
 
+/// Memory stays within a few times the size of a file, however many components it announces.
+#[test]
+fn a_file_of_too_many_components_is_refused() {
+    let block = "1 points of accel data equally spaced at .01 sec, in g. (f5.1)\n  1.0\n";
+    let text = format!("CORRECTED ACCELEROGRAM\n{}", block.repeat(1001));
+    let error = read(&text, Some("Chan 1")).unwrap_err();
+    assert!(
+        matches!(error, MotionError::TooLarge { found: 1001, .. }),
+        "{error}"
+    );
+}
+
 #[test]
 fn ordinary_tables_are_not_taken_for_native_formats() {
     for text in [
@@ -434,6 +446,9 @@ fn ordinary_tables_are_not_taken_for_native_formats() {
         "1 CORRECTED\n2\n3\n",
         "# N-S, E-W from COSMOS file\n0 1 2\n1 2 3\n",
         "NPTS= 2, DT= .01\n1 2\n",
+        "# time(s),N-S(g),E-W(g)\n0,1,2\n0.1,2,3\n",
+        "# time(s) accel(g)\n0 1\n0.1 2\n",
+        "# time(s) N-S(counts)\n0 1\n0.1 2\n",
     ] {
         assert_eq!(super::detect(text), None, "{text}");
     }
