@@ -111,6 +111,33 @@ pub enum MotionError {
         /// How many there are.
         found: usize,
     },
+    /// A header of a native record that announces another number of values than the file has.
+    #[error(
+        "{file}:{line}: {key} announces {announced} values, the file holds {found}: {}",
+        if found < announced { "it ends too early" } else { "too many" }
+    )]
+    PointCount {
+        /// Name of the file.
+        file: String,
+        /// Line after which the count is known, from 1.
+        line: usize,
+        /// What announces the count, as the header calls it.
+        key: &'static str,
+        /// The count of the header.
+        announced: usize,
+        /// How many there are.
+        found: usize,
+    },
+    /// A native record in a variant that is not read.
+    #[error("{file}: this {format} file cannot be used: {reason}")]
+    UnsupportedRecord {
+        /// Name of the file.
+        file: String,
+        /// The format that was recognised.
+        format: &'static str,
+        /// Why it is not read, or what to do.
+        reason: &'static str,
+    },
     /// A header that promises another number of bytes than follow.
     #[error("{file}: wanted {wanted} bytes of numbers, found {found}")]
     Truncated {

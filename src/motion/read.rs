@@ -13,10 +13,12 @@
 //! | `one_column` | one value a line |
 //! | `list` | values in reading order, several a line |
 //! | `npy` | NumPy array, versions 1 to 3, `f4` or `f8`, of one or two dimensions |
+//! | `knet` `cosmos` `csmip` `esm` `geonet` `nsmn` `cwa` `smc` `bbp` `unam` `renadic` | the formats of strong-motion networks: see `native` |
 //!
 //! Lines that begin with `#`, `%` or `!` are comments in text files, except in `peer`.
 
 mod axis;
+mod native;
 mod npy;
 mod peer;
 mod text;
@@ -50,6 +52,28 @@ pub enum RecordFormat {
     List,
     /// NumPy array.
     Npy,
+    /// K-NET or KiK-net (Japan), ASCII.
+    Knet,
+    /// COSMOS V1 or V2.
+    Cosmos,
+    /// CSMIP, CDMG or USC (California), V1 or V2.
+    Csmip,
+    /// ESM, ITACA or AFAD single component, ASCII.
+    Esm,
+    /// GeoNet (New Zealand), V1A or V2A.
+    Geonet,
+    /// NSMN (Türkiye), three columns.
+    Nsmn,
+    /// CWA, formerly CWB (Taiwan), free format.
+    Cwa,
+    /// USGS SMC.
+    Smc,
+    /// SCEC Broadband Platform.
+    Bbp,
+    /// UNAM (Mexico), ASA.
+    Unam,
+    /// RENADIC (Chile), V1.
+    Renadic,
 }
 
 /// One column of a table.
@@ -136,6 +160,7 @@ pub fn parse_record(
     options: &ReadOptions,
 ) -> Result<Record, MotionError> {
     check_size(name, bytes)?;
+    native::refuse_binary(name, bytes)?;
     if let Some(dt) = options.dt {
         positive("dt_s", dt)?;
     }
@@ -177,6 +202,10 @@ pub fn parse_record(
             axis::record(name, table, options)
         }
         RecordFormat::Npy => axis::record(name, npy::parse(name, bytes)?, options),
+        network => {
+            let text = text::decode(name, bytes)?;
+            native::parse(name, text.as_ref(), network, options)
+        }
     }
 }
 
@@ -235,10 +264,13 @@ fn detect(name: &str, bytes: &[u8]) -> RecordFormat {
     if has_ending(name, &["at2", "vt2", "dt2"]) {
         return RecordFormat::Peer;
     }
+    let start = String::from_utf8_lossy(&bytes[..bytes.len().min(4096)]);
+    if let Some(native) = native::detect(&start) {
+        return native;
+    }
     if has_ending(name, &["csv", "tsv"]) {
         return RecordFormat::Csv;
     }
-    let start = String::from_utf8_lossy(&bytes[..bytes.len().min(4096)]);
     if peer::looks_like(&start) {
         return RecordFormat::Peer;
     }
@@ -304,18 +336,30 @@ impl RawTable {
 }
 
 #[cfg(test)]
+const FORMATS: [RecordFormat; 17] = [
+    RecordFormat::Peer,
+    RecordFormat::Csv,
+    RecordFormat::TwoColumn,
+    RecordFormat::OneColumn,
+    RecordFormat::List,
+    RecordFormat::Npy,
+    RecordFormat::Knet,
+    RecordFormat::Cosmos,
+    RecordFormat::Csmip,
+    RecordFormat::Esm,
+    RecordFormat::Geonet,
+    RecordFormat::Nsmn,
+    RecordFormat::Cwa,
+    RecordFormat::Smc,
+    RecordFormat::Bbp,
+    RecordFormat::Unam,
+    RecordFormat::Renadic,
+];
+
+#[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
-
-    const FORMATS: [RecordFormat; 6] = [
-        RecordFormat::Peer,
-        RecordFormat::Csv,
-        RecordFormat::TwoColumn,
-        RecordFormat::OneColumn,
-        RecordFormat::List,
-        RecordFormat::Npy,
-    ];
 
     /// Whatever comes back is a valid record.
     fn read_all_ways(bytes: &[u8]) {

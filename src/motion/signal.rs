@@ -50,7 +50,7 @@ pub struct FileSignal {
     pub path: String,
     /// Its format; the ending of its name and its first lines tell if absent.
     pub format: Option<RecordFormat>,
-    /// Its column of values, by name or by number from 1, where there are several.
+    /// Its column of values or its component (`N-S`, `Channel 3`), by name or by number from 1, where there are several.
     pub column: Option<Column>,
     /// Its column of times; one named `t` or `time`, or the first of a table without names, if absent.
     pub time_column: Option<Column>,

@@ -15,7 +15,7 @@ use crate::motion::{
 
 #[derive(Debug, Args)]
 pub struct GroundArgs {
-    /// Ground acceleration from a file: .AT2, .csv, two columns [default: a synthetic motion].
+    /// Ground acceleration from a file: .AT2, .csv, two columns, or the format of a strong-motion network [default: a synthetic motion].
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
     /// Unit of the record, where the file does not say it.

@@ -1,15 +1,18 @@
 //! PEER strong-motion files: `.AT2` (acceleration), `.VT2` (velocity), `.DT2` (displacement).
 //!
-//! A few lines of words, the last of which states the count and the step in one of two styles:
+//! A few lines of words, the last of which states the count and the step. Each generation of the database spells
+//! that line in its own way:
 //!
 //! ```text
 //! PEER NGA STRONG MOTION DATABASE RECORD
 //! SOMEWHERE, 1/1/2001, STATION, 090
 //! ACCELERATION TIME SERIES IN UNITS OF G
-//! NPTS=  1559, DT= .02000 SEC            or            3930 0.00500 NPTS, DT
+//! NPTS=  1559, DT= .02000 SEC      or   NPTS: 1559  DT: .02000
+//! 3930 0.00500 NPTS, DT            or   NPTS, DT 3930 0.00500
+//! 3930 0.00500                     the fourth line, after a line that states `UNITS OF`
 //! ```
 //!
-//! then numbers in reading order, five to the line as `.1297983E-02` or eight as Fortran's `8F10.5`, where a full
+//! `DT` may also stand on the line below `NPTS`. Then come numbers in reading order, five to the line as `.1297983E-02` or eight as Fortran's `8F10.5`, where a full
 //! field leaves no gap. A file with another count than it announces is damaged and refused, and so is one with decimal commas:
 //! read as gaps, they would make whole numbers of its digits.
 
@@ -25,19 +28,37 @@ const LONGEST_HEADER: usize = 40;
 
 /// True if one of the first lines is the last of a PEER header.
 pub(super) fn looks_like(start: &str) -> bool {
-    let is_last = |line: &str| {
+    let mut before = "";
+    lines(start).take(LONGEST_HEADER).any(|(_, line)| {
         let upper = line.to_ascii_uppercase();
-        upper.contains("NPTS") && upper.contains("DT")
-    };
-    lines(start)
-        .take(LONGEST_HEADER)
-        .any(|(_, line)| is_last(line))
+        let named = upper.contains("NPTS") && upper.contains("DT");
+        let is_last = named || (is_series_title(before) && bare_counts(line).is_some());
+        before = line;
+        is_last
+    })
+}
+
+/// `ACCELERATION TIME HISTORY IN UNITS OF G`: the line above that of the count and the step.
+fn is_series_title(line: &str) -> bool {
+    let upper = line.to_ascii_uppercase();
+    upper.contains("UNITS OF") && (upper.contains("TIME HISTORY") || upper.contains("TIME SERIES"))
+}
+
+/// A whole count and a step below 1 s, alone on a line: `3930 0.00500`.
+fn bare_counts(line: &str) -> Option<Counts> {
+    let mut words = line.split_whitespace();
+    let points = words.next()?.parse().ok().filter(|n| *n > 1)?;
+    let dt = number(words.next()?).filter(|dt| *dt > 0.0 && *dt < 1.0)?;
+    words.next().is_none().then_some(Counts {
+        points: Some(points),
+        dt: Some(dt),
+    })
 }
 
 /// Reads the text of a file named `name`; `dt` overrules the header.
 pub(super) fn parse(name: &str, text: &str, dt: Option<f64>) -> Result<Record, MotionError> {
     let mut warnings = Vec::new();
-    let mut all = lines(text);
+    let mut all = lines(text).peekable();
     let mut head: Vec<&str> = Vec::new();
     let counts = loop {
         let missing = |line: usize, found: &str| MotionError::Header {
@@ -53,7 +74,21 @@ pub(super) fn parse(name: &str, text: &str, dt: Option<f64>) -> Result<Record, M
             return Err(missing(head.len(), head.last().copied().unwrap_or("")));
         };
         if line.to_ascii_uppercase().contains("NPTS") {
-            break Counts::read(name, line_number, line)?;
+            let mut counts = Counts::read(name, line_number, line)?;
+            if counts.dt.is_none()
+                && let Some((below, line)) = all.peek().copied()
+                && line.to_ascii_uppercase().contains("DT")
+            {
+                counts.dt = Counts::read(name, below, line)?.dt;
+                all.next();
+            }
+            break counts;
+        }
+        if let (true, Some(counts)) = (
+            head.last().is_some_and(|line| is_series_title(line)),
+            bare_counts(line),
+        ) {
+            break counts;
         }
         if line_number >= LONGEST_HEADER {
             return Err(missing(line_number, line));
@@ -132,23 +167,31 @@ struct Counts {
 
 impl Counts {
     fn read(file: &str, line_number: usize, line: &str) -> Result<Self, MotionError> {
-        let upper = line.to_ascii_uppercase();
+        // A colon says what an equals sign says.
+        let upper = line.to_ascii_uppercase().replace(':', "=");
+        let names_end = upper.find("DT").map_or(upper.len(), |at| at + 2);
         let numbers = if upper.contains('=') {
             [value_of(&upper, "NPTS"), value_of(&upper, "DT")]
         } else {
-            [0..upper.find("NPTS").unwrap_or(0), 0..0]
+            [0..upper.find("NPTS").unwrap_or(0), names_end..upper.len()]
         };
         for part in numbers {
             refuse_decimal_comma(file, line_number, line, part)?;
         }
-        // `NPTS, DT` after the numbers, or `NPTS=` and `DT=` before theirs.
+        // `NPTS=` and `DT=` before their numbers, or `NPTS, DT` behind or before both.
         let (points, dt) = if upper.contains('=') {
             (after(&upper, "NPTS"), after(&upper, "DT"))
         } else {
-            let mut before = words(upper.split("NPTS").next().unwrap_or(""))
-                .map(|(_, word)| word)
-                .take_while(|word| number(word).is_some());
-            (before.next(), before.next())
+            let pair = |text| {
+                let mut numbers = words(text)
+                    .map(|(_, word)| word)
+                    .take_while(|word| number(word).is_some());
+                (numbers.next(), numbers.next())
+            };
+            match pair(upper.split("NPTS").next().unwrap_or("")) {
+                (None, None) => pair(upper.get(names_end..).unwrap_or("")),
+                before => before,
+            }
         };
         let refuse = |wanted, found: &str| MotionError::Header {
             file: file.into(),
@@ -203,7 +246,7 @@ fn after<'a>(line: &'a str, key: &str) -> Option<&'a str> {
 }
 
 /// Appends the numbers of one line.
-fn read_numbers(
+pub(super) fn read_numbers(
     file: &str,
     line_number: usize,
     line: &str,
@@ -363,6 +406,10 @@ mod tests {
             ("   6    0.00500    NPTS, DT", 0.005),
             ("6 .01 npts, dt", 0.01),
             ("  6.0  1.0D-02 NPTS, DT (SEC)", 0.01),
+            ("NPTS: 6, DT: .0050 SEC", 0.005),
+            ("NPTS, DT   6   .0050", 0.005),
+            ("NPTS = 6\nDT = .0050 SEC", 0.005),
+            ("    6   .00500", 0.005),
         ] {
             let record = read(fourth, VALUES).unwrap();
             assert_eq!(record.dt, dt, "{fourth}");
@@ -371,6 +418,19 @@ mod tests {
             assert_eq!(record.title, "SOMEWHERE 01/01/01, STATION, 090");
             assert!(record.warnings.is_empty(), "{:?}", record.warnings);
         }
+    }
+
+    #[test]
+    fn a_bare_count_and_step_are_recognised_below_the_title_of_the_series_only() {
+        let title = "ACCELERATION TIME HISTORY IN UNITS OF G";
+        let text = file(title, "   6    .0050", VALUES);
+        let record = read_named("old.acc", &text).unwrap();
+        assert_eq!((record.dt, record.values.len()), (0.005, 6));
+        assert_eq!(record.unit, Some(Unit::Gravity));
+        // Two numbers below other words are a row of a table.
+        assert!(!looks_like("time accel\n 6 .0050\n"));
+        // More than two numbers are values, not a count and a step.
+        assert!(!looks_like(&file(title, "6 .0050 .0020", "")));
     }
 
     #[test]

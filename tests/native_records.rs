@@ -1,0 +1,104 @@
+//! `gusset check` with a record of each strong-motion network: the samples of `tests/records`.
+
+mod common;
+
+use std::fs;
+use std::path::Path;
+
+use common::refusal::{peer, refused, with_record};
+use common::{say, write};
+
+const RECORDS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/records");
+
+/// Checks a test with the record of `name`, and more lines of the table of the file.
+fn check(name: &str, more: &str) -> common::Said {
+    let folder = tempfile::tempdir().unwrap();
+    fs::copy(Path::new(RECORDS).join(name), folder.path().join(name)).unwrap();
+    let path = format!("path = \"{name}\"");
+    let text = with_record(name).replace(&path, &format!("{path}\n{more}"));
+    let test = write(folder.path(), "test.toml", &text);
+    say(["check".as_ref(), test.as_os_str()])
+}
+
+#[test]
+fn a_record_of_each_network_is_accepted_by_its_marks_and_by_its_name() {
+    for (name, format, column) in [
+        ("knet.NS", "knet", ""),
+        ("kiknet.UD2", "knet", ""),
+        ("cosmos.V2c", "cosmos", "Channel 2"),
+        ("csmip.V1", "csmip", ""),
+        ("csmip.V2", "csmip", "H1"),
+        ("renadic.v1", "renadic", "NS"),
+        ("esm.ASC", "esm", ""),
+        ("geonet.V1A", "geonet", ""),
+        ("geonet.V2A", "geonet", "N10E"),
+        ("nsmn.txt", "nsmn", "E-W"),
+        ("cwa.txt", "cwa", "U"),
+        ("smc.smc", "smc", ""),
+        ("bbp.acc.bbp", "bbp", "N-S"),
+        ("unam.asa", "unam", "N00E"),
+    ] {
+        let column = match column {
+            "" => String::new(),
+            column => format!("column = {{ name = \"{column}\" }}\n"),
+        };
+        for more in [column.clone(), format!("{column}format = \"{format}\"\n")] {
+            let said = check(name, &more);
+            assert_eq!(said.code, Some(0), "{name} {more}: {}", said.stderr);
+        }
+        // The unit is that of the file: another quantity is refused.
+        let said = check(name, &format!("{column}unit = \"mm\"\n"));
+        assert_eq!(said.code, Some(2), "{name}");
+    }
+}
+
+#[test]
+fn an_offset_of_the_recorder_is_reported_with_the_key_that_removes_it() {
+    let said = check("kiknet.UD2", "");
+    let told = said.stdout + &said.stderr;
+    assert!(told.contains("processing.detrend"), "{told}");
+}
+
+#[test]
+fn a_component_must_be_chosen_from_a_list() {
+    let name = "nsmn.txt";
+    let bytes = fs::read_to_string(Path::new(RECORDS).join(name)).unwrap();
+    let path = format!("path = \"{name}\"");
+    let words = ["1 = \"N-S\"", "2 = \"E-W\"", "3 = \"U-D\"", "column"];
+    refused(
+        &with_record(name),
+        &[(name, &bytes)],
+        &path,
+        &format!("\"{name}\""),
+        &words,
+    );
+}
+
+#[test]
+fn a_count_that_contradicts_the_values_is_refused_with_both_numbers() {
+    let name = "esm.ASC";
+    let whole = fs::read_to_string(Path::new(RECORDS).join(name)).unwrap();
+    let short = whole.replace("NDATA: 16", "NDATA: 17");
+    let path = format!("path = \"{name}\"");
+    let words = ["esm.ASC:34", "NDATA", "17", "16"];
+    refused(
+        &with_record(name),
+        &[(name, &short)],
+        &path,
+        &format!("\"{name}\""),
+        &words,
+    );
+}
+
+#[test]
+fn an_old_peer_header_of_two_bare_numbers_is_accepted() {
+    let folder = tempfile::tempdir().unwrap();
+    write(
+        folder.path(),
+        "old.acc",
+        &peer("  4  .0100", ".1 -.1 .1 -.1"),
+    );
+    let test = write(folder.path(), "test.toml", &with_record("old.acc"));
+    let said = say(["check".as_ref(), test.as_os_str()]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+}
