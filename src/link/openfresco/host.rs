@@ -694,6 +694,17 @@ mod tests {
         let mut host = host(law, 2, Nature::Simulated);
         assert_eq!(
             host.matrix(Matrix::InitialStiffness),
+    #[test]
+    fn a_step_that_begins_where_the_last_one_ended_begins_with_its_tangent() {
+        let mut host = host(BILINEAR, 1, Nature::Simulated);
+        for (disp, tangent) in [(0.005, 8e3), (0.03, 400.0), (0.03, 400.0), (0.029, 8e3)] {
+            host.trial(Course::Step, &at(&[disp], 0.01), Some(0.01), &mut || true)
+                .unwrap();
+            assert_eq!(host.matrix(Matrix::TangentStiffness), [tangent], "{disp}");
+            host.commit();
+        }
+    }
+
             [2.0, -1.0, -1.0, 3.0]
         );
         assert_eq!(
