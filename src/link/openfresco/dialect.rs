@@ -8,8 +8,8 @@ use thiserror::Error;
 use super::host::{Host, HostFault};
 use crate::wire::WireError;
 use crate::wire::openfresco::{
-    Actor, ActorEvent, Carrier, Course, Event, Interface, Server, ServerDialect, Simulink,
-    SimulinkEvent, Sizes,
+    Actor, ActorEvent, Carrier, Course, Event, Interface, Server, ServerDialect, SignalOrder,
+    Simulink, SimulinkEvent, Sizes,
 };
 
 /// Which program a server takes the place of.
@@ -81,7 +81,13 @@ pub(super) enum Machine {
 const SITE: f64 = 1.0;
 
 impl Machine {
-    pub(super) fn new(role: Role, carrier: Carrier, axes: usize) -> Self {
+    /// `order` is that of SimSimulink's signals, where the user gives it.
+    pub(super) fn new(
+        role: Role,
+        order: Option<SignalOrder>,
+        carrier: Carrier,
+        axes: usize,
+    ) -> Self {
         let interface = Interface::of_axes(axes);
         let vectors = |dialect| Server::new(dialect, carrier, interface);
         match role {
@@ -95,7 +101,7 @@ impl Machine {
             },
             Role::Actor => Self::Actor(Actor::new(carrier, interface, SITE)),
             Role::Simulink => Self::Simulink {
-                machine: Simulink::new(carrier, interface),
+                machine: Simulink::new(carrier, interface).in_order(order),
                 signals: Vec::new(),
                 sizes: None,
             },
@@ -278,7 +284,7 @@ mod tests {
             let mut host = Host::new(law.build(1).unwrap(), nature, Some(0.01));
             let visitor = Visitor::unnamed(([127, 0, 0, 1], 1).into());
             host.begin(&visitor, &mut || Ok(())).unwrap();
-            let mut machine = Machine::new(role, Carrier::Stream, 1);
+            let mut machine = Machine::new(role, None, Carrier::Stream, 1);
             let timed = i32::from(timed);
             let sizes = [1, 0, 0, 0, timed, 0, 0, 0, 1, 0, N as i32];
             let bytes: Vec<u8> = sizes.into_iter().flat_map(i32::to_le_bytes).collect();

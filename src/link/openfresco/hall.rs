@@ -159,7 +159,10 @@ impl Hall<'_> {
     }
 
     fn machine(&self, host: &Host) -> Machine {
-        Machine::new(self.settings.role, self.door.carrier(), host.axes())
+        let ServeSettings {
+            role, signal_order, ..
+        } = *self.settings;
+        Machine::new(role, signal_order, self.door.carrier(), host.axes())
     }
 
     fn line_to(&self, stream: TcpStream) -> Result<Line, End> {

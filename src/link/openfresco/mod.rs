@@ -39,4 +39,4 @@ pub use host::{Host, HostFault, Nature, Tally};
 pub use news::{End, News};
 pub use server::{ServeSettings, serve_openfresco};
 pub use settings::{Peer, RemoteSettings};
-pub use spec::{Far, OpenFrescoServeSpec, OpenFrescoSpec};
+pub use spec::{Far, OpenFrescoServeSpec, OpenFrescoSpec, SignalOrderSpec};

@@ -20,7 +20,7 @@ use crate::link::socket::LOOK;
 use crate::rt::os::monotonic_ns;
 use crate::substructure::LinkFault;
 use crate::time::Nanos;
-use crate::wire::openfresco::{Sizes, datagrams};
+use crate::wire::openfresco::{SignalOrder, Sizes, datagrams};
 
 /// How a server treats its clients.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,6 +33,8 @@ pub struct ServeSettings {
     /// no connection, so there it should be set.
     pub idle_limit_s: Option<f64>,
 }
+    /// Order of the signals behind `SimSimulink`; none: a client for which it matters is refused.
+    pub signal_order: Option<SignalOrder>,
 
 impl ServeSettings {
     /// Silence that a UDP client may keep unless told otherwise, in s.
@@ -46,6 +48,7 @@ impl ServeSettings {
             setup_limit_s: 10.0,
             idle_limit_s,
         }
+            signal_order: None,
     }
 }
 
