@@ -159,10 +159,20 @@ impl Tracker {
             .all(|(new, committed)| (new - committed).abs() <= UNSENT)
     }
 
-    /// The last command is accepted at `time`, if there is one. Returns how many commands came since the last
+    /// The last command is accepted at `time`, if there is one. Matlab's elements commit with zeros behind the action: a time
+    /// before that of the command is none, and that of the command holds. Returns how many commands came since the last
     /// commit. Real-time: yes.
     pub(super) fn commit(&mut self, last: &Signals, time: Option<f64>) -> u32 {
-        self.base = time;
+        self.base = match (time, last.time()) {
+            (Some(told), Some(of_command)) if told < of_command => {
+                if self.trials > 0 {
+                    Some(of_command)
+                } else {
+                    self.base
+                }
+            }
+            _ => time,
+        };
         self.anew = false;
         self.away = false;
         for (kept, new) in self.committed_disp.iter_mut().zip(last.response().disp) {
