@@ -39,6 +39,8 @@ pub(super) struct Tracker {
     commands: u64,
     /// Commands since the last commit.
     trials: u32,
+    /// A commit has come.
+    has_committed: bool,
     /// Time of the last commit, if it is known, as the client counts: schemes that evaluate between or beyond two
     /// steps commit at that time, and say the true one when they come back. A connection begins at 0.
     base: Option<f64>,
@@ -57,6 +59,7 @@ impl Tracker {
             implicit,
             commands: 0,
             trials: 0,
+            has_committed: false,
             base: Some(0.0),
             anew: false,
             committed_disp: vec![0.0; axes],
@@ -144,11 +147,11 @@ impl Tracker {
 
     /// True if time does what it does in no step that goes on; a step that is led by its load factor may come back to
     /// that of the last commit from below. Without a time only the displacement tells: an iteration that comes back to
-    /// that of the last commit is not to be expected.
+    /// that of the last commit is not to be expected. A client that has never committed has no step to take back.
     fn turns_back(&self, new: &Signals, last: &Signals) -> bool {
         match (new.time(), last.time()) {
             (Some(time), Some(last)) => time < last || (time != last && self.base == Some(time)),
-            _ => true,
+            _ => self.has_committed,
         }
     }
 
@@ -183,6 +186,7 @@ impl Tracker {
 
     /// Test time from the last commit to `trial`, if both are known. Real-time: yes.
     pub(super) fn dt(&self, trial: &Signals) -> Option<f64> {
+        self.has_committed = true;
         let base = self.base.filter(|_| !self.anew)?;
         Some(trial.time()? - base)
     }
