@@ -339,7 +339,8 @@ impl Guest {
             }
             let used = heard.used;
             match heard.said {
-                Said::Nothing => {}
+                // No command comes before the sizes.
+                Said::Nothing | Said::Reset => {}
                 Said::Ready(sizes) => {
                     let rest = rest.get(used..).unwrap_or_default();
                     return Ok(Some((sizes, rest.to_vec())));

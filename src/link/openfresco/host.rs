@@ -7,6 +7,7 @@
 
 use thiserror::Error;
 
+use super::remarks::Remark;
 use crate::control::AxisUnits;
 use crate::link::rig::{Close, Law, Over, Rig as _, Station, Trip, Visitor, Wanted};
 use crate::specimen::Specimen;
@@ -215,6 +216,11 @@ impl Host {
     #[must_use]
     pub fn next_step(&self) -> Option<String> {
         self.station.next_step()
+    }
+
+    /// A warning about the client, for the log and the run folder.
+    pub(super) fn warn(&mut self, remark: Remark) {
+        self.station.warn(remark.event(), &remark.to_string());
     }
 
     /// A fault with what the specimen's link has to say.
@@ -689,12 +695,6 @@ mod tests {
     }
 
     #[test]
-    fn matrices_come_row_by_row() {
-        let law = "coupled = { stiffness_n_per_m = [[2.0, -1.0], [-1.0, 3.0]] }";
-        let mut host = host(law, 2, Nature::Simulated);
-        assert_eq!(
-            host.matrix(Matrix::InitialStiffness),
-    #[test]
     fn a_step_that_begins_where_the_last_one_ended_begins_with_its_tangent() {
         let mut host = host(BILINEAR, 1, Nature::Simulated);
         for (disp, tangent) in [(0.005, 8e3), (0.03, 400.0), (0.03, 400.0), (0.029, 8e3)] {
@@ -705,6 +705,12 @@ mod tests {
         }
     }
 
+    #[test]
+    fn matrices_come_row_by_row() {
+        let law = "coupled = { stiffness_n_per_m = [[2.0, -1.0], [-1.0, 3.0]] }";
+        let mut host = host(law, 2, Nature::Simulated);
+        assert_eq!(
+            host.matrix(Matrix::InitialStiffness),
             [2.0, -1.0, -1.0, 3.0]
         );
         assert_eq!(

@@ -27,6 +27,7 @@ mod error;
 mod hall;
 mod host;
 mod news;
+mod remarks;
 mod server;
 mod settings;
 mod spec;

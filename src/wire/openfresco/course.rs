@@ -155,6 +155,14 @@ impl Tracker {
         }
     }
 
+    /// True if `new`, not judged yet, goes back to the start of the client's analysis after a commit: OpenSees sends
+    /// zeros at time 0 then. A step that is taken back to there is none. Real-time: yes.
+    pub(super) fn is_reset(&self, new: &Signals) -> bool {
+        let is_start = new.time().is_some() && new.values().iter().all(|value| *value == 0.0);
+        let has_time_passed = !self.anew && self.base.is_some_and(|base| base > 0.0);
+        self.has_committed && is_start && (has_time_passed || !self.is_home(new))
+    }
+
     /// True for the displacement of the last commit.
     fn is_home(&self, new: &Signals) -> bool {
         let disp = new.response().disp.iter();
@@ -178,6 +186,7 @@ impl Tracker {
         };
         self.anew = false;
         self.away = false;
+        self.has_committed = true;
         for (kept, new) in self.committed_disp.iter_mut().zip(last.response().disp) {
             *kept = *new;
         }
@@ -186,7 +195,6 @@ impl Tracker {
 
     /// Test time from the last commit to `trial`, if both are known. Real-time: yes.
     pub(super) fn dt(&self, trial: &Signals) -> Option<f64> {
-        self.has_committed = true;
         let base = self.base.filter(|_| !self.anew)?;
         Some(trial.time()? - base)
     }

@@ -120,6 +120,12 @@ impl Simulink {
         self.followed.trial()
     }
 
+    /// See [`super::Server::is_reset`].
+    #[must_use]
+    pub const fn is_reset(&self) -> bool {
+        self.followed.is_reset()
+    }
+
     /// Test time from the last commit to the target; see [`super::Server::dt`].
     #[must_use]
     pub fn dt(&self) -> Option<f64> {
