@@ -21,7 +21,7 @@ const TWO_SPRINGS: &str = "[[specimen]]\nname = \"frame\"\n[[specimen.laws]]\n\
 const LIMITS: &str = "[specimen.limits]\ncommand_disp_m = { trip = [-0.1, 0.1] }\n\
                       command_step_m = { trip = 0.05 }\nmeasured_force_n = { trip = [-1e5, 1e5] }\n";
 
-/// A client that says what it is told to.
+/// A client that sends what a test wants.
 struct Client(TcpStream);
 
 impl Client {
@@ -98,7 +98,7 @@ fn simulink_commands_follow_the_named_order_and_are_refused_without_one() {
     Client::new(&served, counts).is_closed();
     served.hears("signal_order");
     assert!(!out.join("test-0001").exists());
-    // The other protocols have but one order, and need not be told.
+    // The other protocols have only one order.
     for protocol in ["openfresco", "openfresco-controller"] {
         let served = serve(folder.path(), TWO_SPRINGS, protocol, &[]);
         let mut client = Client::new(&served, counts);
@@ -182,7 +182,7 @@ fn commanded_forces_are_refused_at_the_sizes() {
             let mut counts = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1];
             counts[..5].copy_from_slice(&ctrl);
             Client::new(&served, counts).is_closed();
-            let end = served.hears("1 forces are commanded");
+            let end = served.hears("the client commands forces (1)");
             assert!(end.contains("0 commands"), "{end}");
         }
     }

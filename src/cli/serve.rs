@@ -150,7 +150,8 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
     Ok(exit)
 }
 
-/// The order of the signals as the command line or else the file has it, for the one protocol that does not announce it.
+/// Takes the order of SimSimulink's signals from the command line, or else from the file. Refuses an order for a client that has
+/// only one.
 fn take_signal_order(args: &ServeArgs, served: &mut Served, protocol: Offer) -> anyhow::Result<()> {
     let flag = args.signal_order.map(|_| "--signal-order");
     let key = &mut served.serve.openfresco.signal_order;

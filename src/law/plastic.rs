@@ -97,7 +97,7 @@ struct Slider {
     disp: f64,
     /// It moved on the way here.
     slipping: bool,
-    /// It moved in the last motion: a trial that repeats the committed displacement is none.
+    /// It moved in the last motion. A trial that repeats the committed displacement is no motion.
     flows: bool,
 }
 

@@ -253,8 +253,8 @@ pub enum WireError {
     },
     /// Forces are commanded, as in force control.
     #[error(
-        "{found} forces are commanded, but this server commands displacements only: announce no commanded forces (OpenFresco: no \
-         force in `-ctrlModes` or in the control points of the trial response, and no force control of a bearing)"
+        "the client commands forces ({found}), but this server commands displacements only: announce no commanded forces \
+         (OpenFresco: no force in `-ctrlModes` or in the control points of the trial response, and no force control of a bearing)"
     )]
     CommandedForces {
         /// How many.

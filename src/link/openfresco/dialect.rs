@@ -54,7 +54,7 @@ pub(super) enum Said {
 }
 
 impl Said {
-    /// What a command is, once the specimen has followed it.
+    /// A command that the specimen has followed.
     const fn command(is_reset: bool) -> Self {
         if is_reset { Self::Reset } else { Self::Nothing }
     }

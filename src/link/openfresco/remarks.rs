@@ -1,5 +1,5 @@
-//! What the commands of a client show although no message says it: warnings for the log and the run folder, each once in a
-//! session.
+//! Warnings about a client, for the log and the run folder, each once in a session. Its commands show them; the protocol has
+//! no message for them.
 
 use std::fmt;
 
@@ -10,7 +10,7 @@ use crate::wire::openfresco::Sizes;
 /// A warning about a client.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Remark {
-    /// The client announced no time and has not committed any of so many commands.
+    /// The client announced no time and has sent this number of commands without a commit.
     NoCommits(u64),
     /// The client went back to the start of its analysis.
     Reset,
@@ -32,13 +32,13 @@ impl fmt::Display for Remark {
             Self::NoCommits(commands) => write!(
                 f,
                 "the client announced no time and has sent {commands} commands without a commit: a computed specimen starts \
-                 each of them from its initial state, so it has no history (no hysteresis, no right rate effects), and a step \
-                 that is taken back is not recognised; send action 5 after each step"
+                 each of them from its initial state, so it has no history (hysteresis and rate effects are wrong); the client \
+                 must send action 5 after each step"
             ),
             Self::Reset => f.write_str(
                 "the client went back to displacement 0 at time 0, as OpenSees does on `reset` or `revertToStart`: the protocol \
-                 has no word for that, so the specimen keeps its committed state; connect anew for a specimen in its initial \
-                 state",
+                 has no message for that, so the specimen keeps its committed state; a computed specimen is in its initial \
+                 state again only for a new connection",
             ),
         }
     }
@@ -50,7 +50,7 @@ const MANY_COMMANDS: u64 = 10;
 /// The warnings of one session.
 #[derive(Debug)]
 pub(super) struct Remarks {
-    /// The client commits if it means to, and no time tells the steps apart.
+    /// Nothing but commits tells the steps of this client apart.
     needs_commits: bool,
     has_told_of_commits: bool,
     has_told_of_reset: bool,
@@ -66,12 +66,12 @@ impl Remarks {
         }
     }
 
-    /// What is to be said after some commands. Real-time: yes.
+    /// The warning that is due after some commands. Real-time: yes.
     pub(super) fn after(&mut self, tally: Tally) -> Option<Remark> {
         self.commits(tally, MANY_COMMANDS)
     }
 
-    /// What is to be said when the session ends: there are no more commands that a commit could accept.
+    /// The warning that is due when the session ends: no commit can follow.
     pub(super) fn at_end(&mut self, tally: Tally) -> Option<Remark> {
         self.commits(tally, 2)
     }

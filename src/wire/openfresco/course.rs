@@ -156,7 +156,7 @@ impl Tracker {
     }
 
     /// True if `new`, not judged yet, goes back to the start of the client's analysis after a commit: OpenSees sends
-    /// zeros at time 0 then. A step that is taken back to there is none. Real-time: yes.
+    /// zeros at time 0 then. A step that is taken back to there does not count. Real-time: yes.
     pub(super) fn is_reset(&self, new: &Signals) -> bool {
         let is_start = new.time().is_some() && new.values().iter().all(|value| *value == 0.0);
         let has_time_passed = !self.anew && self.base.is_some_and(|base| base > 0.0);
@@ -171,7 +171,7 @@ impl Tracker {
     }
 
     /// The last command is accepted at `time`, if there is one. Matlab's elements commit with zeros behind the action: a time
-    /// before that of the command is none, and that of the command holds. Returns how many commands came since the last
+    /// before that of the command is ignored, and the time of the command holds. Returns how many commands came since the last
     /// commit. Real-time: yes.
     pub(super) fn commit(&mut self, last: &Signals, time: Option<f64>) -> u32 {
         self.base = match (time, last.time()) {

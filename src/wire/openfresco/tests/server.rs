@@ -181,7 +181,7 @@ fn a_return_to_the_start_after_a_commit_is_a_reset_and_a_step_taken_back_is_none
     trial(&mut server, 0.15, 0.04);
     trial(&mut server, 0.0, 0.0);
     assert!(server.is_reset());
-    // `loadConst -time 0` begins time anew where the structure is.
+    // `loadConst -time 0` sets the time back and leaves the structure where it is.
     let mut server = generic();
     trial(&mut server, 0.1, 1.0);
     commit(&mut server, 1.0);
