@@ -53,7 +53,7 @@ impl Client {
     }
 
     /// The server must close without a word.
-    fn is_closed(mut self) {
+    fn expects_a_close(mut self) {
         let mut answer = Vec::new();
         // A reset is a close, too.
         let _ = self.0.read_to_end(&mut answer);
@@ -95,7 +95,7 @@ fn simulink_commands_follow_the_named_order_and_are_refused_without_one() {
     let out = folder.path().join("runs");
     let more = ["--out", out.to_str().unwrap()];
     let served = serve(folder.path(), TWO_SPRINGS, "openfresco-simulink", &more);
-    Client::new(&served, counts).is_closed();
+    Client::new(&served, counts).expects_a_close();
     served.hears("signal_order");
     assert!(!out.join("test-0001").exists());
     // The other protocols have only one order.
@@ -181,7 +181,7 @@ fn commanded_forces_are_refused_at_the_sizes() {
         for ctrl in [[1, 1, 1, 1, 1], [0, 0, 0, 1, 0]] {
             let mut counts = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1];
             counts[..5].copy_from_slice(&ctrl);
-            Client::new(&served, counts).is_closed();
+            Client::new(&served, counts).expects_a_close();
             let end = served.hears("the client commands forces (1)");
             assert!(end.contains("0 commands"), "{end}");
         }
