@@ -57,6 +57,24 @@ fn a_yielding_storey_under_every_kind_of_integrator() {
     }
 }
 
+/// A step begins with the displacement of the last one: the tangent there is that of the motion that led there. Looser than
+/// rounding, so that rounding decides no iteration.
+#[test]
+fn newtons_method_takes_as_many_iterations_as_with_opensees_own_material() {
+    let Some(python) = python() else {
+        return;
+    };
+    let server = Server::start(BILINEAR, "tcp");
+    let port = server.port.to_string();
+    let args = ["--port", &port, "--material", STEEL, "--tolerance", "1e-8"];
+    let mut client = Peer::script(&python, "client.py", &args);
+    let result = client.event("result");
+    let count = |key: &str| result[key].as_u64().unwrap();
+    let (iterations, own) = (count("iterations"), count("own_iterations"));
+    assert!(own > 400, "one a step at least: {own}");
+    assert_eq!(iterations, own);
+}
+
 #[test]
 fn the_same_over_udp() {
     agree(BILINEAR, "udp", STEEL, &[]);

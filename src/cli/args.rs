@@ -12,7 +12,7 @@ pub(super) use folders::{
     DerivedArg, ExportArgs, FormatArg, OperateArgs, RateArg, ReplayArgs, ReportArgs, ResetArgs,
 };
 pub(super) use machine::{DoctorArgs, JitterArgs, ModelArg};
-pub(super) use serve::{ProtocolArg, ServeArgs, TlsArgs, TransportArg};
+pub(super) use serve::{ProtocolArg, ServeArgs, SignalOrderArg, TlsArgs, TransportArg};
 
 use super::run::load;
 use super::{benchmark, identify};

@@ -7,13 +7,14 @@ use std::os::unix::ffi::OsStrExt;
 use std::os::unix::net::UnixDatagram;
 use std::path::Path;
 
-use super::args::{ProtocolArg, ServeArgs, TransportArg};
+use super::args::{ProtocolArg, ServeArgs, SignalOrderArg, TransportArg};
 use super::aside::remark;
 use super::control::latched;
 use super::exit::{Exit, WithExit};
 use super::run::refused;
 use super::{answer, serve_openfresco, serve_tls, tell};
-use crate::config::{self, Finding, KeyPath, Locator};
+use crate::config::{self, Finding, KeyPath, Locator, Served};
+use crate::link::openfresco::{Role, SignalOrderSpec};
 use crate::link::rig::LogSettings;
 use crate::link::secret::read_key;
 use crate::link::serve::{Heard, Host, ServeError, ServeOptions, Server, USUAL_LISTEN};
@@ -49,6 +50,7 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
         let text = "--client is for OpenFresco's protocols; our own knows a key (--key) and certificates (--transport tls)";
         return Err(WithExit(Exit::Usage, text.to_owned()).into());
     }
+    take_signal_order(args, &mut served, protocol)?;
     let carrier = match args.transport {
         Some(TransportArg::Tcp) => Carrier::Tcp,
         Some(TransportArg::Udp) => Carrier::Udp,
@@ -146,6 +148,30 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
         },
     )?;
     Ok(exit)
+}
+
+/// Takes the order of SimSimulink's signals from the command line, or else from the file. Refuses an order for a client that has
+/// only one.
+fn take_signal_order(args: &ServeArgs, served: &mut Served, protocol: Offer) -> anyhow::Result<()> {
+    let flag = args.signal_order.map(|_| "--signal-order");
+    let key = &mut served.serve.openfresco.signal_order;
+    if let Some(order) = args.signal_order {
+        *key = Some(match order {
+            SignalOrderArg::ByAxis => SignalOrderSpec::ByAxis,
+            SignalOrderArg::ByQuantity => SignalOrderSpec::ByQuantity,
+        });
+        served.file.serve.openfresco.signal_order = *key;
+    }
+    let role = protocol.openfresco().map(|(role, _)| role);
+    let has_effect = role == Some(Role::Simulink);
+    // The file may offer several protocols; only of OpenFresco's it must not promise another order than the one that holds.
+    if has_effect || key.is_none() || (role.is_none() && flag.is_none()) {
+        return Ok(());
+    }
+    let text = "`signal_order` is for openfresco-simulink only: clients of all other protocols send all displacements first, \
+                then all velocities; leave it out, or serve --protocol openfresco-simulink";
+    let key = ["openfresco", "signal_order"];
+    Err(misasked(&served.locator, flag, &key, &text))
 }
 
 /// The host with the faults of the script at `path`, whose text this is.

@@ -51,7 +51,7 @@ pub fn serve(
         Carrier::Tcp | Carrier::Tls => Bytes::Stream,
         Carrier::Udp => Bytes::Datagrams,
     };
-    let settings = ServeSettings::new(
+    let mut settings = ServeSettings::new(
         role,
         match (wishes.idle_timeout_s, carrier) {
             (Some(limit), _) => Some(limit),
@@ -59,6 +59,7 @@ pub fn serve(
             (None, Carrier::Udp) => Some(ServeSettings::UDP_IDLE_S),
         },
     );
+    settings.signal_order = wishes.signal_order.map(Into::into);
     let listen = args.listen.as_ref().or(served.serve.listen.as_ref());
     let listen = listen.map_or_else(|| format!("127.0.0.1:{port}"), String::clone);
     let clients = match args.client.as_ref().or(wishes.client.as_ref()) {

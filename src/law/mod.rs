@@ -174,6 +174,12 @@ pub trait Law: Send + std::fmt::Debug {
     /// Tangent at the last trial.
     fn tangent(&self) -> Tangent;
 
+    /// Tangent for the solver of a client that commands the law (OpenFresco 13): that at the last trial, but a trial that
+    /// repeats the committed displacement keeps the tangent of the motion that led there, as OpenSees' materials do.
+    fn solver_tangent(&self) -> Tangent {
+        self.tangent()
+    }
+
     /// What enters K0 and C0: the tangent at the start, unless that is zero or infinite; then the contact
     /// stiffness of an open gap, the elastic slope before slip, or a value given by the user.
     fn reference(&self) -> Tangent;

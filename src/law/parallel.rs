@@ -61,6 +61,10 @@ impl Law for Parallel {
         self.sum(|part| part.tangent())
     }
 
+    fn solver_tangent(&self) -> Tangent {
+        self.sum(|part| part.solver_tangent())
+    }
+
     fn reference(&self) -> Tangent {
         self.sum(|part| part.reference())
     }

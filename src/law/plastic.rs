@@ -97,6 +97,24 @@ struct Slider {
     disp: f64,
     /// It moved on the way here.
     slipping: bool,
+    /// It moved in the last motion. A trial that repeats the committed displacement is no motion.
+    flows: bool,
+}
+
+impl Slider {
+    /// `slipping` and `flows` as one number: 0, 1 (both) or 2 (only `flows`). States of older records have 0 or 1.
+    fn to_number(self) -> f64 {
+        f64::from(u8::from(self.slipping) + 2 * u8::from(self.flows && !self.slipping))
+    }
+
+    /// What slips flows.
+    fn from_numbers(disp: f64, number: f64) -> Self {
+        Self {
+            disp,
+            slipping: number == 1.0,
+            flows: number != 0.0,
+        }
+    }
 }
 
 impl Bilinear {
@@ -128,9 +146,14 @@ impl Law for Bilinear {
         } else {
             (self.committed.disp, false, self.stiffness * stretch)
         };
+        // After slipping the committed displacement is where the spring is at its yield: there a trial that repeats it keeps
+        // the slider, but for rounding.
+        let rounding = 2.0 * f64::EPSILON * disp.abs().max(self.yield_disp);
+        let repeats = self.committed.flows && stretch.abs() >= self.yield_disp - rounding;
         self.trial = Slider {
             disp: moved,
             slipping,
+            flows: slipping || repeats,
         };
         self.ratio * self.stiffness * disp + (1.0 - self.ratio) * force
     }
@@ -151,6 +174,14 @@ impl Law for Bilinear {
         }
     }
 
+    fn solver_tangent(&self) -> Tangent {
+        let ratio = if self.trial.flows { self.ratio } else { 1.0 };
+        Tangent {
+            stiffness: ratio * self.stiffness,
+            damping: 0.0,
+        }
+    }
+
     fn reference(&self) -> Tangent {
         Tangent {
             stiffness: self.stiffness,
@@ -163,20 +194,14 @@ impl Law for Bilinear {
     }
 
     fn freeze(&self, out: &mut Vec<f64>) {
-        out.extend([
-            self.committed.disp,
-            f64::from(u8::from(self.committed.slipping)),
-        ]);
+        out.extend([self.committed.disp, self.committed.to_number()]);
     }
 
     fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
-        let Some(([disp, slipping], rest)) = from.split_first_chunk() else {
+        let Some(([disp, motion], rest)) = from.split_first_chunk() else {
             return &[];
         };
-        self.committed = Slider {
-            disp: *disp,
-            slipping: *slipping != 0.0,
-        };
+        self.committed = Slider::from_numbers(*disp, *motion);
         self.trial = self.committed;
         rest
     }
@@ -218,6 +243,51 @@ mod tests {
         // trapezoid errs by at most k h²/8 = 6e-7 J if the kink were inside a step.
         let energy = cycle_energy(&mut law, 3e-3, 3000);
         assert!((energy - 8.568).abs() < 2e-6, "{energy}");
+    }
+
+    /// OpenSees' Steel01 keeps its tangent where a trial repeats the committed strain.
+    #[test]
+    fn a_repeated_displacement_keeps_the_tangent_of_the_motion_that_led_there() {
+        let spec = BilinearSpec {
+            stiffness_n_per_m: 8000.0,
+            yield_force_n: 60.0,
+            post_yield_ratio: 0.05,
+        };
+        let mut law = spec.build().unwrap();
+        let k = 8000.0;
+        for (disp, tangent) in [
+            (0.0, k),
+            (0.005, k),
+            (0.005, k),
+            (0.0301, 400.0),
+            (0.0301, 400.0),
+            (0.0301, 400.0),
+            (0.02, k),
+            (0.02, k),
+            (0.0017, 400.0),
+            (0.0017, 400.0),
+            (0.003, k),
+        ] {
+            law.trial(disp, 0.0, 0.01);
+            assert_eq!(law.solver_tangent().stiffness, tangent, "{disp}");
+            law.commit();
+        }
+        // Wherever the slider stands, and from a frozen state, too.
+        for i in 1..2000 {
+            let disp = 0.01 * libm::sin(0.7 * f64::from(i)) + 1e-5 * f64::from(i);
+            law.trial(disp, 0.0, 0.01);
+            let moved = law.tangent();
+            law.commit();
+            for _ in 0..2 {
+                let mut frozen = Vec::new();
+                law.freeze(&mut frozen);
+                law = spec.build().unwrap();
+                law.thaw(&frozen);
+                law.trial(disp, 0.0, 0.01);
+                assert_eq!(law.solver_tangent(), moved, "{i}");
+                law.commit();
+            }
+        }
     }
 
     #[test]

@@ -45,6 +45,8 @@ const KINDS: [(&str, &[&str], Ink); 5] = [
             "unsettled",
             "initial_force",
             "faults",
+            "client_without_commits",
+            "client_reset",
         ],
         Ink::Series(4),
     ),

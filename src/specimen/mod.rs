@@ -99,7 +99,8 @@ pub trait Specimen: Send + std::fmt::Debug {
     /// Stiffness, damping and mass that enter K0, C0 and M_eff (OpenFresco 12, 14, 15), n × n each.
     fn reference(&self, stiffness: &mut [f64], damping: &mut [f64], mass: &mut [f64]);
 
-    /// Tangent stiffness at the last trial, n × n (OpenFresco 13).
+    /// Tangent stiffness at the last trial, n × n (OpenFresco 13). A trial that repeats the committed displacements keeps the
+    /// tangent of the motion that led there.
     fn tangent(&self, stiffness: &mut [f64]);
 
     /// Tangent damping at the last trial, n × n; the reference where that is less, since a damper may have no finite tangent at

@@ -68,7 +68,7 @@ impl Specimen for Uniaxial {
     }
 
     fn tangent(&self, stiffness: &mut [f64]) {
-        let tangents = self.laws.iter().map(|law| law.tangent().stiffness);
+        let tangents = self.laws.iter().map(|law| law.solver_tangent().stiffness);
         diagonal(stiffness, self.axes(), tangents);
     }
 

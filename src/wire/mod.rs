@@ -251,6 +251,27 @@ pub enum WireError {
         /// What was found.
         found: f64,
     },
+    /// Forces are commanded, as in force control.
+    #[error(
+        "the client commands forces ({found}), but this server commands displacements only: announce no commanded forces \
+         (OpenFresco: no force in `-ctrlModes` or in the control points of the trial response, and no force control of a bearing)"
+    )]
+    CommandedForces {
+        /// How many.
+        found: usize,
+    },
+    /// Several axes have several quantities, whose order OpenFresco's `SimSimulink` does not announce.
+    #[error(
+        "{quantities} quantities of {axes} axes are sent, and SimSimulink does not announce their order: set `signal_order` in \
+         [serve.openfresco], or --signal-order, to by_axis (d1 v1 d2 v2) or by_quantity (d1 d2 v1 v2), as the control points of \
+         the OpenFresco model have them"
+    )]
+    SignalOrder {
+        /// Axes of the vector.
+        axes: usize,
+        /// Quantities of the vector, the time included.
+        quantities: usize,
+    },
     /// The version numbers of an OpenFresco shadow and its actor differ.
     #[error("the peer is OpenFresco version {found}, {expected} wanted")]
     SiteVersion {
@@ -310,6 +331,8 @@ impl WireError {
             | WireError::Control(_)
             | WireError::Order { .. }
             | WireError::Action { .. }
+            | WireError::CommandedForces { .. }
+            | WireError::SignalOrder { .. }
             | WireError::Failed => LinkFault::Malformed,
         }
     }

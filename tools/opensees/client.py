@@ -6,8 +6,8 @@
 
 The model: floors of mass 10 on columns of 8000, shaken at the base. One DOF: the server is the spring between the
 ground and the first of three floors. Two DOFs: it is two springs, from the ground to the first and to the second floor.
-Prints JSON: the largest difference of a floor's displacement to OpenSees' own material, the largest displacement, and
-the median time of a step.
+Prints JSON: the largest difference of a floor's displacement to OpenSees' own material, the largest displacement,
+the median time of a step, and the iterations of Newton's method.
 """
 import argparse
 import math
@@ -57,7 +57,7 @@ def build(ops, a, remote):
     ops.constraints("Plain")
     ops.numberer("Plain")
     ops.system("FullGeneral")
-    ops.test("NormDispIncr", 1e-13, 60)
+    ops.test("NormDispIncr", a.tolerance, 60)
     ops.algorithm(*algorithm)
     ops.integrator(*integrator)
     ops.analysis("Transient")
@@ -66,7 +66,7 @@ def build(ops, a, remote):
 
 def course(ops, a, remote):
     floors = build(ops, a, remote)
-    disp, times = [], []
+    disp, times, iterations = [], [], 0
     if remote:
         peer.tell(event="connected")
     for step in range(a.steps):
@@ -74,10 +74,11 @@ def course(ops, a, remote):
         if ops.analyze(1, a.dt) != 0:
             raise SystemExit("step %d did not converge" % (step + 1))
         times.append(time.perf_counter() - begun)
+        iterations += ops.testIter() if a.scheme == "newton" else 1
         disp.append([ops.nodeDisp(node, 1) for node in floors])
         if remote and step == a.pause_after:
             peer.tell(event="step", n=step)
-    return disp, statistics.median(times)
+    return disp, statistics.median(times), iterations
 
 
 def main():
@@ -89,17 +90,18 @@ def main():
     p.add_argument("--scheme", choices=sorted(SCHEMES), default="newton")
     p.add_argument("--steps", type=int, default=400)
     p.add_argument("--dt", type=float, default=0.01)
+    p.add_argument("--tolerance", type=float, default=1e-13, help="of Newton's method, in m")
     p.add_argument("--size", type=int, default=256, help="doubles in a vector")
     p.add_argument("--pause-after", type=int, default=-1, help="report this step")
     a = p.parse_args()
     ops = peer.opensees()
     peer.tell(event="loaded", opensees=ops.version())
-    remote, seconds = course(ops, a, True)
+    remote, seconds, iterations = course(ops, a, True)
     ops.wipe()  # says goodbye to the server
-    own, own_seconds = course(ops, a, False)
+    own, own_seconds, own_iterations = course(ops, a, False)
     pairs = [(x, y) for row, other in zip(remote, own) for x, y in zip(row, other)]
     peer.tell(event="result", difference=max(abs(x - y) for x, y in pairs), peak=max(abs(y) for _, y in pairs),
-              step_ms=1e3 * seconds, own_step_ms=1e3 * own_seconds)
+              step_ms=1e3 * seconds, own_step_ms=1e3 * own_seconds, iterations=iterations, own_iterations=own_iterations)
 
 
 if __name__ == "__main__":

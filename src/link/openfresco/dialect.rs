@@ -8,8 +8,8 @@ use thiserror::Error;
 use super::host::{Host, HostFault};
 use crate::wire::WireError;
 use crate::wire::openfresco::{
-    Actor, ActorEvent, Carrier, Course, Event, Interface, Server, ServerDialect, Simulink,
-    SimulinkEvent, Sizes,
+    Actor, ActorEvent, Carrier, Course, Event, Interface, Server, ServerDialect, SignalOrder,
+    Simulink, SimulinkEvent, Sizes,
 };
 
 /// Which program a server takes the place of.
@@ -47,8 +47,17 @@ pub(super) enum Said {
     InitLine,
     /// An action that the dialect does not know. It is not answered.
     Ignored(f64),
+    /// A command went back to the start of the client's analysis after a commit.
+    Reset,
     /// The end of the test.
     Finished,
+}
+
+impl Said {
+    /// A command that the specimen has followed.
+    const fn command(is_reset: bool) -> Self {
+        if is_reset { Self::Reset } else { Self::Nothing }
+    }
 }
 
 /// What came of a piece of bytes.
@@ -81,7 +90,13 @@ pub(super) enum Machine {
 const SITE: f64 = 1.0;
 
 impl Machine {
-    pub(super) fn new(role: Role, carrier: Carrier, axes: usize) -> Self {
+    /// `order` is that of SimSimulink's signals, where the user gives it.
+    pub(super) fn new(
+        role: Role,
+        order: Option<SignalOrder>,
+        carrier: Carrier,
+        axes: usize,
+    ) -> Self {
         let interface = Interface::of_axes(axes);
         let vectors = |dialect| Server::new(dialect, carrier, interface);
         match role {
@@ -95,7 +110,7 @@ impl Machine {
             },
             Role::Actor => Self::Actor(Actor::new(carrier, interface, SITE)),
             Role::Simulink => Self::Simulink {
-                machine: Simulink::new(carrier, interface),
+                machine: Simulink::new(carrier, interface).in_order(order),
                 signals: Vec::new(),
                 sizes: None,
             },
@@ -166,7 +181,7 @@ fn hear_server<'a>(
             if let Some(trial) = machine.trial() {
                 host.trial(course, &trial, dt, wanted)?;
             }
-            (Said::Nothing, SILENT)
+            (Said::command(machine.is_reset()), SILENT)
         }
         Event::Commit { .. } => {
             host.commit();
@@ -196,7 +211,7 @@ fn hear_actor<'a>(
             if let Some(trial) = machine.trial() {
                 host.trial(course, &trial, dt, wanted)?;
             }
-            (Said::Nothing, SILENT)
+            (Said::command(machine.is_reset()), SILENT)
         }
         ActorEvent::Commit { .. } => {
             host.commit();
@@ -233,7 +248,7 @@ fn hear_simulink<'a>(
         }
         SimulinkEvent::Target(course) => {
             host.trial(course, &machine.trial(), machine.dt(), wanted)?;
-            (Said::Nothing, SILENT)
+            (Said::command(machine.is_reset()), SILENT)
         }
         SimulinkEvent::AtTarget => {
             if let Some(sizes) = sizes {
@@ -278,7 +293,7 @@ mod tests {
             let mut host = Host::new(law.build(1).unwrap(), nature, Some(0.01));
             let visitor = Visitor::unnamed(([127, 0, 0, 1], 1).into());
             host.begin(&visitor, &mut || Ok(())).unwrap();
-            let mut machine = Machine::new(role, Carrier::Stream, 1);
+            let mut machine = Machine::new(role, None, Carrier::Stream, 1);
             let timed = i32::from(timed);
             let sizes = [1, 0, 0, 0, timed, 0, 0, 0, 1, 0, N as i32];
             let bytes: Vec<u8> = sizes.into_iter().flat_map(i32::to_le_bytes).collect();
@@ -360,6 +375,52 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn what_moves_follows_a_client_without_commits_through_zero() {
+        for nature in [Nature::Simulated, Nature::Physical] {
+            let mut client = Client::new(Role::Application, LINEAR, nature, false);
+            for disp in [0.0, 0.0005, 0.001, 0.0005, 0.0] {
+                client.send(3.0, disp, 0.0).unwrap();
+                let force = client.send(10.0, 0.0, 0.0).unwrap()[0];
+                assert!((force - 8e3 * disp).abs() < 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn a_commit_with_zeros_behind_it_leaves_the_steps_their_length() {
+        let mut client = Client::new(Role::Application, VISCOUS, Nature::Simulated, true);
+        for k in 0..5 {
+            let (disp, time) = (0.001 * f64::from(k), 0.01 * f64::from(k));
+            client.send(3.0, disp, time).unwrap();
+            let force = client.send(10.0, 0.0, 0.0).unwrap()[0];
+            // 1 mm in 10 ms at 50 N s/m.
+            let wanted = if k > 0 { 5.0 } else { 0.0 };
+            assert!((force - wanted).abs() < 1e-9, "{k}: {force}");
+            client.send(5.0, 0.0, 0.0).unwrap();
+        }
+    }
+
+    #[test]
+    fn a_return_to_the_start_is_told_and_leaves_the_specimen_at_its_committed_state() {
+        const BILINEAR: &str = "law = { bilinear = { stiffness_n_per_m = 8000.0, yield_force_n = 60.0, post_yield_ratio = 0.05 } }";
+        let mut client = Client::new(Role::Application, BILINEAR, Nature::Simulated, true);
+        client.step(0.0, 0.0);
+        client.step(0.0275, 0.01);
+        let vector: Vec<u8> = [3.0, 0.0, 0.0, 0.0]
+            .into_iter()
+            .flat_map(f64::to_le_bytes)
+            .collect();
+        let heard = client
+            .machine
+            .hear(&vector, &mut client.host, &mut || true)
+            .unwrap();
+        assert_eq!(heard.said, Said::Reset);
+        // 27.5 mm are 20 mm beyond the yield: unloaded by 15 mm, and 12.5 mm beyond the other one.
+        let force = client.send(10.0, 0.0, 0.0).unwrap()[0];
+        assert!((force + 57.0).abs() < 1e-9, "{force}");
     }
 
     #[test]

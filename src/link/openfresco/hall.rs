@@ -159,7 +159,10 @@ impl Hall<'_> {
     }
 
     fn machine(&self, host: &Host) -> Machine {
-        Machine::new(self.settings.role, self.door.carrier(), host.axes())
+        let ServeSettings {
+            role, signal_order, ..
+        } = *self.settings;
+        Machine::new(role, signal_order, self.door.carrier(), host.axes())
     }
 
     fn line_to(&self, stream: TcpStream) -> Result<Line, End> {
@@ -336,7 +339,8 @@ impl Guest {
             }
             let used = heard.used;
             match heard.said {
-                Said::Nothing => {}
+                // No command comes before the sizes.
+                Said::Nothing | Said::Reset => {}
                 Said::Ready(sizes) => {
                     let rest = rest.get(used..).unwrap_or_default();
                     return Ok(Some((sizes, rest.to_vec())));

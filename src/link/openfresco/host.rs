@@ -7,6 +7,7 @@
 
 use thiserror::Error;
 
+use super::remarks::Remark;
 use crate::control::AxisUnits;
 use crate::link::rig::{Close, Law, Over, Rig as _, Station, Trip, Visitor, Wanted};
 use crate::specimen::Specimen;
@@ -215,6 +216,11 @@ impl Host {
     #[must_use]
     pub fn next_step(&self) -> Option<String> {
         self.station.next_step()
+    }
+
+    /// A warning about the client, for the log and the run folder.
+    pub(super) fn warn(&mut self, remark: Remark) {
+        self.station.warn(remark.event(), &remark.to_string());
     }
 
     /// A fault with what the specimen's link has to say.
@@ -686,6 +692,17 @@ mod tests {
         )
         .unwrap();
         assert_eq!(host.response().force[0], 0.0);
+    }
+
+    #[test]
+    fn a_step_that_begins_where_the_last_one_ended_begins_with_its_tangent() {
+        let mut host = host(BILINEAR, 1, Nature::Simulated);
+        for (disp, tangent) in [(0.005, 8e3), (0.03, 400.0), (0.03, 400.0), (0.029, 8e3)] {
+            host.trial(Course::Step, &at(&[disp], 0.01), Some(0.01), &mut || true)
+                .unwrap();
+            assert_eq!(host.matrix(Matrix::TangentStiffness), [tangent], "{disp}");
+            host.commit();
+        }
     }
 
     #[test]

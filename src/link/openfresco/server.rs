@@ -13,6 +13,7 @@ use super::door::{Door, DoorError, Socket};
 use super::hall::{Client, receive};
 use super::host::{Host, HostFault, Tally};
 use super::news::{End, News};
+use super::remarks::Remarks;
 use crate::link::Transport;
 use crate::link::quota::{Allowance, Quota};
 use crate::link::rig::{Over, Visitor};
@@ -20,7 +21,7 @@ use crate::link::socket::LOOK;
 use crate::rt::os::monotonic_ns;
 use crate::substructure::LinkFault;
 use crate::time::Nanos;
-use crate::wire::openfresco::{Sizes, datagrams};
+use crate::wire::openfresco::{SignalOrder, Sizes, datagrams};
 
 /// How a server treats its clients.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,6 +33,8 @@ pub struct ServeSettings {
     /// Silence after which a client counts as gone, in s; none: as long as the connection stands. Over UDP there is
     /// no connection, so there it should be set.
     pub idle_limit_s: Option<f64>,
+    /// Order of the signals behind `SimSimulink`; none: a client for which it matters is refused.
+    pub signal_order: Option<SignalOrder>,
 }
 
 impl ServeSettings {
@@ -45,6 +48,7 @@ impl ServeSettings {
             role,
             setup_limit_s: 10.0,
             idle_limit_s,
+            signal_order: None,
         }
     }
 }
@@ -73,12 +77,14 @@ pub fn serve_openfresco(
     let tell = &mut |news: &News| tell_at_most(&mut quotas, news, tell);
     while let Some(client) = receive(door, host, settings, stop, tell, &mut buffer)? {
         let peer = client.peer;
+        let mut remarks = Remarks::of(settings.role, &client.sizes);
         let attendance = Attendance {
             door,
             peer,
             settings,
             stop,
             tell,
+            remarks: &mut remarks,
         };
         let end = attendance.attend(client, host, (&mut buffer, &mut waste));
         let tally = if host.has_begun() {
@@ -86,6 +92,9 @@ pub fn serve_openfresco(
         } else {
             Tally::default()
         };
+        if let Some(remark) = remarks.at_end(tally) {
+            host.warn(remark);
+        }
         let whole = match end {
             End::Refused(ExchangeFault::Host(fault)) => host.whole(fault),
             end => end.to_string(),
@@ -126,6 +135,7 @@ struct Attendance<'a> {
     settings: &'a ServeSettings,
     stop: &'a dyn Fn() -> bool,
     tell: &'a mut dyn FnMut(&News),
+    remarks: &'a mut Remarks,
 }
 
 impl Attendance<'_> {
@@ -268,12 +278,21 @@ impl Attendance<'_> {
                 Said::Ready(sizes) => (self.tell)(&News::Ready(self.peer, sizes)),
                 Said::InitLine => (self.tell)(&News::InitLine),
                 Said::Ignored(code) => (self.tell)(&News::Ignored(code)),
+                Said::Reset => {
+                    if let Some(remark) = self.remarks.reset() {
+                        host.warn(remark);
+                    }
+                }
                 Said::Finished => return Ok(true),
             }
-            if heard.used == 0 {
+            let used = heard.used;
+            if let Some(remark) = self.remarks.after(host.tally()) {
+                host.warn(remark);
+            }
+            if used == 0 {
                 break;
             }
-            rest = rest.get(heard.used..).unwrap_or_default();
+            rest = rest.get(used..).unwrap_or_default();
         }
         Ok(false)
     }

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::{Peer, RemoteError, RemoteSettings};
 use crate::link::Wait;
 use crate::link::spec::{Carrier, LinkSpec, Protocol};
-use crate::wire::openfresco::{Carrier as Bytes, Counts, MAX_COUNT, MAX_DATA_SIZE};
+use crate::wire::openfresco::{Carrier as Bytes, Counts, MAX_COUNT, MAX_DATA_SIZE, SignalOrder};
 
 /// What the set-up cannot find out by itself. Every key has a default that suits the current programs.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -56,6 +56,31 @@ pub struct OpenFrescoServeSpec {
     /// Test time of one step in s, for clients that send no time. Default: rate effects follow the velocities alone.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub step_s: Option<f64>,
+    /// For "openfresco-simulink": the order of the signals in commands and answers, as the control points of the OpenFresco
+    /// model have them. OpenFresco does not announce it. Required with more than one axis and more than one quantity
+    /// (displacement, velocity, acceleration, force), either commanded or measured: otherwise such a client is refused.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub signal_order: Option<SignalOrderSpec>,
+}
+
+/// The order of SimSimulink's signals. The time stands last in both.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum SignalOrderSpec {
+    /// d1 v1 d2 v2, and d1 f1 d2 f2: all quantities of an axis (displacement, velocity, acceleration, force), then those of
+    /// the next axis.
+    ByAxis,
+    /// d1 d2 v1 v2, and d1 d2 f1 f2: one quantity of all axes, then the next quantity.
+    ByQuantity,
+}
+
+impl From<SignalOrderSpec> for SignalOrder {
+    fn from(spec: SignalOrderSpec) -> Self {
+        match spec {
+            SignalOrderSpec::ByAxis => Self::ByAxis,
+            SignalOrderSpec::ByQuantity => Self::ByQuantity,
+        }
+    }
 }
 
 /// What listens at the far end of "openfresco".

@@ -380,6 +380,11 @@ impl Station {
         let _ = self.rig.halt();
     }
 
+    /// A warning about the client: for the program's log, and for the events and the summary of the run folder.
+    pub fn warn(&mut self, event: &str, text: &str) {
+        self.warn_once(event, text);
+    }
+
     /// Something for the log.
     pub fn note(&self, level: NoteLevel, event: &str, text: &str) {
         match &self.log {

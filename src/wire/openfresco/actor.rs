@@ -131,6 +131,12 @@ impl Actor {
         self.served.as_ref().map_or(&[], Served::signals)
     }
 
+    /// See [`super::Server::is_reset`].
+    #[must_use]
+    pub fn is_reset(&self) -> bool {
+        self.served.as_ref().is_some_and(Served::is_reset)
+    }
+
     /// Test time from the last commit to the last command; see [`super::Server::dt`].
     #[must_use]
     pub fn dt(&self) -> Option<f64> {

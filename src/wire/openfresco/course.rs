@@ -39,6 +39,8 @@ pub(super) struct Tracker {
     commands: u64,
     /// Commands since the last commit.
     trials: u32,
+    /// A commit has come.
+    has_committed: bool,
     /// Time of the last commit, if it is known, as the client counts: schemes that evaluate between or beyond two
     /// steps commit at that time, and say the true one when they come back. A connection begins at 0.
     base: Option<f64>,
@@ -57,6 +59,7 @@ impl Tracker {
             implicit,
             commands: 0,
             trials: 0,
+            has_committed: false,
             base: Some(0.0),
             anew: false,
             committed_disp: vec![0.0; axes],
@@ -144,12 +147,20 @@ impl Tracker {
 
     /// True if time does what it does in no step that goes on; a step that is led by its load factor may come back to
     /// that of the last commit from below. Without a time only the displacement tells: an iteration that comes back to
-    /// that of the last commit is not to be expected.
+    /// that of the last commit is not to be expected. A client that has never committed has no step to take back.
     fn turns_back(&self, new: &Signals, last: &Signals) -> bool {
         match (new.time(), last.time()) {
             (Some(time), Some(last)) => time < last || (time != last && self.base == Some(time)),
-            _ => true,
+            _ => self.has_committed,
         }
+    }
+
+    /// True if `new`, not judged yet, goes back to the start of the client's analysis after a commit: OpenSees sends
+    /// zeros at time 0 then. A step that is taken back to there does not count. Real-time: yes.
+    pub(super) fn is_reset(&self, new: &Signals) -> bool {
+        let is_start = new.time().is_some() && new.values().iter().all(|value| *value == 0.0);
+        let has_time_passed = !self.anew && self.base.is_some_and(|base| base > 0.0);
+        self.has_committed && is_start && (has_time_passed || !self.is_home(new))
     }
 
     /// True for the displacement of the last commit.
@@ -159,12 +170,23 @@ impl Tracker {
             .all(|(new, committed)| (new - committed).abs() <= UNSENT)
     }
 
-    /// The last command is accepted at `time`, if there is one. Returns how many commands came since the last
+    /// The last command is accepted at `time`, if there is one. Matlab's elements commit with zeros behind the action: a time
+    /// before that of the command is ignored, and the time of the command holds. Returns how many commands came since the last
     /// commit. Real-time: yes.
     pub(super) fn commit(&mut self, last: &Signals, time: Option<f64>) -> u32 {
-        self.base = time;
+        self.base = match (time, last.time()) {
+            (Some(told), Some(of_command)) if told < of_command => {
+                if self.trials > 0 {
+                    Some(of_command)
+                } else {
+                    self.base
+                }
+            }
+            _ => time,
+        };
         self.anew = false;
         self.away = false;
+        self.has_committed = true;
         for (kept, new) in self.committed_disp.iter_mut().zip(last.response().disp) {
             *kept = *new;
         }

@@ -84,6 +84,10 @@ impl Served {
         self.followed.dt()
     }
 
+    pub(super) const fn is_reset(&self) -> bool {
+        self.followed.is_reset()
+    }
+
     /// Encodes the answer that is owed. Real-time: yes.
     pub(super) fn answer(&mut self, response: &Response<'_>) -> Result<&[u8], WireError> {
         self.settle(Debt::Signals)?;

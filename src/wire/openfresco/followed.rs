@@ -11,6 +11,7 @@ pub(super) struct Followed {
     trial: Signals,
     incoming: Signals,
     tracker: Tracker,
+    is_reset: bool,
 }
 
 impl Followed {
@@ -20,6 +21,7 @@ impl Followed {
             trial: Signals::zeros(ctrl),
             incoming: Signals::zeros(ctrl),
             tracker: Tracker::new(ctrl.disp, implicit),
+            is_reset: false,
         }
     }
 
@@ -30,6 +32,7 @@ impl Followed {
         vector: &[u8],
     ) -> Result<Course, WireError> {
         self.incoming.read(field, vector, 1)?;
+        self.is_reset = self.tracker.is_reset(&self.incoming);
         let course = self.tracker.judge(&self.incoming, &self.trial);
         std::mem::swap(&mut self.incoming, &mut self.trial);
         Ok(course)
@@ -38,6 +41,11 @@ impl Followed {
     /// The last command is accepted at `time`; returns the number of commands since the last commit. Real-time: yes.
     pub(super) fn commit(&mut self, time: Option<f64>) -> u32 {
         self.tracker.commit(&self.trial, time)
+    }
+
+    /// True if the last command went back to the start of the client's analysis after a commit.
+    pub(super) const fn is_reset(&self) -> bool {
+        self.is_reset
     }
 
     pub(super) const fn counts(&self) -> &Counts {

@@ -118,6 +118,12 @@ impl Server {
         self.served.as_ref().and_then(Served::dt)
     }
 
+    /// True if the last command went back to displacement 0 at time 0 after a commit, as OpenSees does on `reset`.
+    #[must_use]
+    pub fn is_reset(&self) -> bool {
+        self.served.as_ref().is_some_and(Served::is_reset)
+    }
+
     /// The beginning of the last line of an init file, up to its zero byte.
     #[must_use]
     pub fn init_line(&self) -> &[u8] {

@@ -1,7 +1,7 @@
 //! Dialect D behind `SimSimulink`: the client polls flags, and actions are compared as doubles.
 //!
-//! Answers carry a flag in double 0 and the signals from double 1 on, in the order of the control points. The
-//! client asks again until a flag has the value it waits for, so an answer may say "not yet" at once, or be
+//! Answers carry a flag in double 0 and the signals from double 1 on. Commands and answers have their signals in
+//! the order of the control points ([`SignalOrder`]); this module's callers have them by quantity. The client asks again until a flag has the value it waits for, so an answer may say "not yet" at once, or be
 //! held back until it can say "yes".
 
 use super::action::{Action, Reading};
@@ -9,10 +9,11 @@ use super::course::Course;
 use super::followed::Followed;
 use super::inbox::Carrier;
 use super::opening::{Came, NOT_READY, Opening};
+use super::order::SignalOrder;
 use super::sizes::{Counts, Interface, Sizes};
 use super::vector::{Response, read_lead};
 use crate::wire::WireError;
-use crate::wire::bytes::{finite, put_doubles, same_length};
+use crate::wire::bytes::{array, finite, put, put_doubles, same_length};
 
 /// What came.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -55,7 +56,12 @@ pub struct Simulink {
     opening: Opening,
     outbox: Vec<u8>,
     followed: Followed,
-    daq_total: usize,
+    order: Option<SignalOrder>,
+    /// Where the signals of a command and of an answer stand on the wire.
+    ctrl_places: Vec<usize>,
+    daq_places: Vec<usize>,
+    /// The last command with its signals by quantity.
+    arranged: Vec<u8>,
     debt: Option<Debt>,
 }
 
@@ -67,9 +73,20 @@ impl Simulink {
             opening: Opening::new(carrier, interface),
             outbox: Vec::new(),
             followed: Followed::new(Counts::default(), false),
-            daq_total: 0,
+            order: None,
+            ctrl_places: Vec::new(),
+            daq_places: Vec::new(),
+            arranged: Vec::new(),
             debt: None,
         }
+    }
+
+    /// The order in which OpenFresco's control points have their signals. Without it a client with several quantities of
+    /// several axes is refused.
+    #[must_use]
+    pub const fn in_order(mut self, order: Option<SignalOrder>) -> Self {
+        self.order = order;
+        self
     }
 
     /// Takes bytes up to the end of one message (of a datagram: all of them); returns how many were used and
@@ -91,7 +108,7 @@ impl Simulink {
         self.opening.reply()
     }
 
-    /// The target's signals, in the order of the control points; zeros before the first.
+    /// The target's signals, by quantity; zeros before the first.
     #[must_use]
     pub fn signals(&self) -> &[f64] {
         self.followed.signals()
@@ -103,21 +120,31 @@ impl Simulink {
         self.followed.trial()
     }
 
+    /// See [`super::Server::is_reset`].
+    #[must_use]
+    pub const fn is_reset(&self) -> bool {
+        self.followed.is_reset()
+    }
+
     /// Test time from the last commit to the target; see [`super::Server::dt`].
     #[must_use]
     pub fn dt(&self) -> Option<f64> {
         self.followed.dt()
     }
 
-    /// Encodes the answer to 6: the flag `atTarget` and the measured signals, in the order of the control points.
-    /// Real-time: yes.
+    /// Encodes the answer to 6: the flag `atTarget` and the measured `signals`, which are given by quantity. Real-time:
+    /// yes.
     ///
     /// # Errors
     /// No such answer is owed, wrong number of signals, a number that is not finite.
     pub fn answer_signals(&mut self, at_target: bool, signals: &[f64]) -> Result<&[u8], WireError> {
-        same_length("measured signals", self.daq_total, signals.len())?;
+        same_length("measured signals", self.daq_places.len(), signals.len())?;
+        finite("measured signals", signals)?;
         self.settle(Debt::Signals)?;
-        write_flag(&mut self.outbox, at_target, signals)?;
+        write_flag(&mut self.outbox, at_target)?;
+        for (place, signal) in self.daq_places.iter().zip(signals) {
+            put(&mut self.outbox, 8 * (1 + place), signal.to_le_bytes())?;
+        }
         Ok(&self.outbox)
     }
 
@@ -127,7 +154,7 @@ impl Simulink {
     /// No such answer is owed.
     pub fn answer_switch(&mut self, switched: bool) -> Result<&[u8], WireError> {
         self.settle(Debt::Switch)?;
-        write_flag(&mut self.outbox, switched, &[])?;
+        write_flag(&mut self.outbox, switched)?;
         Ok(&self.outbox)
     }
 
@@ -184,8 +211,11 @@ impl Simulink {
             super::MAX_DATA_SIZE,
             sizes.data_size() as i64,
         )?;
-        self.followed = Followed::new(*sizes.ctrl(), false);
-        self.daq_total = sizes.daq().total();
+        let (ctrl, daq) = (sizes.ctrl(), sizes.daq());
+        self.ctrl_places = SignalOrder::of(self.order, ctrl)?.places(ctrl);
+        self.daq_places = SignalOrder::of(self.order, daq)?.places(daq);
+        self.arranged.resize(8 * (1 + ctrl.total()), 0);
+        self.followed = Followed::new(*ctrl, false);
         self.outbox.resize(sizes.vector_len(), 0);
         self.opening.ready(&sizes);
         Ok(SimulinkEvent::Ready(sizes))
@@ -195,7 +225,13 @@ impl Simulink {
         let vector = self.opening.vector();
         let code = read_lead(vector)?;
         Ok(match Action::exact(code)? {
-            Some(Action::Trial) => SimulinkEvent::Target(self.followed.command("target", vector)?),
+            Some(Action::Trial) => {
+                for (signal, place) in self.ctrl_places.iter().enumerate() {
+                    let word: [u8; 8] = array(vector, 8 * (1 + place))?;
+                    put(&mut self.arranged, 8 * (1 + signal), word)?;
+                }
+                SimulinkEvent::Target(self.followed.command("target", &self.arranged)?)
+            }
             Some(Action::Read(Reading::All)) => {
                 self.debt = Some(Debt::Signals);
                 SimulinkEvent::AtTarget
@@ -227,11 +263,9 @@ impl Simulink {
     }
 }
 
-/// The flag, the signals, and zeros.
-fn write_flag(out: &mut [u8], flag: bool, signals: &[f64]) -> Result<(), WireError> {
-    finite("measured signals", signals)?;
+/// The flag and zeros.
+fn write_flag(out: &mut [u8], flag: bool) -> Result<(), WireError> {
     let flag = if flag { 1.0 } else { 0.0 };
     out.fill(0);
-    put_doubles(out, 0, &[flag])?;
-    put_doubles(out, 8, signals)
+    put_doubles(out, 0, &[flag])
 }

@@ -244,16 +244,19 @@ impl Interface {
         Self { axes, forces: axes }
     }
 
-    /// Displacements must be commanded, something must be measured, and what is given must be given for every
-    /// axis.
+    /// Displacements must be commanded and no forces, something must be measured, and what is given must be given for
+    /// every axis. An announced force is meant to be commanded: OpenFresco's `bearing` announces forces only where its user
+    /// asks for force control.
     ///
     /// # Errors
-    /// [`WireError::Count`].
+    /// [`WireError::CommandedForces`], [`WireError::Count`].
     pub fn check(&self, ctrl: &Counts, daq: &Counts) -> Result<(), WireError> {
+        if ctrl.force > 0 {
+            return Err(WireError::CommandedForces { found: ctrl.force });
+        }
         exactly("commanded displacements", self.axes, ctrl.disp)?;
         none_or("commanded velocities", self.axes, ctrl.vel)?;
         none_or("commanded accelerations", self.axes, ctrl.accel)?;
-        none_or("commanded forces", self.forces, ctrl.force)?;
         none_or("measured displacements", self.axes, daq.disp)?;
         none_or("measured velocities", self.axes, daq.vel)?;
         none_or("measured accelerations", self.axes, daq.accel)?;

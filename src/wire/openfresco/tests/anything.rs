@@ -145,17 +145,17 @@ proptest! {
         n in 1_usize..20,
         spare in 0_usize..20,
         disp in prop::collection::vec(-1e9_f64..1e9, 20),
-        force in prop::collection::vec(any::<f64>().prop_filter("finite", |f| f.is_finite()), 20),
+        accel in prop::collection::vec(any::<f64>().prop_filter("finite", |f| f.is_finite()), 20),
         time in 0.0_f64..1e6,
         junk: u8,
     ) {
-        let counts = Counts::new(n, n, 0, n, 1);
+        let counts = Counts::new(n, n, n, 0, 1);
         let sizes = Sizes::new(counts, counts, 2 + 3 * n + spare).unwrap();
         let response = Response {
             disp: &disp[..n],
-            vel: &force[..n],
-            accel: &[],
-            force: &force[..n],
+            vel: &accel[..n],
+            accel: &accel[..n],
+            force: &[],
             time,
         };
         let mut out = vec![junk; sizes.vector_len()];

@@ -96,6 +96,77 @@ fn simulink_polls_are_told_apart_by_the_exact_double() {
     );
 }
 
+/// Sizes of two axes with displacement and velocity out, displacement and force back.
+const TWO_BY_TWO: [i32; 11] = [2, 2, 0, 0, 0, 2, 0, 0, 2, 0, 8];
+
+fn two_axes(order: Option<SignalOrder>) -> Simulink {
+    Simulink::new(Carrier::Stream, Interface::of_axes(2)).in_order(order)
+}
+
+#[test]
+fn simulink_signals_come_and_go_in_the_named_order() {
+    for (order, disp, vel, answer) in [
+        (
+            SignalOrder::ByAxis,
+            [0.001, 0.002],
+            [0.5, 0.7],
+            [1.0, 10.0, 30.0, 20.0, 40.0],
+        ),
+        (
+            SignalOrder::ByQuantity,
+            [0.001, 0.5],
+            [0.002, 0.7],
+            [1.0, 10.0, 20.0, 30.0, 40.0],
+        ),
+    ] {
+        let mut machine = two_axes(Some(order));
+        machine.feed(&sizes_bytes(TWO_BY_TWO)).unwrap();
+        let command = vector(8, &[3.0, 0.001, 0.5, 0.002, 0.7]);
+        let (_, event) = machine.feed(&command).unwrap();
+        assert_eq!(event, SimulinkEvent::Target(Course::First));
+        assert_eq!(
+            (machine.trial().disp, machine.trial().vel),
+            (&disp[..], &vel[..])
+        );
+        assert_eq!(machine.signals(), [disp, vel].concat());
+        machine.feed(&vector(8, &[6.0])).unwrap();
+        // d1 d2 f1 f2.
+        let signals = [10.0, 20.0, 30.0, 40.0];
+        let found = doubles(machine.answer_signals(true, &signals).unwrap());
+        assert_eq!(found[..5], answer);
+        assert_eq!(found[5..], [0.0; 3]);
+    }
+}
+
+#[test]
+fn simulink_signals_of_several_axes_and_quantities_are_refused_without_an_order() {
+    let mut commanded = TWO_BY_TWO;
+    commanded[5..10].copy_from_slice(&[0, 0, 0, 2, 0]);
+    let mut measured = TWO_BY_TWO;
+    measured[1] = 0;
+    for counts in [TWO_BY_TWO, commanded, measured] {
+        let outcome = two_axes(None).feed(&sizes_bytes(counts)).map(|_| ());
+        let refused = Err(WireError::SignalOrder {
+            axes: 2,
+            quantities: 2,
+        });
+        assert_eq!(outcome, refused, "{counts:?}");
+    }
+    // One quantity each way: there is but one order.
+    let mut plain = commanded;
+    plain[1] = 0;
+    assert!(two_axes(None).feed(&sizes_bytes(plain)).is_ok());
+    // The others arrange their signals by quantity.
+    for dialect in [ServerDialect::Application, ServerDialect::Controller] {
+        let mut server = Server::new(dialect, Carrier::Stream, Interface::of_axes(2));
+        server.feed(&sizes_bytes(TWO_BY_TWO)).unwrap();
+        server
+            .feed(&vector(8, &[3.0, 0.001, 0.002, 0.5, 0.7]))
+            .unwrap();
+        assert_eq!(server.trial().unwrap().disp, [0.001, 0.002]);
+    }
+}
+
 // ---- UDP -------------------------------------------------------------------------------------------
 
 #[test]

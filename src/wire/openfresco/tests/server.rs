@@ -109,10 +109,11 @@ fn without_a_time_a_step_back_shows_in_the_displacement() {
         Event::Trial(course) => course,
         other => panic!("{other:?}"),
     };
+    // Before its first commit a client has no step to take back.
     assert_eq!(trial(0.1), Course::First);
     assert_eq!(trial(0.2), Course::Iteration);
-    assert_eq!(trial(0.0), Course::TakenBack);
-    assert_eq!(trial(0.05), Course::Step);
+    assert_eq!(trial(0.0), Course::Iteration);
+    assert_eq!(trial(0.05), Course::Iteration);
     server.feed(&vector(2, &[5.0])).unwrap();
     assert_eq!(server.dt(), None);
     let mut trial = |disp: f64| match server.feed(&vector(2, &[3.0, disp])).unwrap().1 {
@@ -123,6 +124,71 @@ fn without_a_time_a_step_back_shows_in_the_displacement() {
     assert_eq!(trial(0.05), Course::Repeat);
     assert_eq!(trial(0.07), Course::Iteration);
     assert_eq!(trial(0.05), Course::TakenBack);
+}
+
+#[test]
+fn a_client_without_times_and_commits_may_go_through_zero() {
+    let mut server = Server::new(ServerDialect::Application, Carrier::Stream, ONE);
+    server
+        .feed(&sizes_bytes([1, 0, 0, 0, 0, 0, 0, 0, 1, 0, 2]))
+        .unwrap();
+    let path = [0.0, 0.005, 0.01, 0.005, 0.0, -0.005, 0.0];
+    let courses = path.map(|disp| server.feed(&vector(2, &[3.0, disp])).unwrap().1);
+    assert!(!courses.contains(&Event::Trial(Course::TakenBack)));
+    // From its first commit on it is judged as every other.
+    server.feed(&vector(2, &[5.0])).unwrap();
+    for (disp, course) in [(0.005, Course::Step), (0.0, Course::TakenBack)] {
+        let (_, event) = server.feed(&vector(2, &[3.0, disp])).unwrap();
+        assert_eq!(event, Event::Trial(course));
+    }
+}
+
+#[test]
+fn a_commit_time_before_its_command_is_ignored() {
+    // Matlab's elements commit with zeros behind the action.
+    let mut server = generic();
+    trial(&mut server, 0.0, 0.0);
+    for k in 1..5 {
+        let time = 0.01 * f64::from(k);
+        assert_eq!(trial(&mut server, time, time), Course::Step);
+        let dt = server.dt().unwrap();
+        assert!((dt - 0.01).abs() < 1e-15, "{k}: {dt}");
+        commit(&mut server, 0.0);
+    }
+    // One that comes again moves time neither on nor back, also after a commit of a later time.
+    commit(&mut server, 0.05);
+    commit(&mut server, 0.0);
+    trial(&mut server, 0.2, 0.06);
+    assert!((server.dt().unwrap() - 0.01).abs() < 1e-15);
+}
+
+#[test]
+fn a_return_to_the_start_after_a_commit_is_a_reset_and_a_step_taken_back_is_none() {
+    let mut server = generic();
+    assert_eq!(trial(&mut server, 0.0, 0.0), Course::First);
+    assert_eq!(trial(&mut server, 0.1, 0.02), Course::Step);
+    assert_eq!(trial(&mut server, 0.0, 0.0), Course::TakenBack);
+    assert!(!server.is_reset());
+    trial(&mut server, 0.1, 0.02);
+    commit(&mut server, 0.02);
+    assert!(!server.is_reset());
+    trial(&mut server, 0.0, 0.0);
+    assert!(server.is_reset());
+    trial(&mut server, 0.1, 0.02);
+    assert!(!server.is_reset());
+    // In the middle of a step, too.
+    commit(&mut server, 0.02);
+    trial(&mut server, 0.15, 0.04);
+    trial(&mut server, 0.0, 0.0);
+    assert!(server.is_reset());
+    // `loadConst -time 0` sets the time back and leaves the structure where it is.
+    let mut server = generic();
+    trial(&mut server, 0.1, 1.0);
+    commit(&mut server, 1.0);
+    for (disp, time) in [(0.1, 0.01), (0.12, 0.01), (0.1, 0.0)] {
+        trial(&mut server, disp, time);
+        assert!(!server.is_reset());
+    }
 }
 
 #[test]

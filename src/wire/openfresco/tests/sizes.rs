@@ -108,6 +108,42 @@ fn sizes_must_fit_the_interface() {
     );
 }
 
+#[test]
+fn a_client_that_commands_forces_is_refused_at_its_sizes() {
+    let three = Interface { axes: 3, forces: 3 };
+    let daq = Counts::new(3, 3, 3, 3, 1);
+    // OpenFresco's bearing with and without force control.
+    for (force, outcome) in [
+        (0, Ok(())),
+        (3, Err(WireError::CommandedForces { found: 3 })),
+    ] {
+        let ctrl = Counts::new(3, 3, 3, force, 1);
+        assert_eq!(three.check(&ctrl, &daq), outcome);
+    }
+    // Force control alone, and one force beside one displacement, over every dialect.
+    let refused = Err(WireError::CommandedForces { found: 1 });
+    for ctrl in [[0, 0, 0, 1, 0], [1, 0, 0, 1, 0]] {
+        let [d, v, a, f, t] = ctrl;
+        let bytes = sizes_bytes([d, v, a, f, t, 1, 0, 0, 1, 0, 8]);
+        for dialect in [ServerDialect::Application, ServerDialect::Controller] {
+            let mut server = Server::new(dialect, Carrier::Stream, ONE);
+            assert_eq!(server.feed(&bytes).map(|_| ()), refused);
+        }
+        let mut simulink = Simulink::new(Carrier::Stream, ONE);
+        assert_eq!(simulink.feed(&bytes).map(|_| ()), refused);
+    }
+    let mut actor = Actor::new(Carrier::Stream, ONE, 7.0);
+    actor.feed(&[1, 0, 0, 0]).unwrap();
+    actor.feed(&vector(256, &[1.0, 5.0, 2.5])).unwrap();
+    actor.feed(&vector(256, &[2.0, 8.0])).unwrap();
+    let block = |counts: [i32; 5]| counts.into_iter().flat_map(i32::to_le_bytes);
+    actor
+        .feed(&block([1, 0, 0, 1, 0]).collect::<Vec<_>>())
+        .unwrap();
+    let daq: Vec<u8> = block([1, 0, 0, 1, 0]).collect();
+    assert_eq!(actor.feed(&daq).map(|_| ()), refused);
+}
+
 // ---- vectors ---------------------------------------------------------------------------------------
 
 #[test]
