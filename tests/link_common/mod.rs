@@ -5,6 +5,7 @@
 )]
 
 pub mod adapter;
+pub mod element;
 mod fake;
 pub mod relay;
 mod running;

@@ -234,7 +234,7 @@ pub(super) fn check_standing(specimen: &SpecimenTable, at: &KeyPath, findings: &
         Some(_) if tells == Some(true) => findings.0.push(
             Finding::error(here, "the specimen itself tells where it stands")
                 .at_key()
-                .label("only for what cannot be asked: an actor site, an adapter, or a specimen of our own protocol that does not tell"),
+                .label("only for an element server, an actor site, an adapter, or a specimen behind the protocol of Gusset that does not tell"),
         ),
         Some(stands) if stands.len() != axes => {
             let text = format!("{} displacements for {axes} axes", stands.len());

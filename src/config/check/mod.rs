@@ -9,6 +9,7 @@ mod geometry;
 mod idle;
 mod limits;
 mod link;
+mod measured;
 mod safety;
 mod specimen;
 mod waits;
@@ -95,6 +96,7 @@ pub(crate) fn check(file: &TestFile, clock_is_chosen: bool) -> Vec<Finding> {
         link::check_pace(specimen, file, &at, &mut findings);
         check_way(specimen, file, &at, &mut findings);
         link::check_standing(specimen, &at, &mut findings);
+        measured::check_measured(specimen, &at, &mut findings);
         let with_structure = file.structure.is_some();
         check_idle_specimen(
             specimen,
@@ -228,6 +230,7 @@ pub(crate) fn check_served(file: &ServeFile) -> Vec<Finding> {
         check_limits(specimen, None, None, &at, &mut findings);
         check_idle_specimen(specimen, false, None, &at, &mut findings);
         link::check_standing(specimen, &at, &mut findings);
+        measured::check_measured(specimen, &at, &mut findings);
         if let Some(link) = &specimen.link {
             check_link_waits(link, None, &at.key("link"), &mut findings);
         }

@@ -27,6 +27,8 @@ pub struct Host {
     memory: Option<Memory>,
     guard: GuardStore,
     latch: Latch,
+    /// False of a gateway whose specimen answers with forces only.
+    measures_disp: bool,
 }
 
 /// Makes a specimen in its virgin state, or says why not.
@@ -71,6 +73,7 @@ impl Host {
             memory: None,
             guard: GuardStore::default(),
             latch: Latch::default(),
+            measures_disp: true,
         })
     }
 
@@ -97,6 +100,7 @@ impl Host {
             memory: None,
             guard: GuardStore::default(),
             latch: Latch::default(),
+            measures_disp: true,
         }
     }
 
@@ -106,6 +110,13 @@ impl Host {
         if let Behind::Far(.., whereabouts) = &mut self.behind {
             *whereabouts = Whereabouts::said(place);
         }
+        self
+    }
+
+    /// The specimen behind this gateway answers with forces only. The handshake says that no displacement is measured.
+    #[must_use]
+    pub const fn without_measured_disp(mut self) -> Self {
+        self.measures_disp = false;
         self
     }
 
@@ -260,7 +271,12 @@ impl Host {
             // It reports its own trips as an interlock.
             Behind::Far(..) => Capabilities::INTERLOCK,
         };
-        Capabilities(kind.0 | Capabilities::MEASURES_DISP.0 | Capabilities::USES_VEL.0)
+        let kind = kind.and(Capabilities::USES_VEL);
+        if self.measures_disp {
+            kind.and(Capabilities::MEASURES_DISP)
+        } else {
+            kind
+        }
     }
 
     /// A station with the specimen in its virgin state, or a link that is not connected. `remembers`: a test finds a
