@@ -160,6 +160,12 @@ impl Host {
         self.disp.len()
     }
 
+    /// Whether the specimen is computed or moves.
+    #[must_use]
+    pub const fn nature(&self) -> Nature {
+        self.nature
+    }
+
     /// What was done since [`Host::begin`].
     #[must_use]
     pub const fn tally(&self) -> Tally {

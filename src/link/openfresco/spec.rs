@@ -50,7 +50,7 @@ pub struct OpenFrescoServeSpec {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub client: Option<String>,
     /// Silence in s after which a client counts as gone. Default: none over TCP, where the connection shows it; 60 over
-    /// UDP.
+    /// UDP. At a computed specimen over UDP, a new client of the same machine takes over after 2 s of silence.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub idle_timeout_s: Option<f64>,
     /// Something moves here: a step that the client takes back ends the test, and a new client finds the specimen as the
