@@ -5,6 +5,7 @@ mod link_common;
 use std::path::Path;
 
 use gusset::config::{self, load_served};
+use gusset::link::spec::Offer;
 use link_common::{ONE_AXIS, ONE_AXIS_LAW, linked, test_file, write};
 
 /// What is said of a test with these keys in its link and its specimen.
@@ -164,7 +165,10 @@ fn what_is_believed_of_a_specimen_behind_a_link_must_be_said() {
         "[specimen.link]",
         "[[specimen.axis]]\nunit_disp = \"in\"\n[specimen.link]",
     );
-    shows(&complaint(&inches), "the protocol has no inches");
+    shows(
+        &complaint(&inches),
+        "the protocol of Gusset has no such `unit_disp`",
+    );
     let burst = text.replace("[timing]", "[timing]\non_miss = \"catch_up\"");
     shows(&complaint(&burst), "driven faster than the test says");
     let allowed = burst.replace("[timing]", "[timing]\ncatch_up_remote = true");
@@ -233,8 +237,10 @@ fn a_file_of_specimens_or_a_test_can_be_served() {
         "[specimen.law",
         "[[specimen.axis]]\nunit_force = \"lbf\"\n[specimen.law",
     );
-    shows(
-        &served(&inches, None).unwrap_err(),
-        "neither inches nor pounds",
-    );
+    let folder = tempfile::tempdir().unwrap();
+    let path = write(folder.path(), "serve.toml", &inches);
+    let served = load_served(&path, None).unwrap();
+    assert!(served.check_protocol(Offer::OpenFresco).is_ok());
+    let refused = served.check_protocol(Offer::Gusset).unwrap_err();
+    shows(&refused.to_string(), "`unit_force`");
 }

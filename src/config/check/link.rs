@@ -4,7 +4,7 @@ use super::Findings;
 use crate::config::TestFile;
 use crate::config::diagnose::Finding;
 use crate::config::document::KeyPath;
-use crate::config::specimen::{DispUnit, ForceUnit, SpecimenTable};
+use crate::config::specimen::SpecimenTable;
 use crate::link::LinkSpec;
 use crate::link::openfresco::RemoteSettings;
 use crate::link::spec::{Carrier, LinkCoupling, Protocol};
@@ -101,17 +101,11 @@ pub(super) fn check_link(
     }
     for (index, axis) in specimen.axis.iter().enumerate() {
         let at = at.key("axis").index(index);
-        if axis.unit_disp == DispUnit::Inch {
-            let text = "the protocol has no inches";
+        for (key, known) in axis.foreign_units() {
+            let text = format!("the protocol of Gusset has no such `{key}`");
             findings
                 .0
-                .push(Finding::error(at.key("unit_disp"), text).label("m or mm"));
-        }
-        if axis.unit_force == ForceUnit::PoundForce {
-            let text = "the protocol has no pounds";
-            findings
-                .0
-                .push(Finding::error(at.key("unit_force"), text).label("N or kN"));
+                .push(Finding::error(at.key(key), text).label(known));
         }
     }
 }

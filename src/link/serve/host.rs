@@ -20,6 +20,7 @@ pub struct Host {
     pub(super) stiffness: Vec<f64>,
     mass: Vec<f64>,
     behind: Behind,
+    units: Vec<AxisUnits>,
     limits: Vec<LimitsSpec>,
     probe: ProbeSettings,
     log: Option<LogSettings>,
@@ -62,6 +63,7 @@ impl Host {
         let (stiffness, mass) = Law::new(specimen, false).reference();
         Ok(Self {
             name,
+            units: axes.iter().map(units_of).collect(),
             axes,
             stiffness,
             mass,
@@ -90,6 +92,7 @@ impl Host {
         Self {
             name,
             mass: vec![0.0; axes.len() * axes.len()],
+            units: axes.iter().map(units_of).collect(),
             axes,
             stiffness,
             behind: Behind::Far(build, reply_limit_ns, Whereabouts::default()),
@@ -125,6 +128,16 @@ impl Host {
     pub fn computed(mut self) -> Self {
         if let Behind::Far(.., whereabouts) = &mut self.behind {
             *whereabouts = std::mem::take(whereabouts).of_a_computation();
+        }
+        self
+    }
+
+    /// The units of its axes, one entry per axis, where the handshake's units are not they: inches, pounds and kips. Such a
+    /// specimen is served by OpenFresco's protocols only.
+    #[must_use]
+    pub fn in_units(mut self, units: Vec<AxisUnits>) -> Self {
+        if units.len() == self.axes.len() {
+            self.units = units;
         }
         self
     }
@@ -256,8 +269,7 @@ impl Host {
                 .map_or(AxisLimits::NONE, LimitsSpec::limits)
         };
         let limits: Vec<AxisLimits> = (0..self.axes.len()).map(bound).collect();
-        let units: Vec<AxisUnits> = self.axes.iter().map(units_of).collect();
-        first_words(&limits, &units)
+        first_words(&limits, &self.units)
     }
 
     pub(super) fn capabilities(&self) -> Capabilities {
@@ -285,7 +297,7 @@ impl Host {
     /// # Errors
     /// What its maker says.
     pub fn station(&self, remembers: bool) -> Result<Station, String> {
-        let units: Vec<AxisUnits> = self.axes.iter().map(units_of).collect();
+        let units = self.units.clone();
         let rig: Box<dyn crate::link::rig::Rig> = match &self.behind {
             Behind::Law(build) => {
                 let law = Law::new(build()?, remembers);
