@@ -25,6 +25,8 @@ const N: usize = 32;
 struct Client {
     stream: TcpStream,
     dofs: usize,
+    /// Place of the first force in an answer.
+    force_at: usize,
     time: f64,
 }
 
@@ -44,6 +46,7 @@ impl Client {
         Self {
             stream,
             dofs,
+            force_at: answer[..3].iter().sum::<i32>() as usize,
             time: 0.0,
         }
     }
@@ -76,10 +79,9 @@ impl Client {
     /// The forces of one step, which is committed.
     fn step(&mut self, disp: &[f64], vel: &[f64]) -> Option<Vec<f64>> {
         self.trial(disp, vel);
-        let mut force = self.ask(GET_FORCE)?;
-        force.truncate(self.dofs);
+        let answer = self.ask(GET_FORCE)?;
         self.send(&[5.0]);
-        Some(force)
+        Some(answer[self.force_at..self.force_at + self.dofs].to_vec())
     }
 
     fn matrix(&mut self, code: f64) -> Vec<f64> {
@@ -187,4 +189,114 @@ fn a_test_commands_in_inches_over_openfresco() {
         let worst = near.iter().zip(&far).map(|(a, b)| (a - b).abs());
         assert!(worst.fold(0.0, f64::max) < 1e-9 * peak, "{name}");
     }
+}
+
+const BILINEAR: &str =
+    "law.bilinear = { stiffness_n_per_m = 8000.0, yield_force_n = 60.0, post_yield_ratio = 0.05 }";
+
+fn outer(row: &[f64], k: f64) -> Vec<f64> {
+    let pairs = row.iter().flat_map(|a| row.iter().map(move |b| a * k * b));
+    pairs.collect()
+}
+
+#[test]
+fn a_nonlinear_specimen_between_two_free_nodes_answers_both_with_its_force_and_tangent() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = format!("rows = [[-1, 1]]\nlimits.command_disp_m.trip = [-0.05, 0.05]\n{BILINEAR}");
+    let served = serve(folder.path(), &table);
+    let mut client = Client::wanting(&served, 2, [2, 2, 0, 2, 0]);
+    assert_eq!(client.matrix(12.0), outer(&[-1.0, 1.0], 8000.0));
+    // Limits are those of the axis: both nodes go a metre, and 20 mm come between them.
+    client.trial(&[1.0, 1.02], &[0.1, 0.3]);
+    let answer = client.ask(GET_FORCE).unwrap();
+    let force = 60.0 + 400.0 * (0.02 - 0.0075);
+    near(&answer[..4], &[1.0, 1.02, 0.1, 0.3]);
+    near(&answer[4..6], &[-force, force]);
+    near(&client.matrix(GET_TANGENT), &outer(&[-1.0, 1.0], 400.0));
+    for code in [14.0, 15.0] {
+        assert_eq!(client.matrix(code), [0.0; 4]);
+    }
+    // An iteration of the same step starts from the committed state.
+    client.time -= 0.01;
+    near(
+        &client.step(&[0.0, 0.005], &[0.0; 2]).unwrap(),
+        &[-40.0, 40.0],
+    );
+    near(&client.matrix(GET_TANGENT), &outer(&[-1.0, 1.0], 8000.0));
+    assert!(client.step(&[0.0, 0.06], &[0.0; 2]).is_none());
+    served.hears("command_disp_m");
+}
+
+#[test]
+fn an_inclined_brace_pulls_at_all_four_displacements_of_its_nodes() {
+    let folder = tempfile::tempdir().unwrap();
+    let row = [-0.6, -0.8, 0.6, 0.8];
+    let table = format!(
+        "rows = [{row:?}]\naxis = [{{ unit_disp = \"in\", unit_force = \"kip\" }}]\n{BILINEAR}"
+    );
+    let served = serve(folder.path(), &table);
+    let mut client = Client::new(&served, 4);
+    let force = client.step(&[0.0, 0.1, 0.2, 0.2], &[0.0; 4]).unwrap();
+    // 0.12 + 0.08 in along the brace.
+    let along = 8000.0 * 0.2 * INCH / KIP;
+    near(&force, &row.map(|part| part * along));
+    let tangent = client.matrix(GET_TANGENT);
+    near(&tangent, &outer(&row, 8000.0 * INCH / KIP));
+}
+
+/// A fixed base: d1 = x1, d2 = x2 − x1.
+#[test]
+fn two_axes_of_two_displacements_are_coupled_by_their_rows() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = "rows = [[1, 0], [-1, 1]]\n\
+                 laws = [{ linear = { stiffness_n_per_m = 50.0 } }, { linear = { stiffness_n_per_m = 300.0 } }]";
+    let served = serve(folder.path(), table);
+    let mut client = Client::new(&served, 2);
+    let force = client.step(&[0.1, 0.3], &[0.0; 2]).unwrap();
+    near(&force, &[5.0 - 60.0, 60.0]);
+    near(&client.matrix(GET_TANGENT), &[350.0, -300.0, -300.0, 300.0]);
+}
+
+#[test]
+fn rows_that_cannot_be_served_are_refused_at_their_key() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = |table: &str, arguments: &[&str]| {
+        let text = format!("[[specimen]]\nname = \"rig\"\n{table}\n");
+        let mut command = gusset();
+        command
+            .arg("serve")
+            .arg(write(folder.path(), "rig.toml", &text))
+            .args(arguments);
+        let output = finish(command);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        said
+    };
+    let said = refused(&format!("rows = [[-1, 1]]\n{BILINEAR}"), &[]);
+    assert!(said.contains("rig.toml:3:"), "{said}");
+    assert!(said.contains("--protocol openfresco"), "{said}");
+    for (table, line) in [
+        (format!("rows = [[-1, 1], [1]]\n{BILINEAR}"), "rig.toml:3:"),
+        (format!("rows = [[0, 0]]\n{BILINEAR}"), "rig.toml:3:"),
+        (format!("storey = 1\n{BILINEAR}"), "rig.toml:3:"),
+        (
+            format!(
+                "rows = [[-1, 1], [1, 0]]\n{BILINEAR}\n[[specimen.axis]]\n[[specimen.axis]]\nunit_disp = \"mm\""
+            ),
+            "rig.toml:6:",
+        ),
+    ] {
+        let said = refused(&table, OVER_OPENFRESCO);
+        assert!(said.contains(line), "{said}");
+    }
+}
+
+/// Its rows are those of its structure: the axes are served, as always.
+#[test]
+fn a_served_test_file_offers_its_axes_whatever_its_rows() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = format!("rows = [[-1, 1]]\nstiffness_n_per_m = 4e5\n{ONE_AXIS_LAW}");
+    let served = Served::start(folder.path(), &test_file(10, &table), OVER_OPENFRESCO);
+    let mut client = Client::new(&served, 1);
+    near(&client.matrix(12.0), &[4e5]);
 }

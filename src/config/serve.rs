@@ -17,7 +17,7 @@ use super::{
     ConfigError, Finding, KeyPath, Locator, Severity, SpecimenTable, check, judge, open, plain,
     read_text,
 };
-use crate::link::openfresco::OpenFrescoServeSpec;
+use crate::link::openfresco::{OpenFrescoServeSpec, Transformation};
 use crate::link::secret::read_key;
 use crate::link::serve::Host;
 use crate::link::spec::{Carrier, Offer};
@@ -104,16 +104,26 @@ pub struct Served {
     pub locator: Locator,
     /// The place of its table in the file.
     pub place: KeyPath,
+    /// The `rows` of a served file. A test file has none, because its `rows` are those of its structure.
+    pub transformation: Option<Transformation>,
 }
 
 impl Served {
-    /// What the chosen protocol cannot say of this specimen.
+    /// Refuses what the chosen protocol has no word for.
     ///
     /// # Errors
-    /// A unit that the protocol of Gusset lacks.
+    /// A unit that the protocol of Gusset lacks, or a transformation, which it leaves to the controller.
     pub fn check_protocol(&self, protocol: Offer) -> Result<(), ConfigError> {
         if protocol != Offer::Gusset {
             return Ok(());
+        }
+        if self.transformation.is_some() {
+            let text = "the protocol of Gusset serves axes without `rows`";
+            let finding = Finding::error(self.place.key("rows"), text)
+                .at_key()
+                .label("only for `--protocol openfresco…`")
+                .help("`rows` of the controller's test file transform its displacements");
+            return Err(self.locator.refusal(finding));
         }
         let axes = self.file.specimen.iter().flat_map(|table| &table.axis);
         for (index, gear) in axes.enumerate() {
@@ -224,6 +234,14 @@ pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigErro
         }
         None => host(table, &at).map_err(|f| refuse(*f))?,
     };
+    let transformation = match &table.rows {
+        Some(rows) if !of_a_test => {
+            Some(Transformation::new(rows.clone()).map_err(|text| {
+                refuse(Finding::error(at.key("rows"), format!("`rows`: {text}")))
+            })?)
+        }
+        _ => None,
+    };
     let axes = table.axes();
     let host = host
         .in_units(table.units_of(axes))
@@ -255,6 +273,7 @@ pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigErro
         warnings,
         locator: opened.locator,
         place: at,
+        transformation,
     })
 }
 

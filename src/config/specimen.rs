@@ -28,7 +28,9 @@ pub struct SpecimenTable {
     #[schemars(range(min = 1))]
     pub storey: Option<usize>,
     /// Rows B of the transformation d = B·x: one row per axis (with `geometry` one per coordinate of its platform), one column
-    /// per DOF.
+    /// per DOF. In a file of `gusset serve` x are the displacements that a client of OpenFresco's protocols commands: it gets the
+    /// force Bᵀ·f and the matrices Bᵀ·K·B, in the one unit of all axes. A displacement that it asks for is the nearest to its
+    /// command that agrees with the measured d. `limits` are those of the axes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rows: Option<Vec<Vec<f64>>>,
     /// Loading unit: the axes are the actuators that hold a platform, and `rows` give its pose. Default: none, every axis is

@@ -30,6 +30,7 @@ mod news;
 mod server;
 mod settings;
 mod spec;
+mod transformation;
 
 pub use client::Remote;
 pub use dialect::{ExchangeFault, Role};
@@ -40,3 +41,4 @@ pub use news::{End, News};
 pub use server::{ServeSettings, serve_openfresco};
 pub use settings::{Peer, RemoteSettings};
 pub use spec::{Far, OpenFrescoServeSpec, OpenFrescoSpec};
+pub use transformation::Transformation;
