@@ -1,10 +1,10 @@
-//! What `gusset serve` offers over OpenFresco's protocols, as a client sees it: US units, and a transformation between the
-//! client's displacements and the axes.
+//! What `gusset serve` offers over OpenFresco's protocols, as a client sees it: US units, a transformation between the
+//! client's displacements and the axes, and the controller of SimFEAdapter.
 
 mod link_common;
 
 use std::io::{Read, Write};
-use std::net::TcpStream;
+use std::net::{TcpStream, UdpSocket};
 use std::path::Path;
 
 use link_common::{
@@ -299,4 +299,89 @@ fn a_served_test_file_offers_its_axes_whatever_its_rows() {
     let served = Served::start(folder.path(), &test_file(10, &table), OVER_OPENFRESCO);
     let mut client = Client::new(&served, 1);
     near(&client.matrix(12.0), &[4e5]);
+}
+
+/// A recorded exchange: which end sent each message, and its bytes.
+fn recorded(name: &str) -> Vec<(bool, Vec<u8>)> {
+    let path = format!("{}/tests/captures/{name}.jsonl", env!("CARGO_MANIFEST_DIR"));
+    let text = std::fs::read_to_string(path).unwrap();
+    let messages = text.lines().skip(1).map(|line| {
+        let line: serde_json::Value = serde_json::from_str(line).unwrap();
+        let hex = line["hex"].as_str().unwrap_or_default();
+        let digits = (0..hex.len()).step_by(2).map(|at| &hex[at..at + 2]);
+        let mut bytes: Vec<u8> = digits
+            .map(|digits| u8::from_str_radix(digits, 16).unwrap())
+            .collect();
+        bytes.resize(line["len"].as_u64().unwrap() as usize, 0);
+        (line["dir"] == "c2s", bytes)
+    });
+    messages.filter(|(_, bytes)| !bytes.is_empty()).collect()
+}
+
+fn first_two(bytes: &[u8]) -> [f64; 2] {
+    [0, 8].map(|at| f64::from_le_bytes(bytes[at..at + 8].try_into().unwrap()))
+}
+
+/// OpenFresco's SimFEAdapter takes our controller for an adapter element: it commands, requests with 10, never commits, and says
+/// goodbye twice.
+#[test]
+fn the_bytes_of_simfeadapter_are_answered_by_the_controller_as_by_an_adapter_element() {
+    let folder = tempfile::tempdir().unwrap();
+    let law =
+        "law.bilinear = { stiffness_n_per_m = 2.8, yield_force_n = 1.5, post_yield_ratio = 0.02 }";
+    let text = format!("[[specimen]]\nname = \"rig\"\n{law}\n");
+    for (name, transport) in [
+        ("openfresco-simfeadapter-to-opensees-adapter-tcp", "tcp"),
+        (
+            "openfresco-simfeadapter-to-opensees-adapter-udp-hello",
+            "udp",
+        ),
+    ] {
+        let arguments = [
+            "--protocol",
+            "openfresco-controller",
+            "--transport",
+            transport,
+        ];
+        let served = Served::start(folder.path(), &text, &arguments);
+        let mut stream = (transport == "tcp").then(|| TcpStream::connect(&served.address).unwrap());
+        let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+        if let Some(stream) = &stream {
+            stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        }
+        socket.set_read_timeout(Some(PATIENCE)).unwrap();
+        socket.connect(&served.address).unwrap();
+        let mut commanded = 0.0;
+        let mut forces = 0;
+        for (from_client, bytes) in recorded(name) {
+            if from_client {
+                if let [3.0, disp] = first_two(&[&bytes[..], &[0; 16]].concat()) {
+                    commanded = disp;
+                }
+                // The second goodbye may find the port closed.
+                let _ = match &mut stream {
+                    Some(stream) => stream.write_all(&bytes),
+                    None => socket.send(&bytes).map(|_| ()),
+                };
+                continue;
+            }
+            let mut ours = vec![0; bytes.len()];
+            match &mut stream {
+                Some(stream) => stream.read_exact(&mut ours).unwrap(),
+                None => assert_eq!(socket.recv(&mut ours).unwrap(), bytes.len()),
+            }
+            if bytes.len() == 1 {
+                assert_eq!(ours, bytes, "the hello");
+                continue;
+            }
+            // The spring of the recorded adapter, 1e12, gives the model 2.8 / 1e12 less, and the force to 1e-4.
+            let ([disp, force], [their_disp, their_force]) = (first_two(&ours), first_two(&bytes));
+            assert_eq!(disp, commanded);
+            assert!((disp - their_disp).abs() < 1e-11, "{disp} {their_disp}");
+            assert!((force - their_force).abs() < 1e-3, "{force} {their_force}");
+            forces += 1;
+        }
+        assert_eq!(forces, 5);
+        served.hears("the client ended the test; 5 commands");
+    }
 }

@@ -172,7 +172,7 @@ pub enum Offer {
     /// The actor behind OpenFresco's `ShadowSite`.
     #[serde(rename = "openfresco-actor")]
     OpenFrescoActor,
-    /// The laboratory controller behind OpenFresco's `GenericTCP`.
+    /// The laboratory controller behind OpenFresco's `GenericTCP`, or `SimFEAdapter`.
     #[serde(rename = "openfresco-controller")]
     OpenFrescoController,
     /// The model behind OpenFresco's `SimSimulink`.

@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | [`serve_openfresco`], [`Role::Application`] | A | OpenSees `genericClient`, OpenFresco's elements with `-server`, the C library |
 //! | [`serve_openfresco`], [`Role::Actor`] | B | OpenFresco `expSite ShadowSite` |
-//! | [`serve_openfresco`], [`Role::Controller`] | D | OpenFresco `expControl GenericTCP` |
+//! | [`serve_openfresco`], [`Role::Controller`] | D | OpenFresco `expControl GenericTCP` or `SimFEAdapter` |
 //! | [`serve_openfresco`], [`Role::Simulink`] | D | OpenFresco `expControl SimSimulink` |
 //! | [`Remote`], [`Peer::Element`], [`Peer::Site`] | A | `startSimAppElemServer`, `startSimAppSiteServer` |
 //! | [`Remote`], [`Peer::Actor`] | B | `expSite ActorSite` |
