@@ -49,7 +49,7 @@ fn over_every_protocol_a_yielding_formula_does_not_remember_having_been_tried() 
         (
             "element",
             &["--protocol", "openfresco"],
-            "protocol = \"openfresco\"",
+            "protocol = \"openfresco\"\nopenfresco = { answer_signals = [1, 1, 1, 1, 1] }",
         ),
         (
             "site",

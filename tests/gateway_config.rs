@@ -44,7 +44,7 @@ fn what_has_no_effect_or_is_missing_is_refused() {
     let scaled = format!("{KNOWN}[specimen.similitude]\nlength = 10\n");
     shows(&complaint(&scaled, ""), "a gateway passes numbers on");
     let inches = format!("{KNOWN}[[specimen.axis]]\nunit_disp = \"in\"\n");
-    shows(&complaint(&inches, ""), "no inches");
+    shows(&complaint(&inches, ""), "no such `unit_disp`");
     shows(
         &complaint(KNOWN, "key_file = \"none.key\""),
         "cannot be read",

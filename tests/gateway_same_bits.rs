@@ -27,11 +27,11 @@ const UDP: Speech = Speech {
 };
 const ELEMENT: Speech = Speech {
     serve: &["--protocol", "openfresco"],
-    link: "protocol = \"openfresco\"",
+    link: "protocol = \"openfresco\"\nopenfresco = { answer_signals = [1, 1, 1, 1, 1] }",
 };
 const ELEMENT_UDP: Speech = Speech {
     serve: &["--protocol", "openfresco", "--transport", "udp"],
-    link: "protocol = \"openfresco\"\ntransport = \"udp\"",
+    link: "protocol = \"openfresco\"\ntransport = \"udp\"\nopenfresco = { answer_signals = [1, 1, 1, 1, 1] }",
 };
 const SITE: Speech = Speech {
     serve: &["--protocol", "openfresco-actor"],

@@ -5,6 +5,7 @@ mod link_common;
 use std::path::Path;
 
 use gusset::config::{self, load_served};
+use gusset::link::spec::Offer;
 use link_common::{ONE_AXIS, ONE_AXIS_LAW, linked, test_file, write};
 
 /// What is said of a test with these keys in its link and its specimen.
@@ -74,11 +75,19 @@ fn where_a_specimen_stands_is_said_by_its_link_or_by_the_file() {
     for (keys, words) in [
         ("protocol = \"openfresco-adapter\"", ASKS),
         ("protocol = \"openfresco-shadow\"", ASKS),
+        ("protocol = \"openfresco\"", ASKS),
         (
-            "protocol = \"openfresco\"\nopenfresco = { answer_signals = [0, 0, 0, 1, 0] }",
+            "protocol = \"openfresco\"\nopenfresco = { server = \"site\", answer_signals = [0, 0, 0, 1, 0] }",
             ASKS,
         ),
-        ("protocol = \"openfresco\"\nstands_at_m = [0]", TELLS),
+        (
+            "protocol = \"openfresco\"\nopenfresco = { answer_signals = [1, 1, 1, 1, 1] }\nstands_at_m = [0]",
+            TELLS,
+        ),
+        (
+            "protocol = \"openfresco\"\nopenfresco = { server = \"site\" }\nstands_at_m = [0]",
+            TELLS,
+        ),
         ("stands_at_m = [0, 0]", "2 displacements for 1 axes"),
         (
             "protocol = \"openfresco-shadow\"\nstands_at_m = [0, 0]",
@@ -93,7 +102,9 @@ fn where_a_specimen_stands_is_said_by_its_link_or_by_the_file() {
     }
     for keys in [
         "protocol = \"openfresco-shadow\"\nstands_at_m = [-0.02]",
-        "protocol = \"openfresco\"",
+        "protocol = \"openfresco\"\nstands_at_m = [0.01]",
+        "protocol = \"openfresco\"\nopenfresco = { answer_signals = [1, 1, 1, 1, 1] }",
+        "protocol = \"openfresco\"\nopenfresco = { server = \"site\" }",
         // A specimen of our own protocol may tell, and need not.
         "",
         "stands_at_m = [0.01]",
@@ -103,6 +114,42 @@ fn where_a_specimen_stands_is_said_by_its_link_or_by_the_file() {
     let computed = linked(10, "127.0.0.1:1", "protocol = \"openfresco-shadow\"");
     assert!(computed.contains("computed = true"));
     assert_eq!(complaint(&computed), "");
+}
+
+#[test]
+fn keys_that_need_a_measured_displacement_are_refused_where_answers_hold_forces_only() {
+    let said = |table: &str, openfresco: &str| {
+        let link = format!("protocol = \"openfresco\"\n{openfresco}");
+        let text = linked(10, "127.0.0.1:1", &link);
+        complaint(&text.replace("storey = 1\n", &format!("storey = 1\n{table}\n")))
+    };
+    for (key, table) in [
+        (
+            "measured_disp_m",
+            "limits.measured_disp_m.trip = [-0.1, 0.1]",
+        ),
+        ("sensor_disp_m", "limits.sensor_disp_m.trip = [-0.1, 0.1]"),
+        ("following_error_m", "limits.following_error_m.trip = 0.001"),
+        ("stuck_ticks", "limits.stuck_ticks.trip = 100"),
+        ("added_energy_j", "limits.added_energy_j.trip = 1.0"),
+        ("lag_s", "limits.lag_s.trip = 0.01"),
+        ("gain_error", "limits.gain_error.trip = 0.1"),
+        ("lag_s", "axis = [{ limits.lag_s.trip = 0.01 }]"),
+        ("zero_disp", "axis = [{ zero_disp = \"relative\" }]"),
+        ("ats", "compensation.ats = { order = 1 }"),
+    ] {
+        let refused = format!("`{key}` needs a measured displacement");
+        shows(&said(table, ""), &refused);
+        shows(&said(table, ""), "answer_signals = [1, 1, 1, 1, 1]");
+        for measures in [
+            "openfresco = { answer_signals = [1, 1, 1, 1, 1] }",
+            "openfresco = { server = \"site\" }",
+        ] {
+            let found = said(table, measures);
+            assert!(!found.contains("needs a measured"), "{key}: {found}");
+        }
+    }
+    assert_eq!(said("limits.force_step_n.trip = 10", "probe_m = 1e-4"), "");
 }
 
 #[test]
@@ -118,7 +165,10 @@ fn what_is_believed_of_a_specimen_behind_a_link_must_be_said() {
         "[specimen.link]",
         "[[specimen.axis]]\nunit_disp = \"in\"\n[specimen.link]",
     );
-    shows(&complaint(&inches), "the protocol has no inches");
+    shows(
+        &complaint(&inches),
+        "the protocol of Gusset has no such `unit_disp`",
+    );
     let burst = text.replace("[timing]", "[timing]\non_miss = \"catch_up\"");
     shows(&complaint(&burst), "driven faster than the test says");
     let allowed = burst.replace("[timing]", "[timing]\ncatch_up_remote = true");
@@ -187,8 +237,10 @@ fn a_file_of_specimens_or_a_test_can_be_served() {
         "[specimen.law",
         "[[specimen.axis]]\nunit_force = \"lbf\"\n[specimen.law",
     );
-    shows(
-        &served(&inches, None).unwrap_err(),
-        "neither inches nor pounds",
-    );
+    let folder = tempfile::tempdir().unwrap();
+    let path = write(folder.path(), "serve.toml", &inches);
+    let served = load_served(&path, None).unwrap();
+    assert!(served.check_protocol(Offer::OpenFresco).is_ok());
+    let refused = served.check_protocol(Offer::Gusset).unwrap_err();
+    shows(&refused.to_string(), "`unit_force`");
 }

@@ -53,7 +53,10 @@ fn a_server_is_asked_where_its_specimen_stands_and_of_an_actor_a_warning_says_th
         (Role::Actor, Peer::Actor),
     ] {
         let server = Server::start(role, Carrier::Stream, 2, Nature::Physical);
-        let with = settings(peer, Carrier::Stream, server.address, 2);
+        let mut with = settings(peer, Carrier::Stream, server.address, 2);
+        if peer == Peer::Element {
+            with.daq = Counts::new(2, 2, 2, 2, 1);
+        }
         let mut left = [0.0; 2];
         for _ in 0..2 {
             let mut remote = Remote::new(with.clone()).unwrap();

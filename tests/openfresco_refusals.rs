@@ -20,7 +20,7 @@ use openfresco_ends::{LONG, Server, drive, in_process, path, settings};
 #[test]
 fn a_second_controller_is_turned_away_and_the_first_does_not_notice() {
     for carrier in [Carrier::Stream, Carrier::Datagrams] {
-        let server = Server::start(Role::Application, carrier, 1, Nature::Simulated);
+        let server = Server::start(Role::Application, carrier, 1, Nature::Physical);
         let mut first = Remote::new(settings(Peer::Element, carrier, server.address, 1)).unwrap();
         first.open().unwrap();
         let before = drive(&mut first, 50);
@@ -50,6 +50,76 @@ fn a_second_controller_is_turned_away_and_the_first_does_not_notice() {
         assert_eq!(into.force, in_process(1, 51)[50].1);
         first.retire(Retirement::Orderly);
         assert_eq!(server.end(), End::Finished);
+    }
+}
+
+/// A vector of two doubles.
+fn vector(first: f64, second: f64) -> Vec<u8> {
+    [first, second].map(f64::to_le_bytes).concat()
+}
+
+/// OpenSees spins for ever where its connection is closed.
+#[test]
+fn a_second_tcp_client_of_a_computed_specimen_waits_until_the_first_has_ended() {
+    let server = Server::start(Role::Application, Carrier::Stream, 1, Nature::Simulated);
+    let with = || settings(Peer::Element, Carrier::Stream, server.address, 1);
+    let mut first = Remote::new(with()).unwrap();
+    first.open().unwrap();
+    let mut second = TcpStream::connect(server.address).unwrap();
+    second.set_read_timeout(Some(LONG)).unwrap();
+    let sizes = [1_i32, 0, 0, 0, 0, 0, 0, 0, 1, 0, 2];
+    let sizes: Vec<u8> = sizes.into_iter().flat_map(i32::to_le_bytes).collect();
+    second.write_all(&sizes).unwrap();
+    second.write_all(&vector(3.0, 0.005)).unwrap();
+    second.write_all(&vector(10.0, 0.0)).unwrap();
+    // Long enough for a look at the port.
+    gusset::session::pause(std::time::Duration::from_millis(300));
+    assert_eq!(drive(&mut first, 50), in_process(1, 50));
+    first.retire(Retirement::Orderly);
+    let mut answer = [0; 16];
+    second.read_exact(&mut answer).unwrap();
+    assert_eq!(answer[..8], 40.0_f64.to_le_bytes());
+    second.write_all(&vector(99.0, 0.0)).unwrap();
+    for _ in 0..2 {
+        assert_eq!(server.end(), End::Finished);
+    }
+}
+
+/// A client that was killed says no goodbye over UDP, and the next one of its machine must not wait for a minute.
+#[test]
+fn a_new_udp_client_of_the_same_machine_replaces_a_silent_one_at_a_computed_specimen_only() {
+    for nature in [Nature::Simulated, Nature::Physical] {
+        for hello in [true, false] {
+            let serve = ServeSettings {
+                takeover_s: 0.2,
+                ..ServeSettings::new(Role::Application, Some(30.0))
+            };
+            let server = Server::with(serve, Carrier::Datagrams, 1, nature);
+            let mut with = settings(Peer::Element, Carrier::Datagrams, server.address, 1);
+            with.greeting.hello = hello;
+            let mut killed = Remote::new(with.clone()).unwrap();
+            killed.open().unwrap();
+            drive(&mut killed, 5);
+            drop(killed);
+            if nature == Nature::Physical {
+                with.connect_limit_s = 1.0;
+            }
+            let mut next = Remote::new(with).unwrap();
+            let opened = next.open();
+            match nature {
+                Nature::Simulated => {
+                    opened.unwrap();
+                    assert_eq!(server.end(), End::Replaced(0.2));
+                    assert_eq!(drive(&mut next, 50), in_process(1, 50));
+                    next.retire(Retirement::Orderly);
+                    assert_eq!(server.end(), End::Finished);
+                }
+                Nature::Physical => {
+                    opened.unwrap_err();
+                    server.hears(|news| matches!(news, News::TurnedAway(_)));
+                }
+            }
+        }
     }
 }
 

@@ -7,12 +7,13 @@ use std::sync::mpsc::channel;
 use std::sync::{Arc, Mutex};
 
 use gusset::link::openfresco::{Peer, Remote, RemoteSettings};
+use gusset::record::Run;
 use gusset::substructure::{Command, Measurement, Retirement, Substructure};
 use gusset::time::Nanos;
 use gusset::wire::handshake::{Capabilities, Welcome};
 use gusset::wire::openfresco::Carrier;
 use link_common::{
-    Fake, ONE_AXIS_LAW, Served, adapter, finish, gateway, gusset, linked, run, summary,
+    Fake, ONE_AXIS_LAW, Served, adapter, element, finish, gateway, gusset, linked, run, summary,
 };
 
 const STEPS: u32 = 100;
@@ -96,6 +97,48 @@ fn a_test_that_goes_on_finds_it_where_it_was_left_and_not_where_it_once_stood() 
     assert!(!said.contains("stands_at_m") && !said.contains("where the test begins"));
     let told = told.lock().unwrap();
     assert!(told.len() > BREAKS_AT + 10 && largest_step(&told) < 2e-4);
+}
+
+/// OpenFresco's element servers answer displacement 0 always. Only their force is used: a probe finds no dead sensor, no
+/// following error trips, and the start is where the file says, not at 0.
+#[test]
+fn an_element_server_that_answers_displacement_zero_gives_forces_only() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let (address, told) = element::start(K);
+    let link = format!(
+        "protocol = \"openfresco\"\nprobe_m = 1e-4\nprobe_ramp_s = 0.05\nstands_at_m = [{STANDS}]"
+    );
+    let text = linked(STEPS, &address, &link);
+    let (code, said) = run(folder, "run", &text);
+    assert_eq!(code, 0, "{said}");
+    let kept = Run::open(&folder.join("run")).unwrap();
+    let warnings = &kept.summary().unwrap().warnings;
+    assert!(
+        warnings
+            .iter()
+            .any(|text| text.contains("gives forces only"))
+    );
+    let columns = kept.columns(&["cmd_1_1", "meas_1_1", "force_1_1"]).unwrap();
+    assert_eq!(columns[0], columns[1]);
+    let forces = columns[0].iter().zip(&columns[2]);
+    assert!(forces.clone().all(|(disp, force)| *force == K * disp));
+    assert!(columns[0].iter().any(|disp| disp.abs() > 1e-3));
+    let told = told.lock().unwrap();
+    assert!((told[0] - STANDS).abs() < 1e-6 && largest_step(&told) < 2e-4);
+    // A user who vouches for the displacements gets the zeros.
+    let measures =
+        "openfresco = { answer_signals = [1, 1, 1, 1, 1] }\nprobe_m = 1e-4\nprobe_ramp_s = 0.05";
+    let (address, _) = element::start(K);
+    let text = linked(
+        STEPS,
+        &address,
+        &format!("protocol = \"openfresco\"\n{measures}"),
+    );
+    let (code, _) = run(folder, "vouched", &text);
+    assert_eq!(code, 3);
+    let reason = summary(folder, "vouched").reason;
+    assert!(reason.contains("dead or frozen sensor"), "{reason}");
 }
 
 /// The first command of a client is a step from where the gateway told it to go last, or from where the file says that it

@@ -7,7 +7,9 @@ use std::io::{Read, Write};
 use std::net::{TcpStream, UdpSocket};
 use std::path::Path;
 
-use link_common::{ONE_AXIS, ONE_AXIS_LAW, PATIENCE, Served, linked, run, summary, test_file};
+use link_common::{
+    ONE_AXIS, ONE_AXIS_LAW, PATIENCE, Served, linked, moving, run, summary, test_file,
+};
 
 const STEPS: u32 = 50;
 
@@ -15,6 +17,11 @@ fn serve(folder: &Path, protocol: &str, transport: &str) -> Served {
     let text = test_file(STEPS, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
     let arguments = ["--protocol", protocol, "--transport", transport];
     Served::start(folder, &text, &arguments)
+}
+
+fn serve_moving(folder: &Path, protocol: &str, transport: &str) -> Served {
+    let arguments = ["--protocol", protocol, "--transport", transport];
+    Served::start(folder, &moving(), &arguments)
 }
 
 /// The first message of dialects A and D for one axis, with one count changed.
@@ -121,10 +128,14 @@ fn lines_before_the_client(served: &Served) -> Vec<String> {
 #[test]
 fn who_connects_and_says_nothing_keeps_nobody_out() {
     // Some, and more than are greeted at a time.
-    for strangers in [5, 40] {
+    for (strangers, moves) in [(5, true), (40, true), (5, false), (40, false)] {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
-        let served = serve(folder, "openfresco", "tcp");
+        let served = if moves {
+            serve_moving(folder, "openfresco", "tcp")
+        } else {
+            serve(folder, "openfresco", "tcp")
+        };
         let silent: Vec<_> = (0..strangers)
             .map(|_| {
                 let stranger = TcpStream::connect(&served.address).unwrap();
@@ -139,6 +150,15 @@ fn who_connects_and_says_nothing_keeps_nobody_out() {
         let says = |words: &str| before.iter().any(|line| line.contains(words));
         // Nobody had to lose patience with a stranger first.
         assert!(!says("sent no sizes within"), "{before:?}");
+        let turned_away = || {
+            let mut after = served.says_before("the client ended the test").into_iter();
+            after.any(|line| line.contains("turned away: a client is being served"))
+        };
+        if !moves {
+            // They wait until the computed specimen is free again.
+            assert!(!says("turned away") && !turned_away(), "{before:?}");
+            continue;
+        }
         assert!(says("turned away: a client is being served"), "{before:?}");
         // They were all sent away for the client's sake.
         for mut stranger in silent {
@@ -209,7 +229,7 @@ fn noise_at_every_port_does_not_disturb_a_running_test() {
         for transport in ["tcp", "udp"] {
             let folder = tempfile::tempdir().unwrap();
             let folder = folder.path();
-            let served = serve(folder, serves, transport);
+            let served = serve_moving(folder, serves, transport);
             let keys = format!("protocol = \"{asks}\"\ntransport = \"{transport}\"");
             let text = linked(20_000, &served.address, &keys);
             let owned = folder.to_owned();

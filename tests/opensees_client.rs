@@ -154,32 +154,31 @@ fn a_bouc_wen_storey_meets_that_of_opensees_as_the_step_shrinks() {
 }
 
 #[test]
-fn opensees_killed_in_mid_test_frees_the_port_and_a_second_opensees_is_turned_away() {
+fn opensees_killed_in_mid_test_frees_the_port_and_a_second_opensees_waits_for_it() {
     let Some(python) = python() else {
         return;
     };
-    let mut server = Server::start(BILINEAR, "tcp");
-    let port = server.port.to_string();
-    let endless = [
-        "--port",
-        &port,
-        "--steps",
-        "10000000",
-        "--pause-after",
-        "20",
-    ];
-    // Ten million steps of motion would take a while to write down: the kill comes long before the end.
-    let endless = [&endless[..2], &["--steps", "200000"], &endless[4..]].concat();
-    let mut client = Peer::script(&python, "client.py", &endless);
-    client.event("step");
-    let mut second = Peer::script(&python, "client.py", &["--port", &port]);
-    server.peer.line(|line| line.contains("turned away"));
-    // The real program spins for ever when its server closes; that is its own.
-    second.kill();
-    client.kill();
-    server
-        .peer
-        .line(|line| line.contains("without a goodbye") || line.contains("broke"));
-    let (difference, ..) = analysis(&server, false, STEEL, &["--steps", "20"]).unwrap();
-    assert!(difference < SAME);
+    for transport in ["tcp", "udp"] {
+        let mut server = Server::start(BILINEAR, transport);
+        let port = server.port.to_string();
+        let udp: &[&str] = if transport == "udp" { &["--udp"] } else { &[] };
+        // It is killed long before two hundred thousand steps are over.
+        let endless = ["--port", &port, "--steps", "200000", "--pause-after", "20"];
+        let mut client = Peer::script(&python, "client.py", &[&endless[..], udp].concat());
+        client.event("step");
+        let short = ["--port", &port, "--steps", "20", "--material", STEEL];
+        let mut second = Peer::script(&python, "client.py", &[&short[..], udp].concat());
+        second.event("loaded");
+        client.kill();
+        server.peer.line(|line| {
+            ["without a goodbye", "broke", "takes over"]
+                .iter()
+                .any(|words| line.contains(words))
+        });
+        let difference = second.event("result")["difference"].as_f64().unwrap();
+        assert!(difference < SAME, "{transport}: {difference}");
+        let (difference, ..) =
+            analysis(&server, transport == "udp", STEEL, &["--steps", "20"]).unwrap();
+        assert!(difference < SAME, "{transport}: {difference}");
+    }
 }

@@ -32,7 +32,7 @@ const OURS: Speech = Speech {
 };
 const THEIRS: Speech = Speech {
     serve: &["--protocol", "openfresco"],
-    link: "protocol = \"openfresco\"",
+    link: "protocol = \"openfresco\"\nopenfresco = { answer_signals = [1, 1, 1, 1, 1] }",
 };
 
 fn agree(down: &Speech, specimen: &str, material: &str, scheme: &str, udp: bool) {

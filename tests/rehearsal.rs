@@ -278,7 +278,10 @@ fn the_way_in_is_rehearsed_as_slow_as_it_will_be() {
     let (amplitude, tick) = (0.02, 1e-3);
     for (link, time) in [
         ("", 1.0),
-        ("protocol = \"openfresco\"\n", 1.0),
+        (
+            "protocol = \"openfresco\"\nopenfresco = { answer_signals = [1, 1, 1, 1, 1] }\n",
+            1.0,
+        ),
         (
             "protocol = \"openfresco-adapter\"\nstands_at_m = [0.0]\n",
             1.0,

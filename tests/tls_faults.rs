@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use gusset::record::summary::Status;
 use link_common::{
-    ONE_AXIS, ONE_AXIS_LAW, Running, Served, events, linked, run, summary, test_file,
+    ONE_AXIS, ONE_AXIS_LAW, Running, Served, events, linked, moving, run, summary, test_file,
 };
 use tls_common::{Authority, EXPIRED, VALID};
 
@@ -37,7 +37,12 @@ fn strangers_who_fail_the_handshake_are_logged_and_do_not_disturb_a_running_test
         let authority = tls_common::make(folder);
         let served = Served::start(
             folder,
-            &local(),
+            // A computed specimen of OpenFresco's protocols lets others wait.
+            &if protocol == "gusset" {
+                local()
+            } else {
+                moving()
+            },
             &["--transport", "tls", "--protocol", protocol],
         );
         let keys = format!("protocol = \"{protocol}\"");

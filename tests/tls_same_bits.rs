@@ -77,7 +77,7 @@ fn a_gateway_between_two_links_over_tls_changes_no_number() {
     let over_tls = ["--transport", "tls"];
     let openfresco = ["--protocol", "openfresco"];
     let specimen = Served::start(folder, &local, &[over_tls, openfresco].concat());
-    let keys = "protocol = \"openfresco\"\ntransport = \"tls\"";
+    let keys = "protocol = \"openfresco\"\ntransport = \"tls\"\nopenfresco = { answer_signals = [1, 1, 1, 1, 1] }";
     let between = gateway(&specimen.address, "stiffness_n_per_m = 4e5\n", keys);
     let between = Served::start(folder, &between, &over_tls);
     for name in ["first", "second"] {

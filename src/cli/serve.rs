@@ -46,6 +46,7 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
         Some(ProtocolArg::OpenfrescoSimulink) => Offer::OpenFrescoSimulink,
         None => served.serve.protocol.unwrap_or_default(),
     };
+    served.check_protocol(protocol).map_err(refused)?;
     if protocol == Offer::Gusset && args.client.is_some() {
         let text = "--client is for OpenFresco's protocols; our own knows a key (--key) and certificates (--transport tls)";
         return Err(WithExit(Exit::Usage, text.to_owned()).into());

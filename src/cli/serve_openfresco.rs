@@ -46,7 +46,11 @@ pub fn serve(
     }
     let remembers = nature == Nature::Physical || served.host.remembers();
     let station = served.host.station(remembers).map_err(anyhow::Error::msg)?;
-    let mut host = Host::of(station, nature, wishes.step_s);
+    let host = Host::of(station, nature, wishes.step_s);
+    let mut host = match &served.transformation {
+        Some(transformation) => host.transformed(transformation.clone()),
+        None => host,
+    };
     let bytes = match carrier {
         Carrier::Tcp | Carrier::Tls => Bytes::Stream,
         Carrier::Udp => Bytes::Datagrams,

@@ -107,6 +107,15 @@ impl CompensationSpec {
         }
     }
 
+    /// True of what adapts to the measured displacement or feeds it back.
+    #[must_use]
+    pub const fn uses_measured_disp(&self) -> bool {
+        matches!(
+            self,
+            Self::Ats(_) | Self::Amb(_) | Self::RecursiveFir(_) | Self::PiLead(_)
+        )
+    }
+
     /// The key of its kind.
     #[must_use]
     pub const fn kind(&self) -> &'static str {

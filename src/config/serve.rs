@@ -14,10 +14,10 @@ use super::echo::number;
 use super::safety::SafetyTable;
 use super::schema::RecordTable;
 use super::{
-    ConfigError, DispUnit, Finding, ForceUnit, KeyPath, Locator, Severity, SpecimenTable, check,
-    judge, open, plain, read_text,
+    ConfigError, Finding, KeyPath, Locator, Severity, SpecimenTable, check, judge, open, plain,
+    read_text,
 };
-use crate::link::openfresco::OpenFrescoServeSpec;
+use crate::link::openfresco::{OpenFrescoServeSpec, Transformation};
 use crate::link::secret::read_key;
 use crate::link::serve::Host;
 use crate::link::spec::{Carrier, Offer};
@@ -102,6 +102,42 @@ pub struct Served {
     pub warnings: Vec<String>,
     /// Where each key of the file stands.
     pub locator: Locator,
+    /// The place of its table in the file.
+    pub place: KeyPath,
+    /// The `rows` of a served file. A test file has none, because its `rows` are those of its structure.
+    pub transformation: Option<Transformation>,
+}
+
+impl Served {
+    /// Refuses what the chosen protocol has no word for.
+    ///
+    /// # Errors
+    /// A unit that the protocol of Gusset lacks, or a transformation, which it leaves to the controller.
+    pub fn check_protocol(&self, protocol: Offer) -> Result<(), ConfigError> {
+        if protocol != Offer::Gusset {
+            return Ok(());
+        }
+        if self.transformation.is_some() {
+            let text = "the protocol of Gusset serves axes without `rows`";
+            let finding = Finding::error(self.place.key("rows"), text)
+                .at_key()
+                .label("only for `--protocol openfresco…`")
+                .help("`rows` of the controller's test file transform its displacements");
+            return Err(self.locator.refusal(finding));
+        }
+        let axes = self.file.specimen.iter().flat_map(|table| &table.axis);
+        for (index, gear) in axes.enumerate() {
+            if let Some((key, known)) = gear.foreign_units().next() {
+                let at = self.place.key("axis").index(index).key(key);
+                let text = format!("the protocol of Gusset has no such `{key}`");
+                let finding = Finding::error(at, text)
+                    .label(known)
+                    .help("`gusset serve --protocol openfresco` serves it in this unit");
+                return Err(self.locator.refusal(finding));
+            }
+        }
+        Ok(())
+    }
 }
 
 /// Reads a file of specimens, or a test file, and makes the specimen that is called `name` ready (the only one if there is
@@ -198,7 +234,18 @@ pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigErro
         }
         None => host(table, &at).map_err(|f| refuse(*f))?,
     };
-    let host = host.limited(table.limits_of(table.axes()));
+    let transformation = match &table.rows {
+        Some(rows) if !of_a_test => {
+            Some(Transformation::new(rows.clone()).map_err(|text| {
+                refuse(Finding::error(at.key("rows"), format!("`rows`: {text}")))
+            })?)
+        }
+        _ => None,
+    };
+    let axes = table.axes();
+    let host = host
+        .in_units(table.units_of(axes))
+        .limited(table.limits_of(axes));
     let host = match (serve.remembers, host.is_gateway()) {
         (false, _) => host,
         (true, false) => host.remembering(),
@@ -225,6 +272,8 @@ pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigErro
         among_others,
         warnings,
         locator: opened.locator,
+        place: at,
+        transformation,
     })
 }
 
@@ -273,7 +322,6 @@ fn host(table: &SpecimenTable, at: &KeyPath) -> Result<Host, Box<Finding>> {
     let law = law.clone();
     let transfer = table.transfer.clone();
     let whole = table.clone();
-    check_units(table, at)?;
     let wire = wire_axes(table, axes, None);
     let build = move || -> Result<Box<dyn Specimen>, String> {
         let laws = whole.law_axes();
@@ -291,16 +339,4 @@ fn host(table: &SpecimenTable, at: &KeyPath) -> Result<Host, Box<Finding>> {
     };
     Host::new(table.name.clone(), wire, Box::new(build))
         .map_err(|text| Box::new(Finding::error(at.key(key), text)))
-}
-
-/// Our own protocol has neither inches nor pounds, and what is served by one protocol today is by the other tomorrow.
-fn check_units(table: &SpecimenTable, at: &KeyPath) -> Result<(), Box<Finding>> {
-    for (index, gear) in table.axis.iter().enumerate() {
-        if gear.unit_disp == DispUnit::Inch || gear.unit_force == ForceUnit::PoundForce {
-            let at = at.key("axis").index(index);
-            let text = "the protocol has neither inches nor pounds";
-            return Err(Box::new(Finding::error(at, text).label("m or mm, N or kN")));
-        }
-    }
-    Ok(())
 }

@@ -14,6 +14,7 @@ use crate::geometry::{GeometrySpec, LawPlace};
 use crate::link::LinkSpec;
 use crate::specimen::SpecimenLaw;
 use crate::transfer::TransferSpec;
+use crate::wire::handshake::Unit;
 
 /// One specimen. Exactly one of `law`, `laws`, `coupled` and `link` is given; with a structure also exactly one of `storey` and
 /// `rows`.
@@ -27,7 +28,9 @@ pub struct SpecimenTable {
     #[schemars(range(min = 1))]
     pub storey: Option<usize>,
     /// Rows B of the transformation d = B·x: one row per axis (with `geometry` one per coordinate of its platform), one column
-    /// per DOF.
+    /// per DOF. In a file of `gusset serve` x are the displacements that a client of OpenFresco's protocols commands: it gets the
+    /// force Bᵀ·f and the matrices Bᵀ·K·B, in the one unit of all axes. A displacement that it asks for is the nearest to its
+    /// command that agrees with the measured d. `limits` are those of the axes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rows: Option<Vec<Vec<f64>>>,
     /// Loading unit: the axes are the actuators that hold a platform, and `rows` give its pose. Default: none, every axis is
@@ -272,9 +275,11 @@ pub struct AxisTable {
     pub offset_m: f64,
     /// Reading of the load cell in N at which the force is zero: it is taken off what a `law` in this process gives, too.
     pub offset_n: f64,
-    /// Unit in which the axis is told its displacement.
+    /// Unit in which the axis is told its displacement. Velocities, stiffnesses, dampings and masses on a link count in it, too.
+    /// Inches are for OpenFresco's protocols only. Limits stay in SI.
     pub unit_disp: DispUnit,
-    /// Unit in which the axis tells its force.
+    /// Unit in which the axis tells its force. Stiffnesses, dampings and masses on a link count in it, too. "lbf" and "kip" are for
+    /// OpenFresco's protocols only.
     pub unit_force: ForceUnit,
     /// Bounds of this axis. Each `warn` and each `trip` that is absent is as the specimen's `limits` say.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -286,6 +291,16 @@ pub struct AxisTable {
 }
 
 impl AxisTable {
+    /// Each unit that the protocol of Gusset has no word for, by its key, with the units that it has.
+    pub(super) fn foreign_units(&self) -> impl Iterator<Item = (&'static str, &'static str)> {
+        [
+            ("unit_disp", "m or mm", self.unit_disp.on_the_wire()),
+            ("unit_force", "N or kN", self.unit_force.on_the_wire()),
+        ]
+        .into_iter()
+        .filter_map(|(key, known, unit)| unit.is_none().then_some((key, known)))
+    }
+
     /// What stands between a deformation and the axis, key by key, and whether it is given.
     pub(super) fn gear(&self) -> [(&'static str, bool); 4] {
         [
@@ -329,6 +344,16 @@ pub enum DispUnit {
 }
 
 impl DispUnit {
+    /// The unit in the protocol of Gusset; `None` if it has none.
+    #[must_use]
+    pub const fn on_the_wire(self) -> Option<Unit> {
+        match self {
+            Self::Metre => Some(Unit::Metre),
+            Self::Millimetre => Some(Unit::Millimetre),
+            Self::Inch => None,
+        }
+    }
+
     /// As people write it.
     #[must_use]
     pub const fn symbol(self) -> &'static str {
@@ -363,9 +388,22 @@ pub enum ForceUnit {
     /// Pound-force, 4.4482216152605 N.
     #[serde(rename = "lbf")]
     PoundForce,
+    /// Kip, 1000 lbf or 4448.2216152605 N.
+    #[serde(rename = "kip")]
+    Kip,
 }
 
 impl ForceUnit {
+    /// The unit in the protocol of Gusset; `None` if it has none.
+    #[must_use]
+    pub const fn on_the_wire(self) -> Option<Unit> {
+        match self {
+            Self::Newton => Some(Unit::Newton),
+            Self::Kilonewton => Some(Unit::Kilonewton),
+            Self::PoundForce | Self::Kip => None,
+        }
+    }
+
     /// As people write it.
     #[must_use]
     pub const fn symbol(self) -> &'static str {
@@ -373,6 +411,7 @@ impl ForceUnit {
             Self::Newton => "N",
             Self::Kilonewton => "kN",
             Self::PoundForce => "lbf",
+            Self::Kip => "kip",
         }
     }
 
@@ -383,6 +422,7 @@ impl ForceUnit {
             Self::Newton => 1.0,
             Self::Kilonewton => 1e3,
             Self::PoundForce => 4.448_221_615_260_5,
+            Self::Kip => 4_448.221_615_260_5,
         }
     }
 }

@@ -70,7 +70,8 @@ pub struct LinkSpec {
     pub tls: Option<TlsSpec>,
     /// Before each test every axis of the specimen goes so far in its positive direction and back, in m at the specimen,
     /// and is not armed if it turns out to be wired the wrong way round. It must stay in the elastic range. Default: no
-    /// motion; a static load shows the direction, too, and without either the user is warned.
+    /// motion; a static load shows the direction, too, and without either the user is warned. A link that answers with forces only
+    /// (OpenFresco's element servers) shows the sign of the force; whether the actuator follows stays unknown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub probe_m: Option<f64>,
     /// Time that this motion takes each way, in s; four ticks at least.
@@ -81,10 +82,10 @@ pub struct LinkSpec {
     #[serde(default, skip_serializing_if = "is_false")]
     pub computed: bool,
     /// Where the specimen stands before a test, in m as each axis counts, one entry per axis: for what cannot be asked, OpenFresco's
-    /// actor sites and OpenSees' adapters, and for one of our own protocol that does not tell it (where it does, its own word
+    /// element servers and actor sites and OpenSees' adapters, and for one behind the protocol of Gusset that does not tell it (where it does, its own word
     /// counts). It is held there first and led from there to where the test begins; a gateway judges the first command of its
     /// first test as a step from there, and that of every later test from where it told it to go last. Needed unless `computed`
-    /// says that nothing moves there; OpenFresco's other servers tell it. Without it a gateway refuses each test with a specimen of
+    /// says that nothing moves there; OpenFresco's site servers tell it. Without it a gateway refuses each test with a specimen of
     /// our own protocol that does not tell where it stands.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stands_at_m: Option<Vec<f64>>,
@@ -171,7 +172,7 @@ pub enum Offer {
     /// The actor behind OpenFresco's `ShadowSite`.
     #[serde(rename = "openfresco-actor")]
     OpenFrescoActor,
-    /// The laboratory controller behind OpenFresco's `GenericTCP`.
+    /// The laboratory controller behind OpenFresco's `GenericTCP`, or `SimFEAdapter`.
     #[serde(rename = "openfresco-controller")]
     OpenFrescoController,
     /// The model behind OpenFresco's `SimSimulink`.

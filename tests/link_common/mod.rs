@@ -5,6 +5,7 @@
 )]
 
 pub mod adapter;
+pub mod element;
 mod fake;
 pub mod relay;
 mod running;
@@ -36,6 +37,11 @@ beta = 0.5
 gamma = 0.5
 exponent = 2
 ";
+
+/// The file of a specimen of one axis that moves, for OpenFresco's protocols.
+pub fn moving() -> String {
+    format!("[serve.openfresco]\nphysical = true\n[[specimen]]\nname = \"column\"\n{ONE_AXIS_LAW}")
+}
 
 pub const TWO_AXES_LAW: &str = "[[specimen.laws]]
 bilinear = { stiffness_n_per_m = 4e5, yield_force_n = 2e3, post_yield_ratio = 0.1 }

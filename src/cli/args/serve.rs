@@ -93,7 +93,7 @@ pub(in crate::cli) enum ProtocolArg {
     Openfresco,
     /// The actor behind OpenFresco's ShadowSite.
     OpenfrescoActor,
-    /// The laboratory controller behind OpenFresco's GenericTCP.
+    /// The laboratory controller behind OpenFresco's GenericTCP, or SimFEAdapter.
     OpenfrescoController,
     /// The model behind OpenFresco's SimSimulink.
     OpenfrescoSimulink,

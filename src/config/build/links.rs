@@ -4,9 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use super::{Refused, Site};
-use crate::config::{
-    AxisTable, ClockChoice, DispUnit, Finding, ForceUnit, KeyPath, SpecimenTable, TestFile,
-};
+use crate::config::{ClockChoice, Finding, KeyPath, SpecimenTable, TestFile};
 use crate::control::{OnStale, WaitRules};
 use crate::link::announce::announce;
 use crate::link::openfresco::{Remote, RemoteSettings};
@@ -209,22 +207,12 @@ pub(in crate::config) fn wire_axes(
     (0..axes)
         .map(|index| {
             let gear = table.axis.get(index).cloned().unwrap_or_default();
-            let AxisTable {
-                unit_disp,
-                unit_force,
-                ..
-            } = gear;
             let name = names
                 .and_then(|names| names.get(index).cloned())
                 .unwrap_or_else(|| format!("axis {}", index + 1));
-            let disp = match unit_disp {
-                DispUnit::Millimetre => Unit::Millimetre,
-                DispUnit::Metre | DispUnit::Inch => Unit::Metre,
-            };
-            let force = match unit_force {
-                ForceUnit::Kilonewton => Unit::Kilonewton,
-                ForceUnit::Newton | ForceUnit::PoundForce => Unit::Newton,
-            };
+            // Units that this protocol lacks are refused before anything is sent over it.
+            let disp = gear.unit_disp.on_the_wire().unwrap_or(Unit::Metre);
+            let force = gear.unit_force.on_the_wire().unwrap_or(Unit::Newton);
             let limits = match (limits.get(index), units.get(index)) {
                 (Some(spec), Some(units)) => announce(&spec.limits(), units, tick_s),
                 _ => Limits::NONE,

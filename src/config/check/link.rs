@@ -4,7 +4,7 @@ use super::Findings;
 use crate::config::TestFile;
 use crate::config::diagnose::Finding;
 use crate::config::document::KeyPath;
-use crate::config::specimen::{DispUnit, ForceUnit, SpecimenTable};
+use crate::config::specimen::SpecimenTable;
 use crate::link::LinkSpec;
 use crate::link::openfresco::RemoteSettings;
 use crate::link::spec::{Carrier, LinkCoupling, Protocol};
@@ -101,17 +101,11 @@ pub(super) fn check_link(
     }
     for (index, axis) in specimen.axis.iter().enumerate() {
         let at = at.key("axis").index(index);
-        if axis.unit_disp == DispUnit::Inch {
-            let text = "the protocol has no inches";
+        for (key, known) in axis.foreign_units() {
+            let text = format!("the protocol of Gusset has no such `{key}`");
             findings
                 .0
-                .push(Finding::error(at.key("unit_disp"), text).label("m or mm"));
-        }
-        if axis.unit_force == ForceUnit::PoundForce {
-            let text = "the protocol has no pounds";
-            findings
-                .0
-                .push(Finding::error(at.key("unit_force"), text).label("N or kN"));
+                .push(Finding::error(at.key(key), text).label(known));
         }
     }
 }
@@ -234,7 +228,7 @@ pub(super) fn check_standing(specimen: &SpecimenTable, at: &KeyPath, findings: &
         Some(_) if tells == Some(true) => findings.0.push(
             Finding::error(here, "the specimen itself tells where it stands")
                 .at_key()
-                .label("only for what cannot be asked: an actor site, an adapter, or a specimen of our own protocol that does not tell"),
+                .label("only for an element server, an actor site, an adapter, or a specimen behind the protocol of Gusset that does not tell"),
         ),
         Some(stands) if stands.len() != axes => {
             let text = format!("{} displacements for {axes} axes", stands.len());

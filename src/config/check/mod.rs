@@ -9,6 +9,7 @@ mod geometry;
 mod idle;
 mod limits;
 mod link;
+mod measured;
 mod safety;
 mod specimen;
 mod waits;
@@ -18,7 +19,7 @@ use certificate::{check_certificate, check_known};
 use excitation::check_excitation;
 use idle::{check_idle, check_idle_link, check_idle_served, check_idle_specimen};
 use limits::{check_limits, check_required};
-use specimen::{check_names, check_seeds, check_specimen};
+use specimen::{Source, check_names, check_seeds, check_specimen};
 use waits::{check_link_waits, check_record, check_waits};
 use way::check_way;
 
@@ -89,12 +90,17 @@ pub(crate) fn check(file: &TestFile, clock_is_chosen: bool) -> Vec<Finding> {
     check_excitation(file, &mut findings);
     for (index, specimen) in file.specimen.iter().enumerate() {
         let at = root.key("specimen").index(index);
-        check_specimen(specimen, file.structure.is_some(), &at, &mut findings);
+        let source = match file.structure {
+            Some(_) => Source::Structure,
+            None => Source::Prescribed,
+        };
+        check_specimen(specimen, source, &at, &mut findings);
         check_known(specimen, &at, &mut findings);
         check_limits(specimen, tick_s, Some(&file.safety), &at, &mut findings);
         link::check_pace(specimen, file, &at, &mut findings);
         check_way(specimen, file, &at, &mut findings);
         link::check_standing(specimen, &at, &mut findings);
+        measured::check_measured(specimen, &at, &mut findings);
         let with_structure = file.structure.is_some();
         check_idle_specimen(
             specimen,
@@ -223,11 +229,12 @@ pub(crate) fn check_served(file: &ServeFile) -> Vec<Finding> {
     }
     for (index, specimen) in file.specimen.iter().enumerate() {
         let at = root.key("specimen").index(index);
-        check_specimen(specimen, false, &at, &mut findings);
+        check_specimen(specimen, Source::Client, &at, &mut findings);
         check_known(specimen, &at, &mut findings);
         check_limits(specimen, None, None, &at, &mut findings);
         check_idle_specimen(specimen, false, None, &at, &mut findings);
         link::check_standing(specimen, &at, &mut findings);
+        measured::check_measured(specimen, &at, &mut findings);
         if let Some(link) = &specimen.link {
             check_link_waits(link, None, &at.key("link"), &mut findings);
         }

@@ -9,10 +9,21 @@ use crate::config::specimen::SpecimenTable;
 use crate::config::value::MatrixValue;
 use crate::transfer::TransferSpec;
 
+/// What gives the displacements that a specimen sees.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Source {
+    /// The structure of the test.
+    Structure,
+    /// A prescribed displacement.
+    Prescribed,
+    /// The client of a server.
+    Client,
+}
+
 /// One `[[specimen]]`.
 pub(super) fn check_specimen(
     specimen: &SpecimenTable,
-    with_structure: bool,
+    source: Source,
     at: &KeyPath,
     findings: &mut Findings,
 ) {
@@ -73,11 +84,15 @@ pub(super) fn check_specimen(
     .into_iter()
     .filter_map(|(key, given)| given.then_some(key))
     .collect();
-    if with_structure {
+    if source == Source::Structure {
         let why = "it says which deformation d = B·x the specimen sees";
         findings.exactly_one(at, &seen, &["storey", "rows"], why);
     } else {
         for key in seen {
+            if source == Source::Client && key == "rows" {
+                check_served_rows(specimen, at, findings);
+                continue;
+            }
             findings.0.push(
                 Finding::error(
                     at.key(key),
@@ -224,6 +239,41 @@ fn check_rows(rows: &[Vec<f64>], at: &KeyPath, findings: &mut Findings) {
                     .label("this axis would never move, and its force act on nothing"),
             );
         }
+    }
+}
+
+/// Checks `rows` of a served file. The client commands x in one unit, and the axes are no actuators of a platform.
+fn check_served_rows(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
+    if specimen.geometry.is_some() {
+        findings.0.push(
+            Finding::error(
+                at.key("geometry"),
+                "`geometry` and `rows` exclude each other here",
+            )
+            .at_key()
+            .label("the actuators of a platform are served without `rows`")
+            .beside(at.key("rows"), "a transformation of axes"),
+        );
+    }
+    let units = specimen.units_of(specimen.axes());
+    let other = units.iter().position(|unit| Some(unit) != units.first());
+    if let Some(index) = other {
+        // Given by this axis, or absent where the first axis gives it.
+        let here = match specimen.axis.get(index) {
+            Some(_) => at.key("axis").index(index),
+            None => at.key("axis"),
+        };
+        findings.0.push(
+            Finding::error(
+                here,
+                format!("axis {} counts in other units than axis 1", index + 1),
+            )
+            .label("`rows` need one unit of displacement and one of force")
+            .beside(
+                at.key("rows"),
+                "the client's displacements count in them, too",
+            ),
+        );
     }
 }
 

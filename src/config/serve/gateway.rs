@@ -7,7 +7,6 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::check_units;
 use crate::config::build::at_actuators;
 use crate::config::build::links::{beside, folder, native_setup, tls_client, wire_axes};
 use crate::config::{Finding, KeyPath, SpecimenTable};
@@ -37,7 +36,6 @@ pub(super) fn host(
     step_s: Option<f64>,
     of_a_test: bool,
 ) -> Result<Host, Box<Finding>> {
-    check_units(table, at)?;
     if !of_a_test {
         check_gear(table, at)?;
     }
@@ -93,6 +91,11 @@ pub(super) fn host(
         None => host,
     };
     let host = if link.computed { host.computed() } else { host };
+    let settings = RemoteSettings::from_spec(link, n).ok().flatten();
+    let host = match settings.is_none_or(|settings| settings.measures_disp()) {
+        true => host,
+        false => host.without_measured_disp(),
+    };
     Ok(host.probed(probe))
 }
 

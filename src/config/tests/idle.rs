@@ -91,7 +91,8 @@ fn keys_of_a_link_that_wait_for_another_are_told_of() {
         let lockstep = "specimen.0.link.coupling=lockstep";
         idle(LINKED, &[lockstep, &set], &path, "waits for every answer");
         let openfresco = "specimen.0.link.protocol=openfresco";
-        idle(LINKED, &[openfresco, &set], &path, "is lockstep");
+        let stands = "specimen.0.link.stands_at_m=[0]";
+        idle(LINKED, &[openfresco, stands, &set], &path, "is lockstep");
     }
     idle(
         LINKED,
@@ -117,7 +118,8 @@ fn keys_of_a_link_that_wait_for_another_are_told_of() {
     ] {
         let set = format!("specimen.0.link.openfresco.{key}={value}");
         let path = format!("specimen[0].link.openfresco.{key}");
-        idle(LINKED, &[openfresco, &set], &path, "for ");
+        let stands = "specimen.0.link.stands_at_m=[0]";
+        idle(LINKED, &[openfresco, stands, &set], &path, "for ");
     }
 }
 

@@ -242,6 +242,18 @@ impl Substructure for Remote {
             .as_ref()
             .map(|(disp, force)| (disp, force))
             .unzip();
+        let mut warnings = Vec::new();
+        if standing.is_none() {
+            warnings.push(format!(
+                "{address}: this protocol cannot tell where the specimen stands before its first command"
+            ));
+        }
+        let measures_disp = self.settings.measures_disp();
+        if !measures_disp {
+            warnings.push(format!(
+                "{address}: the server gives forces only, so the record repeats the command as the measured displacement"
+            ));
+        }
         let column = |j: usize| rows.iter().skip(j).step_by((*axes).max(1));
         Ok(Introduction {
             peer: format!("{peer} at {address}, {}", self.settings.carrier_name()),
@@ -249,15 +261,10 @@ impl Substructure for Remote {
             standing: standing.cloned().unwrap_or_default(),
             measured: true,
             force: force.cloned().unwrap_or_default(),
-            warnings: match self.standing {
-                Some(_) => Vec::new(),
-                None => vec![format!(
-                    "{address}: this protocol cannot tell where the specimen stands before its first command"
-                )],
-            },
+            warnings,
             simulated: false,
             keeps_state: false,
-            repeats_the_command: false,
+            repeats_the_command: !measures_disp,
         })
     }
 

@@ -19,7 +19,7 @@ pub enum Role {
     Application,
     /// B: OpenFresco's `expSite ActorSite`.
     Actor,
-    /// D: a laboratory controller behind OpenFresco's `expControl GenericTCP`.
+    /// D: a laboratory controller behind OpenFresco's `expControl GenericTCP` or `expControl SimFEAdapter`.
     Controller,
     /// D: the Simulink model behind OpenFresco's `expControl SimSimulink`.
     Simulink,

@@ -1,5 +1,6 @@
 //! Between the port and the specimen: everybody who came and has not said in full what he wants. Several are greeted at the
-//! same time, and the first whose greeting is complete is the client; so nobody who only connects keeps others waiting.
+//! same time, and the first whose greeting is complete is the client; so nobody who only connects keeps others waiting. The others
+//! wait until a computed specimen is free again. A specimen that moves turns them away: their commands would be old by then.
 //!
 //! Invariants: nobody here reaches the specimen; there are never more than [`SEATS`], and where more come whoever has said
 //! the least for the longest gives way; nobody stays longer than the set-up may take. Over UDP a guest is an address: he has
@@ -10,14 +11,14 @@ use std::net::{SocketAddr, TcpStream, UdpSocket};
 
 use super::dialect::{Machine, Said};
 use super::door::{Caller, Door, DoorError, Socket, socket_to, stream_to, watch_over};
-use super::host::{Host, Tally};
+use super::host::{Host, Nature, Tally};
 use super::news::{End, News};
 use super::server::{LOOK_NS, ServeSettings, lost, seconds};
 use crate::link::Transport;
 use crate::link::socket::{LOOK, SocketOptions};
 use crate::link::tls::{TlsFault, TlsStream, is_client_hello};
 use crate::rt::os::monotonic_ns;
-use crate::wire::openfresco::{Sizes, datagrams};
+use crate::wire::openfresco::{Carrier, Sizes, datagrams};
 
 /// Most guests at a time.
 const SEATS: usize = 16;
@@ -25,6 +26,8 @@ const SEATS: usize = 16;
 const GLANCE_NS: u64 = 1_000_000;
 /// Reads of one guest in one look: nobody talks the others down.
 const MOST_READS: u32 = 8;
+/// Datagrams that are kept of one peer that waits.
+const MOST_LETTERS: usize = 64;
 
 /// Whose greeting is complete.
 pub(super) struct Client {
@@ -36,50 +39,14 @@ pub(super) struct Client {
     pub early: Vec<Vec<u8>>,
 }
 
-/// Waits for a client; none if `stop` says so first.
-///
-/// # Errors
-/// [`DoorError::Port`] if the port itself fails.
-pub(super) fn receive(
-    door: &Door,
-    host: &mut Host,
-    settings: &ServeSettings,
-    stop: &dyn Fn() -> bool,
-    tell: &mut dyn FnMut(&News),
-    buffer: &mut [u8],
-) -> Result<Option<Client>, DoorError> {
-    let mut hall = Hall {
-        door,
-        settings,
-        guests: Vec::new(),
-    };
-    while !stop() {
-        let wait_ns = if hall.guests.is_empty() {
-            LOOK_NS
-        } else {
-            GLANCE_NS
-        };
-        if let Some(caller) = door.wait(buffer, wait_ns)? {
-            hall.admit(caller, host, tell, buffer);
-        }
-        if let Some(client) = hall.listen(host, tell, buffer)? {
-            for guest in hall.guests {
-                tell(&News::TurnedAway(guest.peer));
-            }
-            return Ok(Some(client));
-        }
-    }
-    for guest in hall.guests {
-        tell(&News::Ended(guest.peer, End::Stopped, Tally::default()));
-    }
-    Ok(None)
-}
-
-struct Hall<'a> {
+/// Clients that came and are not served.
+pub(super) struct Hall<'a> {
     door: &'a Door,
     settings: &'a ServeSettings,
     /// In the order in which they came.
     guests: Vec<Guest>,
+    /// The peer that was turned away last, so that it is reported once.
+    turned_away: Option<SocketAddr>,
 }
 
 struct Guest {
@@ -106,7 +73,131 @@ enum Heard {
     Ready(Sizes, Vec<Vec<u8>>),
 }
 
-impl Hall<'_> {
+impl<'a> Hall<'a> {
+    /// An empty hall.
+    pub(super) const fn new(door: &'a Door, settings: &'a ServeSettings) -> Self {
+        Self {
+            door,
+            settings,
+            guests: Vec::new(),
+            turned_away: None,
+        }
+    }
+
+    /// Waits for a client; none if `stop` says so first.
+    ///
+    /// # Errors
+    /// [`DoorError::Port`] if the port itself fails.
+    pub(super) fn receive(
+        &mut self,
+        host: &mut Host,
+        stop: &dyn Fn() -> bool,
+        tell: &mut dyn FnMut(&News),
+        buffer: &mut [u8],
+    ) -> Result<Option<Client>, DoorError> {
+        self.turned_away = None;
+        for guest in &mut self.guests {
+            // Nobody read what these said while another client was served.
+            guest.came_ns = monotonic_ns();
+        }
+        while !stop() {
+            let wait_ns = if self.guests.is_empty() {
+                LOOK_NS
+            } else {
+                GLANCE_NS
+            };
+            if let Some(caller) = self.door.wait(buffer, wait_ns)? {
+                self.admit(caller, host, tell, buffer);
+            }
+            if let Some(client) = self.listen(host, tell, buffer)? {
+                if host.nature() == Nature::Physical {
+                    for guest in self.guests.drain(..) {
+                        tell(&News::TurnedAway(guest.peer));
+                    }
+                }
+                return Ok(Some(client));
+            }
+        }
+        for guest in self.guests.drain(..) {
+            tell(&News::Ended(guest.peer, End::Stopped, Tally::default()));
+        }
+        Ok(None)
+    }
+
+    /// What others send while `client` is served. A specimen that moves turns them away. A computed one lets them wait: TCP
+    /// connections in the backlog of the port, UDP clients of the same machine here.
+    pub(super) fn meet_others(
+        &mut self,
+        client: SocketAddr,
+        host: &mut Host,
+        tell: &mut dyn FnMut(&News),
+        buffer: &mut [u8],
+    ) {
+        match (host.nature(), self.door.carrier()) {
+            (Nature::Simulated, Carrier::Stream) => {}
+            (Nature::Simulated, Carrier::Datagrams) => {
+                // Bounded: a flood must not keep the client waiting.
+                for _ in 0..MOST_READS {
+                    let Ok(Some(Caller::Datagram(count, from))) = self.door.wait(buffer, 0) else {
+                        return;
+                    };
+                    let letter = buffer.get(..count).unwrap_or_default();
+                    if from.ip() != client.ip() || !self.keep(from, letter, host) {
+                        self.turn_away(from, tell);
+                    }
+                }
+            }
+            (Nature::Physical, _) => {
+                let door = self.door;
+                door.turn_away(buffer, &mut |from| self.turn_away(from, tell));
+            }
+        }
+    }
+
+    /// True if a client of the same machine as `client` came after `heard_ns`, when that was heard last.
+    pub(super) fn has_successor(&self, client: SocketAddr, heard_ns: u64) -> bool {
+        let mut guests = self.guests.iter();
+        guests.any(|guest| {
+            guest.peer.ip() == client.ip()
+                && guest.came_ns > heard_ns
+                && matches!(guest.line, Line::Letters(_))
+        })
+    }
+
+    fn turn_away(&mut self, from: SocketAddr, tell: &mut dyn FnMut(&News)) {
+        if self.turned_away.replace(from) != Some(from) {
+            tell(&News::TurnedAway(from));
+        }
+    }
+
+    /// Keeps a datagram for later: one that opens a test, or a further one of a peer that waits. False if it is neither.
+    fn keep(&mut self, from: SocketAddr, letter: &[u8], host: &mut Host) -> bool {
+        let mut guests = self.guests.iter_mut();
+        let known = guests.find(|guest| guest.peer == from);
+        if let Some(Line::Letters(letters)) = known.map(|guest| &mut guest.line) {
+            if letters.len() < MOST_LETTERS {
+                letters.push_back(letter.to_vec());
+            }
+            return true;
+        }
+        // A separate machine judges it, so a stranger's datagram opens nothing.
+        let mut machine = self.machine(host);
+        let opens = machine
+            .hear(letter, host, &mut || true)
+            .is_ok_and(|heard| !heard.reply.is_empty() || matches!(heard.said, Said::Ready(_)));
+        if !opens || self.guests.len() >= SEATS {
+            return false;
+        }
+        self.guests.push(Guest {
+            peer: from,
+            line: Line::Letters(VecDeque::from([letter.to_vec()])),
+            machine: self.machine(host),
+            came_ns: monotonic_ns(),
+            has_spoken: false,
+        });
+        true
+    }
+
     /// Somebody came, or a datagram.
     fn admit(
         &mut self,

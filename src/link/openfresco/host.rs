@@ -7,6 +7,7 @@
 
 use thiserror::Error;
 
+use super::Transformation;
 use super::remarks::Remark;
 use crate::control::AxisUnits;
 use crate::link::rig::{Close, Law, Over, Rig as _, Station, Trip, Visitor, Wanted};
@@ -101,6 +102,8 @@ pub struct Host {
     mass: Vec<f64>,
     tangent: Vec<f64>,
     columns: Vec<f64>,
+    /// Between the displacements of the client and the axes, where they differ.
+    transformation: Option<Transformation>,
     tally: Tally,
 }
 
@@ -147,6 +150,7 @@ impl Host {
             mass: rows(station.mass()),
             tangent: vec![0.0; n * n],
             columns: vec![0.0; n * n],
+            transformation: None,
             tally: Tally::default(),
             station: match nature {
                 Nature::Simulated => station,
@@ -155,10 +159,42 @@ impl Host {
         }
     }
 
-    /// Number of axes.
+    /// Serves clients that command displacements x, of which the axes get B·x. The transformation has as many
+    /// rows as the specimen has axes.
+    #[must_use]
+    pub fn transformed(mut self, mut transformation: Transformation) -> Self {
+        let n = transformation.dofs();
+        for values in [
+            &mut self.disp,
+            &mut self.vel,
+            &mut self.accel,
+            &mut self.committed_disp,
+        ] {
+            *values = vec![0.0; n];
+        }
+        for (rows, columns) in [
+            (&mut self.stiffness, self.station.stiffness()),
+            (&mut self.mass, self.station.mass()),
+        ] {
+            *rows = vec![0.0; n * n];
+            transformation.matrix(columns, rows);
+        }
+        self.damping = vec![0.0; n * n];
+        self.tangent = vec![0.0; n * n];
+        self.transformation = Some(transformation);
+        self
+    }
+
+    /// Number of displacements that a client commands.
     #[must_use]
     pub fn axes(&self) -> usize {
         self.disp.len()
+    }
+
+    /// Whether the specimen is computed or moves.
+    #[must_use]
+    pub const fn nature(&self) -> Nature {
+        self.nature
     }
 
     /// What was done since [`Host::begin`].
@@ -193,7 +229,14 @@ impl Host {
         self.begun = true;
         let at_rest = self.station.measured();
         self.measured.clone_from(at_rest);
-        self.disp.copy_from_slice(&at_rest.disp);
+        match &mut self.transformation {
+            None => self.disp.copy_from_slice(&at_rest.disp),
+            Some(transformation) => {
+                self.disp.fill(0.0);
+                transformation.measure(at_rest, &self.disp);
+                self.disp.copy_from_slice(transformation.disp());
+            }
+        }
         self.committed_disp.copy_from_slice(&self.disp);
         Ok(told)
     }
@@ -308,11 +351,15 @@ impl Host {
     /// Everything that can be measured, for the last command. Real-time: yes.
     pub fn response(&mut self) -> Response<'_> {
         self.tally.answers = self.tally.answers.saturating_add(1);
+        let (disp, force) = match &self.transformation {
+            None => (&self.measured.disp[..], &self.measured.force[..]),
+            Some(transformation) => (transformation.disp(), transformation.force()),
+        };
         Response {
-            disp: &self.measured.disp,
+            disp,
             vel: &self.vel,
             accel: &self.accel,
-            force: &self.measured.force,
+            force,
             time: self.time,
         }
     }
@@ -328,27 +375,38 @@ impl Host {
             Matrix::Mass => &self.mass,
             Matrix::TangentStiffness => {
                 self.station.tangent(&mut self.columns);
-                transpose(self.disp.len(), &self.columns, &mut self.tangent);
+                match &mut self.transformation {
+                    None => transpose(self.disp.len(), &self.columns, &mut self.tangent),
+                    Some(transformation) => {
+                        transformation.matrix(&self.columns, &mut self.tangent);
+                    }
+                }
                 &self.tangent
             }
         }
     }
 
     fn evaluate(&mut self, dt: f64, wanted: &mut dyn FnMut() -> bool) -> Result<(), HostFault> {
+        let (disp, vel) = match &mut self.transformation {
+            None => (&self.disp[..], &self.vel[..]),
+            Some(transformation) => transformation.command(&self.disp, &self.vel),
+        };
         let command = Command {
             sequence: self.sequence,
             time: self.time,
             dt,
-            disp: &self.disp,
-            vel: &self.vel,
+            disp,
+            vel,
         };
         self.sequence += 1;
         let measured = &mut self.measured;
-        if self.station.exchange(&command, dt, wanted, measured)? {
-            Ok(())
-        } else {
-            Err(HostFault::Unwanted)
+        if !self.station.exchange(&command, dt, wanted, measured)? {
+            return Err(HostFault::Unwanted);
         }
+        if let Some(transformation) = &mut self.transformation {
+            transformation.measure(&self.measured, &self.disp);
+        }
+        Ok(())
     }
 }
 

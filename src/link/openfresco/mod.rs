@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | [`serve_openfresco`], [`Role::Application`] | A | OpenSees `genericClient`, OpenFresco's elements with `-server`, the C library |
 //! | [`serve_openfresco`], [`Role::Actor`] | B | OpenFresco `expSite ShadowSite` |
-//! | [`serve_openfresco`], [`Role::Controller`] | D | OpenFresco `expControl GenericTCP` |
+//! | [`serve_openfresco`], [`Role::Controller`] | D | OpenFresco `expControl GenericTCP` or `SimFEAdapter` |
 //! | [`serve_openfresco`], [`Role::Simulink`] | D | OpenFresco `expControl SimSimulink` |
 //! | [`Remote`], [`Peer::Element`], [`Peer::Site`] | A | `startSimAppElemServer`, `startSimAppSiteServer` |
 //! | [`Remote`], [`Peer::Actor`] | B | `expSite ActorSite` |
@@ -31,6 +31,7 @@ mod remarks;
 mod server;
 mod settings;
 mod spec;
+mod transformation;
 
 pub use client::Remote;
 pub use dialect::{ExchangeFault, Role};
@@ -41,3 +42,4 @@ pub use news::{End, News};
 pub use server::{ServeSettings, serve_openfresco};
 pub use settings::{Peer, RemoteSettings};
 pub use spec::{Far, OpenFrescoServeSpec, OpenFrescoSpec, SignalOrderSpec};
+pub use transformation::Transformation;

@@ -21,6 +21,8 @@ pub enum End {
     Lost(LinkFault),
     /// Nothing came for so long, in s.
     Silent(f64),
+    /// A new client of the same machine came while this one had been silent for so long, in s.
+    Replaced(f64),
     /// It connected and sent no sizes for so long, in s.
     NoSizes(f64),
     /// It had not said what it wants when more came than are greeted at a time.
@@ -55,9 +57,12 @@ impl End {
                 )
                 | HostFault::TakenBack { .. },
             )) => Close::Stopped,
-            Self::Vanished | Self::CutShort(_) | Self::Tls(_) | Self::Lost(_) | Self::Silent(_) => {
-                Close::Vanished
-            }
+            Self::Vanished
+            | Self::CutShort(_)
+            | Self::Tls(_)
+            | Self::Lost(_)
+            | Self::Silent(_)
+            | Self::Replaced(_) => Close::Vanished,
             Self::SpeaksTls | Self::NoSizes(_) | Self::GaveWay | Self::Refused(_) => Close::Failed,
         }
     }
@@ -74,6 +79,10 @@ impl std::fmt::Display for End {
             ),
             Self::Lost(fault) => write!(f, "the connection broke: {fault}"),
             Self::Silent(seconds) => write!(f, "the client was silent for {seconds} s"),
+            Self::Replaced(seconds) => write!(
+                f,
+                "the client was silent for more than {seconds} s, and a new client of the same machine takes over"
+            ),
             Self::NoSizes(seconds) => write!(
                 f,
                 "the client sent no sizes within {seconds} s: it is no OpenFresco client, or the wrong dialect is served"

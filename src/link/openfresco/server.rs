@@ -2,7 +2,7 @@
 //!
 //! Invariants: no wait is without a limit; who has not said what he wants keeps nobody out ([`super::hall`]); a client that
 //! has gone (end of stream, a reset, a half-open connection, UDP silence) leaves a formula at its last committed state, what
-//! moves where it is, and the port free; after the word to stop nothing is carried out any more; every message is answered by
+//! moves where it is, and the port free; a computed specimen lets the next client wait, one that moves turns it away; after the word to stop nothing is carried out any more; every message is answered by
 //! one write, with acknowledgements not delayed, and nothing is allocated for it once the sizes have come (but over TLS, where
 //! encrypting allocates). What is not here: the meaning of bytes (`dialect`), of commands (`host`), and text on a terminal.
 
@@ -10,7 +10,7 @@ use std::net::SocketAddr;
 
 use super::dialect::{ExchangeFault, Machine, Role, Said};
 use super::door::{Door, DoorError, Socket};
-use super::hall::{Client, receive};
+use super::hall::{Client, Hall};
 use super::host::{Host, HostFault, Tally};
 use super::news::{End, News};
 use super::remarks::Remarks;
@@ -35,6 +35,9 @@ pub struct ServeSettings {
     pub idle_limit_s: Option<f64>,
     /// Order of the signals behind `SimSimulink`; none: a client for which it matters is refused.
     pub signal_order: Option<SignalOrder>,
+    /// Computed specimens over UDP: silence after which a new client of the same machine takes over, in s. A client that was
+    /// killed says no goodbye there.
+    pub takeover_s: f64,
 }
 
 impl ServeSettings {
@@ -49,6 +52,7 @@ impl ServeSettings {
             setup_limit_s: 10.0,
             idle_limit_s,
             signal_order: None,
+            takeover_s: 2.0,
         }
     }
 }
@@ -75,11 +79,13 @@ pub fn serve_openfresco(
     let mut waste = vec![0; CHUNK];
     let mut quotas: [Quota; News::KINDS] = Default::default();
     let tell = &mut |news: &News| tell_at_most(&mut quotas, news, tell);
-    while let Some(client) = receive(door, host, settings, stop, tell, &mut buffer)? {
+    let mut hall = Hall::new(door, settings);
+    while let Some(client) = hall.receive(host, stop, tell, &mut buffer)? {
         let peer = client.peer;
         let mut remarks = Remarks::of(settings.role, &client.sizes);
         let attendance = Attendance {
             door,
+            hall: &mut hall,
             peer,
             settings,
             stop,
@@ -129,8 +135,9 @@ fn tell_at_most(quotas: &mut [Quota], news: &News, tell: &mut dyn FnMut(&News)) 
 }
 
 /// One client from its sizes to its end.
-struct Attendance<'a> {
+struct Attendance<'a, 'b> {
     door: &'a Door,
+    hall: &'a mut Hall<'b>,
     peer: SocketAddr,
     settings: &'a ServeSettings,
     stop: &'a dyn Fn() -> bool,
@@ -138,7 +145,7 @@ struct Attendance<'a> {
     remarks: &'a mut Remarks,
 }
 
-impl Attendance<'_> {
+impl Attendance<'_, '_> {
     fn attend(
         mut self,
         client: Client,
@@ -166,7 +173,6 @@ impl Attendance<'_> {
                 Err(end) => return end,
             }
         }
-        let mut last_stranger = None;
         loop {
             match link.recv(buffer, Nanos(look_at)) {
                 Ok(Some(count)) => {
@@ -186,15 +192,13 @@ impl Attendance<'_> {
                 continue;
             }
             look_at = now + LOOK_NS;
-            let tell = &mut *self.tell;
-            self.door.turn_away(waste, &mut |from| {
-                if last_stranger != Some(from) {
-                    tell(&News::TurnedAway(from));
-                }
-                last_stranger = Some(from);
-            });
+            self.hall.meet_others(self.peer, host, self.tell, waste);
             if (self.stop)() {
                 return End::Stopped;
+            }
+            let limit = self.settings.takeover_s;
+            if seconds(now, heard_at) > limit && self.hall.has_successor(self.peer, heard_at) {
+                return End::Replaced(limit);
             }
             if let Err(fault) = host.attend() {
                 return fault.into();

@@ -71,7 +71,13 @@ impl RemoteSettings {
     pub fn new(peer: Peer, carrier: Carrier, address: impl Into<String>, axes: usize) -> Self {
         let n = axes;
         let (ctrl, daq, program) = match peer {
-            Peer::Element | Peer::Site => (
+            // Its displacements, velocities, accelerations and times are always zero.
+            Peer::Element => (
+                Counts::new(n, n, n, 0, 1),
+                Counts::new(0, 0, 0, n, 0),
+                Program::OpenFrescoServer,
+            ),
+            Peer::Site => (
                 Counts::new(n, n, n, 0, 1),
                 Counts::new(n, n, n, n, 1),
                 Program::OpenFrescoServer,
@@ -112,6 +118,12 @@ impl RemoteSettings {
             (Carrier::Stream, None) => "TCP",
             (Carrier::Datagrams, _) => "UDP",
         }
+    }
+
+    /// False if the answers hold no displacement. The command then takes the place of the measured one.
+    #[must_use]
+    pub const fn measures_disp(&self) -> bool {
+        self.daq.disp > 0
     }
 
     /// True of a force server that measures when it is asked. An actor only gives back what it measured after a command, and

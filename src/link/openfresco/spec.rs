@@ -12,7 +12,8 @@ use crate::wire::openfresco::{Carrier as Bytes, Counts, MAX_COUNT, MAX_DATA_SIZE
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct OpenFrescoSpec {
-    /// For "openfresco": what listens there. A site server knows no matrices and is not asked for its stiffness.
+    /// For "openfresco": what listens there. A site server measures displacements and answers no matrices. An element server
+    /// answers matrices, and its displacements are always zero: only its force is used, unless `answer_signals` asks for more.
     pub server: Far,
     /// Doubles in every vector. It is raised as far as commands and answers need it; smaller is faster. Default: 256.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -27,7 +28,9 @@ pub struct OpenFrescoSpec {
     /// far end is known to take.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub command_signals: Option<[usize; 5]>,
-    /// The same of an answer. Default: what the far end is known to give.
+    /// Numbers of displacements, velocities, accelerations, forces and times (0 or 1) in an answer. Default: what the far end is
+    /// known to give; an element server gives forces only. A number of displacements above 0 says that the server measures them. That is true of `gusset serve` (`[1, 1, 1, 1, 1]` for one axis)
+    /// and false of OpenFresco's `startSimAppElemServer`, which answers zeros.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub answer_signals: Option<[usize; 5]>,
     /// For "openfresco-shadow": the version number that both sites compare for exact equality. Default: 2.8.
@@ -47,7 +50,7 @@ pub struct OpenFrescoServeSpec {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub client: Option<String>,
     /// Silence in s after which a client counts as gone. Default: none over TCP, where the connection shows it; 60 over
-    /// UDP.
+    /// UDP. At a computed specimen over UDP, a new client of the same machine takes over after 2 s of silence.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub idle_timeout_s: Option<f64>,
     /// Something moves here: a step that the client takes back ends the test, and a new client finds the specimen as the
@@ -87,7 +90,7 @@ impl From<SignalOrderSpec> for SignalOrder {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Far {
-    /// `startSimAppElemServer`, or `gusset serve`.
+    /// `startSimAppElemServer`, or `gusset serve` with `answer_signals`.
     #[default]
     Element,
     /// `startSimAppSiteServer`.

@@ -20,6 +20,7 @@ pub struct Host {
     pub(super) stiffness: Vec<f64>,
     mass: Vec<f64>,
     behind: Behind,
+    units: Vec<AxisUnits>,
     limits: Vec<LimitsSpec>,
     probe: ProbeSettings,
     log: Option<LogSettings>,
@@ -27,6 +28,8 @@ pub struct Host {
     memory: Option<Memory>,
     guard: GuardStore,
     latch: Latch,
+    /// False of a gateway whose specimen answers with forces only.
+    measures_disp: bool,
 }
 
 /// Makes a specimen in its virgin state, or says why not.
@@ -60,6 +63,7 @@ impl Host {
         let (stiffness, mass) = Law::new(specimen, false).reference();
         Ok(Self {
             name,
+            units: axes.iter().map(units_of).collect(),
             axes,
             stiffness,
             mass,
@@ -71,6 +75,7 @@ impl Host {
             memory: None,
             guard: GuardStore::default(),
             latch: Latch::default(),
+            measures_disp: true,
         })
     }
 
@@ -87,6 +92,7 @@ impl Host {
         Self {
             name,
             mass: vec![0.0; axes.len() * axes.len()],
+            units: axes.iter().map(units_of).collect(),
             axes,
             stiffness,
             behind: Behind::Far(build, reply_limit_ns, Whereabouts::default()),
@@ -97,6 +103,7 @@ impl Host {
             memory: None,
             guard: GuardStore::default(),
             latch: Latch::default(),
+            measures_disp: true,
         }
     }
 
@@ -109,11 +116,28 @@ impl Host {
         self
     }
 
+    /// The specimen behind this gateway answers with forces only. The handshake says that no displacement is measured.
+    #[must_use]
+    pub const fn without_measured_disp(mut self) -> Self {
+        self.measures_disp = false;
+        self
+    }
+
     /// Of a gateway to a computation, as somebody says: where nobody knows its place, it is believed at zero.
     #[must_use]
     pub fn computed(mut self) -> Self {
         if let Behind::Far(.., whereabouts) = &mut self.behind {
             *whereabouts = std::mem::take(whereabouts).of_a_computation();
+        }
+        self
+    }
+
+    /// The units of its axes, one entry per axis, where the handshake's units are not they: inches, pounds and kips. Such a
+    /// specimen is served by OpenFresco's protocols only.
+    #[must_use]
+    pub fn in_units(mut self, units: Vec<AxisUnits>) -> Self {
+        if units.len() == self.axes.len() {
+            self.units = units;
         }
         self
     }
@@ -245,8 +269,7 @@ impl Host {
                 .map_or(AxisLimits::NONE, LimitsSpec::limits)
         };
         let limits: Vec<AxisLimits> = (0..self.axes.len()).map(bound).collect();
-        let units: Vec<AxisUnits> = self.axes.iter().map(units_of).collect();
-        first_words(&limits, &units)
+        first_words(&limits, &self.units)
     }
 
     pub(super) fn capabilities(&self) -> Capabilities {
@@ -260,7 +283,12 @@ impl Host {
             // It reports its own trips as an interlock.
             Behind::Far(..) => Capabilities::INTERLOCK,
         };
-        Capabilities(kind.0 | Capabilities::MEASURES_DISP.0 | Capabilities::USES_VEL.0)
+        let kind = kind.and(Capabilities::USES_VEL);
+        if self.measures_disp {
+            kind.and(Capabilities::MEASURES_DISP)
+        } else {
+            kind
+        }
     }
 
     /// A station with the specimen in its virgin state, or a link that is not connected. `remembers`: a test finds a
@@ -269,7 +297,7 @@ impl Host {
     /// # Errors
     /// What its maker says.
     pub fn station(&self, remembers: bool) -> Result<Station, String> {
-        let units: Vec<AxisUnits> = self.axes.iter().map(units_of).collect();
+        let units = self.units.clone();
         let rig: Box<dyn crate::link::rig::Rig> = match &self.behind {
             Behind::Law(build) => {
                 let law = Law::new(build()?, remembers);
