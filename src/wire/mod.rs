@@ -272,6 +272,13 @@ pub enum WireError {
         /// Quantities of the vector, the time included.
         quantities: usize,
     },
+    /// `SimSimulink` of OpenFresco up to 2.7 sends other signals than it announces, or another order than was set.
+    #[error(
+        "the client is OpenFresco 2.7 or older (it sends action 4): its SimSimulink leaves out the velocities and accelerations \
+         that it announces, and sends all displacements first; announce neither, and set `signal_order` to by_quantity, or use \
+         OpenFresco 2.8"
+    )]
+    OldSimulink,
     /// The version numbers of an OpenFresco shadow and its actor differ.
     #[error("the peer is OpenFresco version {found}, {expected} wanted")]
     SiteVersion {
@@ -333,6 +340,7 @@ impl WireError {
             | WireError::Action { .. }
             | WireError::CommandedForces { .. }
             | WireError::SignalOrder { .. }
+            | WireError::OldSimulink
             | WireError::Failed => LinkFault::Malformed,
         }
     }

@@ -36,7 +36,7 @@ pub enum SimulinkEvent {
     SwitchedBack,
     /// The step is committed.
     Commit,
-    /// 4 after 3, from versions up to 2.7: nothing to do.
+    /// 4 after 3, from versions up to 2.7, whose signals are those announced: nothing to do.
     Execute,
     /// An unknown action. It is not answered.
     Ignored(f64),
@@ -60,6 +60,8 @@ pub struct Simulink {
     /// Where the signals of a command and of an answer stand on the wire.
     ctrl_places: Vec<usize>,
     daq_places: Vec<usize>,
+    /// OpenFresco up to 2.7 sends these signals in this order.
+    suits_old_versions: bool,
     /// The last command with its signals by quantity.
     arranged: Vec<u8>,
     debt: Option<Debt>,
@@ -76,6 +78,7 @@ impl Simulink {
             order: None,
             ctrl_places: Vec::new(),
             daq_places: Vec::new(),
+            suits_old_versions: true,
             arranged: Vec::new(),
             debt: None,
         }
@@ -212,8 +215,13 @@ impl Simulink {
             sizes.data_size() as i64,
         )?;
         let (ctrl, daq) = (sizes.ctrl(), sizes.daq());
-        self.ctrl_places = SignalOrder::of(self.order, ctrl)?.places(ctrl);
-        self.daq_places = SignalOrder::of(self.order, daq)?.places(daq);
+        let ctrl_order = SignalOrder::of(self.order, ctrl)?;
+        let daq_order = SignalOrder::of(self.order, daq)?;
+        self.ctrl_places = ctrl_order.places(ctrl);
+        self.daq_places = daq_order.places(daq);
+        let is_plain = |counts: &Counts| counts.vel == 0 && counts.accel == 0;
+        let is_by_quantity = [ctrl_order, daq_order] == [SignalOrder::ByQuantity; 2];
+        self.suits_old_versions = is_plain(ctrl) && is_plain(daq) && is_by_quantity;
         self.arranged.resize(8 * (1 + ctrl.total()), 0);
         self.followed = Followed::new(*ctrl, false);
         self.outbox.resize(sizes.vector_len(), 0);
@@ -250,7 +258,8 @@ impl Simulink {
                 self.followed.commit(self.followed.time());
                 SimulinkEvent::Commit
             }
-            Some(Action::Execute) => SimulinkEvent::Execute,
+            Some(Action::Execute) if self.suits_old_versions => SimulinkEvent::Execute,
+            Some(Action::Execute) => return Err(WireError::OldSimulink),
             Some(Action::Die) => {
                 self.opening.finish();
                 SimulinkEvent::Finished

@@ -167,6 +167,32 @@ fn simulink_signals_of_several_axes_and_quantities_are_refused_without_an_order(
     }
 }
 
+#[test]
+fn an_old_simulink_is_refused_where_it_sends_other_signals_than_it_announces() {
+    let by_axis = Some(SignalOrder::ByAxis);
+    let by_quantity = Some(SignalOrder::ByQuantity);
+    for (order, counts, is_served) in [
+        // One axis: displacement, force and time, then velocity, then acceleration in the answer.
+        (None, [1, 0, 0, 0, 1, 1, 0, 0, 1, 1, 8], true),
+        (None, [1, 1, 0, 0, 1, 1, 0, 0, 1, 1, 8], false),
+        (None, [1, 0, 0, 0, 1, 1, 0, 1, 1, 1, 8], false),
+        // Two axes.
+        (by_quantity, [2, 0, 0, 0, 0, 2, 0, 0, 2, 0, 8], true),
+        (by_axis, [2, 0, 0, 0, 0, 2, 0, 0, 2, 0, 8], false),
+    ] {
+        let axes = usize::try_from(counts[0]).unwrap();
+        let mut machine = Simulink::new(Carrier::Stream, Interface::of_axes(axes)).in_order(order);
+        machine.feed(&sizes_bytes(counts)).unwrap();
+        machine.feed(&vector(8, &[3.0, 0.0, 0.0])).unwrap();
+        let outcome = machine.feed(&vector(8, &[4.0])).map(|(_, event)| event);
+        if is_served {
+            assert_eq!(outcome, Ok(SimulinkEvent::Execute), "{counts:?}");
+        } else {
+            assert_eq!(outcome, Err(WireError::OldSimulink), "{counts:?}");
+        }
+    }
+}
+
 // ---- UDP -------------------------------------------------------------------------------------------
 
 #[test]
