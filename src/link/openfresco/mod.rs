@@ -24,6 +24,7 @@ mod client;
 mod dialect;
 mod door;
 mod error;
+mod guest;
 mod hall;
 mod host;
 mod news;
