@@ -237,11 +237,11 @@ fn a_displaced_base_has_absolute_accelerations_and_is_the_floor_below_the_first(
     let found = columns_of(&csv);
     assert_eq!(found["abs_a1"], found["a1"]);
     assert_eq!(found["abs_a2"], found["a2"]);
+    let at = |name: &str, k: usize| found[name][k];
     for k in 0..101 {
-        let drift = found["x1"][k] - found["ground"][k];
-        assert_eq!(found["drift1"][k], drift);
-        let shear = -(1000.0 * found["a1"][k] + 900.0 * found["a2"][k]);
-        assert!((found["shear1"][k] - shear).abs() <= 1e-12 * shear.abs());
+        assert_eq!(at("drift1", k), at("x1", k) - at("ground", k));
+        let shear = -(1000.0 * at("a1", k) + 900.0 * at("a2", k));
+        assert!((at("shear1", k) - shear).abs() <= 1e-12 * shear.abs());
     }
     let units = fs::read_to_string(&csv).unwrap();
     let units = units.lines().nth(1).unwrap();

@@ -34,7 +34,7 @@ pub enum Wiring {
 }
 
 impl Wiring {
-    /// What the command does between two ticks.
+    /// Course of the command between two ticks.
     #[must_use]
     pub const fn between_ticks(self) -> BetweenTicks {
         match self {

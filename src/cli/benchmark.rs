@@ -50,7 +50,7 @@ pub struct VrthsArgs {
     /// How the two sides are joined: as released, or as this program's loop.
     #[arg(long, value_enum, default_value_t = WiringArg::Benchmark)]
     wiring: WiringArg,
-    /// What the command does between two ticks of this program's loop [default: both, a row for each].
+    /// How the command goes from tick to tick in this program's loop [default: both, a row for each].
     #[arg(long, value_enum)]
     between_ticks: Option<BetweenTicksArg>,
     /// So many plants drawn from the published uncertainty: mean and worst; 0: the nominal one.

@@ -73,7 +73,9 @@ pub fn export(args: &ExportArgs) -> anyhow::Result<Exit> {
 fn extra(args: &ExportArgs, format: Format, run: &Run, rows: Rows) -> anyhow::Result<Extra> {
     let usage = |text: &str| Err(WithExit(Exit::Usage, text.to_owned()).into());
     if format == Format::Trace && !args.with.is_empty() {
-        return usage("--with adds columns to a table, and a trace is none: use another --format");
+        return usage(
+            "--with adds columns to a table, and a trace has no columns: use another --format",
+        );
     }
     if args.no_units_line && !matches!(format, Format::Csv | Format::DesignSafe) {
         return usage(

@@ -6,8 +6,8 @@
 //! | `drift<storey>` | x of the floor − x of the floor below | storeys |
 //! | `shear<storey>` | − Σ m (a + ι a_g) of the floors above | a shear building |
 //!
-//! Where the base is displaced, coordinates are absolute: a is absolute, and the floor below the first storey is the base. The shear
-//! comes from the inertia of the floors, so that it holds restoring and damping forces, and those of the specimens. It is positive
+//! Where the base is displaced, coordinates are absolute: a is absolute, and the floor below the first storey is the base.
+//! The shear comes from the inertia of the floors, so that it holds restoring and damping forces, and those of the specimens. It is positive
 //! where it resists a positive drift.
 
 use thiserror::Error;
@@ -17,7 +17,7 @@ use crate::model::{BuildError, StructureSpec};
 use crate::record::Run;
 use crate::record::export::{Rows, Sum};
 
-/// What follows from recorded columns.
+/// A kind of column that follows from recorded ones.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Derived {
     /// Acceleration against a point that rests.
@@ -101,7 +101,7 @@ pub fn derived(run: &Run, wanted: &[Derived], rows: Rows) -> Result<Vec<Sum>, De
     Ok(sums)
 }
 
-/// What of a test says how its columns hang together.
+/// The description of a test, and its recorded columns.
 struct Described<'a> {
     file: &'a TestFile,
     run: &'a Run,

@@ -3,10 +3,11 @@
 //! Between commands lies a straight line or the new command, which the linear part follows exactly. Limits act at the ends of ticks. While test
 //! time stands still nothing moves, except what follows its command at once.
 
+use super::between_ticks::BetweenTicks;
 use super::delay::Delay;
 use super::exact::Ramped;
 use super::servo::{DISP, FORCE, STATES, Servo, VEL};
-use super::spec::{ActuatorSpec, BetweenTicks, FirstOrderSpec, SecondOrderSpec};
+use super::spec::{ActuatorSpec, FirstOrderSpec, SecondOrderSpec};
 
 /// A correction that falls by less than this a round does so slowly, or not at all.
 const SLOWLY: f64 = 0.25;
@@ -44,7 +45,7 @@ pub(super) struct Bounds {
 #[derive(Debug, Clone)]
 pub(super) struct Axis {
     delay: Delay,
-    /// What arrives of the commands between two ticks.
+    /// Course of the delayed command between two ticks.
     pub between_ticks: BetweenTicks,
     dynamics: Dynamics,
     bounds: Bounds,

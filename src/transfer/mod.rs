@@ -6,6 +6,7 @@
 //! does not move. Nothing here depends on how often a trial was asked for. No clock, no input or output.
 
 mod axis;
+mod between_ticks;
 mod delay;
 pub mod exact;
 pub mod noise;
@@ -22,11 +23,12 @@ use axis::{Axis, Bounds};
 use delay::Delay;
 use sensor::Sensor;
 
+pub use between_ticks::BetweenTicks;
 pub use delay::LONGEST;
 pub use servo::servo_tick;
 pub use spec::{
-    ActuatorSpec, BetweenTicks, FirstOrderSpec, ProportionalSpec, SecondOrderSpec,
-    ServoHydraulicSpec, TransferSpec,
+    ActuatorSpec, FirstOrderSpec, ProportionalSpec, SecondOrderSpec, ServoHydraulicSpec,
+    TransferSpec,
 };
 
 use crate::law::Reach;

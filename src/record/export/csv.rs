@@ -72,7 +72,7 @@ impl Sheet {
         Self { header, sources }
     }
 
-    /// The same with a comment line that has name and unit of each of these columns.
+    /// Adds a comment line with name and unit of each of these columns.
     pub fn with_units<'a>(mut self, columns: impl IntoIterator<Item = &'a Exposed>) -> Self {
         let each = columns.into_iter().map(|Exposed { column, .. }| {
             // A line break or comma of a foreign description would be another line or column.

@@ -56,7 +56,7 @@ pub enum Format {
     DesignSafe,
 }
 
-/// What a table has beside the recorded columns.
+/// Additions to the recorded columns of a table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Extra {
     /// Sums of recorded columns. A trace has none.

@@ -1,10 +1,15 @@
 //! Which rows and which columns an export has, whatever its format.
 //!
-//! Rows: from t = 0 the last tick of each step, or every tick. Columns: `time`; `x<dof>` of all recorded DOFs, then
-//! `v<dof>`, then `a<dof>`; then for each specimen s and axis j `target_s_j`, `cmd_s_j`, `meas_s_j`, `force_s_j`; then
-//! `status_s` of each specimen where it was recorded, which marks the rows whose measurement is none of that tick; then the motion
-//! of the `ground` of a structure, and the sums that were asked for. A format that holds numbers as they are goes on with all other columns of the log and the sequence numbers of the rows. The columns are
-//! found by name in `samples.json`.
+//! Rows: from t = 0 the last tick of each step, or every tick. Columns, found by name in `samples.json`:
+//!
+//! 1. `time`;
+//! 2. `x<dof>` of all recorded DOFs, then `v<dof>`, then `a<dof>`;
+//! 3. for each specimen s and axis j `target_s_j`, `cmd_s_j`, `meas_s_j`, `force_s_j`;
+//! 4. `status_s` of each specimen where it was recorded: it marks the rows without a measurement of their own tick;
+//! 5. the motion of the `ground` of a structure;
+//! 6. the sums of recorded columns that were asked for.
+//!
+//! A format that holds numbers in binary adds all other columns of the log, and the sequence numbers of the rows.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
@@ -85,7 +90,7 @@ pub struct Sum {
     pub name: String,
     /// Its unit.
     pub unit: String,
-    /// What it is.
+    /// Its meaning in words.
     pub meaning: String,
     /// Names of recorded columns, with their factors.
     pub terms: Vec<(String, f64)>,
@@ -105,7 +110,7 @@ pub(super) enum Source {
 }
 
 impl Source {
-    /// The number of this column in a row; not a number where there is none. The sequence number is no part of the row.
+    /// The number of this column in a row, NaN if the row has no such number. The row does not hold its sequence number.
     pub fn value(&self, row: &[f64]) -> f64 {
         let at = |place: usize| row.get(place).copied().unwrap_or(f64::NAN);
         match self {
