@@ -37,7 +37,7 @@ pub enum MotionError {
         limit: usize,
     },
     /// A zero byte in what should be text.
-    #[error("{file}:{line}: wanted text, found a zero byte (is it a binary file?)")]
+    #[error("{file}:{line}: wanted text, found a zero byte (is it a binary file, or UTF-16 without its mark?)")]
     NotText {
         /// Name of the file.
         file: String,
@@ -123,7 +123,7 @@ pub enum MotionError {
     },
     /// Neither the file nor the test file says the time step.
     #[error(
-        "{file}: no time step: give dt_s, or a file with a time column or a header that states it"
+        "{file}: no time step: give dt_s, or time_column, or a file with a time column or a header that states it"
     )]
     StepMissing {
         /// Name of the file.
@@ -165,14 +165,14 @@ pub enum MotionError {
         /// As this row has it.
         found: usize,
     },
-    /// Times in another unit than the second.
+    /// Times in a unit that is not known, or not clearly theirs.
     #[error(
-        "{file}: its times stand in a column {column:?}, but s is wanted; dt_s says its step in s"
+        "{file}: the unit of its times is not clear from its header {column:?}: give its time step in s as dt_s"
     )]
     TimeUnit {
         /// Name of the file.
         file: String,
-        /// What it calls the column of times.
+        /// The name of the column of times, or the line of the header.
         column: String,
     },
     /// A column that the file does not have.

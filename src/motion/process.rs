@@ -413,6 +413,7 @@ mod tests {
             format: None,
             column: None,
             time_column: None,
+            skip_rows: 0,
             dt_s: None,
             unit: None,
             resample: Resample::Linear,

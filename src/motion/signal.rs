@@ -54,6 +54,9 @@ pub struct FileSignal {
     pub column: Option<Column>,
     /// Its column of times; one named `t` or `time`, or the first of a table without names, if absent.
     pub time_column: Option<Column>,
+    /// Lines of a table in text that are skipped before anything is read; 0 if absent.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub skip_rows: usize,
     /// Its time step in s; what the file says if absent. Overrules the file, with a warning.
     pub dt_s: Option<f64>,
     /// Unit of its numbers; what the file states if absent, and an error if it states none. Overrules the file.
@@ -64,6 +67,10 @@ pub struct FileSignal {
     /// Test time in s at which the record begins; 0 if absent.
     #[serde(default)]
     pub start_s: f64,
+}
+
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 /// Numbers in the test file itself.
@@ -151,6 +158,7 @@ impl FileSignal {
             dt: self.dt_s,
             column: self.column.clone(),
             time_column: self.time_column.clone(),
+            skip_rows: self.skip_rows,
         };
         let record = parse_record(&self.path, &bytes, &options)?;
         warnings.extend(record.warnings);

@@ -1,0 +1,450 @@
+//! What the lines before the numbers say: names of the columns, their units, and units in running text.
+
+use super::text::{fields, is_comment, number, words};
+use crate::motion::unit::{TimeUnit, Unit};
+
+/// A line before the first row of numbers.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct HeaderLine<'a> {
+    /// From 1.
+    pub(super) number: usize,
+    pub(super) text: &'a str,
+}
+
+impl<'a> HeaderLine<'a> {
+    pub(super) fn is_comment(&self) -> bool {
+        is_comment(self.text)
+    }
+
+    /// The line without its comment sign.
+    fn content(&self) -> &'a str {
+        self.text
+            .trim_start()
+            .trim_start_matches(['#', '%', '!'])
+            .trim()
+    }
+}
+
+/// The name of a column, and the unit that stands with it.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Label {
+    /// As the file spells it.
+    pub(super) name: String,
+    /// The name without the unit.
+    base: String,
+    /// The text of the unit: what is in brackets, whatever it is, or a known unit behind the name.
+    unit: Option<String>,
+}
+
+/// Names of a column of times, in lower case, letters only.
+const TIME_NAMES: [&str; 11] = [
+    "t",
+    "time",
+    "times",
+    "elapsed",
+    "elapsedtime",
+    "testtime",
+    "runtime",
+    "zeit",
+    "temps",
+    "tiempo",
+    "tempo",
+];
+
+/// Units of time that are the whole name of a column of times.
+const TIME_UNIT_NAMES: [&str; 8] = [
+    "s",
+    "sec",
+    "secs",
+    "seconds",
+    "ms",
+    "msec",
+    "millisec",
+    "milliseconds",
+];
+
+impl Label {
+    /// Reads `Time [ms]`, `acc_g`, `Time, s`, `t/s`, `Acceleration in cm/s/s`.
+    pub(super) fn of(name: &str) -> Self {
+        let (base, unit) = parted(name);
+        Self {
+            name: name.to_owned(),
+            base: base.to_owned(),
+            unit: unit.map(str::to_owned),
+        }
+    }
+
+    /// The same with a unit from a row of units, where the name has none.
+    fn with_unit(mut self, unit: &str) -> Self {
+        if self.unit.is_none() && unit.chars().any(|c| c.is_alphanumeric() || c == '%') {
+            self.unit = Some(unit.to_owned());
+        }
+        self
+    }
+
+    pub(super) fn is_time(&self) -> bool {
+        let plain = letters(&self.base);
+        TIME_NAMES.contains(&plain.as_str())
+            || (plain.is_empty() && self.time_unit().is_ok_and(|unit| unit.is_some()))
+    }
+
+    /// The unit of a column of times; none if it says none, and the text of one that is unknown.
+    pub(super) fn time_unit(&self) -> Result<Option<TimeUnit>, &str> {
+        match &self.unit {
+            None => Ok(None),
+            Some(text) => TimeUnit::from_header(text).map(Some).ok_or(text),
+        }
+    }
+
+    /// The unit of a column of values.
+    pub(super) fn value_unit(&self) -> Option<Unit> {
+        self.unit.as_deref().and_then(Unit::from_header)
+    }
+
+    /// True if it says something that a remark does not: that it is a time, or a unit that is known.
+    fn is_informative(&self) -> bool {
+        self.is_time() || self.value_unit().is_some()
+    }
+}
+
+/// Letters and digits of a name, in lower case.
+fn letters(name: &str) -> String {
+    let plain = name.chars().filter(|c| c.is_alphanumeric());
+    plain.flat_map(char::to_lowercase).collect()
+}
+
+/// A name and the unit with it.
+fn parted(name: &str) -> (&str, Option<&str>) {
+    if let Some((base, unit)) = in_brackets(name) {
+        return (base, Some(unit));
+    }
+    let plain = letters(name);
+    if TIME_UNIT_NAMES.contains(&plain.as_str()) {
+        return ("", Some(name));
+    }
+    let ends = name
+        .char_indices()
+        .filter(|(_, c)| c.is_whitespace() || ",/_:;-".contains(*c));
+    for (at, sign) in ends {
+        let (base, rest) = (&name[..at], name[at + sign.len_utf8()..].trim());
+        let is_unit = TimeUnit::from_header(rest).is_some()
+            || (is_plain_unit(rest) && Unit::from_header(rest).is_some());
+        // In `cm/s` the second belongs to a unit, not to a name.
+        if is_unit && letters(base).chars().any(char::is_alphabetic) && !is_unit_word(base) {
+            return (base.trim_end_matches([' ', ',', ':', '_', '-']), Some(rest));
+        }
+    }
+    // `TimeSec`, `tms`.
+    for start in ["time", "t"] {
+        let split = name.is_char_boundary(start.len()) && name.len() > start.len();
+        if split && name[..start.len()].eq_ignore_ascii_case(start) {
+            let (base, rest) = name.split_at(start.len());
+            let is_short = TIME_UNIT_NAMES.contains(&rest.to_lowercase().as_str());
+            if is_short {
+                return (base, Some(rest));
+            }
+        }
+    }
+    if Unit::from_header(name).is_some() {
+        return ("", Some(name));
+    }
+    (name, None)
+}
+
+/// A single `N` behind a name means north as often as newton: only brackets make a unit of it.
+fn is_plain_unit(text: &str) -> bool {
+    !text.eq_ignore_ascii_case("n")
+}
+
+fn is_unit_word(base: &str) -> bool {
+    Unit::from_header(base).is_some()
+}
+
+/// The text before the last pair of brackets, and what is in it.
+fn in_brackets(name: &str) -> Option<(&str, &str)> {
+    let start = name.rfind(['(', '[', '{'])?;
+    let inner = name.get(start + 1..)?;
+    let (inner, _) = inner.split_once([')', ']', '}'])?;
+    Some((name.get(..start)?.trim_end(), inner.trim()))
+}
+
+/// What the header says of a table.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(super) struct Header {
+    /// One for each column, or none.
+    pub(super) labels: Vec<Label>,
+    /// The names come from a remark or stand between blanks: words of a title may pass for them.
+    pub(super) is_loose: bool,
+    /// Lines that gave the names and the units.
+    pub(super) used: usize,
+    /// The one unit that the running text states.
+    pub(super) unit: Option<Unit>,
+    /// A line that states another unit of time than the second in running text.
+    pub(super) other_time: Option<String>,
+}
+
+impl Header {
+    /// The column of times, from 0: the first that is called one, best one whose unit is known.
+    pub(super) fn time(&self) -> Option<usize> {
+        let is_known = |label: &Label| label.is_time() && label.time_unit().is_ok();
+        let known = self.labels.iter().position(is_known);
+        known.or_else(|| self.labels.iter().position(Label::is_time))
+    }
+
+    /// Reads the lines before a table of so many columns.
+    pub(super) fn read<'a>(lines: &[HeaderLine<'a>], columns: usize, between: char) -> Self {
+        let mut header = Self {
+            unit: unit_in_text(lines),
+            ..Self::default()
+        };
+        let mut names_at = lines.len();
+        for (at, line) in lines.iter().enumerate().rev() {
+            let Some(names) = cells(line.content(), columns, between) else {
+                if line.is_comment() {
+                    continue;
+                }
+                break;
+            };
+            let before = at.checked_sub(1).and_then(|above| lines.get(above));
+            let above = before.and_then(|line| cells(line.content(), columns, between));
+            let (labels, used) = match above {
+                Some(above) if is_row_of_units(&names) && !is_row_of_units(&above) => {
+                    let both = above.iter().zip(&names);
+                    let both = both.map(|(name, unit)| Label::of(name).with_unit(bare(unit)));
+                    (both.collect::<Vec<_>>(), 2)
+                }
+                _ => (names.iter().map(|name| Label::of(name)).collect(), 1),
+            };
+            if line.is_comment() && !labels.iter().any(Label::is_informative) {
+                continue;
+            }
+            header.is_loose = line.is_comment() || between == ' ';
+            header.labels = labels;
+            header.used = used;
+            names_at = at;
+            break;
+        }
+        let is_text = |(at, line): (usize, &HeaderLine<'a>)| (at != names_at).then_some(*line);
+        let text = lines.iter().enumerate().filter_map(is_text);
+        header.other_time = other_time_in_text(text);
+        header
+    }
+}
+
+fn bare(unit: &str) -> &str {
+    unit.trim().trim_matches(['(', ')', '[', ']', '{', '}'])
+}
+
+/// True if each cell is a unit or empty, and one at least is a unit.
+fn is_row_of_units(cells: &[&str]) -> bool {
+    let is_unit = |cell: &&str| {
+        TimeUnit::from_header(cell).is_some() || Unit::from_header(cell).is_some()
+    };
+    let is_bracket = |cell: &&str| cell.starts_with(['(', '[']) && cell.ends_with([')', ']']);
+    let is_empty = |cell: &&str| !cell.chars().any(char::is_alphanumeric);
+    cells.iter().any(is_unit)
+        && cells
+            .iter()
+            .all(|cell| is_unit(cell) || is_bracket(cell) || is_empty(cell))
+}
+
+/// The line in as many cells as there are columns, by the first way of parting it that gives them.
+pub(super) fn cells<'a>(line: &'a str, columns: usize, between: char) -> Option<Vec<&'a str>> {
+    if columns == 1 {
+        return Some(vec![line.trim().trim_matches('"')]);
+    }
+    let by = |separator: char| {
+        let line = line.trim_end();
+        let line = line.strip_suffix(separator).unwrap_or(line);
+        let found = fields(line, separator);
+        found.into_iter().map(|(_, cell)| cell).collect::<Vec<_>>()
+    };
+    let ways: [&dyn Fn() -> Vec<&'a str>; 6] = [
+        &|| match between {
+            ' ' => by('\t'),
+            other => by(other),
+        },
+        &|| between_blanks(line),
+        &|| behind_brackets(line),
+        &|| wide_gaps(line),
+        &|| by(','),
+        &|| by(';'),
+    ];
+    let count = if between == ' ' { ways.len() } else { 1 };
+    ways.iter()
+        .take(count)
+        .map(|way| way())
+        .find(|cells| cells.len() == columns)
+}
+
+/// Words, with a unit in brackets kept to the name before it.
+fn between_blanks(line: &str) -> Vec<&str> {
+    let mut found: Vec<(usize, usize)> = Vec::new();
+    let is_bracket = |word: &str| word.starts_with(['(', '[', '{']);
+    for (start, word) in words(line) {
+        let end = start + word.len();
+        match found.last_mut() {
+            Some((from, to)) if is_bracket(word) && !is_bracket(&line[*from..*to]) => *to = end,
+            _ => found.push((start, end)),
+        }
+    }
+    found.into_iter().map(|(from, to)| &line[from..to]).collect()
+}
+
+/// Parts that end with a bracket: `Acc X (g) Acc Y (g)`.
+fn behind_brackets(line: &str) -> Vec<&str> {
+    let parts = line.split_inclusive([')', ']', '}']);
+    let trimmed = parts.map(|part| part.trim_matches(|c: char| c.is_whitespace() || c == ','));
+    trimmed.filter(|part| !part.is_empty()).collect()
+}
+
+/// Parts between two and more blanks.
+fn wide_gaps(line: &str) -> Vec<&str> {
+    let parts = line.split("  ").map(str::trim);
+    parts.filter(|part| !part.is_empty()).collect()
+}
+
+/// Words that say what a unit in running text belongs to.
+const QUANTITIES: [&str; 10] = [
+    "acc", "vel", "disp", "force", "load", "unit", "amplitude", "ground", "motion", "stroke",
+];
+
+/// The unit that running text states: in brackets, after `in`, or a word such as `cm/s2` and `gal`. None if it states two.
+fn unit_in_text(lines: &[HeaderLine<'_>]) -> Option<Unit> {
+    let mut found: Option<Unit> = None;
+    for line in lines {
+        let line = line.content().to_lowercase();
+        if !QUANTITIES.iter().any(|word| line.contains(word)) {
+            continue;
+        }
+        for (word, is_marked) in marked_words(&line) {
+            let is_long = word.contains('/') || word.contains("gal");
+            let Some(unit) = Unit::from_header(word).filter(|_| is_long || is_marked) else {
+                continue;
+            };
+            match found {
+                Some(other) if other.to_si() != unit.to_si() => return None,
+                Some(_) => {}
+                None => found = Some(unit),
+            }
+        }
+    }
+    found
+}
+
+/// The line in which running text gives times in another unit than the second.
+fn other_time_in_text<'a>(lines: impl Iterator<Item = HeaderLine<'a>>) -> Option<String> {
+    let is_other = |line: &str| {
+        marked_words(line).any(|(word, is_marked)| {
+            is_marked && TimeUnit::from_header(word).is_some_and(|unit| unit != TimeUnit::SECOND)
+        })
+    };
+    let mut lines = lines.map(|line| line.content());
+    let found = lines.find(|line| is_other(&line.to_lowercase()));
+    found.map(str::to_owned)
+}
+
+/// Words of a line in lower case, and whether each is in brackets or stands where a unit does.
+fn marked_words<'a>(line: &'a str) -> impl Iterator<Item = (&'a str, bool)> {
+    let mut before: &'a str = "";
+    words(line).map(move |(_, word)| {
+        let is_marked = word.starts_with(['(', '['])
+            || matches!(
+                before.trim_matches([':', '=', '(']),
+                "in" | "unit" | "units" | "of" | "time" | "t" | "times"
+            );
+        // `unit = g`: the sign is a word of its own.
+        if word.chars().any(char::is_alphanumeric) {
+            before = word;
+        }
+        (word, is_marked)
+    })
+}
+
+/// Dashes and the like that underline a title.
+pub(super) fn is_rule(line: &str) -> bool {
+    line.chars()
+        .all(|c| c.is_whitespace() || "-=_+|~".contains(c))
+}
+
+/// The separator that a first line `sep=;` of a spreadsheet states.
+pub(super) fn stated_separator(line: &str) -> Option<char> {
+    let rest = line.trim().trim_matches('"').strip_prefix("sep=")?;
+    let mut signs = rest.chars();
+    match (signs.next(), signs.next()) {
+        (Some(sign), None) => Some(sign),
+        _ => None,
+    }
+}
+
+/// Not a number, and not a number with a slip in it either: that must be reported, not skipped.
+pub(super) fn begins_like_a_word(field: &str) -> bool {
+    number(field).is_none()
+        && !field.starts_with(|c: char| c.is_ascii_digit() || "+-.*".contains(c))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_part_from_their_units_however_they_are_spelled() {
+        for (name, time) in [
+            ("Time [ms]", "ms"),
+            ("time_ms", "ms"),
+            ("Time, s", "s"),
+            ("t/s", "s"),
+            ("TIME(SEC)", "s"),
+            ("Time in ms", "ms"),
+            ("Time_Seconds", "s"),
+            ("TimeSec", "s"),
+            ("tms", "ms"),
+            ("msec", "ms"),
+            ("Elapsed Time (min)", "min"),
+            ("t [µs]", "us"),
+            ("Time: s", "s"),
+        ] {
+            let label = Label::of(name);
+            assert!(label.is_time(), "{name}");
+            let unit = TimeUnit::from_header(time);
+            assert_eq!(label.time_unit().unwrap(), unit, "{name}");
+        }
+        for (name, unit) in [
+            ("acc [g]", Unit::Gravity),
+            ("acc_g", Unit::Gravity),
+            ("Acceleration in cm/s/s", Unit::CentimetrePerSecond2),
+            ("acc cm/s2", Unit::CentimetrePerSecond2),
+            ("a/(m/s2)", Unit::MetrePerSecond2),
+            ("Disp, mm", Unit::Millimetre),
+            ("CM/S**2", Unit::CentimetrePerSecond2),
+            ("force (N)", Unit::Newton),
+            ("a (% g)", Unit::PercentGravity),
+        ] {
+            let label = Label::of(name);
+            assert_eq!(label.value_unit(), Some(unit), "{name}");
+            assert!(!label.is_time(), "{name}");
+        }
+        for name in ["at", "t_end", "acc_N", "north", "Acc X", "time_end", "state"] {
+            let label = Label::of(name);
+            let found = (label.value_unit(), label.is_time());
+            assert_eq!(found, (None, false), "{name}");
+        }
+        assert_eq!(Label::of("time (samples)").time_unit(), Err("samples"));
+    }
+
+    #[test]
+    fn a_header_line_is_parted_into_as_many_names_as_there_are_columns() {
+        for (line, columns, between, wanted) in [
+            ("Time [min]  Disp [mm]", 2, ' ', ["Time [min]", "Disp [mm]"]),
+            ("time [ms], acc [g]", 2, ' ', ["time [ms]", "acc [g]"]),
+            ("Time, s  Acc, g", 2, ' ', ["Time, s", "Acc, g"]),
+            ("Test time (s) Acc X (g)", 2, ' ', ["Test time (s)", "Acc X (g)"]),
+            ("(s) (g)", 2, ' ', ["(s)", "(g)"]),
+            ("Time [s]\tAcc X", 2, ' ', ["Time [s]", "Acc X"]),
+            ("\"time, s\", acc ,", 2, ',', ["time, s", "acc"]),
+        ] {
+            assert_eq!(cells(line, columns, between).unwrap(), wanted, "{line}");
+        }
+        assert_eq!(cells("El Centro 1940", 2, ' '), None);
+    }
+}

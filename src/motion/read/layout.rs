@@ -1,0 +1,705 @@
+//! The one model of a table in text: lines of a header, then rows of numbers with something between them.
+//!
+//! The first line that is all numbers begins the table, and decides what stands between its fields: a semicolon, a
+//! comma, or blanks (a tab is a blank). Every later line must be a row of as many numbers. Knows nothing of time.
+
+use std::collections::VecDeque;
+use std::ops::ControlFlow;
+
+use super::header::{Header, HeaderLine, begins_like_a_word, is_rule, stated_separator};
+use super::text::{
+    decode, fields, finite_number, is_comment, lines, number, refuse_decimal_comma, shorten,
+};
+use super::{MOST_COLUMNS, MOST_VALUES, Print, RawTable, RecordFormat};
+use crate::motion::error::MotionError;
+
+/// Lines of a header that are looked at: the last before the table.
+const MOST_HEADER_LINES: usize = 100;
+
+/// Least count of values that a line before them may state: fewer may as well be a row of the table.
+const LEAST_COUNT: usize = 3;
+
+/// What the caller knows of a table.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Settings {
+    /// Lines that are skipped before anything is read.
+    pub(super) skip_rows: usize,
+    /// How many columns there must be.
+    pub(super) columns: Option<usize>,
+    /// The numbers are one column in reading order, however many stand on a line.
+    pub(super) reading_order: bool,
+    /// Fields are parted by commas, semicolons or tabs, not by blanks.
+    pub(super) separated: bool,
+    /// Names in a header stand for their columns, even where none is called a time.
+    pub(super) named: bool,
+    /// A first line may state the count of values and the step.
+    pub(super) counted: bool,
+}
+
+/// What stands between two fields.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Delimiter {
+    Semicolon,
+    Comma,
+    Blank,
+}
+
+impl Delimiter {
+    const fn sign(self) -> char {
+        match self {
+            Self::Semicolon => ';',
+            Self::Comma => ',',
+            Self::Blank => ' ',
+        }
+    }
+
+    /// The fields of a line, each with the byte at which it begins.
+    fn cells(self, line: &str) -> Vec<(usize, &str)> {
+        if self == Self::Blank {
+            let words = line.split_whitespace();
+            let bare = words.map(|word| word.trim_end_matches([',', ';']).trim_matches('"'));
+            // Both are slices of the same string.
+            let start = |word: &str| word.as_ptr() as usize - line.as_ptr() as usize;
+            let filled = bare.filter(|word| !word.is_empty());
+            return filled.map(|word| (start(word), word)).collect();
+        }
+        let line = line.trim_end();
+        fields(line.strip_suffix(self.sign()).unwrap_or(line), self.sign())
+    }
+
+    /// True if a comma within a field of a row of so many can only be a decimal comma.
+    fn takes_commas(self, width: usize) -> bool {
+        match self {
+            Self::Semicolon => true,
+            Self::Comma => false,
+            // A single `0,5` may as well be two columns.
+            Self::Blank => width > 1,
+        }
+    }
+
+    /// What parts the numbers of `line`; none unless all its fields are numbers.
+    fn of(line: &str, stated: Option<char>, settings: &Settings) -> Option<Self> {
+        let all = [Self::Semicolon, Self::Comma, Self::Blank];
+        all.into_iter()
+            .filter(|delimiter| stated.is_none_or(|sign| delimiter.sign() == sign))
+            .find(|delimiter| {
+                let cells = delimiter.cells(line);
+                let width = cells.len();
+                let is_parted = match delimiter {
+                    Self::Blank => !settings.separated || width == 1 || line.contains('\t'),
+                    _ => width > 1 || stated.is_some(),
+                };
+                let takes_commas = delimiter.takes_commas(width);
+                let is_number = |(_, cell): &(usize, &str)| {
+                    number(cell).is_some() || (takes_commas && number(&pointed(cell)).is_some())
+                };
+                is_parted && width > 0 && cells.iter().all(is_number)
+            })
+    }
+}
+
+/// A number with its decimal comma as a point.
+fn pointed(cell: &str) -> String {
+    cell.replace(',', ".")
+}
+
+/// Reads the whole of a text as a table.
+pub(super) fn parse(
+    name: &str,
+    bytes: &[u8],
+    settings: &Settings,
+) -> Result<RawTable, MotionError> {
+    let text = decode(name, bytes)?;
+    let mut head = Head::default();
+    let mut rows: Option<Rows<'_>> = None;
+    let filled = lines(&text)
+        .skip(settings.skip_rows)
+        .filter(|(_, line)| !line.trim().is_empty());
+    for (line_number, line) in filled {
+        if let Some(rows) = &mut rows {
+            if !is_comment(line) {
+                rows.read(line_number, line)?;
+            }
+            continue;
+        }
+        if let ControlFlow::Break(delimiter) = head.take(line_number, line, settings) {
+            let mut begun = Rows::new(name, delimiter, line);
+            head.refuse_slips(&begun)?;
+            begun.read(line_number, line)?;
+            rows = Some(begun);
+        }
+    }
+    match rows {
+        Some(rows) => rows.into_table(&head, settings),
+        None => Err(head.without_rows(name, settings)),
+    }
+}
+
+/// The lines before the table.
+#[derive(Default)]
+struct Head<'t> {
+    lines: VecDeque<HeaderLine<'t>>,
+    /// How many of them are no comments.
+    worded: usize,
+    separator: Option<char>,
+}
+
+impl<'t> Head<'t> {
+    /// Takes a line of the header; breaks at the first line of the table.
+    fn take(
+        &mut self,
+        number: usize,
+        text: &'t str,
+        settings: &Settings,
+    ) -> ControlFlow<Delimiter> {
+        if let (true, Some(sign)) = (self.lines.is_empty(), stated_separator(text)) {
+            self.separator = Some(if sign == '\t' { ' ' } else { sign });
+            return ControlFlow::Continue(());
+        }
+        if is_rule(text) {
+            return ControlFlow::Continue(());
+        }
+        if !is_comment(text) {
+            if let Some(delimiter) = Delimiter::of(text, self.separator, settings) {
+                return ControlFlow::Break(delimiter);
+            }
+            self.worded += 1;
+        }
+        if self.lines.len() == MOST_HEADER_LINES {
+            self.lines.pop_front();
+        }
+        self.lines.push_back(HeaderLine { number, text });
+        ControlFlow::Continue(())
+    }
+
+    fn worded(&self) -> impl Iterator<Item = &HeaderLine<'t>> {
+        self.lines.iter().filter(|line| !line.is_comment())
+    }
+
+    /// Refuses a line that has a slip in a number and would else pass for a line of words.
+    fn refuse_slips(&self, rows: &Rows<'_>) -> Result<(), MotionError> {
+        for line in self.worded() {
+            let cells = rows.delimiter.cells(line.text);
+            let first = cells.first().map_or("", |(_, cell)| cell);
+            let is_row = cells.len() == rows.width && !begins_like_a_word(first);
+            let has_gap = cells.len() == rows.width && first.is_empty();
+            if is_row || has_gap {
+                for (start, cell) in cells {
+                    finite_number(rows.file, line.number, line.text, start, &pointed(cell))?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Why there is no table: the first line that begins like a row has something else in it.
+    fn without_rows(&self, name: &str, settings: &Settings) -> MotionError {
+        let begins = |line: &&HeaderLine<'_>| {
+            let word = line.text.split_whitespace().next().unwrap_or("");
+            !begins_like_a_word(word)
+        };
+        let empty = MotionError::Empty { file: name.into() };
+        let Some(line) = self.worded().find(begins) else {
+            return empty;
+        };
+        let delimiter = match line.text {
+            text if text.contains(';') => Delimiter::Semicolon,
+            text if settings.separated || text.contains(',') => Delimiter::Comma,
+            _ => Delimiter::Blank,
+        };
+        let mut rows = Rows::new(name, delimiter, line.text);
+        rows.read(line.number, line.text).err().unwrap_or(empty)
+    }
+}
+
+/// Rows as they are read, of whatever width.
+struct Rows<'t> {
+    file: &'t str,
+    delimiter: Delimiter,
+    first: &'t str,
+    /// Fields of the first row.
+    width: usize,
+    /// Line and fields of the second row.
+    second: Option<(usize, usize)>,
+    /// Line and fields of the first row that differs from the first, and from the second.
+    ragged: [Option<(usize, usize)>; 2],
+    values: Vec<f64>,
+    lines: Vec<usize>,
+    prints: Vec<Print>,
+    marks: Marks,
+}
+
+impl<'t> Rows<'t> {
+    fn new(file: &'t str, delimiter: Delimiter, first: &'t str) -> Self {
+        Self {
+            file,
+            delimiter,
+            first,
+            width: delimiter.cells(first).len(),
+            second: None,
+            ragged: [None; 2],
+            values: Vec::new(),
+            lines: Vec::new(),
+            prints: Vec::new(),
+            marks: Marks::default(),
+        }
+    }
+
+    fn read(&mut self, line_number: usize, line: &str) -> Result<(), MotionError> {
+        let cells = self.delimiter.cells(line);
+        let too_large = |what, found, limit| MotionError::TooLarge {
+            file: self.file.into(),
+            what,
+            found,
+            limit,
+        };
+        if cells.len() > MOST_COLUMNS {
+            return Err(too_large("columns", cells.len(), MOST_COLUMNS));
+        }
+        let total = self.values.len() + cells.len();
+        if total > MOST_VALUES {
+            return Err(too_large("values", total, MOST_VALUES));
+        }
+        let found = (line_number, cells.len());
+        for (column, (start, cell)) in cells.into_iter().enumerate() {
+            let value = self.number(line_number, line, start, cell)?;
+            let print = Print::of(cell);
+            match self.prints.get_mut(column) {
+                Some(known) => known.widen(print),
+                None => self.prints.push(print),
+            }
+            self.values.push(value);
+        }
+        self.lines.push(line_number);
+        if self.lines.len() == 2 {
+            self.second = Some(found);
+        }
+        let widths = [Some(self.width), self.second.map(|(_, width)| width)];
+        for (ragged, width) in self.ragged.iter_mut().zip(widths) {
+            if width.is_some_and(|width| width != found.1) {
+                ragged.get_or_insert(found);
+            }
+        }
+        Ok(())
+    }
+
+    fn number(
+        &mut self,
+        line_number: usize,
+        line: &str,
+        start: usize,
+        cell: &str,
+    ) -> Result<f64, MotionError> {
+        if !cell.contains(',') {
+            let value = finite_number(self.file, line_number, line, start, cell)?;
+            self.marks.has_point |= cell.contains('.');
+            return match &self.marks.comma {
+                Some(comma) if self.marks.has_point => Err(comma.refused(self.file)),
+                _ => Ok(value),
+            };
+        }
+        let comma = Comma::of(line_number, line, start, cell);
+        if self.marks.has_point || !self.delimiter.takes_commas(self.width) {
+            let end = start + cell.len();
+            refuse_decimal_comma(self.file, line_number, line, start..end)?;
+            return Err(comma.refused(self.file));
+        }
+        let value = finite_number(self.file, line_number, line, start, &pointed(cell))?;
+        self.marks.is_proven |= comma.is_decimal();
+        self.marks.comma.get_or_insert(comma);
+        Ok(value)
+    }
+
+    /// The count and the step in the first row, if that is what it states: `400 0.01`, then 400 values.
+    fn count(&self) -> Result<Option<Count>, MotionError> {
+        let ([points, dt, rest @ ..], Some((_, width)), 2) =
+            (self.values.as_slice(), self.second, self.width)
+        else {
+            return Ok(None);
+        };
+        let first = self.delimiter.cells(self.first);
+        let is_whole = |cell: &str| cell.bytes().all(|byte| byte.is_ascii_digit());
+        if !(first.first().is_some_and(|(_, cell)| is_whole(cell)) && *dt > 0.0) {
+            return Ok(None);
+        }
+        let [ragged, rest_ragged] = self.ragged.map(|row| row.is_some());
+        let rises = |rows: &[f64], width: usize| {
+            let times = || rows.iter().step_by(width);
+            times().zip(times().skip(1)).all(|(now, next)| now < next)
+        };
+        let (announced, rows) = (*points as usize, self.lines.len() - 1);
+        let is_table = !ragged && rises(&self.values, 2);
+        if is_table || announced < LEAST_COUNT {
+            return Ok(None);
+        }
+        let of = |in_reading_order| Count {
+            dt: *dt,
+            in_reading_order,
+        };
+        if announced == rest.len() {
+            return Ok(Some(of(true)));
+        }
+        if announced == rows && width > 1 && !rest_ragged && rises(rest, width) {
+            return Ok(Some(of(false)));
+        }
+        if ragged && width == 1 && !rest_ragged {
+            return Err(MotionError::Count {
+                file: self.file.into(),
+                announced,
+                found: rest.len(),
+            });
+        }
+        Ok(None)
+    }
+
+    fn into_table(
+        mut self,
+        head: &Head<'_>,
+        settings: &Settings,
+    ) -> Result<RawTable, MotionError> {
+        self.marks.judged(self.file, self.delimiter)?;
+        let count = if settings.counted {
+            self.count()?
+        } else {
+            None
+        };
+        let first_line = self.lines.first().copied().unwrap_or(1);
+        let (mut columns, mut ragged) = (self.width, self.ragged[0]);
+        if count.is_some() {
+            self.values.drain(..2);
+            self.lines.remove(0);
+            (columns, ragged) = (self.second.map_or(1, |(_, width)| width), self.ragged[1]);
+        }
+        let runs_on = settings.reading_order || count.is_some_and(|count| count.in_reading_order);
+        if runs_on {
+            if self.delimiter == Delimiter::Comma {
+                refuse_decimal_comma(self.file, first_line, self.first, 0..self.first.len())?;
+            }
+            (columns, ragged) = (1, None);
+            self.lines.clear();
+        }
+        let of = |(line, found), wanted| MotionError::Ragged {
+            file: self.file.into(),
+            line,
+            wanted,
+            found,
+        };
+        if let Some(row) = ragged {
+            return Err(of(row, columns));
+        }
+        if let Some(wanted) = settings.columns.filter(|wanted| *wanted != columns) {
+            if wanted == 1 && !self.first.contains(", ") {
+                refuse_decimal_comma(self.file, first_line, self.first, 0..self.first.len())?;
+            }
+            return Err(of((first_line, columns), wanted));
+        }
+        let lines: Vec<HeaderLine<'_>> = head.lines.iter().copied().collect();
+        let mut header = Header::read(&lines, columns, self.delimiter.sign());
+        if let (true, false, Some(names)) =
+            (header.labels.is_empty(), runs_on, self.other_names(&lines))
+        {
+            return Err(of((first_line, columns), names));
+        }
+        header.is_loose |= !settings.named;
+        let mut warnings = Vec::new();
+        if head.worded > header.used || (head.worded > 0 && self.delimiter == Delimiter::Blank) {
+            warnings.push(format!(
+                "{}: the first {} line(s) without a number in front are taken as a header",
+                self.file, head.worded
+            ));
+        }
+        let format = match (runs_on, columns) {
+            (true, _) => RecordFormat::List,
+            (false, 1) => RecordFormat::OneColumn,
+            _ if self.delimiter != Delimiter::Blank || self.first.contains('\t') => {
+                RecordFormat::Csv
+            }
+            (false, 2) => RecordFormat::TwoColumn,
+            _ => RecordFormat::Table,
+        };
+        Ok(RawTable {
+            format: Some(format),
+            columns,
+            values: self.values,
+            lines: self.lines,
+            prints: self.prints,
+            header,
+            stated_dt: count.map(|count| count.dt),
+            first_row: shorten(self.first.trim()),
+            warnings,
+        })
+    }
+
+    /// How many names the last line of the header has, where these are parted like fields but are not as many as the columns.
+    fn other_names(&self, lines: &[HeaderLine<'_>]) -> Option<usize> {
+        let line = lines.last().filter(|line| !line.is_comment())?;
+        let names = match self.delimiter {
+            Delimiter::Blank => fields(line.text.trim(), '\t').len(),
+            other => other.cells(line.text).len(),
+        };
+        (names > 1).then_some(names)
+    }
+}
+
+/// What a first line of two numbers states.
+#[derive(Clone, Copy)]
+struct Count {
+    dt: f64,
+    in_reading_order: bool,
+}
+
+/// Which signs part the decimals in the numbers of a table.
+#[derive(Default)]
+struct Marks {
+    has_point: bool,
+    /// The first number with a comma.
+    comma: Option<Comma>,
+    /// Some number with a comma cannot be one with groups of thousands.
+    is_proven: bool,
+}
+
+impl Marks {
+    /// Refuses commas that may part thousands.
+    fn judged(&self, file: &str, delimiter: Delimiter) -> Result<(), MotionError> {
+        match &self.comma {
+            Some(comma) if !self.is_proven && delimiter != Delimiter::Semicolon => {
+                Err(comma.refused(file))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// A number with a comma, and where it stands.
+struct Comma {
+    line: usize,
+    column: usize,
+    found: String,
+}
+
+impl Comma {
+    fn of(line_number: usize, line: &str, start: usize, cell: &str) -> Self {
+        let at = start + cell.find(',').unwrap_or(0);
+        Self {
+            line: line_number,
+            column: line.get(..at).map_or(0, |before| before.chars().count()) + 1,
+            found: shorten(cell),
+        }
+    }
+
+    /// True unless the comma may part thousands: behind one to three digits, the first no zero, and before three.
+    fn is_decimal(&self) -> bool {
+        let (whole, decimals) = self.found.split_once(',').unwrap_or_default();
+        let whole = whole.trim_start_matches(['+', '-']);
+        let is_group = decimals.len() == 3 && (1..=3).contains(&whole.len());
+        !is_group || whole.starts_with('0')
+    }
+
+    fn refused(&self, file: &str) -> MotionError {
+        MotionError::DecimalComma {
+            file: file.into(),
+            line: self.line,
+            column: self.column,
+            found: self.found.clone(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ANY: Settings = Settings {
+        skip_rows: 0,
+        columns: None,
+        reading_order: false,
+        separated: false,
+        named: true,
+        counted: true,
+    };
+
+    fn read(text: &str) -> Result<RawTable, MotionError> {
+        parse("a.csv", text.as_bytes(), &ANY)
+    }
+
+    fn names(table: &RawTable) -> Vec<&str> {
+        table.header.labels.iter().map(|l| l.name.as_str()).collect()
+    }
+
+    #[test]
+    fn every_kind_of_line_end_is_one_line_end() {
+        for end in ["\n", "\r\n", "\r\r\n", "\r"] {
+            let text = format!("1{end}2{end}3{end}");
+            let table = read(&text).unwrap();
+            assert_eq!(table.values, [1.0, 2.0, 3.0], "{end:?}");
+            assert_eq!(table.lines, [1, 2, 3], "{end:?}");
+        }
+    }
+
+    #[test]
+    fn marks_at_the_ends_of_a_file_are_no_text() {
+        for bytes in [
+            &b"\xef\xbb\xbf1\r\n2\r\n\x1a"[..],
+            b"1\n2\n\x1a\x1a\x1a",
+            b"1\n2\n\x1a\r\n\0\0\0\0",
+            b"\xff\xfe1\0\n\x002\0\n\0",
+            b"\xfe\xff\x001\0\n\x002\0\n",
+        ] {
+            let table = parse("a.txt", bytes, &ANY).unwrap();
+            assert_eq!(table.values, [1.0, 2.0], "{bytes:?}");
+        }
+        assert!(parse("a.txt", b"1\n\x1a2\n", &ANY).is_err());
+    }
+
+    #[test]
+    fn a_header_quotes_comments_and_a_last_comma_are_understood() {
+        let table = read("# made by hand\n\"time, s\", acc \n\n0,1,\n0.5 , \"2\"\n").unwrap();
+        assert_eq!(names(&table), ["time, s", "acc"]);
+        assert_eq!(table.values, [0.0, 1.0, 0.5, 2.0]);
+        assert_eq!(table.lines, [4, 5]);
+        assert!(table.warnings.is_empty(), "{:?}", table.warnings);
+    }
+
+    #[test]
+    fn a_header_may_be_long_and_end_with_a_row_of_units() {
+        let mut text: String = (0..300).map(|i| format!("remark number {i}\n")).collect();
+        text.push_str("------------\nTime  Acc\n(s)  (cm/s^2)\n0 1\n0.1 2\n");
+        let table = read(&text).unwrap();
+        assert_eq!(names(&table), ["Time", "Acc"]);
+        assert_eq!((table.columns, table.lines[0]), (2, 304));
+        let unit = table.header.labels[1].value_unit().unwrap();
+        assert_eq!(unit.name(), "cm/s2");
+        let table = read("Logger;7\n\nTime;Ch1;Ch2\ns;g;g\n0;1;2\n1;3;4\n").unwrap();
+        assert_eq!(names(&table), ["Time", "Ch1", "Ch2"]);
+        assert_eq!(table.header.labels[2].value_unit().unwrap().name(), "g");
+    }
+
+    #[test]
+    fn a_remark_before_the_numbers_names_the_columns_if_it_says_what_they_are() {
+        let table = read("# by hand\n# time [ms], acc [g]\n0 1\n10 2\n").unwrap();
+        assert_eq!(names(&table), ["time [ms]", "acc [g]"]);
+        let table = read("# by hand\n0 1\n10 2\n").unwrap();
+        assert!(names(&table).is_empty());
+    }
+
+    #[test]
+    fn lines_that_the_caller_skips_are_not_looked_at() {
+        let text = "1940 05\n5 x\nt,a\n0,1\n1,2\n";
+        let skip = Settings {
+            skip_rows: 2,
+            ..ANY
+        };
+        let table = parse("a.csv", text.as_bytes(), &skip).unwrap();
+        assert_eq!((table.values.len(), table.lines[0]), (4, 4));
+        assert!(read(text).is_err());
+        let all = Settings {
+            skip_rows: 9,
+            ..ANY
+        };
+        let error = parse("a.csv", text.as_bytes(), &all).unwrap_err();
+        assert!(matches!(error, MotionError::Empty { .. }));
+    }
+
+    #[test]
+    fn decimal_commas_are_read_where_they_are_nothing_else() {
+        for text in [
+            "t;a\n0,00;1,5\n0,01;-2,5\n",
+            "sep=;\nt;a\n0,00;1,5\n0,01;-2,5\n",
+            "t a\n0,00 1,5\n0,01 -2,5\n",
+            "t\ta\n0,00\t1,5\n0,01\t-2,5\n",
+            "0 1,5\n0,01 -2,5\n",
+        ] {
+            let table = read(text).unwrap();
+            assert_eq!(table.values, [0.0, 1.5, 0.01, -2.5], "{text:?}");
+        }
+        for (text, line, column) in [
+            // Thousands as well as decimals.
+            ("1,000 2,500\n2,000 3,500\n", 1, 2),
+            // Points and commas.
+            ("0.5 1\n0,6 2\n", 2, 2),
+            ("0,5 1\n0.6 2\n", 1, 2),
+            ("0.01;1,5\n", 1, 7),
+        ] {
+            match read(text).unwrap_err() {
+                MotionError::DecimalComma {
+                    line: l, column: c, ..
+                } => assert_eq!((l, c), (line, column), "{text:?}"),
+                other => panic!("{text:?}: {other}"),
+            }
+        }
+        // A time below one shows what the commas are.
+        let table = read("0,005 1,250\n1,005 1,500\n").unwrap();
+        assert_eq!(table.values, [0.005, 1.25, 1.005, 1.5]);
+    }
+
+    #[test]
+    fn a_first_line_may_state_the_count_and_the_step() {
+        for (text, columns, dt) in [
+            ("3 0.01\n1\n2\n3\n", 1, Some(0.01)),
+            ("title\n6 0.01\n1 2 3 4\n5 6\n", 1, Some(0.01)),
+            ("4 0.01\n0.1 0.2\n0.3 0.4\n", 1, Some(0.01)),
+            ("3 0.1\n0.0 5\n0.1 6\n0.2 7\n", 2, Some(0.1)),
+            // Times from 4 s on.
+            ("4 0.01\n5 0.2\n6 0.4\n", 2, None),
+        ] {
+            let table = read(text).unwrap();
+            assert_eq!((table.columns, table.stated_dt), (columns, dt), "{text:?}");
+        }
+        match read("4 0.01\n1\n2\n3\n").unwrap_err() {
+            MotionError::Count {
+                announced, found, ..
+            } => assert_eq!((announced, found), (4, 3)),
+            other => panic!("{other}"),
+        }
+    }
+
+    #[test]
+    fn what_is_not_a_number_is_shown_with_line_and_column() {
+        let message = |text: &str| read(text).unwrap_err().to_string();
+        assert_eq!(
+            message("t,a\n0,1\n0.1, 1.x\n"),
+            "a.csv:3:6: wanted a number, found \"1.x\""
+        );
+        assert_eq!(
+            message("t,a\n0,1\n0.1,\n"),
+            "a.csv:3: wanted 2 columns, found 1"
+        );
+        assert_eq!(
+            message("t,a\n0,NaN\n"),
+            "a.csv:2:3: wanted a finite number, found NaN"
+        );
+        assert_eq!(
+            message("t,a\n-inf,0\n"),
+            "a.csv:2:1: wanted a finite number, found -inf"
+        );
+        assert_eq!(
+            message("1,2\n3,1e999\n"),
+            "a.csv:2:3: wanted a finite number, found 1e999"
+        );
+        // A slip in the first row is not a header.
+        for text in ["0.1x,2\n", "0.1x,2\n1,2\n", "0.1x\n1\n"] {
+            assert_eq!(
+                message(text),
+                "a.csv:1:1: wanted a number, found \"0.1x\""
+            );
+        }
+        assert_eq!(
+            message("t,a\n,1\n0.1,2\n"),
+            "a.csv:2:1: wanted a number, found \"\""
+        );
+        assert_eq!(
+            message("1,2\n1,2,3\n"),
+            "a.csv:2: wanted 2 columns, found 3"
+        );
+        assert_eq!(
+            message("a,b,c\n1,2\n"),
+            "a.csv:2: wanted 3 columns, found 2"
+        );
+    }
+
+    #[test]
+    fn a_binary_file_is_not_mistaken_for_text() {
+        let error = parse("a.txt", b"1\n2\x003\n", &ANY).unwrap_err();
+        assert!(matches!(error, MotionError::NotText { line: 2, .. }));
+    }
+}
