@@ -217,10 +217,19 @@ pub enum MotionError {
         available: String,
     },
     /// The unit is neither in the file nor in the test file.
-    #[error("{file}: does not state its unit: give `unit`")]
+    #[error(
+        "{file}: does not state its unit{}: give `unit`",
+        if header.is_empty() {
+            String::new()
+        } else {
+            format!(" in its header {header:?}")
+        }
+    )]
     UnitMissing {
         /// Name of the file.
         file: String,
+        /// What the header calls the values; empty if nothing.
+        header: String,
     },
     /// A unit of something else.
     #[error("unit {unit} does not measure {quantity}")]

@@ -111,12 +111,12 @@ pub struct Record {
     /// What the user should know.
     pub warnings: Vec<String>,
     /// Where in the file it was found.
-    pub source: Source,
+    pub source: RecordSource,
 }
 
 /// Where in its file a record was found.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Source {
+pub struct RecordSource {
     /// The format as which the file was read; [`parse_record`] fills it in.
     pub format: Option<RecordFormat>,
     /// Its column or component from 1, where there are several.

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::Files;
+use super::{Files, RecordFacts};
 use super::error::{MotionError, all_finite, not_negative, positive};
 use super::noise::{BandLimitedNoise, KanaiTajimi};
 use super::paths::{Cyclic, RampAndHold, Step};
@@ -161,7 +161,7 @@ impl FileSignal {
             skip_rows: self.skip_rows,
         };
         let record = parse_record(&self.path, &bytes, &options)?;
-        warnings.extend(record.warnings);
+        warnings.extend(record.warnings.iter().cloned());
         if let (Some(given), Some(stated)) = (self.unit, record.unit)
             && given != stated
         {
@@ -173,10 +173,17 @@ impl FileSignal {
         let unit = self.unit.or(record.unit);
         let unit = unit.ok_or_else(|| MotionError::UnitMissing {
             file: self.path.clone(),
+            header: record.title.clone(),
         })?;
         let to_si = factor(Some(unit), quantity)?;
-        let values = record.values.iter().map(|v| v * to_si).collect();
-        record_samples(self.path.clone(), values, record.dt, start, self.resample)
+        let values: Vec<f64> = record.values.iter().map(|v| v * to_si).collect();
+        let facts = RecordFacts::of(&self.path, &record, unit, quantity, &values);
+        facts.doubt_values(&record.values, warnings);
+        let samples = record_samples(self.path.clone(), values, record.dt, start, self.resample)?;
+        Ok(Sampled {
+            record: Some(facts),
+            ..samples
+        })
     }
 }
 
@@ -213,5 +220,6 @@ fn record_samples(
         values,
         resample,
         origin: Origin::Record(name),
+        record: None,
     })
 }

@@ -104,6 +104,19 @@ pub enum Quantity {
     Force,
 }
 
+impl Quantity {
+    /// Its SI unit.
+    #[must_use]
+    pub const fn si_unit(self) -> &'static str {
+        match self {
+            Self::Acceleration => "m/s²",
+            Self::Velocity => "m/s",
+            Self::Displacement => "m",
+            Self::Force => "N",
+        }
+    }
+}
+
 impl std::fmt::Display for Quantity {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {

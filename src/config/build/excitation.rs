@@ -144,6 +144,7 @@ pub(super) fn excitation(
             history.evaluate(Quantity::Acceleration, grid, files)
         })?;
         warn(site, &at, &ground.signal, series.warnings);
+        site.records.extend(series.record);
         let iota = ground
             .influence
             .clone()
@@ -167,6 +168,7 @@ pub(super) fn excitation(
             base_motion(&history, grid, files)
         })?;
         warn(site, &at, &base.signal, moved.warnings);
+        site.records.extend(moved.record);
         warn_of_nothing(site, at.clone(), [structure.influence(), &moved.disp]);
         if base
             .influence
@@ -191,6 +193,7 @@ pub(super) fn excitation(
             history.evaluate(Quantity::Force, grid, files)
         })?;
         warn(site, &at, &force.signal, series.warnings);
+        site.records.extend(series.record);
         warn_of_nothing(site, at.clone(), [&pattern, &series.values]);
         let term = LoadTerm {
             pattern,

@@ -3,7 +3,7 @@
 use super::header::Label;
 use super::peer::chosen_step;
 use super::uniform::Times;
-use super::{Column, RawTable, ReadOptions, Record, Source};
+use super::{Column, RawTable, ReadOptions, Record, RecordSource};
 use crate::motion::error::MotionError;
 use crate::motion::unit::TimeUnit;
 
@@ -28,7 +28,7 @@ pub(super) fn record(
         unit: label.and_then(Label::value_unit).or(table.header.unit),
         title: label.map(|label| label.name.clone()).unwrap_or_default(),
         warnings,
-        source: Source {
+        source: RecordSource {
             format: table.format,
             column: (table.columns > 1).then_some(value + 1),
             name: label.filter(|_| table.columns > 1).map(|label| label.name.clone()),

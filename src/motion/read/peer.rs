@@ -16,7 +16,7 @@
 use std::ops::Range;
 
 use super::text::{self, finite_number, lines, number, refuse_decimal_comma, shorten, words};
-use super::{MOST_VALUES, Record, Source, has_ending};
+use super::{MOST_VALUES, Record, RecordSource, has_ending};
 use crate::motion::error::{MotionError, inside};
 use crate::motion::unit::{Unit, is_time_but_no_second};
 
@@ -97,7 +97,7 @@ pub(super) fn parse(name: &str, text: &str, dt: Option<f64>) -> Result<Record, M
         unit: unit(name, &head, &mut warnings),
         title: title(&head),
         warnings,
-        source: Source::default(),
+        source: RecordSource::default(),
     })
 }
 
