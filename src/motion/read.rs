@@ -395,10 +395,18 @@ mod tests {
                     dt,
                     ..ReadOptions::default()
                 };
-                if let Ok(record) = parse_record("any.txt", bytes, &options) {
-                    assert!(record.dt > 0.0 && record.dt.is_finite());
-                    assert!(!record.values.is_empty());
-                    assert!(record.values.iter().all(|v| v.is_finite()));
+                for (skip_rows, column) in [(0, None), (1, Some(Column::Number(2)))] {
+                    let options = ReadOptions {
+                        skip_rows,
+                        column,
+                        ..options.clone()
+                    };
+                    if let Ok(record) = parse_record("any.txt", bytes, &options) {
+                        assert!(record.dt > 0.0 && record.dt.is_finite());
+                        assert!(!record.values.is_empty());
+                        assert!(record.values.iter().all(|v| v.is_finite()));
+                        assert!(record.source.format.is_some());
+                    }
                 }
             }
         }
@@ -419,6 +427,52 @@ mod tests {
             text in "([0-9]{1,9}|[-+.,;eEdD =\t\"*#]|\r\r\n|\n|NPTS|DT|SEC|UNITS OF|NaN|inf|é){0,80}"
         ) {
             read_all_ways(text.as_bytes());
+        }
+
+        #[test]
+        fn text_made_of_headers_and_rows_never_panics(
+            text in "(Time|t|Acc|# |sep=;|\\[ms\\]|\\(g\\)|cm/s/s|in|µs|0,5|1\\.5|1,000|3 0\\.1|4|[ ,;\t\"-]|\x1a|\x00|\n|\r\n){0,60}"
+        ) {
+            read_all_ways(text.as_bytes());
+            let wide: Vec<u8> = text.encode_utf16().flat_map(u16::to_be_bytes).collect();
+            read_all_ways(&[&b"\xfe\xff"[..], &wide].concat());
+        }
+
+        #[test]
+        fn a_table_comes_back_however_it_is_written(
+            values in prop::collection::vec(-900_i32..900, 3..40),
+            between in prop::sample::select(vec![";", "\t", " ", "   ", ", "]),
+            has_commas in any::<bool>(),
+            (header, factor) in prop::sample::select(vec![
+                (["", ""], 1.0),
+                (["# time [ms]", "acc [g]"], 1e-3),
+                (["Time, s", "a_g"], 1.0),
+                (["Time (min)", "Acc (g)"], 60.0),
+                (["t/ms", "a/g"], 1e-3),
+            ]),
+            rate in prop::sample::select(vec![50_u32, 100, 200, 256, 1000]),
+            end in prop::sample::select(vec!["\n", "\r\n"]),
+        ) {
+            // A name with a comma needs quotes between commas, and wide gaps between blanks.
+            let has_comma = header[0].contains(',');
+            prop_assume!(!has_comma || (between != ", " && between != " "));
+            let mut text = String::new();
+            if !header[0].is_empty() {
+                text.push_str(&format!("{}{between}{}{end}", header[0], header[1]));
+            }
+            let is_decimal = has_commas && between != ", ";
+            for (i, value) in values.iter().enumerate() {
+                let time = i as f64 / (f64::from(rate) * factor);
+                let row = format!("{time:.9}|{:.2}", f64::from(*value) / 100.0);
+                let row = if is_decimal { row.replace('.', ",") } else { row };
+                text.push_str(&(row.replace('|', between) + end));
+            }
+            let read = parse_record("a.txt", text.as_bytes(), &ReadOptions::default());
+            let read = read.unwrap_or_else(|error| panic!("{text}\n{error}"));
+            let wanted: Vec<f64> = values.iter().map(|v| f64::from(*v) / 100.0).collect();
+            prop_assert_eq!(read.values, wanted);
+            prop_assert!((read.dt * f64::from(rate) - 1.0).abs() < 1e-6, "{} {}", read.dt, text);
+            prop_assert_eq!(read.unit, (!header[0].is_empty()).then_some(Unit::Gravity));
         }
 
         #[test]

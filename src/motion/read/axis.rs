@@ -528,6 +528,11 @@ mod tests {
             format!("{t}")
         }));
         assert_eq!(read("a.txt", &text).unwrap().dt, 0.001);
+        // Equal in print: the step is what is printed, not the whole rate beside it.
+        for step in [0.03, 0.06, 0.15] {
+            let text = two_columns((0..4).map(|i| format!("{:.2}", step * f64::from(i))));
+            assert_eq!(read("a.txt", &text).unwrap().dt, step);
+        }
         // No whole rate: the shortest decimal.
         let text = two_columns((0..100).map(|i| format!("{:.4}", 0.0024 * f64::from(i))));
         assert_eq!(read("a.txt", &text).unwrap().dt, 0.0024);

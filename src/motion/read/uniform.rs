@@ -140,8 +140,16 @@ impl<'a> Times<'a> {
 
     /// The step in s that a person meant: a whole rate or a short decimal if one passes all times, else any that does.
     fn step(&self, mean: f64, slack: f64) -> Option<f64> {
-        let (seconds, tolerance) = (self.unit.to_seconds(mean), self.unit.to_seconds(slack));
         let passes = |step: &f64| self.passes(step, mean).is_ok();
+        // Times that need no rounding to be uniform have the step that is printed.
+        let exact = self.exactness();
+        let (_, off) = self.departure(self.times[0], mean);
+        let slack = if off <= exact {
+            exact / (self.times.len() - 1) as f64
+        } else {
+            slack
+        };
+        let (seconds, tolerance) = (self.unit.to_seconds(mean), self.unit.to_seconds(slack));
         plain(seconds, tolerance)
             .find(|dt| passes(&self.unit.from_seconds(*dt)))
             .or_else(|| {
@@ -156,6 +164,13 @@ impl<'a> Times<'a> {
                 }
                 None
             })
+    }
+
+    /// What the rounding of doubles does to a time, with room for the arithmetic here.
+    fn exactness(&self) -> f64 {
+        let ends = [self.times.first(), self.times.last()];
+        let largest = ends.into_iter().flatten().fold(0.0, |m: f64, t| m.max(t.abs()));
+        4.0 * f64::EPSILON * largest
     }
 
     /// True of a step with which one line passes all times; else on which side of it a better one is.
