@@ -67,7 +67,9 @@ fn check_reports_what_it_read_of_a_record() {
     let folder = tempfile::tempdir().unwrap();
     let test = write(folder.path(), "test.toml", common::FRAME);
     let json = ["--json", "--no-rehearsal"].map(Into::into);
-    let said = say(["check".into(), test.into_os_string()].into_iter().chain(json));
+    let said = say(["check".into(), test.into_os_string()]
+        .into_iter()
+        .chain(json));
     let found: Value = serde_json::from_str(&said.stdout).unwrap();
     assert_eq!(found["record"], Value::Null);
     assert_eq!(found["records"].as_array().unwrap().len(), 0);
@@ -176,10 +178,25 @@ fn what_a_file_leaves_open_is_refused_with_the_key_that_settles_it() {
             "",
             &["time (samples)", "dt_s"][..],
         ),
-        ("a.txt", "Time Acc [mils]\n0 1\n1 2\n", "", &["Acc [mils]", "unit"]),
+        (
+            "a.txt",
+            "Time Acc [mils]\n0 1\n1 2\n",
+            "",
+            &["Acc [mils]", "unit"],
+        ),
         ("a.txt", "5 0.01\n1\n2\n3\n", "unit = \"g\"", &["5", "3"]),
-        ("a.txt", "1,000 2,500\n2,000 3,500\n", "unit = \"g\"", &["a.txt:1:2"]),
-        ("a.txt", "0 1 2\n1 2 3\n", "unit = \"g\"", &["column", "3 column"]),
+        (
+            "a.txt",
+            "1,000 2,500\n2,000 3,500\n",
+            "unit = \"g\"",
+            &["a.txt:1:2"],
+        ),
+        (
+            "a.txt",
+            "0 1 2\n1 2 3\n",
+            "unit = \"g\"",
+            &["column", "3 column"],
+        ),
         (
             "a.AT2",
             "a\nb\nc\nNPTS= 2, DT= .01 SEC\n0.1 0.2\n",
@@ -197,7 +214,9 @@ fn what_a_file_leaves_open_is_refused_with_the_key_that_settles_it() {
 
 #[test]
 fn values_that_look_like_something_else_are_warned_of() {
-    let even: String = (0..9).map(|i| format!("{}\n", 0.01 * f64::from(i))).collect();
+    let even: String = (0..9)
+        .map(|i| format!("{}\n", 0.01 * f64::from(i)))
+        .collect();
     for (text, keys, word) in [
         ("4\n0.1\n0.2\n-0.1\n0.3\n", "unit = \"m/s2\"", "skip_rows"),
         (even.as_str(), "unit = \"g\"", "rise evenly"),

@@ -37,7 +37,9 @@ pub enum MotionError {
         limit: usize,
     },
     /// A zero byte in what should be text.
-    #[error("{file}:{line}: wanted text, found a zero byte (is it a binary file, or UTF-16 without its mark?)")]
+    #[error(
+        "{file}:{line}: wanted text, found a zero byte (is it a binary file, or UTF-16 without its mark?)"
+    )]
     NotText {
         /// Name of the file.
         file: String,
@@ -47,6 +49,20 @@ pub enum MotionError {
     /// A word where a number must stand.
     #[error("{file}:{line}:{column}: wanted a number, found {found:?}")]
     NotANumber {
+        /// Name of the file.
+        file: String,
+        /// Line, from 1.
+        line: usize,
+        /// Column of the first character, from 1.
+        column: usize,
+        /// The word.
+        found: String,
+    },
+    /// A line before the table that is neither words nor a row of numbers.
+    #[error(
+        "{file}:{line}:{column}: wanted a number, found {found:?} (if the line belongs to a header: skip_rows = {line})"
+    )]
+    NeitherHeaderNorRow {
         /// Name of the file.
         file: String,
         /// Line, from 1.
@@ -327,6 +343,17 @@ pub enum MotionError {
 }
 
 impl MotionError {
+    /// What the user may do about it, where the message does not say it.
+    #[must_use]
+    pub const fn help(&self) -> Option<&'static str> {
+        match self {
+            Self::Ragged { .. } => Some(
+                "`skip_rows` leaves out lines of a header; format = \"list\" reads numbers that run on from line to line",
+            ),
+            _ => None,
+        }
+    }
+
     /// The key of the test file that is wrong, as far as it is one key.
     #[must_use]
     pub const fn key(&self) -> Option<&'static str> {

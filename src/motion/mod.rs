@@ -32,8 +32,10 @@ pub use noise::{
 pub use paths::{Cyclic, CyclicShape, RampAndHold, RampShape, Step};
 pub use prescribed::{Prescribed, PrescribedSpec};
 pub use process::{Amount, Detrend, Motion, Processing, TargetSa};
+pub use read::{
+    Column, ReadOptions, Record, RecordFormat, RecordSource, Table, parse_record, parse_table,
+};
 pub use record_facts::RecordFacts;
-pub use read::{Column, ReadOptions, Record, RecordFormat, RecordSource, Table, parse_record, parse_table};
 pub use resample::{Resample, central_difference, resample};
 pub use shapes::{Constant, Ricker, Sine, Sweep, SweepKind};
 pub use signal::{FileSignal, Signal, Values};

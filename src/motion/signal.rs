@@ -3,7 +3,6 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Files, RecordFacts};
 use super::error::{MotionError, all_finite, not_negative, positive};
 use super::noise::{BandLimitedNoise, KanaiTajimi};
 use super::paths::{Cyclic, RampAndHold, Step};
@@ -12,6 +11,7 @@ use super::resample::Resample;
 use super::sampled::{Origin, Sampled};
 use super::shapes::{Constant, Curve, Ricker, Sine, Sweep, factor};
 use super::unit::{Quantity, Unit};
+use super::{Files, RecordFacts};
 
 /// A function of time. Where it stands decides what it is of (an acceleration, a displacement, a force); numbers
 /// are in the key `unit` of each, or in the SI unit of that quantity if `unit` is absent.

@@ -34,7 +34,15 @@ const TIMES: [(&[&str], f64, f64); 7] = [
         1e3,
     ),
     (
-        &["us", "µs", "μs", "usec", "usecs", "microsecond", "microseconds"],
+        &[
+            "us",
+            "µs",
+            "μs",
+            "usec",
+            "usecs",
+            "microsecond",
+            "microseconds",
+        ],
         1.0,
         1e6,
     ),
@@ -322,9 +330,7 @@ impl Unit {
             ("cm" | "centimeters" | "centimetres", Some("s2" | "ss")) => Self::CentimetrePerSecond2,
             ("mm" | "millimeters" | "millimetres", None) => Self::Millimetre,
             ("mm" | "millimeters" | "millimetres", Some("s")) => Self::MillimetrePerSecond,
-            ("mm" | "millimeters" | "millimetres", Some("s2" | "ss")) => {
-                Self::MillimetrePerSecond2
-            }
+            ("mm" | "millimeters" | "millimetres", Some("s2" | "ss")) => Self::MillimetrePerSecond2,
             ("in" | "inch" | "inches", None) => Self::Inch,
             ("in" | "inch" | "inches", Some("s")) => Self::InchPerSecond,
             ("in" | "inch" | "inches", Some("s2" | "ss")) => Self::InchPerSecond2,

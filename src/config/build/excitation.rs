@@ -82,7 +82,11 @@ pub(super) fn with_files<T>(
                 Some(key) => site.loaded.locator.beneath(at, key),
                 None => place,
             };
-            site.refuse(Finding::error(place, error.to_string()))
+            let mut finding = Finding::error(place, error.to_string());
+            if let Some(help) = error.help() {
+                finding = finding.help(help);
+            }
+            site.refuse(finding)
         }
     }
 }
@@ -251,11 +255,12 @@ fn nodal_table(
             .is_some_and(|unit| unit != Unit::Newton)
     };
     if nodal.scale == 1.0
-        && let Some(name) = (0..n)
-            .find(is_other)
-            .and_then(|column| parsed.names.get(column))
+        && let Some(column) = (0..n).find(is_other)
     {
-        let text = format!("{file} has a column {name:?}, but N is wanted");
+        let text = match parsed.names.get(column) {
+            Some(name) => format!("{file} has a column {name:?}, but N is wanted"),
+            None => format!("the header of {file} states another unit than N, which is wanted"),
+        };
         let help = "`scale` makes N of all its numbers";
         return site.refuse(Finding::error(at, text).help(help));
     }

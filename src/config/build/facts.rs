@@ -5,8 +5,8 @@ use std::path::PathBuf;
 
 use super::{Analysis, LimitFacts};
 use crate::config::{ClockChoice, Method};
-use crate::motion::RecordFacts;
 use crate::integrate::{Lambda, LambdaChoice, OnlineLimit};
+use crate::motion::RecordFacts;
 use crate::rt::TimingSpec;
 
 /// What is known about a test before it runs.

@@ -31,7 +31,9 @@ pub(super) fn record(
         source: RecordSource {
             format: table.format,
             column: (table.columns > 1).then_some(value + 1),
-            name: label.filter(|_| table.columns > 1).map(|label| label.name.clone()),
+            name: label
+                .filter(|_| table.columns > 1)
+                .map(|label| label.name.clone()),
         },
     })
 }
@@ -84,7 +86,10 @@ fn step(
             axis.dt
         ));
     }
-    match table.stated_dt.filter(|dt| (dt - axis.dt).abs() > 1e-3 * axis.dt) {
+    match table
+        .stated_dt
+        .filter(|dt| (dt - axis.dt).abs() > 1e-3 * axis.dt)
+    {
         Some(dt) if options.dt.is_none() => Err(MotionError::Header {
             file: name.into(),
             line: table.lines.first().copied().unwrap_or(1).saturating_sub(1),
@@ -209,8 +214,8 @@ fn available(table: &RawTable) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::unit::Unit;
     use crate::motion::read::{RecordFormat, parse_record};
+    use crate::motion::unit::Unit;
 
     fn read(name: &str, text: &str) -> Result<Record, MotionError> {
         parse_record(name, text.as_bytes(), &ReadOptions::default())
@@ -355,6 +360,7 @@ mod tests {
             ("Time  Acc\n(ms)  (g)\n0 1\n10 2\n20 3\n", 0.01),
             ("# time [ms], acc [g]\n0 1\n10 2\n20 3\n", 0.01),
             ("Time_µs acc\n0 1\n500 2\n1000 3\n", 0.0005),
+            ("Time [ms]  Acc\n0,1\n10,2\n20,3\n", 0.01),
             ("t,acc\nms,g\n0,1\n3.90625,2\n7.8125,3\n", 1.0 / 256.0),
         ] {
             let read = read("a.txt", text).unwrap_or_else(|error| panic!("{text}: {error}"));
@@ -365,10 +371,15 @@ mod tests {
     #[test]
     fn values_have_the_unit_that_any_part_of_the_header_states() {
         for (text, unit) in [
-            ("Acceleration in cm/s/s\n0 1\n1 2\n", Some(Unit::CentimetrePerSecond2)),
+            (
+                "Acceleration in cm/s/s\n0 1\n1 2\n",
+                Some(Unit::CentimetrePerSecond2),
+            ),
             ("Time Acc\n(s) (gal)\n0 1\n1 2\n", Some(Unit::Gal)),
             ("# units: g\n# time acc\n0 1\n1 2\n", Some(Unit::Gravity)),
             ("t,Disp_mm\n0,1\n1,2\n", Some(Unit::Millimetre)),
+            ("# Units: s, g\n0 1\n1 2\n", Some(Unit::Gravity)),
+            ("Borehole at a depth of 5 m\n0 1\n1 2\n", None),
             ("t a\n0 1\n1 2\n", None),
             // Two units: whose?
             ("acc in g, disp in mm\nt a\n0 1\n1 2\n", None),
@@ -402,6 +413,16 @@ mod tests {
             let read = parse_record("a.csv", text.as_bytes(), &chosen);
             assert_eq!(read.unwrap().dt, 10.0, "{time}");
         }
+    }
+
+    #[test]
+    fn a_header_in_latin_1_keeps_its_units() {
+        let text = b"t_\xb5s a_m/s\xb2\n0 1\n500 2\n";
+        let record = parse_record("a.txt", text, &ReadOptions::default()).unwrap();
+        assert_eq!(
+            (record.dt, record.unit),
+            (0.0005, Some(Unit::MetrePerSecond2))
+        );
     }
 
     #[test]
@@ -439,7 +460,10 @@ mod tests {
         assert_eq!((record.dt, record.values.len()), (0.01, 4));
         let told = record.warnings.iter().find(|w| w.contains("overrules"));
         let told = told.unwrap_or_else(|| panic!("{:?}", record.warnings));
-        assert!(told.contains("line 4") && told.contains("3.000e-2"), "{told}");
+        assert!(
+            told.contains("line 4") && told.contains("3.000e-2"),
+            "{told}"
+        );
     }
 
     #[test]
@@ -457,7 +481,11 @@ mod tests {
     fn whole_numbers_with_commas_and_no_rising_times_may_be_decimals() {
         assert!(matches!(
             read("a.txt", "0,5\n0,6\n0,2\n").unwrap_err(),
-            MotionError::DecimalComma { line: 1, column: 2, .. }
+            MotionError::DecimalComma {
+                line: 1,
+                column: 2,
+                ..
+            }
         ));
         assert_eq!(read("a.txt", "0,5\n1,6\n2,2\n").unwrap().dt, 1.0);
     }

@@ -74,6 +74,15 @@ impl Label {
         }
     }
 
+    /// A name without a unit.
+    fn title(name: &str) -> Self {
+        Self {
+            name: name.to_owned(),
+            base: name.to_owned(),
+            unit: None,
+        }
+    }
+
     /// The same with a unit from a row of units, where the name has none.
     fn with_unit(mut self, unit: &str) -> Self {
         if self.unit.is_none() && unit.chars().any(|c| c.is_alphanumeric() || c == '%') {
@@ -168,6 +177,9 @@ fn in_brackets(name: &str) -> Option<(&str, &str)> {
     Some((name.get(..start)?.trim_end(), inner.trim()))
 }
 
+/// Most words of a name; a line with more is a title.
+const MOST_WORDS: usize = 4;
+
 /// What the header says of a table.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Header {
@@ -215,6 +227,12 @@ impl Header {
                 }
                 _ => (names.iter().map(|name| Label::of(name)).collect(), 1),
             };
+            // A title is no name: of its words only those that stand where a unit does count.
+            let is_title = columns == 1 && names[0].split_whitespace().count() > MOST_WORDS;
+            let labels: Vec<Label> = match is_title {
+                true => names.iter().map(|name| Label::title(name)).collect(),
+                false => labels,
+            };
             if line.is_comment() && !labels.iter().any(Label::is_informative) {
                 continue;
             }
@@ -237,9 +255,8 @@ fn bare(unit: &str) -> &str {
 
 /// True if each cell is a unit or empty, and one at least is a unit.
 fn is_row_of_units(cells: &[&str]) -> bool {
-    let is_unit = |cell: &&str| {
-        TimeUnit::from_header(cell).is_some() || Unit::from_header(cell).is_some()
-    };
+    let is_unit =
+        |cell: &&str| TimeUnit::from_header(cell).is_some() || Unit::from_header(cell).is_some();
     let is_bracket = |cell: &&str| cell.starts_with(['(', '[']) && cell.ends_with([')', ']']);
     let is_empty = |cell: &&str| !cell.chars().any(char::is_alphanumeric);
     cells.iter().any(is_unit)
@@ -270,7 +287,9 @@ pub(super) fn cells<'a>(line: &'a str, columns: usize, between: char) -> Option<
         &|| by(','),
         &|| by(';'),
     ];
-    let count = if between == ' ' { ways.len() } else { 1 };
+    // Names with the same sign between them as the numbers are as many as these.
+    let is_parted_alike = between != ' ' && by(between).len() > 1;
+    let count = if is_parted_alike { 1 } else { ways.len() };
     ways.iter()
         .take(count)
         .map(|way| way())
@@ -288,7 +307,10 @@ fn between_blanks(line: &str) -> Vec<&str> {
             _ => found.push((start, end)),
         }
     }
-    found.into_iter().map(|(from, to)| &line[from..to]).collect()
+    found
+        .into_iter()
+        .map(|(from, to)| &line[from..to])
+        .collect()
 }
 
 /// Parts that end with a bracket: `Acc X (g) Acc Y (g)`.
@@ -306,7 +328,16 @@ fn wide_gaps(line: &str) -> Vec<&str> {
 
 /// Words that say what a unit in running text belongs to.
 const QUANTITIES: [&str; 10] = [
-    "acc", "vel", "disp", "force", "load", "unit", "amplitude", "ground", "motion", "stroke",
+    "acc",
+    "vel",
+    "disp",
+    "force",
+    "load",
+    "unit",
+    "amplitude",
+    "ground",
+    "motion",
+    "stroke",
 ];
 
 /// The unit that running text states: in brackets, after `in`, or a word such as `cm/s2` and `gal`. None if it states two.
@@ -346,41 +377,44 @@ fn other_time_in_text<'a>(lines: impl Iterator<Item = HeaderLine<'a>>) -> Option
 
 /// Words of a line in lower case, and whether each is in brackets or stands where a unit does.
 fn marked_words<'a>(line: &'a str) -> impl Iterator<Item = (&'a str, bool)> {
-    let mut before: &'a str = "";
+    let mut is_next_marked = false;
     words(line).map(move |(_, word)| {
-        let is_marked = word.starts_with(['(', '['])
-            || matches!(
-                before.trim_matches([':', '=', '(']),
-                "in" | "unit" | "units" | "of" | "time" | "t" | "times"
-            );
-        // `unit = g`: the sign is a word of its own.
+        let is_marked = is_next_marked || word.starts_with(['(', '[']);
+        // `unit = g`: the sign is a word of its own. `Units: s, g`: a unit may follow a unit.
         if word.chars().any(char::is_alphanumeric) {
-            before = word;
+            let is_unit =
+                || TimeUnit::from_header(word).is_some() || Unit::from_header(word).is_some();
+            is_next_marked = matches!(
+                word.trim_matches([':', '=', '(']),
+                "in" | "unit" | "units" | "of" | "time" | "t" | "times"
+            ) || (is_next_marked && is_unit());
         }
         (word, is_marked)
     })
 }
 
-/// Dashes and the like that underline a title.
+/// Dashes and the like that underline a title, and separators with nothing between them.
 pub(super) fn is_rule(line: &str) -> bool {
     line.chars()
-        .all(|c| c.is_whitespace() || "-=_+|~".contains(c))
+        .all(|c| c.is_whitespace() || "-=_+|~,;".contains(c))
 }
 
-/// The separator that a first line `sep=;` of a spreadsheet states.
+/// The separator that a first line `sep=;` of a spreadsheet states; a tab is a blank.
 pub(super) fn stated_separator(line: &str) -> Option<char> {
     let rest = line.trim().trim_matches('"').strip_prefix("sep=")?;
     let mut signs = rest.chars();
     match (signs.next(), signs.next()) {
-        (Some(sign), None) => Some(sign),
+        (Some('\t'), None) => Some(' '),
+        (Some(sign @ (',' | ';')), None) => Some(sign),
         _ => None,
     }
 }
 
-/// Not a number, and not a number with a slip in it either: that must be reported, not skipped.
-pub(super) fn begins_like_a_word(field: &str) -> bool {
-    number(field).is_none()
-        && !field.starts_with(|c: char| c.is_ascii_digit() || "+-.*".contains(c))
+/// A number, one with a slip in it, or the stars of one that did not fit its field: it must be reported, not skipped.
+pub(super) fn begins_like_a_number(field: &str) -> bool {
+    let digits = field.trim_start_matches(['+', '-', '.']);
+    let is_overflow = !field.is_empty() && field.bytes().all(|byte| byte == b'*');
+    number(field).is_some() || digits.starts_with(|c: char| c.is_ascii_digit()) || is_overflow
 }
 
 #[cfg(test)]
@@ -424,7 +458,9 @@ mod tests {
             assert_eq!(label.value_unit(), Some(unit), "{name}");
             assert!(!label.is_time(), "{name}");
         }
-        for name in ["at", "t_end", "acc_N", "north", "Acc X", "time_end", "state"] {
+        for name in [
+            "at", "t_end", "acc_N", "north", "Acc X", "time_end", "state",
+        ] {
             let label = Label::of(name);
             let found = (label.value_unit(), label.is_time());
             assert_eq!(found, (None, false), "{name}");
@@ -438,7 +474,12 @@ mod tests {
             ("Time [min]  Disp [mm]", 2, ' ', ["Time [min]", "Disp [mm]"]),
             ("time [ms], acc [g]", 2, ' ', ["time [ms]", "acc [g]"]),
             ("Time, s  Acc, g", 2, ' ', ["Time, s", "Acc, g"]),
-            ("Test time (s) Acc X (g)", 2, ' ', ["Test time (s)", "Acc X (g)"]),
+            (
+                "Test time (s) Acc X (g)",
+                2,
+                ' ',
+                ["Test time (s)", "Acc X (g)"],
+            ),
             ("(s) (g)", 2, ' ', ["(s)", "(g)"]),
             ("Time [s]\tAcc X", 2, ' ', ["Time [s]", "Acc X"]),
             ("\"time, s\", acc ,", 2, ',', ["time, s", "acc"]),

@@ -6,7 +6,7 @@
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
 
-use super::header::{Header, HeaderLine, begins_like_a_word, is_rule, stated_separator};
+use super::header::{Header, HeaderLine, begins_like_a_number, is_rule, stated_separator};
 use super::text::{
     decode, fields, finite_number, is_comment, lines, number, refuse_decimal_comma, shorten,
 };
@@ -152,8 +152,8 @@ impl<'t> Head<'t> {
         text: &'t str,
         settings: &Settings,
     ) -> ControlFlow<Delimiter> {
-        if let (true, Some(sign)) = (self.lines.is_empty(), stated_separator(text)) {
-            self.separator = Some(if sign == '\t' { ' ' } else { sign });
+        if let (true, Some(separator)) = (self.lines.is_empty(), stated_separator(text)) {
+            self.separator = Some(separator);
             return ControlFlow::Continue(());
         }
         if is_rule(text) {
@@ -181,11 +181,13 @@ impl<'t> Head<'t> {
         for line in self.worded() {
             let cells = rows.delimiter.cells(line.text);
             let first = cells.first().map_or("", |(_, cell)| cell);
-            let is_row = cells.len() == rows.width && !begins_like_a_word(first);
-            let has_gap = cells.len() == rows.width && first.is_empty();
-            if is_row || has_gap {
+            let has_number = || cells.iter().any(|(_, cell)| number(cell).is_some());
+            let is_gap = |cell: &str| !cell.chars().any(char::is_alphanumeric);
+            let is_row = begins_like_a_number(first) || (is_gap(first) && has_number());
+            if cells.len() == rows.width && is_row {
                 for (start, cell) in cells {
-                    finite_number(rows.file, line.number, line.text, start, &pointed(cell))?;
+                    finite_number(rows.file, line.number, line.text, start, &pointed(cell))
+                        .map_err(of_header)?;
                 }
             }
         }
@@ -196,7 +198,7 @@ impl<'t> Head<'t> {
     fn without_rows(&self, name: &str, settings: &Settings) -> MotionError {
         let begins = |line: &&HeaderLine<'_>| {
             let word = line.text.split_whitespace().next().unwrap_or("");
-            !begins_like_a_word(word)
+            begins_like_a_number(word)
         };
         let empty = MotionError::Empty { file: name.into() };
         let Some(line) = self.worded().find(begins) else {
@@ -208,7 +210,26 @@ impl<'t> Head<'t> {
             _ => Delimiter::Blank,
         };
         let mut rows = Rows::new(name, delimiter, line.text);
-        rows.read(line.number, line.text).err().unwrap_or(empty)
+        let error = rows.read(line.number, line.text).err();
+        error.map_or(empty, of_header)
+    }
+}
+
+/// The same error of a line that may belong to the header.
+fn of_header(error: MotionError) -> MotionError {
+    match error {
+        MotionError::NotANumber {
+            file,
+            line,
+            column,
+            found,
+        } => MotionError::NeitherHeaderNorRow {
+            file,
+            line,
+            column,
+            found,
+        },
+        other => other,
     }
 }
 
@@ -352,11 +373,7 @@ impl<'t> Rows<'t> {
         Ok(None)
     }
 
-    fn into_table(
-        mut self,
-        head: &Head<'_>,
-        settings: &Settings,
-    ) -> Result<RawTable, MotionError> {
+    fn into_table(mut self, head: &Head<'_>, settings: &Settings) -> Result<RawTable, MotionError> {
         self.marks.judged(self.file, self.delimiter)?;
         let count = if settings.counted {
             self.count()?
@@ -523,7 +540,12 @@ mod tests {
     }
 
     fn names(table: &RawTable) -> Vec<&str> {
-        table.header.labels.iter().map(|l| l.name.as_str()).collect()
+        table
+            .header
+            .labels
+            .iter()
+            .map(|l| l.name.as_str())
+            .collect()
     }
 
     #[test]
@@ -572,6 +594,22 @@ mod tests {
         let table = read("Logger;7\n\nTime;Ch1;Ch2\ns;g;g\n0;1;2\n1;3;4\n").unwrap();
         assert_eq!(names(&table), ["Time", "Ch1", "Ch2"]);
         assert_eq!(table.header.labels[2].value_unit().unwrap().name(), "g");
+    }
+
+    #[test]
+    fn lines_of_a_header_may_begin_with_anything_but_a_number() {
+        for header in [
+            ",time,acc\n",
+            "-- made by -- hand\n.,time,acc\n",
+            "* * *\nx,time,acc\n",
+            "1940 El Centro\ni,time,acc\n",
+            "i,time,acc\n,,\n",
+            "i  time  acc\n",
+        ] {
+            let table = read(&format!("{header}0,0.0,1\n1,0.1,2\n")).unwrap();
+            assert_eq!(table.header.time(), Some(1), "{header:?}");
+            assert_eq!(table.values.len(), 6);
+        }
     }
 
     #[test]
@@ -678,15 +716,28 @@ mod tests {
         );
         // A slip in the first row is not a header.
         for text in ["0.1x,2\n", "0.1x,2\n1,2\n", "0.1x\n1\n"] {
-            assert_eq!(
-                message(text),
-                "a.csv:1:1: wanted a number, found \"0.1x\""
-            );
+            let error = read(text).unwrap_err();
+            let MotionError::NeitherHeaderNorRow {
+                line: 1,
+                column: 1,
+                found,
+                ..
+            } = error
+            else {
+                panic!("{text:?}: {error}");
+            };
+            assert_eq!(found, "0.1x");
         }
-        assert_eq!(
-            message("t,a\n,1\n0.1,2\n"),
-            "a.csv:2:1: wanted a number, found \"\""
-        );
+        // Nor is a row with a gap, or with a number that did not fit its field.
+        for text in [
+            "t,a\n,1\n0.1,2\n",
+            "t a\n- 1\n0.1 2\n",
+            "t a\n*** 1\n0.1 2\n",
+        ] {
+            let error = read(text).unwrap_err();
+            let is_told = matches!(error, MotionError::NeitherHeaderNorRow { line: 2, .. });
+            assert!(is_told, "{text:?}: {error}");
+        }
         assert_eq!(
             message("1,2\n1,2,3\n"),
             "a.csv:2: wanted 2 columns, found 3"

@@ -7,8 +7,7 @@ use std::ops::Range;
 
 use crate::motion::error::MotionError;
 
-/// The text of a file: UTF-8, or UTF-16 with its mark in front; other bytes are replaced (they are in titles; a number
-/// they touch is refused later). End-of-file marks of DOS and zero bytes that fill the last block are left out.
+/// The text of a file: UTF-8, UTF-16 with its mark in front, or Latin-1. End-of-file marks of DOS and zero bytes that fill the last block are left out.
 pub(super) fn decode<'a>(name: &str, bytes: &'a [u8]) -> Result<Cow<'a, str>, MotionError> {
     if let [first @ (0xff | 0xfe), second @ (0xff | 0xfe), rest @ ..] = bytes
         && first != second
@@ -40,7 +39,11 @@ pub(super) fn decode<'a>(name: &str, bytes: &'a [u8]) -> Result<Cow<'a, str>, Mo
         });
     }
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    Ok(String::from_utf8_lossy(bytes))
+    Ok(match str::from_utf8(bytes) {
+        Ok(text) => Cow::Borrowed(text),
+        // Latin-1: in it each byte is its character.
+        Err(_) => Cow::Owned(bytes.iter().map(|&byte| char::from(byte)).collect()),
+    })
 }
 
 /// Lines with their numbers from 1, without their ends.

@@ -107,7 +107,9 @@ impl<'a> Times<'a> {
         let dt = self
             .step(mean, slack)
             .ok_or_else(|| self.worst(&steps, median, mean))?;
-        let is_odd = |step: &f64| (step - median).abs() > 2.0 * self.rounding.by_digits(last) + KNOWN * median;
+        let is_odd = |step: &f64| {
+            (step - median).abs() > 2.0 * self.rounding.by_digits(last) + KNOWN * median
+        };
         let is_doubtful = slack > KNOWN * mean && steps.iter().any(is_odd);
         Ok(Axis {
             first: self.unit.to_seconds(first),
@@ -169,7 +171,10 @@ impl<'a> Times<'a> {
     /// What the rounding of doubles does to a time, with room for the arithmetic here.
     fn exactness(&self) -> f64 {
         let ends = [self.times.first(), self.times.last()];
-        let largest = ends.into_iter().flatten().fold(0.0, |m: f64, t| m.max(t.abs()));
+        let largest = ends
+            .into_iter()
+            .flatten()
+            .fold(0.0, |m: f64, t| m.max(t.abs()));
         4.0 * f64::EPSILON * largest
     }
 
@@ -213,7 +218,10 @@ impl<'a> Times<'a> {
     fn departure(&self, first: f64, step: f64) -> (usize, f64) {
         let off = |(row, time): (usize, &f64)| (row, (time - first - step * row as f64).abs());
         let all = self.times.iter().enumerate().map(off);
-        all.fold((0, 0.0), |most, one| if one.1 > most.1 { one } else { most })
+        all.fold(
+            (0, 0.0),
+            |most, one| if one.1 > most.1 { one } else { most },
+        )
     }
 
     /// The line whose time departs most from the step `dt` in s, and by how many seconds.
