@@ -244,7 +244,7 @@ pub enum MotionError {
     UnitMissing {
         /// Name of the file.
         file: String,
-        /// What the header calls the values; empty if nothing.
+        /// Name of the values in the header; empty without one.
         header: String,
     },
     /// A unit of something else.
@@ -343,7 +343,7 @@ pub enum MotionError {
 }
 
 impl MotionError {
-    /// What the user may do about it, where the message does not say it.
+    /// Advice to the user that the message does not contain.
     #[must_use]
     pub const fn help(&self) -> Option<&'static str> {
         match self {

@@ -110,6 +110,9 @@ pub struct TargetSa {
     pub unit: Unit,
 }
 
+/// A value and, where it is known, its rate of change.
+type Point = (f64, Option<f64>);
+
 impl Motion {
     /// A signal with nothing done to it.
     #[must_use]
@@ -178,7 +181,7 @@ impl Motion {
         grid: Grid,
         files: &Files<'_>,
         warnings: &mut Vec<String>,
-    ) -> Result<(Vec<(f64, Option<f64>)>, Option<RecordFacts>), MotionError> {
+    ) -> Result<(Vec<Point>, Option<RecordFacts>), MotionError> {
         let scale_factor = finite("scale_factor", self.processing.scale_factor)?;
         match self.signal.source(quantity, files, warnings)? {
             Source::Curve(curve) => {
@@ -227,8 +230,8 @@ impl Motion {
 }
 
 /// Finite numbers times finite factors may still run out of range.
-fn finite_points(points: Vec<(f64, Option<f64>)>) -> Result<Vec<(f64, Option<f64>)>, MotionError> {
-    let is_finite = |p: &(f64, Option<f64>)| p.0.is_finite() && p.1.is_none_or(f64::is_finite);
+fn finite_points(points: Vec<Point>) -> Result<Vec<Point>, MotionError> {
+    let is_finite = |p: &Point| p.0.is_finite() && p.1.is_none_or(f64::is_finite);
     match points.iter().position(|p| !is_finite(p)) {
         None => Ok(points),
         Some(at) => Err(MotionError::EntryNotFinite {

@@ -15,15 +15,17 @@
 //! | `one_column` | one value a line |
 //! | `list` | values in reading order, several a line |
 //!
-//! One reader reads every table in text. It finds what stands between the fields, the header, the names and units of the
+//! One reader reads every table in text. It finds the separator, the header, the names and units of the
 //! columns, decimal commas, and a first line with count and step. Lines that begin with `#`, `%` or `!` are comments in
 //! tables. The last of them before the numbers may name the columns.
 
 mod axis;
 mod header;
+mod label;
 mod layout;
 mod npy;
 mod peer;
+mod rows;
 mod text;
 mod uniform;
 
@@ -33,7 +35,7 @@ use serde::{Deserialize, Serialize};
 use super::error::{MotionError, positive};
 use super::unit::Unit;
 use header::Header;
-use layout::Settings;
+use rows::Settings;
 
 /// Most bytes of one file.
 pub const LARGEST_FILE: usize = 1 << 29;
@@ -121,7 +123,7 @@ pub struct RecordSource {
     pub format: Option<RecordFormat>,
     /// Its column or component from 1, where there are several.
     pub column: Option<usize>,
-    /// What the file calls that column.
+    /// The name of that column in the file.
     pub name: Option<String>,
 }
 

@@ -1,19 +1,19 @@
-//! What was read from the file of a motion, and what looks wrong with it.
+//! Facts about a record that was read from a file, and warnings about implausible values.
 
 use super::peak;
 use super::read::{Record, RecordFormat};
 use super::unit::{Quantity, STANDARD_GRAVITY, Unit};
 
-/// A record as it was read from its file, before anything is done to it.
+/// Facts about a record before processing.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecordFacts {
     /// The file, as the test file spells it.
     pub file: String,
-    /// The format as which it was read.
+    /// Its format.
     pub format: RecordFormat,
     /// Its column or component from 1, where there are several.
     pub column: Option<usize>,
-    /// What the file calls that column.
+    /// The name of that column in the file.
     pub column_name: Option<String>,
     /// Unit of its numbers.
     pub unit: Unit,
@@ -21,7 +21,7 @@ pub struct RecordFacts {
     pub npts: usize,
     /// Time step in s.
     pub dt_s: f64,
-    /// What it is of.
+    /// Its quantity.
     pub quantity: Quantity,
     /// Largest absolute value in the SI unit of the quantity.
     pub peak: f64,
@@ -30,7 +30,7 @@ pub struct RecordFacts {
 /// Peaks of a ground acceleration in m/s² below and above which its unit is doubted.
 const PLAUSIBLE: [f64; 2] = [0.001 * STANDARD_GRAVITY, 5.0 * STANDARD_GRAVITY];
 
-/// Fewest values of which something may be said.
+/// Least number of values that are judged.
 const LEAST: usize = 4;
 
 impl RecordFacts {
@@ -81,7 +81,7 @@ impl RecordFacts {
         }
     }
 
-    /// Warns of a ground acceleration that no earthquake has; `peak` in m/s².
+    /// Warns of an implausible ground acceleration; `peak` in m/s².
     pub(super) fn doubt_peak(&self, peak: f64, how: &str, warnings: &mut Vec<String>) {
         let [least, most] = PLAUSIBLE;
         let is_doubtful = peak > 0.0 && !(least..=most).contains(&peak);

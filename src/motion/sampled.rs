@@ -23,7 +23,7 @@ pub(super) struct Sampled {
     pub(super) values: Vec<f64>,
     pub(super) resample: Resample,
     pub(super) origin: Origin,
-    /// What was read, if they come from a file.
+    /// Facts about the file of the samples, if there is one.
     pub(super) record: Option<RecordFacts>,
 }
 

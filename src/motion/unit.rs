@@ -74,13 +74,13 @@ impl TimeUnit {
             .map(|&(_, seconds, parts)| Self { seconds, parts })
     }
 
-    /// So many of this unit, in s.
+    /// Converts a time from this unit to s.
     #[must_use]
     pub fn to_seconds(self, time: f64) -> f64 {
         time * self.seconds / self.parts
     }
 
-    /// So many seconds, in this unit.
+    /// Converts a time from s to this unit.
     #[must_use]
     pub fn from_seconds(self, seconds: f64) -> f64 {
         seconds * self.parts / self.seconds

@@ -48,7 +48,7 @@ pub struct Facts {
     pub announced: Vec<String>,
     /// Whether an operator must confirm what was read before anything moves.
     pub confirm: bool,
-    /// What was read from the files of its motions, in the order of the test file.
+    /// Facts about the records of its motions, in the order of the test file.
     pub records: Vec<RecordFacts>,
     /// Which limits there are, who checks them, what happens then.
     pub limits: LimitFacts,

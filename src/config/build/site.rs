@@ -12,7 +12,7 @@ pub(super) struct Site<'a> {
     pub inputs: Inputs,
     pub errors: Vec<Finding>,
     pub warnings: Vec<Finding>,
-    /// What was read from the files of motions.
+    /// Facts about the records of motions.
     pub records: Vec<RecordFacts>,
     /// Errors of stability: they forbid a test only where it moves a specimen behind a link.
     pub doubts: Vec<Doubt>,

@@ -1,6 +1,6 @@
 //! From a table to a record: which column is time, which is the signal, and what are their units.
 
-use super::header::Label;
+use super::label::Label;
 use super::peer::chosen_step;
 use super::uniform::Times;
 use super::{Column, RawTable, ReadOptions, Record, RecordSource};

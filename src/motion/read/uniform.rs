@@ -14,7 +14,7 @@ pub(super) struct Axis {
     pub(super) first: f64,
     /// Step in s.
     pub(super) dt: f64,
-    /// By how much the step may be another, in s, where its times are unequal in print and too few to tell.
+    /// Uncertainty of the step in s, where few unequal printed times leave it open.
     pub(super) doubt: Option<f64>,
 }
 
@@ -168,7 +168,7 @@ impl<'a> Times<'a> {
             })
     }
 
-    /// What the rounding of doubles does to a time, with room for the arithmetic here.
+    /// Rounding error of a time held as a double, including the arithmetic of this module.
     fn exactness(&self) -> f64 {
         let ends = [self.times.first(), self.times.last()];
         let largest = ends
