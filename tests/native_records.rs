@@ -102,3 +102,30 @@ fn an_old_peer_header_of_two_bare_numbers_is_accepted() {
     let said = say(["check".as_ref(), test.as_os_str()]);
     assert_eq!(said.code, Some(0), "{}", said.stderr);
 }
+
+#[test]
+fn the_facts_of_a_component_are_those_of_its_file() {
+    for (name, column, unit, points, dt, peak) in [
+        ("cosmos.V2c", "90 deg", "g", 16, 0.01, 0.125 * 9.806_65),
+        ("csmip.V2", "H1", "cm/s2", 16, 0.01, 0.987_654_32),
+        ("renadic.v1", "EW", "g", 16, 0.01, 0.25 * 9.806_65),
+        ("geonet.V2A", "N10E", "mm/s2", 16, 0.02, 10.234_5),
+        ("nsmn.txt", "E-W", "gal", 16, 0.01, 2.205),
+        ("bbp.acc.bbp", "N-S", "cm/s2", 16, 0.025, 3.215),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        fs::copy(Path::new(RECORDS).join(name), folder.path().join(name)).unwrap();
+        let path = format!("path = \"{name}\"");
+        let column = format!("{path}\ncolumn = {{ name = \"{column}\" }}");
+        let text = with_record(name).replace(&path, &column);
+        let test = write(folder.path(), "test.toml", &text);
+        let said = say(["check".as_ref(), "--json".as_ref(), test.as_os_str()]);
+        let told: serde_json::Value = serde_json::from_str(&said.stdout).unwrap();
+        let record = &told["record"];
+        assert_eq!(record["unit"], unit, "{name}");
+        assert_eq!(record["npts"], points, "{name}");
+        assert_eq!(record["dt_s"], dt, "{name}");
+        let found = record["peak_m_per_s2"].as_f64().unwrap();
+        assert!((found - peak).abs() < 1e-9, "{name}: {found}");
+    }
+}

@@ -12,6 +12,7 @@ use super::table::Table;
 use super::{answer, stability, tell, warn};
 use crate::config::{self, ClockChoice, Facts, Loaded, Stability, StructureFacts};
 use crate::integrate::Lambda;
+use crate::motion::{Quantity, RecordFacts, STANDARD_GRAVITY};
 use crate::record::{Outcome, RecordedVerdict};
 use crate::session::Judged;
 use crate::transfer::BetweenTicks;
@@ -135,6 +136,7 @@ fn in_words(verdict: &RecordedVerdict) -> &'static str {
 /// Test, structure and method, each in a line.
 fn in_short(table: &mut Table, facts: &Facts, spectrum: Option<&Spectrum>) {
     of_test(table, facts);
+    of_records(table, facts);
     let Some(structure) = &facts.structure else {
         return table.row(
             "structure",
@@ -183,6 +185,69 @@ fn of_test(table: &mut Table, facts: &Facts) {
     );
 }
 
+/// Each record that was read from a file, in a line.
+fn of_records(table: &mut Table, facts: &Facts) {
+    for record in &facts.records {
+        let column = match (&record.column_name, record.column) {
+            (Some(name), Some(number)) => format!("column {number} {name:?}, "),
+            (None, Some(number)) => format!("column {number}, "),
+            _ => String::new(),
+        };
+        let peak = match record.quantity {
+            Quantity::Acceleration => format!(
+                "{} ({:.4} g)",
+                quantity(record.peak, record.quantity.si_unit()),
+                record.peak / STANDARD_GRAVITY
+            ),
+            other => quantity(record.peak, other.si_unit()),
+        };
+        table.row(
+            "record",
+            &format!(
+                "{}: {}, {column}unit {}, {} points of {} = {}, peak {peak}",
+                record.file,
+                record.format.name(),
+                record.unit,
+                record.npts,
+                duration(record.dt_s),
+                duration(record.duration_s())
+            ),
+        );
+    }
+}
+
+/// The same numbers; a column is its name, or its number where it has none.
+fn record_json(record: &RecordFacts) -> serde_json::Value {
+    let peak_key = match record.quantity {
+        Quantity::Acceleration => "peak_m_per_s2",
+        Quantity::Velocity => "peak_m_per_s",
+        Quantity::Displacement => "peak_m",
+        Quantity::Force => "peak_n",
+    };
+    let column = match &record.column_name {
+        Some(name) => json!(name),
+        None => json!(record.column),
+    };
+    let mut found = json!({
+        "file": record.file,
+        "format": record.format,
+        "column": column,
+        "column_number": record.column,
+        "unit": record.unit,
+        "npts": record.npts,
+        "dt_s": record.dt_s,
+        "duration_s": record.duration_s(),
+    });
+    if let Some(found) = found.as_object_mut() {
+        found.insert(peak_key.to_owned(), json!(record.peak));
+        if record.quantity == Quantity::Acceleration {
+            let in_g = record.peak / STANDARD_GRAVITY;
+            found.insert("peak_g".to_owned(), json!(in_g));
+        }
+    }
+    found
+}
+
 fn of_loads(table: &mut Table, structure: &StructureFacts) {
     if let Some(peak) = structure.peak_ground_accel {
         table.row(
@@ -200,6 +265,7 @@ fn of_loads(table: &mut Table, structure: &StructureFacts) {
 /// Everything that is known of the test without a rehearsal.
 fn everything(table: &mut Table, facts: &Facts, spectrum: Option<&Spectrum>) {
     of_test(table, facts);
+    of_records(table, facts);
     if facts.ticks_per_step > 1 {
         let ticks = f64::from(facts.ticks_per_step);
         table.row(
@@ -363,6 +429,8 @@ fn as_json(
             .map(|(name, between_ticks)| json!({"specimen": name, "between_ticks": between_ticks.name()}))
             .collect::<Vec<_>>(),
         "rehearsal": full.map(rehearsed::as_json),
+        "record": facts.records.first().map(record_json),
+        "records": facts.records.iter().map(record_json).collect::<Vec<_>>(),
         "limits": facts.limits,
         "warnings": facts.warnings,
     });

@@ -3,7 +3,7 @@
 use super::error::MotionError;
 use super::process::Motion;
 use super::unit::Quantity;
-use super::{Files, Grid, peak};
+use super::{Files, Grid, RecordFacts, peak};
 
 /// A base that moves: displacement and velocity on the step grid.
 #[derive(Debug, Clone, PartialEq)]
@@ -14,6 +14,8 @@ pub struct BaseMotion {
     pub vel: Vec<f64>,
     /// Warnings in plain words.
     pub warnings: Vec<String>,
+    /// The record that it was made of, if it comes from a file.
+    pub record: Option<RecordFacts>,
 }
 
 /// Displacement and velocity of a base on `grid`. See [`Motion::evaluate_with_rate`] for the velocity. A jump is a
@@ -38,6 +40,7 @@ pub fn base_motion(
         disp: series.values,
         vel,
         warnings,
+        record: series.record,
     })
 }
 

@@ -37,7 +37,9 @@ pub enum MotionError {
         limit: usize,
     },
     /// A zero byte in what should be text.
-    #[error("{file}:{line}: wanted text, found a zero byte (is it a binary file?)")]
+    #[error(
+        "{file}:{line}: wanted text, found a zero byte (is it a binary file, or UTF-16 without its mark?)"
+    )]
     NotText {
         /// Name of the file.
         file: String,
@@ -47,6 +49,20 @@ pub enum MotionError {
     /// A word where a number must stand.
     #[error("{file}:{line}:{column}: wanted a number, found {found:?}")]
     NotANumber {
+        /// Name of the file.
+        file: String,
+        /// Line, from 1.
+        line: usize,
+        /// Column of the first character, from 1.
+        column: usize,
+        /// The word.
+        found: String,
+    },
+    /// A line before the table that is neither words nor a row of numbers.
+    #[error(
+        "{file}:{line}:{column}: wanted a number, found {found:?} (if the line belongs to a header: skip_rows = {line})"
+    )]
+    NeitherHeaderNorRow {
         /// Name of the file.
         file: String,
         /// Line, from 1.
@@ -150,7 +166,7 @@ pub enum MotionError {
     },
     /// Neither the file nor the test file says the time step.
     #[error(
-        "{file}: no time step: give dt_s, or a file with a time column or a header that states it"
+        "{file}: no time step: give dt_s, or time_column, or a file with a time column or a header that states it"
     )]
     StepMissing {
         /// Name of the file.
@@ -192,14 +208,14 @@ pub enum MotionError {
         /// As this row has it.
         found: usize,
     },
-    /// Times in another unit than the second.
+    /// Times in a unit that is not known, or not clearly theirs.
     #[error(
-        "{file}: its times stand in a column {column:?}, but s is wanted; dt_s says its step in s"
+        "{file}: the unit of its times is not clear from its header {column:?}: give its time step in s as dt_s"
     )]
     TimeUnit {
         /// Name of the file.
         file: String,
-        /// What it calls the column of times.
+        /// The name of the column of times, or the line of the header.
         column: String,
     },
     /// A column that the file does not have.
@@ -244,10 +260,19 @@ pub enum MotionError {
         available: String,
     },
     /// The unit is neither in the file nor in the test file.
-    #[error("{file}: does not state its unit: give `unit`")]
+    #[error(
+        "{file}: does not state its unit{}: give `unit`",
+        if header.is_empty() {
+            String::new()
+        } else {
+            format!(" in its header {header:?}")
+        }
+    )]
     UnitMissing {
         /// Name of the file.
         file: String,
+        /// Name of the values in the header; empty without one.
+        header: String,
     },
     /// A unit of something else.
     #[error("unit {unit} does not measure {quantity}")]
@@ -345,6 +370,17 @@ pub enum MotionError {
 }
 
 impl MotionError {
+    /// Advice to the user that the message does not contain.
+    #[must_use]
+    pub const fn help(&self) -> Option<&'static str> {
+        match self {
+            Self::Ragged { .. } => Some(
+                "`skip_rows` leaves out lines of a header; format = \"list\" reads numbers that run on from line to line",
+            ),
+            _ => None,
+        }
+    }
+
     /// The key of the test file that is wrong, as far as it is one key.
     #[must_use]
     pub const fn key(&self) -> Option<&'static str> {

@@ -17,6 +17,7 @@ mod prescribed;
 mod process;
 mod random;
 pub mod read;
+mod record_facts;
 mod resample;
 mod sampled;
 mod shapes;
@@ -31,11 +32,14 @@ pub use noise::{
 pub use paths::{Cyclic, CyclicShape, RampAndHold, RampShape, Step};
 pub use prescribed::{Prescribed, PrescribedSpec};
 pub use process::{Amount, Detrend, Motion, Processing, TargetSa};
-pub use read::{Column, ReadOptions, Record, RecordFormat, Table, parse_record, parse_table};
+pub use read::{
+    Column, ReadOptions, Record, RecordFormat, RecordSource, Table, parse_record, parse_table,
+};
+pub use record_facts::RecordFacts;
 pub use resample::{Resample, central_difference, resample};
 pub use shapes::{Constant, Ricker, Sine, Sweep, SweepKind};
 pub use signal::{FileSignal, Signal, Values};
-pub use unit::{Quantity, Unit};
+pub use unit::{Quantity, STANDARD_GRAVITY, Unit};
 
 use error::{all_finite, positive};
 
@@ -96,6 +100,8 @@ pub struct Series {
     pub values: Vec<f64>,
     /// Warnings in plain words, each naming what it is about.
     pub warnings: Vec<String>,
+    /// The record that they were made of, if they come from a file.
+    pub record: Option<RecordFacts>,
 }
 
 /// A load that keeps its shape: pattern · series(t).

@@ -395,6 +395,7 @@ fn synthetic(values: Vec<f64>, dt: f64, start: f64, duration: f64, top_hz: f64) 
         values,
         resample: Resample::BandLimited,
         origin: Origin::Synthetic { top_hz },
+        record: None,
     }
 }
 

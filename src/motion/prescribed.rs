@@ -8,7 +8,7 @@ use super::error::{MotionError, inside};
 use super::process::Motion;
 use super::shapes::smooth_rise;
 use super::unit::Quantity;
-use super::{Files, Grid};
+use super::{Files, Grid, RecordFacts};
 
 /// One motion per axis, and how it begins and ends.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -36,6 +36,7 @@ pub struct Prescribed {
     disp: Vec<f64>,
     vel: Vec<f64>,
     warnings: Vec<String>,
+    records: Vec<RecordFacts>,
 }
 
 impl PrescribedSpec {
@@ -85,6 +86,7 @@ impl PrescribedSpec {
             disp: vec![0.0; rows * axes],
             vel: vec![0.0; rows * axes],
             warnings: Vec::new(),
+            records: Vec::new(),
         };
         for (key, ease) in [("ease_in_s", ease_in), ("ease_out_s", ease_out)] {
             let step = grid.dt();
@@ -102,6 +104,7 @@ impl PrescribedSpec {
                 *v = w * *v + w_rate * *d;
                 *d *= w;
             }
+            prescribed.records.extend(series.record.take());
             let place = name(axis);
             let of_axis = |text: String| format!("{place}: {text}");
             prescribed
@@ -180,6 +183,7 @@ impl Prescribed {
             disp,
             vel,
             warnings: Vec::new(),
+            records: Vec::new(),
         }
     }
 
@@ -199,6 +203,12 @@ impl Prescribed {
     #[must_use]
     pub fn warnings(&self) -> &[String] {
         &self.warnings
+    }
+
+    /// The records that it was made of.
+    #[must_use]
+    pub fn records(&self) -> &[RecordFacts] {
+        &self.records
     }
 
     /// Displacements in m and velocities in m/s of all axes at `step`; beyond the test the last displacement stands

@@ -17,7 +17,7 @@ use super::sampled::{Origin, Sampled};
 use super::shapes::{factor_of, taper};
 use super::signal::{Signal, Source};
 use super::unit::{Quantity, Unit};
-use super::{Files, Grid, Series, peak};
+use super::{Files, Grid, RecordFacts, Series, peak};
 use crate::metrics::spectrum::response_spectrum;
 
 /// A signal and what is done to it.
@@ -110,6 +110,9 @@ pub struct TargetSa {
     pub unit: Unit,
 }
 
+/// A value and, where it is known, its rate of change.
+type Point = (f64, Option<f64>);
+
 impl Motion {
     /// A signal with nothing done to it.
     #[must_use]
@@ -131,10 +134,11 @@ impl Motion {
         files: &Files<'_>,
     ) -> Result<Series, MotionError> {
         let mut warnings = Vec::new();
-        let points = self.points(quantity, grid, files, &mut warnings)?;
+        let (points, record) = self.points(quantity, grid, files, &mut warnings)?;
         Ok(Series {
             values: points.into_iter().map(|(value, _)| value).collect(),
             warnings,
+            record,
         })
     }
 
@@ -150,7 +154,7 @@ impl Motion {
         files: &Files<'_>,
     ) -> Result<(Series, Vec<f64>), MotionError> {
         let mut warnings = Vec::new();
-        let points = self.points(quantity, grid, files, &mut warnings)?;
+        let (points, record) = self.points(quantity, grid, files, &mut warnings)?;
         let (values, rates): (Vec<f64>, Vec<Option<f64>>) = points.into_iter().unzip();
         let differences = if rates.iter().all(Option::is_some) {
             Vec::new()
@@ -162,17 +166,22 @@ impl Motion {
             .enumerate()
             .map(|(i, rate)| rate.or(differences.get(i).copied()).unwrap_or(0.0))
             .collect();
-        Ok((Series { values, warnings }, rates))
+        let series = Series {
+            values,
+            warnings,
+            record,
+        };
+        Ok((series, rates))
     }
 
-    /// Value and, where it is known, rate at every point of the grid.
+    /// Value and, where it is known, rate at every point of the grid, and the record that they come from.
     fn points(
         &self,
         quantity: Quantity,
         grid: Grid,
         files: &Files<'_>,
         warnings: &mut Vec<String>,
-    ) -> Result<Vec<(f64, Option<f64>)>, MotionError> {
+    ) -> Result<(Vec<Point>, Option<RecordFacts>), MotionError> {
         let scale_factor = finite("scale_factor", self.processing.scale_factor)?;
         match self.signal.source(quantity, files, warnings)? {
             Source::Curve(curve) => {
@@ -183,12 +192,11 @@ impl Motion {
                 let scale = scale_factor * target;
                 above_nyquist(curve.top_hz, grid, warnings);
                 curve.cut_warning(grid.duration(), warnings);
-                finite_points(
-                    points
-                        .into_iter()
-                        .map(|(v, r)| (scale * v, Some(scale * r)))
-                        .collect(),
-                )
+                let points = points
+                    .into_iter()
+                    .map(|(v, r)| (scale * v, Some(scale * r)))
+                    .collect();
+                Ok((finite_points(points)?, None))
             }
             Source::Sampled(mut samples) => {
                 let (first, last) = samples.inner();
@@ -198,6 +206,16 @@ impl Motion {
                 let whole = || samples.whole_on(grid, holds);
                 let scale = scale_factor * self.processing.target(quantity, grid.dt(), whole)?;
                 samples.values.iter_mut().for_each(|v| *v *= scale);
+                if let Some(record) = &samples.record {
+                    // A target makes the unit of the record irrelevant.
+                    if self.processing.target_peak.is_none() && self.processing.target_sa.is_none()
+                    {
+                        record.doubt_peak(record.peak, "of the record", warnings);
+                    }
+                    if scale.abs() != 1.0 {
+                        record.doubt_peak(peak(&samples.values), "after scaling", warnings);
+                    }
+                }
                 if let Origin::Synthetic { top_hz } = samples.origin {
                     above_nyquist(Some(top_hz), grid, warnings);
                 }
@@ -205,15 +223,15 @@ impl Motion {
                     samples.tail_warning(grid, holds, warnings);
                 }
                 samples.coarse_warning(grid, warnings);
-                finite_points(samples.on(grid, holds))
+                Ok((finite_points(samples.on(grid, holds))?, samples.record))
             }
         }
     }
 }
 
 /// Finite numbers times finite factors may still run out of range.
-fn finite_points(points: Vec<(f64, Option<f64>)>) -> Result<Vec<(f64, Option<f64>)>, MotionError> {
-    let is_finite = |p: &(f64, Option<f64>)| p.0.is_finite() && p.1.is_none_or(f64::is_finite);
+fn finite_points(points: Vec<Point>) -> Result<Vec<Point>, MotionError> {
+    let is_finite = |p: &Point| p.0.is_finite() && p.1.is_none_or(f64::is_finite);
     match points.iter().position(|p| !is_finite(p)) {
         None => Ok(points),
         Some(at) => Err(MotionError::EntryNotFinite {
@@ -413,6 +431,7 @@ mod tests {
             format: None,
             column: None,
             time_column: None,
+            skip_rows: 0,
             dt_s: None,
             unit: None,
             resample: Resample::Linear,
@@ -475,7 +494,7 @@ mod tests {
         assert!(message(file("gone.AT2")).starts_with("gone.AT2: cannot be read: "));
         assert_eq!(
             message(file("a.csv")),
-            "a.csv: does not state its unit: give `unit`"
+            "a.csv: does not state its unit in its header \"a\": give `unit`"
         );
         let wrong = FileSignal {
             unit: Some(Unit::Millimetre),

@@ -8,26 +8,36 @@
 //! | format | is |
 //! |---|---|
 //! | `peer` | PEER `.AT2`, `.VT2`, `.DT2`: a header that ends with NPTS and DT, then numbers in reading order |
-//! | `csv` | fields separated by `,` `;` or a tab, with or without a header line; `0,5` is read where `;` separates |
-//! | `two_column` | time and value, separated by blanks or commas |
+//! | `npy` | NumPy array, versions 1 to 3, `f4` or `f8`, of one or two dimensions |
+//! | `table` | any table in text: what follows are tables of which more is known |
+//! | `csv` | fields separated by `,` `;` or a tab |
+//! | `two_column` | time and value on a line |
 //! | `one_column` | one value a line |
 //! | `list` | values in reading order, several a line |
-//! | `npy` | NumPy array, versions 1 to 3, `f4` or `f8`, of one or two dimensions |
 //! | `knet` `cosmos` `csmip` `esm` `geonet` `nsmn` `cwa` `smc` `bbp` `unam` `renadic` | the formats of strong-motion networks: see `native` |
 //!
-//! Lines that begin with `#`, `%` or `!` are comments in text files, except in `peer`.
+//! One reader reads every table in text. It finds the separator, the header, the names and units of the
+//! columns, decimal commas, and a first line with count and step. Lines that begin with `#`, `%` or `!` are comments in
+//! tables. The last of them before the numbers may name the columns.
 
 mod axis;
+mod header;
+mod label;
+mod layout;
 mod native;
 mod npy;
 mod peer;
+mod rows;
 mod text;
+mod uniform;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::error::{MotionError, positive};
 use super::unit::Unit;
+use header::Header;
+use rows::Settings;
 
 /// Most bytes of one file.
 pub const LARGEST_FILE: usize = 1 << 29;
@@ -42,13 +52,15 @@ pub const MOST_COLUMNS: usize = 1 << 16;
 pub enum RecordFormat {
     /// PEER `.AT2`, `.VT2` or `.DT2`.
     Peer,
-    /// Fields separated by commas, semicolons or tabs.
+    /// A table in text, whatever separates its columns. A header may name them and state their units.
+    Table,
+    /// A table whose fields are separated by commas, semicolons or tabs.
     Csv,
     /// Time and value on each line.
     TwoColumn,
     /// One value on each line; the step must be given.
     OneColumn,
-    /// Values in reading order, any number on a line; the step must be given.
+    /// Values in reading order, any number on a line; the step must be given, or stand with the count in a line before them.
     List,
     /// NumPy array.
     Npy,
@@ -76,6 +88,16 @@ pub enum RecordFormat {
     Renadic,
 }
 
+impl RecordFormat {
+    /// The spelling of the test file.
+    #[must_use]
+    pub fn name(self) -> String {
+        let written = serde_json::to_value(self).ok();
+        let text = written.as_ref().and_then(serde_json::Value::as_str);
+        text.unwrap_or_default().to_owned()
+    }
+}
+
 /// One column of a table.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
@@ -97,6 +119,8 @@ pub struct ReadOptions {
     pub column: Option<Column>,
     /// The column of times; by default one named `t` or `time`, or the first of a table without names.
     pub time_column: Option<Column>,
+    /// Lines of a table in text that are skipped before anything is read.
+    pub skip_rows: usize,
 }
 
 /// Numbers at equal distances in time, in the unit of the file.
@@ -112,6 +136,19 @@ pub struct Record {
     pub title: String,
     /// What the user should know.
     pub warnings: Vec<String>,
+    /// Where in the file it was found.
+    pub source: RecordSource,
+}
+
+/// Where in its file a record was found.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct RecordSource {
+    /// The format as which the file was read; [`parse_record`] fills it in.
+    pub format: Option<RecordFormat>,
+    /// Its column or component from 1, where there are several.
+    pub column: Option<usize>,
+    /// The name of that column in the file.
+    pub name: Option<String>,
 }
 
 /// Rows of numbers: a load history with one column per degree of freedom, or a matrix.
@@ -125,6 +162,7 @@ pub struct Table {
     pub values: Vec<f64>,
     /// What the user should know.
     pub warnings: Vec<String>,
+    header: Header,
 }
 
 impl Table {
@@ -137,16 +175,14 @@ impl Table {
     /// The column that is called a time, in whatever unit, if one is; from 0.
     #[must_use]
     pub fn column_of_times(&self) -> Option<usize> {
-        let before = |name: &String| axis::is_time(name.split(['(', '[']).next().unwrap_or(""));
-        self.names
-            .iter()
-            .position(|name| axis::is_time(name) || before(name))
+        self.header.time()
     }
 
-    /// The unit in the brackets of a column's name.
+    /// The unit that the header gives for a column.
     #[must_use]
     pub fn unit_of(&self, column: usize) -> Option<Unit> {
-        self.names.get(column).and_then(|name| axis::unit_in(name))
+        let label = self.header.labels.get(column)?;
+        label.value_unit().or(self.header.unit)
     }
 }
 
@@ -164,62 +200,80 @@ pub fn parse_record(
     if let Some(dt) = options.dt {
         positive("dt_s", dt)?;
     }
-    let format = options.format.unwrap_or_else(|| detect(name, bytes));
-    let only_tables = |key| match (&options.column, &options.time_column) {
-        (None, None) => Ok(()),
-        _ => Err(MotionError::NotApplicable {
-            key: "column",
-            what: key,
-        }),
+    let format = match options.format {
+        Some(format) => format,
+        // Who skips lines knows that a table follows them.
+        None if options.skip_rows > 0 => RecordFormat::Table,
+        None => detect(name, bytes),
     };
-    match format {
-        RecordFormat::Peer => {
-            only_tables("a PEER file: it holds one component")?;
-            peer::parse(name, text::decode(name, bytes)?.as_ref(), options.dt)
-        }
-        RecordFormat::Csv => {
-            let table = text::parse(name, bytes, text::Layout::Separated)?;
-            axis::record(name, table, options)
-        }
-        RecordFormat::TwoColumn => {
-            only_tables("a two_column file")?;
-            let table = blank_columns(name, bytes, 2)?;
-            let both = ReadOptions {
-                column: Some(Column::Number(2)),
-                time_column: Some(Column::Number(1)),
-                ..options.clone()
-            };
-            axis::record(name, table, &both)
-        }
-        RecordFormat::OneColumn => {
-            only_tables("a one_column file")?;
-            let table = blank_columns(name, bytes, 1)?;
-            axis::record(name, table, options)
-        }
-        RecordFormat::List => {
-            only_tables("a list")?;
-            let table = text::parse(name, bytes, text::Layout::Running)?;
-            axis::record(name, table, options)
-        }
-        RecordFormat::Npy => axis::record(name, npy::parse(name, bytes)?, options),
-        network => {
-            let text = text::decode(name, bytes)?;
-            native::parse(name, text.as_ref(), network, options)
-        }
+    let refused = |key, what| Err(MotionError::NotApplicable { key, what });
+    let without_columns = match format {
+        RecordFormat::Peer => Some("a PEER file: it holds one component"),
+        RecordFormat::TwoColumn => Some("a two_column file"),
+        RecordFormat::OneColumn => Some("a one_column file"),
+        RecordFormat::List => Some("a list"),
+        _ => None,
+    };
+    if let Some(what) = without_columns
+        && (options.column.is_some() || options.time_column.is_some())
+    {
+        return refused("column", what);
     }
+    let is_text_table = matches!(
+        format,
+        RecordFormat::Table
+            | RecordFormat::Csv
+            | RecordFormat::TwoColumn
+            | RecordFormat::OneColumn
+            | RecordFormat::List
+    );
+    if !is_text_table && options.skip_rows > 0 {
+        return refused("skip_rows", "a file that is no table in text");
+    }
+    let mut record = match format {
+        RecordFormat::Peer => peer::parse(name, text::decode(name, bytes)?.as_ref(), options.dt)?,
+        RecordFormat::Npy => axis::record(name, npy::parse(name, bytes)?, options)?,
+        table if is_text_table => text_record(name, bytes, table, options)?,
+        network => native::parse(name, text::decode(name, bytes)?.as_ref(), network, options)?,
+    };
+    record.source.format.get_or_insert(format);
+    Ok(record)
 }
 
-/// A table of so many columns with blanks between them.
-fn blank_columns(name: &str, bytes: &[u8], wanted: usize) -> Result<RawTable, MotionError> {
-    let read = text::parse(name, bytes, text::Layout::Blank)
-        .and_then(|table| table.want_columns(name, wanted).map(|()| table));
-    if let Err(MotionError::Ragged { line, .. }) = &read {
-        text::refuse_decimal_comma_between_blanks(name, bytes, *line, wanted)?;
+/// Reads a table in text of which `format` says more or less.
+fn text_record(
+    name: &str,
+    bytes: &[u8],
+    format: RecordFormat,
+    options: &ReadOptions,
+) -> Result<Record, MotionError> {
+    let settings = Settings {
+        skip_rows: options.skip_rows,
+        columns: match format {
+            RecordFormat::OneColumn => Some(1),
+            RecordFormat::TwoColumn => Some(2),
+            _ => None,
+        },
+        reading_order: format == RecordFormat::List,
+        separated: format == RecordFormat::Csv,
+        named: format == RecordFormat::Csv || has_ending(name, &["csv", "tsv"]),
+        counted: true,
+    };
+    let table = layout::parse(name, bytes, &settings)?;
+    if format != RecordFormat::TwoColumn {
+        return axis::record(name, table, options);
     }
-    read
+    // Time and value, unless the names say it the other way round.
+    let time = table.header.time().unwrap_or(0);
+    let both = ReadOptions {
+        time_column: Some(Column::Number(time + 1)),
+        column: Some(Column::Number(2 - time)),
+        ..options.clone()
+    };
+    axis::record(name, table, &both)
 }
 
-/// Reads a table of numbers: `.npy`, `.csv`, or text with blanks between the columns.
+/// Reads a table of numbers: `.npy` or text.
 ///
 /// # Errors
 /// Those of [`MotionError`] that name a file.
@@ -227,10 +281,12 @@ pub fn parse_table(name: &str, bytes: &[u8]) -> Result<Table, MotionError> {
     check_size(name, bytes)?;
     let raw = if bytes.starts_with(npy::MAGIC) || has_ending(name, &["npy"]) {
         npy::parse(name, bytes)?
-    } else if has_ending(name, &["csv", "tsv"]) {
-        text::parse(name, bytes, text::Layout::Separated)?
     } else {
-        text::parse(name, bytes, text::Layout::Blank)?
+        let settings = Settings {
+            named: true,
+            ..Settings::default()
+        };
+        layout::parse(name, bytes, &settings)?
     };
     Ok(raw.into_table())
 }
@@ -265,33 +321,31 @@ fn detect(name: &str, bytes: &[u8]) -> RecordFormat {
         return RecordFormat::Peer;
     }
     let start = String::from_utf8_lossy(&bytes[..bytes.len().min(4096)]);
-    if let Some(native) = native::detect(&start) {
-        return native;
+    if let Some(network) = native::detect(&start) {
+        return network;
     }
-    if has_ending(name, &["csv", "tsv"]) {
-        return RecordFormat::Csv;
-    }
-    if peer::looks_like(&start) {
+    if !has_ending(name, &["csv", "tsv"]) && peer::looks_like(&start) {
         return RecordFormat::Peer;
     }
-    match text::first_row_width(&start) {
-        1 => RecordFormat::OneColumn,
-        2 => RecordFormat::TwoColumn,
-        // Three and more: a table; the columns must be chosen, which `csv` asks for.
-        _ => RecordFormat::Csv,
-    }
+    RecordFormat::Table
 }
 
 /// A table as read, with what error messages need.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct RawTable {
-    names: Vec<String>,
+    /// The format that its layout turned out to be.
+    format: Option<RecordFormat>,
     columns: usize,
     values: Vec<f64>,
     /// Line of each row.
     lines: Vec<usize>,
     /// How finely each column is written.
     prints: Vec<Print>,
+    header: Header,
+    /// Step in s that a line before the numbers states.
+    stated_dt: Option<f64>,
+    /// The text of its first row.
+    first_row: String,
     warnings: Vec<String>,
 }
 
@@ -304,6 +358,34 @@ pub(super) struct Print {
     digits: i32,
 }
 
+impl Print {
+    /// Digits of one printed number, with a point or a comma.
+    fn of(field: &str) -> Self {
+        let (mantissa, exponent) = field
+            .split_once(['e', 'E', 'd', 'D'])
+            .map_or((field, 0), |(m, e)| (m, e.parse().unwrap_or(0)));
+        let count = |text: &str| text.bytes().filter(u8::is_ascii_digit).count() as i32;
+        let after = mantissa
+            .split_once(['.', ','])
+            .map_or(0, |(_, after)| count(after));
+        let leading_zeros = mantissa
+            .bytes()
+            .filter(|b| !b".,-+".contains(b))
+            .take_while(|b| *b == b'0')
+            .count() as i32;
+        Self {
+            decimals: after.saturating_sub(exponent),
+            digits: count(mantissa) - leading_zeros,
+        }
+    }
+
+    /// The finer of both.
+    fn widen(&mut self, other: Self) {
+        self.decimals = self.decimals.max(other.decimals);
+        self.digits = self.digits.max(other.digits);
+    }
+}
+
 impl RawTable {
     fn column(&self, index: usize) -> impl Iterator<Item = f64> + '_ {
         self.values
@@ -313,31 +395,25 @@ impl RawTable {
             .copied()
     }
 
-    fn want_columns(&self, name: &str, wanted: usize) -> Result<(), MotionError> {
-        if self.columns == wanted {
-            return Ok(());
-        }
-        Err(MotionError::Ragged {
-            file: name.into(),
-            line: self.lines.first().copied().unwrap_or(1),
-            wanted,
-            found: self.columns,
-        })
+    fn names(&self) -> impl Iterator<Item = &String> {
+        self.header.labels.iter().map(|label| &label.name)
     }
 
     fn into_table(self) -> Table {
         Table {
-            names: self.names,
+            names: self.names().cloned().collect(),
             columns: self.columns,
             values: self.values,
             warnings: self.warnings,
+            header: self.header,
         }
     }
 }
 
 #[cfg(test)]
-const FORMATS: [RecordFormat; 17] = [
+const FORMATS: [RecordFormat; 18] = [
     RecordFormat::Peer,
+    RecordFormat::Table,
     RecordFormat::Csv,
     RecordFormat::TwoColumn,
     RecordFormat::OneColumn,
@@ -370,10 +446,18 @@ mod tests {
                     dt,
                     ..ReadOptions::default()
                 };
-                if let Ok(record) = parse_record("any.txt", bytes, &options) {
-                    assert!(record.dt > 0.0 && record.dt.is_finite());
-                    assert!(!record.values.is_empty());
-                    assert!(record.values.iter().all(|v| v.is_finite()));
+                for (skip_rows, column) in [(0, None), (1, Some(Column::Number(2)))] {
+                    let options = ReadOptions {
+                        skip_rows,
+                        column,
+                        ..options.clone()
+                    };
+                    if let Ok(record) = parse_record("any.txt", bytes, &options) {
+                        assert!(record.dt > 0.0 && record.dt.is_finite());
+                        assert!(!record.values.is_empty());
+                        assert!(record.values.iter().all(|v| v.is_finite()));
+                        assert!(record.source.format.is_some());
+                    }
                 }
             }
         }
@@ -394,6 +478,53 @@ mod tests {
             text in "([0-9]{1,9}|[-+.,;eEdD =\t\"*#]|\r\r\n|\n|NPTS|DT|SEC|UNITS OF|NaN|inf|é){0,80}"
         ) {
             read_all_ways(text.as_bytes());
+        }
+
+        #[test]
+        fn text_made_of_headers_and_rows_never_panics(
+            text in "(Time|t|Acc|# |sep=;|\\[ms\\]|\\(g\\)|cm/s/s|in|µs|0,5|1\\.5|1,000|3 0\\.1|4|[ ,;\t\"-]|\x1a|\x00|\n|\r\n){0,60}"
+        ) {
+            read_all_ways(text.as_bytes());
+            let wide: Vec<u8> = text.encode_utf16().flat_map(u16::to_be_bytes).collect();
+            read_all_ways(&[&b"\xfe\xff"[..], &wide].concat());
+        }
+
+        #[test]
+        fn a_table_comes_back_however_it_is_written(
+            values in prop::collection::vec(-900_i32..900, 3..40),
+            between in prop::sample::select(vec![";", "\t", " ", "   ", ", "]),
+            has_commas in any::<bool>(),
+            (header, factor) in prop::sample::select(vec![
+                (["", ""], 1.0),
+                (["# time [ms]", "acc [g]"], 1e-3),
+                (["Time, s", "a_g"], 1.0),
+                (["Time (min)", "Acc (g)"], 60.0),
+                (["t/ms", "a/g"], 1e-3),
+            ]),
+            rate in prop::sample::select(vec![50_u32, 100, 200, 256, 1000]),
+            end in prop::sample::select(vec!["\n", "\r\n"]),
+        ) {
+            // A name with a comma needs quotes between commas, and wide gaps between blanks.
+            let has_comma = header[0].contains(',');
+            prop_assume!(!has_comma || (between != ", " && between != " "));
+            let mut text = String::new();
+            if !header[0].is_empty() {
+                text.push_str(&format!("{}{between}{}{end}", header[0], header[1]));
+            }
+            let is_decimal = has_commas && between != ", ";
+            for (i, value) in values.iter().enumerate() {
+                let time = i as f64 / (f64::from(rate) * factor);
+                let row = format!("{time:.9}|{:.2}", f64::from(*value) / 100.0);
+                let row = if is_decimal { row.replace('.', ",") } else { row };
+                text.push_str(&(row.replace('|', between) + end));
+            }
+            let read = parse_record("a.txt", text.as_bytes(), &ReadOptions::default());
+            let read = read.unwrap_or_else(|error| panic!("{text}\n{error}"));
+            let wanted: Vec<f64> = values.iter().map(|v| f64::from(*v) / 100.0).collect();
+            prop_assert_eq!(read.values, wanted);
+            // Half a unit of the ninth decimal, in minutes, of steps of a millisecond.
+            prop_assert!((read.dt * f64::from(rate) - 1.0).abs() < 1e-4, "{} {}", read.dt, text);
+            prop_assert_eq!(read.unit, (!header[0].is_empty()).then_some(Unit::Gravity));
         }
 
         #[test]
@@ -424,11 +555,7 @@ mod tests {
         for (name, text, format) in [
             ("RSN6.AT2", "", RecordFormat::Peer),
             ("rsn6.vt2", "", RecordFormat::Peer),
-            ("a.CSV", "", RecordFormat::Csv),
             ("a.npy", "", RecordFormat::Npy),
-            ("a.dat", "1\n2\n", RecordFormat::OneColumn),
-            ("a", "# x\n0.0 1\n0.1 2\n", RecordFormat::TwoColumn),
-            ("a.txt", "0, 1\n", RecordFormat::TwoColumn),
             (
                 "a.txt",
                 "t\nx\ny\n 2 .01 NPTS, DT\n1 2\n",
@@ -436,6 +563,38 @@ mod tests {
             ),
         ] {
             assert_eq!(detect(name, text.as_bytes()), format, "{name} {text}");
+        }
+        for (name, text, format) in [
+            ("a.CSV", "t,a\n0,1\n1,2\n", RecordFormat::Csv),
+            ("a.dat", "1\n2\n", RecordFormat::OneColumn),
+            ("a", "# x\n0.0 1\n0.1 2\n", RecordFormat::TwoColumn),
+            ("a.txt", "0, 1\n1, 2\n", RecordFormat::Csv),
+            ("a.csv", "0 1\n1 2\n", RecordFormat::TwoColumn),
+            ("a.txt", "t x y\n0 1 2\n1 2 3\n", RecordFormat::Table),
+            ("a.txt", "3 0.1\n0 1 2\n", RecordFormat::List),
+        ] {
+            let options = ReadOptions {
+                dt: (format != RecordFormat::List).then_some(1.0),
+                column: (format == RecordFormat::Table).then(|| Column::Name("y".into())),
+                ..ReadOptions::default()
+            };
+            let record = parse_record(name, text.as_bytes(), &options).unwrap();
+            assert_eq!(record.source.format, Some(format), "{name} {text}");
+        }
+    }
+
+    #[test]
+    fn the_digits_that_were_printed_are_counted() {
+        for (text, decimals, digits) in [
+            ("0.010", 3, 2),
+            ("0,010", 3, 2),
+            ("12.5", 1, 3),
+            (".1297983E-02", 9, 7),
+            ("1e3", -3, 1),
+            ("-7", 0, 1),
+        ] {
+            let print = Print::of(text);
+            assert_eq!((print.decimals, print.digits), (decimals, digits), "{text}");
         }
     }
 

@@ -6,7 +6,7 @@
 use super::error::{MotionError, inside};
 use super::resample::{Kernel, Resample, linear, snapped};
 use super::shapes::left_out;
-use super::{Grid, peak};
+use super::{Grid, RecordFacts, peak};
 
 /// Most points of a record that is laid on the grid beyond the end of the test.
 const MOST_POINTS: f64 = (1_u64 << 26) as f64;
@@ -23,6 +23,8 @@ pub(super) struct Sampled {
     pub(super) values: Vec<f64>,
     pub(super) resample: Resample,
     pub(super) origin: Origin,
+    /// Facts about the file of the samples, if there is one.
+    pub(super) record: Option<RecordFacts>,
 }
 
 /// Where samples come from.

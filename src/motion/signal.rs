@@ -3,7 +3,6 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::Files;
 use super::error::{MotionError, all_finite, not_negative, positive};
 use super::noise::{BandLimitedNoise, KanaiTajimi};
 use super::paths::{Cyclic, RampAndHold, Step};
@@ -12,6 +11,7 @@ use super::resample::Resample;
 use super::sampled::{Origin, Sampled};
 use super::shapes::{Constant, Curve, Ricker, Sine, Sweep, factor};
 use super::unit::{Quantity, Unit};
+use super::{Files, RecordFacts};
 
 /// A function of time. Where it stands decides what it is of (an acceleration, a displacement, a force); numbers
 /// are in the key `unit` of each, or in the SI unit of that quantity if `unit` is absent.
@@ -54,6 +54,9 @@ pub struct FileSignal {
     pub column: Option<Column>,
     /// Its column of times; one named `t` or `time`, or the first of a table without names, if absent.
     pub time_column: Option<Column>,
+    /// Lines of a table in text that are skipped before anything is read; 0 if absent.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub skip_rows: usize,
     /// Its time step in s; what the file says if absent. Overrules the file, with a warning.
     pub dt_s: Option<f64>,
     /// Unit of its numbers; what the file states if absent, and an error if it states none. Overrules the file.
@@ -64,6 +67,10 @@ pub struct FileSignal {
     /// Test time in s at which the record begins; 0 if absent.
     #[serde(default)]
     pub start_s: f64,
+}
+
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 /// Numbers in the test file itself.
@@ -151,9 +158,10 @@ impl FileSignal {
             dt: self.dt_s,
             column: self.column.clone(),
             time_column: self.time_column.clone(),
+            skip_rows: self.skip_rows,
         };
         let record = parse_record(&self.path, &bytes, &options)?;
-        warnings.extend(record.warnings);
+        warnings.extend(record.warnings.iter().cloned());
         if let (Some(given), Some(stated)) = (self.unit, record.unit)
             && given != stated
         {
@@ -165,10 +173,17 @@ impl FileSignal {
         let unit = self.unit.or(record.unit);
         let unit = unit.ok_or_else(|| MotionError::UnitMissing {
             file: self.path.clone(),
+            header: record.title.clone(),
         })?;
         let to_si = factor(Some(unit), quantity)?;
-        let values = record.values.iter().map(|v| v * to_si).collect();
-        record_samples(self.path.clone(), values, record.dt, start, self.resample)
+        let values: Vec<f64> = record.values.iter().map(|v| v * to_si).collect();
+        let facts = RecordFacts::of(&self.path, &record, unit, quantity, &values);
+        facts.doubt_values(&record.values, warnings);
+        let samples = record_samples(self.path.clone(), values, record.dt, start, self.resample)?;
+        Ok(Sampled {
+            record: Some(facts),
+            ..samples
+        })
     }
 }
 
@@ -205,5 +220,6 @@ fn record_samples(
         values,
         resample,
         origin: Origin::Record(name),
+        record: None,
     })
 }

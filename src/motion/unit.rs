@@ -8,53 +8,95 @@ use serde::{Deserialize, Serialize};
 /// Standard acceleration of gravity in m/s² (CGPM 1901): what `g` means here.
 pub const STANDARD_GRAVITY: f64 = 9.806_65;
 
-/// True of a header's word for the second.
-#[must_use]
-pub fn is_second(text: &str) -> bool {
-    let plain = text.trim().trim_end_matches('.').to_ascii_lowercase();
-    matches!(plain.as_str(), "s" | "sec" | "secs" | "second" | "seconds")
+/// A unit of time as headers spell it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TimeUnit {
+    /// Seconds in `parts` of this unit.
+    seconds: f64,
+    /// See `seconds`: dividing by a thousand rounds once, multiplying by 0.001 twice.
+    parts: f64,
 }
 
-/// Units of time other than the second, as headers spell them.
-const OTHER_TIMES: [&str; 31] = [
-    "ms",
-    "msec",
-    "msecs",
-    "millisec",
-    "millisecs",
-    "millisecond",
-    "milliseconds",
-    "us",
-    "µs",
-    "μs",
-    "usec",
-    "usecs",
-    "microsecond",
-    "microseconds",
-    "ns",
-    "nsec",
-    "nsecs",
-    "nanosecond",
-    "nanoseconds",
-    "min",
-    "mins",
-    "minute",
-    "minutes",
-    "h",
-    "hr",
-    "hrs",
-    "hour",
-    "hours",
-    "d",
-    "day",
-    "days",
+/// Spellings of a unit of time, its seconds, and in how many of it.
+const TIMES: [(&[&str], f64, f64); 7] = [
+    (&["s", "sec", "secs", "second", "seconds"], 1.0, 1.0),
+    (
+        &[
+            "ms",
+            "msec",
+            "msecs",
+            "millisec",
+            "millisecs",
+            "millisecond",
+            "milliseconds",
+        ],
+        1.0,
+        1e3,
+    ),
+    (
+        &[
+            "us",
+            "µs",
+            "μs",
+            "usec",
+            "usecs",
+            "microsecond",
+            "microseconds",
+        ],
+        1.0,
+        1e6,
+    ),
+    (
+        &["ns", "nsec", "nsecs", "nanosecond", "nanoseconds"],
+        1.0,
+        1e9,
+    ),
+    (&["min", "mins", "minute", "minutes"], 60.0, 1.0),
+    (&["h", "hr", "hrs", "hour", "hours"], 3600.0, 1.0),
+    (&["d", "day", "days"], 86_400.0, 1.0),
 ];
+
+impl TimeUnit {
+    /// The second.
+    pub const SECOND: Self = Self {
+        seconds: 1.0,
+        parts: 1.0,
+    };
+
+    /// Reads `s`, `msec`, `Minutes`, with or without brackets.
+    #[must_use]
+    pub fn from_header(text: &str) -> Option<Self> {
+        let plain = without_brackets(text).to_lowercase();
+        let plain = plain.strip_prefix("in ").unwrap_or(&plain).trim_start();
+        TIMES
+            .iter()
+            .find(|(spellings, ..)| spellings.contains(&plain))
+            .map(|&(_, seconds, parts)| Self { seconds, parts })
+    }
+
+    /// Converts a time from this unit to s.
+    #[must_use]
+    pub fn to_seconds(self, time: f64) -> f64 {
+        time * self.seconds / self.parts
+    }
+
+    /// Converts a time from s to this unit.
+    #[must_use]
+    pub fn from_seconds(self, seconds: f64) -> f64 {
+        seconds * self.parts / self.seconds
+    }
+}
+
+/// The text without blanks, brackets, quotes and a full stop around it.
+fn without_brackets(text: &str) -> &str {
+    let is_around = |c: char| c.is_whitespace() || "()[]{}<>\"'.:,;".contains(c);
+    text.trim_matches(is_around)
+}
 
 /// True of a header's word for another unit of time than the second.
 #[must_use]
 pub fn is_time_but_no_second(text: &str) -> bool {
-    let plain = text.trim().trim_end_matches('.').to_lowercase();
-    OTHER_TIMES.contains(&plain.as_str())
+    TimeUnit::from_header(text).is_some_and(|unit| unit != TimeUnit::SECOND)
 }
 
 /// What a signal is of; the context gives it, and with it the SI unit.
@@ -68,6 +110,19 @@ pub enum Quantity {
     Displacement,
     /// N.
     Force,
+}
+
+impl Quantity {
+    /// Its SI unit.
+    #[must_use]
+    pub const fn si_unit(self) -> &'static str {
+        match self {
+            Self::Acceleration => "m/s²",
+            Self::Velocity => "m/s",
+            Self::Displacement => "m",
+            Self::Force => "N",
+        }
+    }
 }
 
 impl std::fmt::Display for Quantity {
@@ -91,6 +146,15 @@ pub enum Unit {
     /// Standard gravity, 9.80665 m/s².
     #[serde(rename = "g")]
     Gravity,
+    /// 0.001 of standard gravity.
+    #[serde(rename = "mg", alias = "milli-g")]
+    MilliGravity,
+    /// 0.01 of standard gravity.
+    #[serde(rename = "%g")]
+    PercentGravity,
+    /// 0.1 of standard gravity.
+    #[serde(rename = "g/10", alias = "G/10")]
+    TenthGravity,
     /// 0.01 m/s².
     #[serde(rename = "gal", alias = "Gal")]
     Gal,
@@ -154,6 +218,9 @@ impl Unit {
         match self {
             Self::MetrePerSecond2
             | Self::Gravity
+            | Self::MilliGravity
+            | Self::PercentGravity
+            | Self::TenthGravity
             | Self::Gal
             | Self::CentimetrePerSecond2
             | Self::MillimetrePerSecond2
@@ -176,6 +243,9 @@ impl Unit {
         match self {
             Self::MetrePerSecond2 | Self::MetrePerSecond | Self::Metre | Self::Newton => 1.0,
             Self::Gravity => STANDARD_GRAVITY,
+            Self::MilliGravity => STANDARD_GRAVITY / 1000.0,
+            Self::PercentGravity => STANDARD_GRAVITY / 100.0,
+            Self::TenthGravity => STANDARD_GRAVITY / 10.0,
             Self::Gal
             | Self::CentimetrePerSecond2
             | Self::CentimetrePerSecond
@@ -195,6 +265,9 @@ impl Unit {
         match self {
             Self::MetrePerSecond2 => "m/s2",
             Self::Gravity => "g",
+            Self::MilliGravity => "mg",
+            Self::PercentGravity => "%g",
+            Self::TenthGravity => "g/10",
             Self::Gal => "gal",
             Self::CentimetrePerSecond2 => "cm/s2",
             Self::MillimetrePerSecond2 => "mm/s2",
@@ -216,39 +289,62 @@ impl Unit {
         }
     }
 
-    /// Reads the many spellings of headers: `G`, `CM/S**2`, `cm/sec/sec`, `[m/s^2]`, `Gal`, `CM/SEC`.
+    /// Reads the many spellings of headers: `G`, `CM/S**2`, `cm/sec/sec`, `[m/s^2]`, `Gal`, `m s-2`, `units of g`.
     #[must_use]
     pub fn from_header(text: &str) -> Option<Self> {
-        let plain: String = text
-            .trim()
-            .trim_end_matches(['.', ':'])
-            .trim_matches(['(', ')', '[', ']', '"', '\''])
-            .to_ascii_lowercase()
+        let plain = without_brackets(text).to_lowercase();
+        let plain = ["in ", "units of ", "unit of "]
+            .iter()
+            .fold(plain.as_str(), |rest, word| {
+                rest.strip_prefix(word).unwrap_or(rest)
+            });
+        let plain: String = plain
+            .replace("seconds", "s")
+            .replace("second", "s")
             .replace("sec", "s")
-            .replace(['^', '*'], "")
+            .replace("s⁻²", "/s2")
+            .replace("s⁻¹", "/s")
+            .replace("s^-2", "/s2")
+            .replace("s-2", "/s2")
+            .replace("s^-1", "/s")
+            .replace("s-1", "/s")
             .replace('²', "2")
-            .replace("/s/s", "/s2");
-        let unit = match plain.as_str() {
-            "m/s2" | "m/ss" => Self::MetrePerSecond2,
-            "g" | "g's" | "gs" => Self::Gravity,
-            "gal" | "gals" => Self::Gal,
-            "cm/s2" | "cm/ss" => Self::CentimetrePerSecond2,
-            "mm/s2" | "mm/ss" => Self::MillimetrePerSecond2,
-            "in/s2" | "in/ss" => Self::InchPerSecond2,
-            "ft/s2" | "ft/ss" => Self::FootPerSecond2,
-            "m/s" => Self::MetrePerSecond,
-            "cm/s" => Self::CentimetrePerSecond,
-            "mm/s" => Self::MillimetrePerSecond,
-            "in/s" => Self::InchPerSecond,
-            "m" => Self::Metre,
-            "cm" => Self::Centimetre,
-            "mm" => Self::Millimetre,
-            "in" => Self::Inch,
-            "ft" => Self::Foot,
-            "n" => Self::Newton,
-            "kn" => Self::Kilonewton,
-            "lbf" => Self::PoundForce,
-            "kip" => Self::Kip,
+            .replace("/s/s", "/s2")
+            .chars()
+            .filter(|c| !c.is_whitespace() && !"^*·.".contains(*c))
+            .collect();
+        let (length, rate) = match plain.split_once('/') {
+            Some((length, rate)) => (length, Some(rate)),
+            None => (plain.as_str(), None),
+        };
+        let unit = match (length, rate) {
+            ("m" | "meter" | "meters" | "metre" | "metres", None) => Self::Metre,
+            ("m" | "meter" | "meters" | "metre" | "metres", Some("s")) => Self::MetrePerSecond,
+            ("m" | "meter" | "meters" | "metre" | "metres", Some("s2" | "ss")) => {
+                Self::MetrePerSecond2
+            }
+            ("cm" | "centimeters" | "centimetres", None) => Self::Centimetre,
+            ("cm" | "centimeters" | "centimetres", Some("s")) | ("kine" | "kines", None) => {
+                Self::CentimetrePerSecond
+            }
+            ("cm" | "centimeters" | "centimetres", Some("s2" | "ss")) => Self::CentimetrePerSecond2,
+            ("mm" | "millimeters" | "millimetres", None) => Self::Millimetre,
+            ("mm" | "millimeters" | "millimetres", Some("s")) => Self::MillimetrePerSecond,
+            ("mm" | "millimeters" | "millimetres", Some("s2" | "ss")) => Self::MillimetrePerSecond2,
+            ("in" | "inch" | "inches", None) => Self::Inch,
+            ("in" | "inch" | "inches", Some("s")) => Self::InchPerSecond,
+            ("in" | "inch" | "inches", Some("s2" | "ss")) => Self::InchPerSecond2,
+            ("ft" | "foot" | "feet", None) => Self::Foot,
+            ("ft" | "foot" | "feet", Some("s2" | "ss")) => Self::FootPerSecond2,
+            ("g" | "g's" | "gs", None) => Self::Gravity,
+            ("mg" | "milli-g" | "millig" | "milli-gs", None) => Self::MilliGravity,
+            ("%g" | "percentg", None) => Self::PercentGravity,
+            ("g", Some("10")) => Self::TenthGravity,
+            ("gal" | "gals", None) => Self::Gal,
+            ("n" | "newton" | "newtons", None) => Self::Newton,
+            ("kn" | "kilonewton" | "kilonewtons", None) => Self::Kilonewton,
+            ("lbf", None) => Self::PoundForce,
+            ("kip" | "kips", None) => Self::Kip,
             _ => return None,
         };
         Some(unit)
@@ -265,9 +361,12 @@ impl std::fmt::Display for Unit {
 mod tests {
     use super::*;
 
-    const ALL: [Unit; 20] = [
+    const ALL: [Unit; 23] = [
         Unit::MetrePerSecond2,
         Unit::Gravity,
+        Unit::MilliGravity,
+        Unit::PercentGravity,
+        Unit::TenthGravity,
         Unit::Gal,
         Unit::CentimetrePerSecond2,
         Unit::MillimetrePerSecond2,
@@ -308,10 +407,38 @@ mod tests {
             ("[m/s^2]", Unit::MetrePerSecond2),
             ("(gal)", Unit::Gal),
             ("CM", Unit::Centimetre),
+            ("m/sec^2", Unit::MetrePerSecond2),
+            ("m s-2", Unit::MetrePerSecond2),
+            ("m·s⁻²", Unit::MetrePerSecond2),
+            ("G/10", Unit::TenthGravity),
+            ("g/10", Unit::TenthGravity),
+            ("%g", Unit::PercentGravity),
+            ("% g", Unit::PercentGravity),
+            ("milli-g", Unit::MilliGravity),
+            ("in units of g", Unit::Gravity),
+            ("inches", Unit::Inch),
         ] {
             assert_eq!(Unit::from_header(text), Some(unit), "{text}");
         }
-        assert_eq!(Unit::from_header("furlong"), None);
+        for text in ["furlong", "", "s", "m/min", "mm/m", "g/100"] {
+            assert_eq!(Unit::from_header(text), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn units_of_time_are_converted_with_one_rounding() {
+        for (text, found, seconds) in [
+            ("(ms)", 10.0, 0.01),
+            ("Msec", 5.0, 0.005),
+            ("[min]", 2.0, 120.0),
+            ("µs", 500.0, 0.0005),
+            ("s", 0.3, 0.3),
+            ("hours", 1.0, 3600.0),
+        ] {
+            let unit = TimeUnit::from_header(text).unwrap();
+            assert_eq!(unit.to_seconds(found), seconds, "{text}");
+        }
+        assert_eq!(TimeUnit::from_header("samples"), None);
     }
 
     #[test]

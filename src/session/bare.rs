@@ -83,6 +83,7 @@ pub fn loop_round(
         force_noise_n: Vec::new(),
         resumed: None,
         announced: Vec::new(),
+        records: Vec::new(),
         confirm: false,
         limits: LimitFacts::default(),
         warnings: Vec::new(),

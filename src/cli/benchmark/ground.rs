@@ -60,6 +60,7 @@ impl GroundArgs {
                         format: None,
                         column: None,
                         time_column: None,
+                        skip_rows: 0,
                         dt_s: self.record_dt,
                         unit: unit.transpose()?,
                         resample: Resample::default(),

@@ -82,7 +82,11 @@ pub(super) fn with_files<T>(
                 Some(key) => site.loaded.locator.beneath(at, key),
                 None => place,
             };
-            site.refuse(Finding::error(place, error.to_string()))
+            let mut finding = Finding::error(place, error.to_string());
+            if let Some(help) = error.help() {
+                finding = finding.help(help);
+            }
+            site.refuse(finding)
         }
     }
 }
@@ -144,6 +148,7 @@ pub(super) fn excitation(
             history.evaluate(Quantity::Acceleration, grid, files)
         })?;
         warn(site, &at, &ground.signal, series.warnings);
+        site.records.extend(series.record);
         let iota = ground
             .influence
             .clone()
@@ -167,6 +172,7 @@ pub(super) fn excitation(
             base_motion(&history, grid, files)
         })?;
         warn(site, &at, &base.signal, moved.warnings);
+        site.records.extend(moved.record);
         warn_of_nothing(site, at.clone(), [structure.influence(), &moved.disp]);
         if base
             .influence
@@ -191,6 +197,7 @@ pub(super) fn excitation(
             history.evaluate(Quantity::Force, grid, files)
         })?;
         warn(site, &at, &force.signal, series.warnings);
+        site.records.extend(series.record);
         warn_of_nothing(site, at.clone(), [&pattern, &series.values]);
         let term = LoadTerm {
             pattern,
@@ -248,11 +255,12 @@ fn nodal_table(
             .is_some_and(|unit| unit != Unit::Newton)
     };
     if nodal.scale == 1.0
-        && let Some(name) = (0..n)
-            .find(is_other)
-            .and_then(|column| parsed.names.get(column))
+        && let Some(column) = (0..n).find(is_other)
     {
-        let text = format!("{file} has a column {name:?}, but N is wanted");
+        let text = match parsed.names.get(column) {
+            Some(name) => format!("{file} has a column {name:?}, but N is wanted"),
+            None => format!("the header of {file} states another unit than N, which is wanted"),
+        };
         let help = "`scale` makes N of all its numbers";
         return site.refuse(Finding::error(at, text).help(help));
     }

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use super::{Analysis, LimitFacts};
 use crate::config::{ClockChoice, Method};
 use crate::integrate::{Lambda, LambdaChoice, OnlineLimit};
+use crate::motion::RecordFacts;
 use crate::rt::TimingSpec;
 
 /// What is known about a test before it runs.
@@ -47,6 +48,8 @@ pub struct Facts {
     pub announced: Vec<String>,
     /// Whether an operator must confirm what was read before anything moves.
     pub confirm: bool,
+    /// Facts about the records of its motions, in the order of the test file.
+    pub records: Vec<RecordFacts>,
     /// Which limits there are, who checks them, what happens then.
     pub limits: LimitFacts,
     /// What the user should know although the test may run.

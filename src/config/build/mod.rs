@@ -230,6 +230,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         force_noise_n: safety::force_noise_n(file, &time),
         resumed: None,
         announced: announced(file),
+        records: std::mem::take(&mut site.records),
         confirm: safety::needs_confirmation(file),
         warnings: warnings.iter().map(|w| w.headline.clone()).collect(),
         accepted: BTreeMap::new(),

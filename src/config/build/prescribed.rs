@@ -113,6 +113,7 @@ fn one(
     let texts = history.warnings().iter();
     let texts = texts.map(|text| format!("specimen \"{name}\": {text}"));
     warn(site, at, &table.signal, texts.collect());
+    site.records.extend(history.records().iter().cloned());
     *slot = Some(history);
     Ok(())
 }

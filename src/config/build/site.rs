@@ -2,6 +2,7 @@
 
 use super::{Dial, Doubt, Trial};
 use crate::config::{Finding, Inputs, KeyPath, Loaded};
+use crate::motion::RecordFacts;
 
 /// Findings so far, and the files read so far.
 pub(super) struct Site<'a> {
@@ -11,6 +12,8 @@ pub(super) struct Site<'a> {
     pub inputs: Inputs,
     pub errors: Vec<Finding>,
     pub warnings: Vec<Finding>,
+    /// Facts about the records of motions.
+    pub records: Vec<RecordFacts>,
     /// Errors of stability: they forbid a test only where it moves a specimen behind a link.
     pub doubts: Vec<Doubt>,
     /// No link is wanted: something stands for every specimen behind one.
@@ -32,6 +35,7 @@ impl<'a> Site<'a> {
             inputs: loaded.inputs(),
             errors: Vec::new(),
             warnings: Vec::new(),
+            records: Vec::new(),
             doubts: Vec::new(),
             trial,
         }

@@ -1,13 +1,11 @@
-//! From a table to a record: which column is time, which is the signal, and is the time uniform.
-//!
-//! Printed times are rounded, so a column of times is judged against the digits it is printed with: a file of
-//! 1024 Hz whose times have three decimals is uniform, one in which a line is missing is not. Where most steps
-//! are equal, the others must recur at equal distances, as rounding makes them, or they are refused.
+//! From a table to a record: which column is time, which is the signal, and what are their units.
 
+use super::label::Label;
 use super::peer::chosen_step;
-use super::{Column, Print, RawTable, ReadOptions, Record};
+use super::uniform::Times;
+use super::{Column, RawTable, ReadOptions, Record, RecordSource};
 use crate::motion::error::MotionError;
-use crate::motion::unit::{Unit, is_second, is_time_but_no_second};
+use crate::motion::unit::TimeUnit;
 
 /// Chooses the columns and makes a record of them.
 pub(super) fn record(
@@ -15,88 +13,167 @@ pub(super) fn record(
     table: RawTable,
     options: &ReadOptions,
 ) -> Result<Record, MotionError> {
-    let (time, value) = columns(name, &table, options)?;
+    let chosen = Chosen::of(name, &table, options)?;
     let mut warnings = table.warnings.clone();
+    let (time, value) = (chosen.time, chosen.value?);
     let stated = match time {
-        None => None,
-        Some(time) => {
-            if let (Some(title), None) = (table.names.get(time), options.dt)
-                && states_no_seconds(title)
-            {
-                return Err(MotionError::TimeUnit {
-                    file: name.into(),
-                    column: title.clone(),
-                });
-            }
-            let axis = uniform(name, &table, time)?;
-            // Many files begin with their first step; more than that is worth a word.
-            if axis.first.abs() > 1.5 * axis.dt {
-                warnings.push(format!(
-                    "{name}: its times begin at {} s; that is taken as the start",
-                    axis.first
-                ));
-            }
-            if let (Some(slack), None) = (axis.doubt, options.dt) {
-                warnings.push(format!(
-                    "{name}: its step of {:.6} s is inferred from rounded times, to ± {slack:.1e} s; dt_s states it",
-                    axis.dt
-                ));
-            }
-            Some(axis.dt)
-        }
+        Some(time) => step(name, &table, time, options, &mut warnings)?,
+        None => table.stated_dt,
     };
     let dt = chosen_step(name, stated, options.dt, &mut warnings)?;
-    let title = table.names.get(value).cloned().unwrap_or_default();
+    let label = table.header.labels.get(value);
     Ok(Record {
         dt,
         values: table.column(value).collect(),
-        unit: unit_in(&title),
-        title,
+        unit: label.and_then(Label::value_unit).or(table.header.unit),
+        title: label.map(|label| label.name.clone()).unwrap_or_default(),
         warnings,
+        source: RecordSource {
+            format: table.format,
+            column: (table.columns > 1).then_some(value + 1),
+            name: label
+                .filter(|_| table.columns > 1)
+                .map(|label| label.name.clone()),
+        },
     })
 }
 
-/// Index of the column of times, if there is one, and of the column of values.
-fn columns(
+/// The step in s that a column of times states, if it states one.
+fn step(
+    name: &str,
+    table: &RawTable,
+    time: usize,
+    options: &ReadOptions,
+    warnings: &mut Vec<String>,
+) -> Result<Option<f64>, MotionError> {
+    let unknown = |header: &str| MotionError::TimeUnit {
+        file: name.into(),
+        column: header.into(),
+    };
+    let label = table.header.labels.get(time);
+    let unit = match label.map_or(Ok(None), Label::time_unit) {
+        Ok(Some(unit)) => unit,
+        Ok(None) => match (&table.header.other_time, options.dt) {
+            (Some(line), None) => return Err(unknown(line)),
+            (Some(_), Some(_)) => return Ok(None),
+            (None, _) => TimeUnit::SECOND,
+        },
+        Err(_) if options.dt.is_some() => return Ok(None),
+        Err(_) => return Err(unknown(label.map_or("", |label| &label.name))),
+    };
+    let times = Times::of(name, table, time, unit);
+    let axis = match (times.uniform(), options.dt) {
+        (Ok(axis), _) => axis,
+        (Err(error), None) => return Err(decimal_commas(name, table, error)),
+        (Err(_), Some(dt)) => {
+            let (line, off) = times.departure_from(dt);
+            warnings.push(format!(
+                "{name}: dt_s = {dt} overrules its times, which are not uniform: that of line {line} is off by {off:.3e} s"
+            ));
+            return Ok(None);
+        }
+    };
+    // Many files begin with their first step; more than that is worth a word.
+    if axis.first.abs() > 1.5 * axis.dt {
+        warnings.push(format!(
+            "{name}: its times begin at {} s; that is taken as the start",
+            axis.first
+        ));
+    }
+    if let (Some(slack), None) = (axis.doubt, options.dt) {
+        warnings.push(format!(
+            "{name}: its step of {:.6} s is inferred from rounded times, to ± {slack:.1e} s; dt_s states it",
+            axis.dt
+        ));
+    }
+    match table
+        .stated_dt
+        .filter(|dt| (dt - axis.dt).abs() > 1e-3 * axis.dt)
+    {
+        Some(dt) if options.dt.is_none() => Err(MotionError::Header {
+            file: name.into(),
+            line: table.lines.first().copied().unwrap_or(1).saturating_sub(1),
+            wanted: "the step of the times in the first column",
+            found: dt.to_string(),
+        }),
+        _ => Ok(Some(axis.dt)),
+    }
+}
+
+/// Why times are not uniform that commas may have cut from one number: `0,5` and `0,6` are two columns, or one.
+fn decimal_commas(name: &str, table: &RawTable, error: MotionError) -> MotionError {
+    let is_whole = table.prints.iter().all(|print| print.decimals <= 0);
+    let may_be = table.columns == 2 && is_whole && table.header.labels.is_empty();
+    match table.first_row.find(',') {
+        Some(at) if may_be && !table.first_row.contains([' ', ';']) => MotionError::DecimalComma {
+            file: name.into(),
+            line: table.lines.first().copied().unwrap_or(1),
+            column: at + 1,
+            found: table.first_row.clone(),
+        },
+        _ => error,
+    }
+}
+
+/// Indices of the columns.
+struct Chosen {
+    time: Option<usize>,
+    /// An error if the options and the names leave it open.
+    value: Result<usize, MotionError>,
+}
+
+impl Chosen {
+    fn of(name: &str, table: &RawTable, options: &ReadOptions) -> Result<Self, MotionError> {
+        let find = |column: &Column| find(name, table, column);
+        let value = options.column.as_ref().map(find).transpose()?;
+        let time = options.time_column.as_ref().map(find).transpose()?;
+        if let (Some(value), true) = (value, time == value) {
+            return Err(MotionError::ColumnForBoth {
+                file: name.into(),
+                number: value + 1,
+            });
+        }
+        let time = time
+            .or_else(|| table.header.time().filter(|time| value != Some(*time)))
+            .or_else(|| assumed_time(name, table, options, value));
+        let value = value.map_or_else(
+            || {
+                let mut others = (0..table.columns).filter(|i| Some(*i) != time);
+                match (others.next(), others.next()) {
+                    (Some(only), None) => Ok(only),
+                    _ => Err(MotionError::ColumnChoice {
+                        file: name.into(),
+                        available: available(table),
+                    }),
+                }
+            },
+            Ok,
+        );
+        Ok(Self { time, value })
+    }
+}
+
+/// The first column, where no name tells: it is the time unless the step is given and the column does not rise.
+fn assumed_time(
     name: &str,
     table: &RawTable,
     options: &ReadOptions,
-) -> Result<(Option<usize>, usize), MotionError> {
-    let find = |column: &Column| find(name, table, column);
-    let value = options.column.as_ref().map(find).transpose()?;
-    let time = options.time_column.as_ref().map(find).transpose()?;
-    if let (Some(value), true) = (value, time == value) {
-        return Err(MotionError::ColumnForBoth {
-            file: name.into(),
-            number: value + 1,
-        });
-    }
-    let time = time.or_else(|| {
-        if table.names.is_empty() {
-            // Without names the first of several columns is the time.
-            (table.columns > 1 && value != Some(0)).then_some(0)
-        } else {
-            let named = table.names.iter().position(|n| is_time(n));
-            named.filter(|t| value != Some(*t))
-        }
-    });
-    if let Some(value) = value {
-        return Ok((time, value));
-    }
-    let mut others = (0..table.columns).filter(|i| Some(*i) != time);
-    match (others.next(), others.next()) {
-        (Some(only), None) => Ok((time, only)),
-        _ => Err(MotionError::ColumnChoice {
-            file: name.into(),
-            available: available(table),
-        }),
-    }
+    value: Option<usize>,
+) -> Option<usize> {
+    let header = &table.header;
+    let is_open = header.labels.is_empty() || (header.is_loose && table.columns == 2);
+    let may_be = is_open && header.time().is_none() && table.columns > 1 && value != Some(0);
+    let rises = || {
+        let times = Times::of(name, table, 0, TimeUnit::SECOND);
+        !matches!(times.uniform(), Err(MotionError::NotRising { .. }))
+    };
+    (may_be && (options.dt.is_none() || rises())).then_some(0)
 }
 
 fn find(name: &str, table: &RawTable, column: &Column) -> Result<usize, MotionError> {
     let (found, wanted) = match column {
         Column::Name(text) => {
-            let mut named = (0..).zip(&table.names).filter(|(_, n)| *n == text);
+            let mut named = (0..).zip(table.names()).filter(|(_, n)| *n == text);
             let found = named.next().map(|(first, _)| first);
             if let (Some(first), Some((second, _))) = (found, named.next()) {
                 return Err(MotionError::ColumnTwice {
@@ -122,206 +199,23 @@ fn find(name: &str, table: &RawTable, column: &Column) -> Result<usize, MotionEr
 /// The columns of a table, for a message.
 fn available(table: &RawTable) -> String {
     const SHOWN: usize = 8;
-    if table.names.is_empty() {
+    let count = table.header.labels.len();
+    if count == 0 {
         return format!("{} column(s) without names", table.columns);
     }
-    let mut list = table
-        .names
-        .iter()
-        .take(SHOWN)
-        .map(|n| format!("{n:?}"))
-        .collect::<Vec<_>>()
-        .join(", ");
-    if table.names.len() > SHOWN {
-        list.push_str(&format!(" and {} more", table.names.len() - SHOWN));
+    let shown = table.names().take(SHOWN).map(|name| format!("{name:?}"));
+    let mut list = shown.collect::<Vec<_>>().join(", ");
+    if count > SHOWN {
+        list.push_str(&format!(" and {} more", count - SHOWN));
     }
     list
-}
-
-/// `t`, `time`, `time_s`, `Time (s)`, `time [sec]`.
-pub(super) fn is_time(name: &str) -> bool {
-    let plain: String = name
-        .to_ascii_lowercase()
-        .chars()
-        .filter(char::is_ascii_alphanumeric)
-        .collect();
-    matches!(
-        plain.as_str(),
-        "t" | "ts" | "time" | "times" | "timesec" | "tsec" | "timeseconds" | "seconds"
-    )
-}
-
-/// `time (ms)`, `t [min]`, `time_ms`: what is in brackets must be seconds, what stands behind the name may be no other unit.
-fn states_no_seconds(title: &str) -> bool {
-    match in_brackets(title) {
-        Some(inner) => !is_second(inner),
-        None => {
-            let mut words = title.split(|c: char| !c.is_alphanumeric());
-            words.next_back().is_some_and(is_time_but_no_second)
-        }
-    }
-}
-
-/// The unit in the brackets of a column's name: `accel (g)`, `a [m/s2]`.
-pub(super) fn unit_in(title: &str) -> Option<Unit> {
-    in_brackets(title).and_then(Unit::from_header)
-}
-
-fn in_brackets(title: &str) -> Option<&str> {
-    let (_, rest) = title.split_once(['(', '['])?;
-    let (inner, _) = rest.split_once([')', ']'])?;
-    Some(inner)
-}
-
-struct Axis {
-    first: f64,
-    dt: f64,
-    /// By how much the step may be another, in s, where its times are unequal in print and too few to tell.
-    doubt: Option<f64>,
-}
-
-/// Share of a step that it may be off without a word.
-const KNOWN: f64 = 1e-3;
-
-/// The step of a column of times, or the line that breaks it.
-fn uniform(name: &str, table: &RawTable, column: usize) -> Result<Axis, MotionError> {
-    let times: Vec<f64> = table.column(column).collect();
-    let line = |row: usize| table.lines.get(row).copied().unwrap_or(row + 1);
-    let broken = |row: usize, wanted: f64, found: f64| MotionError::NotUniform {
-        file: name.into(),
-        line: line(row),
-        wanted,
-        found,
-    };
-    let (Some(&first), Some(&last)) = (times.first(), times.last()) else {
-        return Err(MotionError::Empty { file: name.into() });
-    };
-    if times.len() < 2 {
-        return Err(MotionError::StepMissing { file: name.into() });
-    }
-    let falls = |strictly: bool| {
-        let fall = move |pair: &[f64]| pair[1] < pair[0] || (!strictly && pair[1] == pair[0]);
-        let row = times.windows(2).position(fall)? + 1;
-        Some(MotionError::NotRising {
-            file: name.into(),
-            line: line(row),
-            before: times[row - 1],
-            found: times[row],
-        })
-    };
-    // Print may make later times equal, never earlier.
-    if let Some(error) = falls(true) {
-        return Err(error);
-    }
-    let print = table.prints.get(column).copied().unwrap_or_default();
-    let rounding = Rounding(print);
-    let steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let mut sorted = steps.clone();
-    sorted.sort_by(f64::total_cmp);
-    let median = sorted[sorted.len() / 2];
-    // Rows whose step from the row before is not the usual one, beyond what the print explains by its digits alone.
-    let odd: Vec<usize> = steps
-        .iter()
-        .zip(times.windows(2))
-        .enumerate()
-        .filter(|(_, (step, pair))| {
-            let slack = rounding.by_digits(pair[0]) + rounding.by_digits(pair[1]);
-            (*step - median).abs() > slack + 1e-3 * median.abs()
-        })
-        .map(|(i, _)| i + 1)
-        .collect();
-    // The median names the one line that is off, where the mean would blame them all.
-    let mostly_equal = 4 * odd.len() <= steps.len();
-    if let Some(&row) = odd.first()
-        && mostly_equal
-        && !recurs(&odd)
-    {
-        return Err(broken(row, median, steps[row - 1]));
-    }
-    let intervals = (times.len() - 1) as f64;
-    let mean = (last - first) / intervals;
-    if mean == 0.0
-        && let Some(error) = falls(false)
-    {
-        return Err(error);
-    }
-    if !(mean > 0.0 && mean.is_finite()) {
-        return Err(broken(1, mean, steps[0]));
-    }
-    // Against the mean: slow drift, which single steps hide in their rounding.
-    for (row, time) in times.iter().enumerate() {
-        let wanted = first + mean * row as f64;
-        let slack = rounding.of(*time) + rounding.of(first) + rounding.of(last) + 1e-3 * mean;
-        if (time - wanted).abs() > slack {
-            return Err(broken(row, wanted, *time));
-        }
-    }
-    let slack = (rounding.of(first) + rounding.of(last)) / intervals;
-    let is_unequal = !odd.is_empty();
-    Ok(Axis {
-        first,
-        dt: plain(mean, slack),
-        doubt: (is_unequal && slack > KNOWN * mean).then_some(slack),
-    })
-}
-
-/// True if the rows recur at distances that differ by one at most, at least three times.
-fn recurs(rows: &[usize]) -> bool {
-    let gaps = || rows.windows(2).map(|pair| pair[1] - pair[0]);
-    match (gaps().min(), gaps().max(), rows.first()) {
-        (Some(least), Some(most), Some(first)) => {
-            rows.len() >= 3 && most - least <= 1 && *first <= most + 1
-        }
-        _ => false,
-    }
-}
-
-/// What rounding in print can have done to a number.
-struct Rounding(Print);
-
-impl Rounding {
-    /// Half a unit of the last digit.
-    fn of(&self, value: f64) -> f64 {
-        (0.5 * power_of_ten(-self.0.decimals)).max(self.by_digits(value))
-    }
-
-    /// Half a unit of the last significant digit, where these and not the decimals limit the print; else 0.
-    fn by_digits(&self, value: f64) -> f64 {
-        let size = value.abs();
-        if size == 0.0 {
-            return 0.0;
-        }
-        let leading = libm::floor(libm::log10(size)) as i32;
-        let unit = power_of_ten(leading + 1 - self.0.digits);
-        if unit > 1.5 * power_of_ten(-self.0.decimals) {
-            0.5 * unit
-        } else {
-            0.0
-        }
-    }
-}
-
-fn power_of_ten(power: i32) -> f64 {
-    libm::pow(10.0, f64::from(power.clamp(-300, 300)))
-}
-
-/// The number a person meant by `dt`, known to ± `slack`: a whole rate, else the shortest decimal, else itself.
-fn plain(dt: f64, slack: f64) -> f64 {
-    let slack = slack.max(4.0 * f64::EPSILON * dt);
-    let whole_rate = 1.0 / (1.0 / dt).round();
-    if (whole_rate - dt).abs() <= slack {
-        return whole_rate;
-    }
-    (0..12)
-        .filter_map(|digits: usize| format!("{dt:.digits$e}").parse::<f64>().ok())
-        .find(|short| (short - dt).abs() <= slack)
-        .unwrap_or(dt)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::motion::read::{RecordFormat, parse_record};
+    use crate::motion::unit::Unit;
 
     fn read(name: &str, text: &str) -> Result<Record, MotionError> {
         parse_record(name, text.as_bytes(), &ReadOptions::default())
@@ -438,7 +332,8 @@ mod tests {
                 "a.txt:{place}: wanted a decimal point, found a comma inside a number (a decimal comma?): {number:?}"
             )
         };
-        assert_eq!(refused("0,00 0,5\n0,01 0,6\n"), comma("1:2", "0,00"));
+        let read = parse_record("a.txt", b"0,00 0,5\n0,01 0,6\n", &options).unwrap();
+        assert_eq!((read.dt, read.values), (0.01, vec![0.5, 0.6]));
         assert_eq!(refused("0 0.5\n0,01 0.6\n"), comma("2:2", "0,01"));
         let one = ReadOptions {
             format: Some(RecordFormat::OneColumn),
@@ -454,42 +349,145 @@ mod tests {
     }
 
     #[test]
-    fn times_in_another_unit_than_the_second_are_refused_unless_the_step_is_given() {
-        let refused = |name: &str, text: &str, options: &ReadOptions| {
-            let error = parse_record(name, text.as_bytes(), options).unwrap_err();
-            let text = error.to_string();
-            assert!(text.contains("but s is wanted"), "{text}");
-        };
-        let chosen = |column: &str| ReadOptions {
-            column: Some(Column::Number(2)),
-            time_column: Some(Column::Name(column.into())),
-            ..ReadOptions::default()
-        };
-        let usual = ReadOptions::default();
-        for time in [
-            "time (ms)",
-            "t [min]",
-            "time_ms",
-            "time (samples)",
-            "Time_µs",
+    fn times_in_other_units_are_converted_wherever_the_header_says_it() {
+        for (text, dt) in [
+            ("Time [min]  Displacement [mm]\n0 1\n0.5 2\n1 3\n", 30.0),
+            ("Time [msec] Disp\n0 1\n10 2\n20 3\n", 0.01),
+            ("time_ms,acc\n0,1\n10,2\n20,3\n", 0.01),
+            ("Time (ms),acc\n0,1\n10,2\n20,3\n", 0.01),
+            ("\"Time, s\";acc\n0;1\n0,5;2\n1;3\n", 0.5),
+            ("t/s a/g\n0 1\n0.5 2\n1 3\n", 0.5),
+            ("Time  Acc\n(ms)  (g)\n0 1\n10 2\n20 3\n", 0.01),
+            ("# time [ms], acc [g]\n0 1\n10 2\n20 3\n", 0.01),
+            ("Time_µs acc\n0 1\n500 2\n1000 3\n", 0.0005),
+            ("Time [ms]  Acc\n0,1\n10,2\n20,3\n", 0.01),
+            ("t,acc\nms,g\n0,1\n3.90625,2\n7.8125,3\n", 1.0 / 256.0),
         ] {
-            let text = format!("{time},acc (g)\n0,1\n10,2\n20,3\n");
-            refused("a.csv", &text, &chosen(time));
+            let read = read("a.txt", text).unwrap_or_else(|error| panic!("{text}: {error}"));
+            assert_eq!((read.dt, read.values), (dt, vec![1.0, 2.0, 3.0]), "{text}");
+        }
+    }
+
+    #[test]
+    fn values_have_the_unit_that_any_part_of_the_header_states() {
+        for (text, unit) in [
+            (
+                "Acceleration in cm/s/s\n0 1\n1 2\n",
+                Some(Unit::CentimetrePerSecond2),
+            ),
+            ("Time Acc\n(s) (gal)\n0 1\n1 2\n", Some(Unit::Gal)),
+            ("# units: g\n# time acc\n0 1\n1 2\n", Some(Unit::Gravity)),
+            ("t,Disp_mm\n0,1\n1,2\n", Some(Unit::Millimetre)),
+            ("# Units: s, g\n0 1\n1 2\n", Some(Unit::Gravity)),
+            ("Borehole at a depth of 5 m\n0 1\n1 2\n", None),
+            ("t a\n0 1\n1 2\n", None),
+            // Two units: whose?
+            ("acc in g, disp in mm\nt a\n0 1\n1 2\n", None),
+        ] {
+            assert_eq!(read("a.txt", text).unwrap().unit, unit, "{text}");
+        }
+    }
+
+    #[test]
+    fn times_in_an_unknown_unit_are_refused_unless_the_step_is_given() {
+        for text in [
+            "time (samples),acc (g)\n0,1\n10,2\n20,3\n",
+            "recorded with time in ms\nt a\n0 1\n10 2\n20 3\n",
+        ] {
+            let error = read("a.txt", text).unwrap_err();
+            assert!(matches!(error, MotionError::TimeUnit { .. }), "{error}");
             let given = ReadOptions {
                 dt: Some(0.01),
-                ..chosen(time)
+                ..ReadOptions::default()
             };
-            assert_eq!(
-                parse_record("a.csv", text.as_bytes(), &given).unwrap().dt,
-                0.01
-            );
+            let read = parse_record("a.txt", text.as_bytes(), &given).unwrap();
+            assert_eq!((read.dt, read.values.len()), (0.01, 3));
         }
-        refused("a.txt", "time(ms) acc(g)\n0 1\n10 2\n20 3\n", &usual);
         for time in ["time (s)", "t[sec]", "Time_Seconds", "time", "at", "t_end"] {
             let text = format!("{time},acc (g)\n0,1\n10,2\n20,3\n");
-            let read = parse_record("a.csv", text.as_bytes(), &chosen(time));
+            let chosen = ReadOptions {
+                column: Some(Column::Number(2)),
+                time_column: Some(Column::Name(time.into())),
+                ..ReadOptions::default()
+            };
+            let read = parse_record("a.csv", text.as_bytes(), &chosen);
             assert_eq!(read.unwrap().dt, 10.0, "{time}");
         }
+    }
+
+    #[test]
+    fn a_header_in_latin_1_keeps_its_units() {
+        let text = b"t_\xb5s a_m/s\xb2\n0 1\n500 2\n";
+        let record = parse_record("a.txt", text, &ReadOptions::default()).unwrap();
+        assert_eq!(
+            (record.dt, record.unit),
+            (0.0005, Some(Unit::MetrePerSecond2))
+        );
+    }
+
+    #[test]
+    fn any_number_of_columns_may_stand_between_blanks() {
+        let text = "0.00 1.0e-3 2 3\n0.01 4 5 6\n0.02 7 8 9\n";
+        let third = ReadOptions {
+            column: Some(Column::Number(3)),
+            ..ReadOptions::default()
+        };
+        let record = parse_record("disp.out", text.as_bytes(), &third).unwrap();
+        assert_eq!((record.dt, record.values), (0.01, vec![2.0, 5.0, 8.0]));
+        assert_eq!(record.source.column, Some(3));
+        assert!(matches!(
+            read("disp.out", text).unwrap_err(),
+            MotionError::ColumnChoice { .. }
+        ));
+        // No column of times: the step is given.
+        let given = ReadOptions {
+            dt: Some(0.02),
+            ..third
+        };
+        let record = parse_record("a.out", b"1 2 3\n-1 5 6\n0 8 9\n", &given).unwrap();
+        assert_eq!((record.dt, record.values), (0.02, vec![3.0, 6.0, 9.0]));
+        assert!(record.warnings.is_empty(), "{:?}", record.warnings);
+    }
+
+    #[test]
+    fn a_step_that_is_given_overrules_times_with_the_largest_departure() {
+        let given = ReadOptions {
+            dt: Some(0.01),
+            ..ReadOptions::default()
+        };
+        let text = "t a\n0 1\n0.01 2\n0.05 3\n0.04 4\n";
+        let record = parse_record("a.txt", text.as_bytes(), &given).unwrap();
+        assert_eq!((record.dt, record.values.len()), (0.01, 4));
+        let told = record.warnings.iter().find(|w| w.contains("overrules"));
+        let told = told.unwrap_or_else(|| panic!("{:?}", record.warnings));
+        assert!(
+            told.contains("line 4") && told.contains("3.000e-2"),
+            "{told}"
+        );
+    }
+
+    #[test]
+    fn a_count_and_a_step_before_the_values_give_the_step() {
+        let record = read("a.txt", "Some title\n4 0.005\n0.1\n0.2\n0.3\n0.4\n").unwrap();
+        assert_eq!((record.dt, record.values.len()), (0.005, 4));
+        let both = "3 0.02\n0.00 1\n0.01 2\n0.02 3\n";
+        assert!(matches!(
+            read("a.txt", both).unwrap_err(),
+            MotionError::Header { line: 1, .. }
+        ));
+    }
+
+    #[test]
+    fn whole_numbers_with_commas_and_no_rising_times_may_be_decimals() {
+        assert!(matches!(
+            read("a.txt", "0,5\n0,6\n0,2\n").unwrap_err(),
+            MotionError::DecimalComma {
+                line: 1,
+                column: 2,
+                ..
+            }
+        ));
+        assert_eq!(read("a.txt", "0,5\n1,6\n2,2\n").unwrap().dt, 1.0);
     }
 
     #[test]
@@ -532,7 +530,21 @@ mod tests {
 
     #[test]
     fn times_rounded_in_print_are_uniform_and_give_the_rate_meant() {
-        for (rate, decimals) in [(1024.0, 3), (1024.0, 9), (50.0, 2), (4096.0, 6), (300.0, 4)] {
+        for (rate, decimals) in [
+            (1024.0, 3),
+            (1024.0, 9),
+            (50.0, 2),
+            (4096.0, 6),
+            (300.0, 4),
+            (256.0, 4),
+            (256.0, 5),
+            (240.0, 3),
+            (240.0, 4),
+            (150.0, 3),
+            (128.0, 3),
+            (128.0, 6),
+            (1.0 / 0.007, 3),
+        ] {
             let text =
                 two_columns((0..5000).map(|i| format!("{:.decimals$}", f64::from(i) / rate)));
             let record = read("a.txt", &text).unwrap();
@@ -544,9 +556,38 @@ mod tests {
             format!("{t}")
         }));
         assert_eq!(read("a.txt", &text).unwrap().dt, 0.001);
+        // Equal in print: the step is what is printed, not the whole rate beside it.
+        for step in [0.03, 0.06, 0.15] {
+            let text = two_columns((0..4).map(|i| format!("{:.2}", step * f64::from(i))));
+            assert_eq!(read("a.txt", &text).unwrap().dt, step);
+        }
         // No whole rate: the shortest decimal.
         let text = two_columns((0..100).map(|i| format!("{:.4}", 0.0024 * f64::from(i))));
         assert_eq!(read("a.txt", &text).unwrap().dt, 0.0024);
+    }
+
+    #[test]
+    fn a_missing_row_among_rounded_times_is_named() {
+        for (rate, decimals) in [(256.0, 4), (240.0, 3), (100.0, 2), (200.0, 3), (1024.0, 4)] {
+            for missing in [3, 100, 498] {
+                let rows = (0..500).filter(|i| *i != missing);
+                let text = two_columns(rows.map(|i| format!("{:.decimals$}", f64::from(i) / rate)));
+                match read("a.txt", &text).unwrap_err() {
+                    MotionError::NotUniform { line, .. } => {
+                        assert_eq!(line, missing as usize + 1, "{rate} Hz, {decimals}");
+                    }
+                    other => panic!("{other}"),
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn times_in_single_precision_are_uniform_within_it() {
+        let rows = (0..20_000).map(|i| f64::from((0.005 * f64::from(i)) as f32).to_string());
+        let record = read("a.txt", &two_columns(rows)).unwrap();
+        assert_eq!(record.dt, 0.005);
+        assert!(record.warnings.is_empty(), "{:?}", record.warnings);
     }
 
     #[test]

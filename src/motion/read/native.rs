@@ -32,7 +32,7 @@ mod tests;
 
 use super::peer::chosen_step;
 use super::text::{lines, shorten_to};
-use super::{Column, ReadOptions, Record, RecordFormat};
+use super::{Column, ReadOptions, Record, RecordFormat, RecordSource};
 use crate::motion::error::{MotionError, all_finite, positive};
 use crate::motion::unit::{Quantity, Unit};
 
@@ -153,6 +153,7 @@ pub(super) fn parse(
         RecordFormat::Bbp => columns::bbp,
         RecordFormat::Unam => columns::unam,
         RecordFormat::Peer
+        | RecordFormat::Table
         | RecordFormat::Csv
         | RecordFormat::TwoColumn
         | RecordFormat::OneColumn
@@ -178,6 +179,7 @@ fn record(name: &str, recording: Recording, options: &ReadOptions) -> Result<Rec
     } = recording;
     channels.sort_by_key(|channel| rank(channel.unit));
     let at = choose(name, &channels, options.column.as_ref())?;
+    let is_one_of_several = channels.len() > 1;
     let channel = channels.swap_remove(at);
     if channel.values.is_empty() {
         return Err(MotionError::Empty { file: name.into() });
@@ -194,6 +196,11 @@ fn record(name: &str, recording: Recording, options: &ReadOptions) -> Result<Rec
         unit: channel.unit,
         title: shorten_to(title.trim(), 200),
         warnings,
+        source: RecordSource {
+            format: None,
+            column: is_one_of_several.then_some(at + 1),
+            name: (!channel.name.is_empty()).then_some(channel.name),
+        },
     })
 }
 

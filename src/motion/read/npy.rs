@@ -104,7 +104,6 @@ pub(super) fn parse(name: &str, bytes: &[u8]) -> Result<RawTable, MotionError> {
     // Doubles carry their times to the last bit; single precision to six digits.
     let digits = if size == 8 { 15 } else { 6 };
     Ok(RawTable {
-        names: Vec::new(),
         columns,
         values,
         lines: (1..=rows).collect(),
@@ -115,7 +114,7 @@ pub(super) fn parse(name: &str, bytes: &[u8]) -> Result<RawTable, MotionError> {
             };
             columns
         ],
-        warnings: Vec::new(),
+        ..RawTable::default()
     })
 }
 

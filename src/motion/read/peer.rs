@@ -19,7 +19,7 @@
 use std::ops::Range;
 
 use super::text::{self, finite_number, lines, number, refuse_decimal_comma, shorten, words};
-use super::{MOST_VALUES, Record, has_ending};
+use super::{MOST_VALUES, Record, RecordSource, has_ending};
 use crate::motion::error::{MotionError, inside};
 use crate::motion::unit::{Unit, is_time_but_no_second};
 
@@ -132,6 +132,7 @@ pub(super) fn parse(name: &str, text: &str, dt: Option<f64>) -> Result<Record, M
         unit: unit(name, &head, &mut warnings),
         title: title(&head),
         warnings,
+        source: RecordSource::default(),
     })
 }
 

@@ -1,0 +1,379 @@
+//! The one model of a table in text: lines of a header, then rows of numbers with something between them.
+//!
+//! The first line that is all numbers begins the table, and decides the separator of its fields: a semicolon, a
+//! comma, or blanks (a tab is a blank). Every later line must be a row of as many numbers. Knows nothing of time.
+
+use std::collections::VecDeque;
+use std::ops::ControlFlow;
+
+use super::RawTable;
+use super::header::{HeaderLine, begins_like_a_number, is_rule, stated_separator};
+use super::rows::{Delimiter, Rows, Settings, pointed};
+use super::text::{decode, finite_number, is_comment, lines, number};
+use crate::motion::error::MotionError;
+
+/// Lines of a header that are looked at: the last before the table.
+const MOST_HEADER_LINES: usize = 100;
+
+/// Reads the whole of a text as a table.
+pub(super) fn parse(
+    name: &str,
+    bytes: &[u8],
+    settings: &Settings,
+) -> Result<RawTable, MotionError> {
+    let text = decode(name, bytes)?;
+    let mut head = Head::default();
+    let mut rows: Option<Rows<'_>> = None;
+    let filled = lines(&text)
+        .skip(settings.skip_rows)
+        .filter(|(_, line)| !line.trim().is_empty());
+    for (line_number, line) in filled {
+        if let Some(rows) = &mut rows {
+            if !is_comment(line) {
+                rows.read(line_number, line)?;
+            }
+            continue;
+        }
+        if let ControlFlow::Break(delimiter) = head.take(line_number, line, settings) {
+            let mut begun = Rows::new(name, delimiter, line);
+            head.refuse_slips(&begun)?;
+            begun.read(line_number, line)?;
+            rows = Some(begun);
+        }
+    }
+    match rows {
+        Some(rows) => rows.into_table(head.lines.make_contiguous(), head.worded, settings),
+        None => Err(head.without_rows(name, settings)),
+    }
+}
+
+/// The lines before the table.
+#[derive(Default)]
+struct Head<'t> {
+    lines: VecDeque<HeaderLine<'t>>,
+    /// How many of them are no comments.
+    worded: usize,
+    separator: Option<char>,
+}
+
+impl<'t> Head<'t> {
+    /// Takes a line of the header; breaks at the first line of the table.
+    fn take(
+        &mut self,
+        number: usize,
+        text: &'t str,
+        settings: &Settings,
+    ) -> ControlFlow<Delimiter> {
+        if let (true, Some(separator)) = (self.lines.is_empty(), stated_separator(text)) {
+            self.separator = Some(separator);
+            return ControlFlow::Continue(());
+        }
+        if is_rule(text) {
+            return ControlFlow::Continue(());
+        }
+        if !is_comment(text) {
+            if let Some(delimiter) = Delimiter::of(text, self.separator, settings) {
+                return ControlFlow::Break(delimiter);
+            }
+            self.worded += 1;
+        }
+        if self.lines.len() == MOST_HEADER_LINES {
+            self.lines.pop_front();
+        }
+        self.lines.push_back(HeaderLine { number, text });
+        ControlFlow::Continue(())
+    }
+
+    fn worded(&self) -> impl Iterator<Item = &HeaderLine<'t>> {
+        self.lines.iter().filter(|line| !line.is_comment())
+    }
+
+    /// Refuses a line that has a slip in a number and would else pass for a line of words.
+    fn refuse_slips(&self, rows: &Rows<'_>) -> Result<(), MotionError> {
+        for line in self.worded() {
+            let cells = rows.delimiter.cells(line.text);
+            let first = cells.first().map_or("", |(_, cell)| cell);
+            let has_number = || cells.iter().any(|(_, cell)| number(cell).is_some());
+            let is_gap = |cell: &str| !cell.chars().any(char::is_alphanumeric);
+            let is_row = begins_like_a_number(first) || (is_gap(first) && has_number());
+            if cells.len() == rows.width && is_row {
+                for (start, cell) in cells {
+                    finite_number(rows.file, line.number, line.text, start, &pointed(cell))
+                        .map_err(of_header)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Why there is no table: the first line that begins like a row has something else in it.
+    fn without_rows(&self, name: &str, settings: &Settings) -> MotionError {
+        let begins = |line: &&HeaderLine<'_>| {
+            let word = line.text.split_whitespace().next().unwrap_or("");
+            begins_like_a_number(word)
+        };
+        let empty = MotionError::Empty { file: name.into() };
+        let Some(line) = self.worded().find(begins) else {
+            return empty;
+        };
+        let delimiter = match line.text {
+            text if text.contains(';') => Delimiter::Semicolon,
+            text if settings.separated || text.contains(',') => Delimiter::Comma,
+            _ => Delimiter::Blank,
+        };
+        let mut rows = Rows::new(name, delimiter, line.text);
+        let error = rows.read(line.number, line.text).err();
+        error.map_or(empty, of_header)
+    }
+}
+
+/// The error of a line that may also belong to the header.
+fn of_header(error: MotionError) -> MotionError {
+    match error {
+        MotionError::NotANumber {
+            file,
+            line,
+            column,
+            found,
+        } => MotionError::NeitherHeaderNorRow {
+            file,
+            line,
+            column,
+            found,
+        },
+        other => other,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ANY: Settings = Settings {
+        skip_rows: 0,
+        columns: None,
+        reading_order: false,
+        separated: false,
+        named: true,
+        counted: true,
+    };
+
+    fn read(text: &str) -> Result<RawTable, MotionError> {
+        parse("a.csv", text.as_bytes(), &ANY)
+    }
+
+    fn names(table: &RawTable) -> Vec<&str> {
+        table
+            .header
+            .labels
+            .iter()
+            .map(|l| l.name.as_str())
+            .collect()
+    }
+
+    #[test]
+    fn every_kind_of_line_end_is_one_line_end() {
+        for end in ["\n", "\r\n", "\r\r\n", "\r"] {
+            let text = format!("1{end}2{end}3{end}");
+            let table = read(&text).unwrap();
+            assert_eq!(table.values, [1.0, 2.0, 3.0], "{end:?}");
+            assert_eq!(table.lines, [1, 2, 3], "{end:?}");
+        }
+    }
+
+    #[test]
+    fn marks_at_the_ends_of_a_file_are_no_text() {
+        for bytes in [
+            &b"\xef\xbb\xbf1\r\n2\r\n\x1a"[..],
+            b"1\n2\n\x1a\x1a\x1a",
+            b"1\n2\n\x1a\r\n\0\0\0\0",
+            b"\xff\xfe1\0\n\x002\0\n\0",
+            b"\xfe\xff\x001\0\n\x002\0\n",
+        ] {
+            let table = parse("a.txt", bytes, &ANY).unwrap();
+            assert_eq!(table.values, [1.0, 2.0], "{bytes:?}");
+        }
+        assert!(parse("a.txt", b"1\n\x1a2\n", &ANY).is_err());
+    }
+
+    #[test]
+    fn a_header_quotes_comments_and_a_last_comma_are_understood() {
+        let table = read("# made by hand\n\"time, s\", acc \n\n0,1,\n0.5 , \"2\"\n").unwrap();
+        assert_eq!(names(&table), ["time, s", "acc"]);
+        assert_eq!(table.values, [0.0, 1.0, 0.5, 2.0]);
+        assert_eq!(table.lines, [4, 5]);
+        assert!(table.warnings.is_empty(), "{:?}", table.warnings);
+    }
+
+    #[test]
+    fn a_header_may_be_long_and_end_with_a_row_of_units() {
+        let mut text: String = (0..300).map(|i| format!("remark number {i}\n")).collect();
+        text.push_str("------------\nTime  Acc\n(s)  (cm/s^2)\n0 1\n0.1 2\n");
+        let table = read(&text).unwrap();
+        assert_eq!(names(&table), ["Time", "Acc"]);
+        assert_eq!((table.columns, table.lines[0]), (2, 304));
+        let unit = table.header.labels[1].value_unit().unwrap();
+        assert_eq!(unit.name(), "cm/s2");
+        let table = read("Logger;7\n\nTime;Ch1;Ch2\ns;g;g\n0;1;2\n1;3;4\n").unwrap();
+        assert_eq!(names(&table), ["Time", "Ch1", "Ch2"]);
+        assert_eq!(table.header.labels[2].value_unit().unwrap().name(), "g");
+    }
+
+    #[test]
+    fn lines_of_a_header_may_begin_with_anything_but_a_number() {
+        for header in [
+            ",time,acc\n",
+            "-- made by -- hand\n.,time,acc\n",
+            "* * *\nx,time,acc\n",
+            "1940 El Centro\ni,time,acc\n",
+            "i,time,acc\n,,\n",
+            "i  time  acc\n",
+        ] {
+            let table = read(&format!("{header}0,0.0,1\n1,0.1,2\n")).unwrap();
+            assert_eq!(table.header.time(), Some(1), "{header:?}");
+            assert_eq!(table.values.len(), 6);
+        }
+    }
+
+    #[test]
+    fn a_remark_before_the_numbers_names_the_columns_if_it_says_what_they_are() {
+        let table = read("# by hand\n# time [ms], acc [g]\n0 1\n10 2\n").unwrap();
+        assert_eq!(names(&table), ["time [ms]", "acc [g]"]);
+        let table = read("# by hand\n0 1\n10 2\n").unwrap();
+        assert!(names(&table).is_empty());
+    }
+
+    #[test]
+    fn lines_that_the_caller_skips_are_not_looked_at() {
+        let text = "1940 05\n5 x\nt,a\n0,1\n1,2\n";
+        let skip = Settings {
+            skip_rows: 2,
+            ..ANY
+        };
+        let table = parse("a.csv", text.as_bytes(), &skip).unwrap();
+        assert_eq!((table.values.len(), table.lines[0]), (4, 4));
+        assert!(read(text).is_err());
+        let all = Settings {
+            skip_rows: 9,
+            ..ANY
+        };
+        let error = parse("a.csv", text.as_bytes(), &all).unwrap_err();
+        assert!(matches!(error, MotionError::Empty { .. }));
+    }
+
+    #[test]
+    fn decimal_commas_are_read_where_they_are_nothing_else() {
+        for text in [
+            "t;a\n0,00;1,5\n0,01;-2,5\n",
+            "sep=;\nt;a\n0,00;1,5\n0,01;-2,5\n",
+            "t a\n0,00 1,5\n0,01 -2,5\n",
+            "t\ta\n0,00\t1,5\n0,01\t-2,5\n",
+            "0 1,5\n0,01 -2,5\n",
+        ] {
+            let table = read(text).unwrap();
+            assert_eq!(table.values, [0.0, 1.5, 0.01, -2.5], "{text:?}");
+        }
+        for (text, line, column) in [
+            // Thousands as well as decimals.
+            ("1,000 2,500\n2,000 3,500\n", 1, 2),
+            // Points and commas.
+            ("0.5 1\n0,6 2\n", 2, 2),
+            ("0,5 1\n0.6 2\n", 1, 2),
+            ("0.01;1,5\n", 1, 7),
+        ] {
+            match read(text).unwrap_err() {
+                MotionError::DecimalComma {
+                    line: l, column: c, ..
+                } => assert_eq!((l, c), (line, column), "{text:?}"),
+                other => panic!("{text:?}: {other}"),
+            }
+        }
+        // A time below one shows what the commas are.
+        let table = read("0,005 1,250\n1,005 1,500\n").unwrap();
+        assert_eq!(table.values, [0.005, 1.25, 1.005, 1.5]);
+    }
+
+    #[test]
+    fn a_first_line_may_state_the_count_and_the_step() {
+        for (text, columns, dt) in [
+            ("3 0.01\n1\n2\n3\n", 1, Some(0.01)),
+            ("title\n6 0.01\n1 2 3 4\n5 6\n", 1, Some(0.01)),
+            ("4 0.01\n0.1 0.2\n0.3 0.4\n", 1, Some(0.01)),
+            ("3 0.1\n0.0 5\n0.1 6\n0.2 7\n", 2, Some(0.1)),
+            // Times from 4 s on.
+            ("4 0.01\n5 0.2\n6 0.4\n", 2, None),
+        ] {
+            let table = read(text).unwrap();
+            assert_eq!((table.columns, table.stated_dt), (columns, dt), "{text:?}");
+        }
+        match read("4 0.01\n1\n2\n3\n").unwrap_err() {
+            MotionError::Count {
+                announced, found, ..
+            } => assert_eq!((announced, found), (4, 3)),
+            other => panic!("{other}"),
+        }
+    }
+
+    #[test]
+    fn what_is_not_a_number_is_shown_with_line_and_column() {
+        let message = |text: &str| read(text).unwrap_err().to_string();
+        assert_eq!(
+            message("t,a\n0,1\n0.1, 1.x\n"),
+            "a.csv:3:6: wanted a number, found \"1.x\""
+        );
+        assert_eq!(
+            message("t,a\n0,1\n0.1,\n"),
+            "a.csv:3: wanted 2 columns, found 1"
+        );
+        assert_eq!(
+            message("t,a\n0,NaN\n"),
+            "a.csv:2:3: wanted a finite number, found NaN"
+        );
+        assert_eq!(
+            message("t,a\n-inf,0\n"),
+            "a.csv:2:1: wanted a finite number, found -inf"
+        );
+        assert_eq!(
+            message("1,2\n3,1e999\n"),
+            "a.csv:2:3: wanted a finite number, found 1e999"
+        );
+        // A slip in the first row is not a header.
+        for text in ["0.1x,2\n", "0.1x,2\n1,2\n", "0.1x\n1\n"] {
+            let error = read(text).unwrap_err();
+            let MotionError::NeitherHeaderNorRow {
+                line: 1,
+                column: 1,
+                found,
+                ..
+            } = error
+            else {
+                panic!("{text:?}: {error}");
+            };
+            assert_eq!(found, "0.1x");
+        }
+        // Nor is a row with a gap, or with a number that did not fit its field.
+        for text in [
+            "t,a\n,1\n0.1,2\n",
+            "t a\n- 1\n0.1 2\n",
+            "t a\n*** 1\n0.1 2\n",
+        ] {
+            let error = read(text).unwrap_err();
+            let is_told = matches!(error, MotionError::NeitherHeaderNorRow { line: 2, .. });
+            assert!(is_told, "{text:?}: {error}");
+        }
+        assert_eq!(
+            message("1,2\n1,2,3\n"),
+            "a.csv:2: wanted 2 columns, found 3"
+        );
+        assert_eq!(
+            message("a,b,c\n1,2\n"),
+            "a.csv:2: wanted 3 columns, found 2"
+        );
+    }
+
+    #[test]
+    fn a_binary_file_is_not_mistaken_for_text() {
+        let error = parse("a.txt", b"1\n2\x003\n", &ANY).unwrap_err();
+        assert!(matches!(error, MotionError::NotText { line: 2, .. }));
+    }
+}
