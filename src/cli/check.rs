@@ -216,7 +216,7 @@ fn of_records(table: &mut Table, facts: &Facts) {
     }
 }
 
-/// The same numbers; a column is its name, or its number where it has none.
+/// One record for `--json`. `column` is the name of the column, or its number where it has no name.
 fn record_json(record: &RecordFacts) -> serde_json::Value {
     let peak_key = match record.quantity {
         Quantity::Acceleration => "peak_m_per_s2",

@@ -52,12 +52,14 @@ pub struct FileSignal {
     pub format: Option<RecordFormat>,
     /// Its column of values or its component (`N-S`, `Channel 3`), by name or by number from 1, where there are several.
     pub column: Option<Column>,
-    /// Its column of times; one named `t` or `time`, or the first of a table without names, if absent.
+    /// Its column of times; one named `t` or `time`, or the first of a table without names, if absent. Times in ms, min or
+    /// another unit that the header states are converted.
     pub time_column: Option<Column>,
     /// Lines of a table in text that are skipped before anything is read; 0 if absent.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub skip_rows: usize,
-    /// Its time step in s; what the file says if absent. Overrules the file, with a warning.
+    /// Its time step in s; what the file says if absent. Overrules the file, with a warning, even where
+    /// its times are not uniform.
     pub dt_s: Option<f64>,
     /// Unit of its numbers; what the file states if absent, and an error if it states none. Overrules the file.
     pub unit: Option<Unit>,

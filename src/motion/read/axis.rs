@@ -393,6 +393,9 @@ mod tests {
         for text in [
             "time (samples),acc (g)\n0,1\n10,2\n20,3\n",
             "recorded with time in ms\nt a\n0 1\n10 2\n20 3\n",
+            "Minutes acc\n0 1\n10 2\n20 3\n",
+            "Time|ms acc\n0 1\n10 2\n20 3\n",
+            "Time.ms acc\n0 1\n10 2\n20 3\n",
         ] {
             let error = read("a.txt", text).unwrap_err();
             assert!(matches!(error, MotionError::TimeUnit { .. }), "{error}");

@@ -1,6 +1,6 @@
 //! The name of a column and the unit in it, however these are spelled.
 
-use crate::motion::unit::{TimeUnit, Unit};
+use crate::motion::unit::{TimeUnit, Unit, is_time_but_no_second};
 
 /// The name of a column, and the unit that stands with it.
 #[derive(Debug, Clone, PartialEq)]
@@ -74,9 +74,12 @@ impl Label {
             || (plain.is_empty() && self.time_unit().is_ok_and(|unit| unit.is_some()))
     }
 
-    /// The unit of a column of times; none if it says none, and the text of one that is unknown.
+    /// The unit of a column of times. None if the name states none; an error with the text of one that is unknown, or that
+    /// stands in the name in an unknown way.
     pub(super) fn time_unit(&self) -> Result<Option<TimeUnit>, &str> {
+        let mut words = self.name.split(|c: char| !c.is_alphanumeric());
         match &self.unit {
+            None if words.any(is_time_but_no_second) => Err(&self.name),
             None => Ok(None),
             Some(text) => TimeUnit::from_header(text).map(Some).ok_or(text),
         }
