@@ -428,6 +428,32 @@ fn what_cannot_be_is_refused_with_its_place_before_anything_moves() {
 }
 
 #[test]
+fn check_says_how_commands_go_and_counts_a_held_one_half_a_tick_earlier() {
+    let config = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("config/vrths-case-1.toml");
+    let check = |between_ticks: &str| {
+        let set = format!("specimen.0.transfer.between_ticks={between_ticks}");
+        let inverse = "specimen.0.compensation={inverse={delay_s=0.02}}";
+        let config = config.to_str().unwrap();
+        let said = common::say([
+            "check",
+            "--no-rehearsal",
+            "--json",
+            "--set",
+            inverse,
+            "--set",
+            &set,
+            config,
+        ]);
+        let found: serde_json::Value = serde_json::from_str(&said.stdout).unwrap();
+        assert_eq!(found["commands"][0]["specimen"], "floor-1");
+        assert_eq!(found["commands"][0]["between_ticks"], between_ticks);
+        found["following"][0]["lag_s"].as_f64().unwrap()
+    };
+    let lead = check("ramped") - check("held");
+    assert!((lead - 0.5 / RATE_HZ).abs() < 1e-12, "{lead}");
+}
+
+#[test]
 fn check_refuses_a_loop_that_it_can_prove_unstable() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

@@ -6,7 +6,7 @@
 //! program's loop: the family at λ = 4, a command that was known a tick ahead and ramps or is held, the force of the same tick.
 //!
 //! The converters have 18 bits in the released model, [`QUANTUM`] volts each. How many metres and newtons are a volt is not
-//! published; the sensors' gains are 1. Quantisation is therefore a choice of its own, beside the noise. No file, no clock.
+//! published; the sensors' gains are 1. Noise and quantisation are two separate choices. No file, no clock.
 
 mod criteria;
 mod frame;

@@ -2,7 +2,7 @@
 //!
 //! [`Transfer`] is a specimen round a specimen: delay, actuator, limits and sensors of every axis. It is the same object in
 //! process, behind a server and in a simulated link. Linear parts are exact for a command that ramps over the tick, and for one
-//! that is held ([`exact`]). Before the first committed command the actuator stands at rest at the command; while test time stands still it
+//! that is held ([`exact`]). Before the first committed command the actuator stands at rest at the command. While test time is held it
 //! does not move. Nothing here depends on how often a trial was asked for. No clock, no input or output.
 
 mod axis;

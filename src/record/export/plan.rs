@@ -5,7 +5,7 @@
 //! 1. `time`;
 //! 2. `x<dof>` of all recorded DOFs, then `v<dof>`, then `a<dof>`;
 //! 3. for each specimen s and axis j `target_s_j`, `cmd_s_j`, `meas_s_j`, `force_s_j`;
-//! 4. `status_s` of each specimen where it was recorded: it marks the rows without a measurement of their own tick;
+//! 4. `status_s` of each specimen where it was recorded: it marks the rows whose measurement is of another tick;
 //! 5. the motion of the `ground` of a structure;
 //! 6. the sums of recorded columns that were asked for.
 //!
