@@ -11,7 +11,7 @@ use gusset::link::openfresco::{
     Door, End, Nature, News, Peer, Remote, RemoteSettings, Role, ServeSettings,
 };
 use gusset::link::tls::{ServeTlsSpec, TlsClient, TlsFault, TlsServer, TlsSpec};
-use gusset::substructure::{Command, Measurement, Substructure};
+use gusset::substructure::{Command, Measurement, Retirement, Substructure};
 use gusset::time::Nanos;
 use gusset::wire::openfresco::Carrier;
 use openfresco_ends::{Server, drive, in_process, settings};
@@ -142,9 +142,11 @@ fn who_stalls_in_the_handshake_does_not_keep_the_port() {
     let mut half = stall();
     let mut good = remote(Peer::Element, &here, Some(client(folder)));
     good.open().unwrap();
-    // Whatever he is told, it ends.
-    let _how = half.read_to_end(&mut Vec::new());
     assert_eq!(drive(&mut good, 20), in_process(1, 20));
+    // The other client waits until the first leaves. Then its handshake comes too late.
+    good.retire(Retirement::Orderly);
+    drop(good);
+    let _how = half.read_to_end(&mut Vec::new());
 }
 
 #[test]
