@@ -4,8 +4,9 @@
 mod link_common;
 
 use std::io::{Read, Write};
-use std::net::TcpStream;
+use std::net::{TcpStream, UdpSocket};
 use std::path::Path;
+use std::time::Duration;
 
 use link_common::{PATIENCE, Served, events, finish, gusset, summary, write};
 
@@ -109,6 +110,49 @@ fn simulink_commands_follow_the_named_order_and_are_refused_without_one() {
 }
 
 #[test]
+fn simulink_commands_no_axis_to_the_time() {
+    let folder = tempfile::tempdir().unwrap();
+    // The control points hold d1 t and d2.
+    let counts = [2, 0, 0, 0, 1, 2, 0, 0, 0, 0];
+    for (more, key) in [
+        (&[][..], "`signal_order`"),
+        (&["--signal-order", "by_axis"], "by_quantity"),
+    ] {
+        let served = serve(folder.path(), TWO_SPRINGS, "openfresco-simulink", more);
+        Client::new(&served, counts).expects_a_close();
+        let end = served.hears("0 commands");
+        assert!(end.contains(key) && end.contains("the time"), "{end}");
+    }
+    let more = ["--signal-order", "by_quantity"];
+    let served = serve(folder.path(), TWO_SPRINGS, "openfresco-simulink", &more);
+    let mut client = Client::new(&served, counts);
+    client.says(&[3.0, 0.001, 0.0005, 0.01]);
+    assert_eq!(client.asks(6.0)[..3], [1.0, 0.001, 0.0005]);
+}
+
+#[test]
+fn the_server_says_at_its_start_where_an_order_will_be_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    for (text, protocol, more, is_told) in [
+        (TWO_SPRINGS, "openfresco-simulink", &[][..], true),
+        (ONE_SPRING, "openfresco-simulink", &[], false),
+        (TWO_SPRINGS, "openfresco", &[], false),
+        (
+            TWO_SPRINGS,
+            "openfresco-simulink",
+            &["--signal-order", "by_axis"],
+            false,
+        ),
+    ] {
+        let served = serve(folder.path(), text, protocol, more);
+        let _client = TcpStream::connect(&served.address).unwrap();
+        let before = served.says_before("connected");
+        let told = |line: &String| line.contains("note:") && line.contains("signal_order");
+        assert_eq!(before.iter().any(told), is_told, "{protocol} {before:?}");
+    }
+}
+
+#[test]
 fn an_order_that_has_no_effect_is_refused_before_the_port_is_open() {
     let folder = tempfile::tempdir().unwrap();
     let keyed = format!("{TWO_SPRINGS}[serve.openfresco]\nsignal_order = \"by_axis\"\n");
@@ -171,6 +215,78 @@ fn a_client_that_never_commits_passes_zero_and_is_told_that_it_has_no_history() 
     client.says(&[99.0]);
     let between = served.says_before("the client ended the test");
     assert!(between.iter().all(|line| !line.contains("commit")));
+}
+
+#[test]
+fn a_client_that_sends_the_time_and_never_commits_is_told_so_and_iterations_do_not_count() {
+    let folder = tempfile::tempdir().unwrap();
+    let physical = format!("{ONE_SPRING}{LIMITS}[serve.openfresco]\nphysical = true\n");
+    for (name, text) in [("physical", physical.as_str()), ("computed", ONE_SPRING)] {
+        let out = folder.path().join(name);
+        let more = ["--out", out.to_str().unwrap()];
+        let served = serve(folder.path(), text, "openfresco", &more);
+        let mut client = Client::new(&served, [1, 0, 0, 0, 1, 0, 0, 0, 1, 0]);
+        for k in 1..=12 {
+            client.says(&[3.0, 1e-4 * f64::from(k), 0.01 * f64::from(k)]);
+        }
+        served.hears("10 commands without a commit");
+        client.says(&[99.0]);
+        served.hears("the client ended the test");
+        drop(served);
+        let warnings = summary(&out, "test-0001").warnings;
+        let told: Vec<_> = warnings
+            .iter()
+            .filter(|text| text.contains("without a commit"))
+            .collect();
+        assert_eq!(told.len(), 1, "{warnings:?}");
+        // What moves starts from where it is.
+        let is_computed = name == "computed";
+        assert_eq!(told[0].contains("initial state"), is_computed, "{told:?}");
+    }
+    // A first step that does not converge.
+    let served = serve(folder.path(), ONE_SPRING, "openfresco", &[]);
+    let mut client = Client::new(&served, [1, 0, 0, 0, 1, 0, 0, 0, 1, 0]);
+    for k in 1..=30 {
+        client.says(&[3.0, 1e-4 * f64::from(k), 0.01]);
+    }
+    client.says(&[99.0]);
+    let before = served.says_before("the client ended the test");
+    let told = |line: &String| line.contains("without a commit");
+    assert!(!before.iter().any(told), "{before:?}");
+}
+
+/// The second client says hello while the first one still speaks, and repeats it.
+#[test]
+fn a_udp_client_that_waits_takes_over_when_the_first_falls_silent() {
+    let folder = tempfile::tempdir().unwrap();
+    let more = ["--transport", "udp"];
+    let served = serve(folder.path(), ONE_SPRING, "openfresco", &more);
+    let [first, second] = [(), ()].map(|()| {
+        let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+        socket.connect(&served.address).unwrap();
+        socket
+            .set_read_timeout(Some(Duration::from_millis(200)))
+            .unwrap();
+        socket
+    });
+    let sizes = [1_i32, 0, 0, 0, 0, 0, 0, 0, 1, 0, 2];
+    let sizes: Vec<u8> = sizes.into_iter().flat_map(i32::to_le_bytes).collect();
+    let vector = |code: f64, disp: f64| [code.to_le_bytes(), disp.to_le_bytes()].concat();
+    first.send(&sizes).unwrap();
+    served.hears("doubles a vector");
+    let mut answer = [0; 64];
+    second.send(b"a").unwrap();
+    for _ in 0..3 {
+        first.send(&vector(3.0, 0.001)).unwrap();
+        first.send(&vector(10.0, 0.0)).unwrap();
+        assert_eq!(first.recv(&mut answer).unwrap(), 16);
+        gusset::session::pause(Duration::from_millis(200));
+    }
+    let is_answered = (0..100).any(|_| {
+        second.send(b"a").unwrap();
+        matches!(second.recv(&mut answer), Ok(1)) && answer[0] == b'b'
+    });
+    assert!(is_answered, "the first client was silent for 20 s");
 }
 
 #[test]

@@ -77,6 +77,9 @@ pub fn serve(
         let flag = args.listen.as_ref().map(|_| "--listen");
         misasked(&served.locator, flag, &["listen"], &error)
     };
+    if let Some(text) = order_note(&settings, host.axes()) {
+        tell(format_args!("note: {text}"));
+    }
     let door = match serve_tls::tls(
         args,
         served,
@@ -116,6 +119,17 @@ pub fn serve(
     Ok(match signals.seen() {
         Some(Signal::Terminate) => Exit::Terminated,
         Some(Signal::Interrupt) | None => Exit::Interrupted,
+    })
+}
+
+/// What SimSimulink's user should know before the first client comes: where the order of its signals will be asked for.
+fn order_note(settings: &ServeSettings, axes: usize) -> Option<String> {
+    let is_open = settings.role == Role::Simulink && settings.signal_order.is_none() && axes > 1;
+    is_open.then(|| {
+        format!(
+            "with {axes} axes a client that commands or measures more than one quantity, the time included, is refused: set \
+             `signal_order` in [serve.openfresco], or --signal-order, to by_axis or by_quantity"
+        )
     })
 }
 

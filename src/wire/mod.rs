@@ -262,15 +262,25 @@ pub enum WireError {
     },
     /// Several axes have several quantities, whose order OpenFresco's `SimSimulink` does not announce.
     #[error(
-        "{quantities} quantities of {axes} axes are sent, and SimSimulink does not announce their order: set `signal_order` in \
-         [serve.openfresco], or --signal-order, to by_axis (d1 v1 d2 v2) or by_quantity (d1 d2 v1 v2), as the control points of \
-         the OpenFresco model have them"
+        "{quantities} quantities of {axes} axes are sent, the time included, and SimSimulink does not announce their order: set \
+         `signal_order` in [serve.openfresco], or --signal-order, to by_axis (d1 v1 d2 v2, without a time) or by_quantity \
+         (d1 d2 v1 v2, then the time), as the control points of the OpenFresco model have them"
     )]
     SignalOrder {
         /// Axes of the vector.
         axes: usize,
         /// Quantities of the vector, the time included.
         quantities: usize,
+    },
+    /// The control points of `SimSimulink` have their signals by axis, and one of them holds the time. Nothing says which one.
+    #[error(
+        "the time is sent beside the signals of {axes} axes, and with `signal_order` = by_axis its place is unknown: leave the time \
+         out of the control points of the OpenFresco model, commanded and measured, or set by_quantity in [serve.openfresco] or \
+         --signal-order if the model sends d1 d2 v1 v2 and then the time"
+    )]
+    TimePlace {
+        /// Axes of the vector.
+        axes: usize,
     },
     /// `SimSimulink` of OpenFresco up to 2.7 sends other signals than it announces, or another order than was set.
     #[error(
@@ -340,6 +350,7 @@ impl WireError {
             | WireError::Action { .. }
             | WireError::CommandedForces { .. }
             | WireError::SignalOrder { .. }
+            | WireError::TimePlace { .. }
             | WireError::OldSimulink
             | WireError::Failed => LinkFault::Malformed,
         }

@@ -37,7 +37,8 @@ pub(in crate::cli) struct ServeArgs {
     #[arg(long, value_name = "HOST")]
     pub client: Option<String>,
     /// For --protocol openfresco-simulink: the order of the signals in commands and answers, as the control points of the
-    /// OpenFresco model have them. Needed with more than one axis and more than one quantity.
+    /// OpenFresco model have them. Needed with more than one axis and more than one quantity, the time
+    /// included.
     #[arg(long, value_enum, value_name = "ORDER")]
     pub signal_order: Option<SignalOrderArg>,
     /// Pre-shared key of our own protocol; beyond loopback it wants this or --transport tls. A file that all users of the
@@ -102,9 +103,9 @@ pub(in crate::cli) enum ProtocolArg {
 #[derive(Debug, Clone, Copy, ValueEnum)]
 #[value(rename_all = "snake_case")]
 pub(in crate::cli) enum SignalOrderArg {
-    /// d1 v1 d2 v2: all quantities of an axis, then those of the next axis.
+    /// d1 v1 d2 v2: all quantities of an axis, then those of the next axis. The time must be left out.
     ByAxis,
-    /// d1 d2 v1 v2: one quantity of all axes, then the next quantity.
+    /// d1 d2 v1 v2: one quantity of all axes, then the next quantity. The time stands last.
     ByQuantity,
 }
 

@@ -148,19 +148,18 @@ impl<'a> Hall<'a> {
 
     /// Keeps a datagram for later: one that opens a test, or a further one of a peer that waits. False if it is neither.
     fn keep(&mut self, from: SocketAddr, letter: &[u8], host: &mut Host) -> bool {
-        let mut guests = self.guests.iter_mut();
-        let known = guests.find(|guest| guest.peer == from);
-        if let Some(Line::Letters(letters)) = known.map(|guest| &mut guest.line) {
-            if letters.len() < MOST_LETTERS {
-                letters.push_back(letter.to_vec());
-            }
-            return true;
-        }
         // A separate machine judges it, so a stranger's datagram opens nothing.
         let mut machine = self.machine(host);
         let opens = machine
             .hear(letter, host, &mut || true)
             .is_ok_and(|heard| !heard.reply.is_empty() || matches!(heard.said, Said::Ready(_)));
+        if let Some(guest) = self.guests.iter_mut().find(|guest| guest.peer == from) {
+            if opens {
+                // A peer that opens again is there: it may follow a client that has fallen silent since it first came.
+                guest.came_ns = monotonic_ns();
+            }
+            return post(guest, letter, opens);
+        }
         if !opens || self.guests.len() >= SEATS {
             return false;
         }
@@ -195,9 +194,9 @@ impl<'a> Hall<'a> {
             Caller::Datagram(count, _) => {
                 let letter = buffer.get(..count).unwrap_or_default().to_vec();
                 let mut guests = self.guests.iter_mut();
-                let known = guests.find(|guest| guest.peer == peer);
-                if let Some(Line::Letters(letters)) = known.map(|guest| &mut guest.line) {
-                    letters.push_back(letter);
+                if let Some(guest) = guests.find(|guest| guest.peer == peer)
+                    && post(guest, &letter, false)
+                {
                     return;
                 }
                 // Judged by a machine of its own: a stranger's datagram must open nothing.
@@ -320,5 +319,93 @@ impl<'a> Hall<'a> {
             sizes,
             early,
         }))
+    }
+}
+
+/// Keeps a further datagram of a peer that waits; false if its bytes do not come in datagrams. More than [`MOST_LETTERS`] are
+/// dropped. One that opens a test and repeats the datagram before it needs no second place.
+fn post(guest: &mut Guest, letter: &[u8], opens: bool) -> bool {
+    let Line::Letters(letters) = &mut guest.line else {
+        return false;
+    };
+    let is_again = opens && letters.back().is_some_and(|last| last == letter);
+    if !is_again && letters.len() < MOST_LETTERS {
+        letters.push_back(letter.to_vec());
+    }
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::link::openfresco::Role;
+    use crate::specimen::SpecimenLaw;
+
+    const PEER: ([u8; 4], u16) = ([127, 0, 0, 1], 9);
+
+    /// Calls `test` with an empty hall over UDP.
+    fn with_hall(test: impl FnOnce(&mut Hall<'_>, &mut Host)) {
+        let law: SpecimenLaw =
+            toml::from_str("law = { linear = { stiffness_n_per_m = 8000.0 } }").unwrap();
+        let mut host = Host::new(law.build(1).unwrap(), Nature::Simulated, None);
+        let door = Door::bind(Carrier::Datagrams, "127.0.0.1:0", []).unwrap();
+        let settings = ServeSettings::new(Role::Application, None);
+        test(&mut Hall::new(&door, &settings), &mut host);
+    }
+
+    #[test]
+    fn a_peer_that_opens_again_came_later_and_one_that_says_other_things_did_not() {
+        with_hall(|hall, host| {
+            let peer = PEER.into();
+            assert!(hall.keep(peer, b"a", host));
+            let came_ns = hall.guests[0].came_ns;
+            let heard_ns = monotonic_ns();
+            assert!(!hall.has_successor(peer, heard_ns));
+            assert!(hall.keep(peer, &[7; 16], host));
+            assert_eq!(hall.guests[0].came_ns, came_ns);
+            assert!(!hall.has_successor(peer, heard_ns));
+            assert!(hall.keep(peer, b"a", host));
+            assert!(hall.has_successor(peer, heard_ns));
+            assert!(!hall.has_successor(peer, monotonic_ns()));
+            assert_eq!(hall.guests.len(), 1);
+        });
+    }
+
+    #[test]
+    fn a_hello_that_is_repeated_takes_no_room_from_what_follows() {
+        with_hall(|hall, host| {
+            let peer = PEER.into();
+            for _ in 0..200 {
+                assert!(hall.keep(peer, b"a", host));
+            }
+            let Line::Letters(letters) = &hall.guests[0].line else {
+                panic!("over UDP a guest has letters");
+            };
+            assert_eq!(letters.len(), 1);
+        });
+    }
+
+    #[test]
+    fn no_peer_fills_the_memory_while_it_waits_or_while_it_is_greeted() {
+        for is_served in [false, true] {
+            with_hall(|hall, host| {
+                let peer = PEER.into();
+                let mut buffer = vec![7; 16];
+                buffer[0] = b'a';
+                for k in 0..200 {
+                    let count = if k == 0 { 1 } else { 16 };
+                    if is_served {
+                        assert!(hall.keep(peer, &buffer[..count], host));
+                    } else {
+                        let caller = Caller::Datagram(count, peer);
+                        hall.admit(caller, host, &mut |_| {}, &buffer);
+                    }
+                }
+                let Line::Letters(letters) = &hall.guests[0].line else {
+                    panic!("over UDP a guest has letters");
+                };
+                assert_eq!(letters.len(), MOST_LETTERS);
+            });
+        }
     }
 }

@@ -70,6 +70,8 @@ pub enum HostFault {
 pub struct Tally {
     /// Commands, repeats included.
     pub commands: u64,
+    /// Commands at a test time further from 0 than all before them: a load factor may fall from there.
+    pub later_times: u64,
     /// Accepted steps.
     pub commits: u64,
     /// Steps taken back.
@@ -93,6 +95,8 @@ pub struct Host {
     accel: Vec<f64>,
     measured: Measurement,
     time: f64,
+    /// Test time of a command that was furthest from 0, in s.
+    latest_time: f64,
     committed_disp: Vec<f64>,
     pending: bool,
     begun: bool,
@@ -142,6 +146,7 @@ impl Host {
             accel: vec![0.0; n],
             measured: Measurement::zeros(n),
             time: 0.0,
+            latest_time: 0.0,
             committed_disp: vec![0.0; n],
             pending: false,
             begun: false,
@@ -222,6 +227,7 @@ impl Host {
         self.pending = false;
         self.begun = false;
         self.time = 0.0;
+        self.latest_time = 0.0;
         self.sequence = 0;
         self.vel.fill(0.0);
         self.accel.fill(0.0);
@@ -263,7 +269,8 @@ impl Host {
 
     /// A warning about the client, for the log and the run folder.
     pub(super) fn warn(&mut self, remark: Remark) {
-        self.station.warn(remark.event(), &remark.to_string());
+        let text = remark.text(self.nature);
+        self.station.warn(remark.event(), &text);
     }
 
     /// A fault with what the specimen's link has to say.
@@ -294,6 +301,10 @@ impl Host {
         let time = command.time;
         if !(time.abs() <= LATEST_S && dt.is_none_or(|dt| dt <= LATEST_S)) {
             return Err(HostFault::Leap { time });
+        }
+        if time.abs() > self.latest_time {
+            self.latest_time = time.abs();
+            self.tally.later_times = self.tally.later_times.saturating_add(1);
         }
         match (course, self.nature) {
             (Course::Repeat, Nature::Simulated) => return Ok(()),
@@ -537,6 +548,24 @@ mod tests {
                 }
                 Nature::Physical => assert_eq!(back, Err(HostFault::Reversed { time: 0.01 })),
             }
+        }
+    }
+
+    #[test]
+    fn only_commands_of_a_later_time_than_all_before_count_as_such() {
+        let mut host = host(BILINEAR, 1, Nature::Simulated);
+        for test in 0..2 {
+            // A step of three tries, one that is taken back and cut, and the next one.
+            let sign = [1.0, -1.0][test];
+            for time in [0.0, 0.01, 0.01, 0.01, 0.0, 0.005, 0.01, 0.02] {
+                let disp = [time];
+                let command = at(&disp, sign * time);
+                host.trial(Course::Iteration, &command, None, &mut || true)
+                    .unwrap();
+            }
+            assert_eq!(host.tally().later_times, 2, "{test}");
+            host.begin(&visitor(), &mut || Ok(())).unwrap();
+            assert_eq!(host.tally().later_times, 0);
         }
     }
 

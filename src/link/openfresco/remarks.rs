@@ -1,16 +1,15 @@
 //! Warnings about a client, for the log and the run folder, each once in a session. Its commands show them; the protocol has
 //! no message for them.
 
-use std::fmt;
-
 use super::dialect::Role;
-use super::host::Tally;
+use super::host::{Nature, Tally};
 use crate::wire::openfresco::Sizes;
 
 /// A warning about a client.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Remark {
-    /// The client announced no time and has sent this number of commands without a commit.
+    /// The client has sent this number of commands without a commit. Iterations of a step count only if no time tells them
+    /// from steps.
     NoCommits(u64),
     /// The client went back to the start of its analysis.
     Reset,
@@ -24,22 +23,38 @@ impl Remark {
             Self::Reset => "client_reset",
         }
     }
-}
 
-impl fmt::Display for Remark {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    /// What it means for a specimen of this nature.
+    pub(super) fn text(self, nature: Nature) -> String {
         match self {
-            Self::NoCommits(commands) => write!(
-                f,
-                "the client announced no time and has sent {commands} commands without a commit: a computed specimen starts \
-                 each of them from its initial state, so it has no history (hysteresis and rate effects are wrong); the client \
-                 must send action 5 after each step"
-            ),
-            Self::Reset => f.write_str(
-                "the client went back to displacement 0 at time 0, as OpenSees does on `reset` or `revertToStart`: the protocol \
-                 has no message for that, so the specimen keeps its committed state; a computed specimen is in its initial \
-                 state again only for a new connection",
-            ),
+            Self::NoCommits(commands) => {
+                let follows = match nature {
+                    Nature::Simulated => {
+                        "the computed specimen starts each of them from its initial state, so it has no history (hysteresis and \
+                         rate effects are wrong)"
+                    }
+                    Nature::Physical => {
+                        "no step is ever accepted, so a step that the client takes back cannot be recognised"
+                    }
+                };
+                format!(
+                    "the client has sent {commands} commands without a commit: {follows}; the client must send action 5 after each \
+                     step"
+                )
+            }
+            Self::Reset => {
+                let follows = match nature {
+                    Nature::Simulated => {
+                        "the computed specimen keeps its committed state, and is in its initial state again only for a new \
+                         connection"
+                    }
+                    Nature::Physical => "the specimen keeps what the test has done to it",
+                };
+                format!(
+                    "the client went back to displacement 0 at time 0, as OpenSees does on `reset` or `revertToStart`: the protocol \
+                     has no message for that; {follows}"
+                )
+            }
         }
     }
 }
@@ -50,8 +65,10 @@ const MANY_COMMANDS: u64 = 10;
 /// The warnings of one session.
 #[derive(Debug)]
 pub(super) struct Remarks {
-    /// Nothing but commits tells the steps of this client apart.
-    needs_commits: bool,
+    /// The protocol of this client has commits.
+    has_commits: bool,
+    /// The client sends the time, so iterations do not count.
+    sends_time: bool,
     has_told_of_commits: bool,
     has_told_of_reset: bool,
 }
@@ -60,7 +77,8 @@ impl Remarks {
     pub(super) fn of(role: Role, sizes: &Sizes) -> Self {
         Self {
             // GenericTCP never commits: there each target accepts the one before.
-            needs_commits: role != Role::Controller && sizes.ctrl().time == 0,
+            has_commits: role != Role::Controller,
+            sends_time: sizes.ctrl().time > 0,
             has_told_of_commits: false,
             has_told_of_reset: false,
         }
@@ -77,12 +95,18 @@ impl Remarks {
     }
 
     fn commits(&mut self, tally: Tally, least: u64) -> Option<Remark> {
-        let is_due = self.needs_commits
+        let commands = match (self.sends_time, tally.later_times) {
+            (false, _) => tally.commands,
+            // A time that is always 0 tells steps and iterations apart no better than none.
+            (true, 0) if tally.commands >= MANY_COMMANDS => tally.commands,
+            (true, later_times) => later_times,
+        };
+        let is_due = self.has_commits
             && !self.has_told_of_commits
             && tally.commits == 0
-            && tally.commands >= least;
+            && commands >= least;
         self.has_told_of_commits |= is_due;
-        is_due.then_some(Remark::NoCommits(tally.commands))
+        is_due.then_some(Remark::NoCommits(commands))
     }
 
     /// The client went back to the start. Real-time: yes.
@@ -112,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn missing_commits_are_told_once_and_only_of_a_client_without_a_time() {
+    fn missing_commits_are_told_once_and_of_a_protocol_that_has_commits() {
         let mut timeless = remarks(Role::Application, 0);
         assert_eq!(timeless.after(tally(9, 0)), None);
         assert_eq!(timeless.after(tally(10, 0)), Some(Remark::NoCommits(10)));
@@ -122,8 +146,40 @@ mod tests {
         let short = remarks(Role::Application, 0).at_end(tally(2, 0));
         assert_eq!(short, Some(Remark::NoCommits(2)));
         assert_eq!(remarks(Role::Application, 0).at_end(tally(50, 1)), None);
-        for (role, time) in [(Role::Application, 1), (Role::Controller, 0)] {
-            assert_eq!(remarks(role, time).at_end(tally(50, 0)), None);
+        let rising = Tally {
+            later_times: 50,
+            ..tally(50, 0)
+        };
+        for time in [0, 1] {
+            assert_eq!(remarks(Role::Controller, time).at_end(rising), None);
+        }
+    }
+
+    #[test]
+    fn iterations_of_one_step_do_not_count_where_the_client_sends_the_time() {
+        for role in [Role::Application, Role::Actor, Role::Simulink] {
+            let mut timed = remarks(role, 1);
+            let at = |later_times| Tally {
+                later_times,
+                ..tally(60, 0)
+            };
+            assert_eq!(timed.after(at(9)), None);
+            assert_eq!(timed.after(at(10)), Some(Remark::NoCommits(10)));
+            assert_eq!(timed.at_end(at(10)), None);
+            assert_eq!(remarks(role, 1).at_end(at(1)), None);
+            // The time is always 0.
+            assert_eq!(remarks(role, 1).at_end(tally(9, 0)), None);
+            let still = remarks(role, 1).after(tally(10, 0));
+            assert_eq!(still, Some(Remark::NoCommits(10)));
+            assert_eq!(remarks(role, 1).at_end(at(2)), Some(Remark::NoCommits(2)));
+        }
+    }
+
+    #[test]
+    fn only_a_computed_specimen_is_said_to_start_anew() {
+        for remark in [Remark::NoCommits(10), Remark::Reset] {
+            assert!(remark.text(Nature::Simulated).contains("initial state"));
+            assert!(!remark.text(Nature::Physical).contains("initial state"));
         }
     }
 

@@ -61,19 +61,19 @@ pub struct OpenFrescoServeSpec {
     pub step_s: Option<f64>,
     /// For "openfresco-simulink": the order of the signals in commands and answers, as the control points of the OpenFresco
     /// model have them. OpenFresco does not announce it. Required with more than one axis and more than one quantity
-    /// (displacement, velocity, acceleration, force), either commanded or measured: otherwise such a client is refused.
+    /// (displacement, velocity, acceleration, force, time), either commanded or measured: otherwise such a client is refused.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub signal_order: Option<SignalOrderSpec>,
 }
 
-/// The order of SimSimulink's signals. The time stands last in both.
+/// The order of SimSimulink's signals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SignalOrderSpec {
     /// d1 v1 d2 v2, and d1 f1 d2 f2: all quantities of an axis (displacement, velocity, acceleration, force), then those of
-    /// the next axis.
+    /// the next axis. A client that sends or requests the time, too, is refused: its place is unknown.
     ByAxis,
-    /// d1 d2 v1 v2, and d1 d2 f1 f2: one quantity of all axes, then the next quantity.
+    /// d1 d2 v1 v2, and d1 d2 f1 f2: one quantity of all axes, then the next quantity. The time stands last.
     ByQuantity,
 }
 

@@ -47,6 +47,8 @@ pub(super) struct Tracker {
     /// Time has begun anew since: it is later than `base`, whatever it says.
     anew: bool,
     committed_disp: Vec<f64>,
+    /// A commit at a time beyond 0 had a displacement other than 0.
+    has_left_start: bool,
     /// A command since the last commit was elsewhere: there is something to take back.
     away: bool,
     /// The last command was at the last commit: the opening zeros, or a step taken back.
@@ -63,6 +65,7 @@ impl Tracker {
             base: Some(0.0),
             anew: false,
             committed_disp: vec![0.0; axes],
+            has_left_start: false,
             away: false,
             at_base: true,
         }
@@ -156,11 +159,12 @@ impl Tracker {
     }
 
     /// True if `new`, not judged yet, goes back to the start of the client's analysis after a commit: OpenSees sends
-    /// zeros at time 0 then. A step that is taken back to there does not count. Real-time: yes.
+    /// zeros at time 0 then. A step that is taken back to there does not count, nor does a client whose commits never left that
+    /// start. Real-time: yes.
     pub(super) fn is_reset(&self, new: &Signals) -> bool {
         let is_start = new.time().is_some() && new.values().iter().all(|value| *value == 0.0);
         let has_time_passed = !self.anew && self.base.is_some_and(|base| base > 0.0);
-        self.has_committed && is_start && (has_time_passed || !self.is_home(new))
+        self.has_left_start && is_start && (has_time_passed || !self.is_home(new))
     }
 
     /// True for the displacement of the last commit.
@@ -190,6 +194,9 @@ impl Tracker {
         for (kept, new) in self.committed_disp.iter_mut().zip(last.response().disp) {
             *kept = *new;
         }
+        let has_time_passed = self.base.is_some_and(|base| base > 0.0);
+        let is_away = self.committed_disp.iter().any(|disp| *disp != 0.0);
+        self.has_left_start |= has_time_passed && is_away;
         std::mem::take(&mut self.trials)
     }
 

@@ -2,17 +2,18 @@
 //!
 //! Everything but `SimSimulink` arranges signals by quantity: all displacements, then all velocities. `SimSimulink` arranges
 //! them in the order of OpenFresco's control points, which no message announces. So where several axes have several
-//! quantities, the order must be known from elsewhere.
+//! quantities, the order must be known from elsewhere. The time is one of the quantities: any control point may hold it.
 
 use super::sizes::Counts;
 use crate::wire::WireError;
 
-/// The order of the signals of a vector. The time stands last in both.
+/// The order of the signals of a vector.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum SignalOrder {
-    /// d1 v1 d2 v2: the displacement, velocity, acceleration and force of an axis, then those of the next axis.
+    /// d1 v1 d2 v2: the displacement, velocity, acceleration and force of an axis, then those of the next axis. There is no time:
+    /// nothing says which control point holds it.
     ByAxis,
-    /// d1 d2 v1 v2: the displacements of all axes, then the velocities, accelerations and forces.
+    /// d1 d2 v1 v2: the displacements of all axes, then the velocities, accelerations and forces. The time stands last.
     ByQuantity,
 }
 
@@ -20,19 +21,21 @@ impl SignalOrder {
     /// The order that `counts` are sent in. Layouts with one axis or one quantity have only one.
     ///
     /// # Errors
-    /// [`WireError::SignalOrder`] if there are several and none was given.
+    /// [`WireError::SignalOrder`] if there are several and none was given, [`WireError::TimePlace`] if the place of the time is
+    /// unknown.
     pub fn of(given: Option<Self>, counts: &Counts) -> Result<Self, WireError> {
-        let [.., time] = counts.in_order();
-        let kinds = [counts.disp, counts.vel, counts.accel, counts.force];
+        let [kinds @ .., _] = counts.in_order();
         let axes = kinds.into_iter().max().unwrap_or(0);
-        let quantities = kinds.iter().filter(|count| **count > 0).count();
+        let present = counts.in_order().into_iter().filter(|count| *count > 0);
+        let quantities = present.count();
         if axes <= 1 || quantities <= 1 {
             return Ok(Self::ByQuantity);
         }
-        given.ok_or(WireError::SignalOrder {
-            axes,
-            quantities: quantities + time,
-        })
+        match given {
+            None => Err(WireError::SignalOrder { axes, quantities }),
+            Some(Self::ByAxis) if counts.time > 0 => Err(WireError::TimePlace { axes }),
+            Some(order) => Ok(order),
+        }
     }
 
     /// Where each signal stands on the wire, counted from the first one; the signals are taken by quantity.
@@ -63,10 +66,10 @@ mod tests {
         for (counts, is_asked) in [
             (Counts::new(1, 1, 1, 1, 1), false),
             (Counts::new(2, 0, 0, 0, 0), false),
-            (Counts::new(2, 0, 0, 0, 1), false),
-            (Counts::new(0, 0, 0, 3, 1), false),
+            (Counts::new(0, 0, 0, 3, 0), false),
+            (Counts::new(0, 0, 0, 0, 1), false),
             (Counts::new(2, 2, 0, 0, 0), true),
-            (Counts::new(2, 0, 0, 2, 1), true),
+            (Counts::new(0, 0, 2, 2, 0), true),
         ] {
             assert_eq!(SignalOrder::of(None, &counts).is_err(), is_asked);
             for given in [SignalOrder::ByAxis, SignalOrder::ByQuantity] {
@@ -77,10 +80,30 @@ mod tests {
     }
 
     #[test]
+    fn the_time_is_a_quantity_that_only_an_order_by_quantity_can_place() {
+        for (counts, quantities) in [
+            (Counts::new(2, 0, 0, 0, 1), 2),
+            (Counts::new(0, 0, 0, 2, 1), 2),
+            (Counts::new(2, 2, 0, 2, 1), 4),
+        ] {
+            let none = WireError::SignalOrder {
+                axes: 2,
+                quantities,
+            };
+            assert_eq!(SignalOrder::of(None, &counts), Err(none));
+            let by_axis = SignalOrder::of(Some(SignalOrder::ByAxis), &counts);
+            assert_eq!(by_axis, Err(WireError::TimePlace { axes: 2 }));
+            let order = SignalOrder::of(Some(SignalOrder::ByQuantity), &counts).unwrap();
+            assert_eq!(order.places(&counts).last(), Some(&counts.before_time()));
+        }
+    }
+
+    #[test]
     fn the_places_are_those_of_the_named_order() {
+        let timeless = Counts::new(2, 2, 0, 2, 0);
+        // d1 d2 v1 v2 f1 f2 stand as d1 v1 f1 d2 v2 f2.
+        assert_eq!(SignalOrder::ByAxis.places(&timeless), [0, 3, 1, 4, 2, 5]);
         let counts = Counts::new(2, 2, 0, 2, 1);
-        // d1 d2 v1 v2 f1 f2 t stand as d1 v1 f1 d2 v2 f2 t.
-        assert_eq!(SignalOrder::ByAxis.places(&counts), [0, 3, 1, 4, 2, 5, 6]);
         assert_eq!(
             SignalOrder::ByQuantity.places(&counts),
             [0, 1, 2, 3, 4, 5, 6]

@@ -167,6 +167,31 @@ fn simulink_signals_of_several_axes_and_quantities_are_refused_without_an_order(
     }
 }
 
+/// OpenFresco's user may put the time into any control point: d1 t d2.
+#[test]
+fn a_time_beside_several_axes_is_placed_by_quantity_or_refused() {
+    let commanded = [2, 0, 0, 0, 1, 2, 0, 0, 0, 0, 8];
+    let measured = [2, 0, 0, 0, 0, 0, 0, 0, 2, 1, 8];
+    for counts in [commanded, measured] {
+        let feed = |order| two_axes(order).feed(&sizes_bytes(counts)).map(|_| ());
+        let unknown = Err(WireError::SignalOrder {
+            axes: 2,
+            quantities: 2,
+        });
+        assert_eq!(feed(None), unknown, "{counts:?}");
+        let refused = Err(WireError::TimePlace { axes: 2 });
+        assert_eq!(feed(Some(SignalOrder::ByAxis)), refused, "{counts:?}");
+        assert_eq!(feed(Some(SignalOrder::ByQuantity)), Ok(()), "{counts:?}");
+    }
+    let mut machine = two_axes(Some(SignalOrder::ByQuantity));
+    machine.feed(&sizes_bytes(commanded)).unwrap();
+    machine
+        .feed(&vector(8, &[3.0, 0.001, 0.0005, 0.01]))
+        .unwrap();
+    assert_eq!(machine.trial().disp, [0.001, 0.0005]);
+    assert_eq!(machine.trial().time, 0.01);
+}
+
 #[test]
 fn an_old_simulink_is_refused_where_it_sends_other_signals_than_it_announces() {
     let by_axis = Some(SignalOrder::ByAxis);

@@ -192,6 +192,33 @@ fn a_return_to_the_start_after_a_commit_is_a_reset_and_a_step_taken_back_is_none
 }
 
 #[test]
+fn zeros_of_a_client_whose_commits_never_left_the_start_are_no_reset() {
+    // The client announces a time and always sends 0.
+    let mut server = generic();
+    for disp in [0.0, 0.005, 0.01, 0.005, 0.0] {
+        trial(&mut server, disp, 0.0);
+        assert!(!server.is_reset(), "{disp}");
+        commit(&mut server, 0.0);
+    }
+    // Only the time changes.
+    let mut server = generic();
+    for time in [0.2, 0.4, 0.6, 0.8, 1.0] {
+        trial(&mut server, 0.0, time);
+        commit(&mut server, time);
+    }
+    trial(&mut server, 0.0, 0.0);
+    assert!(!server.is_reset());
+    // A client that was elsewhere and came home can begin again.
+    let mut server = generic();
+    for (disp, time) in [(0.1, 0.02), (0.0, 0.04)] {
+        trial(&mut server, disp, time);
+        commit(&mut server, time);
+    }
+    trial(&mut server, 0.0, 0.0);
+    assert!(server.is_reset());
+}
+
+#[test]
 fn an_answer_holds_the_complete_layout_whatever_was_asked() {
     let mut server = Server::new(ServerDialect::Application, Carrier::Stream, ONE);
     let sizes = sizes_bytes([1, 1, 1, 0, 1, 1, 1, 1, 1, 1, 6]);
