@@ -152,6 +152,37 @@ fn keys_that_need_a_measured_displacement_are_refused_where_answers_hold_forces_
     assert_eq!(said("limits.force_step_n.trip = 10", "probe_m = 1e-4"), "");
 }
 
+/// A key that judges all specimens together is refused where none of them measures, and warned of where some do not.
+#[test]
+fn keys_of_the_test_that_need_a_measured_displacement_judge_no_link_with_forces_only() {
+    let text = |key: &str| {
+        let text = linked(
+            10,
+            "127.0.0.1:1",
+            "protocol = \"openfresco\"\nprobe_m = 1e-4",
+        );
+        text.replace("[safety]\n", &format!("[safety]\n{key}\n"))
+    };
+    for key in ["delay_used", "added_energy_share"] {
+        let floor = if key == "delay_used" {
+            ""
+        } else {
+            ", floor_j = 1"
+        };
+        let alone = text(&format!("{key} = {{ warn = 0.5{floor} }}"));
+        let found = complaint(&alone);
+        shows(&found, &format!("`{key}` needs a measured displacement"));
+        shows(&found, "\"column\"");
+        let beside = format!("{alone}\n[[specimen]]\nname = \"other\"\nstorey = 2\n{ONE_AXIS_LAW}");
+        let loaded = config::parse(Path::new("test.toml"), beside, &[]).unwrap();
+        let warned = gusset::config::Diagnostics(loaded.warnings).to_string();
+        shows(&warned, &format!("`{key}` does not judge \"column\""));
+        let measures = alone.replace("probe_m", "openfresco = { server = \"site\" }\nprobe_m");
+        let found = complaint(&measures);
+        assert!(!found.contains("needs a measured"), "{found}");
+    }
+}
+
 #[test]
 fn what_is_believed_of_a_specimen_behind_a_link_must_be_said() {
     let text = linked(10, "127.0.0.1:1", "");
