@@ -15,6 +15,7 @@ use crate::config::ClockChoice;
 use crate::control::Port;
 use crate::engine::{Control, Experiment, Operator};
 use crate::record::{FolderError, Note, NoteLevel, Roll, Run, What, Writer};
+use crate::report::MEASURES_DISP;
 use crate::substructure::{Introduction, LinkFault, Retirement, Unavailable};
 
 /// Where a specimen said that it stands, in the note on its connection: numbers in its own unit, one per axis, in words,
@@ -124,6 +125,10 @@ pub(super) fn connect(
                 if port.is_remote() {
                     let note = about(NoteLevel::Info, "connected");
                     let note = note.with("peer", introduction.peer.as_str());
+                    let note = match introduction.repeats_the_command {
+                        true => note.with(MEASURES_DISP, false),
+                        false => note,
+                    };
                     writer.note(match port.standing() {
                         Some(standing) => note.with(STANDING, in_words(standing).as_str()),
                         None => note,
