@@ -184,6 +184,22 @@ fn keys_of_the_test_that_need_a_measured_displacement_judge_no_link_with_forces_
 }
 
 #[test]
+fn counts_of_signals_are_none_or_the_number_of_axes_and_answer_signals_is_named() {
+    let said = |openfresco: &str, more: &str| {
+        let link = format!("protocol = \"openfresco\"\nopenfresco = {{ {openfresco} }}\n{more}");
+        complaint(&linked(10, "127.0.0.1:1", &link))
+    };
+    for signals in ["[2, 0, 0, 2, 0]", "[1, 0, 0, 2, 0]", "[1, 2, 0, 1, 0]"] {
+        let found = said(&format!("answer_signals = {signals}"), "");
+        shows(&found, "answer_signals is 2");
+        shows(&found, "the number of axes");
+    }
+    let found = said("answer_signals = [1, 1, 1, 1, 1]", "stands_at_m = [0]");
+    shows(&found, "`openfresco.answer_signals` says");
+    assert!(!found.contains("only for an element server"), "{found}");
+}
+
+#[test]
 fn what_is_believed_of_a_specimen_behind_a_link_must_be_said() {
     let text = linked(10, "127.0.0.1:1", "");
     let silent = text.replace("stiffness_n_per_m = 4e5\n", "");
@@ -200,6 +216,8 @@ fn what_is_believed_of_a_specimen_behind_a_link_must_be_said() {
         &complaint(&inches),
         "the protocol of Gusset has no such `unit_disp`",
     );
+    shows(&complaint(&inches), "protocol = \"openfresco…\"");
+    shows(&complaint(&inches), "m or mm");
     let burst = text.replace("[timing]", "[timing]\non_miss = \"catch_up\"");
     shows(&complaint(&burst), "driven faster than the test says");
     let allowed = burst.replace("[timing]", "[timing]\ncatch_up_remote = true");
@@ -274,4 +292,16 @@ fn a_file_of_specimens_or_a_test_can_be_served() {
     assert!(served.check_protocol(Offer::OpenFresco).is_ok());
     let refused = served.check_protocol(Offer::Gusset).unwrap_err();
     shows(&refused.to_string(), "`unit_force`");
+}
+
+/// Whoever serves a specimen has no structure: the client commands the displacements.
+#[test]
+fn a_storey_of_a_served_specimen_leads_to_rows() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = format!("[[specimen]]\nname = \"column\"\nstorey = 1\n{ONE_AXIS_LAW}");
+    let path = write(folder.path(), "served.toml", &text);
+    let found = load_served(&path, None).unwrap_err().to_string();
+    shows(&found, "`storey` takes a deformation from a structure");
+    shows(&found, "`rows`");
+    assert!(!found.contains("is prescribed"), "{found}");
 }
