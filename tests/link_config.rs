@@ -294,7 +294,7 @@ fn a_file_of_specimens_or_a_test_can_be_served() {
     shows(&refused.to_string(), "`unit_force`");
 }
 
-/// Whoever serves a specimen has no structure: the client commands the displacements.
+/// A served specimen has no structure: the client commands the displacements.
 #[test]
 fn a_storey_of_a_served_specimen_leads_to_rows() {
     let folder = tempfile::tempdir().unwrap();

@@ -442,8 +442,7 @@ fn a_stiffness_that_differs_is_a_warning_and_a_reversed_one_a_refusal() {
     assert!(reason.contains("a channel is reversed"), "{reason}");
 }
 
-/// What is compared with the command, or learnt from, must not be the command itself. What the test file cannot know shows when
-/// the specimen has connected, before it is armed.
+/// A limit must not compare the command with itself. The connection shows it before the specimen is armed.
 #[test]
 fn a_specimen_that_may_send_the_command_back_is_refused_where_its_displacement_is_needed() {
     let silent = Capabilities::default();

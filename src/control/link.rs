@@ -168,7 +168,7 @@ impl Port {
         (introduction.repeats_the_command && !needs.is_empty()).then(|| {
             format!(
                 "specimen \"{}\", {}: its end does not say that it measures displacement. What it sends as such may be the command, and \
-                 {} would compare the command with itself: let the end of the link measure displacement and say so, or do without",
+                 {} would compare the command with itself: let the end of the link measure displacement and announce it, or do without",
                 self.name,
                 introduction.peer,
                 needs.join(", ")
@@ -176,7 +176,7 @@ impl Port {
         })
     }
 
-    /// A stale force goes on along the stiffness from the measured displacement.
+    /// Warns that a stale force is extrapolated from the command.
     fn goes_on_from_the_command(&self) -> Option<String> {
         let rules = self.wait?;
         (rules.on_stale == OnStale::Extrapolate).then(|| {

@@ -274,7 +274,7 @@ pub enum MotionError {
         file: String,
         /// Name of the values in the header; empty without one.
         header: String,
-        /// What is to be measured.
+        /// The quantity that the signal measures.
         quantity: Quantity,
     },
     /// A unit of something else.

@@ -209,7 +209,7 @@ impl AxisDigest {
         self.initial = metrics::identify(&late[..first], meas, force, dt);
     }
 
-    /// Leaves out what would compare the command with the target, or take the command for what was measured. The loop stays: it
+    /// Leaves out what would compare the command with the target, or take the command for a measurement. The loop stays: it
     /// is of the force over the command.
     pub fn forget_measured_disp(&mut self) {
         (self.tracking, self.course, self.peak_disp, self.absorbed) = (None, None, None, None);

@@ -1,4 +1,4 @@
-//! An axis whose link answers with forces only: its pictures show the command, and say so.
+//! An axis whose link answers with forces only: its pictures show the command under that name.
 
 use super::canvas::Ink;
 use super::charts::Quantity;

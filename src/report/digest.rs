@@ -176,7 +176,7 @@ pub(super) const MISSING: &str = "rows are missing in the record, or not at even
 
 /// Why there are no tracking metrics of a specimen whose answers hold forces only.
 pub(super) const WITHOUT_DISP: &str =
-    "no displacement is measured, and the command stands in its place";
+    "no displacement is measured, and the record repeats the command";
 
 impl Digest {
     /// False of an axis whose measured displacement is the command.

@@ -178,7 +178,7 @@ fn words(end: &AxisEnd, rows: &Rows<'_>, configuration: Option<&Value>, is_whole
         own(end.force, FORCE),
     ];
     let mut text = if is_whole && !rows.digest().measures_disp(end.axis) {
-        format!("last command {command} as it was sent, last force {force} as it came")
+        format!("last command sent {command}, last force received {force}")
     } else if is_whole {
         format!(
             "last command {command} as it was sent, last measured {measured} and {force} as they came"

@@ -177,7 +177,7 @@ fn unjudged(ports: &[Port], without: &[&str]) -> Option<(String, bool)> {
     Some(if without.len() == ports.len() {
         (
             format!(
-                "{text}; no other specimen is there: let the end of the link measure displacement and say so, or do without"
+                "{text}; no other specimen is there: let the end of the link measure displacement and announce it, or do without"
             ),
             true,
         )

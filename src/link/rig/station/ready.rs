@@ -33,7 +33,7 @@ impl Station {
         if introduction.repeats_the_command && !self.needs_measured_disp.is_empty() {
             let text = format!(
                 "its end does not say that it measures displacement. What it sends as such may be the command, and {} would compare \
-                 the command with itself: let the end of the link measure displacement and say so, or do without",
+                 the command with itself: let the end of the link measure displacement and announce it, or do without",
                 self.needs_measured_disp.join(", ")
             );
             return Err(text.into());
