@@ -152,6 +152,53 @@ fn keys_that_need_a_measured_displacement_are_refused_where_answers_hold_forces_
     assert_eq!(said("limits.force_step_n.trip = 10", "probe_m = 1e-4"), "");
 }
 
+/// A key that judges all specimens together is refused where none of them measures, and warned of where some do not.
+#[test]
+fn keys_of_the_test_that_need_a_measured_displacement_judge_no_link_with_forces_only() {
+    let text = |key: &str| {
+        let text = linked(
+            10,
+            "127.0.0.1:1",
+            "protocol = \"openfresco\"\nprobe_m = 1e-4",
+        );
+        text.replace("[safety]\n", &format!("[safety]\n{key}\n"))
+    };
+    for key in ["delay_used", "added_energy_share"] {
+        let floor = if key == "delay_used" {
+            ""
+        } else {
+            ", floor_j = 1"
+        };
+        let alone = text(&format!("{key} = {{ warn = 0.5{floor} }}"));
+        let found = complaint(&alone);
+        shows(&found, &format!("`{key}` needs a measured displacement"));
+        shows(&found, "\"column\"");
+        let beside = format!("{alone}\n[[specimen]]\nname = \"other\"\nstorey = 2\n{ONE_AXIS_LAW}");
+        let loaded = config::parse(Path::new("test.toml"), beside, &[]).unwrap();
+        let warned = gusset::config::Diagnostics(loaded.warnings).to_string();
+        shows(&warned, &format!("`{key}` does not judge \"column\""));
+        let measures = alone.replace("probe_m", "openfresco = { server = \"site\" }\nprobe_m");
+        let found = complaint(&measures);
+        assert!(!found.contains("needs a measured"), "{found}");
+    }
+}
+
+#[test]
+fn counts_of_signals_are_none_or_the_number_of_axes_and_answer_signals_is_named() {
+    let said = |openfresco: &str, more: &str| {
+        let link = format!("protocol = \"openfresco\"\nopenfresco = {{ {openfresco} }}\n{more}");
+        complaint(&linked(10, "127.0.0.1:1", &link))
+    };
+    for signals in ["[2, 0, 0, 2, 0]", "[1, 0, 0, 2, 0]", "[1, 2, 0, 1, 0]"] {
+        let found = said(&format!("answer_signals = {signals}"), "");
+        shows(&found, "answer_signals is 2");
+        shows(&found, "the number of axes");
+    }
+    let found = said("answer_signals = [1, 1, 1, 1, 1]", "stands_at_m = [0]");
+    shows(&found, "`openfresco.answer_signals` says");
+    assert!(!found.contains("only for an element server"), "{found}");
+}
+
 #[test]
 fn what_is_believed_of_a_specimen_behind_a_link_must_be_said() {
     let text = linked(10, "127.0.0.1:1", "");
@@ -169,6 +216,8 @@ fn what_is_believed_of_a_specimen_behind_a_link_must_be_said() {
         &complaint(&inches),
         "the protocol of Gusset has no such `unit_disp`",
     );
+    shows(&complaint(&inches), "protocol = \"openfresco…\"");
+    shows(&complaint(&inches), "m or mm");
     let burst = text.replace("[timing]", "[timing]\non_miss = \"catch_up\"");
     shows(&complaint(&burst), "driven faster than the test says");
     let allowed = burst.replace("[timing]", "[timing]\ncatch_up_remote = true");
@@ -243,4 +292,16 @@ fn a_file_of_specimens_or_a_test_can_be_served() {
     assert!(served.check_protocol(Offer::OpenFresco).is_ok());
     let refused = served.check_protocol(Offer::Gusset).unwrap_err();
     shows(&refused.to_string(), "`unit_force`");
+}
+
+/// A served specimen has no structure: the client commands the displacements.
+#[test]
+fn a_storey_of_a_served_specimen_leads_to_rows() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = format!("[[specimen]]\nname = \"column\"\nstorey = 1\n{ONE_AXIS_LAW}");
+    let path = write(folder.path(), "served.toml", &text);
+    let found = load_served(&path, None).unwrap_err().to_string();
+    shows(&found, "`storey` takes a deformation from a structure");
+    shows(&found, "`rows`");
+    assert!(!found.contains("is prescribed"), "{found}");
 }

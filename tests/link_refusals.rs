@@ -27,6 +27,8 @@ mod link_common;
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream, UdpSocket};
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use gusset::record::summary::Status;
 use gusset::wire::Side;
@@ -440,32 +442,88 @@ fn a_stiffness_that_differs_is_a_warning_and_a_reversed_one_a_refusal() {
     assert!(reason.contains("a channel is reversed"), "{reason}");
 }
 
-/// What is compared with the command, or learnt from, must not be the command itself.
+/// A limit must not compare the command with itself. The connection shows it before the specimen is armed.
 #[test]
-fn a_specimen_that_may_send_the_command_back_is_warned_of_where_its_displacement_is_needed() {
-    let needs = "[specimen.limits]\nfollowing_error_m = { trip = 0.5 }";
+fn a_specimen_that_may_send_the_command_back_is_refused_where_its_displacement_is_needed() {
     let silent = Capabilities::default();
-    for (capabilities, keys, warned) in [
-        (silent, needs, true),
-        (silent, "", false),
-        (Capabilities::MEASURES_DISP, needs, false),
-        (Capabilities::SIMULATED, needs, false),
-    ] {
+    let limit = |limit: &str| format!("[specimen.limits]\n{limit}");
+    let following = limit("following_error_m = { trip = 0.5 }");
+    let cases = [
+        (
+            silent,
+            limit("measured_disp_m = { trip = [-1, 1] }"),
+            "limits.measured_disp_m",
+        ),
+        (
+            silent,
+            limit("sensor_disp_m = { trip = [-1, 1] }"),
+            "limits.sensor_disp_m",
+        ),
+        (silent, following.clone(), "limits.following_error_m"),
+        (
+            silent,
+            limit("stuck_ticks = { trip = 1000 }"),
+            "limits.stuck_ticks",
+        ),
+        (
+            silent,
+            limit("added_energy_j = { trip = 1e9 }"),
+            "limits.added_energy_j",
+        ),
+        (silent, limit("lag_s = { trip = 10 }"), "limits.lag_s"),
+        (
+            silent,
+            limit("gain_error = { trip = 10 }"),
+            "limits.gain_error",
+        ),
+        (
+            silent,
+            "[specimen.compensation.ats]\norder = 1\ndelay_s = 0.001".to_owned(),
+            "compensation.ats",
+        ),
+        (
+            silent,
+            "[safety]\ndelay_used = { warn = 0.5 }".to_owned(),
+            "safety.delay_used",
+        ),
+        (
+            silent,
+            "[safety]\nadded_energy_share = { trip = 0.9, floor_j = 1e6 }".to_owned(),
+            "safety.added_energy_share",
+        ),
+        (silent, String::new(), ""),
+        (Capabilities::MEASURES_DISP, following.clone(), ""),
+        (Capabilities::SIMULATED, following, ""),
+    ];
+    for (capabilities, keys, refused) in cases {
         let folder = tempfile::tempdir().unwrap();
         let change = move |welcome: &mut Welcome| {
             welcome.capabilities = capabilities;
             welcome.standing = vec![0.0];
         };
-        let address = Fake::start_welcoming(change, |mut fake| {
-            fake.obey(|disp| (disp, 4e5 * disp), |_| {});
+        let armed_or_commanded = Arc::new(AtomicUsize::new(0));
+        let counter = Arc::clone(&armed_or_commanded);
+        let address = Fake::start_welcoming(change, move |mut fake| {
+            let count = |_| {
+                counter.fetch_add(1, Ordering::SeqCst);
+            };
+            fake.obey(|disp| (disp, 4e5 * disp), count);
         });
-        let (code, said) = run(folder.path(), "run", &linked(STEPS, &address, keys));
-        assert_eq!(code, 0, "{said}");
-        let warnings = summary(folder.path(), "run").warnings;
-        let told = "its end does not say that it measures displacement";
-        let told = warnings
-            .iter()
-            .any(|text| text.contains(told) && text.ends_with("of no use to `following_error_m`"));
-        assert_eq!(told, warned, "{warnings:?}");
+        let text = match keys.strip_prefix("[safety]\n") {
+            Some(key) => {
+                linked(STEPS, &address, "").replace("[safety]\n", &format!("[safety]\n{key}\n"))
+            }
+            None => linked(STEPS, &address, &keys),
+        };
+        let (code, said) = run(folder.path(), "run", &text);
+        if refused.is_empty() {
+            assert_eq!(code, 0, "{keys}: {said}");
+            continue;
+        }
+        assert_eq!(code, 2, "{keys}: {said}");
+        assert!(said.contains("nothing was moved"), "{refused}: {said}");
+        let reason = summary(folder.path(), "run").reason;
+        assert!(reason.contains(refused), "{refused}: {reason}");
+        assert_eq!(armed_or_commanded.load(Ordering::SeqCst), 0, "{refused}");
     }
 }

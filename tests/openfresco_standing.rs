@@ -119,6 +119,13 @@ fn an_element_server_that_answers_displacement_zero_gives_forces_only() {
             .iter()
             .any(|text| text.contains("gives forces only"))
     );
+    // Nothing compares the command with the target as if it had been measured.
+    let told_of = kept.summary().unwrap();
+    assert_eq!(told_of.metrics["column"], serde_json::json!([null]));
+    let [missing] = told_of.metrics_missing.as_slice() else {
+        panic!("{:?}", told_of.metrics_missing);
+    };
+    assert!(missing.starts_with("column") && missing.contains("no displacement is measured"));
     let columns = kept.columns(&["cmd_1_1", "meas_1_1", "force_1_1"]).unwrap();
     assert_eq!(columns[0], columns[1]);
     let forces = columns[0].iter().zip(&columns[2]);

@@ -375,3 +375,25 @@ fn implausible_structures_are_warned_about() {
     );
     assert_eq!(check.json["warnings"], serde_json::json!([]));
 }
+
+/// Against its own command a specimen follows perfectly: its link cannot tell the delay.
+#[test]
+fn a_link_with_forces_only_is_not_sent_to_identify_for_its_delay() {
+    let folder = TempDir::new().unwrap();
+    let text = |link: &str| {
+        format!("{FRAME}{SPECIMEN}[specimen.link]\naddress = \"127.0.0.1:1\"\n{link}{LIMITS}")
+    };
+    let element = "protocol = \"openfresco\"\nstands_at_m = [0]\n";
+    let laboratory = "as the laboratory measured it";
+    for (link, points) in [(element, true), ("", false)] {
+        let check = gusset(folder.path(), "check", &text(link), &["--no-rehearsal"]);
+        let said = &check.stderr;
+        assert!(said.contains("[specimen.identified]"), "{said}");
+        assert_eq!(said.contains(laboratory), points, "{said}");
+        assert_eq!(
+            said.contains("`gusset identify` measures the delay"),
+            !points,
+            "{said}"
+        );
+    }
+}

@@ -129,6 +129,16 @@ impl Default for SafetyTable {
 }
 
 impl SafetyTable {
+    /// Keys that are given and judge the specimens by their measured displacements.
+    pub fn needing_measured_disp(&self) -> impl Iterator<Item = &'static str> {
+        [
+            ("delay_used", self.delay_used.is_some()),
+            ("added_energy_share", self.added_energy_share.is_some()),
+        ]
+        .into_iter()
+        .filter_map(|(key, is_given)| is_given.then_some(key))
+    }
+
     /// True if it says more than why a specimen is without limits.
     #[must_use]
     pub fn bounds_a_test(&self) -> bool {

@@ -12,6 +12,7 @@ use crate::control::AxisUnits;
 use crate::control::limits::LimitsSpec;
 use crate::geometry::{GeometrySpec, LawPlace};
 use crate::link::LinkSpec;
+use crate::link::openfresco::RemoteSettings;
 use crate::specimen::SpecimenLaw;
 use crate::transfer::TransferSpec;
 use crate::wire::handshake::Unit;
@@ -178,6 +179,15 @@ impl SpecimenTable {
             (None, _, Some(rows)) => rows.len(),
             _ => self.axes_by_itself(),
         }
+    }
+
+    /// The settings of its link where the answers of that are known to hold forces only, and no measured displacement.
+    #[must_use]
+    pub fn force_only_link(&self) -> Option<RemoteSettings> {
+        let link = self.link.as_ref()?;
+        // A mistake in the settings is reported where the link is built.
+        let settings = RemoteSettings::from_spec(link, self.axes()).ok()??;
+        (!settings.measures_disp()).then_some(settings)
     }
 
     /// Number of axes of its laws and estimates: those of the specimen, or the coordinates of its platform.

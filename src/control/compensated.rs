@@ -132,12 +132,6 @@ impl Port {
         self
     }
 
-    /// True if it goes by what is measured.
-    pub(super) fn compensation_learns(&self) -> bool {
-        let mut axes = self.compensation.iter().flat_map(|of| &of.axes);
-        axes.any(|axis| axis.one.memory() > 0)
-    }
-
     /// The delay that is made up for is one of test time: that of an actuator which is simulated in this process.
     #[must_use]
     pub fn with_delay_in_test_time(mut self) -> Self {

@@ -52,6 +52,15 @@ impl Partner {
     }
 }
 
+/// What needs the measured displacement of a specimen: places in the test file.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct NeedsMeasuredDisp {
+    /// Keys of the specimen.
+    pub own: Vec<String>,
+    /// Keys of the test, which judge all of its specimens together.
+    pub of_the_test: Vec<String>,
+}
+
 /// What is done with a stale force.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum OnStale {
@@ -104,7 +113,8 @@ impl Port {
             introduction.warnings.push(self.stands_anywhere());
         }
         if introduction.repeats_the_command {
-            introduction.warnings.extend(self.compares_it_with_itself());
+            let warning = self.goes_on_from_the_command();
+            introduction.warnings.extend(warning);
         }
         if introduction.stiffness.len() != n * n {
             return Ok(introduction);
@@ -150,34 +160,30 @@ impl Port {
         )
     }
 
-    /// Whatever needs a measured displacement finds no fault with one that is the command.
-    fn compares_it_with_itself(&self) -> Option<String> {
-        let mut limits = self.limits().iter();
-        let needs = [
-            (
-                limits.any(|axis| axis.following_error.lower().is_finite()),
-                "`following_error_m`",
-            ),
-            (
-                self.wait
-                    .is_some_and(|wait| wait.on_stale == OnStale::Extrapolate),
-                "`on_stale = \"extrapolate\"`",
-            ),
-            (
-                self.compensation_learns(),
-                "the compensation, which learns from it",
-            ),
-        ];
-        let needs: Vec<&str> = needs
-            .iter()
-            .filter_map(|(is, what)| is.then_some(*what))
-            .collect();
-        (!needs.is_empty()).then(|| {
+    /// What of the test file needs a measured displacement, where the end of the link does not say that it measures one: why the
+    /// test cannot begin.
+    #[must_use]
+    pub fn lacks_measured_disp(&self, introduction: &Introduction) -> Option<String> {
+        let needs = &self.needs_measured_disp.own;
+        (introduction.repeats_the_command && !needs.is_empty()).then(|| {
             format!(
-                "specimen \"{}\": its end does not say that it measures displacement, and if it sends back the command, that is of no \
-                 use to {}",
+                "specimen \"{}\", {}: its end does not say that it measures displacement. What it sends as such may be the command, and \
+                 {} would compare the command with itself: let the end of the link measure displacement and announce it, or do without",
                 self.name,
-                needs.join(" and ")
+                introduction.peer,
+                needs.join(", ")
+            )
+        })
+    }
+
+    /// Warns that a stale force is extrapolated from the command.
+    fn goes_on_from_the_command(&self) -> Option<String> {
+        let rules = self.wait?;
+        (rules.on_stale == OnStale::Extrapolate).then(|| {
+            format!(
+                "specimen \"{}\": its end does not say that it measures displacement, and if it sends back the command, \
+                 `on_stale = \"extrapolate\"` moves the force from the command, not from where the specimen is",
+                self.name
             )
         })
     }

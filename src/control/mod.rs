@@ -41,7 +41,7 @@ pub use error::PortError;
 pub use estimate::Declared;
 pub use follows::Follows;
 pub use leaving::{Departure, Exit, Exits};
-pub use link::{LinkCount, OnStale, Partner, WaitRules};
+pub use link::{LinkCount, NeedsMeasuredDisp, OnStale, Partner, WaitRules};
 pub use misfit::{Channel, Misfit};
 pub use opening::{DispZero, Reading, Reference, Zero};
 pub use path::{Order, Path, Point, shares};
@@ -163,6 +163,8 @@ pub struct Port {
     pub direction: Direction,
     /// The test file says that a computation answers, and no machine.
     pub computed: bool,
+    /// What needs its measured displacement.
+    pub needs_measured_disp: NeedsMeasuredDisp,
     /// Where the test file says that a specimen stands which cannot tell, in its own unit.
     stated: Option<Vec<f64>>,
     /// True if a recording stands for the substructure.
@@ -272,6 +274,7 @@ impl Port {
             wait: None,
             direction: Direction::Known,
             computed: false,
+            needs_measured_disp: NeedsMeasuredDisp::default(),
             stated: None,
             issued: None,
             unsent: false,

@@ -261,18 +261,21 @@ pub enum MotionError {
     },
     /// The unit is neither in the file nor in the test file.
     #[error(
-        "{file}: does not state its unit{}: give `unit`",
+        "{file}: does not state its unit{}: set `unit`, or `--unit` on the command line: {}",
         if header.is_empty() {
             String::new()
         } else {
             format!(" in its header {header:?}")
-        }
+        },
+        quantity.spellings()
     )]
     UnitMissing {
         /// Name of the file.
         file: String,
         /// Name of the values in the header; empty without one.
         header: String,
+        /// The quantity that the signal measures.
+        quantity: Quantity,
     },
     /// A unit of something else.
     #[error("unit {unit} does not measure {quantity}")]

@@ -176,6 +176,7 @@ impl FileSignal {
         let unit = unit.ok_or_else(|| MotionError::UnitMissing {
             file: self.path.clone(),
             header: record.title.clone(),
+            quantity,
         })?;
         let to_si = factor(Some(unit), quantity)?;
         let values: Vec<f64> = record.values.iter().map(|v| v * to_si).collect();

@@ -112,6 +112,33 @@ pub enum Quantity {
     Force,
 }
 
+/// Every unit.
+const ALL: [Unit; 23] = [
+    Unit::MetrePerSecond2,
+    Unit::Gravity,
+    Unit::MilliGravity,
+    Unit::PercentGravity,
+    Unit::TenthGravity,
+    Unit::Gal,
+    Unit::CentimetrePerSecond2,
+    Unit::MillimetrePerSecond2,
+    Unit::InchPerSecond2,
+    Unit::FootPerSecond2,
+    Unit::MetrePerSecond,
+    Unit::CentimetrePerSecond,
+    Unit::MillimetrePerSecond,
+    Unit::InchPerSecond,
+    Unit::Metre,
+    Unit::Centimetre,
+    Unit::Millimetre,
+    Unit::Inch,
+    Unit::Foot,
+    Unit::Newton,
+    Unit::Kilonewton,
+    Unit::PoundForce,
+    Unit::Kip,
+];
+
 impl Quantity {
     /// Its SI unit.
     #[must_use]
@@ -122,6 +149,13 @@ impl Quantity {
             Self::Displacement => "m",
             Self::Force => "N",
         }
+    }
+
+    /// The units of it as the test file spells them, with commas between.
+    #[must_use]
+    pub fn spellings(self) -> String {
+        let units = ALL.iter().filter(|unit| unit.quantity() == self);
+        units.map(|unit| unit.name()).collect::<Vec<_>>().join(", ")
     }
 }
 
@@ -360,32 +394,6 @@ impl std::fmt::Display for Unit {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    const ALL: [Unit; 23] = [
-        Unit::MetrePerSecond2,
-        Unit::Gravity,
-        Unit::MilliGravity,
-        Unit::PercentGravity,
-        Unit::TenthGravity,
-        Unit::Gal,
-        Unit::CentimetrePerSecond2,
-        Unit::MillimetrePerSecond2,
-        Unit::InchPerSecond2,
-        Unit::FootPerSecond2,
-        Unit::MetrePerSecond,
-        Unit::CentimetrePerSecond,
-        Unit::MillimetrePerSecond,
-        Unit::InchPerSecond,
-        Unit::Metre,
-        Unit::Centimetre,
-        Unit::Millimetre,
-        Unit::Inch,
-        Unit::Foot,
-        Unit::Newton,
-        Unit::Kilonewton,
-        Unit::PoundForce,
-        Unit::Kip,
-    ];
 
     #[test]
     fn the_name_of_a_unit_is_how_the_test_file_and_a_header_spell_it() {

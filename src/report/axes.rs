@@ -209,6 +209,18 @@ impl AxisDigest {
         self.initial = metrics::identify(&late[..first], meas, force, dt);
     }
 
+    /// Leaves out what would compare the command with the target, or take the command for a measurement. The loop stays: it
+    /// is of the force over the command.
+    pub fn forget_measured_disp(&mut self) {
+        (self.tracking, self.course, self.peak_disp, self.absorbed) = (None, None, None, None);
+        (self.whole, self.initial) = (None, None);
+        self.subspace = Points::default();
+        self.close_up[2].clear();
+        let [_, measured, difference] = &mut self.spectra;
+        measured.clear();
+        difference.clear();
+    }
+
     /// Lag of measured behind target in s.
     pub fn lag(&self) -> Option<f64> {
         self.tracking.as_ref()?.delay_s.map(|delay| delay.value)

@@ -83,6 +83,8 @@ pub struct Digest {
     /// Axes with a recorded force.
     pub(super) all_axes: Vec<SpecimenAxis>,
     pub(super) axes: Vec<AxisDigest>,
+    /// Specimens whose measured displacement is the command.
+    pub(super) without_disp: Vec<u32>,
     /// Specimens of which some ticks of the test have no measurement, and how many.
     pub(super) stale: Vec<(u32, u64)>,
     /// The last of every axis, and what the way out took.
@@ -172,7 +174,16 @@ impl Item {
 /// Why something is not there that needs rows at even times.
 pub(super) const MISSING: &str = "rows are missing in the record, or not at even times";
 
+/// Why there are no tracking metrics of a specimen whose answers hold forces only.
+pub(super) const WITHOUT_DISP: &str =
+    "no displacement is measured, and the record repeats the command";
+
 impl Digest {
+    /// False of an axis whose measured displacement is the command.
+    pub(super) fn measures_disp(&self, axis: SpecimenAxis) -> bool {
+        !self.without_disp.contains(&axis.specimen)
+    }
+
     /// Axes of which rows are missing or not at even times, so that nothing can be said that needs that.
     pub(super) fn broken(&self) -> impl Iterator<Item = SpecimenAxis> {
         let broken = self.axes.iter().filter(|axis| axis.dt.is_none());
@@ -209,6 +220,7 @@ impl Digest {
             all_axes,
             ticks_per_step: source.ticks_per_step().max(1),
             earlier: source.earlier().cloned(),
+            without_disp: source.without_disp().to_vec(),
             ..Self::default()
         };
         let mut noise: Vec<(SpecimenAxis, Option<Noise>)> = Vec::new();
@@ -275,6 +287,9 @@ impl Digest {
                 let mut digest = AxisDigest::of(axis, held, time, grid, noise);
                 if let (Some(tracking), Some(scale)) = (&mut digest.tracking, self.scale) {
                     tracking.energy_error_share = scale.share(tracking.energy_error_j);
+                }
+                if !self.measures_disp(axis) {
+                    digest.forget_measured_disp();
                 }
                 self.axes.push(digest);
             }

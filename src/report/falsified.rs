@@ -22,7 +22,9 @@ const FORGETS_S: f64 = 2.0;
 fn margins(run: &RunData, digest: &Digest) -> Vec<Margin> {
     let configuration = super::tested::configuration(run);
     let rows = Rows::new(digest);
-    let watched = digest.axes.iter().filter_map(|axis| {
+    let measured = digest.axes.iter();
+    let measured = measured.filter(|axis| digest.measures_disp(axis.axis));
+    let watched = measured.filter_map(|axis| {
         let name = axis.axis.column(MARGIN);
         rows.get(&name)?;
         let smallest = rows.marks(&name).least;

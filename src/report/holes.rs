@@ -400,6 +400,7 @@ fn numbers_of_a_long_test_are_those_of_single_rows_though_its_pictures_are_thinn
     let columns = columns(&names);
     let data = names.map(|name| (0..rows).map(|k| of(name, k)).collect::<Vec<_>>());
     let memory = source::Memory {
+        without_disp: Vec::new(),
         columns: &columns,
         data: &data,
         step_s: Some(dt),

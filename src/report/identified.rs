@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use super::RunData;
 use super::axes::FIRST_LOADING;
-use super::digest::MISSING;
+use super::digest::{MISSING, WITHOUT_DISP};
 use super::html::{note, table};
 use super::rows::Rows;
 use super::specimens::{Tracked, lag_words, tracking};
@@ -101,8 +101,13 @@ pub fn missing_metrics(run: &RunData) -> Vec<String> {
     let configuration = super::tested::configuration(run);
     let name = |axis| super::tested::axis_name(configuration.as_ref(), axis, &digest.all_axes);
     let broken = digest.broken();
+    let silent = digest.axes.iter().map(|axis| axis.axis);
+    let silent = silent.filter(|axis| !digest.measures_disp(*axis));
+    let silent = silent.map(|axis| format!("{}: {WITHOUT_DISP}", name(axis)));
     broken
+        .filter(|axis| digest.measures_disp(*axis))
         .map(|axis| format!("{}: {MISSING}", name(axis)))
+        .chain(silent)
         .collect()
 }
 

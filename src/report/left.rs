@@ -177,7 +177,9 @@ fn words(end: &AxisEnd, rows: &Rows<'_>, configuration: Option<&Value>, is_whole
         own(end.measured, MEASURED),
         own(end.force, FORCE),
     ];
-    let mut text = if is_whole {
+    let mut text = if is_whole && !rows.digest().measures_disp(end.axis) {
+        format!("last command sent {command}, last force received {force}")
+    } else if is_whole {
         format!(
             "last command {command} as it was sent, last measured {measured} and {force} as they came"
         )

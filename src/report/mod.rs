@@ -28,6 +28,7 @@ mod balance;
 mod bars;
 mod canvas;
 mod charts;
+mod commanded;
 mod compare;
 mod courses;
 mod curves;
@@ -83,7 +84,7 @@ pub(crate) use page::frame;
 pub use page::render;
 pub use pictures::{hero_svg, jitter_svg};
 pub use source::{BLOCK, Earlier, Source};
-pub use tested::{drifts, ticks_per_step};
+pub use tested::{MEASURES_DISP, drifts, ticks_per_step, without_disp};
 pub(crate) use text::{count, escape};
 
 use std::borrow::Cow;
@@ -142,6 +143,7 @@ impl RunData {
             data: &self.data,
             step_s: outcome::number(self, "dt"),
             ticks_per_step: ticks_per_step(&self.resolved),
+            without_disp: without_disp(&self.events),
         };
         // Reading memory does not fail.
         Cow::Owned(Digest::of(&memory, &drifts(&self.resolved), None).unwrap_or_default())

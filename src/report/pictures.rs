@@ -32,7 +32,13 @@ pub fn hero_svg(run: &RunData) -> String {
     };
     let configuration = tested::configuration(run);
     let name = axis.map(|a| tested::specimen_name(configuration.as_ref(), a.specimen));
-    let measured = format!("Measured: {}", name.as_deref().unwrap_or("no specimen"));
+    let is_measured = axis.is_none_or(|axis| digest.measures_disp(axis));
+    let what = if is_measured {
+        "Measured"
+    } else {
+        "Force over command"
+    };
+    let measured = format!("{what}: {}", name.as_deref().unwrap_or("no specimen"));
     let (meas, force) = (side("meas"), side("force"));
     let label = format!(
         "{}: ground motion, displacement, hysteresis and timing of the run",

@@ -36,6 +36,11 @@ pub trait Source {
         None
     }
 
+    /// Numbers from 1 of the specimens whose measured displacement is the command.
+    fn without_disp(&self) -> &[u32] {
+        &[]
+    }
+
     /// Reads the columns at the places `wanted` from the first row to the last, in blocks of one vector per wanted column, all
     /// of one length.
     ///
@@ -53,6 +58,7 @@ pub(super) struct Memory<'a> {
     pub data: &'a [Vec<f64>],
     pub step_s: Option<f64>,
     pub ticks_per_step: u64,
+    pub without_disp: Vec<u32>,
 }
 
 impl Source for Memory<'_> {
@@ -71,6 +77,10 @@ impl Source for Memory<'_> {
 
     fn ticks_per_step(&self) -> u64 {
         self.ticks_per_step
+    }
+
+    fn without_disp(&self) -> &[u32] {
+        &self.without_disp
     }
 
     fn read(&self, wanted: &[usize], take: &mut dyn FnMut(&[Vec<f64>])) -> io::Result<()> {

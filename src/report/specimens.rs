@@ -6,6 +6,7 @@ use super::RunData;
 use super::axes::AxisDigest;
 use super::canvas::Ink;
 use super::charts::Quantity;
+use super::commanded::of_forces_only;
 use super::courses::{errors, estimates};
 use super::html::{beside, figure, note, paragraph, table};
 use super::judged::{legend, table_of};
@@ -169,6 +170,9 @@ fn drawn(rows: &Rows<'_>, time: &[f64], axis: &Tracked<'_>) -> String {
     let digest = axis.digest;
     if !digest.is_drawable() {
         return markup + &paragraph("Nothing was measured on this axis.");
+    }
+    if !rows.digest().measures_disp(digest.axis) {
+        return markup + &of_forces_only(rows, time, axis);
     }
     let column = |kind: &str| rows.get(&digest.axis.column(kind)).unwrap_or_default();
     let label = |what: &str| format!("{}: {what}", axis.name);

@@ -16,6 +16,20 @@ pub(super) fn configuration(run: &RunData) -> Option<Value> {
     toml::from_str(&run.resolved).ok()
 }
 
+/// Key of the event of a connected specimen that says whether its end measures displacement.
+pub const MEASURES_DISP: &str = "measures_disp";
+
+/// Numbers from 1 of the specimens whose measured displacement is the command, as the events tell.
+#[must_use]
+pub fn without_disp(events: &[Value]) -> Vec<u32> {
+    let silent = events
+        .iter()
+        .filter(|event| event.get(MEASURES_DISP).and_then(Value::as_bool) == Some(false));
+    silent
+        .filter_map(|event| event.get("specimen")?.as_u64()?.try_into().ok())
+        .collect()
+}
+
 /// Name of the specimen with number `specimen` (from 1).
 pub(super) fn specimen_name(configuration: Option<&Value>, specimen: u32) -> String {
     let entry =

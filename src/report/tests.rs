@@ -407,3 +407,31 @@ fn samples_for_the_eye() {
         std::fs::write(folder.join(name), text).unwrap();
     }
 }
+
+/// The command is no measured displacement: nothing compares it with the target, and no picture calls it measured.
+#[test]
+fn an_axis_without_a_measured_displacement_has_no_tracking_metrics_and_says_why() {
+    let mut run = prescribed();
+    assert!(tracking_metrics(&run)["brace"][0].is_object());
+    assert!(missing_metrics(&run).is_empty());
+    assert!(render(&run).contains("Target and measured"));
+    run.events =
+        vec![json!({"event": "connected", "specimen": 1, "name": "brace", MEASURES_DISP: false})];
+    assert_eq!(tracking_metrics(&run)["brace"], json!([null]));
+    let missing = missing_metrics(&run);
+    assert_eq!(missing.len(), 1);
+    assert!(missing[0].starts_with("brace"), "{missing:?}");
+    assert!(missing[0].contains("no displacement is measured"));
+    let axes = identified(&run);
+    assert!(axes[0].stiffness.is_none() && axes[0].lag.is_none());
+    let page = render(&run);
+    assert_pictures_are_well_formed(&page);
+    assert!(page.contains("Target and command") && page.contains("Force against command"));
+    for line in [
+        "Target and measured",
+        ">measured<",
+        "Force against measured",
+    ] {
+        assert!(!page.contains(line), "{line}");
+    }
+}

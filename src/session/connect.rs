@@ -15,6 +15,7 @@ use crate::config::ClockChoice;
 use crate::control::Port;
 use crate::engine::{Control, Experiment, Operator};
 use crate::record::{FolderError, Note, NoteLevel, Roll, Run, What, Writer};
+use crate::report::MEASURES_DISP;
 use crate::substructure::{Introduction, LinkFault, Retirement, Unavailable};
 
 /// Where a specimen said that it stands, in the note on its connection: numbers in its own unit, one per axis, in words,
@@ -58,8 +59,8 @@ pub(super) fn put_standing(run: &Run, ports: &mut [Port]) -> Result<(), FolderEr
 pub(super) enum Unconnected {
     /// Who cannot take part, in words.
     Refused(String),
-    /// Which specimen has lost its state since the interruption, in words.
-    Changed(String),
+    /// Which specimen does not do for this test, in words: it measures no displacement, or has lost its state since the interruption.
+    Unfit(String),
     /// The operator asked for an end.
     Stopped,
 }
@@ -85,7 +86,7 @@ pub(super) fn connect(
     }
     line.put_back();
     let mut warnings = Vec::new();
-    let (mut refusals, mut changed) = (Vec::new(), Vec::new());
+    let (mut refusals, mut unfit, mut without_disp) = (Vec::new(), Vec::new(), Vec::new());
     let resumed = experiment.resume.as_ref();
     let must_keep_state = resumed.is_some_and(|resumed| !resumed.accepts_changed);
     for (number, (name, said)) in (1u64..).zip(names.iter().zip(all)) {
@@ -107,8 +108,12 @@ pub(super) fn connect(
                     let note = Note::new(NoteLevel::Warning, "warning");
                     writer.note(note.with("text", warning.as_str()));
                 }
+                unfit.extend(port.lacks_measured_disp(&introduction));
+                if introduction.repeats_the_command {
+                    without_disp.push(name.as_str());
+                }
                 if must_keep_state && introduction.simulated && !introduction.keeps_state {
-                    changed.push(format!(
+                    unfit.push(format!(
                         "specimen \"{name}\", {}: its server says that the specimen is computed, but not that an earlier test left its \
                          state: the server was restarted since the interruption, or makes a new specimen for each test. Start such a \
                          server with `[serve] remembers = true` before the first test, and leave it running until the test is \
@@ -120,6 +125,10 @@ pub(super) fn connect(
                 if port.is_remote() {
                     let note = about(NoteLevel::Info, "connected");
                     let note = note.with("peer", introduction.peer.as_str());
+                    let note = match introduction.repeats_the_command {
+                        true => note.with(MEASURES_DISP, false),
+                        false => note,
+                    };
                     writer.note(match port.standing() {
                         Some(standing) => note.with(STANDING, in_words(standing).as_str()),
                         None => note,
@@ -134,15 +143,47 @@ pub(super) fn connect(
         }
         experiment.ports.push(port);
     }
-    let why = match (refusals.as_slice(), changed.as_slice()) {
+    match unjudged(&experiment.ports, &without_disp) {
+        Some((text, true)) => unfit.push(text),
+        Some((text, false)) => {
+            writer.note(Note::new(NoteLevel::Warning, "warning").with("text", text.as_str()));
+            warnings.push(text);
+        }
+        None => {}
+    }
+    let why = match (refusals.as_slice(), unfit.as_slice()) {
         ([], []) => return Ok(warnings),
-        ([], _) => Unconnected::Changed(changed.join("; ")),
+        ([], _) => Unconnected::Unfit(unfit.join("; ")),
         _ => Unconnected::Refused(refusals.join("; ")),
     };
     for port in &mut experiment.ports {
         port.retire(Retirement::Orderly);
     }
     Err(why)
+}
+
+/// What of the test judges no specimen of `without`, whose ends do not say that they measure displacement, in words. True if that is
+/// all of them: then it judges nothing.
+fn unjudged(ports: &[Port], without: &[&str]) -> Option<(String, bool)> {
+    let keys = &ports.first()?.needs_measured_disp.of_the_test;
+    if without.is_empty() || keys.is_empty() {
+        return None;
+    }
+    let names: Vec<String> = without.iter().map(|name| format!("\"{name}\"")).collect();
+    let (keys, names) = (keys.join(", "), names.join(", "));
+    let text = format!(
+        "{keys} cannot judge a specimen whose end does not say that it measures displacement: {names}"
+    );
+    Some(if without.len() == ports.len() {
+        (
+            format!(
+                "{text}; no other specimen is there: let the end of the link measure displacement and announce it, or do without"
+            ),
+            true,
+        )
+    } else {
+        (text, false)
+    })
 }
 
 /// On the simulated clock commands follow each other as fast as they are answered: that is for computations.

@@ -17,7 +17,7 @@ use crate::record::summary::Status;
 use crate::record::{Column, End, Events, FolderError, MissingEnd, Run, atomic};
 use crate::report::{
     BLOCK, Digest, Earlier, IdentifiedAxis, RunData, Source, count, drifts, falsified, hero_svg,
-    identified, missing_metrics, render, ticks_per_step, tracking_metrics,
+    identified, missing_metrics, render, ticks_per_step, tracking_metrics, without_disp,
 };
 
 /// Its name in the run folder.
@@ -105,6 +105,7 @@ struct OnDisk<'a> {
     step_s: Option<f64>,
     ticks_per_step: u64,
     earlier: Option<Earlier>,
+    without_disp: Vec<u32>,
     /// How the rows ended where they ended.
     end: Cell<Option<RowsEnd>>,
 }
@@ -139,6 +140,10 @@ impl Source for OnDisk<'_> {
 
     fn earlier(&self) -> Option<&Earlier> {
         self.earlier.as_ref()
+    }
+
+    fn without_disp(&self) -> &[u32] {
+        &self.without_disp
     }
 
     fn read(&self, wanted: &[usize], take: &mut dyn FnMut(&[Vec<f64>])) -> io::Result<()> {
@@ -226,11 +231,13 @@ pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
         Err(Without::Structure) => (None, None),
         Err(Without::Because(why)) => (None, Some(why)),
     };
+    let told = run.events()?;
     let on_disk = OnDisk {
         path: at("samples.bin"),
         step_s: recorded.or_else(configured),
         ticks_per_step: ticks_per_step(&resolved),
         earlier,
+        without_disp: without_disp(&told.events),
         end: Cell::new(None),
         run: &run,
     };
@@ -243,7 +250,6 @@ pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
     let is_without = run.summary().is_none() && run.summary_fault().is_none();
     let unfinished = is_without
         .then(|| "the run has no summary.json: it is still running or was killed".to_owned());
-    let told = run.events()?;
     let rows = on_disk.end.get();
     let damaged = rows.map_or_else(Vec::new, |rows| damages(&run, &told, rows));
     let contradicted = with_record(&run, &resolved)?;

@@ -75,7 +75,7 @@ pub(super) fn summarise(
         (None, Some(Unconnected::Refused(text)), _) => {
             (Finish::LinkFailed, format!("{text}; nothing was moved"))
         }
-        (None, Some(Unconnected::Changed(text)), _) => {
+        (None, Some(Unconnected::Unfit(text)), _) => {
             (Finish::Refused, format!("{text}; nothing was moved"))
         }
         (None, Some(Unconnected::Stopped), _) => (

@@ -242,13 +242,18 @@ fn unknown_actuators(loaded: &Loaded, facts: &Facts) -> Vec<Finding> {
                 "the delay of specimen \"{}\" is not known, so the stability of the loop with it is not known",
                 table.name
             );
+            let measure = if table.force_only_link().is_some() {
+                "its link answers with forces only, so `gusset identify` cannot measure the delay: state `delay_s` in \
+                 [specimen.identified] as the laboratory measured it"
+            } else {
+                "`gusset identify` measures the delay; write it into [specimen.identified]"
+            };
             Finding::warning(at, text)
                 .at_key()
                 .label("no `identified` and no actuator is declared")
-                .help(
-                    "`gusset identify` measures the delay; write it into [specimen.identified]. \
-                     `computed = true` in [specimen.link] declares a computed specimen without an actuator",
-                )
+                .help(format!(
+                    "{measure}. `computed = true` in [specimen.link] declares a computed specimen without an actuator"
+                ))
         })
     });
     unknown.collect()

@@ -1,9 +1,14 @@
 //! What is not possible is said before anything moves, with what would be.
 
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use gusset::wire::handshake::{Capabilities, Welcome};
 
 use super::command::{SHORT, TEST, identify, served};
 use super::common::{Said, write};
+use super::link_common::Fake;
 
 /// Refused with exit code 2, with these words and without a run folder.
 fn refused(text: &str, arguments: &[&str], words: &[&str]) {
@@ -222,4 +227,45 @@ fn what_is_found_in_the_motion_is_not_shown_at_a_line_of_the_users_file() {
         "{}",
         said.stderr
     );
+}
+
+/// Against its own command every specimen follows perfectly: nothing is learnt of its actuator.
+#[test]
+fn a_specimen_whose_link_measures_no_displacement_is_not_identified() {
+    let link = |more: &str| {
+        let (head, _) = TEST.split_once("[specimen.transfer]").unwrap();
+        let head = head
+            .replace(
+                "law.linear = { stiffness_n_per_m = 1.2e6, damping_n_s_per_m = 900.0 }",
+                "stiffness_n_per_m = 1.2e6",
+            )
+            .replace(
+                "lag_s = { trip = 0.004 }",
+                "measured_force_n = { trip = [-1e5, 1e5] }",
+            );
+        format!("{head}\n[specimen.link]\ncomputed = true\n{more}\n")
+    };
+    let element = "address = \"127.0.0.1:1\"\nprotocol = \"openfresco\"";
+    let delay = "`delay_s` in [specimen.identified]";
+    refused(&link(element), &SHORT, &["storey", "forces only", delay]);
+    // What its end does not say shows when it has connected.
+    let armed = Arc::new(AtomicUsize::new(0));
+    let counter = Arc::clone(&armed);
+    let change = |welcome: &mut Welcome| {
+        welcome.capabilities = Capabilities::default();
+        welcome.standing = vec![0.0];
+    };
+    let address = Fake::start_welcoming(change, move |mut fake| {
+        let count = |_| {
+            counter.fetch_add(1, Ordering::SeqCst);
+        };
+        fake.obey(|disp| (disp, 1.2e6 * disp), count);
+    });
+    let silent = link(&format!("address = \"{address}\""));
+    let said = attempt(&silent, &SHORT, |out| {
+        assert!(!out.join("identification.json").exists());
+    });
+    assert_eq!(said.code, Some(2), "{}", said.stderr);
+    assert!(said.stderr.contains("gusset identify"), "{}", said.stderr);
+    assert_eq!(armed.load(Ordering::SeqCst), 0);
 }

@@ -50,9 +50,10 @@ impl GroundArgs {
                     .to_str()
                     .context("the path of the record is no UTF-8")?;
                 let unit = self.unit.as_deref().map(|unit| {
-                    toml::Value::from(unit)
-                        .try_into::<Unit>()
-                        .map_err(|_| anyhow::anyhow!("--unit {unit:?}: use m/s2, cm/s2, g …"))
+                    toml::Value::from(unit).try_into::<Unit>().map_err(|_| {
+                        let allowed = Quantity::Acceleration.spellings();
+                        anyhow::anyhow!("--unit {unit:?}: use one of {allowed}")
+                    })
                 });
                 Motion {
                     signal: Signal::File(FileSignal {

@@ -115,6 +115,7 @@ fn usage(text: String) -> anyhow::Error {
 pub fn identify(args: &IdentifyArgs) -> anyhow::Result<Exit> {
     let loaded = args.test_run.load(&args.test)?;
     let (plan, driven) = allowed(args, &loaded)?;
+    refuse_forces_only(&plan, &driven)?;
     for line in plan.announced(&loaded) {
         tell(line);
     }
@@ -122,6 +123,11 @@ pub fn identify(args: &IdentifyArgs) -> anyhow::Result<Exit> {
     warn(&test.warnings);
     for text in &test.facts.announced {
         tell(format_args!("note: {text}"));
+    }
+    for axis in &plan.axes {
+        if let Some(port) = test.experiment.ports.get_mut(axis.place) {
+            port.needs_measured_disp.own = vec!["`gusset identify`".to_owned()];
+        }
     }
     attend::can_confirm(&mut test.facts, args.test_run.yes)?;
     let facts = test.facts.clone();
@@ -170,6 +176,22 @@ pub fn identify(args: &IdentifyArgs) -> anyhow::Result<Exit> {
         None => Ok(Exit::Done),
         Some(text) => Err(WithExit(Exit::Stopped, text).into()),
     }
+}
+
+/// Refuses a specimen whose link is known to answer with forces only: against its command it would follow without fault.
+fn refuse_forces_only(plan: &Plan, driven: &Loaded) -> anyhow::Result<()> {
+    let specimens = &driven.file.specimen;
+    let mut without = plan.axes.iter().filter(|axis| {
+        let specimen = specimens.get(axis.place);
+        specimen.is_some_and(|of| of.force_only_link().is_some())
+    });
+    without.next().map_or(Ok(()), |axis| {
+        Err(usage(format!(
+            "{}: its link answers with forces only, so its actuator cannot be identified: the command would be compared with itself. \
+             State `delay_s` in [specimen.identified] as the laboratory measured it",
+            axis.words()
+        )))
+    })
 }
 
 /// The motion, and the test that makes it: no limit of the file would trip in it. An amplitude that was not asked for is halved

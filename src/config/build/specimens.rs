@@ -10,9 +10,12 @@ mod unwatched;
 
 use super::gear::Rows;
 use super::{Refused, Site, path, safety};
+use crate::config::check::measured::needing_measured_disp;
 use crate::config::{Finding, Loaded};
 use crate::control::limits::{AxisLimits, DIVERGENCE_M, LimitsSpec};
-use crate::control::{Axis, Believed, Declared, Direction, Order, Pace, Port, Trend, WaitRules};
+use crate::control::{
+    Axis, Believed, Declared, Direction, NeedsMeasuredDisp, Order, Pace, Port, Trend, WaitRules,
+};
 use crate::geometry::Geometry;
 use crate::link::LinkSpec;
 use crate::link::NativeLink;
@@ -356,6 +359,15 @@ impl Specimens {
                     port.wait = wait;
                     port.direction = direction;
                     port.computed = table.link.as_ref().is_some_and(|link| link.computed);
+                    let at = path("specimen").index(index);
+                    let needs = needing_measured_disp(table, &at).into_iter();
+                    let of_the_test = site.loaded.file.safety.needing_measured_disp();
+                    port.needs_measured_disp = NeedsMeasuredDisp {
+                        own: needs.map(|(place, _)| place.to_string()).collect(),
+                        of_the_test: of_the_test
+                            .map(|key| path("safety").key(key).to_string())
+                            .collect(),
+                    };
                     port.exits = exits;
                     if let Some(link) = &table.link {
                         if let Some(stands) = &link.stands_at_m {

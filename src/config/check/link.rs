@@ -103,9 +103,14 @@ pub(super) fn check_link(
         let at = at.key("axis").index(index);
         for (key, known) in axis.foreign_units() {
             let text = format!("the protocol of Gusset has no such `{key}`");
-            findings
-                .0
-                .push(Finding::error(at.key(key), text).label(known));
+            findings.0.push(
+                Finding::error(at.key(key), text)
+                    .label(known)
+                    .help(
+                        "inches, feet, pounds and kips need a link that speaks a protocol of OpenFresco (`protocol = \"openfresco…\"`); \
+                         else let the other end of the link count in m or mm and in N or kN",
+                    ),
+            );
         }
     }
 }
@@ -225,11 +230,18 @@ pub(super) fn check_standing(specimen: &SpecimenTable, at: &KeyPath, findings: &
                 ))
                 .help("`computed = true` says that nothing moves there which could break"),
         ),
-        Some(_) if tells == Some(true) => findings.0.push(
-            Finding::error(here, "the specimen itself tells where it stands")
-                .at_key()
-                .label("only for an element server, an actor site, an adapter, or a specimen behind the protocol of Gusset that does not tell"),
-        ),
+        Some(_) if tells == Some(true) => {
+            let finding = Finding::error(here, "the specimen itself tells where it stands").at_key();
+            let chosen = link.openfresco.as_ref();
+            let given = chosen.is_some_and(|given| given.answer_signals.is_some());
+            findings.0.push(if given {
+                finding
+                    .label("`openfresco.answer_signals` says that it answers displacements and forces")
+                    .help("leave out one of the two keys: an element server of OpenFresco measures no displacement")
+            } else {
+                finding.label("only for an element server, an actor site, an adapter, or a specimen behind the protocol of Gusset that does not tell")
+            });
+        }
         Some(stands) if stands.len() != axes => {
             let text = format!("{} displacements for {axes} axes", stands.len());
             findings

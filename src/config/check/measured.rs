@@ -4,6 +4,7 @@
 //! never trip, and a compensator that adapts to it learns nothing.
 
 use super::Findings;
+use crate::config::TestFile;
 use crate::config::diagnose::Finding;
 use crate::config::document::KeyPath;
 use crate::config::safety::ZeroChoice;
@@ -13,66 +14,88 @@ use crate::link::openfresco::{Peer, RemoteSettings};
 
 /// Refuses every key of a specimen that needs a measured displacement where its link answers with none.
 pub(super) fn check_measured(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
-    let Some(link) = &specimen.link else {
+    let Some(settings) = specimen.force_only_link() else {
         return;
     };
-    // A mistake in the settings is reported where the link is built.
-    let Ok(Some(settings)) = RemoteSettings::from_spec(link, specimen.axes()) else {
-        return;
-    };
-    if settings.measures_disp() {
-        return;
-    }
     let remedy = remedy(&settings, specimen.axes());
-    let mut refuse = |at: KeyPath, key: &str| {
-        findings.0.push(
-            Finding::error(
-                at.clone(),
-                format!(
-                    "`{key}` needs a measured displacement, but this link answers with forces only"
-                ),
-            )
-            .at_key()
-            .label("would compare the command with itself")
-            .help(remedy.clone()),
+    for (place, key) in needing_measured_disp(specimen, at) {
+        let text = format!(
+            "`{key}` needs a measured displacement, but this link answers with forces only"
         );
+        findings.0.push(
+            Finding::error(place, text)
+                .at_key()
+                .label("would compare the command with itself")
+                .help(remedy.clone()),
+        );
+    }
+}
+
+/// Keys of [safety] that judge all specimens by their measured displacements: an error where no link answers with one, a warning
+/// where only some of them do not.
+pub(super) fn check_judged(file: &TestFile, findings: &mut Findings) {
+    let silent = file.specimen.iter().enumerate();
+    let silent: Vec<_> = silent
+        .filter_map(|(index, specimen)| Some((index, specimen, specimen.force_only_link()?)))
+        .collect();
+    let Some((first, specimen, settings)) = silent.first() else {
+        return;
     };
-    refuse_limits(specimen.limits.as_ref(), &at.key("limits"), &mut refuse);
+    let names = silent.iter().map(|(_, of, _)| format!("\"{}\"", of.name));
+    let names = names.collect::<Vec<_>>().join(", ");
+    let link = KeyPath::root().key("specimen").index(*first).key("link");
+    for key in file.safety.needing_measured_disp() {
+        let at = KeyPath::root().key("safety").key(key);
+        let finding = if silent.len() == file.specimen.len() {
+            let text = format!(
+                "`{key}` needs a measured displacement, but all links answer with forces only: {names}"
+            );
+            Finding::error(at, text)
+                .label("would compare the commands with themselves")
+                .help(remedy(settings, specimen.axes()))
+        } else {
+            let text = format!("`{key}` does not judge {names}: forces only come from there");
+            Finding::warning(at, text).label("needs a measured displacement")
+        };
+        findings.0.push(
+            finding
+                .at_key()
+                .beside(link.clone(), "no measured displacement"),
+        );
+    }
+}
+
+/// The keys of a specimen that need a measured displacement, each with its place. The check of the file refuses them where the
+/// link is known to answer without one, the controller where that shows only once it has connected.
+pub(in crate::config) fn needing_measured_disp(
+    specimen: &SpecimenTable,
+    at: &KeyPath,
+) -> Vec<(KeyPath, &'static str)> {
+    let mut keys = Vec::new();
+    let mut add = |limits: Option<&LimitsSpec>, at: KeyPath| {
+        let given = limits
+            .into_iter()
+            .flat_map(LimitsSpec::needing_measured_disp);
+        keys.extend(given.map(|key| (at.key(key), key)));
+    };
+    add(specimen.limits.as_ref(), at.key("limits"));
     for (index, axis) in specimen.axis.iter().enumerate() {
         let at = at.key("axis").index(index);
-        refuse_limits(axis.limits.as_ref(), &at.key("limits"), &mut refuse);
+        add(axis.limits.as_ref(), at.key("limits"));
+    }
+    for (index, axis) in specimen.axis.iter().enumerate() {
         if axis.zero_disp == ZeroChoice::Relative {
-            refuse(at.key("zero_disp"), "zero_disp");
+            let at = at.key("axis").index(index);
+            keys.push((at.key("zero_disp"), "zero_disp"));
         }
     }
     if let Some(spec) = &specimen.compensation
         && spec.uses_measured_disp()
     {
-        refuse(at.key("compensation").key(spec.kind()), spec.kind());
+        let kind = spec.kind();
+        keys.push((at.key("compensation").key(kind), kind));
     }
-}
-
-fn refuse_limits(
-    limits: Option<&LimitsSpec>,
-    at: &KeyPath,
-    refuse: &mut impl FnMut(KeyPath, &str),
-) {
-    let Some(limits) = limits else {
-        return;
-    };
-    for (key, given) in [
-        ("measured_disp_m", limits.measured_disp_m.is_some()),
-        ("sensor_disp_m", limits.sensor_disp_m.is_some()),
-        ("following_error_m", limits.following_error_m.is_some()),
-        ("stuck_ticks", limits.stuck_ticks.is_some()),
-        ("added_energy_j", limits.added_energy_j.is_some()),
-        ("lag_s", limits.lag_s.is_some()),
-        ("gain_error", limits.gain_error.is_some()),
-    ] {
-        if given {
-            refuse(at.key(key), key);
-        }
-    }
+    keys
 }
 
 fn remedy(settings: &RemoteSettings, n: usize) -> String {

@@ -9,7 +9,7 @@ mod geometry;
 mod idle;
 mod limits;
 mod link;
-mod measured;
+pub(super) mod measured;
 mod safety;
 mod specimen;
 mod waits;
@@ -114,6 +114,7 @@ pub(crate) fn check(file: &TestFile, clock_is_chosen: bool) -> Vec<Finding> {
             check_idle_link(link, &at.key("link"), &mut findings);
         }
     }
+    measured::check_judged(file, &mut findings);
     check_required(&file.specimen, unlimited, &mut findings);
     check_names(&file.specimen, &mut findings);
     check_seeds(&file.specimen, &mut findings);

@@ -93,6 +93,12 @@ pub(super) fn check_specimen(
                 check_served_rows(specimen, at, findings);
                 continue;
             }
+            let help = if source == Source::Client {
+                "the client commands the displacement: leave this key out, or say by `rows` how its displacements make those of the \
+                 axes (`--protocol openfresco…`)"
+            } else {
+                "without a structure the displacement is prescribed; leave this key out"
+            };
             findings.0.push(
                 Finding::error(
                     at.key(key),
@@ -100,7 +106,7 @@ pub(super) fn check_specimen(
                 )
                 .at_key()
                 .label("nothing to take it from")
-                .help("without a structure the displacement is prescribed; leave this key out"),
+                .help(help),
             );
         }
     }

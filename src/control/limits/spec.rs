@@ -296,6 +296,21 @@ impl LimitsSpec {
         }
     }
 
+    /// Keys of the bounds that are given and need a measured displacement.
+    pub fn needing_measured_disp(&self) -> impl Iterator<Item = &'static str> {
+        [
+            ("measured_disp_m", self.measured_disp_m.is_some()),
+            ("sensor_disp_m", self.sensor_disp_m.is_some()),
+            ("following_error_m", self.following_error_m.is_some()),
+            ("stuck_ticks", self.stuck_ticks.is_some()),
+            ("added_energy_j", self.added_energy_j.is_some()),
+            ("lag_s", self.lag_s.is_some()),
+            ("gain_error", self.gain_error.is_some()),
+        ]
+        .into_iter()
+        .filter_map(|(key, is_given)| is_given.then_some(key))
+    }
+
     /// Whether each bound that is given can be kept.
     ///
     /// # Errors

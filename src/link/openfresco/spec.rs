@@ -141,6 +141,14 @@ impl RemoteSettings {
                     allowed: "four numbers up to 4096 and a last one of 0 or 1",
                 });
             }
+            let odd = [d, v, a, f].into_iter().find(|&n| n != 0 && n != axes);
+            if let Some(found) = odd {
+                return Err(RemoteError::Setting {
+                    name,
+                    found: found as f64,
+                    allowed: "0 or the number of axes in each of its first four numbers",
+                });
+            }
             *counts = Counts::new(d, v, a, f, t);
         }
         if let Some(hello) = more.udp_hello {
@@ -215,6 +223,9 @@ mod tests {
             ("data_size = 70000", "data_size"),
             ("command_signals = [2, 0, 0, 0, 2]", "command_signals"),
             ("answer_signals = [5000, 0, 0, 0, 0]", "answer_signals"),
+            ("answer_signals = [1, 0, 0, 2, 0]", "answer_signals"),
+            ("answer_signals = [2, 0, 0, 3, 0]", "answer_signals"),
+            ("command_signals = [4, 0, 0, 0, 0]", "command_signals"),
             ("version = nan", "version"),
         ] {
             let error = settings(&format!("{head}{text}")).unwrap_err();

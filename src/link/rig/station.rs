@@ -15,6 +15,8 @@ pub(in crate::link) use first::words as first_words;
 
 pub use guard::GuardStore;
 
+use std::collections::BTreeSet;
+
 use announced::Announced;
 use attempt::Origin;
 use guard::SpecimenGuard;
@@ -44,6 +46,8 @@ pub struct Station {
     /// In a session that of the specimen, which is the store's; else one without a past.
     guard: SpecimenGuard,
     store: GuardStore,
+    /// Keys of its limits that need a measured displacement.
+    needs_measured_disp: Vec<&'static str>,
     /// A trip of a session before.
     latch: Latch,
     announced: Option<Announced>,
@@ -116,6 +120,7 @@ impl Station {
             name,
             guard: SpecimenGuard::new(vec![AxisLimits::NONE; axes], rig.is_remote()),
             store: GuardStore::default(),
+            needs_measured_disp: Vec::new(),
             latch: Latch::default(),
             announced: None,
             moves: rig.is_remote(),
@@ -156,6 +161,8 @@ impl Station {
             *own = spec.limits();
         }
         self.guard = SpecimenGuard::new(own, self.moves);
+        let needs = limits.iter().flat_map(LimitsSpec::needing_measured_disp);
+        self.needs_measured_disp = needs.collect::<BTreeSet<_>>().into_iter().collect();
         self
     }
 

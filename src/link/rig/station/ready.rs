@@ -30,6 +30,14 @@ impl Station {
         for warning in self.doubts(&introduction)? {
             self.note(NoteLevel::Warning, "warning", &warning);
         }
+        if introduction.repeats_the_command && !self.needs_measured_disp.is_empty() {
+            let text = format!(
+                "its end does not say that it measures displacement. What it sends as such may be the command, and {} would compare \
+                 the command with itself: let the end of the link measure displacement and announce it, or do without",
+                self.needs_measured_disp.join(", ")
+            );
+            return Err(text.into());
+        }
         if introduction.repeats_the_command {
             let text = "its end does not say that it measures displacement: what is passed on as measured may be the command";
             self.note(NoteLevel::Warning, "warning", text);

@@ -287,6 +287,7 @@ impl Led {
         self.station.rig = Box::new(Standing {
             disp: self.disp,
             reads: None,
+            measures: true,
         });
         self.station.begin(&self.visitor, &mut || Ok(())).unwrap();
         self.station.starts(self.now);
@@ -333,6 +334,8 @@ struct Standing {
     disp: f64,
     /// The displacement sensor reads this instead of the command.
     reads: Option<f64>,
+    /// Its end says that it measures displacement.
+    measures: bool,
 }
 
 impl Rig for Standing {
@@ -346,6 +349,7 @@ impl Rig for Standing {
         Ok(Introduction {
             standing: vec![self.disp],
             force: vec![0.0],
+            repeats_the_command: !self.measures,
             ..Introduction::default()
         })
     }
@@ -473,6 +477,7 @@ fn our_own_small_motion_is_judged_by_its_own_time_and_not_by_the_last_clients() 
         led.station.rig = Box::new(Standing {
             disp: led.disp,
             reads: None,
+            measures: true,
         });
         led.visitor.start = vec![led.disp];
         // A specimen without a force is refused; the limits judge the motion before.
@@ -490,6 +495,7 @@ fn a_measured_displacement_that_cannot_be_trips_without_any_limit() {
         led.station.rig = Box::new(Standing {
             disp: led.disp,
             reads: Some(reads),
+            measures: true,
         });
         let trip = led.goes(0.0);
         let wanted = trips.then_some(Quantity::MeasuredDisp);
@@ -514,4 +520,25 @@ fn a_trip_is_the_specimens_until_its_operator_clears_it_and_a_lost_link_is_none(
     led.station.trip(Trip::Lost(LinkFault::Closed));
     led.connects();
     assert_eq!(led.goes(0.0), None);
+}
+
+/// A specimen whose end does not say that it measures displacement is not armed behind a limit of that.
+#[test]
+fn a_limit_that_needs_a_measured_displacement_is_not_kept_by_the_command() {
+    let begun = |limits: &str| {
+        let limits: LimitsSpec = toml::from_str(limits).unwrap();
+        let spring = Spring::default();
+        let mut station = station(&spring, &Whereabouts::default()).limited(&[limits]);
+        station.rig = Box::new(Standing {
+            disp: 0.0,
+            reads: None,
+            measures: false,
+        });
+        let visitor = Visitor::unnamed(([127, 0, 0, 1], 1).into());
+        station.begin(&visitor, &mut || Ok(()))
+    };
+    let refused = begun("measured_disp_m = { trip = [-1, 1] }\nstuck_ticks = { trip = 9 }");
+    let text = refused.unwrap_err().text;
+    assert!(text.contains("measured_disp_m, stuck_ticks"), "{text}");
+    assert!(begun("force_step_n = { trip = 1 }").is_ok());
 }
