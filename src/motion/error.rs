@@ -76,7 +76,7 @@ pub enum MotionError {
         /// The word.
         found: String,
     },
-    /// The same in a file of another format than PEER, whose first lines look like PEER.
+    /// A word where a number must be, in a file that only its first lines show to be one of PEER.
     #[error(
         "{file}:{line}:{column}: wanted a number, found {found:?} (the file is read as peer because a line states NPTS and DT: \
          format = \"table\" reads it as a table)"
@@ -407,7 +407,7 @@ pub enum MotionError {
 }
 
 impl MotionError {
-    /// The same error of a file that only its first lines show to be one of PEER.
+    /// This error for a file that only its first lines show to be one of PEER.
     pub(super) fn of_peer(self) -> Self {
         match self {
             Self::NotANumber {

@@ -2,7 +2,7 @@
 //!
 //! The first line that is all numbers begins the table, and decides the separator of its fields: a semicolon, a
 //! comma, a tab, or blanks. Every later line must be a row of as many numbers. A line above the table that begins like a
-//! row must stand above the names: it may be a row with a slip in it. Knows nothing of time.
+//! row must stand above the names: else it may be a row with a slip. Knows nothing of time.
 
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
@@ -104,9 +104,11 @@ impl<'t> Head<'t> {
     /// Refuses a line that may be a row with a slip in it and would else pass for a line of words: one with as many
     /// fields as a row, one below the names, or one directly above the table.
     fn refuse_slips(&self, rows: &Rows<'_>) -> Result<(), MotionError> {
-        let fields = |line: &HeaderLine<'_>| rows.delimiter.cells(line.text).len();
         let is_as_wide = |line: &&HeaderLine<'_>| {
-            fields(line) == rows.width && (begins_like_a_row(line.text) || is_overflow(line.text))
+            let cells = rows.delimiter.cells(line.text);
+            // Stars are numbers that did not fit their fields.
+            let begins = || cells.first().is_some_and(|(_, c)| begins_like_a_number(c));
+            cells.len() == rows.width && (begins() || begins_like_a_row(line.text))
         };
         let is_names = |line: &&HeaderLine<'_>| {
             !begins_like_a_row(line.text)
@@ -148,12 +150,7 @@ fn begins_like_a_row(line: &str) -> bool {
     has_digit && (begins_like_a_number(first) || (is_empty && fields.any(|f| number(f).is_some())))
 }
 
-/// True of a line of numbers that did not fit their fields.
-fn is_overflow(line: &str) -> bool {
-    line.split_whitespace().all(begins_like_a_number)
-}
-
-/// What is wrong with a line of the header, read as a row.
+/// The error of a line of the header, read as a row.
 fn slip(rows: &Rows<'_>, line: &HeaderLine<'_>) -> MotionError {
     let cells = rows.delimiter.cells(line.text);
     let found = cells.len();
@@ -408,6 +405,8 @@ mod tests {
             "t,a\n,1\n0.1,2\n",
             "t a\n- 1\n0.1 2\n",
             "t a\n*** 1\n0.1 2\n",
+            "t a\n*** ***\n0.1 2\n",
+            "t,a\n***,***\n0.1,2\n",
         ] {
             let error = read(text).unwrap_err();
             let is_told = matches!(error, MotionError::NeitherHeaderNorRow { line: 2, .. });

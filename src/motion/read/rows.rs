@@ -76,7 +76,7 @@ impl Delimiter {
             let cells = delimiter.cells(line);
             let width = cells.len();
             let is_parted = match delimiter {
-                // Blanks never stand for a tab: an empty field between two tabs would move the fields after it.
+                // As a blank, two tabs around an empty field would move the fields after it.
                 Self::Tab => has_tab,
                 Self::Blank => !has_tab && (!settings.separated || width == 1),
                 // A last sign shows the separator, too.

@@ -39,7 +39,9 @@ struct Head {
     aliases: Vec<String>,
     points: Option<f64>,
     unit: Option<(Unit, f64)>,
+    /// Lines of numbers since the last text line.
     number_lines: usize,
+    has_numbers: bool,
     /// A block of values belongs to it.
     has_values: bool,
 }
@@ -61,13 +63,15 @@ pub(super) fn parse(lines: &mut Lines<'_>) -> Result<Recording, MotionError> {
             } else {
                 let is_without_values = head.is_without_values();
                 head.read(line.trim(), upper.trim(), &mut recording.title);
-                if is_without_values && head.number_lines == 0 {
+                if is_without_values && !head.has_numbers {
                     return Err(lines.refuse(ANNOUNCEMENT, line));
                 }
+                head.number_lines = 0;
             }
             continue;
         }
         head.number_lines += 1;
+        head.has_numbers = true;
         let is_past_header = !head.is_corrected && head.number_lines > V1_NUMBER_LINES;
         if is_past_header && head.points.is_some() {
             pairs(lines, &head, &mut recording)?;
@@ -86,9 +90,9 @@ pub(super) fn parse(lines: &mut Lines<'_>) -> Result<Recording, MotionError> {
 }
 
 impl Head {
-    /// True if numbers follow it of which nothing says that they are values.
+    /// True if numbers follow it, but no line announces values.
     fn is_without_values(&self) -> bool {
-        self.number_lines > 0 && !self.has_values
+        self.has_numbers && !self.has_values
     }
 
     /// Takes what one text line says.
