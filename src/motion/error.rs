@@ -3,9 +3,27 @@
 //! Every variant carries what was wanted and what was found; those about a file name it and, where there is one,
 //! the line and the column (from 1). In a `.npy` file "line" is the row.
 
+use std::fmt;
+
 use thiserror::Error;
 
 use super::unit::{Quantity, Unit};
+
+/// A number in a message: six significant digits at most, as a plain decimal if that is short.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Short(pub(super) f64);
+
+impl fmt::Display for Short {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let rounded = format!("{:.5e}", self.0).parse().unwrap_or(self.0);
+        let is_plain = rounded == 0.0 || (1e-3..1e5).contains(&f64::abs(rounded));
+        if is_plain || !rounded.is_finite() {
+            write!(f, "{rounded}")
+        } else {
+            write!(f, "{rounded:e}")
+        }
+    }
+}
 
 /// A motion that cannot be used, and why.
 #[derive(Debug, Error)]
@@ -49,6 +67,21 @@ pub enum MotionError {
     /// A word where a number must stand.
     #[error("{file}:{line}:{column}: wanted a number, found {found:?}")]
     NotANumber {
+        /// Name of the file.
+        file: String,
+        /// Line, from 1.
+        line: usize,
+        /// Column of the first character, from 1.
+        column: usize,
+        /// The word.
+        found: String,
+    },
+    /// A word where a number must be, in a file that only its first lines show to be one of PEER.
+    #[error(
+        "{file}:{line}:{column}: wanted a number, found {found:?} (the file is read as peer because a line states NPTS and DT: \
+         format = \"table\" reads it as a table)"
+    )]
+    NotPeer {
         /// Name of the file.
         file: String,
         /// Line, from 1.
@@ -173,7 +206,7 @@ pub enum MotionError {
         file: String,
     },
     /// Times that fall or stand still.
-    #[error("{file}:{line}: times must rise from row to row, found {found:?} s after {before:?} s")]
+    #[error("{file}:{line}: times must rise from row to row, found {} s after {} s", Short(*found), Short(*before))]
     NotRising {
         /// Name of the file.
         file: String,
@@ -185,7 +218,10 @@ pub enum MotionError {
         found: f64,
     },
     /// Times that are not equally spaced.
-    #[error("{file}:{line}: the time step is not uniform: wanted {wanted:?} s, found {found:?} s")]
+    #[error(
+        "{file}:{line}: the time step is not uniform: wanted {} s, found {} s",
+        Short(*wanted), Short(*found)
+    )]
     NotUniform {
         /// Name of the file.
         file: String,
@@ -323,8 +359,9 @@ pub enum MotionError {
     },
     /// No frequency line of the realisation falls into the band.
     #[error(
-        "the band from {from_hz} to {to_hz} Hz holds no multiple of 1/duration = {line_hz} Hz: \
-         widen the band or lengthen the noise"
+        "the band from {} to {} Hz holds no multiple of 1/duration = {} Hz: \
+         widen the band or lengthen the noise",
+        Short(*from_hz), Short(*to_hz), Short(*line_hz)
     )]
     EmptyBand {
         /// Lower edge.
@@ -335,7 +372,7 @@ pub enum MotionError {
         line_hz: f64,
     },
     /// A motion that is zero throughout cannot be scaled to a peak.
-    #[error("the motion is zero throughout and cannot be scaled to {wanted}")]
+    #[error("the motion is zero throughout and cannot be scaled to {}", Short(*wanted))]
     ZeroMotion {
         /// The peak asked for, in SI units.
         wanted: f64,
@@ -373,6 +410,24 @@ pub enum MotionError {
 }
 
 impl MotionError {
+    /// This error for a file that only its first lines show to be one of PEER.
+    pub(super) fn of_peer(self) -> Self {
+        match self {
+            Self::NotANumber {
+                file,
+                line,
+                column,
+                found,
+            } => Self::NotPeer {
+                file,
+                line,
+                column,
+                found,
+            },
+            other => other,
+        }
+    }
+
     /// Advice to the user that the message does not contain.
     #[must_use]
     pub const fn help(&self) -> Option<&'static str> {
@@ -439,5 +494,26 @@ pub(super) fn all_finite(what: &'static str, values: &[f64]) -> Result<(), Motio
             index: at + 1,
             found: values[at],
         }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_in_messages_have_six_digits_at_most() {
+        for (number, wanted) in [
+            (19.990_000_000_000_002, "19.99"),
+            (0.003_900_000_000_000_000_7, "0.0039"),
+            (203.94, "203.94"),
+            (0.0, "0"),
+            (-1.0 / 3.0, "-0.333333"),
+            (99_999.96, "1e5"),
+            (1e-5, "1e-5"),
+            (2.046_2e-4, "2.0462e-4"),
+        ] {
+            assert_eq!(Short(number).to_string(), wanted);
+        }
     }
 }

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::base::jump;
-use super::error::{MotionError, inside};
+use super::error::{MotionError, Short, inside};
 use super::process::Motion;
 use super::shapes::smooth_rise;
 use super::unit::Quantity;
@@ -92,7 +92,8 @@ impl PrescribedSpec {
             let step = grid.dt();
             if ease > 0.0 && ease < EASES * step {
                 prescribed.warnings.push(format!(
-                    "{key} = {ease} s is shorter than {EASES} steps of {step} s: it softens nothing"
+                    "{key} = {ease} s is shorter than {EASES} steps of {} s: it softens nothing",
+                    Short(step)
                 ));
             }
         }

@@ -11,7 +11,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::error::{MotionError, all_finite, finite, inside, positive};
+use super::error::{MotionError, Short, all_finite, finite, inside, positive};
 use super::resample::central_difference;
 use super::sampled::{Origin, Sampled};
 use super::shapes::{factor_of, taper};
@@ -246,8 +246,10 @@ fn above_nyquist(top_hz: Option<f64>, grid: Grid, warnings: &mut Vec<String>) {
     let nyquist = 0.5 / grid.dt();
     if let Some(top) = top_hz.filter(|f| *f > nyquist) {
         warnings.push(format!(
-            "the signal reaches {top} Hz, but a step of {} s carries {nyquist} Hz: what lies above is folded down",
-            grid.dt()
+            "the signal reaches {} Hz, but a step of {} s carries {} Hz: what lies above is folded down",
+            Short(top),
+            Short(grid.dt()),
+            Short(nyquist)
         ));
     }
 }

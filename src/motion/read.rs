@@ -46,6 +46,9 @@ pub const MOST_VALUES: usize = 1 << 25;
 /// Most columns of one table.
 pub const MOST_COLUMNS: usize = 1 << 16;
 
+/// Endings of the names of PEER files.
+const PEER_ENDINGS: [&str; 3] = ["at2", "vt2", "dt2"];
+
 /// How the bytes of a file are to be read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -149,6 +152,8 @@ pub struct RecordSource {
     pub column: Option<usize>,
     /// The name of that column in the file.
     pub name: Option<String>,
+    /// The text of its unit, where that is not understood.
+    pub unknown_unit: Option<String>,
 }
 
 /// Rows of numbers: a load history with one column per degree of freedom, or a matrix.
@@ -231,7 +236,11 @@ pub fn parse_record(
         return refused("skip_rows", "a file that is no table in text");
     }
     let mut record = match format {
-        RecordFormat::Peer => peer::parse(name, text::decode(name, bytes)?.as_ref(), options.dt)?,
+        RecordFormat::Peer => {
+            let read = peer::parse(name, text::decode(name, bytes)?.as_ref(), options.dt);
+            let is_told = options.format.is_some() || has_ending(name, &PEER_ENDINGS);
+            read.map_err(|error| if is_told { error } else { error.of_peer() })?
+        }
         RecordFormat::Npy => axis::record(name, npy::parse(name, bytes)?, options)?,
         table if is_text_table => text_record(name, bytes, table, options)?,
         network => native::parse(name, text::decode(name, bytes)?.as_ref(), network, options)?,
@@ -317,7 +326,7 @@ fn detect(name: &str, bytes: &[u8]) -> RecordFormat {
     if bytes.starts_with(npy::MAGIC) || has_ending(name, &["npy"]) {
         return RecordFormat::Npy;
     }
-    if has_ending(name, &["at2", "vt2", "dt2"]) {
+    if has_ending(name, &PEER_ENDINGS) {
         return RecordFormat::Peer;
     }
     let start = String::from_utf8_lossy(&bytes[..bytes.len().min(4096)]);

@@ -1,5 +1,6 @@
 //! Facts about a record that was read from a file, and warnings about implausible values.
 
+use super::error::Short;
 use super::peak;
 use super::read::{Record, RecordFormat};
 use super::unit::{Quantity, STANDARD_GRAVITY, Unit};
@@ -87,9 +88,9 @@ impl RecordFacts {
         let is_doubtful = peak > 0.0 && !(least..=most).contains(&peak);
         if self.quantity == Quantity::Acceleration && is_doubtful {
             warnings.push(format!(
-                "{}: the peak ground acceleration {how} is {:.4e} g. Between 0.001 g and 5 g is usual: check `unit` ({}) and `scale_factor`",
+                "{}: the peak ground acceleration {how} is {} g. Between 0.001 g and 5 g is usual: check `unit` ({}) and `scale_factor`",
                 self.file,
-                peak / STANDARD_GRAVITY,
+                Short(peak / STANDARD_GRAVITY),
                 self.unit
             ));
         }

@@ -3,7 +3,7 @@
 //! A record that ends before the test is zero after its end, but for a displacement, which stays where it ends: a table
 //! or an actuator cannot jump home.
 
-use super::error::{MotionError, inside};
+use super::error::{MotionError, Short, inside};
 use super::resample::{Kernel, Resample, linear, snapped};
 use super::shapes::left_out;
 use super::{Grid, RecordFacts, peak};
@@ -126,14 +126,16 @@ impl Sampled {
         if test > end + 1e-9 * grid.dt() {
             let after = if holds {
                 format!(
-                    "its last value, {:e} m, is held after it",
-                    self.values.last().copied().unwrap_or(0.0)
+                    "its last value, {} m, is held after it",
+                    Short(self.values.last().copied().unwrap_or(0.0))
                 )
             } else {
                 "it is zero after that".to_owned()
             };
             warnings.push(format!(
-                "{name}: the record ends at {end} s, the test at {test} s; {after}"
+                "{name}: the record ends at {} s, the test at {} s; {after}",
+                Short(end),
+                Short(test)
             ));
         }
         let cut = self
@@ -145,7 +147,8 @@ impl Sampled {
         let whole = peak(&self.values);
         if beyond > 0.0 && beyond >= whole {
             warnings.push(format!(
-                "{name}: the test ends at {test} s, before the peak of the record"
+                "{name}: the test ends at {} s, before the peak of the record",
+                Short(test)
             ));
         }
     }
@@ -158,9 +161,9 @@ impl Sampled {
             warnings.push(format!(
                 "{name}: the step of {} s is longer than that of the record, {} s; what lies above {} Hz is folded \
                  down: resample = \"band_limited\" removes it",
-                grid.dt(),
-                self.dt,
-                0.5 / grid.dt()
+                Short(grid.dt()),
+                Short(self.dt),
+                Short(0.5 / grid.dt())
             ));
         }
     }

@@ -9,7 +9,7 @@ use std::f64::consts::PI;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::error::{MotionError, finite, inside, not_negative, positive};
+use super::error::{MotionError, Short, finite, inside, not_negative, positive};
 use super::unit::{Quantity, Unit};
 
 /// A function of time: (value, rate) in SI units.
@@ -59,7 +59,9 @@ impl Curve {
 pub(super) fn left_out(end: f64, test: f64) -> Option<String> {
     (end.is_finite() && end > test * (1.0 + 1e-9)).then(|| {
         format!(
-            "the signal goes on until {end} s, but the test ends at {test} s: what comes after that is left out"
+            "the signal goes on until {} s, but the test ends at {} s: what comes after that is left out",
+            Short(end),
+            Short(test)
         )
     })
 }

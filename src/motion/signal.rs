@@ -175,7 +175,10 @@ impl FileSignal {
         let unit = self.unit.or(record.unit);
         let unit = unit.ok_or_else(|| MotionError::UnitMissing {
             file: self.path.clone(),
-            header: record.title.clone(),
+            header: match &record.source.unknown_unit {
+                Some(unit) => unit.clone(),
+                None => record.title.clone(),
+            },
             quantity,
         })?;
         let to_si = factor(Some(unit), quantity)?;

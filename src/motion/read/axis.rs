@@ -4,7 +4,7 @@ use super::label::Label;
 use super::peer::chosen_step;
 use super::uniform::Times;
 use super::{Column, RawTable, ReadOptions, Record, RecordSource};
-use crate::motion::error::MotionError;
+use crate::motion::error::{MotionError, Short};
 use crate::motion::unit::TimeUnit;
 
 /// Chooses the columns and makes a record of them.
@@ -34,6 +34,7 @@ pub(super) fn record(
             name: label
                 .filter(|_| table.columns > 1)
                 .map(|label| label.name.clone()),
+            ..RecordSource::default()
         },
     })
 }
@@ -64,11 +65,12 @@ fn step(
     let times = Times::of(name, table, time, unit);
     let axis = match (times.uniform(), options.dt) {
         (Ok(axis), _) => axis,
-        (Err(error), None) => return Err(decimal_commas(name, table, error)),
+        (Err(error), None) => return Err(true_reason(name, table, error)),
         (Err(_), Some(dt)) => {
             let (line, off) = times.departure_from(dt);
             warnings.push(format!(
-                "{name}: dt_s = {dt} overrules its times, which are not uniform: that of line {line} is off by {off:.3e} s"
+                "{name}: dt_s = {dt} overrules its times, which are not uniform: that of line {line} is off by {} s",
+                Short(off)
             ));
             return Ok(None);
         }
@@ -77,13 +79,13 @@ fn step(
     if axis.first.abs() > 1.5 * axis.dt {
         warnings.push(format!(
             "{name}: its times begin at {} s; that is taken as the start",
-            axis.first
+            Short(axis.first)
         ));
     }
     if let (Some(slack), None) = (axis.doubt, options.dt) {
         warnings.push(format!(
-            "{name}: its step of {:.6} s is inferred from rounded times, to ± {slack:.1e} s; dt_s states it",
-            axis.dt
+            "{name}: its step of {} s is inferred from rounded times, to ± {slack:.1e} s; dt_s states it",
+            Short(axis.dt)
         ));
     }
     match table
@@ -100,8 +102,18 @@ fn step(
     }
 }
 
-/// Why times are not uniform that commas may have cut from one number: `0,5` and `0,6` are two columns, or one.
-fn decimal_commas(name: &str, table: &RawTable, error: MotionError) -> MotionError {
+/// Why times are not uniform: the first row may state a wrong count, or commas may have cut numbers in two: `0,5` and `0,6`
+/// are two columns, or one.
+fn true_reason(name: &str, table: &RawTable, error: MotionError) -> MotionError {
+    if let (Some(announced), MotionError::NotRising { line, .. }) = (stated_count(table), &error)
+        && table.lines.get(1) == Some(line)
+    {
+        return MotionError::Count {
+            file: name.into(),
+            announced,
+            found: table.values.len() - 2,
+        };
+    }
     let is_whole = table.prints.iter().all(|print| print.decimals <= 0);
     let may_be = table.columns == 2 && is_whole && table.header.labels.is_empty();
     match table.first_row.find(',') {
@@ -113,6 +125,14 @@ fn decimal_commas(name: &str, table: &RawTable, error: MotionError) -> MotionErr
         },
         _ => error,
     }
+}
+
+/// The count in a first row such as `400 0.01`.
+fn stated_count(table: &RawTable) -> Option<usize> {
+    let mut words = table.first_row.split_whitespace();
+    let (count, step, end) = (words.next()?.parse().ok()?, words.next()?, words.next());
+    let step: f64 = step.parse().ok()?;
+    (end.is_none() && step > 0.0 && step < 1.0).then_some(count)
 }
 
 /// Indices of the columns.
@@ -463,10 +483,7 @@ mod tests {
         assert_eq!((record.dt, record.values.len()), (0.01, 4));
         let told = record.warnings.iter().find(|w| w.contains("overrules"));
         let told = told.unwrap_or_else(|| panic!("{:?}", record.warnings));
-        assert!(
-            told.contains("line 4") && told.contains("3.000e-2"),
-            "{told}"
-        );
+        assert!(told.contains("line 4") && told.contains("0.03 s"), "{told}");
     }
 
     #[test]
@@ -514,9 +531,9 @@ mod tests {
             other => panic!("{other}"),
         }
         for (text, said) in [
-            ("0 1\n0 1\n0 1\n", "found 0.0 s after 0.0 s"),
-            ("2 1\n1 1\n0 1\n", "found 1.0 s after 2.0 s"),
-            ("0 1\n-1e300 1\n", "found -1e300 s after 0.0 s"),
+            ("0 1\n0 1\n0 1\n", "found 0 s after 0 s"),
+            ("2 1\n1 1\n0 1\n", "found 1 s after 2 s"),
+            ("0 1\n-1e300 1\n", "found -1e300 s after 0 s"),
         ] {
             let wanted = format!("a.txt:2: times must rise from row to row, {said}");
             assert_eq!(read("a.txt", text).unwrap_err().to_string(), wanted);
@@ -570,6 +587,34 @@ mod tests {
     }
 
     #[test]
+    fn a_whole_rate_is_found_far_from_the_mean_rate() {
+        let text = two_columns((0..2000).map(|i| format!("{:.2E}", f64::from(i) / 1024.0)));
+        assert_eq!(read("a.txt", &text).unwrap().dt, 1.0 / 1024.0);
+    }
+
+    #[test]
+    fn a_step_that_repeated_times_leave_open_is_mentioned() {
+        let rows = (0..6000).filter(|i| *i != 3000);
+        let text = two_columns(rows.map(|i| format!("{:.2}", f64::from(i) / 500.0)));
+        let warnings = read("a.txt", &text).unwrap().warnings;
+        assert!(
+            warnings.iter().any(|w| w.contains("inferred")),
+            "{warnings:?}"
+        );
+    }
+
+    #[test]
+    fn a_wrong_count_in_front_of_pairs_is_told_as_such() {
+        let text = format!("151 0.01\n{}", "0.3 0.2\n0.1 0.4\n0.2 0.1\n".repeat(25));
+        match read("a.txt", &text).unwrap_err() {
+            MotionError::Count {
+                announced, found, ..
+            } => assert_eq!((announced, found), (151, 150)),
+            other => panic!("{other}"),
+        }
+    }
+
+    #[test]
     fn a_missing_row_among_rounded_times_is_named() {
         for (rate, decimals) in [(256.0, 4), (240.0, 3), (100.0, 2), (200.0, 3), (1024.0, 4)] {
             for missing in [3, 100, 498] {
@@ -600,7 +645,7 @@ mod tests {
         let [warning] = record.warnings.as_slice() else {
             panic!("{:?}", record.warnings)
         };
-        assert!(warning.contains("step of 0.013333 s"), "{warning}");
+        assert!(warning.contains("step of 0.0133333 s"), "{warning}");
         assert!(warning.contains("± 3.3e-3 s"), "{warning}");
         let options = ReadOptions {
             dt: Some(0.0125),

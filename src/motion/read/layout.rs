@@ -1,13 +1,14 @@
 //! The one model of a table in text: lines of a header, then rows of numbers with something between them.
 //!
 //! The first line that is all numbers begins the table, and decides the separator of its fields: a semicolon, a
-//! comma, or blanks (a tab is a blank). Every later line must be a row of as many numbers. Knows nothing of time.
+//! comma, a tab, or blanks. Every later line must be a row of as many numbers. A line above the table that begins like a
+//! row must stand above the names: else it may be a row with a slip. Knows nothing of time.
 
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
 
 use super::RawTable;
-use super::header::{HeaderLine, begins_like_a_number, is_rule, stated_separator};
+use super::header::{HeaderLine, begins_like_a_number, cells, is_rule, stated_separator};
 use super::rows::{Delimiter, Rows, Settings, pointed};
 use super::text::{decode, finite_number, is_comment, lines, number};
 use crate::motion::error::MotionError;
@@ -50,10 +51,15 @@ pub(super) fn parse(
 /// The lines before the table.
 #[derive(Default)]
 struct Head<'t> {
+    /// The last of them.
     lines: VecDeque<HeaderLine<'t>>,
-    /// How many of them are no comments.
+    /// How many of all are no comments.
     worded: usize,
     separator: Option<char>,
+    /// The first line that begins like a row.
+    first_slip: Option<HeaderLine<'t>>,
+    /// The first such line behind the last line of words.
+    last_slip: Option<HeaderLine<'t>>,
 }
 
 impl<'t> Head<'t> {
@@ -71,60 +77,95 @@ impl<'t> Head<'t> {
         if is_rule(text) {
             return ControlFlow::Continue(());
         }
+        let line = HeaderLine { number, text };
         if !is_comment(text) {
             if let Some(delimiter) = Delimiter::of(text, self.separator, settings) {
                 return ControlFlow::Break(delimiter);
             }
             self.worded += 1;
+            if begins_like_a_row(text) {
+                self.first_slip.get_or_insert(line);
+                self.last_slip.get_or_insert(line);
+            } else {
+                self.last_slip = None;
+            }
         }
         if self.lines.len() == MOST_HEADER_LINES {
             self.lines.pop_front();
         }
-        self.lines.push_back(HeaderLine { number, text });
+        self.lines.push_back(line);
         ControlFlow::Continue(())
     }
 
-    fn worded(&self) -> impl Iterator<Item = &HeaderLine<'t>> {
+    fn worded(&self) -> impl DoubleEndedIterator<Item = &HeaderLine<'t>> {
         self.lines.iter().filter(|line| !line.is_comment())
     }
 
-    /// Refuses a line that has a slip in a number and would else pass for a line of words.
+    /// Refuses a line that may be a row with a slip in it and would else pass for a line of words: one with as many
+    /// fields as a row, one below the names, or one directly above the table.
     fn refuse_slips(&self, rows: &Rows<'_>) -> Result<(), MotionError> {
-        for line in self.worded() {
+        let is_as_wide = |line: &&HeaderLine<'_>| {
             let cells = rows.delimiter.cells(line.text);
-            let first = cells.first().map_or("", |(_, cell)| cell);
-            let has_number = || cells.iter().any(|(_, cell)| number(cell).is_some());
-            let is_gap = |cell: &str| !cell.chars().any(char::is_alphanumeric);
-            let is_row = begins_like_a_number(first) || (is_gap(first) && has_number());
-            if cells.len() == rows.width && is_row {
-                for (start, cell) in cells {
-                    finite_number(rows.file, line.number, line.text, start, &pointed(cell))
-                        .map_err(of_header)?;
-                }
-            }
-        }
-        Ok(())
+            // Stars are numbers that did not fit their fields.
+            let begins = || cells.first().is_some_and(|(_, c)| begins_like_a_number(c));
+            cells.len() == rows.width && (begins() || begins_like_a_row(line.text))
+        };
+        let is_names = |line: &&HeaderLine<'_>| {
+            !begins_like_a_row(line.text)
+                && cells(line.text.trim(), rows.width, rows.delimiter.sign()).is_some()
+        };
+        let names = self.worded().rev().find(is_names);
+        let is_below = |line: &&HeaderLine<'_>| {
+            names.is_some_and(|names| line.number > names.number) && begins_like_a_row(line.text)
+        };
+        let slips = [
+            self.worded().find(is_as_wide),
+            self.worded().find(is_below),
+            self.last_slip.as_ref(),
+        ];
+        let first = slips.into_iter().flatten().min_by_key(|line| line.number);
+        first.map_or(Ok(()), |line| Err(slip(rows, line)))
     }
 
     /// Why there is no table: the first line that begins like a row has something else in it.
     fn without_rows(&self, name: &str, settings: &Settings) -> MotionError {
-        let begins = |line: &&HeaderLine<'_>| {
-            let word = line.text.split_whitespace().next().unwrap_or("");
-            begins_like_a_number(word)
-        };
         let empty = MotionError::Empty { file: name.into() };
-        let Some(line) = self.worded().find(begins) else {
+        let Some(line) = self.last_slip.or(self.first_slip) else {
             return empty;
         };
-        let delimiter = match line.text {
-            text if text.contains(';') => Delimiter::Semicolon,
-            text if settings.separated || text.contains(',') => Delimiter::Comma,
-            _ => Delimiter::Blank,
-        };
+        let delimiter = Delimiter::likely(line.text, self.separator, settings);
         let mut rows = Rows::new(name, delimiter, line.text);
         let error = rows.read(line.number, line.text).err();
-        error.map_or(empty, of_header)
+        error.unwrap_or(empty)
     }
+}
+
+/// True of a line that begins with a number, or has an empty first field and a number in another.
+fn begins_like_a_row(line: &str) -> bool {
+    let is_gap = |c: char| c.is_whitespace() || c == ',' || c == ';';
+    let mut fields = line.trim().split(is_gap).map(|f| f.trim_matches('"'));
+    let first = fields.next().unwrap_or("");
+    let is_empty = !first.chars().any(char::is_alphanumeric);
+    let has_digit = line.bytes().any(|byte| byte.is_ascii_digit());
+    has_digit && (begins_like_a_number(first) || (is_empty && fields.any(|f| number(f).is_some())))
+}
+
+/// The error of a line of the header, read as a row.
+fn slip(rows: &Rows<'_>, line: &HeaderLine<'_>) -> MotionError {
+    let cells = rows.delimiter.cells(line.text);
+    let found = cells.len();
+    let error = cells.into_iter().find_map(|(start, cell)| {
+        finite_number(rows.file, line.number, line.text, start, &pointed(cell)).err()
+    });
+    error.map_or_else(
+        || MotionError::Ragged {
+            file: rows.file.into(),
+            line: line.number,
+            wanted: rows.width,
+            found,
+        },
+        of_header,
+    )
 }
 
 /// The error of a line that may also belong to the header.
@@ -189,6 +230,10 @@ mod tests {
             b"1\n2\n\x1a\r\n\0\0\0\0",
             b"\xff\xfe1\0\n\x002\0\n\0",
             b"\xfe\xff\x001\0\n\x002\0\n",
+            b"\xff\xfe1\0\n\x002\0\n\0\x1a\0",
+            b"\xfe\xff\x001\0\n\x002\0\n\0\x1a\0\0",
+            b"1\r2\n",
+            b"1\r2\r\n\x1a",
         ] {
             let table = parse("a.txt", bytes, &ANY).unwrap();
             assert_eq!(table.values, [1.0, 2.0], "{bytes:?}");
@@ -337,8 +382,12 @@ mod tests {
             message("1,2\n3,1e999\n"),
             "a.csv:2:3: wanted a finite number, found 1e999"
         );
+        assert_eq!(
+            message("0.1x,2\n"),
+            "a.csv:1:1: wanted a number, found \"0.1x\""
+        );
         // A slip in the first row is not a header.
-        for text in ["0.1x,2\n", "0.1x,2\n1,2\n", "0.1x\n1\n"] {
+        for text in ["0.1x,2\n1,2\n", "0.1x\n1\n"] {
             let error = read(text).unwrap_err();
             let MotionError::NeitherHeaderNorRow {
                 line: 1,
@@ -356,6 +405,8 @@ mod tests {
             "t,a\n,1\n0.1,2\n",
             "t a\n- 1\n0.1 2\n",
             "t a\n*** 1\n0.1 2\n",
+            "t a\n*** ***\n0.1 2\n",
+            "t,a\n***,***\n0.1,2\n",
         ] {
             let error = read(text).unwrap_err();
             let is_told = matches!(error, MotionError::NeitherHeaderNorRow { line: 2, .. });
@@ -369,6 +420,140 @@ mod tests {
             message("a,b,c\n1,2\n"),
             "a.csv:2: wanted 3 columns, found 2"
         );
+    }
+
+    /// Kind, line and width or word of the error of a text.
+    fn refusal(text: &str) -> (&'static str, usize, String) {
+        match read(text).map(|table| table.values.len()).unwrap_err() {
+            MotionError::NotANumber { line, found, .. } => ("number", line, found),
+            MotionError::NeitherHeaderNorRow { line, found, .. } => ("row", line, found),
+            MotionError::Ragged {
+                line,
+                wanted,
+                found,
+                ..
+            } => ("columns", line, format!("{found} of {wanted}")),
+            MotionError::Count {
+                announced, found, ..
+            } => ("count", 0, format!("{found} of {announced}")),
+            other => panic!("{text:?}: {other}"),
+        }
+    }
+
+    fn repeated(count: usize, row: impl Fn(usize) -> String) -> String {
+        (0..count).map(row).collect()
+    }
+
+    #[test]
+    fn a_row_with_a_slip_is_refused_and_never_a_line_of_the_header() {
+        let rows = "0.01 0.02\n0.02 0.03\n0.03 0.01\n";
+        let remarks = |count| repeated(count, |i| format!("0.00 {i} # zeroing\n"));
+        for (text, wanted) in [
+            (format!("0.00 0.0 start\n{rows}"), ("row", 1, "start")),
+            (format!("{}{rows}", remarks(60)), ("row", 1, "#")),
+            (format!("t a\n{}{rows}", remarks(250)), ("row", 2, "#")),
+            (
+                format!("t a\n0.00 0.0 start\nsecond part of it\n{rows}"),
+                ("row", 2, "start"),
+            ),
+            (
+                "0 0 0 start\n0 0 0 start\n0 0 0 start\n1 2 3\n4 5 6\n".into(),
+                ("row", 1, "start"),
+            ),
+            (
+                "1940 El Centro NS\n0.01 0.02\n0.02 0.03\n".into(),
+                ("row", 1, "El"),
+            ),
+            (
+                "Time;Acc\n2024-01-01 10:00\n0;1\n1;2\n".into(),
+                ("row", 2, "2024-01-01 10:00"),
+            ),
+            (
+                "t;a\n0,00;\n0,01;0,5\n0,02;0,6\n".into(),
+                ("columns", 2, "1 of 2"),
+            ),
+        ] {
+            let (kind, line, found) = refusal(&text);
+            assert_eq!((kind, line, found.as_str()), wanted, "{text:.60}");
+        }
+        for text in [
+            "1940 El Centro\nTime Acc\n0 1\n1 2\n",
+            "Logger;7\n2024-01-01 10:00\nTime;Acc\ns;g\n0;1\n1;2\n",
+        ] {
+            assert_eq!(read(text).unwrap().values, [0.0, 1.0, 1.0, 2.0], "{text}");
+        }
+    }
+
+    #[test]
+    fn an_empty_cell_between_tabs_moves_no_other_cell() {
+        for (text, wanted) in [
+            ("0.0\t\t5\n0.1\t6\t\n0.2\t\t7\n", ("row", 1, "")),
+            ("t\ta\t\tb\n0.0\t1\t\t5\n0.1\t2\t\t6\n", ("number", 2, "")),
+            ("1\t\t2\t3\n1\t2\t\t3\n", ("number", 1, "")),
+            ("1\t2\t3\n1\t\t3\n", ("number", 2, "")),
+            ("1\t2\t3\n\t2\t3\n", ("number", 2, "")),
+            ("1\t2\t3\n1\t2\t\n", ("columns", 2, "2 of 3")),
+            ("1 2\t3\n1 2\t3\n", ("number", 1, "1 2")),
+        ] {
+            let (kind, line, found) = refusal(text);
+            assert_eq!((kind, line, found.as_str()), wanted, "{text:?}");
+        }
+        for text in [
+            "t\ta\n0\t1\n1\t2\n",
+            "t\ta\t\n0\t1\t\n1\t2\t\n",
+            "sep=\t\nt a\n 0\t 1\n 1\t 2\n",
+            "\t0 1\n\t1 2\n",
+        ] {
+            let table = read(text).unwrap();
+            assert_eq!(
+                (table.columns, table.values),
+                (2, vec![0.0, 1.0, 1.0, 2.0]),
+                "{text:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_file_without_a_row_of_numbers_names_its_first_bad_line() {
+        for (row, wanted) in [
+            ("2024-01-01 00:00:01,0.5\n", "2024-01-01 00:00:01"),
+            ("0.01|0.5\n", "0.01|0.5"),
+            ("0.01 0.5 ok\n", "ok"),
+            ("0,01;0,5;;\n", ""),
+            (",0.01,0.5\n", ""),
+            ("0.01\t0.5\t \tok\n", ""),
+        ] {
+            for (end, line) in [("", 2), ("end of data\n", 2)] {
+                let text = format!("t a\n{}{end}", row.repeat(150));
+                let wanted = ("number", line, wanted.to_owned());
+                assert_eq!(refusal(&text), wanted, "{row}");
+            }
+        }
+        let missing = repeated(120, |i| format!("{i}.0,#N/A\n"));
+        let wanted = ("row", 2, "#N/A".to_owned());
+        assert_eq!(refusal(&format!("t,a\n{missing}120.0,0.5\n")), wanted);
+    }
+
+    #[test]
+    fn a_first_row_that_differs_is_the_one_that_is_told() {
+        let eight = repeated(19, |i| {
+            let count = if i == 18 { 6 } else { 8 };
+            format!("{}\n", " 0.5".repeat(count))
+        });
+        let columns = |line, found: &str| ("columns", line, found.to_owned());
+        for (text, wanted) in [
+            ("t,a\n0.0,\n0.01,0.02\n", columns(2, "1 of 2")),
+            ("t;a\n0,0;\n0,01;0,02\n", columns(2, "1 of 2")),
+            ("150\n0.00 0.1\n0.01 0.2\n0.02 0.3\n", columns(1, "1 of 2")),
+            ("0,0;\n0,01;0,02\n0,02;0,02\n", columns(1, "1 of 2")),
+            ("0 1\n1 2 3\n", columns(2, "3 of 2")),
+            (
+                &format!("151 0.01\n{eight}"),
+                ("count", 0, "150 of 151".to_owned()),
+            ),
+        ] {
+            assert_eq!(refusal(text), wanted, "{text:.60}");
+        }
     }
 
     #[test]

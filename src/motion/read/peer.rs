@@ -20,7 +20,7 @@ use std::ops::Range;
 
 use super::text::{self, finite_number, lines, number, refuse_decimal_comma, shorten, words};
 use super::{MOST_VALUES, Record, RecordSource, has_ending};
-use crate::motion::error::{MotionError, inside};
+use crate::motion::error::{MotionError, Short, inside};
 use crate::motion::unit::{Unit, is_time_but_no_second};
 
 /// Lines among which the header must end.
@@ -126,13 +126,20 @@ pub(super) fn parse(name: &str, text: &str, dt: Option<f64>) -> Result<Record, M
         Some(_) => {}
     }
     let dt = chosen_step(name, counts.dt, dt, &mut warnings)?;
+    let unit = unit(name, &head, &mut warnings);
+    let stated = head.iter().find(|line| stated_unit(line).is_some());
     Ok(Record {
         dt,
         values,
-        unit: unit(name, &head, &mut warnings),
+        unit,
         title: title(&head),
         warnings,
-        source: RecordSource::default(),
+        source: RecordSource {
+            unknown_unit: stated
+                .filter(|_| unit.is_none())
+                .map(|line| text::shorten_to(line.trim(), 200)),
+            ..RecordSource::default()
+        },
     })
 }
 
@@ -152,7 +159,8 @@ pub(super) fn chosen_step(
             let same = (stated - given).abs() <= 1e-9 * given;
             if !same {
                 warnings.push(format!(
-                    "{name}: the file says a step of {stated} s, dt_s = {given} overrules it"
+                    "{name}: the file says a step of {} s, dt_s = {given} overrules it",
+                    Short(stated)
                 ));
             }
             Ok(given)
@@ -326,16 +334,7 @@ fn fixed_width(line: &str) -> Option<Vec<f64>> {
 
 /// The unit after `UNITS OF`, else the one that the ending of the name implies.
 fn unit(name: &str, head: &[&str], warnings: &mut Vec<String>) -> Option<Unit> {
-    let stated = head.iter().find_map(|line| {
-        let upper = line.to_ascii_uppercase();
-        let rest = upper
-            .split_once("UNITS OF")
-            .or_else(|| upper.split_once("UNITS:"))
-            .map(|(_, rest)| rest.trim_start().to_owned())?;
-        let word = rest.split([' ', ',', ';', '\t']).next()?.to_owned();
-        (!word.is_empty()).then_some(word)
-    });
-    if let Some(word) = &stated {
+    if let Some(word) = &head.iter().find_map(|line| stated_unit(line)) {
         let unit = Unit::from_header(word);
         if unit.is_none() {
             warnings.push(format!(
@@ -358,6 +357,16 @@ fn unit(name: &str, head: &[&str], warnings: &mut Vec<String>) -> Option<Unit> {
         "{name}: the header states no unit; {ending} files are in {unit}"
     ));
     Some(unit)
+}
+
+/// The word after `UNITS OF`, in capital letters.
+fn stated_unit(line: &str) -> Option<String> {
+    let upper = line.to_ascii_uppercase();
+    let (_, rest) = upper
+        .split_once("UNITS OF")
+        .or_else(|| upper.split_once("UNITS:"))?;
+    let word = rest.trim_start().split([' ', ',', ';', '\t']).next()?;
+    (!word.is_empty()).then(|| word.to_owned())
 }
 
 /// The line that tells the event and the station: the second, as a rule.
@@ -614,6 +623,30 @@ mod tests {
         .unwrap();
         assert_eq!(record.unit, None);
         assert!(record.warnings[0].contains("FURLONGS"));
+    }
+
+    #[test]
+    fn an_unknown_unit_is_quoted_with_its_line() {
+        let third = "ACCELERATION TIME SERIES IN UNITS OF G*100";
+        let record = read_named("a.AT2", &file(third, "NPTS= 6, DT= .01", VALUES)).unwrap();
+        assert_eq!(record.unit, None);
+        assert_eq!(record.source.unknown_unit.as_deref(), Some(third));
+    }
+
+    #[test]
+    fn a_table_that_looks_like_a_peer_file_is_told_as_such() {
+        let text = "# npts=3, dt=0.01\n# Time (s) Acc (g)\n0.00 0.1\n0.01 0.2\n0.02 0.3\n";
+        let error = read_named("a.txt", text).unwrap_err();
+        assert!(
+            matches!(error, MotionError::NotPeer { line: 2, .. }),
+            "{error}"
+        );
+        let as_table = ReadOptions {
+            format: Some(crate::motion::read::RecordFormat::Table),
+            ..ReadOptions::default()
+        };
+        let record = parse_record("a.txt", text.as_bytes(), &as_table).unwrap();
+        assert_eq!((record.dt, record.values.len()), (0.01, 3));
     }
 
     #[test]

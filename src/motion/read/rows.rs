@@ -30,15 +30,17 @@ pub(super) struct Settings {
 pub(super) enum Delimiter {
     Semicolon,
     Comma,
+    Tab,
     Blank,
 }
 
 impl Delimiter {
+    /// The sign between the names of a header: there a tab is a blank.
     pub(super) const fn sign(self) -> char {
         match self {
             Self::Semicolon => ';',
             Self::Comma => ',',
-            Self::Blank => ' ',
+            Self::Tab | Self::Blank => ' ',
         }
     }
 
@@ -52,8 +54,9 @@ impl Delimiter {
             let filled = bare.filter(|word| !word.is_empty());
             return filled.map(|word| (start(word), word)).collect();
         }
+        let sign = if self == Self::Tab { '\t' } else { self.sign() };
         let line = line.trim_end();
-        fields(line.strip_suffix(self.sign()).unwrap_or(line), self.sign())
+        fields(line.strip_suffix(sign).unwrap_or(line), sign)
     }
 
     /// True if a comma within a field can only be a decimal comma; `width` is the number of fields in the row.
@@ -62,28 +65,48 @@ impl Delimiter {
             Self::Semicolon => true,
             Self::Comma => false,
             // A single `0,5` may as well be two columns.
-            Self::Blank => width > 1,
+            Self::Tab | Self::Blank => width > 1,
         }
     }
 
     /// What parts the numbers of `line`; none unless all its fields are numbers.
     pub(super) fn of(line: &str, stated: Option<char>, settings: &Settings) -> Option<Self> {
-        let all = [Self::Semicolon, Self::Comma, Self::Blank];
-        all.into_iter()
-            .filter(|delimiter| stated.is_none_or(|sign| delimiter.sign() == sign))
-            .find(|delimiter| {
-                let cells = delimiter.cells(line);
-                let width = cells.len();
-                let is_parted = match delimiter {
-                    Self::Blank => !settings.separated || width == 1 || line.contains('\t'),
-                    _ => width > 1 || stated.is_some(),
-                };
-                let takes_commas = delimiter.takes_commas(width);
-                let is_number = |(_, cell): &(usize, &str)| {
-                    number(cell).is_some() || (takes_commas && number(&pointed(cell)).is_some())
-                };
-                is_parted && width > 0 && cells.iter().all(is_number)
-            })
+        let has_tab = line.trim().contains('\t');
+        Self::allowed(stated).find(|delimiter| {
+            let cells = delimiter.cells(line);
+            let width = cells.len();
+            let is_parted = match delimiter {
+                // As a blank, two tabs around an empty field would move the fields after it.
+                Self::Tab => has_tab,
+                Self::Blank => !has_tab && (!settings.separated || width == 1),
+                // A last sign shows the separator, too.
+                _ => width > 1 || stated.is_some() || line.trim_end().ends_with(delimiter.sign()),
+            };
+            let takes_commas = delimiter.takes_commas(width);
+            let is_number = |(_, cell): &(usize, &str)| {
+                number(cell).is_some() || (takes_commas && number(&pointed(cell)).is_some())
+            };
+            is_parted && width > 0 && cells.iter().all(is_number)
+        })
+    }
+
+    /// What most likely parts the fields of a `line` that is not all numbers.
+    pub(super) fn likely(line: &str, stated: Option<char>, settings: &Settings) -> Self {
+        let is_there = |delimiter: &Self| match delimiter {
+            Self::Semicolon => line.contains(';'),
+            Self::Comma => settings.separated || line.contains(','),
+            Self::Tab => line.trim().contains('\t'),
+            Self::Blank => true,
+        };
+        let found = Self::allowed(stated).find(is_there);
+        found.unwrap_or(Self::Blank)
+    }
+
+    /// All separators, or those that a first line states.
+    fn allowed(stated: Option<char>) -> impl Iterator<Item = Self> {
+        let all = [Self::Semicolon, Self::Comma, Self::Tab, Self::Blank];
+        let is_stated = move |delimiter: &Self| stated.is_none_or(|sign| delimiter.sign() == sign);
+        all.into_iter().filter(is_stated)
     }
 }
 
@@ -222,7 +245,9 @@ impl<'t> Rows<'t> {
         if announced == rows && width > 1 && !rest_ragged && rises(rest, width) {
             return Ok(Some(of(false)));
         }
-        if ragged && width == 1 && !rest_ragged {
+        // Rows of another width cannot be a table with the first row.
+        let is_list = width == 1 && !rest_ragged;
+        if ragged && (is_list || (width != 2 && *dt < 1.0)) {
             return Err(MotionError::Count {
                 file: self.file.into(),
                 announced,
@@ -247,22 +272,22 @@ impl<'t> Rows<'t> {
             None
         };
         let runs_on = settings.reading_order || count.is_some_and(|count| count.in_reading_order);
+        let names = self.names(lines);
+        self.refuse_first_row(first_line, names, count.is_some() || runs_on)?;
         let columns = self.shaped(first_line, count.is_some(), runs_on, settings)?;
         let mut header = Header::read(lines, columns, self.delimiter.sign());
-        if let (true, false, Some(names)) =
-            (header.labels.is_empty(), runs_on, self.other_names(lines))
-        {
+        if let (true, false, Some(names)) = (header.labels.is_empty(), runs_on, names) {
             return Err(self.uneven((first_line, columns), names));
         }
         header.is_loose |= !settings.named;
         let mut warnings = Vec::new();
-        if worded > header.used || (worded > 0 && self.delimiter == Delimiter::Blank) {
+        let is_separated = self.delimiter != Delimiter::Blank;
+        if worded > header.used || (worded > 0 && self.delimiter.sign() == ' ') {
             warnings.push(format!(
-                "{}: the first {worded} line(s) without a number in front are taken as a header",
+                "{}: the first {worded} line(s) are taken as a header",
                 self.file
             ));
         }
-        let is_separated = self.delimiter != Delimiter::Blank || self.first.contains('\t');
         let format = match columns {
             _ if runs_on => RecordFormat::List,
             1 => RecordFormat::OneColumn,
@@ -281,6 +306,26 @@ impl<'t> Rows<'t> {
             first_row: shorten(self.first.trim()),
             warnings,
         })
+    }
+
+    /// Refuses a first row of another width than all rows after it, which have the same.
+    fn refuse_first_row(
+        &self,
+        first_line: usize,
+        names: Option<usize>,
+        may_differ: bool,
+    ) -> Result<(), MotionError> {
+        let [_, rest_ragged] = self.ragged;
+        match self.second {
+            Some((_, width)) if width != self.width && rest_ragged.is_none() && !may_differ => {
+                let is_proven = self.lines.len() > 2 || names == Some(width);
+                match is_proven {
+                    true => Err(self.uneven((first_line, self.width), width)),
+                    false => Ok(()),
+                }
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Leaves out a row that states the count, and refuses rows of unequal width. Returns the number of columns.
@@ -327,11 +372,11 @@ impl<'t> Rows<'t> {
         }
     }
 
-    /// How many names the last line of the header has, where these are parted like fields but are not as many as the columns.
-    fn other_names(&self, lines: &[HeaderLine<'_>]) -> Option<usize> {
+    /// How many names the last line of the header has, where these are parted like fields.
+    fn names(&self, lines: &[HeaderLine<'_>]) -> Option<usize> {
         let line = lines.last().filter(|line| !line.is_comment())?;
         let names = match self.delimiter {
-            Delimiter::Blank => fields(line.text.trim(), '\t').len(),
+            Delimiter::Blank => Delimiter::Tab.cells(line.text.trim()).len(),
             other => other.cells(line.text).len(),
         };
         (names > 1).then_some(names)

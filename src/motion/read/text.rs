@@ -1,14 +1,38 @@
 //! Text: its characters, lines and words, and the numbers in them, with the place of everything that is not a number.
 //!
-//! Line ends may be LF, CR-LF, CR-CR-LF or a lone CR throughout. Knows nothing of tables and headers.
+//! Line ends may be LF, CR-LF, CR-CR-LF or a lone CR, also mixed. Knows nothing of tables and headers.
 
 use std::borrow::Cow;
 use std::ops::Range;
 
 use crate::motion::error::MotionError;
 
-/// The text of a file: UTF-8, UTF-16 with its mark in front, or Latin-1. End-of-file marks of DOS and zero bytes that fill the last block are left out.
+/// The text of a file. End-of-file marks of DOS and zero bytes that fill the last block are left out.
 pub(super) fn decode<'a>(name: &str, bytes: &'a [u8]) -> Result<Cow<'a, str>, MotionError> {
+    let text = characters(bytes);
+    let is_fill = |c: char| matches!(c, '\0' | '\u{1a}');
+    let is_end = |c: char| is_fill(c) || matches!(c, '\n' | '\r' | ' ');
+    let body = text.trim_end_matches(is_end).len();
+    let end = text[body..]
+        .find(is_fill)
+        .map_or(text.len(), |at| body + at);
+    if let Some(at) = text[..end].find('\0') {
+        return Err(MotionError::NotText {
+            file: name.into(),
+            line: lines(&text[..at]).count(),
+        });
+    }
+    Ok(match text {
+        Cow::Borrowed(text) => Cow::Borrowed(&text[..end]),
+        Cow::Owned(mut text) => {
+            text.truncate(end);
+            Cow::Owned(text)
+        }
+    })
+}
+
+/// The characters of a file: UTF-8, UTF-16 with its mark in front, or Latin-1.
+fn characters(bytes: &[u8]) -> Cow<'_, str> {
     if let [first @ (0xff | 0xfe), second @ (0xff | 0xfe), rest @ ..] = bytes
         && first != second
     {
@@ -18,40 +42,28 @@ pub(super) fn decode<'a>(name: &str, bytes: &'a [u8]) -> Result<Cow<'a, str>, Mo
             u16::from_be_bytes
         };
         let units = rest.chunks_exact(2).map(|pair| read([pair[0], pair[1]]));
-        let text: String = char::decode_utf16(units)
-            .map(|found| found.unwrap_or(char::REPLACEMENT_CHARACTER))
-            .collect();
-        return Ok(Cow::Owned(text));
-    }
-    let is_fill = |byte: &u8| matches!(byte, 0 | 0x1a);
-    let is_end = |byte: &u8| is_fill(byte) || matches!(byte, b'\n' | b'\r' | b' ');
-    let tail = bytes
-        .iter()
-        .rposition(|byte| !is_end(byte))
-        .map_or(0, |last| last + 1);
-    let fill = bytes[tail..].iter().position(is_fill);
-    let bytes = &bytes[..fill.map_or(bytes.len(), |at| tail + at)];
-    if let Some(at) = bytes.iter().position(|&b| b == 0) {
-        let line = 1 + bytes[..at].iter().filter(|&&b| b == b'\n').count();
-        return Err(MotionError::NotText {
-            file: name.into(),
-            line,
-        });
+        let text = char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER));
+        return Cow::Owned(text.collect());
     }
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    Ok(match str::from_utf8(bytes) {
+    match str::from_utf8(bytes) {
         Ok(text) => Cow::Borrowed(text),
         // Latin-1: in it each byte is its character.
         Err(_) => Cow::Owned(bytes.iter().map(|&byte| char::from(byte)).collect()),
-    })
+    }
 }
 
 /// Lines with their numbers from 1, without their ends.
 pub(super) fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
-    let end = if text.contains('\n') { '\n' } else { '\r' };
-    text.split(end)
-        .enumerate()
-        .map(|(i, line)| (i + 1, line.trim_end_matches('\r')))
+    const ENDS: [&str; 4] = ["\r\r\n", "\r\n", "\n", "\r"];
+    let mut rest = Some(text);
+    let all = std::iter::from_fn(move || {
+        let text = rest?;
+        let (line, tail) = text.split_at(text.find(['\n', '\r']).unwrap_or(text.len()));
+        rest = ENDS.iter().find_map(|end| tail.strip_prefix(end));
+        Some(line)
+    });
+    all.enumerate().map(|(i, line)| (i + 1, line))
 }
 
 /// Reads one number in the spellings of people and of Fortran (`.5`, `5.`, `1.0D-03`); may be NaN or infinite.

@@ -2,7 +2,7 @@
 
 use super::lines::{Lines, is_text, leading_number, number_after, uniform_step, unit_and_factor};
 use super::{Channel, Recording};
-use crate::motion::error::MotionError;
+use crate::motion::error::{MotionError, Short};
 use crate::motion::unit::Unit;
 
 /// Lines that a header may have.
@@ -122,7 +122,11 @@ pub(super) fn cwa(lines: &mut Lines<'_>) -> Result<Recording, MotionError> {
     let dt = 1.0 / rate;
     // A third of a step over the whole record: print rounds the last time by less.
     if (measured - dt).abs() * times.len() as f64 > dt / 3.0 {
-        let found = format!("{rate} Hz in the header, {measured} s between the rows");
+        let found = format!(
+            "{} Hz in the header, {} s between the rows",
+            Short(rate),
+            Short(measured)
+        );
         return Err(lines.refuse("a column of times at the stated rate", &found));
     }
     let announced = length.map(|length| (length * rate).round());
@@ -250,8 +254,9 @@ pub(super) fn unam(lines: &mut Lines<'_>) -> Result<Recording, MotionError> {
     let mut warnings = Vec::new();
     if let Some(factor) = decimation.filter(|factor| *factor != 1.0) {
         warnings.push(format!(
-            "{}: FACTOR DE DECIMACION is {factor}: check the step of {dt} s; dt_s overrules it",
-            lines.file
+            "{}: FACTOR DE DECIMACION is {factor}: check the step of {} s; dt_s overrules it",
+            lines.file,
+            Short(dt)
         ));
     }
     Ok(Recording {

@@ -20,8 +20,8 @@ use crate::motion::unit::{Quantity, Unit};
 const FORMAT: &str = "CSMIP";
 /// Lines of integers and reals of a V1 header: 100 in `16I5`, 50 in `8F10`.
 const V1_NUMBER_LINES: usize = 14;
-/// Lines of integers and reals that any header may have.
-const MOST_NUMBER_LINES: usize = 40;
+/// Lines of integers and reals that any header may have: 100 in `16I5`, 100 in `8F10`.
+const MOST_NUMBER_LINES: usize = 20;
 const ANNOUNCEMENT: &str = "a line such as `1000 points of accel data equally spaced at .02 sec`";
 
 /// True of the first line of such a file, in capital letters.
@@ -39,7 +39,11 @@ struct Head {
     aliases: Vec<String>,
     points: Option<f64>,
     unit: Option<(Unit, f64)>,
+    /// Lines of numbers since the last text line.
     number_lines: usize,
+    has_numbers: bool,
+    /// A block of values belongs to it.
+    has_values: bool,
 }
 
 pub(super) fn parse(lines: &mut Lines<'_>) -> Result<Recording, MotionError> {
@@ -55,15 +59,23 @@ pub(super) fn parse(lines: &mut Lines<'_>) -> Result<Recording, MotionError> {
             }
             if upper.contains("POINTS OF") && upper.contains("SPACED AT") {
                 announced(lines, line, &head, &mut recording)?;
+                head.has_values = true;
             } else {
+                let is_without_values = head.is_without_values();
                 head.read(line.trim(), upper.trim(), &mut recording.title);
+                if is_without_values && !head.has_numbers {
+                    return Err(lines.refuse(ANNOUNCEMENT, line));
+                }
+                head.number_lines = 0;
             }
             continue;
         }
         head.number_lines += 1;
+        head.has_numbers = true;
         let is_past_header = !head.is_corrected && head.number_lines > V1_NUMBER_LINES;
         if is_past_header && head.points.is_some() {
             pairs(lines, &head, &mut recording)?;
+            head.has_values = true;
         } else if head.number_lines > MOST_NUMBER_LINES {
             lines.next();
             return Err(lines.refuse(ANNOUNCEMENT, line));
@@ -71,13 +83,18 @@ pub(super) fn parse(lines: &mut Lines<'_>) -> Result<Recording, MotionError> {
             lines.next();
         }
     }
-    if recording.channels.is_empty() {
+    if recording.channels.is_empty() || head.is_without_values() {
         return Err(lines.refuse(ANNOUNCEMENT, "the end of the file"));
     }
     Ok(recording)
 }
 
 impl Head {
+    /// True if numbers follow it, but no line announces values.
+    fn is_without_values(&self) -> bool {
+        self.has_numbers && !self.has_values
+    }
+
     /// Takes what one text line says.
     fn read(&mut self, line: &str, upper: &str, title: &mut String) {
         let is_corrected = upper.starts_with("CORRECTED ACCELEROGRAM");

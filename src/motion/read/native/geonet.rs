@@ -6,7 +6,7 @@
 
 use super::lines::{BlockEnd, Lines, is_text, number_after};
 use super::{Channel, Recording};
-use crate::motion::error::MotionError;
+use crate::motion::error::{MotionError, Short};
 use crate::motion::unit::Unit;
 
 /// Text lines that a component may have.
@@ -55,7 +55,11 @@ fn component(lines: &mut Lines<'_>, recording: &mut Recording) -> Result<(), Mot
     let stored = number(6, if head.is_corrected { 5 } else { 4 });
     let dt = head.interval.unwrap_or(stored);
     if dt > 0.0 && stored > 0.0 && (dt - stored).abs() > 0.02 * dt {
-        let both = format!("{dt} s in the text, {stored} s in the numbers");
+        let both = format!(
+            "{} s in the text, {} s in the numbers",
+            Short(dt),
+            Short(stored)
+        );
         return Err(lines.refuse("one time step in the text and in the numbers", &both));
     }
     let points = lines.points(counts[0], "a whole count of accelerations")?;
@@ -65,7 +69,7 @@ fn component(lines: &mut Lines<'_>, recording: &mut Recording) -> Result<(), Mot
     if let Some(duration) = head.duration
         && (duration - points as f64 * dt).abs() > 1.5 * dt + 0.01
     {
-        let found = format!("{points} points at {dt} s in {duration} s");
+        let found = format!("{points} points at {} s in {duration} s", Short(dt));
         return Err(lines.refuse("a duration of count times step", &found));
     }
     let series = [

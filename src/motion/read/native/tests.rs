@@ -505,3 +505,31 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn values_of_which_no_line_says_what_they_are_are_refused() {
+    let without = |file: &str, mark: &str| {
+        let mut left_out = false;
+        let is_kept = |line: &&str| {
+            let is_it = !left_out && line.contains(mark);
+            left_out |= is_it;
+            !is_it
+        };
+        let lines: Vec<&str> = sample(file).lines().filter(is_kept).collect();
+        let by_number = with_column(Some(Column::Number(1)));
+        parse_record("any.dat", lines.join("\n").as_bytes(), &by_number)
+    };
+    for (file, mark, wanted) in [
+        ("csmip.V2", "points of accel data", 46),
+        ("renadic.v1", "NO. OF POINTS", 32),
+    ] {
+        match without(file, mark).map(|record| record.values.len()) {
+            Err(MotionError::Header { line, .. }) => assert_eq!(line, wanted, "{file}"),
+            other => panic!("{file}: {other:?}"),
+        }
+    }
+    assert!(matches!(
+        without("csmip.V2", "points of veloc data"),
+        Err(MotionError::PointCount { found: 32, .. })
+    ));
+}
