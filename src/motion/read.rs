@@ -149,6 +149,8 @@ pub struct RecordSource {
     pub column: Option<usize>,
     /// The name of that column in the file.
     pub name: Option<String>,
+    /// The line of its header, from 1, whose running text states the unit; none if the column itself does.
+    pub unit_line: Option<usize>,
 }
 
 /// Rows of numbers: a load history with one column per degree of freedom, or a matrix.
@@ -181,8 +183,7 @@ impl Table {
     /// The unit that the header gives for a column.
     #[must_use]
     pub fn unit_of(&self, column: usize) -> Option<Unit> {
-        let label = self.header.labels.get(column)?;
-        label.value_unit().or(self.header.unit)
+        self.header.any_unit_of(column)
     }
 }
 

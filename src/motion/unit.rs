@@ -74,6 +74,12 @@ impl TimeUnit {
             .map(|&(_, seconds, parts)| Self { seconds, parts })
     }
 
+    /// True of a unit shorter than the second.
+    #[must_use]
+    pub const fn is_fraction(self) -> bool {
+        self.parts > 1.0
+    }
+
     /// Converts a time from this unit to s.
     #[must_use]
     pub fn to_seconds(self, time: f64) -> f64 {

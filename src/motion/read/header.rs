@@ -2,7 +2,7 @@
 
 use super::label::Label;
 use super::text::{fields, is_comment, number, words};
-use crate::motion::unit::{TimeUnit, Unit};
+use crate::motion::unit::{TimeUnit, Unit, is_time_but_no_second};
 
 /// A line before the first row of numbers.
 #[derive(Debug, Clone, Copy)]
@@ -17,12 +17,25 @@ impl<'a> HeaderLine<'a> {
         is_comment(self.text)
     }
 
-    /// The line without its comment sign.
+    /// True if it holds a word for another unit of time than the second.
+    pub(super) fn has_other_time(&self) -> bool {
+        has_other_time(self.content())
+    }
+
+    /// The line without its comment sign; tabs at its ends part empty cells.
     fn content(&self) -> &'a str {
-        self.text
-            .trim_start()
-            .trim_start_matches(['#', '%', '!'])
-            .trim()
+        let is_sign = |c: char| c == ' ' || (self.is_comment() && "#%!".contains(c));
+        self.text.trim_start_matches(is_sign).trim_end_matches(' ')
+    }
+
+    /// What follows `units:` at its beginning.
+    fn units(&self) -> Option<&'a str> {
+        let (word, rest) = self.content().split_once(':')?;
+        word.trim().eq_ignore_ascii_case("units").then_some(rest)
+    }
+
+    fn cells(&self, columns: usize, between: char) -> Option<Vec<&'a str>> {
+        cells(self.content(), columns, between)
     }
 }
 
@@ -34,68 +47,203 @@ const MOST_WORDS: usize = 4;
 pub(super) struct Header {
     /// One for each column, or none.
     pub(super) labels: Vec<Label>,
-    /// The names come from a remark or stand between blanks: words of a title may pass for them.
-    pub(super) is_loose: bool,
+    /// The labels may be words of a title: a column is found by them, but they state neither times nor units.
+    pub(super) may_be_title: bool,
     /// Lines that gave the names and the units.
     pub(super) used: usize,
-    /// The one unit that the running text states.
-    pub(super) unit: Option<Unit>,
-    /// A line that states another unit of time than the second in running text.
-    pub(super) other_time: Option<String>,
+    /// The one unit that the running text states, and its line.
+    unit: Option<(usize, Unit)>,
+    /// The first line with another unit of time than the second in it that is not the unit of the column of times.
+    pub(super) other_time: Option<(usize, String)>,
 }
 
 impl Header {
     /// The column of times, from 0: the first that is called one, best one whose unit is known.
     pub(super) fn time(&self) -> Option<usize> {
+        if self.may_be_title {
+            return None;
+        }
         let is_known = |label: &Label| label.is_time() && label.time_unit().is_ok();
         let known = self.labels.iter().position(is_known);
         known.or_else(|| self.labels.iter().position(Label::is_time))
     }
 
-    /// Reads the lines before a table with this number of columns.
-    pub(super) fn read<'a>(lines: &[HeaderLine<'a>], columns: usize, between: char) -> Self {
-        let mut header = Self {
-            unit: unit_in_text(lines),
-            ..Self::default()
-        };
-        let mut names_at = lines.len();
-        for (at, line) in lines.iter().enumerate().rev() {
-            let Some(names) = cells(line.content(), columns, between) else {
-                if line.is_comment() {
-                    continue;
-                }
-                break;
-            };
-            let before = at.checked_sub(1).and_then(|above| lines.get(above));
-            let above = before.and_then(|line| cells(line.content(), columns, between));
-            let (labels, used) = match above {
-                Some(above) if is_row_of_units(&names) && !is_row_of_units(&above) => {
-                    let both = above.iter().zip(&names);
-                    let both = both.map(|(name, unit)| Label::of(name).with_unit(bare(unit)));
-                    (both.collect::<Vec<_>>(), 2)
-                }
-                _ => (names.iter().map(|name| Label::of(name)).collect(), 1),
-            };
-            // A title is no name: of its words only those that stand where a unit does count.
-            let is_title = columns == 1 && names[0].split_whitespace().count() > MOST_WORDS;
-            let labels: Vec<Label> = match is_title {
-                true => names.iter().map(|name| Label::title(name)).collect(),
-                false => labels,
-            };
-            if line.is_comment() && !labels.iter().any(Label::is_informative) {
-                continue;
-            }
-            header.is_loose = line.is_comment() || between == ' ';
-            header.labels = labels;
-            header.used = used;
-            names_at = at;
-            break;
+    /// The label of a column, if it is surely one.
+    pub(super) fn label(&self, column: usize) -> Option<&Label> {
+        self.labels.get(column).filter(|_| !self.may_be_title)
+    }
+
+    /// The unit of a column of values, and the line of running text if that states it. It does so only for a single column
+    /// whose label has no unit, not even one that is not understood.
+    pub(super) fn unit_of(&self, column: usize, is_only: bool) -> Option<(Unit, Option<usize>)> {
+        match self.label(column).map_or(Ok(None), Label::value_unit) {
+            Ok(Some(unit)) => Some((unit, None)),
+            Ok(None) if is_only => self.unit.map(|(line, unit)| (unit, Some(line))),
+            _ => None,
         }
-        let is_text = |(at, line): (usize, &HeaderLine<'a>)| (at != names_at).then_some(*line);
-        let text = lines.iter().enumerate().filter_map(is_text);
-        header.other_time = other_time_in_text(text);
+    }
+
+    /// Any unit that the header states for a column.
+    pub(super) fn any_unit_of(&self, column: usize) -> Option<Unit> {
+        let label = self.labels.get(column)?;
+        let text = || self.unit.map(|(_, unit)| unit);
+        label.value_unit().ok().flatten().or_else(text)
+    }
+
+    /// Reads the lines before a table with this number of columns. In a file that is `named`, words parted by the same sign as
+    /// the numbers are names.
+    pub(super) fn read(
+        lines: &[HeaderLine<'_>],
+        columns: usize,
+        between: char,
+        named: bool,
+    ) -> Self {
+        let names = Names::find(lines, columns, between, named).unwrap_or_default();
+        let is_certain = names.is_certain;
+        let text = lines
+            .iter()
+            .filter(|line| !is_certain || !names.lines.contains(&line.number));
+        let unit = match text.clone().map(unit_in_text).collect::<Option<Vec<_>>>() {
+            Some(units) => only(units.into_iter().flatten()),
+            None => None,
+        };
+        let mut header = Self {
+            used: names.lines.len(),
+            may_be_title: !is_certain,
+            labels: names.labels,
+            unit,
+            other_time: None,
+        };
+        let time = header.time();
+        let others = (0..).zip(&header.labels).filter(|(i, _)| Some(*i) != time);
+        let is_beside = is_certain && others.map(|(_, label)| label).any(has_other_unit);
+        let beside = lines
+            .iter()
+            .find(|line| is_beside && names.lines.contains(&line.number));
+        let found = text.clone().find(|line| line.has_other_time()).or(beside);
+        header.other_time = found.map(|line| (line.number, line.content().to_owned()));
         header
     }
+}
+
+/// True of the label of a column that has another unit of time than the second in it.
+fn has_other_unit(label: &Label) -> bool {
+    has_other_time(&label.name) || has_other_unit_text(label)
+}
+
+/// The labels of the columns, and where they come from.
+#[derive(Default)]
+struct Names {
+    labels: Vec<Label>,
+    /// Numbers of the lines that give names and units.
+    lines: Vec<usize>,
+    /// They are surely no words of a title.
+    is_certain: bool,
+}
+
+impl Names {
+    /// The last line of words, if it surely has names; else the last comment that has; else the words, which may be a title.
+    fn find(lines: &[HeaderLine<'_>], columns: usize, between: char, named: bool) -> Option<Self> {
+        let at_line = |at| Self::at(lines, at, columns, between, named);
+        let last = lines.iter().rposition(|line| !line.is_comment());
+        let words = last.and_then(at_line);
+        if words.as_ref().is_some_and(|names| names.is_certain) {
+            return words;
+        }
+        let comments = (0..lines.len()).rev().filter(|at| lines[*at].is_comment());
+        let mut certain = comments
+            .filter_map(at_line)
+            .filter(|names| names.is_certain);
+        certain.next().or(words)
+    }
+
+    /// The names in a line, with the units of a row beside it.
+    fn at(
+        lines: &[HeaderLine<'_>],
+        at: usize,
+        columns: usize,
+        between: char,
+        named: bool,
+    ) -> Option<Self> {
+        let line = &lines[at];
+        if line.units().is_some() {
+            return None;
+        }
+        let found = line.cells(columns, between)?;
+        let above = at.checked_sub(1).map(|above| &lines[above]);
+        let above = above.and_then(|line| Some((line, line.cells(columns, between)?)));
+        if let Some((above, names)) = above
+            && is_row_of_units(&found)
+            && !is_row_of_units(&names)
+        {
+            let labels = names.iter().map(|name| Label::of(name));
+            return Some(Self {
+                labels: with_units(labels, &found),
+                lines: vec![above.number, line.number],
+                is_certain: true,
+            });
+        }
+        // A title is no name.
+        let is_title = columns == 1 && found[0].split_whitespace().count() > MOST_WORDS;
+        let read = if is_title { Label::title } else { Label::of };
+        let labels: Vec<Label> = found.iter().map(|name| read(name)).collect();
+        let below = lines[at + 1..].iter().filter(|line| line.is_comment());
+        let mut rows = below.filter_map(|row| {
+            let labels = with_row_of_units(&labels, row, between)?;
+            Some((row.number, labels))
+        });
+        if let (false, Some((units_at, labels))) = (line.is_comment(), rows.next()) {
+            return Some(Self {
+                labels,
+                lines: vec![line.number, units_at],
+                is_certain: true,
+            });
+        }
+        let is_named = columns == 1 || (named && between != ' ') || labels[0].is_index();
+        Some(Self {
+            is_certain: !is_title
+                && (labels[0].is_time()
+                    || labels.iter().all(Label::is_clear)
+                    || (is_named && !line.is_comment())),
+            labels,
+            lines: vec![line.number],
+        })
+    }
+}
+
+fn with_units(labels: impl Iterator<Item = Label>, units: &[&str]) -> Vec<Label> {
+    let both = labels.zip(units);
+    both.map(|(label, unit)| label.with_unit(bare(unit)))
+        .collect()
+}
+
+/// The labels with the units of a comment: a row of units, or `units: time s, acc g` with each name before its unit.
+fn with_row_of_units(labels: &[Label], row: &HeaderLine<'_>, between: char) -> Option<Vec<Label>> {
+    let rest = row.units();
+    if let Some(pairs) = rest {
+        let pairs = fields(pairs, between).into_iter();
+        let pairs: Vec<_> = pairs
+            .filter_map(|(_, pair)| pair.rsplit_once(' '))
+            .collect();
+        let unit = |label: &Label| {
+            let mut named = pairs.iter().filter(|(name, _)| *name == label.name);
+            named.next().map(|(_, unit)| *unit)
+        };
+        if let Some(units) = labels.iter().map(unit).collect::<Option<Vec<&str>>>() {
+            return Some(with_units(labels.iter().cloned(), &units));
+        }
+    }
+    let units = cells(rest.unwrap_or(row.content()), labels.len(), between)?;
+    let is_row = labels.len() > 1 && is_row_of_units(&units);
+    is_row.then(|| with_units(labels.iter().cloned(), &units))
+}
+
+/// The one thing that all of these are.
+fn only(mut found: impl Iterator<Item = (usize, Unit)>) -> Option<(usize, Unit)> {
+    let first = found.next()?;
+    found
+        .all(|(_, unit)| unit.to_si() == first.1.to_si() && unit.quantity() == first.1.quantity())
+        .then_some(first)
 }
 
 fn bare(unit: &str) -> &str {
@@ -120,10 +268,13 @@ pub(super) fn cells<'a>(line: &'a str, columns: usize, between: char) -> Option<
         return Some(vec![line.trim().trim_matches('"')]);
     }
     let by = |separator: char| {
-        let line = line.trim_end();
-        let line = line.strip_suffix(separator).unwrap_or(line);
-        let found = fields(line, separator);
-        found.into_iter().map(|(_, cell)| cell).collect::<Vec<_>>()
+        let all = fields(line, separator).into_iter().map(|(_, cell)| cell);
+        let mut all: Vec<&str> = all.collect();
+        // One sign more than there are columns parts nothing.
+        if all.len() == columns + 1 && all.last() == Some(&"") {
+            all.pop();
+        }
+        all
     };
     let ways: [&dyn Fn() -> Vec<&'a str>; 6] = [
         &|| match between {
@@ -189,57 +340,103 @@ const QUANTITIES: [&str; 10] = [
     "stroke",
 ];
 
-/// The unit that running text states: in brackets, after `in`, or a word such as `cm/s2` and `gal`. None if it states two.
-fn unit_in_text(lines: &[HeaderLine<'_>]) -> Option<Unit> {
-    let mut found: Option<Unit> = None;
-    for line in lines {
-        let line = line.content().to_lowercase();
-        if !QUANTITIES.iter().any(|word| line.contains(word)) {
-            continue;
-        }
-        for (word, is_marked) in marked_words(&line) {
-            let is_long = word.contains('/') || word.contains("gal");
-            let Some(unit) = Unit::from_header(word).filter(|_| is_long || is_marked) else {
-                continue;
-            };
-            match found {
-                Some(other) if other.to_si() != unit.to_si() => return None,
-                Some(_) => {}
-                None => found = Some(unit),
+/// The unit that a line of running text states, with the line: in brackets, or after `in` or `unit`. The outer `None` tells
+/// that it is not clear: it states two, or one with a number beside it.
+fn unit_in_text(line: &HeaderLine<'_>) -> Option<Option<(usize, Unit)>> {
+    let text = line.content().to_lowercase();
+    if !QUANTITIES.iter().any(|word| text.contains(word)) {
+        return Some(None);
+    }
+    let mut units = Vec::new();
+    for word in marked_words(&text).filter(|word| word.is_marked) {
+        if let Some(unit) = Unit::from_header(word.text) {
+            if word.is_behind_number || word.is_before_factor {
+                return None;
             }
+            units.push((line.number, unit));
         }
     }
-    found
+    if units.is_empty() {
+        return Some(None);
+    }
+    only(units.into_iter()).map(Some)
 }
 
-/// The line in which running text gives times in another unit than the second.
-fn other_time_in_text<'a>(lines: impl Iterator<Item = HeaderLine<'a>>) -> Option<String> {
-    let is_other = |line: &str| {
-        marked_words(line).any(|(word, is_marked)| {
-            is_marked && TimeUnit::from_header(word).is_some_and(|unit| unit != TimeUnit::SECOND)
-        })
-    };
-    let mut lines = lines.map(|line| line.content());
-    let found = lines.find(|line| is_other(&line.to_lowercase()));
-    found.map(str::to_owned)
-}
-
-/// Words of a line in lower case, and whether each is in brackets or stands where a unit does.
-fn marked_words(line: &str) -> impl Iterator<Item = (&str, bool)> {
-    let mut is_next_marked = false;
-    words(line).map(move |(_, word)| {
-        let is_marked = is_next_marked || word.starts_with(['(', '[']);
-        // `unit = g`: the sign counts as a word. `Units: s, g`: a unit may follow a unit.
-        if word.chars().any(char::is_alphanumeric) {
-            let is_unit =
-                || TimeUnit::from_header(word).is_some() || Unit::from_header(word).is_some();
-            is_next_marked = matches!(
-                word.trim_matches([':', '=', '(']),
-                "in" | "unit" | "units" | "of" | "time" | "t" | "times"
-            ) || (is_next_marked && is_unit());
-        }
-        (word, is_marked)
+/// True if a line names another unit of time than the second, not as the unit of a number: `5 min`.
+fn has_other_time(line: &str) -> bool {
+    marked_words(line).any(|word| {
+        let is_other = word.is_marked && is_time_but_no_second(word.text);
+        let mut parts = word.text.split(|c: char| !c.is_alphanumeric());
+        !word.is_behind_number
+            && (is_other || parts.any(|part| is_plain_other_time(part, word.is_before_factor)))
     })
+}
+
+/// True of a word that is clearly another unit of time than the second, wherever it stands. `Ms`, `US` and `h` are not.
+fn is_plain_other_time(word: &str, is_before_number: bool) -> bool {
+    let lower = word.to_lowercase();
+    // `tms`, `TimeMsec`.
+    if lower.starts_with('t') {
+        let label = Label::of(word);
+        return label.is_time() && has_other_unit_text(&label);
+    }
+    let is_short = word.chars().count() <= 3;
+    let is_other = TimeUnit::from_header(word).is_some_and(|unit| {
+        // `Minute: 33` and `min -0.5` state no unit.
+        unit != TimeUnit::SECOND && (unit.is_fraction() || !is_before_number)
+    });
+    is_other
+        && word.chars().count() > 1
+        && !["us", "ns"].contains(&word)
+        && !(is_short && lower != word)
+}
+
+fn has_other_unit_text(label: &Label) -> bool {
+    matches!(label.time_unit(), Ok(Some(unit)) if unit != TimeUnit::SECOND)
+}
+
+/// A word of running text.
+struct Word<'a> {
+    text: &'a str,
+    /// It is in brackets, or stands where a unit does.
+    is_marked: bool,
+    /// A number stands before it: `5 min`.
+    is_behind_number: bool,
+    /// A number or a sign of multiplication follows.
+    is_before_factor: bool,
+}
+
+/// The words of a line, and how they stand in it.
+fn marked_words(line: &str) -> impl Iterator<Item = Word<'_>> {
+    let (mut is_next_marked, mut is_behind_number) = (false, false);
+    words(line).map(move |(start, text)| {
+        let is_bracket =
+            text.starts_with(['(', '[']) && text.trim_end_matches('.').ends_with([')', ']']);
+        let rest = &line[start + text.len()..];
+        let word = Word {
+            text,
+            is_marked: is_next_marked || is_bracket,
+            is_behind_number,
+            is_before_factor: is_factor(rest.trim_start()),
+        };
+        is_behind_number = number(text).is_some();
+        // `unit = g`: the sign counts as a word. `Units: s, g`: a unit may follow a unit.
+        if text.chars().any(char::is_alphanumeric) {
+            let is_unit =
+                || TimeUnit::from_header(text).is_some() || Unit::from_header(text).is_some();
+            let plain = text.trim_matches([':', '=', '(']).to_lowercase();
+            let is_mark = ["in", "unit", "units", "time", "t", "times"].contains(&plain.as_str());
+            is_next_marked = is_mark || (is_next_marked && (plain == "of" || is_unit()));
+        }
+        word
+    })
+}
+
+/// True of text that begins with a number, or with a sign of multiplication.
+fn is_factor(text: &str) -> bool {
+    let rest = text.trim_start_matches(|c: char| c.is_whitespace() || "(:=+-.".contains(c));
+    let is_cross = rest == "x" || rest.starts_with("x ");
+    is_cross || rest.starts_with(|c: char| c.is_ascii_digit() || "*×·/".contains(c))
 }
 
 /// Dashes and the like that underline a title, and separators with nothing between them.
@@ -269,6 +466,8 @@ pub(super) fn begins_like_a_number(field: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::motion::error::MotionError;
+    use crate::motion::read::{Column, ReadOptions, parse_record, parse_table};
 
     #[test]
     fn a_header_line_is_parted_into_as_many_names_as_there_are_columns() {
@@ -289,5 +488,238 @@ mod tests {
             assert_eq!(cells(line, columns, between).unwrap(), wanted, "{line}");
         }
         assert_eq!(cells("El Centro 1940", 2, ' '), None);
+    }
+
+    fn options(dt: Option<f64>, column: Option<Column>) -> ReadOptions {
+        ReadOptions {
+            dt,
+            column,
+            ..ReadOptions::default()
+        }
+    }
+
+    fn named(name: &str) -> Option<Column> {
+        Some(Column::Name(name.to_owned()))
+    }
+
+    /// Three rows 10 apart behind this header, with this sign between two numbers.
+    fn file(header: &str, sign: &str) -> String {
+        let rows = ["0", "10", "20"].map(|time| format!("{time}{sign}0.5\n"));
+        format!("{header}\n{}", rows.concat())
+    }
+
+    #[test]
+    fn milliseconds_anywhere_in_the_header_are_read_as_such_or_refused() {
+        let long = "recorded with time in ms\n".to_owned() + &"remark\n".repeat(150) + "t a";
+        for (header, sign, is_read) in [
+            ("Time_ms acc\n# unit g", " ", true),
+            ("Time_ms,acc\n# filtered, in g", ",", true),
+            ("tms,acc\n# filtered, acc in g", ",", true),
+            ("Time,Acc\nms,", ",", true),
+            ("Zeit;Beschl\nms;", ";", true),
+            ("Time\tAcc\nms\t", "\t", true),
+            ("Time,Acc\n# ms,g", ",", true),
+            ("Time Acc\n ms", " ", false),
+            ("ms,g\nTime,Acc", ",", false),
+            ("ms g\nTime Acc", " ", false),
+            ("Time_ms,Acc_g\nnote", ",", false),
+            ("Zeit_ms;Acc_g\nBemerkung", ";", false),
+            ("Time_ms Acc_g\ncalibrated by NN on site", " ", false),
+            ("X_Unit_Label\tms\nX_Value\tAcc", "\t", false),
+            ("xunit = ms\nt a", " ", false),
+            ("# col1: ms\n# col2: g", " ", false),
+            ("# column 1: ms\n# column 2: g", " ", false),
+            ("Time,msec Acc", ",", false),
+            ("ms | g", " ", false),
+            ("Time_ms vs Acc_g", " ", false),
+            ("# Time step: ms", " ", false),
+            ("TIME MSEC ACC", " ", false),
+            (&long, " ", false),
+        ] {
+            for name in ["a.txt", "a.csv"] {
+                let text = file(header, sign);
+                let read = |dt| parse_record(name, text.as_bytes(), &options(dt, None));
+                match read(None) {
+                    Ok(record) => {
+                        assert!(is_read, "{header:?} in {name}: dt = {}", record.dt);
+                        assert_eq!(record.dt, 0.01, "{header:?} in {name}");
+                    }
+                    Err(MotionError::TimeUnit { .. }) => assert!(!is_read, "{header:?} in {name}"),
+                    Err(error) => panic!("{header:?} in {name}: {error}"),
+                }
+                let given = read(Some(0.01)).unwrap_or_else(|error| panic!("{header:?}: {error}"));
+                assert_eq!((given.dt, given.values.len()), (0.01, 3), "{header:?}");
+            }
+        }
+        let error = parse_record(
+            "a.txt",
+            file(&long, " ").as_bytes(),
+            &ReadOptions::default(),
+        );
+        assert!(matches!(
+            error.unwrap_err(),
+            MotionError::TimeUnit { line: Some(1), .. }
+        ));
+    }
+
+    #[test]
+    fn words_that_are_no_unit_of_time_do_not_refuse_a_file() {
+        for header in [
+            "# Ms 6.9",
+            "# an earthquake of Ms 6.9",
+            "# Biloxi, MS",
+            "# station d, channel h",
+            "# 5 min after the shock",
+            "# dt 10 ms",
+            "# Hour: 12 Minute: 33",
+            "# max 0.5 min -0.5",
+            "# times in s, rate 100 per s",
+            "# recorded for us by NN",
+        ] {
+            let text = file(&format!("{header}\nt a"), " ");
+            let read = parse_record("a.txt", text.as_bytes(), &ReadOptions::default());
+            let read = read.unwrap_or_else(|error| panic!("{header}: {error}"));
+            assert_eq!(read.dt, 10.0, "{header}");
+        }
+    }
+
+    #[test]
+    fn a_unit_of_values_is_that_of_its_label_or_a_clear_one_of_the_only_column() {
+        let g = Some(Unit::Gravity);
+        for (header, columns, unit, line) in [
+            ("Time (s) Acc (0.01 m/s2)", 2, None, None),
+            ("Time (s) Acc [10^-2 m/s2]", 2, None, None),
+            ("Time (s) Acc [1/100 m/s2]", 2, None, None),
+            (
+                "# acceleration in g\n# Time (s) Acc (counts)",
+                2,
+                None,
+                None,
+            ),
+            (
+                "Ground motion, sensor range (g)\nTime (s) Acc (V)",
+                2,
+                None,
+                None,
+            ),
+            ("# acc unit: 9.81 m/s2", 2, None, None),
+            ("# acceleration in 0.1 m/s2", 2, None, None),
+            ("# acceleration in cm/s2 x 100", 2, None, None),
+            ("# acceleration (cm/s2) * 100", 2, None, None),
+            ("# acc: 1 unit = 0.5 cm/s2", 2, None, None),
+            (
+                "# ground motion PGA = 341.7 cm/s/s at 2.12 sec",
+                2,
+                None,
+                None,
+            ),
+            ("# ground motion, PGA = 341 gal", 2, None, None),
+            ("PGA 0.35 g", 1, None, None),
+            ("PGA = 341 gal", 1, None, None),
+            ("acc 0.01 m/s2", 1, None, None),
+            ("Acc (0.01 m/s2)", 1, None, None),
+            ("Acc (g)", 1, g, None),
+            ("acc_1 g", 1, g, None),
+            ("# ground acceleration in g\nt acc", 2, g, Some(1)),
+            ("# first\n# acceleration (g)", 2, g, Some(2)),
+            ("# acceleration unit = g\nt acc", 2, g, Some(1)),
+            ("t acc\n# units: s, g", 2, g, None),
+        ] {
+            let row = ["0.5", "0.1 0.5"][columns - 1];
+            let rows = [row.to_owned(), row.replace("0.1", "0.2")];
+            let text = format!("{header}\n{}\n{}\n", rows[0], rows[1]);
+            let dt = (columns == 1).then_some(0.1);
+            let read = parse_record("a.txt", text.as_bytes(), &options(dt, None));
+            let read = read.unwrap_or_else(|error| panic!("{header}: {error}"));
+            let found = (read.unit, read.source.unit_line);
+            assert_eq!(found, (unit, line), "{header}");
+        }
+        let text = "# ground acceleration in g\nt disp acc\n0 1 2\n1 3 4\n";
+        let read = parse_record("a.txt", text.as_bytes(), &options(None, named("disp")));
+        assert_eq!(read.unwrap().unit, None);
+    }
+
+    #[test]
+    fn a_comment_under_names_does_not_replace_them() {
+        for (text, name, unit, values) in [
+            (
+                "time,x1,ground\n# units: time s,x1 m,ground m/s^2\n0,1,2\n0.01,3,4\n",
+                "ground",
+                Some(Unit::MetrePerSecond2),
+                [2.0, 4.0],
+            ),
+            (
+                "time,acc\n# measured 1/2/2020, in g\n0,1\n0.01,2\n",
+                "acc",
+                None,
+                [1.0, 2.0],
+            ),
+        ] {
+            let read = parse_record("a.csv", text.as_bytes(), &options(None, named(name)));
+            let read = read.unwrap_or_else(|error| panic!("{text}: {error}"));
+            assert_eq!((read.dt, read.unit), (0.01, unit), "{text}");
+            assert_eq!(read.values, values, "{text}");
+        }
+        let text = "F1,F2,F3\n# made 2020, by me, in kN\n1,2,3\n4,5,6\n";
+        let table = parse_table("a.csv", text.as_bytes()).unwrap();
+        assert_eq!(table.names, ["F1", "F2", "F3"]);
+    }
+
+    #[test]
+    fn a_column_with_another_name_is_not_taken_for_the_times() {
+        for (name, text) in [
+            ("a.txt", "Period(s) Sa(g)\n0.0 1\n0.1 2\n"),
+            ("a.txt", "Sample Acc(g)\n0 1\n1 2\n"),
+            ("a.txt", "No. acc\n0 1\n1 2\n"),
+            ("a.csv", "Frequency,acc\n0,1\n1,2\n"),
+        ] {
+            let second = options(None, Some(Column::Number(2)));
+            let error = parse_record(name, text.as_bytes(), &second).unwrap_err();
+            assert!(
+                matches!(error, MotionError::StepMissing { .. }),
+                "{text}: {error}"
+            );
+        }
+        let by_name = "X acc\n0 1\n1 2\n";
+        let error = parse_record("a.txt", by_name.as_bytes(), &options(None, named("acc")));
+        assert!(matches!(
+            error.unwrap_err(),
+            MotionError::StepMissing { .. }
+        ));
+    }
+
+    #[test]
+    fn whole_numbers_that_are_taken_for_times_are_mentioned() {
+        let third = Some(Column::Number(3));
+        for (text, is_told) in [
+            ("0 0.00 0.1\n1 0.01 0.2\n2 0.02 0.3\n", true),
+            ("1 0.00 0.1\n2 0.01 0.2\n3 0.02 0.3\n", true),
+            ("0.0 0.00 0.1\n0.5 0.01 0.2\n1.0 0.02 0.3\n", false),
+            ("t b c\n0 0.00 0.1\n1 0.01 0.2\n2 0.02 0.3\n", false),
+        ] {
+            let read = parse_record("a.txt", text.as_bytes(), &options(None, third.clone()));
+            let warnings = read.unwrap().warnings;
+            let is_found = warnings.iter().any(|text| text.contains("time_column"));
+            assert_eq!(is_found, is_told, "{text}: {warnings:?}");
+        }
+        let indexed = "Index Time Acc\n0 0.00 0.1\n1 0.01 0.2\n2 0.02 0.3\n";
+        let read = parse_record("a.txt", indexed.as_bytes(), &options(None, third));
+        assert_eq!(read.unwrap().dt, 0.01);
+    }
+
+    #[test]
+    fn words_of_a_title_name_no_column() {
+        for header in ["Response history time", "# Kobe 0.5 g", "Kobe 0.5 g"] {
+            let text = format!("{header}\n0.00 1 5\n0.01 2 3\n0.02 3 9\n");
+            let third = Some(Column::Number(3));
+            let read = parse_record("a.txt", text.as_bytes(), &options(None, third));
+            let read = read.unwrap_or_else(|error| panic!("{header}: {error}"));
+            assert_eq!((read.dt, read.unit), (0.01, None), "{header}");
+            assert_eq!(read.values, [5.0, 3.0, 9.0], "{header}");
+        }
+        // A name that the user gives is one.
+        let text = "X Y Z\n1 2 3\n4 5 6\n";
+        let read = parse_record("a.txt", text.as_bytes(), &options(Some(0.1), named("Y")));
+        assert_eq!(read.unwrap().values, [2.0, 5.0]);
     }
 }

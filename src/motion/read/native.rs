@@ -200,6 +200,7 @@ fn record(name: &str, recording: Recording, options: &ReadOptions) -> Result<Rec
             format: None,
             column: is_one_of_several.then_some(at + 1),
             name: (!channel.name.is_empty()).then_some(channel.name),
+            ..RecordSource::default()
         },
     })
 }

@@ -248,13 +248,12 @@ impl<'t> Rows<'t> {
         };
         let runs_on = settings.reading_order || count.is_some_and(|count| count.in_reading_order);
         let columns = self.shaped(first_line, count.is_some(), runs_on, settings)?;
-        let mut header = Header::read(lines, columns, self.delimiter.sign());
+        let header = Header::read(lines, columns, self.delimiter.sign(), settings.named);
         if let (true, false, Some(names)) =
             (header.labels.is_empty(), runs_on, self.other_names(lines))
         {
             return Err(self.uneven((first_line, columns), names));
         }
-        header.is_loose |= !settings.named;
         let mut warnings = Vec::new();
         if worded > header.used || (worded > 0 && self.delimiter == Delimiter::Blank) {
             warnings.push(format!(
