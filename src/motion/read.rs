@@ -18,7 +18,8 @@
 //!
 //! One reader reads every table in text. It finds the separator, the header, the names and units of the
 //! columns, decimal commas, and a first line with count and step. Lines that begin with `#`, `%` or `!` are comments in
-//! tables. The last of them before the numbers may name the columns.
+//! tables. One of them names the columns only where no other line does. A unit in running text counts only if it is marked,
+//! as in `unit = g`, and the file has one column of values.
 
 mod axis;
 mod header;
@@ -27,6 +28,7 @@ mod layout;
 mod native;
 mod npy;
 mod peer;
+mod remark;
 mod rows;
 mod text;
 mod uniform;

@@ -265,6 +265,12 @@ impl Unit {
         }
     }
 
+    /// True of two spellings of one unit: `gal` is `cm/s2`.
+    #[must_use]
+    pub fn is_same_as(self, other: Self) -> bool {
+        self.quantity() == other.quantity() && self.to_si() == other.to_si()
+    }
+
     /// The spelling of the test file.
     #[must_use]
     pub const fn name(self) -> &'static str {

@@ -1,8 +1,9 @@
 //! The lines before a table: names of its columns, their units, and units in running text.
 
 use super::label::Label;
+use super::remark::{has_other_time, unit_in_text};
 use super::text::{fields, is_comment, number, words};
-use crate::motion::unit::{TimeUnit, Unit, is_time_but_no_second};
+use crate::motion::unit::{TimeUnit, Unit};
 
 /// A line before the first row of numbers.
 #[derive(Debug, Clone, Copy)]
@@ -103,10 +104,7 @@ impl Header {
         let text = lines
             .iter()
             .filter(|line| !is_certain || !names.lines.contains(&line.number));
-        let unit = match text.clone().map(unit_in_text).collect::<Option<Vec<_>>>() {
-            Some(units) => only(units.into_iter().flatten()),
-            None => None,
-        };
+        let unit = only_unit(text.clone());
         let mut header = Self {
             used: names.lines.len(),
             may_be_title: !is_certain,
@@ -116,7 +114,7 @@ impl Header {
         };
         let time = header.time();
         let others = (0..).zip(&header.labels).filter(|(i, _)| Some(*i) != time);
-        let is_beside = is_certain && others.map(|(_, label)| label).any(has_other_unit);
+        let is_beside = is_certain && others.map(|(_, label)| label).any(has_other_time_beside);
         let beside = lines
             .iter()
             .find(|line| is_beside && names.lines.contains(&line.number));
@@ -126,9 +124,9 @@ impl Header {
     }
 }
 
-/// True of the label of a column that has another unit of time than the second in it.
-fn has_other_unit(label: &Label) -> bool {
-    has_other_time(&label.name) || has_other_unit_text(label)
+/// True if the unit of a label, or a word in its name, is a unit of time but the second.
+fn has_other_time_beside(label: &Label) -> bool {
+    has_other_time(&label.name) || label.has_other_time_unit()
 }
 
 /// The labels of the columns, and where they come from.
@@ -200,15 +198,31 @@ impl Names {
             });
         }
         let is_named = columns == 1 || (named && between != ' ') || labels[0].is_index();
+        // Of two columns either may be the times; the last of more words is more likely the end of a title.
+        let has_time = columns == 2 && !line.is_comment() && labels.iter().any(Label::is_time);
         Some(Self {
             is_certain: !is_title
                 && (labels[0].is_time()
+                    || has_time
                     || labels.iter().all(Label::is_clear)
                     || (is_named && !line.is_comment())),
             labels,
             lines: vec![line.number],
         })
     }
+}
+
+/// The unit that running text states, and its line; none unless it is clear.
+fn only_unit<'l>(lines: impl Iterator<Item = &'l HeaderLine<'l>>) -> Option<(usize, Unit)> {
+    let mut found: Option<(usize, Unit)> = None;
+    for line in lines {
+        match (unit_in_text(line.content())?, found) {
+            (Some(unit), Some((_, other))) if !unit.is_same_as(other) => return None,
+            (Some(unit), None) => found = Some((line.number, unit)),
+            _ => {}
+        }
+    }
+    found
 }
 
 fn with_units(labels: impl Iterator<Item = Label>, units: &[&str]) -> Vec<Label> {
@@ -236,14 +250,6 @@ fn with_row_of_units(labels: &[Label], row: &HeaderLine<'_>, between: char) -> O
     let units = cells(rest.unwrap_or(row.content()), labels.len(), between)?;
     let is_row = labels.len() > 1 && is_row_of_units(&units);
     is_row.then(|| with_units(labels.iter().cloned(), &units))
-}
-
-/// The one thing that all of these are.
-fn only(mut found: impl Iterator<Item = (usize, Unit)>) -> Option<(usize, Unit)> {
-    let first = found.next()?;
-    found
-        .all(|(_, unit)| unit.to_si() == first.1.to_si() && unit.quantity() == first.1.quantity())
-        .then_some(first)
 }
 
 fn bare(unit: &str) -> &str {
@@ -324,119 +330,6 @@ fn behind_brackets(line: &str) -> Vec<&str> {
 fn wide_gaps(line: &str) -> Vec<&str> {
     let parts = line.split("  ").map(str::trim);
     parts.filter(|part| !part.is_empty()).collect()
-}
-
-/// Words that say what a unit in running text belongs to.
-const QUANTITIES: [&str; 10] = [
-    "acc",
-    "vel",
-    "disp",
-    "force",
-    "load",
-    "unit",
-    "amplitude",
-    "ground",
-    "motion",
-    "stroke",
-];
-
-/// The unit that a line of running text states, with the line: in brackets, or after `in` or `unit`. The outer `None` tells
-/// that it is not clear: it states two, or one with a number beside it.
-fn unit_in_text(line: &HeaderLine<'_>) -> Option<Option<(usize, Unit)>> {
-    let text = line.content().to_lowercase();
-    if !QUANTITIES.iter().any(|word| text.contains(word)) {
-        return Some(None);
-    }
-    let mut units = Vec::new();
-    for word in marked_words(&text).filter(|word| word.is_marked) {
-        if let Some(unit) = Unit::from_header(word.text) {
-            if word.is_behind_number || word.is_before_factor {
-                return None;
-            }
-            units.push((line.number, unit));
-        }
-    }
-    if units.is_empty() {
-        return Some(None);
-    }
-    only(units.into_iter()).map(Some)
-}
-
-/// True if a line names another unit of time than the second, not as the unit of a number: `5 min`.
-fn has_other_time(line: &str) -> bool {
-    marked_words(line).any(|word| {
-        let is_other = word.is_marked && is_time_but_no_second(word.text);
-        let mut parts = word.text.split(|c: char| !c.is_alphanumeric());
-        !word.is_behind_number
-            && (is_other || parts.any(|part| is_plain_other_time(part, word.is_before_factor)))
-    })
-}
-
-/// True of a word that is clearly another unit of time than the second, wherever it stands. `Ms`, `US` and `h` are not.
-fn is_plain_other_time(word: &str, is_before_number: bool) -> bool {
-    let lower = word.to_lowercase();
-    // `tms`, `TimeMsec`.
-    if lower.starts_with('t') {
-        let label = Label::of(word);
-        return label.is_time() && has_other_unit_text(&label);
-    }
-    let is_short = word.chars().count() <= 3;
-    let is_other = TimeUnit::from_header(word).is_some_and(|unit| {
-        // `Minute: 33` and `min -0.5` state no unit.
-        unit != TimeUnit::SECOND && (unit.is_fraction() || !is_before_number)
-    });
-    is_other
-        && word.chars().count() > 1
-        && !["us", "ns"].contains(&word)
-        && !(is_short && lower != word)
-}
-
-fn has_other_unit_text(label: &Label) -> bool {
-    matches!(label.time_unit(), Ok(Some(unit)) if unit != TimeUnit::SECOND)
-}
-
-/// A word of running text.
-struct Word<'a> {
-    text: &'a str,
-    /// It is in brackets, or stands where a unit does.
-    is_marked: bool,
-    /// A number stands before it: `5 min`.
-    is_behind_number: bool,
-    /// A number or a sign of multiplication follows.
-    is_before_factor: bool,
-}
-
-/// The words of a line, and how they stand in it.
-fn marked_words(line: &str) -> impl Iterator<Item = Word<'_>> {
-    let (mut is_next_marked, mut is_behind_number) = (false, false);
-    words(line).map(move |(start, text)| {
-        let is_bracket =
-            text.starts_with(['(', '[']) && text.trim_end_matches('.').ends_with([')', ']']);
-        let rest = &line[start + text.len()..];
-        let word = Word {
-            text,
-            is_marked: is_next_marked || is_bracket,
-            is_behind_number,
-            is_before_factor: is_factor(rest.trim_start()),
-        };
-        is_behind_number = number(text).is_some();
-        // `unit = g`: the sign counts as a word. `Units: s, g`: a unit may follow a unit.
-        if text.chars().any(char::is_alphanumeric) {
-            let is_unit =
-                || TimeUnit::from_header(text).is_some() || Unit::from_header(text).is_some();
-            let plain = text.trim_matches([':', '=', '(']).to_lowercase();
-            let is_mark = ["in", "unit", "units", "time", "t", "times"].contains(&plain.as_str());
-            is_next_marked = is_mark || (is_next_marked && (plain == "of" || is_unit()));
-        }
-        word
-    })
-}
-
-/// True of text that begins with a number, or with a sign of multiplication.
-fn is_factor(text: &str) -> bool {
-    let rest = text.trim_start_matches(|c: char| c.is_whitespace() || "(:=+-.".contains(c));
-    let is_cross = rest == "x" || rest.starts_with("x ");
-    is_cross || rest.starts_with(|c: char| c.is_ascii_digit() || "*×·/".contains(c))
 }
 
 /// Dashes and the like that underline a title, and separators with nothing between them.
@@ -570,6 +463,7 @@ mod tests {
             "# Biloxi, MS",
             "# station d, channel h",
             "# 5 min after the shock",
+            "# a 5-min window",
             "# dt 10 ms",
             "# Hour: 12 Minute: 33",
             "# max 0.5 min -0.5",
@@ -624,6 +518,9 @@ mod tests {
             ("# first\n# acceleration (g)", 2, g, Some(2)),
             ("# acceleration unit = g\nt acc", 2, g, Some(1)),
             ("t acc\n# units: s, g", 2, g, None),
+            ("# Units: s, g", 2, g, Some(1)),
+            ("# acceleration in gal (cm/s2)", 2, Some(Unit::Gal), Some(1)),
+            ("# displacement in m and acc in m/s2", 2, None, None),
         ] {
             let row = ["0.5", "0.1 0.5"][columns - 1];
             let rows = [row.to_owned(), row.replace("0.1", "0.2")];
@@ -717,6 +614,9 @@ mod tests {
             assert_eq!((read.dt, read.unit), (0.01, None), "{header}");
             assert_eq!(read.values, [5.0, 3.0, 9.0], "{header}");
         }
+        let turned = "Acc Time\n5 0.00\n3 0.01\n9 0.02\n";
+        let read = parse_record("a.txt", turned.as_bytes(), &ReadOptions::default());
+        assert_eq!(read.unwrap().dt, 0.01);
         // A name that the user gives is one.
         let text = "X Y Z\n1 2 3\n4 5 6\n";
         let read = parse_record("a.txt", text.as_bytes(), &options(Some(0.1), named("Y")));

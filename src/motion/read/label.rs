@@ -89,6 +89,11 @@ impl Label {
         }
     }
 
+    /// True if its unit is one of time but the second.
+    pub(super) fn has_other_time_unit(&self) -> bool {
+        matches!(self.time_unit(), Ok(Some(unit)) if unit != TimeUnit::SECOND)
+    }
+
     /// The unit of a column of values. None if the name states none; an error with the text of one that is unknown.
     pub(super) fn value_unit(&self) -> Result<Option<Unit>, &str> {
         match &self.unit {
