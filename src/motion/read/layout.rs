@@ -57,7 +57,7 @@ struct Head<'t> {
     /// How many of them are no comments.
     worded: usize,
     separator: Option<char>,
-    /// The first line with another unit of time than the second, once it is none of `lines`.
+    /// The first line with another unit of time than the second that `lines` no longer holds.
     other_time: Option<HeaderLine<'t>>,
 }
 

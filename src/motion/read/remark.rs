@@ -1,4 +1,4 @@
-//! Units in running text: words of a header that stand in no column.
+//! Units in running text: words of a header that belong to no column.
 
 use super::label::Label;
 use super::text::{number, words};
@@ -81,7 +81,7 @@ struct Word<'a> {
     is_before_factor: bool,
 }
 
-/// The words of a line, and how they stand in it.
+/// The words of a line with their neighbours.
 fn marked_words(line: &str) -> impl Iterator<Item = Word<'_>> {
     let (mut is_next_marked, mut is_behind_number) = (false, false);
     words(line).map(move |(start, text)| {
