@@ -235,13 +235,13 @@ fn with_units(labels: impl Iterator<Item = Label>, units: &[&str]) -> Vec<Label>
 fn with_row_of_units(labels: &[Label], row: &HeaderLine<'_>, between: char) -> Option<Vec<Label>> {
     let rest = row.units();
     if let Some(pairs) = rest {
-        let pairs = fields(pairs, between).into_iter();
-        let pairs: Vec<_> = pairs
-            .filter_map(|(_, pair)| pair.rsplit_once(' '))
-            .collect();
+        let pairs = fields(pairs, between);
         let unit = |label: &Label| {
-            let mut named = pairs.iter().filter(|(name, _)| *name == label.name);
-            named.next().map(|(_, unit)| *unit)
+            let units = pairs.iter().filter_map(|(_, pair)| {
+                let unit = pair.strip_prefix(label.name.as_str())?;
+                (unit.is_empty() || unit.starts_with(' ')).then_some(unit.trim())
+            });
+            units.last()
         };
         if let Some(units) = labels.iter().map(unit).collect::<Option<Vec<&str>>>() {
             return Some(with_units(labels.iter().cloned(), &units));
@@ -540,7 +540,7 @@ mod tests {
     fn a_comment_under_names_does_not_replace_them() {
         for (text, name, unit, values) in [
             (
-                "time,x1,ground\n# units: time s,x1 m,ground m/s^2\n0,1,2\n0.01,3,4\n",
+                "time,x1,ground\n# units: time s,x1 ,ground m/s^2\n0,1,2\n0.01,3,4\n",
                 "ground",
                 Some(Unit::MetrePerSecond2),
                 [2.0, 4.0],
