@@ -246,11 +246,14 @@ pub enum MotionError {
     },
     /// Times in a unit that is not known, or not clearly theirs.
     #[error(
-        "{file}: the unit of its times is not clear from its header {column:?}: give its time step in s as dt_s"
+        "{file}{}: the unit of its times is not clear from its header {column:?}: give its time step in s as dt_s",
+        line.map_or_else(String::new, |line| format!(":{line}"))
     )]
     TimeUnit {
         /// Name of the file.
         file: String,
+        /// The line of the header, from 1, if it is no name of a column.
+        line: Option<usize>,
         /// The name of the column of times, or the line of the header.
         column: String,
     },

@@ -18,7 +18,8 @@
 //!
 //! One reader reads every table in text. It finds the separator, the header, the names and units of the
 //! columns, decimal commas, and a first line with count and step. Lines that begin with `#`, `%` or `!` are comments in
-//! tables. The last of them before the numbers may name the columns.
+//! tables. One of them names the columns only where no other line does. A unit in running text counts only if it is marked,
+//! as in `unit = g`, and the file has one column of values.
 
 mod axis;
 mod header;
@@ -27,6 +28,7 @@ mod layout;
 mod native;
 mod npy;
 mod peer;
+mod remark;
 mod rows;
 mod text;
 mod uniform;
@@ -154,6 +156,8 @@ pub struct RecordSource {
     pub name: Option<String>,
     /// The text of its unit, where that is not understood.
     pub unknown_unit: Option<String>,
+    /// The line of its header, from 1, whose running text states the unit; none if the column itself does.
+    pub unit_line: Option<usize>,
 }
 
 /// Rows of numbers: a load history with one column per degree of freedom, or a matrix.
@@ -186,8 +190,7 @@ impl Table {
     /// The unit that the header gives for a column.
     #[must_use]
     pub fn unit_of(&self, column: usize) -> Option<Unit> {
-        let label = self.header.labels.get(column)?;
-        label.value_unit().or(self.header.unit)
+        self.header.any_unit_of(column)
     }
 }
 

@@ -172,6 +172,13 @@ impl FileSignal {
                 self.path
             ));
         }
+        if let (None, Some(stated), Some(line)) = (self.unit, record.unit, record.source.unit_line)
+        {
+            warnings.push(format!(
+                "{}:{line}: the unit {stated} in this line of the header is taken as that of its values: `unit` overrules it",
+                self.path
+            ));
+        }
         let unit = self.unit.or(record.unit);
         let unit = unit.ok_or_else(|| MotionError::UnitMissing {
             file: self.path.clone(),

@@ -74,6 +74,12 @@ impl TimeUnit {
             .map(|&(_, seconds, parts)| Self { seconds, parts })
     }
 
+    /// True of a unit shorter than the second.
+    #[must_use]
+    pub const fn is_fraction(self) -> bool {
+        self.parts > 1.0
+    }
+
     /// Converts a time from this unit to s.
     #[must_use]
     pub fn to_seconds(self, time: f64) -> f64 {
@@ -291,6 +297,12 @@ impl Unit {
             Self::PoundForce => 4.448_221_615_260_5,
             Self::Kip => 4_448.221_615_260_5,
         }
+    }
+
+    /// True of two spellings of one unit: `gal` is `cm/s2`.
+    #[must_use]
+    pub fn is_same_as(self, other: Self) -> bool {
+        self.quantity() == other.quantity() && self.to_si() == other.to_si()
     }
 
     /// The spelling of the test file.

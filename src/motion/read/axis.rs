@@ -2,6 +2,7 @@
 
 use super::label::Label;
 use super::peer::chosen_step;
+use super::text::shorten;
 use super::uniform::Times;
 use super::{Column, RawTable, ReadOptions, Record, RecordSource};
 use crate::motion::error::{MotionError, Short};
@@ -10,9 +11,12 @@ use crate::motion::unit::TimeUnit;
 /// Chooses the columns and makes a record of them.
 pub(super) fn record(
     name: &str,
-    table: RawTable,
+    mut table: RawTable,
     options: &ReadOptions,
 ) -> Result<Record, MotionError> {
+    // Who asks for a column by its name says that the words are names.
+    let is_name = |column: &Option<Column>| matches!(column, Some(Column::Name(_)));
+    table.header.may_be_title &= !(is_name(&options.column) || is_name(&options.time_column));
     let chosen = Chosen::of(name, &table, options)?;
     let mut warnings = table.warnings.clone();
     let (time, value) = (chosen.time, chosen.value?);
@@ -20,12 +24,19 @@ pub(super) fn record(
         Some(time) => step(name, &table, time, options, &mut warnings)?,
         None => table.stated_dt,
     };
+    if chosen.is_assumed && time.is_some_and(|time| counts_rows(&table, time)) {
+        warnings.push(format!(
+            "{name}: its first column counts 0, 1, 2 … and is taken as times in s: if it counts rows, give time_column or dt_s"
+        ));
+    }
     let dt = chosen_step(name, stated, options.dt, &mut warnings)?;
-    let label = table.header.labels.get(value);
+    let label = table.header.label(value);
+    let is_only = table.columns - usize::from(time.is_some()) == 1;
+    let unit = table.header.unit_of(value, is_only);
     Ok(Record {
         dt,
         values: table.column(value).collect(),
-        unit: label.and_then(Label::value_unit).or(table.header.unit),
+        unit: unit.map(|(unit, _)| unit),
         title: label.map(|label| label.name.clone()).unwrap_or_default(),
         warnings,
         source: RecordSource {
@@ -34,6 +45,7 @@ pub(super) fn record(
             name: label
                 .filter(|_| table.columns > 1)
                 .map(|label| label.name.clone()),
+            unit_line: unit.and_then(|(_, line)| line),
             ..RecordSource::default()
         },
     })
@@ -47,20 +59,21 @@ fn step(
     options: &ReadOptions,
     warnings: &mut Vec<String>,
 ) -> Result<Option<f64>, MotionError> {
-    let unknown = |header: &str| MotionError::TimeUnit {
+    let unknown = |line: Option<usize>, header: &str| MotionError::TimeUnit {
         file: name.into(),
-        column: header.into(),
+        line,
+        column: shorten(header),
     };
-    let label = table.header.labels.get(time);
+    let label = table.header.label(time);
     let unit = match label.map_or(Ok(None), Label::time_unit) {
         Ok(Some(unit)) => unit,
         Ok(None) => match (&table.header.other_time, options.dt) {
-            (Some(line), None) => return Err(unknown(line)),
+            (Some((line, text)), None) => return Err(unknown(Some(*line), text)),
             (Some(_), Some(_)) => return Ok(None),
             (None, _) => TimeUnit::SECOND,
         },
         Err(_) if options.dt.is_some() => return Ok(None),
-        Err(_) => return Err(unknown(label.map_or("", |label| &label.name))),
+        Err(_) => return Err(unknown(None, label.map_or("", |label| &label.name))),
     };
     let times = Times::of(name, table, time, unit);
     let axis = match (times.uniform(), options.dt) {
@@ -138,6 +151,8 @@ fn stated_count(table: &RawTable) -> Option<usize> {
 /// Indices of the columns.
 struct Chosen {
     time: Option<usize>,
+    /// Neither the options nor a name tell the column of times.
+    is_assumed: bool,
     /// An error if the options and the names leave it open.
     value: Result<usize, MotionError>,
 }
@@ -153,9 +168,8 @@ impl Chosen {
                 number: value + 1,
             });
         }
-        let time = time
-            .or_else(|| table.header.time().filter(|time| value != Some(*time)))
-            .or_else(|| assumed_time(name, table, options, value));
+        let known = time.or_else(|| table.header.time().filter(|time| value != Some(*time)));
+        let time = known.or_else(|| assumed_time(name, table, options, value));
         let value = value.map_or_else(
             || {
                 let mut others = (0..table.columns).filter(|i| Some(*i) != time);
@@ -169,7 +183,11 @@ impl Chosen {
             },
             Ok,
         );
-        Ok(Self { time, value })
+        Ok(Self {
+            time,
+            is_assumed: known.is_none(),
+            value,
+        })
     }
 }
 
@@ -181,13 +199,21 @@ fn assumed_time(
     value: Option<usize>,
 ) -> Option<usize> {
     let header = &table.header;
-    let is_open = header.labels.is_empty() || (header.is_loose && table.columns == 2);
-    let may_be = is_open && header.time().is_none() && table.columns > 1 && value != Some(0);
+    let is_open = header.labels.is_empty() || header.may_be_title;
+    let may_be = is_open && table.columns > 1 && value != Some(0);
     let rises = || {
         let times = Times::of(name, table, 0, TimeUnit::SECOND);
         !matches!(times.uniform(), Err(MotionError::NotRising { .. }))
     };
     (may_be && (options.dt.is_none() || rises())).then_some(0)
+}
+
+/// True of a column of whole numbers from 0 or 1 on, each one more than that before it.
+fn counts_rows(table: &RawTable, column: usize) -> bool {
+    let mut numbers = table.column(column);
+    let first = numbers.next().unwrap_or(f64::NAN);
+    let is_next = |(number, i): (f64, u32)| number == first + f64::from(i);
+    (first == 0.0 || first == 1.0) && numbers.zip(1..).all(is_next)
 }
 
 fn find(name: &str, table: &RawTable, column: &Column) -> Result<usize, MotionError> {

@@ -1,6 +1,7 @@
 //! The lines before a table: names of its columns, their units, and units in running text.
 
 use super::label::Label;
+use super::remark::{has_other_time, unit_in_text};
 use super::text::{fields, is_comment, number, words};
 use crate::motion::unit::{TimeUnit, Unit};
 
@@ -17,12 +18,25 @@ impl<'a> HeaderLine<'a> {
         is_comment(self.text)
     }
 
-    /// The line without its comment sign.
+    /// True if it holds a word for another unit of time than the second.
+    pub(super) fn has_other_time(&self) -> bool {
+        has_other_time(self.content())
+    }
+
+    /// The line without its comment sign; tabs at its ends part empty cells.
     fn content(&self) -> &'a str {
-        self.text
-            .trim_start()
-            .trim_start_matches(['#', '%', '!'])
-            .trim()
+        let is_sign = |c: char| c == ' ' || (self.is_comment() && "#%!".contains(c));
+        self.text.trim_start_matches(is_sign).trim_end_matches(' ')
+    }
+
+    /// What follows `units:` at its beginning.
+    fn units(&self) -> Option<&'a str> {
+        let (word, rest) = self.content().split_once(':')?;
+        word.trim().eq_ignore_ascii_case("units").then_some(rest)
+    }
+
+    fn cells(&self, columns: usize, between: char) -> Option<Vec<&'a str>> {
+        cells(self.content(), columns, between)
     }
 }
 
@@ -34,68 +48,208 @@ const MOST_WORDS: usize = 4;
 pub(super) struct Header {
     /// One for each column, or none.
     pub(super) labels: Vec<Label>,
-    /// The names come from a remark or stand between blanks: words of a title may pass for them.
-    pub(super) is_loose: bool,
+    /// The labels may be words of a title: a column is found by them, but they state neither times nor units.
+    pub(super) may_be_title: bool,
     /// Lines that gave the names and the units.
     pub(super) used: usize,
-    /// The one unit that the running text states.
-    pub(super) unit: Option<Unit>,
-    /// A line that states another unit of time than the second in running text.
-    pub(super) other_time: Option<String>,
+    /// The one unit that the running text states, and its line.
+    unit: Option<(usize, Unit)>,
+    /// The first line with another unit of time than the second in it that is not the unit of the column of times.
+    pub(super) other_time: Option<(usize, String)>,
 }
 
 impl Header {
     /// The column of times, from 0: the first that is called one, best one whose unit is known.
     pub(super) fn time(&self) -> Option<usize> {
+        if self.may_be_title {
+            return None;
+        }
         let is_known = |label: &Label| label.is_time() && label.time_unit().is_ok();
         let known = self.labels.iter().position(is_known);
         known.or_else(|| self.labels.iter().position(Label::is_time))
     }
 
-    /// Reads the lines before a table with this number of columns.
-    pub(super) fn read<'a>(lines: &[HeaderLine<'a>], columns: usize, between: char) -> Self {
-        let mut header = Self {
-            unit: unit_in_text(lines),
-            ..Self::default()
-        };
-        let mut names_at = lines.len();
-        for (at, line) in lines.iter().enumerate().rev() {
-            let Some(names) = cells(line.content(), columns, between) else {
-                if line.is_comment() {
-                    continue;
-                }
-                break;
-            };
-            let before = at.checked_sub(1).and_then(|above| lines.get(above));
-            let above = before.and_then(|line| cells(line.content(), columns, between));
-            let (labels, used) = match above {
-                Some(above) if is_row_of_units(&names) && !is_row_of_units(&above) => {
-                    let both = above.iter().zip(&names);
-                    let both = both.map(|(name, unit)| Label::of(name).with_unit(bare(unit)));
-                    (both.collect::<Vec<_>>(), 2)
-                }
-                _ => (names.iter().map(|name| Label::of(name)).collect(), 1),
-            };
-            // A title is no name: of its words only those that stand where a unit does count.
-            let is_title = columns == 1 && names[0].split_whitespace().count() > MOST_WORDS;
-            let labels: Vec<Label> = match is_title {
-                true => names.iter().map(|name| Label::title(name)).collect(),
-                false => labels,
-            };
-            if line.is_comment() && !labels.iter().any(Label::is_informative) {
-                continue;
-            }
-            header.is_loose = line.is_comment() || between == ' ';
-            header.labels = labels;
-            header.used = used;
-            names_at = at;
-            break;
+    /// The label of a column, if it is surely one.
+    pub(super) fn label(&self, column: usize) -> Option<&Label> {
+        self.labels.get(column).filter(|_| !self.may_be_title)
+    }
+
+    /// The unit of a column of values, and the line of running text if that states it. It does so only for a single column
+    /// whose label has no unit, not even one that is not understood.
+    pub(super) fn unit_of(&self, column: usize, is_only: bool) -> Option<(Unit, Option<usize>)> {
+        match self.label(column).map_or(Ok(None), Label::value_unit) {
+            Ok(Some(unit)) => Some((unit, None)),
+            Ok(None) if is_only => self.unit.map(|(line, unit)| (unit, Some(line))),
+            _ => None,
         }
-        let is_text = |(at, line): (usize, &HeaderLine<'a>)| (at != names_at).then_some(*line);
-        let text = lines.iter().enumerate().filter_map(is_text);
-        header.other_time = other_time_in_text(text);
+    }
+
+    /// Any unit that the header states for a column.
+    pub(super) fn any_unit_of(&self, column: usize) -> Option<Unit> {
+        let label = self.labels.get(column)?;
+        let text = || self.unit.map(|(_, unit)| unit);
+        label.value_unit().ok().flatten().or_else(text)
+    }
+
+    /// Reads the lines before a table with this number of columns. In a file that is `named`, words parted by the same sign as
+    /// the numbers are names.
+    pub(super) fn read(
+        lines: &[HeaderLine<'_>],
+        columns: usize,
+        between: char,
+        named: bool,
+    ) -> Self {
+        let names = Names::find(lines, columns, between, named).unwrap_or_default();
+        let is_certain = names.is_certain;
+        let text = lines
+            .iter()
+            .filter(|line| !is_certain || !names.lines.contains(&line.number));
+        let unit = only_unit(text.clone());
+        let mut header = Self {
+            used: names.lines.len(),
+            may_be_title: !is_certain,
+            labels: names.labels,
+            unit,
+            other_time: None,
+        };
+        let time = header.time();
+        let others = (0..).zip(&header.labels).filter(|(i, _)| Some(*i) != time);
+        let is_beside = is_certain && others.map(|(_, label)| label).any(has_other_time_beside);
+        let beside = lines
+            .iter()
+            .find(|line| is_beside && names.lines.contains(&line.number));
+        let found = text.clone().find(|line| line.has_other_time()).or(beside);
+        header.other_time = found.map(|line| (line.number, line.content().to_owned()));
         header
     }
+}
+
+/// True if the unit of a label, or a word in its name, is a unit of time but the second.
+fn has_other_time_beside(label: &Label) -> bool {
+    has_other_time(&label.name) || label.has_other_time_unit()
+}
+
+/// The labels of the columns, and where they come from.
+#[derive(Default)]
+struct Names {
+    labels: Vec<Label>,
+    /// Numbers of the lines that give names and units.
+    lines: Vec<usize>,
+    /// They are surely no words of a title.
+    is_certain: bool,
+}
+
+impl Names {
+    /// The last line of words, if it surely has names; else the last comment that has; else the words, which may be a title.
+    fn find(lines: &[HeaderLine<'_>], columns: usize, between: char, named: bool) -> Option<Self> {
+        let at_line = |at| Self::at(lines, at, columns, between, named);
+        let last = lines.iter().rposition(|line| !line.is_comment());
+        let words = last.and_then(at_line);
+        if words.as_ref().is_some_and(|names| names.is_certain) {
+            return words;
+        }
+        let comments = (0..lines.len()).rev().filter(|at| lines[*at].is_comment());
+        let mut certain = comments
+            .filter_map(at_line)
+            .filter(|names| names.is_certain);
+        certain.next().or(words)
+    }
+
+    /// The names in a line, with the units of a row beside it.
+    fn at(
+        lines: &[HeaderLine<'_>],
+        at: usize,
+        columns: usize,
+        between: char,
+        named: bool,
+    ) -> Option<Self> {
+        let line = &lines[at];
+        if line.units().is_some() {
+            return None;
+        }
+        let found = line.cells(columns, between)?;
+        let above = at.checked_sub(1).map(|above| &lines[above]);
+        let above = above.and_then(|line| Some((line, line.cells(columns, between)?)));
+        if let Some((above, names)) = above
+            && is_row_of_units(&found)
+            && !is_row_of_units(&names)
+        {
+            let labels = names.iter().map(|name| Label::of(name));
+            return Some(Self {
+                labels: with_units(labels, &found),
+                lines: vec![above.number, line.number],
+                is_certain: true,
+            });
+        }
+        // A title is no name.
+        let is_title = columns == 1 && found[0].split_whitespace().count() > MOST_WORDS;
+        let read = if is_title { Label::title } else { Label::of };
+        let labels: Vec<Label> = found.iter().map(|name| read(name)).collect();
+        let below = lines[at + 1..].iter().filter(|line| line.is_comment());
+        let mut rows = below.filter_map(|row| {
+            let labels = with_row_of_units(&labels, row, between)?;
+            Some((row.number, labels))
+        });
+        if let (false, Some((units_at, labels))) = (line.is_comment(), rows.next()) {
+            return Some(Self {
+                labels,
+                lines: vec![line.number, units_at],
+                is_certain: true,
+            });
+        }
+        let is_named = columns == 1 || (named && between != ' ') || labels[0].is_index();
+        // Of two columns either may be the times; the last of more words is more likely the end of a title.
+        let has_time = columns == 2 && !line.is_comment() && labels.iter().any(Label::is_time);
+        Some(Self {
+            is_certain: !is_title
+                && (labels[0].is_time()
+                    || has_time
+                    || labels.iter().all(Label::is_clear)
+                    || (is_named && !line.is_comment())),
+            labels,
+            lines: vec![line.number],
+        })
+    }
+}
+
+/// The unit that running text states, and its line; none unless it is clear.
+fn only_unit<'l>(lines: impl Iterator<Item = &'l HeaderLine<'l>>) -> Option<(usize, Unit)> {
+    let mut found: Option<(usize, Unit)> = None;
+    for line in lines {
+        match (unit_in_text(line.content())?, found) {
+            (Some(unit), Some((_, other))) if !unit.is_same_as(other) => return None,
+            (Some(unit), None) => found = Some((line.number, unit)),
+            _ => {}
+        }
+    }
+    found
+}
+
+fn with_units(labels: impl Iterator<Item = Label>, units: &[&str]) -> Vec<Label> {
+    let both = labels.zip(units);
+    both.map(|(label, unit)| label.with_unit(bare(unit)))
+        .collect()
+}
+
+/// The labels with the units of a comment: a row of units, or `units: time s, acc g` with each name before its unit.
+fn with_row_of_units(labels: &[Label], row: &HeaderLine<'_>, between: char) -> Option<Vec<Label>> {
+    let rest = row.units();
+    if let Some(pairs) = rest {
+        let pairs = fields(pairs, between);
+        let unit = |label: &Label| {
+            let units = pairs.iter().filter_map(|(_, pair)| {
+                let unit = pair.strip_prefix(label.name.as_str())?;
+                (unit.is_empty() || unit.starts_with(' ')).then_some(unit.trim())
+            });
+            units.last()
+        };
+        if let Some(units) = labels.iter().map(unit).collect::<Option<Vec<&str>>>() {
+            return Some(with_units(labels.iter().cloned(), &units));
+        }
+    }
+    let units = cells(rest.unwrap_or(row.content()), labels.len(), between)?;
+    let is_row = labels.len() > 1 && is_row_of_units(&units);
+    is_row.then(|| with_units(labels.iter().cloned(), &units))
 }
 
 fn bare(unit: &str) -> &str {
@@ -120,10 +274,13 @@ pub(super) fn cells<'a>(line: &'a str, columns: usize, between: char) -> Option<
         return Some(vec![line.trim().trim_matches('"')]);
     }
     let by = |separator: char| {
-        let line = line.trim_end();
-        let line = line.strip_suffix(separator).unwrap_or(line);
-        let found = fields(line, separator);
-        found.into_iter().map(|(_, cell)| cell).collect::<Vec<_>>()
+        let all = fields(line, separator).into_iter().map(|(_, cell)| cell);
+        let mut all: Vec<&str> = all.collect();
+        // One sign more than there are columns parts nothing.
+        if all.len() == columns + 1 && all.last() == Some(&"") {
+            all.pop();
+        }
+        all
     };
     let ways: [&dyn Fn() -> Vec<&'a str>; 6] = [
         &|| match between {
@@ -175,73 +332,6 @@ fn wide_gaps(line: &str) -> Vec<&str> {
     parts.filter(|part| !part.is_empty()).collect()
 }
 
-/// Words that say what a unit in running text belongs to.
-const QUANTITIES: [&str; 10] = [
-    "acc",
-    "vel",
-    "disp",
-    "force",
-    "load",
-    "unit",
-    "amplitude",
-    "ground",
-    "motion",
-    "stroke",
-];
-
-/// The unit that running text states: in brackets, after `in`, or a word such as `cm/s2` and `gal`. None if it states two.
-fn unit_in_text(lines: &[HeaderLine<'_>]) -> Option<Unit> {
-    let mut found: Option<Unit> = None;
-    for line in lines {
-        let line = line.content().to_lowercase();
-        if !QUANTITIES.iter().any(|word| line.contains(word)) {
-            continue;
-        }
-        for (word, is_marked) in marked_words(&line) {
-            let is_long = word.contains('/') || word.contains("gal");
-            let Some(unit) = Unit::from_header(word).filter(|_| is_long || is_marked) else {
-                continue;
-            };
-            match found {
-                Some(other) if other.to_si() != unit.to_si() => return None,
-                Some(_) => {}
-                None => found = Some(unit),
-            }
-        }
-    }
-    found
-}
-
-/// The line in which running text gives times in another unit than the second.
-fn other_time_in_text<'a>(lines: impl Iterator<Item = HeaderLine<'a>>) -> Option<String> {
-    let is_other = |line: &str| {
-        marked_words(line).any(|(word, is_marked)| {
-            is_marked && TimeUnit::from_header(word).is_some_and(|unit| unit != TimeUnit::SECOND)
-        })
-    };
-    let mut lines = lines.map(|line| line.content());
-    let found = lines.find(|line| is_other(&line.to_lowercase()));
-    found.map(str::to_owned)
-}
-
-/// Words of a line in lower case, and whether each is in brackets or stands where a unit does.
-fn marked_words(line: &str) -> impl Iterator<Item = (&str, bool)> {
-    let mut is_next_marked = false;
-    words(line).map(move |(_, word)| {
-        let is_marked = is_next_marked || word.starts_with(['(', '[']);
-        // `unit = g`: the sign counts as a word. `Units: s, g`: a unit may follow a unit.
-        if word.chars().any(char::is_alphanumeric) {
-            let is_unit =
-                || TimeUnit::from_header(word).is_some() || Unit::from_header(word).is_some();
-            is_next_marked = matches!(
-                word.trim_matches([':', '=', '(']),
-                "in" | "unit" | "units" | "of" | "time" | "t" | "times"
-            ) || (is_next_marked && is_unit());
-        }
-        (word, is_marked)
-    })
-}
-
 /// Dashes and the like that underline a title, and separators with nothing between them.
 pub(super) fn is_rule(line: &str) -> bool {
     line.chars()
@@ -269,6 +359,8 @@ pub(super) fn begins_like_a_number(field: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::motion::error::MotionError;
+    use crate::motion::read::{Column, ReadOptions, parse_record, parse_table};
 
     #[test]
     fn a_header_line_is_parted_into_as_many_names_as_there_are_columns() {
@@ -289,5 +381,245 @@ mod tests {
             assert_eq!(cells(line, columns, between).unwrap(), wanted, "{line}");
         }
         assert_eq!(cells("El Centro 1940", 2, ' '), None);
+    }
+
+    fn options(dt: Option<f64>, column: Option<Column>) -> ReadOptions {
+        ReadOptions {
+            dt,
+            column,
+            ..ReadOptions::default()
+        }
+    }
+
+    fn named(name: &str) -> Option<Column> {
+        Some(Column::Name(name.to_owned()))
+    }
+
+    /// Three rows 10 apart behind this header, with this sign between two numbers.
+    fn file(header: &str, sign: &str) -> String {
+        let rows = ["0", "10", "20"].map(|time| format!("{time}{sign}0.5\n"));
+        format!("{header}\n{}", rows.concat())
+    }
+
+    #[test]
+    fn milliseconds_anywhere_in_the_header_are_read_as_such_or_refused() {
+        let long = "recorded with time in ms\n".to_owned() + &"remark\n".repeat(150) + "t a";
+        for (header, sign, is_read) in [
+            ("Time_ms acc\n# unit g", " ", true),
+            ("Time_ms,acc\n# filtered, in g", ",", true),
+            ("tms,acc\n# filtered, acc in g", ",", true),
+            ("Time,Acc\nms,", ",", true),
+            ("Zeit;Beschl\nms;", ";", true),
+            ("Time\tAcc\nms\t", "\t", true),
+            ("Time,Acc\n# ms,g", ",", true),
+            ("Time Acc\n ms", " ", false),
+            ("ms,g\nTime,Acc", ",", false),
+            ("ms g\nTime Acc", " ", false),
+            ("Time_ms,Acc_g\nnote", ",", false),
+            ("Zeit_ms;Acc_g\nBemerkung", ";", false),
+            ("Time_ms Acc_g\ncalibrated by NN on site", " ", false),
+            ("X_Unit_Label\tms\nX_Value\tAcc", "\t", false),
+            ("xunit = ms\nt a", " ", false),
+            ("# col1: ms\n# col2: g", " ", false),
+            ("# column 1: ms\n# column 2: g", " ", false),
+            ("Time,msec Acc", ",", false),
+            ("ms | g", " ", false),
+            ("Time_ms vs Acc_g", " ", false),
+            ("# Time step: ms", " ", false),
+            ("TIME MSEC ACC", " ", false),
+            (&long, " ", false),
+        ] {
+            for name in ["a.txt", "a.csv"] {
+                let text = file(header, sign);
+                let read = |dt| parse_record(name, text.as_bytes(), &options(dt, None));
+                match read(None) {
+                    Ok(record) => {
+                        assert!(is_read, "{header:?} in {name}: dt = {}", record.dt);
+                        assert_eq!(record.dt, 0.01, "{header:?} in {name}");
+                    }
+                    Err(MotionError::TimeUnit { .. }) => assert!(!is_read, "{header:?} in {name}"),
+                    Err(error) => panic!("{header:?} in {name}: {error}"),
+                }
+                let given = read(Some(0.01)).unwrap_or_else(|error| panic!("{header:?}: {error}"));
+                assert_eq!((given.dt, given.values.len()), (0.01, 3), "{header:?}");
+            }
+        }
+        let error = parse_record(
+            "a.txt",
+            file(&long, " ").as_bytes(),
+            &ReadOptions::default(),
+        );
+        assert!(matches!(
+            error.unwrap_err(),
+            MotionError::TimeUnit { line: Some(1), .. }
+        ));
+    }
+
+    #[test]
+    fn words_that_are_no_unit_of_time_do_not_refuse_a_file() {
+        for header in [
+            "# Ms 6.9",
+            "# an earthquake of Ms 6.9",
+            "# Biloxi, MS",
+            "# station d, channel h",
+            "# 5 min after the shock",
+            "# a 5-min window",
+            "# dt 10 ms",
+            "# Hour: 12 Minute: 33",
+            "# max 0.5 min -0.5",
+            "# times in s, rate 100 per s",
+            "# recorded for us by NN",
+        ] {
+            let text = file(&format!("{header}\nt a"), " ");
+            let read = parse_record("a.txt", text.as_bytes(), &ReadOptions::default());
+            let read = read.unwrap_or_else(|error| panic!("{header}: {error}"));
+            assert_eq!(read.dt, 10.0, "{header}");
+        }
+    }
+
+    #[test]
+    fn a_unit_of_values_is_that_of_its_label_or_a_clear_one_of_the_only_column() {
+        let g = Some(Unit::Gravity);
+        for (header, columns, unit, line) in [
+            ("Time (s) Acc (0.01 m/s2)", 2, None, None),
+            ("Time (s) Acc [10^-2 m/s2]", 2, None, None),
+            ("Time (s) Acc [1/100 m/s2]", 2, None, None),
+            (
+                "# acceleration in g\n# Time (s) Acc (counts)",
+                2,
+                None,
+                None,
+            ),
+            (
+                "Ground motion, sensor range (g)\nTime (s) Acc (V)",
+                2,
+                None,
+                None,
+            ),
+            ("# acc unit: 9.81 m/s2", 2, None, None),
+            ("# acceleration in 0.1 m/s2", 2, None, None),
+            ("# acceleration in cm/s2 x 100", 2, None, None),
+            ("# acceleration (cm/s2) * 100", 2, None, None),
+            ("# acc: 1 unit = 0.5 cm/s2", 2, None, None),
+            (
+                "# ground motion PGA = 341.7 cm/s/s at 2.12 sec",
+                2,
+                None,
+                None,
+            ),
+            ("# ground motion, PGA = 341 gal", 2, None, None),
+            ("PGA 0.35 g", 1, None, None),
+            ("PGA = 341 gal", 1, None, None),
+            ("acc 0.01 m/s2", 1, None, None),
+            ("Acc (0.01 m/s2)", 1, None, None),
+            ("Acc (g)", 1, g, None),
+            ("acc_1 g", 1, g, None),
+            ("# ground acceleration in g\nt acc", 2, g, Some(1)),
+            ("# first\n# acceleration (g)", 2, g, Some(2)),
+            ("# acceleration unit = g\nt acc", 2, g, Some(1)),
+            ("t acc\n# units: s, g", 2, g, None),
+            ("# Units: s, g", 2, g, Some(1)),
+            ("# acceleration in gal (cm/s2)", 2, Some(Unit::Gal), Some(1)),
+            ("# displacement in m and acc in m/s2", 2, None, None),
+        ] {
+            let row = ["0.5", "0.1 0.5"][columns - 1];
+            let rows = [row.to_owned(), row.replace("0.1", "0.2")];
+            let text = format!("{header}\n{}\n{}\n", rows[0], rows[1]);
+            let dt = (columns == 1).then_some(0.1);
+            let read = parse_record("a.txt", text.as_bytes(), &options(dt, None));
+            let read = read.unwrap_or_else(|error| panic!("{header}: {error}"));
+            let found = (read.unit, read.source.unit_line);
+            assert_eq!(found, (unit, line), "{header}");
+        }
+        let text = "# ground acceleration in g\nt disp acc\n0 1 2\n1 3 4\n";
+        let read = parse_record("a.txt", text.as_bytes(), &options(None, named("disp")));
+        assert_eq!(read.unwrap().unit, None);
+    }
+
+    #[test]
+    fn a_comment_under_names_does_not_replace_them() {
+        for (text, name, unit, values) in [
+            (
+                "time,x1,ground\n# units: time s,x1 ,ground m/s^2\n0,1,2\n0.01,3,4\n",
+                "ground",
+                Some(Unit::MetrePerSecond2),
+                [2.0, 4.0],
+            ),
+            (
+                "time,acc\n# measured 1/2/2020, in g\n0,1\n0.01,2\n",
+                "acc",
+                None,
+                [1.0, 2.0],
+            ),
+        ] {
+            let read = parse_record("a.csv", text.as_bytes(), &options(None, named(name)));
+            let read = read.unwrap_or_else(|error| panic!("{text}: {error}"));
+            assert_eq!((read.dt, read.unit), (0.01, unit), "{text}");
+            assert_eq!(read.values, values, "{text}");
+        }
+        let text = "F1,F2,F3\n# made 2020, by me, in kN\n1,2,3\n4,5,6\n";
+        let table = parse_table("a.csv", text.as_bytes()).unwrap();
+        assert_eq!(table.names, ["F1", "F2", "F3"]);
+    }
+
+    #[test]
+    fn a_column_with_another_name_is_not_taken_for_the_times() {
+        for (name, text) in [
+            ("a.txt", "Period(s) Sa(g)\n0.0 1\n0.1 2\n"),
+            ("a.txt", "Sample Acc(g)\n0 1\n1 2\n"),
+            ("a.txt", "No. acc\n0 1\n1 2\n"),
+            ("a.csv", "Frequency,acc\n0,1\n1,2\n"),
+        ] {
+            let second = options(None, Some(Column::Number(2)));
+            let error = parse_record(name, text.as_bytes(), &second).unwrap_err();
+            assert!(
+                matches!(error, MotionError::StepMissing { .. }),
+                "{text}: {error}"
+            );
+        }
+        let by_name = "X acc\n0 1\n1 2\n";
+        let error = parse_record("a.txt", by_name.as_bytes(), &options(None, named("acc")));
+        assert!(matches!(
+            error.unwrap_err(),
+            MotionError::StepMissing { .. }
+        ));
+    }
+
+    #[test]
+    fn whole_numbers_that_are_taken_for_times_are_mentioned() {
+        let third = Some(Column::Number(3));
+        for (text, is_told) in [
+            ("0 0.00 0.1\n1 0.01 0.2\n2 0.02 0.3\n", true),
+            ("1 0.00 0.1\n2 0.01 0.2\n3 0.02 0.3\n", true),
+            ("0.0 0.00 0.1\n0.5 0.01 0.2\n1.0 0.02 0.3\n", false),
+            ("t b c\n0 0.00 0.1\n1 0.01 0.2\n2 0.02 0.3\n", false),
+        ] {
+            let read = parse_record("a.txt", text.as_bytes(), &options(None, third.clone()));
+            let warnings = read.unwrap().warnings;
+            let is_found = warnings.iter().any(|text| text.contains("time_column"));
+            assert_eq!(is_found, is_told, "{text}: {warnings:?}");
+        }
+        let indexed = "Index Time Acc\n0 0.00 0.1\n1 0.01 0.2\n2 0.02 0.3\n";
+        let read = parse_record("a.txt", indexed.as_bytes(), &options(None, third));
+        assert_eq!(read.unwrap().dt, 0.01);
+    }
+
+    #[test]
+    fn words_of_a_title_name_no_column() {
+        for header in ["Response history time", "# Kobe 0.5 g", "Kobe 0.5 g"] {
+            let text = format!("{header}\n0.00 1 5\n0.01 2 3\n0.02 3 9\n");
+            let third = Some(Column::Number(3));
+            let read = parse_record("a.txt", text.as_bytes(), &options(None, third));
+            let read = read.unwrap_or_else(|error| panic!("{header}: {error}"));
+            assert_eq!((read.dt, read.unit), (0.01, None), "{header}");
+            assert_eq!(read.values, [5.0, 3.0, 9.0], "{header}");
+        }
+        let turned = "Acc Time\n5 0.00\n3 0.01\n9 0.02\n";
+        let read = parse_record("a.txt", turned.as_bytes(), &ReadOptions::default());
+        assert_eq!(read.unwrap().dt, 0.01);
+        // A name that the user gives is one.
+        let text = "X Y Z\n1 2 3\n4 5 6\n";
+        let read = parse_record("a.txt", text.as_bytes(), &options(Some(0.1), named("Y")));
+        assert_eq!(read.unwrap().values, [2.0, 5.0]);
     }
 }

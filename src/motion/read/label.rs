@@ -1,5 +1,6 @@
 //! The name of a column and the unit in it, however these are spelled.
 
+use super::text::number;
 use crate::motion::unit::{TimeUnit, Unit, is_time_but_no_second};
 
 /// The name of a column, and the unit that stands with it.
@@ -27,6 +28,9 @@ const TIME_NAMES: [&str; 11] = [
     "tiempo",
     "tempo",
 ];
+
+/// Names of a column that counts the rows, in lower case, letters only.
+const INDEX_NAMES: [&str; 7] = ["i", "n", "no", "nr", "index", "sample", "step"];
 
 /// Units of time that are the whole name of a column of times.
 const TIME_UNIT_NAMES: [&str; 8] = [
@@ -85,14 +89,30 @@ impl Label {
         }
     }
 
-    /// The unit of a column of values.
-    pub(super) fn value_unit(&self) -> Option<Unit> {
-        self.unit.as_deref().and_then(Unit::from_header)
+    /// True if its unit is one of time but the second.
+    pub(super) fn has_other_time_unit(&self) -> bool {
+        matches!(self.time_unit(), Ok(Some(unit)) if unit != TimeUnit::SECOND)
     }
 
-    /// True if it says something that a remark does not: that it is a time, or a unit that is known.
-    pub(super) fn is_informative(&self) -> bool {
-        self.is_time() || self.value_unit().is_some()
+    /// The unit of a column of values. None if the name states none; an error with the text of one that is unknown.
+    pub(super) fn value_unit(&self) -> Result<Option<Unit>, &str> {
+        match &self.unit {
+            None => Ok(None),
+            Some(text) => Unit::from_header(text).map(Some).ok_or(text),
+        }
+    }
+
+    /// True if it says something that a title does not: that it is a time, or a unit that is known.
+    pub(super) fn is_clear(&self) -> bool {
+        let is_unit = |text: &String| {
+            TimeUnit::from_header(text).is_some() || Unit::from_header(text).is_some()
+        };
+        self.is_time() || self.unit.as_ref().is_some_and(is_unit)
+    }
+
+    /// True of the name of a column that counts the rows.
+    pub(super) fn is_index(&self) -> bool {
+        INDEX_NAMES.contains(&letters(&self.base).as_str())
     }
 }
 
@@ -119,6 +139,10 @@ fn parted(name: &str) -> (&str, Option<&str>) {
         let is_unit = TimeUnit::from_header(rest).is_some()
             || (is_plain_unit(rest) && Unit::from_header(rest).is_some());
         // In `cm/s` the second belongs to a unit, not to a name.
+        // In `PGA 0.35 g` it is the unit of that number.
+        if is_unit && ends_with_number(base) {
+            return (name, Some(name));
+        }
         if is_unit && letters(base).chars().any(char::is_alphabetic) && !is_unit_word(base) {
             return (base.trim_end_matches([' ', ',', ':', '_', '-']), Some(rest));
         }
@@ -138,6 +162,11 @@ fn parted(name: &str) -> (&str, Option<&str>) {
         return ("", Some(name));
     }
     (name, None)
+}
+
+fn ends_with_number(base: &str) -> bool {
+    let last = base.trim().rsplit([' ', '\t', '=', ':']).next();
+    last.is_some_and(|word| number(word).is_some())
 }
 
 /// A single `N` behind a name means north as often as newton: only brackets make a unit of it.
@@ -195,7 +224,7 @@ mod tests {
             ("a (% g)", Unit::PercentGravity),
         ] {
             let label = Label::of(name);
-            assert_eq!(label.value_unit(), Some(unit), "{name}");
+            assert_eq!(label.value_unit(), Ok(Some(unit)), "{name}");
             assert!(!label.is_time(), "{name}");
         }
         for name in [
@@ -203,7 +232,7 @@ mod tests {
         ] {
             let label = Label::of(name);
             let found = (label.value_unit(), label.is_time());
-            assert_eq!(found, (None, false), "{name}");
+            assert_eq!(found, (Ok(None), false), "{name}");
         }
         assert_eq!(Label::of("time (samples)").time_unit(), Err("samples"));
     }

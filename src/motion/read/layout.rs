@@ -42,6 +42,9 @@ pub(super) fn parse(
             rows = Some(begun);
         }
     }
+    if let Some(line) = head.other_time {
+        head.lines.push_front(line);
+    }
     match rows {
         Some(rows) => rows.into_table(head.lines.make_contiguous(), head.worded, settings),
         None => Err(head.without_rows(name, settings)),
@@ -60,6 +63,8 @@ struct Head<'t> {
     first_slip: Option<HeaderLine<'t>>,
     /// The first such line behind the last line of words.
     last_slip: Option<HeaderLine<'t>>,
+    /// The first line with another unit of time than the second that `lines` no longer holds.
+    other_time: Option<HeaderLine<'t>>,
 }
 
 impl<'t> Head<'t> {
@@ -91,7 +96,8 @@ impl<'t> Head<'t> {
             }
         }
         if self.lines.len() == MOST_HEADER_LINES {
-            self.lines.pop_front();
+            let dropped = self.lines.pop_front().filter(HeaderLine::has_other_time);
+            self.other_time = self.other_time.or(dropped);
         }
         self.lines.push_back(line);
         ControlFlow::Continue(())
@@ -257,11 +263,14 @@ mod tests {
         let table = read(&text).unwrap();
         assert_eq!(names(&table), ["Time", "Acc"]);
         assert_eq!((table.columns, table.lines[0]), (2, 304));
-        let unit = table.header.labels[1].value_unit().unwrap();
+        let unit = table.header.labels[1].value_unit().unwrap().unwrap();
         assert_eq!(unit.name(), "cm/s2");
         let table = read("Logger;7\n\nTime;Ch1;Ch2\ns;g;g\n0;1;2\n1;3;4\n").unwrap();
         assert_eq!(names(&table), ["Time", "Ch1", "Ch2"]);
-        assert_eq!(table.header.labels[2].value_unit().unwrap().name(), "g");
+        assert_eq!(
+            table.header.labels[2].value_unit().unwrap().unwrap().name(),
+            "g"
+        );
     }
 
     #[test]

@@ -275,11 +275,10 @@ impl<'t> Rows<'t> {
         let names = self.names(lines);
         self.refuse_first_row(first_line, names, count.is_some() || runs_on)?;
         let columns = self.shaped(first_line, count.is_some(), runs_on, settings)?;
-        let mut header = Header::read(lines, columns, self.delimiter.sign());
+        let header = Header::read(lines, columns, self.delimiter.sign(), settings.named);
         if let (true, false, Some(names)) = (header.labels.is_empty(), runs_on, names) {
             return Err(self.uneven((first_line, columns), names));
         }
-        header.is_loose |= !settings.named;
         let mut warnings = Vec::new();
         let is_separated = self.delimiter != Delimiter::Blank;
         if worded > header.used || (worded > 0 && self.delimiter.sign() == ' ') {
