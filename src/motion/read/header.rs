@@ -237,11 +237,11 @@ fn with_row_of_units(labels: &[Label], row: &HeaderLine<'_>, between: char) -> O
     if let Some(pairs) = rest {
         let pairs = fields(pairs, between);
         let unit = |label: &Label| {
-            let units = pairs.iter().filter_map(|(_, pair)| {
+            let mut units = pairs.iter().filter_map(|(_, pair)| {
                 let unit = pair.strip_prefix(label.name.as_str())?;
                 (unit.is_empty() || unit.starts_with(' ')).then_some(unit.trim())
             });
-            units.last()
+            units.next()
         };
         if let Some(units) = labels.iter().map(unit).collect::<Option<Vec<&str>>>() {
             return Some(with_units(labels.iter().cloned(), &units));
