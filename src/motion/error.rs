@@ -65,7 +65,7 @@ pub enum MotionError {
         line: usize,
     },
     /// A word where a number must stand.
-    #[error("{file}:{line}:{column}: wanted a number, found {found:?}")]
+    #[error("{file}:{line}:{column}: wanted a number, found {}", word(found))]
     NotANumber {
         /// Name of the file.
         file: String,
@@ -497,6 +497,15 @@ pub(super) fn all_finite(what: &'static str, values: &[f64]) -> Result<(), Motio
             index: at + 1,
             found: values[at],
         }),
+    }
+}
+
+/// A word of a file for a message; an empty cell by its name.
+fn word(found: &str) -> String {
+    if found.is_empty() {
+        "an empty cell (each separator begins one, also each of two tabs)".to_owned()
+    } else {
+        format!("{found:?}")
     }
 }
 
