@@ -285,7 +285,7 @@ pub struct AxisTable {
     pub offset_m: f64,
     /// Reading of the load cell in N at which the force is zero: it is taken off what a `law` in this process gives, too.
     pub offset_n: f64,
-    /// Unit in which the axis is told its displacement. Velocities, stiffnesses, dampings and masses on a link count in it, too.
+    /// Unit of the displacements that the axis is commanded. Velocities, stiffnesses, dampings and masses on a link count in it, too.
     /// Inches are for OpenFresco's protocols only. Limits stay in SI.
     pub unit_disp: DispUnit,
     /// Unit in which the axis tells its force. Stiffnesses, dampings and masses on a link count in it, too. "lbf" and "kip" are for

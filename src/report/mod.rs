@@ -28,7 +28,6 @@ mod balance;
 mod bars;
 mod canvas;
 mod charts;
-mod commanded;
 mod compare;
 mod courses;
 mod curves;

@@ -6,8 +6,8 @@ use super::RunData;
 use super::axes::AxisDigest;
 use super::canvas::Ink;
 use super::charts::Quantity;
-use super::commanded::of_forces_only;
 use super::courses::{errors, estimates};
+use super::digest::WITHOUT_DISP;
 use super::html::{beside, figure, note, paragraph, table};
 use super::judged::{legend, table_of};
 use super::lines::{Line, LoopChart, TimeChart};
@@ -70,6 +70,19 @@ impl<'a> Tracked<'a> {
     /// Lag of measured behind target in s.
     pub fn lag(&self) -> Option<f64> {
         self.digest.lag()
+    }
+
+    /// The label of a picture of this axis.
+    fn label(&self, what: &str) -> String {
+        format!("{}: {what}", self.name)
+    }
+
+    /// A displacement of this axis under a name.
+    const fn disp<'b>(&'b self, words: &'b str) -> Quantity<'b> {
+        Quantity {
+            words,
+            unit: self.disp_unit,
+        }
     }
 }
 
@@ -175,44 +188,19 @@ fn drawn(rows: &Rows<'_>, time: &[f64], axis: &Tracked<'_>) -> String {
         return markup + &of_forces_only(rows, time, axis);
     }
     let column = |kind: &str| rows.get(&digest.axis.column(kind)).unwrap_or_default();
-    let label = |what: &str| format!("{}: {what}", axis.name);
-    let disp = |words| Quantity {
-        words,
-        unit: axis.disp_unit,
-    };
-    let line = |name, x, y, ink, width| Line {
-        name,
-        x,
-        y,
-        ink: Ink::Series(ink),
-        width,
-    };
-    let hysteresis = LoopChart {
-        title: "Force against measured displacement",
-        across: disp("measured displacement"),
-        up: Quantity {
-            words: "force",
-            unit: axis.force_unit,
-        },
-        lines: &[line("", &digest.hysteresis.0, &digest.hysteresis.1, 1, 1.3)],
-    };
     let subspace = LoopChart {
         title: "Synchronisation subspace: measured against target",
-        across: disp("target"),
-        up: disp("measured"),
+        across: axis.disp("target"),
+        up: axis.disp("measured"),
         lines: &[line("", &digest.subspace.0, &digest.subspace.1, 2, 1.3)],
     };
-    let figures = figure(
-        500.0,
-        400.0,
-        &label("force against measured displacement"),
-        |canvas, area| hysteresis.draw(canvas, area),
-    ) + &figure(
-        500.0,
-        400.0,
-        &label("measured against target displacement"),
-        |canvas, area| subspace.draw(canvas, area),
-    );
+    let figures = hysteresis(axis, "measured displacement")
+        + &figure(
+            500.0,
+            400.0,
+            &axis.label("measured against target displacement"),
+            |canvas, area| subspace.draw(canvas, area),
+        );
     markup += &beside("pair", &figures);
     let (target, meas) = (column("target"), column("meas"));
     let lines = [
@@ -221,8 +209,8 @@ fn drawn(rows: &Rows<'_>, time: &[f64], axis: &Tracked<'_>) -> String {
     ];
     markup += &history(
         240.0,
-        &label("target and measured displacement over test time"),
-        &TimeChart::history("Target and measured", disp("displacement"), &lines),
+        &axis.label("target and measured displacement over test time"),
+        &TimeChart::history("Target and measured", axis.disp("displacement"), &lines),
     );
     markup += &error(rows, time, axis);
     let [near_time, near_target, near_meas] = &digest.close_up;
@@ -230,11 +218,15 @@ fn drawn(rows: &Rows<'_>, time: &[f64], axis: &Tracked<'_>) -> String {
         line("target", near_time, near_target, 0, 2.2),
         line("measured", near_time, near_meas, 1, 1.3),
     ];
-    let zoom = TimeChart::history("Around the largest target", disp("displacement"), &lines);
+    let zoom = TimeChart::history(
+        "Around the largest target",
+        axis.disp("displacement"),
+        &lines,
+    );
     let figures = figure(
         510.0,
         290.0,
-        &label("target and measured around the largest target"),
+        &axis.label("target and measured around the largest target"),
         |canvas, area| zoom.draw(canvas, area),
     ) + &content(axis);
     markup += &beside("pair", &figures);
@@ -250,6 +242,55 @@ fn drawn(rows: &Rows<'_>, time: &[f64], axis: &Tracked<'_>) -> String {
         });
     }
     markup + &table_of(&axis.name, digest, axis.disp_unit, axis.force_unit)
+}
+
+/// One of the lines of an axis.
+fn line<'a>(name: &'a str, x: &'a [f64], y: &'a [f64], ink: u8, width: f64) -> Line<'a> {
+    Line {
+        name,
+        x,
+        y,
+        ink: Ink::Series(ink),
+        width,
+    }
+}
+
+/// The loop of force over a displacement, which is `across` in words.
+fn hysteresis(axis: &Tracked<'_>, across: &str) -> String {
+    let (disp, force) = &axis.digest.hysteresis;
+    let chart = LoopChart {
+        title: &format!("Force against {across}"),
+        across: axis.disp(across),
+        up: Quantity {
+            words: "force",
+            unit: axis.force_unit,
+        },
+        lines: &[line("", disp, force, 1, 1.3)],
+    };
+    let label = axis.label(&format!("force against {across}"));
+    figure(500.0, 400.0, &label, |canvas, area| {
+        chart.draw(canvas, area)
+    })
+}
+
+/// Pictures of an axis whose link answers with forces only. Its record repeats the command as the measured displacement.
+fn of_forces_only(rows: &Rows<'_>, time: &[f64], axis: &Tracked<'_>) -> String {
+    let column = |kind: &str| rows.get(&axis.digest.axis.column(kind)).unwrap_or_default();
+    let (target, command) = (column("target"), column("meas"));
+    let lines = [
+        line("target", time, &target, 0, 1.6),
+        line("command", time, &command, 3, 1.0),
+    ];
+    let chart = TimeChart::history("Target and command", axis.disp("displacement"), &lines);
+    note(&format!(
+        "Of this axis {WITHOUT_DISP}: how it followed is not known. Lag, tracking metrics, stiffness, damping and absorbed energy are \
+         left out."
+    )) + &beside("pair", &hysteresis(axis, "command"))
+        + &history(
+            240.0,
+            &axis.label("target and command over test time"),
+            &chart,
+        )
 }
 
 /// Measured less target.
@@ -275,8 +316,7 @@ fn error(rows: &Rows<'_>, time: &[f64], axis: &Tracked<'_>) -> String {
         },
         &lines,
     );
-    let label = format!("{}: tracking error over test time", axis.name);
-    history(180.0, &label, &chart)
+    history(180.0, &axis.label("tracking error over test time"), &chart)
 }
 
 /// Frequency content of target, measured and their difference.

@@ -91,10 +91,9 @@ pub(super) fn host(
         None => host,
     };
     let host = if link.computed { host.computed() } else { host };
-    let settings = RemoteSettings::from_spec(link, n).ok().flatten();
-    let host = match settings.is_none_or(|settings| settings.measures_disp()) {
-        true => host,
-        false => host.without_measured_disp(),
+    let host = match table.force_only_link() {
+        None => host,
+        Some(_) => host.without_measured_disp(),
     };
     Ok(host.probed(probe))
 }

@@ -35,7 +35,7 @@ pub(super) enum Line {
     Letters(VecDeque<Vec<u8>>),
 }
 
-/// What a guest came to.
+/// The state of a guest after its bytes were read.
 pub(super) enum Heard {
     /// No more for now.
     Nothing,
@@ -43,7 +43,7 @@ pub(super) enum Heard {
 }
 
 impl Guest {
-    /// What there is to be heard from him, without waiting.
+    /// Reads what has arrived from the guest, without waiting.
     pub(super) fn hear(
         &mut self,
         door: &Door,
@@ -110,7 +110,7 @@ impl Guest {
                 Socket::Tcp(_) => usize::MAX,
                 Socket::Udp(_) => self.machine.piece(),
             };
-            // Before the sizes no specimen is asked for anything.
+            // Before the sizes no specimen is queried.
             let heard = self.machine.hear(rest, host, &mut || true);
             let heard = heard.map_err(End::Refused)?;
             for part in datagrams(heard.reply, heard.reply.len(), piece) {

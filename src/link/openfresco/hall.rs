@@ -60,7 +60,7 @@ impl<'a> Hall<'a> {
         }
     }
 
-    /// Waits for a client; none if `stop` says so first.
+    /// Waits for a client; returns none if `stop` becomes true first.
     ///
     /// # Errors
     /// [`DoorError::Port`] if the port itself fails.
@@ -73,7 +73,7 @@ impl<'a> Hall<'a> {
     ) -> Result<Option<Client>, DoorError> {
         self.turned_away = None;
         for guest in &mut self.guests {
-            // Nobody read what these said while another client was served.
+            // Their bytes were not read while another client was served.
             guest.came_ns = monotonic_ns();
         }
         while !stop() {
@@ -130,7 +130,7 @@ impl<'a> Hall<'a> {
         }
     }
 
-    /// True if a client of the same machine as `client` came after `heard_ns`, when that was heard last.
+    /// True if a client of the same machine as `client` came after `heard_ns`, the time of its last bytes.
     pub(super) fn has_successor(&self, client: SocketAddr, heard_ns: u64) -> bool {
         let mut guests = self.guests.iter();
         guests.any(|guest| {

@@ -24,7 +24,7 @@ impl Remark {
         }
     }
 
-    /// What it means for a specimen of this nature.
+    /// The consequence for a specimen of this nature.
     pub(super) fn text(self, nature: Nature) -> String {
         match self {
             Self::NoCommits(commands) => {

@@ -11,7 +11,7 @@ use crate::substructure::Measurement;
 /// Singular values below this part of the largest count as zero.
 const RANK: f64 = 1e-12;
 
-/// The rows of B, and room for what they give.
+/// The rows of B, and buffers for their products.
 #[derive(Debug, Clone)]
 pub struct Transformation {
     /// One row per axis.
@@ -82,7 +82,7 @@ impl Transformation {
                 *sum += entry * force;
             }
         }
-        // What the command leaves open stays as commanded.
+        // Components that B does not see stay as commanded.
         times(&self.rows, disp, &mut self.axes_disp);
         for (left, read) in self.axes_disp.iter_mut().zip(&measured.disp) {
             *left = read - *left;

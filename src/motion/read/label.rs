@@ -64,7 +64,7 @@ impl Label {
         }
     }
 
-    /// The same with a unit from a row of units, where the name has none.
+    /// This label with a unit from a row of units, where the name has none.
     pub(super) fn with_unit(mut self, unit: &str) -> Self {
         if self.unit.is_none() && unit.chars().any(|c| c.is_alphanumeric() || c == '%') {
             self.unit = Some(unit.to_owned());
@@ -79,7 +79,7 @@ impl Label {
     }
 
     /// The unit of a column of times. None if the name states none; an error with the text of one that is unknown, or that
-    /// stands in the name in an unknown way.
+    /// is in the name in an unknown way.
     pub(super) fn time_unit(&self) -> Result<Option<TimeUnit>, &str> {
         let mut words = self.name.split(|c: char| !c.is_alphanumeric());
         match &self.unit {

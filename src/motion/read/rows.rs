@@ -19,7 +19,7 @@ pub(super) struct Settings {
     pub(super) reading_order: bool,
     /// Fields are parted by commas, semicolons or tabs, not by blanks.
     pub(super) separated: bool,
-    /// Names in a header stand for their columns, even where none is called a time.
+    /// The words of a header name their columns, even where none is called a time.
     pub(super) named: bool,
     /// A first line may state the count of values and the step.
     pub(super) counted: bool,
