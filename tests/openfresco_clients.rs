@@ -255,6 +255,26 @@ fn a_client_that_sends_the_time_and_never_commits_is_told_so_and_iterations_do_n
     assert!(!before.iter().any(told), "{before:?}");
 }
 
+/// As Gusset does before t = 0: the specimen is held while the loop warms up, and steps are committed from then on.
+#[test]
+fn a_client_that_holds_its_first_command_and_commits_from_then_on_is_not_warned_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let served = serve(folder.path(), ONE_SPRING, "openfresco", &[]);
+    let mut client = Client::new(&served, [1, 0, 0, 0, 1, 0, 0, 0, 1, 0]);
+    for _ in 0..30 {
+        client.says(&[3.0, 0.0, 0.0]);
+        assert_eq!(client.asks(10.0)[0], 0.0);
+    }
+    for k in 1..=12 {
+        client.says(&[3.0, 1e-4 * f64::from(k), 0.01 * f64::from(k)]);
+        client.says(&[5.0, 1e-4 * f64::from(k), 0.01 * f64::from(k)]);
+    }
+    client.says(&[99.0]);
+    let before = served.says_before("the client ended the test");
+    let told = |line: &String| line.contains("without a commit");
+    assert!(!before.iter().any(told), "{before:?}");
+}
+
 /// The second client says hello while the first one still speaks, and repeats it.
 #[test]
 fn a_udp_client_that_waits_takes_over_when_the_first_falls_silent() {

@@ -70,6 +70,8 @@ pub enum HostFault {
 pub struct Tally {
     /// Commands, repeats included.
     pub commands: u64,
+    /// Commands that repeat the one before them.
+    pub repeats: u64,
     /// Commands at a test time further from 0 than all before them: a load factor may fall from there.
     pub later_times: u64,
     /// Accepted steps.
@@ -305,6 +307,9 @@ impl Host {
         if time.abs() > self.latest_time {
             self.latest_time = time.abs();
             self.tally.later_times = self.tally.later_times.saturating_add(1);
+        }
+        if course == Course::Repeat {
+            self.tally.repeats = self.tally.repeats.saturating_add(1);
         }
         match (course, self.nature) {
             (Course::Repeat, Nature::Simulated) => return Ok(()),

@@ -95,10 +95,12 @@ impl Remarks {
     }
 
     fn commits(&mut self, tally: Tally, least: u64) -> Option<Remark> {
+        // A client that holds its command, as before a test begins, makes no history.
+        let fresh = tally.commands.saturating_sub(tally.repeats);
         let commands = match (self.sends_time, tally.later_times) {
-            (false, _) => tally.commands,
+            (false, _) => fresh,
             // A time that is always 0 tells steps and iterations apart no better than none.
-            (true, 0) if tally.commands >= MANY_COMMANDS => tally.commands,
+            (true, 0) if fresh >= MANY_COMMANDS => fresh,
             (true, later_times) => later_times,
         };
         let is_due = self.has_commits
@@ -172,6 +174,19 @@ mod tests {
             let still = remarks(role, 1).after(tally(10, 0));
             assert_eq!(still, Some(Remark::NoCommits(10)));
             assert_eq!(remarks(role, 1).at_end(at(2)), Some(Remark::NoCommits(2)));
+        }
+    }
+
+    #[test]
+    fn commands_that_repeat_the_one_before_do_not_count() {
+        for time in [0, 1] {
+            let held = |repeats| Tally {
+                repeats,
+                ..tally(50, 0)
+            };
+            assert_eq!(remarks(Role::Application, time).after(held(41)), None);
+            let moved = remarks(Role::Application, time).after(held(40));
+            assert_eq!(moved, Some(Remark::NoCommits(10)));
         }
     }
 
