@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """A specimen that speaks the Gusset wire protocol (tools/PROTOCOL.md) over TCP, complete, in one file.
 
-It is a spring: replace `Rig` by yours. One axis, metres and newtons, no key.
+It is a spring: replace the class `Rig` by yours (`gusset guide network` has an example). One axis, metres and newtons, no key.
 
     python3 specimen.py PORT [STIFFNESS_N_PER_M]
 """
@@ -32,7 +32,7 @@ class Broken(Exception):
 
 
 class Rig:
-    """Your rig. It stays where the last test has left it, whoever connects next."""
+    """Your rig. It stays where the last test left it, also for the next controller."""
 
     def __init__(self, stiffness):
         self.stiffness, self.disp = stiffness, 0.0
@@ -40,7 +40,7 @@ class Rig:
         self.tested = False  # by a test of this process
 
     def measure(self):
-        """Measured displacement and force."""
+        """Measured displacement and force, called once for each new command; `self.disp` is the command."""
         return self.disp, self.stiffness * self.disp
 
 
@@ -106,7 +106,7 @@ class Session:
         raise Broken(text.decode())
 
     def announced(self, hello):
-        """What the controller keeps: smallest and largest displacement, largest step from one command to the next."""
+        """Takes the limits of the controller: smallest and largest displacement, largest step between two commands."""
         at = 133
         for _ in ("program", "test"):
             at += 8 + struct.unpack_from("<Q", hello, at)[0]
@@ -122,7 +122,7 @@ class Session:
         self.limits = low - slack, high + slack, speed * self.period * (1 + 1e-9)
 
     def greet(self):
-        """Agrees on everything before anything moves; returns the wish to arm."""
+        """Agrees on everything before anything moves; returns the Arm message."""
         kind, hello = self.receive(time.monotonic() + HELLO_LIMIT) or (None, b"")
         if kind != CONTROL or len(hello) < 149 or struct.unpack_from("<I", hello)[0] != HELLO:
             raise Broken("no hello")
@@ -172,7 +172,7 @@ class Session:
         came = time.monotonic()
         sequence, _time, _dt, disp, vel = struct.unpack("<Qdddd", body)
         if not all(abs(x) < float("inf") for x in (_time, _dt, disp, vel)):
-            raise Broken("a number that is none")
+            raise Broken("a number that is not finite")
         if sequence == NONE:
             raise Broken("no command has this number")
         if sequence != self.sequence:
@@ -260,7 +260,7 @@ def main():
         if threading.active_count() > MOST:
             connection.close()
             continue
-        # A thread for each: a second controller hears at once that the rig is taken.
+        # One thread for each connection, so that a second controller is refused at once.
         threading.Thread(target=attend, args=(connection, peer, rig), daemon=True).start()
 
 
