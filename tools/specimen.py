@@ -157,7 +157,7 @@ class Session:
         return arm
 
     def arm(self, message):
-        """At the beginning, and again after commands that only tried which way round we are wired."""
+        """Arms the session: at the beginning, and again after the wiring check."""
         if len(message) != 36:
             self.refuse(12, "an arm message that is not for one axis")
         _, session, first, axes, start = struct.unpack("<IQQQd", message)
@@ -177,13 +177,13 @@ class Session:
             raise Broken("no command has this number")
         if sequence != self.sequence:
             if sequence < self.expected:
-                return  # older than the one in force, or than the arm message
+                return  # older than the command in force, or than the Arm message
             gap = sequence - self.expected
             low, high, step = self.limits
             # Lost commands give this one more time, but no more than has really passed.
             steps = min(gap + 1, (came - self.moved) / self.period + 1)
             if not low <= disp <= high or abs(disp - self.rig.disp) > step * steps:
-                self.tripped = INTERLOCK  # beyond what was announced: a fault; stay, until the next controller
+                self.tripped = INTERLOCK  # beyond the announced limits: a fault; hold until the next controller
             if not self.tripped:
                 self.rig.disp = disp
             self.missed = min(self.missed + gap, 2**32 - 1)
@@ -212,7 +212,7 @@ class Session:
         return ended
 
     def test(self):
-        """From the arming to the end: how it ended, and the cause to answer goodbye with, if one is due."""
+        """Runs from the arming to the end. Returns how it ended, and the cause of the goodbye to send, if any."""
         paused = False
         heard = beaten = time.monotonic()
         gone = max(30, 10 * self.watchdog)
