@@ -214,19 +214,19 @@ class Session:
     def test(self):
         """Runs from the arming to the end. Returns how it ended, and the cause of the goodbye to send, if any."""
         paused = False
-        heard = beaten = time.monotonic()
+        received_at = reported_at = time.monotonic()
         gone = max(30, 10 * self.watchdog)
         while True:
-            frame = self.receive(heard + gone if paused else max(heard, beaten) + self.watchdog)
+            frame = self.receive(received_at + gone if paused else max(received_at, reported_at) + self.watchdog)
             if frame is None:
-                beaten = time.monotonic()
-                if beaten >= heard + gone:
+                reported_at = time.monotonic()
+                if reported_at >= received_at + gone:
                     return "the controller is silent", WATCHDOG
                 if not paused:
                     self.status = self.tripped | HOLDING  # stop the rig here
-                    self.send(HEARTBEAT, struct.pack("<QdII", self.sequence or 0, beaten, self.status, 0))
+                    self.send(HEARTBEAT, struct.pack("<QdII", self.sequence or 0, reported_at, self.status, 0))
                 continue
-            heard = time.monotonic()
+            received_at = time.monotonic()
             kind, body = frame
             if kind == COMMAND:
                 paused = False
