@@ -34,7 +34,7 @@ static uint64_t session, sent, newest_counter, seen;    /* seen: the 64 counters
 static uint64_t sequence = NONE, expected;              /* the command in force, the lowest that may come next */
 static struct { uint64_t sequence; double force; } past[5];             /* measurements, newest first */
 static double stiffness = 4e5, disp, force;
-static double watchdog, received_at, reported_at;                  /* times of the last good frame, and of the last heartbeat that reports a hold */
+static double watchdog, received_at, reported_at;       /* times of the last good frame, of the last report of a hold */
 static double lowest, highest, largest_step, period;    /* limits of the controller */
 static double moved;                                    /* arrival of the command in force */
 static uint32_t status, missed, tripped;
