@@ -3,9 +3,9 @@ function run = read_samples(run_dir)
 %
 %   run = read_samples('runs/first')
 %
-% gives a struct with one column vector per column of the log (run.time, run.x1, ...), run.sequence (number of each row;
-% a gap is rows that were lost) and run.units, a struct of the same names. Rows up to the last whole one that carries
-% its mark and follows the one before; `gusset export --format mat` also checks the checksum of every row.
+% returns a struct with one column vector per column of the log (run.time, run.x1, ...), run.sequence (number of each row;
+% a gap means lost rows) and run.units, a struct with the same names. It reads up to the last complete row that carries its
+% mark and follows the one before. `gusset export --format mat` also checks the checksum of every row.
 
 layout = jsondecode(fileread(fullfile(run_dir, 'samples.json')));
 names = {layout.columns.name};

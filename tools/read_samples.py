@@ -12,7 +12,7 @@ except ImportError:
 
 
 def read(run_dir):
-    """{column name: values}, up to the last row that is whole and sound."""
+    """Returns {column name: values}, up to the last complete row with a correct checksum."""
     with open(os.path.join(run_dir, "samples.json"), encoding="utf-8") as file:
         layout = json.load(file)
     path, stride, names = os.path.join(run_dir, "samples.bin"), layout["stride"], [c["name"] for c in layout["columns"]]

@@ -28,15 +28,15 @@ static const uint8_t LAYOUT[32] = {
     0xab, 0x50, 0xa1, 0x5d, 0x6a, 0x9f, 0xd3, 0x10, 0xe2, 0x38, 0xa4, 0x8e, 0xda, 0x2a, 0xeb, 0xea
 };
 
-static int sock, armed, over, paused;                   /* over: the session has ended, a retire is answered again */
+static int sock, armed, over, paused;                   /* over: the session has ended; a further retire is answered again */
 static struct sockaddr_in peer, sender;
 static uint64_t session, sent, newest_counter, seen;    /* seen: the 64 counters up to the newest, as bits */
 static uint64_t sequence = NONE, expected;              /* the command in force, the lowest that may come next */
-static struct { uint64_t sequence; double force; } past[5];             /* what was measured, newest first */
+static struct { uint64_t sequence; double force; } past[5];             /* measurements, newest first */
 static double stiffness = 4e5, disp, force;
-static double watchdog, heard, beaten;                  /* when a good frame came last, when we said that we hold */
-static double lowest, highest, largest_step, period;    /* what the controller announced */
-static double moved;                                    /* when the command in force came */
+static double watchdog, received_at, reported_at;       /* times of the last good frame, of the last report of a hold */
+static double lowest, highest, largest_step, period;    /* limits of the controller */
+static double moved;                                    /* arrival of the command in force */
 static uint32_t status, missed, tripped;
 static uint8_t in[LARGEST + 1], out[LARGEST], hello[MESSAGE];
 static size_t hello_length;
@@ -67,7 +67,7 @@ static uint32_t u32(size_t at) { uint32_t v; memcpy(&v, in + at, 4); return v; }
 static uint64_t u64(size_t at) { uint64_t v; memcpy(&v, in + at, 8); return v; }
 static double f64(size_t at) { double v; memcpy(&v, in + at, 8); return v; }
 
-/* The body stands at offset 32 and ends at `end`; `of` is the session number of the frame. */
+/* The body begins at offset 32 and ends at `end`; `of` is the session number of the frame. */
 static void send_frame(int kind, size_t end, uint64_t of, const struct sockaddr_in *to)
 {
     static uint64_t greetings;
@@ -109,7 +109,7 @@ static void heartbeat(void)
     send_frame(HEARTBEAT, put_u32(put_u32(at, status), 0), session, &peer);
 }
 
-/* The limits that the controller keeps, from its only axis; 0 if there is none. */
+/* Reads the controller's limits of the only axis; 0 if they are not valid. */
 static int announced(size_t end)
 {
     size_t at = 32 + 133;
@@ -131,7 +131,7 @@ static int announced(size_t end)
     return 1;
 }
 
-/* The same hello gets the same welcome again. Another begins a new session, but never while a test runs. */
+/* The same Hello gets the same Welcome again. Another begins a new session, but never while a test runs. */
 static void welcome(size_t end, int ours)
 {
     static uint8_t nonce[32];
@@ -165,7 +165,7 @@ static void welcome(size_t end, int ours)
     at = put(put(put(at, zeros, 32), nonce, 32), LAYOUT, 32);
     at = put_u16(put_u64(at, session), 1);
     out[at++] = 0;
-    at = put_u32(put_f64(put_u32(at, 1 + 16), watchdog), 0); /* computed, and stays where the last test left it */
+    at = put_u32(put_f64(put_u32(at, 1 + 16), watchdog), 0); /* capabilities: simulated, keeps its state */
     at = put_f64(put_u64(at, 1), stiffness);
     at = put_f64(put_u64(at, 1), stands);
     at = put_text(put_text(at, "specimen.c 1"), "spring");
@@ -183,19 +183,19 @@ static void answer(double came)
     send_frame(MEASUREMENT, at, session, &peer);
 }
 
-/* The first arm message, or a second one after commands that only tried which way round we are wired. */
+/* Handles the first Arm message, and a second one after the wiring check. */
 static void arm(size_t length, double came)
 {
     static uint8_t answered[36];
-    if (!armed || length != 72 || memcmp(answered, in + 32, 36)) {       /* else our answer was lost: here it is again */
+    if (!armed || length != 72 || memcmp(answered, in + 32, 36)) {       /* else our answer was lost: send it again */
         if (length != 72 || u64(36) != session || u64(52) != 1 || u64(44) == NONE) {
             armed = 0;
             refuse(12, "an arm message of another session, or not for one axis", session);
             return;
         }
-        if (u64(44) < expected) return;                                  /* overtaken on the way */
+        if (u64(44) < expected) return;                                  /* overtaken by a later message */
         if (!(fabs(f64(60) - disp) <= 1e-9 * fabs(disp))) {
-            armed = 0;                                                   /* no command counts any more */
+            armed = 0;                                                   /* further commands do not count */
             refuse(11, "the first command is not where the specimen stands", session);
             return;
         }
@@ -213,7 +213,7 @@ static void arm(size_t length, double came)
 static void command(double came)
 {
     uint64_t number = u64(32);
-    if (number != sequence && number < expected) return; /* overtaken on the way, or older than the arm message */
+    if (number != sequence && number < expected) return; /* overtaken by a later command, or older than the Arm message */
     paused = 0;
     if (number != sequence) {
         uint64_t gap = number - expected;
@@ -234,7 +234,7 @@ static void command(double came)
     answer(came);
 }
 
-/* Length, checksum, writer, key, axes and numbers; 0: drop it. */
+/* Checks length, checksum, writer, key, axes and numbers; 0: drop the frame. */
 static int right(size_t length)
 {
     if (length < 36 || memcmp(in, "GUST\1", 5) || u32(8) != length) return 0;
@@ -266,7 +266,7 @@ static int fresh(uint64_t counter)
     return 1;
 }
 
-/* A frame that is right. */
+/* Handles a frame that passed the checks. */
 static void take(size_t length, double came)
 {
     int ours = sender.sin_port == peer.sin_port && sender.sin_addr.s_addr == peer.sin_addr.s_addr;
@@ -275,7 +275,7 @@ static void take(size_t length, double came)
         return;
     }
     if (!ours || u64(16) != session || !fresh(u64(24))) return;
-    heard = came;
+    received_at = came;
     switch (in[5]) {
     case COMMAND: if (armed) command(came); break;
     case HOLD: paused = 1; break;
@@ -288,15 +288,15 @@ static void take(size_t length, double came)
     }
 }
 
-/* Time runs from the last good frame: strangers and broken frames do not put it off. */
+/* Time counts from the last good frame; other senders and broken frames do not reset it. */
 static void watch(double at)
 {
-    if (at - heard > fmax(30, 10 * watchdog)) {          /* it is gone */
+    if (at - received_at > fmax(30, 10 * watchdog)) {          /* the controller is gone */
         armed = 0;
         over = 1;
         notice(GOODBYE, 3);
-    } else if (!paused && at - fmax(heard, beaten) >= watchdog) {
-        beaten = at;
+    } else if (!paused && at - fmax(received_at, reported_at) >= watchdog) {
+        reported_at = at;
         status = tripped | 2;                            /* holding: stop the rig here */
         heartbeat();
     }
@@ -316,7 +316,7 @@ int main(int argc, char **argv)
     printf("listening on 127.0.0.1:%d\n", ntohs(here.sin_port));
     fflush(stdout);
     for (;;) {
-        double left = armed && !paused ? fmax(heard, beaten) + watchdog - now() : 1;
+        double left = armed && !paused ? fmax(received_at, reported_at) + watchdog - now() : 1;
         left = fmin(fmax(left, 1e-6), 1);
         struct timeval wait = { (time_t)left, left < 1 ? (suseconds_t)(1e6 * left) : 0 };
         setsockopt(sock, SOL_SOCKET, SO_RCVTIMEO, &wait, sizeof wait);

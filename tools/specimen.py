@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """A specimen that speaks the Gusset wire protocol (tools/PROTOCOL.md) over TCP, complete, in one file.
 
-It is a spring: replace `Rig` by yours. One axis, metres and newtons, no key.
+It is a spring: replace the class `Rig` by yours (`gusset guide network` has an example). One axis, metres and newtons, no key.
 
     python3 specimen.py PORT [STIFFNESS_N_PER_M]
 """
@@ -32,7 +32,7 @@ class Broken(Exception):
 
 
 class Rig:
-    """Your rig. It stays where the last test has left it, whoever connects next."""
+    """Your rig. It stays where the last test left it, also for the next controller."""
 
     def __init__(self, stiffness):
         self.stiffness, self.disp = stiffness, 0.0
@@ -40,7 +40,7 @@ class Rig:
         self.tested = False  # by a test of this process
 
     def measure(self):
-        """Measured displacement and force."""
+        """Measured displacement and force, called once for each new command; `self.disp` is the command."""
         return self.disp, self.stiffness * self.disp
 
 
@@ -106,7 +106,7 @@ class Session:
         raise Broken(text.decode())
 
     def announced(self, hello):
-        """What the controller keeps: smallest and largest displacement, largest step from one command to the next."""
+        """Takes the limits of the controller: smallest and largest displacement, largest step between two commands."""
         at = 133
         for _ in ("program", "test"):
             at += 8 + struct.unpack_from("<Q", hello, at)[0]
@@ -122,7 +122,7 @@ class Session:
         self.limits = low - slack, high + slack, speed * self.period * (1 + 1e-9)
 
     def greet(self):
-        """Agrees on everything before anything moves; returns the wish to arm."""
+        """Agrees on everything before anything moves; returns the Arm message."""
         kind, hello = self.receive(time.monotonic() + HELLO_LIMIT) or (None, b"")
         if kind != CONTROL or len(hello) < 149 or struct.unpack_from("<I", hello)[0] != HELLO:
             raise Broken("no hello")
@@ -157,7 +157,7 @@ class Session:
         return arm
 
     def arm(self, message):
-        """At the beginning, and again after commands that only tried which way round we are wired."""
+        """Arms the session: at the beginning, and again after the wiring check."""
         if len(message) != 36:
             self.refuse(12, "an arm message that is not for one axis")
         _, session, first, axes, start = struct.unpack("<IQQQd", message)
@@ -172,18 +172,18 @@ class Session:
         came = time.monotonic()
         sequence, _time, _dt, disp, vel = struct.unpack("<Qdddd", body)
         if not all(abs(x) < float("inf") for x in (_time, _dt, disp, vel)):
-            raise Broken("a number that is none")
+            raise Broken("a number that is not finite")
         if sequence == NONE:
             raise Broken("no command has this number")
         if sequence != self.sequence:
             if sequence < self.expected:
-                return  # older than the one in force, or than the arm message
+                return  # older than the command in force, or than the Arm message
             gap = sequence - self.expected
             low, high, step = self.limits
             # Lost commands give this one more time, but no more than has really passed.
             steps = min(gap + 1, (came - self.moved) / self.period + 1)
             if not low <= disp <= high or abs(disp - self.rig.disp) > step * steps:
-                self.tripped = INTERLOCK  # beyond what was announced: a fault; stay, until the next controller
+                self.tripped = INTERLOCK  # beyond the announced limits: a fault; hold until the next controller
             if not self.tripped:
                 self.rig.disp = disp
             self.missed = min(self.missed + gap, 2**32 - 1)
@@ -212,21 +212,21 @@ class Session:
         return ended
 
     def test(self):
-        """From the arming to the end: how it ended, and the cause to answer goodbye with, if one is due."""
+        """Runs from the arming to the end. Returns how it ended, and the cause of the goodbye to send, if any."""
         paused = False
-        heard = beaten = time.monotonic()
+        received_at = reported_at = time.monotonic()
         gone = max(30, 10 * self.watchdog)
         while True:
-            frame = self.receive(heard + gone if paused else max(heard, beaten) + self.watchdog)
+            frame = self.receive(received_at + gone if paused else max(received_at, reported_at) + self.watchdog)
             if frame is None:
-                beaten = time.monotonic()
-                if beaten >= heard + gone:
+                reported_at = time.monotonic()
+                if reported_at >= received_at + gone:
                     return "the controller is silent", WATCHDOG
                 if not paused:
                     self.status = self.tripped | HOLDING  # stop the rig here
-                    self.send(HEARTBEAT, struct.pack("<QdII", self.sequence or 0, beaten, self.status, 0))
+                    self.send(HEARTBEAT, struct.pack("<QdII", self.sequence or 0, reported_at, self.status, 0))
                 continue
-            heard = time.monotonic()
+            received_at = time.monotonic()
             kind, body = frame
             if kind == COMMAND:
                 paused = False
@@ -260,7 +260,7 @@ def main():
         if threading.active_count() > MOST:
             connection.close()
             continue
-        # A thread for each: a second controller hears at once that the rig is taken.
+        # One thread for each connection, so that a second controller is refused at once.
         threading.Thread(target=attend, args=(connection, peer, rig), daemon=True).start()
 
 

@@ -1,4 +1,4 @@
-"""SuperLU on the matrices NAME.mtx of a folder: the best of its orderings, one right-hand side, median; and the ratio to ours.
+"""SuperLU on the matrices NAME.mtx of a folder: the best of its orderings, one right-hand side, median; and the ratio to Gusset's.
 
 Called by tools/superlu. `ours` in the folder is the table of the bench: name, n, stored, storage, µs.
 """

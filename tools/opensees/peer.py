@@ -1,4 +1,4 @@
-"""What the OpenSees scripts beside it share: the import of OpenSeesPy, and a report of one JSON object a line."""
+"""Shared by the OpenSees scripts in this folder: the import of OpenSeesPy, and a report of one JSON object a line."""
 import ctypes
 import importlib.util
 import json
