@@ -1,4 +1,4 @@
-//! The names of event kinds in `events.jsonl`; programs read them (guide: events).
+//! The names of event kinds in `events.jsonl`; programs read them (guide: run-folder).
 
 use crate::record::EventKind;
 use crate::substructure::LinkFault;
