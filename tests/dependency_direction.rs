@@ -370,7 +370,7 @@ fn comments() -> Vec<(PathBuf, String)> {
                 open.push(path);
                 continue;
             }
-            // What is no text, and the documents themselves, have no comments.
+            // Binary files and the documents themselves have no comments.
             let is_document = path.extension().is_some_and(|ending| ending == "md");
             let Some(text) = fs::read_to_string(&path).ok().filter(|_| !is_document) else {
                 continue;
