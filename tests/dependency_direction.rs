@@ -420,3 +420,48 @@ fn comments_cite_only_documents_of_the_project() {
         wrong.join("\n")
     );
 }
+
+/// Quotes of the troubleshooting page that the program, a library or the system composes.
+const COMPOSED: &[&str] = &[
+    "must be an array",
+    "array of length 2",
+    "is in mm",
+    "in m",
+    "Address already in use",
+];
+
+/// The text of all sources, with strings that go over several lines joined.
+fn program() -> String {
+    let texts = sources()
+        .into_iter()
+        .map(|path| fs::read_to_string(path).unwrap());
+    let mut joined = String::new();
+    for text in texts {
+        let mut parts = text.split("\\\n");
+        joined.push_str(parts.next().unwrap());
+        parts.for_each(|part| joined.push_str(part.trim_start()));
+        joined.push('\n');
+    }
+    joined
+}
+
+#[test]
+fn troubleshooting_quotes_messages_of_the_program() {
+    let program = program();
+    let page = include_str!("../src/guide/troubleshooting.md");
+    let (mut quoted, mut wrong, mut in_table) = (0, Vec::new(), false);
+    for line in page.lines() {
+        in_table = line.starts_with("| message contains") || in_table && line.starts_with('|');
+        let Some(cell) = line.split('|').nth(1).filter(|_| in_table) else {
+            continue;
+        };
+        for quote in cell.split('`').skip(1).step_by(2) {
+            quoted += 1;
+            if !COMPOSED.contains(&quote) && !program.contains(quote) {
+                wrong.push(quote);
+            }
+        }
+    }
+    assert!(quoted > 30, "{quoted} quotes");
+    assert!(wrong.is_empty(), "no message contains: {wrong:?}");
+}
