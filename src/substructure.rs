@@ -94,7 +94,7 @@ impl Measurement {
     }
 }
 
-/// Whether a reply is owed for each command, or the specimen lives in its own time (realtime notes in the docs).
+/// Whether the loop waits for one reply to each command, or the specimen measures on its own clock.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Coupling {
     /// One reply is owed for each command; no command leaves while one is owed; stale data never occur.

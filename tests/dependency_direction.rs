@@ -355,3 +355,113 @@ fn only_two_files_name_faer() {
         );
     }
 }
+
+/// The comments of each file, joined to one line.
+fn comments() -> Vec<(PathBuf, String)> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut open: Vec<PathBuf> = ["src", "tests", "benches", "tools", "config", ".ci"]
+        .map(|folder| root.join(folder))
+        .into();
+    let mut found = Vec::new();
+    while let Some(folder) = open.pop() {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                open.push(path);
+                continue;
+            }
+            // Binary files and the documents themselves have no comments.
+            let is_document = path.extension().is_some_and(|ending| ending == "md");
+            let Some(text) = fs::read_to_string(&path).ok().filter(|_| !is_document) else {
+                continue;
+            };
+            let lines = text.lines().map(str::trim_start);
+            let lines = lines.filter(|line| {
+                ["//", "#", "*", "%"]
+                    .iter()
+                    .any(|mark| line.starts_with(mark))
+            });
+            let bare = lines.map(|line| line.trim_start_matches(['/', '!', '#', '*', '%', ' ']));
+            found.push((path, bare.collect::<Vec<_>>().join(" ")));
+        }
+    }
+    found
+}
+
+#[test]
+fn comments_cite_only_documents_of_the_project() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut wrong = Vec::new();
+    for (path, text) in comments() {
+        let beside = path.parent().unwrap();
+        for (end, _) in text.match_indices(".md") {
+            let is_name = |c: char| c.is_alphanumeric() || "-_./".contains(c);
+            let start = text[..end].rfind(|c| !is_name(c)).map_or(0, |at| {
+                at + text[at..].chars().next().map_or(1, char::len_utf8)
+            });
+            let name = format!("{}.md", &text[start..end]);
+            let folders = [root, beside, &root.join("tools"), &root.join("src/guide")];
+            // A pattern such as `<id>.md` names no file.
+            if start < end && !folders.iter().any(|folder| folder.join(&name).exists()) {
+                wrong.push(format!("{}: {name}", path.display()));
+            }
+        }
+        for (at, mark) in text.match_indices("(guide: ") {
+            let rest = &text[at + mark.len()..];
+            let id = rest.split(')').next().unwrap();
+            if !root.join("src/guide").join(format!("{id}.md")).exists() {
+                wrong.push(format!("{}: page {id} of the guide", path.display()));
+            }
+        }
+    }
+    assert!(
+        wrong.is_empty(),
+        "cited, and not there:\n{}",
+        wrong.join("\n")
+    );
+}
+
+/// Quotes of the troubleshooting page that the program, a library or the system composes.
+const COMPOSED: &[&str] = &[
+    "must be an array",
+    "array of length 2",
+    "is in mm",
+    "in m",
+    "Address already in use",
+];
+
+/// The text of all sources, with strings that go over several lines joined.
+fn program() -> String {
+    let texts = sources()
+        .into_iter()
+        .map(|path| fs::read_to_string(path).unwrap());
+    let mut joined = String::new();
+    for text in texts {
+        let mut parts = text.split("\\\n");
+        joined.push_str(parts.next().unwrap());
+        parts.for_each(|part| joined.push_str(part.trim_start()));
+        joined.push('\n');
+    }
+    joined
+}
+
+#[test]
+fn troubleshooting_quotes_messages_of_the_program() {
+    let program = program();
+    let page = include_str!("../src/guide/troubleshooting.md");
+    let (mut quoted, mut wrong, mut in_table) = (0, Vec::new(), false);
+    for line in page.lines() {
+        in_table = line.starts_with("| message contains") || in_table && line.starts_with('|');
+        let Some(cell) = line.split('|').nth(1).filter(|_| in_table) else {
+            continue;
+        };
+        for quote in cell.split('`').skip(1).step_by(2) {
+            quoted += 1;
+            if !COMPOSED.contains(&quote) && !program.contains(quote) {
+                wrong.push(quote);
+            }
+        }
+    }
+    assert!(quoted > 30, "{quoted} quotes");
+    assert!(wrong.is_empty(), "no message contains: {wrong:?}");
+}

@@ -1,4 +1,4 @@
-//! Whatever ends a test, the specimen is retired, the folder tells what happened, and the exit code is the contract's.
+//! Whatever ends a test, the specimen is retired, the folder tells what happened, and the exit code says how it ended.
 
 mod common;
 

@@ -203,7 +203,7 @@ fn a_nonlinear_hybrid_test_converges_to_runge_kutta_with_second_order() {
     }
 }
 
-/// The force is there at once, so the published start is half a step off (numerics 1.5): first order.
+/// The force is there at once, so the published start is half a step off (guide: mathematics-integrator): first order.
 #[test]
 fn as_published_it_converges_with_first_order() {
     for errors in errors([512, 1024, 2048], "published") {

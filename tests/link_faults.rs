@@ -49,7 +49,7 @@ fn against(code: i32, event: &str, script: impl FnOnce(Fake) + Send + 'static) -
     summary(folder, "run").reason
 }
 
-/// Every file of the contract is there, and the end is in the log.
+/// Every file of a run folder is there, and the end is in the log.
 fn complete(folder: &Path, name: &str, event: &str) {
     let summary = summary(folder, name);
     // Steps 0 to 9 were answered; a connection that is reset may take the last answer with it.

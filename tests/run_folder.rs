@@ -1,4 +1,4 @@
-//! What a run leaves behind is what the contract says: every file and key, a CSV of the same bits, and a resolved.toml
+//! A run folder has all that the guide promises (guide: run-folder): every file and key, a CSV of the same bits, and a resolved.toml
 //! from which the same test runs again, elsewhere.
 
 mod common;

@@ -56,7 +56,7 @@ use crate::config::Diagnostics;
 use crate::rt::os;
 use crate::text::printable;
 
-/// Runs the command line and returns the exit code of contracts: 0 done, 1 stopped, 2 wrong usage, 3 link, 4 no real
+/// Runs the command line and returns the exit code: 0 done, 1 stopped, 2 wrong usage, 3 link, 4 no real
 /// time, 5 our own fault, 130 and 143 interrupted.
 #[must_use]
 pub fn main() -> ExitCode {

@@ -20,7 +20,7 @@
 //! | recursive FIR | Σ θ d | Σ θ · d | at the full pace, three spacings and a filter's memory after it | – |
 //! | PI with phase lead | the led target | the place | – | PI on the led target |
 //!
-//! When the whole chain is stable for a specimen of stiffness k_e in a structure, by kind (numerics of the documentation):
+//! When the whole chain is stable for a specimen of stiffness k_e in a structure, by kind (guide: mathematics-coupling):
 //!
 //! - no compensation: while the lag is below the critical delay, about 2ξ/(pω) of the governing mode;
 //! - polynomial on nodes a delay apart, delay as assumed: the chain is H(θ) = 1 − (1 − e^{−iθ})^{n+1}, θ = ωτ; its added damping

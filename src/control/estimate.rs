@@ -545,7 +545,7 @@ mod tests {
 
     #[test]
     fn the_room_for_stability_is_used_up_where_equation_41_says() {
-        // One degree of freedom, λ = 8, Ω0² = k0 Δt²/m = 6.25: stable up to k = 4 m/Δt² + 4 k0/λ (numerics.md 3.2).
+        // One degree of freedom, λ = 8, Ω0² = k0 Δt²/m = 6.25: stable up to k = 4 m/Δt² + 4 k0/λ (41).
         let (mass, k0, dt, lambda) = (160.0, 1e5, 0.1, 8.0);
         let limit = 4.0 * mass / (dt * dt) + 4.0 * k0 / lambda;
         let bound = 1.05e5;

@@ -1,5 +1,5 @@
 //! Tangents of one axis as they show during a test: least squares of the change of force over the change of displacement,
-//! and of velocity where damping is declared, over a short fading window (numerics.md 3.5).
+//! and of velocity where damping is declared, over a short fading window (guide: mathematics-integrator).
 //!
 //! A change counts when the axis has moved by more than its noise; between two turning points only, so that a chord across
 //! the corner of a hysteresis loop is not taken for a tangent. Until there is one, and while nothing moves, the last

@@ -1,4 +1,5 @@
-//! The exact audit of the steps: ½ Δ(vᵀ M_eff v) = Σ ½ (x[i+1] − x[i−1])ᵀ r[i], for any law and any λ (numerics.md 7.4).
+//! The exact audit of the steps: ½ Δ(vᵀ M_eff v) = Σ ½ (x[i+1] − x[i−1])ᵀ r[i], for any law and any λ (guide:
+//! mathematics-errors).
 //!
 //! Left and right are made of different numbers: velocities and M_eff as it was before it was factored, against
 //! displacements and forces. Their difference is roundoff as long as every step was made with the forces that it closed

@@ -1,4 +1,5 @@
-//! The energy that a test has taken in: what the transfer systems add to it is held against that (numerics.md 7.4).
+//! The energy that a test has taken in: `added_energy_share` compares the energy from the actuators with it (guide:
+//! mathematics-errors).
 //!
 //! Work of the loads, ½ (F[i] + F[i−1])ᵀ (x[i] − x[i−1]), and of a moving base, ½ (q[i] + q[i−1]) (u[i] − u[i−1]) with the
 //! reaction q = ιᵀ(r − F) that it gives; both relative to where x is measured from. The motion that a test begins with is

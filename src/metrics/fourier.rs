@@ -160,7 +160,7 @@ mod tests {
 
     #[test]
     fn the_index_of_a_gain_and_a_delay_is_that_gain_and_delay() {
-        // The check of the field notes: gain 0.95, delay 3.1 ms, 2 Hz.
+        // Gain 0.95, delay 3.1 ms, 2 Hz.
         let dt = 1.0 / 1024.0;
         let omega = TAU * 2.0;
         let command = sampled(8192, dt, |t| libm::sin(omega * t));

@@ -396,7 +396,7 @@ mod tests {
 
     #[test]
     fn tracking_error_of_a_gain_and_a_delay_has_its_closed_form() {
-        // |1 − g e^{−iωτ}| for a sine over whole cycles: gain 0.95, delay 3.1 ms, 2 Hz is the example 6.278 % of the field notes.
+        // |1 − g e^{−iωτ}| for a sine over whole cycles: gain 0.95, delay 3.1 ms, 2 Hz gives 6.278 %.
         let omega = TAU * 2.0;
         let command = sampled(8192, |t| libm::sin(omega * t));
         let measured = sampled(8192, |t| 0.95 * libm::sin(omega * (t - 3.1e-3)));

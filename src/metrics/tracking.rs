@@ -312,7 +312,7 @@ mod tests {
         (0..n).map(|_| sigma * one()).collect()
     }
 
-    /// Gain 0.95, delay 3.1 ms, 2 Hz, 8 s: the check of the field notes.
+    /// Gain 0.95, delay 3.1 ms, 2 Hz, 8 s.
     fn example() -> (Vec<f64>, Vec<f64>) {
         let omega = TAU * 2.0;
         (

@@ -1,4 +1,4 @@
-//! `summary.json`: how a run ended and what it came to, with the keys of the contract.
+//! `summary.json`: how a run ended, with its peaks, timing, metrics and limits (guide: run-folder).
 
 use std::collections::BTreeMap;
 
@@ -240,7 +240,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn the_keys_are_those_of_the_contract() {
+    fn summary_has_the_documented_keys() {
         let json = serde_json::to_value(example()).unwrap();
         let keys: Vec<&str> = json
             .as_object()
@@ -248,7 +248,7 @@ pub(super) mod tests {
             .keys()
             .map(String::as_str)
             .collect();
-        let contract = [
+        let documented = [
             "status",
             "reason",
             "steps",
@@ -280,7 +280,7 @@ pub(super) mod tests {
             "accepted",
             "verdict",
         ];
-        assert_eq!(keys, [&contract[..], &additions[..]].concat());
+        assert_eq!(keys, [&documented[..], &additions[..]].concat());
         assert_eq!(
             (&json["status"], &json["clock"]),
             (&"completed".into(), &"simulated".into())

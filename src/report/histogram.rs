@@ -37,7 +37,7 @@ pub(super) struct Timing {
     pub histogram: Vec<(f64, u64)>,
 }
 
-/// Keys of the realtime notes in their order, with a line of explanation.
+/// Keys of the timing histograms in their order, each with a line of explanation (guide: real-time).
 pub(super) const KEYS: [(&str, &str, &str); 8] = [
     (
         "wakeup_lateness",

@@ -1,4 +1,4 @@
-//! What a run came to, in the words and keys of the contract.
+//! Makes the summary of a run: how it ended, its peaks, metrics, limits and verdict (guide: run-folder).
 
 use std::collections::BTreeMap;
 use std::time::Duration;

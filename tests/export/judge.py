@@ -24,7 +24,7 @@ if rate == "step" and len(rows):
     steps = numpy.asarray(log["step"])[running]
     rows = running[numpy.append(steps[1:] != steps[:-1], True)] if len(running) else running
 wanted = {name: numpy.asarray(values, dtype="u8" if name == "sequence" else "f8")[rows] for name, values in log.items()}
-# What the contract promises and the log has not.
+# Columns of a CSV that the log does not have.
 dofs = sorted({int(n[1:]) for n in wanted if n[0] in "xva" and n[1:].isdigit() and n[1] != "0"})
 absent = [f"{letter}{dof}" for letter in "xva" for dof in dofs if f"{letter}{dof}" not in wanted]
 wanted.update({name: numpy.full(len(rows), numpy.nan) for name in absent})

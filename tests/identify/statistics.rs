@@ -387,8 +387,8 @@ fn the_inverse_undoes_a_first_order_lag_with_the_differences_own_half_tick() {
         &format!("actuator.first_order = {{ time_constant_s = {lag} }}"),
     );
     let inverse = found.inverse.unwrap();
-    // numerics.md 7.3: a0 = 1, a1 = T, a2 = TΔt/2; the next order of the difference, T D³ Δt²/3, is in the others: up to
-    // (ωΔt)²/3 = 2 % of T at 20 Hz.
+    // A first-order lag T has a0 = 1, a1 = T, a2 = TΔt/2 with backward differences. The next order, T D³ Δt²/3, is in the
+    // others: up to (ωΔt)²/3 = 2 % of T at 20 Hz.
     let [a0, a1, a2] = inverse.coefficients[..] else {
         panic!("{inverse:?}")
     };

@@ -1,4 +1,4 @@
-//! The words of `events.jsonl` for what happens, as contracts and readers know them.
+//! The names of event kinds in `events.jsonl`; programs read them (guide: run-folder).
 
 use crate::record::EventKind;
 use crate::substructure::LinkFault;

@@ -13,7 +13,7 @@ use crate::record::atomic::AtomicFile;
 use crate::record::journal::Journal;
 use crate::record::run::Run;
 
-/// Writes the columns of the contract.
+/// Writes the columns of a CSV.
 pub(super) fn export(
     run: &Run,
     choice: &Choice,
@@ -21,9 +21,9 @@ pub(super) fn export(
     out: &Path,
 ) -> Result<Exported, ExportError> {
     let plan = Plan::new(run.layout(), &extra.sums)?;
-    let mut sheet = Sheet::of(plan.contract());
+    let mut sheet = Sheet::of(plan.csv_columns());
     if extra.units_line {
-        sheet = sheet.with_units(plan.contract());
+        sheet = sheet.with_units(plan.csv_columns());
     }
     let failed = ExportError::write(out);
     let mut journal = run.journal()?;

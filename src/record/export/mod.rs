@@ -2,10 +2,10 @@
 //!
 //! | format | rows | columns | holds |
 //! |---|---|---|---|
-//! | [`Format::Csv`] | steps, or all ticks | those of the contract | text, 17 significant digits |
+//! | [`Format::Csv`] | steps, or all ticks | those of a CSV | text, 17 significant digits |
 //! | [`Format::Npz`], [`Format::Mat`], [`Format::Hdf5`] | the same | the same, then all others of the log | the bits of the log, units and meanings beside them |
 //! | [`Format::Trace`] | all ticks | those of the timing | what the loop and the other threads did when |
-//! | [`Format::DesignSafe`] | the same, and the log as it is | those of the contract, and all | a folder in the shape of a hybrid-simulation project |
+//! | [`Format::DesignSafe`] | the same, and a copy of the log | those of a CSV, and all | a folder in the shape of a hybrid-simulation project |
 //!
 //! Which rows and which columns stands in one place ([`plan`]); each format is one small writer. An export appears
 //! whole or not at all, takes of an unfinished or damaged run what is sound, and memory that does not grow with the run

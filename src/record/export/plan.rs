@@ -214,7 +214,7 @@ impl Plan {
             .collect::<Result<Vec<_>, _>>()?;
         let csv = wanted.len() + sums.len();
         let taken: BTreeSet<usize> = wanted.iter().filter_map(|(_, _, place)| *place).collect();
-        let contract = wanted.into_iter().map(|(name, unit, place)| {
+        let in_csv = wanted.into_iter().map(|(name, unit, place)| {
             match place.and_then(|p| layout.columns().get(p)) {
                 Some(column) => (column.clone(), place.map_or(Source::Nothing, Source::Place)),
                 None => {
@@ -232,7 +232,7 @@ impl Plan {
             "1",
             "number of the row as the loop counted; a gap is rows that were lost",
         );
-        let columns = contract
+        let columns = in_csv
             .chain(sums)
             .chain(others)
             .chain([(sequence, Source::Sequence)])
@@ -247,14 +247,14 @@ impl Plan {
         })
     }
 
-    /// The columns of the contract.
-    pub fn contract(&self) -> &[Exposed] {
+    /// The columns of a CSV: time, response, specimens, then those that were asked for.
+    pub fn csv_columns(&self) -> &[Exposed] {
         self.columns.get(..self.csv).unwrap_or_default()
     }
 
     /// Names of those of them that were not recorded.
     pub fn not_recorded(&self) -> Vec<&str> {
-        let none = self.contract().iter();
+        let none = self.csv_columns().iter();
         let none = none.filter(|exposed| exposed.source == Source::Nothing);
         none.map(|exposed| exposed.column.name.as_str()).collect()
     }

@@ -239,7 +239,7 @@ fn an_export_that_fails_leaves_what_was_there() {
         }
     }
     let mut journal = Journal::new(&[][..], NAMES.len());
-    let sheet = Sheet::of(plan.contract());
+    let sheet = Sheet::of(plan.csv_columns());
     let result = csv::write(
         &plan,
         &sheet,
@@ -338,7 +338,7 @@ fn without_the_feature_it_is_named_and_nothing_is_written() {
 fn a_line_is_made_without_allocation() {
     let plan = Plan::new(&crate::record::layout::tests::named(&NAMES), &[]).unwrap();
     let values = row(1.0, 0.0, -1.2345678901234567e-300, f64::MAX);
-    let sheet = Sheet::of(plan.contract());
+    let sheet = Sheet::of(plan.csv_columns());
     let mut line = Vec::with_capacity(26 * sheet.width());
     let used = allocation_counter::measure(|| sheet.line(&values, &mut line).unwrap());
     assert_eq!(used.count_total, 0);
@@ -350,7 +350,7 @@ proptest! {
         let value = f64::from_bits(bits);
         let plan = Plan::new(&crate::record::layout::tests::named(&["step", "time", "x1"]), &[]).unwrap();
         let mut line = Vec::new();
-        Sheet::of(plan.contract()).line(&[0.0, 0.0, value], &mut line).unwrap();
+        Sheet::of(plan.csv_columns()).line(&[0.0, 0.0, value], &mut line).unwrap();
         let text = std::str::from_utf8(&line).unwrap();
         let cell = text.split(',').nth(1).unwrap();
         if value.is_nan() {

@@ -136,7 +136,7 @@ fn sheets_of<'a>(plan: &'a Plan, test: &Test) -> Vec<(String, Vec<&'a Exposed>)>
     };
     let mut sheets = vec![(
         "coordinator_output/response.csv".to_owned(),
-        plan.contract().iter().collect(),
+        plan.csv_columns().iter().collect(),
     )];
     let computed = some(&|name| is_of_dof(name) || name == "ground");
     if computed.len() > 1 {
