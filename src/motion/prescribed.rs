@@ -10,16 +10,17 @@ use super::shapes::smooth_rise;
 use super::unit::Quantity;
 use super::{Files, Grid, RecordFacts};
 
-/// One motion per axis, and how it begins and ends.
+/// Displacement of each axis, with smooth start and end.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct PrescribedSpec {
-    /// Displacement of each axis, in their order.
+    /// Displacement of each axis, in the order of the axes.
     pub axes: Vec<Motion>,
-    /// The motions grow from zero over this time in s (fifth-order polynomial, no jump in velocity); 0 if absent.
+    /// Time in s over which the motions grow smoothly from zero. The default is 0.
     #[serde(default)]
     pub ease_in_s: f64,
-    /// The motions return to zero over this time in s before the end of the test; 0 if absent.
+    /// Time in s over which the motions return smoothly to zero before the end of the test. The
+    /// default is 0.
     #[serde(default)]
     pub ease_out_s: f64,
 }

@@ -51,23 +51,24 @@ pub const MOST_COLUMNS: usize = 1 << 16;
 /// Endings of the names of PEER files.
 const PEER_ENDINGS: [&str; 3] = ["at2", "vt2", "dt2"];
 
-/// How the bytes of a file are to be read.
+/// Format of a record file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RecordFormat {
     /// PEER `.AT2`, `.VT2` or `.DT2`.
     Peer,
-    /// A table in text, whatever separates its columns. A header may name them and state their units.
+    /// Text table with any separator. A header may give column names and units.
     Table,
-    /// A table whose fields are separated by commas, semicolons or tabs.
+    /// Text table with commas, semicolons or tabs between the columns.
     Csv,
     /// Time and value on each line.
     TwoColumn,
-    /// One value on each line; the step must be given.
+    /// One value on each line. `dt_s` is required.
     OneColumn,
-    /// Values in reading order, any number on a line; the step must be given, or stand with the count in a line before them.
+    /// Values in reading order, any number on a line. `dt_s` is required, unless a line before the
+    /// values contains their number and their time step.
     List,
-    /// NumPy array.
+    /// NumPy array (`.npy`).
     Npy,
     /// K-NET or KiK-net (Japan), ASCII.
     Knet,
@@ -75,7 +76,7 @@ pub enum RecordFormat {
     Cosmos,
     /// CSMIP, CDMG or USC (California), V1 or V2.
     Csmip,
-    /// ESM, ITACA or AFAD single component, ASCII.
+    /// ESM, ITACA or AFAD, ASCII with one component.
     Esm,
     /// GeoNet (New Zealand), V1A or V2A.
     Geonet,
@@ -103,13 +104,15 @@ impl RecordFormat {
     }
 }
 
-/// One column of a table.
+/// Column of a table.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub enum Column {
-    /// As the header line calls it.
+    /// Name of the column in the header.
+    #[schemars(example = &"N-S")]
     Name(String),
-    /// Counted from 1.
+    /// Number of the column, from 1.
+    #[schemars(example = 2)]
     Number(usize),
 }
 

@@ -17,14 +17,14 @@ use serde::{Deserialize, Serialize};
 
 use super::Grid;
 
-/// How samples become values on the step grid.
+/// Interpolation between samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Resample {
     /// Straight lines between samples.
     #[default]
     Linear,
-    /// Windowed sinc: keeps the spectrum.
+    /// Windowed sinc interpolation, which preserves the spectrum.
     BandLimited,
 }
 
