@@ -9,17 +9,23 @@ use serde::{Deserialize, Serialize};
 
 use super::{CompensationError, Compensator, inside, positive};
 
-/// K_p e + K_i ∫ e dt, e = lead(d) − x_m, lead = (b s + c)/(s + c); both by Tustin's rule.
+/// PI control with a phase lead, K_p e + K_i ∫ e dt with e = lead(d) − x_m. The lead is (b s +
+/// c)/(s + c), discretised by Tustin's rule. The defaults are the sample controller of the virtual
+/// hybrid simulation benchmark.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PiLeadSpec {
-    /// K_p.
+    /// Proportional gain K_p.
+    #[schemars(example = 2.0)]
     pub proportional: f64,
-    /// K_i in 1/s.
+    /// Integral gain K_i.
+    #[schemars(example = 95.0)]
     pub integral_per_s: f64,
-    /// b.
+    /// Gain b of the phase lead.
+    #[schemars(example = 50.83)]
     pub lead_gain: f64,
-    /// c in 1/s.
+    /// Corner c of the phase lead.
+    #[schemars(example = 8570.0)]
     pub lead_corner_per_s: f64,
 }
 

@@ -236,7 +236,7 @@ impl JsonSchema for End {
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
         json_schema!({
-            "description": "A degree of freedom counted from 1, \"ground\" (moves with the base) or \"fixed\" (the inertial frame, not with a ground acceleration)",
+            "description": "Number of a DOF from 1, \"ground\" (moves with the base) or \"fixed\" (inertial frame, refused with a ground acceleration).",
             "anyOf": [
                 { "type": "integer", "minimum": 1 },
                 { "type": "string", "enum": ["ground", "fixed"] }
