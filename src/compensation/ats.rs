@@ -112,7 +112,7 @@ impl AtsSpec {
         inside("order", order, (1..=3).contains(&self.order), "1, 2 or 3")?;
         let delay = match (self.delay_s, &self.start) {
             (Some(delay), _) => not_negative("delay_s", delay)?,
-            // Given in its place.
+            // `start` is given instead.
             (None, Some(_)) => 0.0,
             (None, None) => return Err(CompensationError::NoDelay),
         };

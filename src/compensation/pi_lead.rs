@@ -1,8 +1,8 @@
-//! The benchmark's sample controller: a phase lead, then a PI controller on what is left of the error.
+//! The benchmark's sample controller: a phase lead, then a PI controller on the remaining error.
 //!
-//! The lead is one of targets, the controller one of wall time: while test time is stretched the controller goes on in every
-//! tick, on a target that is less ahead the slower it is. In a complete hold the last command is sent again and again, and the
-//! controller rests with it: its integral does not wind up, and it goes on from there.
+//! The lead acts on targets, the controller in wall time. While test time is stretched, the controller acts in every tick. Its
+//! target is then less ahead. In a complete hold the last command is repeated and the controller rests. Its integral
+//! does not wind up, and it continues from there.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -45,7 +45,7 @@ pub(super) struct PiLead {
     proportional: f64,
     /// K_i Δt/2.
     integral: f64,
-    /// Of the new and the last target, and of the last output.
+    /// Coefficients of the new target, the last target and the last output.
     lead: [f64; 3],
     target: f64,
     led: f64,

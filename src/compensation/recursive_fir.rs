@@ -69,9 +69,9 @@ const fn variance() -> f64 {
 
 #[derive(Debug)]
 pub(super) struct RecursiveFir {
-    /// What is used.
+    /// Weights in use.
     theta: Bounded,
-    /// What is estimated.
+    /// Estimated weights.
     estimate: [f64; TAPS],
     covariance: [[f64; TAPS]; TAPS],
     spacing: usize,

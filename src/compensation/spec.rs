@@ -1,4 +1,4 @@
-//! What the test file says of a compensator: `[specimen.compensation]`, one table per kind.
+//! `[specimen.compensation]`: a compensator in the test file, one table per kind.
 
 use nalgebra::Complex;
 use schemars::JsonSchema;

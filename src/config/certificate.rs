@@ -1,4 +1,4 @@
-//! What a certificate goes by: what was identified of a specimen, what its rig can give, what is uncertain, and what is allowed.
+//! The tables of a certificate: identified properties, capacities, uncertain values and allowed errors.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -178,8 +178,9 @@ pub struct CertificateTable {
     /// measured minus target displacement, divided by that of the target.
     #[schemars(example = 0.05)]
     pub tracking_error: f64,
-    /// Largest allowed response error in 95 % of the trials. It compares the displacement of each
-    /// DOF with a simulation that has ideal actuators and sensors. Both are standard deviations.
+    /// Largest allowed response error in 95 % of the trials. It is the standard deviation of the
+    /// displacement error of a DOF, divided by that of its displacement. The error is relative to
+    /// ideal actuators and sensors.
     #[schemars(example = 0.05)]
     pub response_error: f64,
 }
@@ -216,7 +217,7 @@ pub enum Spread {
 pub struct Uncertain {
     /// Its path, as `--set` takes it.
     pub key: KeyPath,
-    /// What the file has.
+    /// Value in the file.
     pub nominal: f64,
     /// Whether it is a whole number.
     pub whole: bool,
@@ -271,7 +272,7 @@ impl Loaded {
         each.collect()
     }
 
-    /// The same test with further overrides, written as for `--set`; read and checked anew.
+    /// Reads and checks the test again with further overrides, written as for `--set`.
     ///
     /// # Errors
     /// As [`parse`].

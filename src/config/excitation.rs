@@ -1,4 +1,4 @@
-//! The tables of a test file that say what moves it.
+//! `[excitation]`: ground motion, forces and prescribed displacements.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -1,4 +1,4 @@
-//! `[safety]`: how a test begins, what ends it, and how its specimens are left.
+//! `[safety]`: startup of a test, limits of the whole test, and the end position of its specimens.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -162,12 +162,15 @@ impl SafetyTable {
 pub struct ShareSpec {
     /// Beyond this ratio, the controller writes an event.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 0.05)]
     pub warn: Option<f64>,
     /// Beyond this ratio, the specimens hold and the test ends.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 0.1)]
     pub trip: Option<f64>,
     /// Energy that is added to the energy input from the start. It prevents a trip while the test
     /// has hardly begun.
+    #[schemars(example = 1.0)]
     pub floor_j: f64,
 }
 

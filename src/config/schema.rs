@@ -1,7 +1,7 @@
 //! The test file: its tables, their keys, units and defaults.
 //!
-//! Plain data. What a table means is built elsewhere; what is contradictory is said by [`super::check`]. The comments on
-//! the fields are the text of `gusset schema`. Unknown keys are refused everywhere.
+//! Plain data. [`super::check`] reports contradictions. The comments on the fields are the text of `gusset schema` and of
+//! the configuration reference, so they are written for users. Unknown keys are refused everywhere.
 
 use std::collections::BTreeMap;
 
@@ -183,7 +183,8 @@ pub struct IntegratorTable {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = 2.0)]
     pub gain_bound: Option<f64>,
-    /// First step of the Gui-λ family.
+    /// First step of the Gui-λ family. "second-order" is more accurate if the initial acceleration
+    /// is not zero.
     #[schemars(example = &"second-order")]
     pub start: Start,
     /// Spectral radius ρ∞ at infinite frequency, from 0 (strongest damping of high frequencies) to

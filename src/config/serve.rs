@@ -61,50 +61,55 @@ pub struct ServeFile {
 pub struct ServeTable {
     /// Address and port of the server, "host:port". Default: "127.0.0.1:4823".
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"0.0.0.0:4823")]
     pub listen: Option<String>,
     /// Protocol of the server. Default: "gusset".
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"openfresco")]
     pub protocol: Option<Offer>,
     /// Transport of the data: TCP, UDP or TLS. Default: "tcp".
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"tls")]
     pub transport: Option<Carrier>,
     /// Certificates for `transport = "tls"`.
     pub tls: ServeTlsSpec,
     /// File that contains the pre-shared key, relative to this file. Beyond loopback, the protocol
     /// of Gusset requires this or TLS. Other users must not have access to it (`chmod 600`).
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"laboratory.key")]
     pub key_file: Option<String>,
     /// If true, a simulated specimen keeps its state, the history of its limits and its trip
     /// between sessions, as a physical one does. An interrupted test can then be resumed. Default:
     /// false, each session starts with a new specimen.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
+    #[schemars(example = true)]
     pub remembers: bool,
     /// Settings for `protocol = "openfresco…"`.
     pub openfresco: OpenFrescoServeSpec,
 }
 
-/// A specimen that is ready to be served, and how the file wants it to be.
+/// A specimen that is ready to be served, with the settings of its file.
 #[derive(Debug)]
 pub struct Served {
     /// The specimen.
     pub host: Host,
-    /// Wishes of the file; empty for a test file.
+    /// Settings of the file; empty for a test file.
     pub serve: ServeTable,
     /// The key that the file names.
     pub key: Option<PreSharedKey>,
-    /// What is asked of the machine.
+    /// Real-time scheduling of the data thread.
     pub timing: Option<TimingSpec>,
     /// The file as given, byte for byte.
     pub text: String,
-    /// What of it is served.
+    /// The part of the file that is served.
     pub file: ServeFile,
     /// The file has other specimens, too.
     pub among_others: bool,
-    /// What the user should know.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
-    /// Where each key of the file stands.
+    /// Position of each key in the file.
     pub locator: Locator,
-    /// The place of its table in the file.
+    /// Path of its table in the file.
     pub place: KeyPath,
     /// The `rows` of a served file. A test file has none, because its `rows` are those of its structure.
     pub transformation: Option<Transformation>,

@@ -1,4 +1,4 @@
-//! `[[specimen]]`: what a specimen sees, what is believed of it, and what stands for it.
+//! `[[specimen]]`: deformation, estimates, law or link, limits and capacity of a specimen.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -29,6 +29,7 @@ pub struct SpecimenTable {
     /// other deformation.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1))]
+    #[schemars(example = 1)]
     pub storey: Option<usize>,
     /// Transformation B from the DOFs to the axes, d = B·x. Give one row for each axis, or for each
     /// coordinate of the platform with `geometry`. In a file of `gusset serve`, B transforms the
@@ -57,6 +58,7 @@ pub struct SpecimenTable {
     /// Largest expected deformation, at the structure's scale. The proof of stability uses it to
     /// bound the tangent stiffness of a hardening law. Default: none.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 0.05)]
     pub reach_disp_m: Option<f64>,
     /// Largest expected deformation velocity, at the structure's scale. The proof of stability uses
     /// it to bound the tangent damping of a nonlinear damper. Default: none.
@@ -156,7 +158,7 @@ pub struct DrillTable {
 }
 
 impl SpecimenTable {
-    /// Actuator and sensors as far as they are known: the specimen's own, those of its stand-in, else what was identified.
+    /// The known actuator and sensors: those of the specimen, else those of its stand-in, else the identified ones.
     /// `pace` is the test time in a second of wall time.
     #[must_use]
     pub fn believed_transfer(&self, pace: f64) -> Option<TransferSpec> {
@@ -247,7 +249,7 @@ impl SpecimenTable {
         (0..axes).map(units).collect()
     }
 
-    /// The laws that stand for the specimen, by key; a checked file has exactly one, or a link.
+    /// The laws of a simulated specimen, by key. A checked file has exactly one, or a link.
     #[must_use]
     pub fn sources(&self) -> Vec<(&'static str, &SpecimenLaw)> {
         [
@@ -300,9 +302,10 @@ pub struct AxisTable {
     /// Sign between the axis and the deformation: 1, or −1 if the axis is positive in the opposite
     /// direction.
     #[schemars(extend("enum" = [-1, 1]))]
+    #[schemars(example = -1)]
     pub sign: i8,
     /// Position of the axis at zero deformation. A simulated `law` has its own zero at axis
-    /// position zero. The stand-in of a rehearsal has it at this offset.
+    /// position zero. The stand-in of a rehearsal has its zero at this offset.
     #[schemars(example = 0.012)]
     pub offset_m: f64,
     /// Reading of the load cell at zero force. It is also subtracted from the force of a simulated
@@ -340,7 +343,7 @@ impl AxisTable {
         .filter_map(|(key, known, unit)| unit.is_none().then_some((key, known)))
     }
 
-    /// What stands between a deformation and the axis, key by key, and whether it is given.
+    /// The keys that convert a deformation to the axis, and whether each is given.
     pub(super) fn gear(&self) -> [(&'static str, bool); 4] {
         [
             ("scale", self.scale != 1.0),

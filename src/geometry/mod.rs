@@ -130,7 +130,7 @@ enum Form {
     Linear,
     /// By the distances between the pins.
     Plane(Vec<PlaneArm>),
-    /// The same in space.
+    /// Actuators in space.
     Space(Vec<SpaceArm>),
 }
 
@@ -236,7 +236,7 @@ impl Geometry {
         Ok(geometry)
     }
 
-    /// The same for small displacements: with the Jacobian of the reference pose.
+    /// A transformation for small displacements, with the Jacobian of the reference pose.
     ///
     /// # Errors
     /// None that the exact geometry has not: the reference pose is the same.

@@ -1,4 +1,4 @@
-//! What the test file says of a loading unit.
+//! `[specimen.geometry]`: a loading unit in the test file.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -20,6 +20,7 @@ pub struct GeometrySpec {
     /// Default: "ux" for one actuator, the plane for three or more, all of space for six. Required
     /// in other cases.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = serde_json::json!(["ux", "uy", "rz"]))]
     pub coordinates: Option<Vec<Coordinate>>,
     /// Actuators in the plane, one to six tables.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -37,10 +38,12 @@ pub struct GeometrySpec {
     /// from the Jacobian at the reference pose, for small displacements. Default: true; false with
     /// `matrix`.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = false)]
     pub exact: Option<bool>,
     /// Reference of the law and of the estimates of stiffness and damping: the platform or the
     /// actuators. It applies to `law`, `laws`, `coupled`, `stand_in`, `stiffness_n_per_m` and
     /// `damping_n_s_per_m`.
+    #[schemars(example = &"actuators")]
     pub law_at: LawPlace,
 }
 
@@ -60,12 +63,15 @@ pub enum LawPlace {
 #[serde(deny_unknown_fields)]
 pub struct PlanePins {
     /// Pin on the reaction frame, x and y from the control point at the reference pose.
+    #[schemars(example = [-1.65, 0.05])]
     pub base_m: [f64; 2],
     /// Pin on the platform, x and y from the control point at the reference pose.
     #[serde(default)]
+    #[schemars(example = [-0.25, 0.0])]
     pub joint_m: [f64; 2],
     /// Smallest and largest distance between the pins that the actuator allows. Default: unlimited.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = [1.2, 1.6])]
     pub length_m: Option<[f64; 2]>,
 }
 
@@ -142,7 +148,7 @@ impl<const N: usize> Pins<N> {
 }
 
 impl GeometrySpec {
-    /// Number of actuators, as far as it is said.
+    /// Number of actuators in the file.
     #[must_use]
     pub fn actuators(&self) -> usize {
         let plane = self.plane.as_ref().map(Vec::len);
@@ -151,7 +157,7 @@ impl GeometrySpec {
         plane.or(space).or(matrix).unwrap_or(0)
     }
 
-    /// Number of coordinates, as far as it is said.
+    /// Number of coordinates in the file.
     #[must_use]
     pub fn width(&self) -> usize {
         self.driven().map_or(0, |coordinates| coordinates.len())

@@ -12,10 +12,13 @@ use super::{Law, LawError, Memoryless, Reach, Tangent};
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct BiviscousSpec {
     /// Damping c₀ below the yield velocity, greater than 0.
+    #[schemars(example = 1.0e5)]
     pub damping_n_s_per_m: f64,
     /// Damping c_y above the yield velocity. It must not be negative.
+    #[schemars(example = 1.0e4)]
     pub post_yield_damping_n_s_per_m: f64,
     /// Yield velocity v_y, greater than 0.
+    #[schemars(example = 0.1)]
     pub yield_velocity_m_per_s: f64,
 }
 
@@ -129,7 +132,7 @@ impl PowerDamperSpec {
             Some(speed) => positive("linear_below_m_per_s", speed)?,
             None => 0.0,
         };
-        // pow(0, a − 1) is ∞, 1 or 0 for a below, at or above 1: the tangent at rest as it is.
+        // pow(0, a − 1) is ∞, 1 or 0 for a below, at or above 1: the tangent at rest.
         let at_rest = coefficient * libm::pow(linear_below, exponent - 1.0);
         if let Some(speed) = self.linear_below_m_per_s {
             let inside = at_rest > 0.0 && at_rest.is_finite();

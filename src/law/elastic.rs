@@ -95,8 +95,10 @@ impl Law for Linear {
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct SquareRootSpec {
     /// Initial stiffness k₀, greater than 0.
+    #[schemars(example = 1.0e6)]
     pub stiffness_n_per_m: f64,
     /// Coefficient θ in 1/√m. A positive value hardens, a negative value softens.
+    #[schemars(example = -0.5)]
     pub hardening_per_sqrt_m: f64,
 }
 
@@ -165,8 +167,10 @@ impl Law for SquareRoot {
 pub struct CubicSpec {
     /// Linear stiffness k. If it is zero or negative (snap-through), `reference_stiffness_n_per_m`
     /// is required.
+    #[schemars(example = 1.0e6)]
     pub stiffness_n_per_m: f64,
     /// Cubic coefficient k₃. A positive value hardens, a negative value softens.
+    #[schemars(example = 1.0e9)]
     pub cubic_n_per_m3: f64,
     /// Stiffness that this spring adds to the initial stiffness of the structure, greater than 0.
     /// Default: `stiffness_n_per_m`.

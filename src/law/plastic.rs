@@ -16,10 +16,13 @@ use super::{Law, LawError, Reach, Tangent};
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct BilinearSpec {
     /// Elastic stiffness k, greater than 0.
+    #[schemars(example = 1.0e6)]
     pub stiffness_n_per_m: f64,
     /// Force at first yield, greater than 0.
+    #[schemars(example = 2.0e4)]
     pub yield_force_n: f64,
     /// Stiffness ratio b after yield, from 0 to 1.
+    #[schemars(example = 0.1)]
     pub post_yield_ratio: f64,
 }
 
@@ -41,8 +44,10 @@ impl BilinearSpec {
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct ElasticPlasticSpec {
     /// Elastic stiffness k, greater than 0.
+    #[schemars(example = 1.0e6)]
     pub stiffness_n_per_m: f64,
     /// Yield force, greater than 0.
+    #[schemars(example = 2.0e4)]
     pub yield_force_n: f64,
 }
 

@@ -1,4 +1,4 @@
-//! What the test file says of a law: one table per kind, `law = { bilinear = { … } }`.
+//! A law in the test file: one table per kind, `law = { bilinear = { … } }`.
 //!
 //! A description may hold any number; [`LawSpec::build`] is where each is checked, by name.
 
@@ -12,17 +12,6 @@ use super::{
 };
 
 /// Uniaxial force law, for an element of the structure or for a simulated specimen.
-///
-/// ```
-/// use gusset::law::{Law, LawSpec};
-///
-/// let spec: LawSpec = toml::from_str(
-///     "bilinear = { stiffness_n_per_m = 1.19e6, yield_force_n = 1190.0, post_yield_ratio = 0.1 }",
-/// )?;
-/// let mut law = spec.build()?;
-/// assert!((law.trial(3e-3, 0.0, 0.0) - 1428.0).abs() < 1e-9);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub enum LawSpec {
@@ -56,7 +45,18 @@ pub enum LawSpec {
 }
 
 impl LawSpec {
-    /// The law at rest, in its virgin state.
+    /// Builds the law at rest, in its initial state.
+    ///
+    /// ```
+    /// use gusset::law::{Law, LawSpec};
+    ///
+    /// let spec: LawSpec = toml::from_str(
+    ///     "bilinear = { stiffness_n_per_m = 1.19e6, yield_force_n = 1190.0, post_yield_ratio = 0.1 }",
+    /// )?;
+    /// let mut law = spec.build()?;
+    /// assert!((law.trial(3e-3, 0.0, 0.0) - 1428.0).abs() < 1e-9);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     ///
     /// # Errors
     /// The first parameter outside its domain, with its key.

@@ -1,4 +1,4 @@
-//! `[specimen.link]`: where a remote specimen is, what it speaks, and how it is waited for.
+//! `[specimen.link]`: address, protocol and timeouts of a specimen over a network.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -7,7 +7,7 @@ use super::openfresco::{OpenFrescoSpec, Role};
 use super::tls::TlsSpec;
 use crate::wire::openfresco::{APPLICATION_PORT, CONTROLLER_PORT, SITE_PORT};
 
-/// Longest silence in s after which a specimen must hold, whoever hosts it or asks for it.
+/// Longest allowed `watchdog_s`, for every server and client.
 pub const WATCHDOG_MAX_S: f64 = 3600.0;
 
 /// Network connection to a specimen that another program controls or computes. More: guide,
@@ -42,6 +42,7 @@ pub struct LinkSpec {
     pub reply_timeout_s: f64,
     /// Force to use if a sampled measurement is not received in time.
     #[serde(default)]
+    #[schemars(example = &"extrapolate")]
     pub on_stale: StaleChoice,
     /// Interval of the commands. "every_step" suits a slow or distant specimen, which then has a
     /// whole step for its reply. If it needs longer, the other specimens slow down and hold. It
@@ -52,6 +53,7 @@ pub struct LinkSpec {
     /// Number of successive stale measurements after which the test stops. If no measurement
     /// arrives before the first tick, it stops at once. Default: determined by `max_stale_s`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 20)]
     pub max_stale: Option<u64>,
     /// Wall time with only stale measurements after which the test stops, at most 3600 s. With
     /// `max_stale`, the first limit counts. Default: determined by `max_stale`; without it 0.1 s,
@@ -62,6 +64,7 @@ pub struct LinkSpec {
     /// Time without a command after which the specimen must hold, at most 3600 s. Default: 0.25 s,
     /// at least ten ticks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 0.1)]
     pub watchdog_s: Option<f64>,
     /// Fraction of the tick after which the specimen samples its force, above 0 and at most 1.
     /// Default: when the command arrives.
@@ -142,7 +145,7 @@ pub enum CommandPace {
 
 /// Wall time in s with stale measurements only after which a test stops, unless the file says otherwise.
 const STALE_S: f64 = 0.1;
-/// At least so many of them.
+/// Smallest default number of stale measurements.
 const STALE_TICKS: u64 = 10;
 
 impl LinkSpec {
@@ -152,7 +155,7 @@ impl LinkSpec {
         self.commands == CommandPace::EveryStep
     }
 
-    /// Stale measurements in a row that are put up with, with ticks of `period` seconds.
+    /// Largest number of successive stale measurements, with ticks of `period` seconds.
     #[must_use]
     pub fn stale_bound(&self, period: f64) -> u64 {
         let fit = |seconds: f64| ((seconds / period).ceil() as u64).max(1);

@@ -53,6 +53,7 @@ pub struct MatricesSpec {
     pub mass_file: Option<String>,
     /// Stiffness matrix by rows. The units are N/m, or N m/rad for a rotation. It may be singular.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = [[2.0e6, -1.0e6], [-1.0e6, 1.0e6]])]
     pub stiffness: Option<Vec<Vec<f64>>>,
     /// File that contains the stiffness matrix, relative to the test file. Use it instead of
     /// `stiffness`.
@@ -62,6 +63,7 @@ pub struct MatricesSpec {
     /// Damping matrix by rows. The units are N s/m, or N m s/rad for a rotation. Any symmetric
     /// damping matrix is allowed, also a non-classical one. Default: no damping.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = [[2000.0, -1000.0], [-1000.0, 1000.0]])]
     pub damping: Option<Vec<Vec<f64>>>,
     /// File that contains the damping matrix, relative to the test file. Use it instead of
     /// `damping`.
@@ -81,7 +83,7 @@ pub struct ChainSpec {
     /// Number of masses.
     #[schemars(range(min = 1))]
     pub dofs: usize,
-    /// Mass of each DOF.
+    /// Each mass.
     pub mass_kg: f64,
     /// Stiffness of each spring, including the spring to the base.
     pub stiffness_n_per_m: f64,

@@ -1,8 +1,8 @@
 //! Random motions: band-limited noise, and earthquakes after Kanai–Tajimi and Clough–Penzien.
 //!
-//! Both are sums of harmonics with random phases on a time grid of their own, which the description alone
+//! Both are sums of harmonics with random phases on a separate time grid, which the description alone
 //! determines; the step grid reads them through the band-limited kernel. So a seed is one function of time, whatever
-//! the step. Both hold nothing above a stated frequency, at most half the Nyquist frequency of their own grid.
+//! the step. Both hold nothing above a stated frequency, at most half the Nyquist frequency of that grid.
 
 use std::f64::consts::PI;
 
@@ -237,7 +237,7 @@ impl Envelope {
         Ok(())
     }
 
-    /// Factor at `time` after the start; what lies before the start is only seen by the kernel.
+    /// Factor at `time` after the start. Only the kernel uses times before the start.
     fn at(&self, time: f64) -> f64 {
         match self {
             Self::None => 1.0,
@@ -561,7 +561,7 @@ mod tests {
 
     #[test]
     fn the_variance_of_kanai_tajimi_is_that_of_the_filtered_white_noise() {
-        // σ² = π S₀ ω_g (1 + 4ζ²) / 2ζ, less what lies above the cutoff: S → 4ζ²ω_g²/ω² there, so that
+        // σ² = π S₀ ω_g (1 + 4ζ²) / 2ζ, less the part above the cutoff: S → 4ζ²ω_g²/ω² there, so that
         // 2 ∫_Ω^∞ S dω = 8 ζ² ω_g² / Ω (1 + O(ω_g²/Ω²)).
         let quake = quake();
         let (omega_g, zeta) = (15.0, 0.6_f64);

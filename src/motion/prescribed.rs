@@ -33,7 +33,7 @@ const EASES: f64 = 4.0;
 pub struct Prescribed {
     axes: usize,
     steps: usize,
-    /// By rows, steps + 1 of them, and one more in which the last displacement stands still.
+    /// By rows: steps + 1 rows, and one more that repeats the last displacement.
     disp: Vec<f64>,
     vel: Vec<f64>,
     warnings: Vec<String>,
@@ -145,7 +145,7 @@ fn easing(time: f64, end: f64, ease_in: f64, ease_out: f64) -> (f64, f64) {
     (up.0 * down.0, up.1 * down.0 + up.0 * down.1)
 }
 
-/// What an actuator will not follow: jumps, and velocities at the ends.
+/// Warnings about jumps and about velocities at the ends, which an actuator cannot follow.
 fn rough_ends(place: &str, disp: &[f64], vel: &[f64], dt: f64) -> Vec<String> {
     let mut found = Vec::new();
     if let Some(jump) = jump(disp, dt) {
@@ -201,7 +201,7 @@ impl Prescribed {
         self.steps
     }
 
-    /// What the user should know.
+    /// Warnings for the user.
     #[must_use]
     pub fn warnings(&self) -> &[String] {
         &self.warnings
@@ -284,7 +284,7 @@ mod tests {
             assert!((d[1] - 3e-3 * angle.sin()).abs() < 1e-16);
             assert!((v[1] - 3e-3 * 2.0 * std::f64::consts::PI * angle.cos()).abs() < 1e-15);
         }
-        // Beyond the end it stands still.
+        // Beyond the end it does not move.
         let (last, _) = test.at(250);
         assert_eq!(test.at(251), (last, &[0.0, 0.0][..]));
         assert_eq!(test.at(usize::MAX), test.at(251));

@@ -490,7 +490,7 @@ mod tests {
                 .warnings
                 .is_empty()
         );
-        // A test that ends before the peak says so; a step longer than that of the record too.
+        // A test that ends before the peak gives a warning, and so does a step longer than that of the record.
         assert!(evaluate(&motion, grid(0.05, 2)).unwrap().warnings[0].contains("before the peak"));
         assert!(evaluate(&motion, grid(0.15, 2)).unwrap().warnings[0].contains("band_limited"));
     }
@@ -617,7 +617,7 @@ mod tests {
                     (found / (0.3 * g) - 1.0).abs() < 1e-13,
                     "{resample:?} {dt}: {found}"
                 );
-                // Only the size is another, and a factor goes on top of it.
+                // Only the size changes, and a factor multiplies it.
                 let factor = scaled[100] / bare[100];
                 let same = |(s, b): (&f64, &f64)| (s - factor * b).abs() < 1e-12;
                 assert!(scaled.iter().zip(&bare).all(same));

@@ -1,7 +1,7 @@
 //! Strong-motion and table files: bytes and a name in, numbers out.
 //!
-//! No file is opened here. What a file does not say (its step, its unit, which of several columns) is asked
-//! of the caller and never guessed; one that contradicts itself (in its count of points) is refused. Every error
+//! No file is opened here. The caller provides missing properties (step, unit, one of several columns); they are never
+//! guessed. A file that contradicts itself (in its count of points) is refused. Every error
 //! names the file and, where there is one, the line and column. Sizes are bounded before memory is taken; arbitrary
 //! bytes never panic.
 //!
@@ -109,14 +109,12 @@ impl RecordFormat {
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub enum Column {
     /// Name of the column in the header.
-    #[schemars(example = &"N-S")]
     Name(String),
     /// Number of the column, from 1.
-    #[schemars(example = 2)]
     Number(usize),
 }
 
-/// What the caller knows of a file.
+/// Known properties of a file.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ReadOptions {
     /// The format; by default the ending of the name and the first lines tell.
@@ -140,9 +138,9 @@ pub struct Record {
     pub values: Vec<f64>,
     /// The unit that the file states, if it does.
     pub unit: Option<Unit>,
-    /// What the file calls itself, empty if nothing.
+    /// Title in the file, or an empty text.
     pub title: String,
-    /// What the user should know.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
     /// Where in the file it was found.
     pub source: RecordSource,
@@ -172,7 +170,7 @@ pub struct Table {
     pub columns: usize,
     /// Numbers by rows, all finite.
     pub values: Vec<f64>,
-    /// What the user should know.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
     header: Header,
 }
@@ -197,7 +195,7 @@ impl Table {
     }
 }
 
-/// Reads a record. `name` decides the format if `options` does not, and stands in every error.
+/// Reads a record. `name` decides the format if `options` does not, and is part of each error.
 ///
 /// # Errors
 /// Those of [`MotionError`] that name a file, and `dt_s` outside its domain.

@@ -1,6 +1,6 @@
 //! Signals in closed form: value and rate of change at any time.
 //!
-//! Every amplitude is in the key `unit` beside it, or in the SI unit of the quantity that the signal stands for
+//! Every amplitude has the unit of the key `unit` beside it, or the SI unit of the quantity of the signal
 //! (m/s², m or N) if `unit` is absent. Outside their duration these shapes are zero. Those that go from place to place
 //! are in `paths`.
 
@@ -18,12 +18,12 @@ pub(super) struct Curve {
     pub(super) at: Box<dyn Fn(f64) -> (f64, f64)>,
     /// Highest frequency in Hz that it is meant to hold, where it has one.
     pub(super) top_hz: Option<f64>,
-    /// Time in s from which on nothing happens any more; infinite if it goes on for ever.
+    /// End of the signal in s; infinite if it has no end.
     pub(super) end: f64,
 }
 
 impl Curve {
-    /// Largest magnitude between two times, of so many points.
+    /// Largest magnitude at `points` points between two times.
     fn peak(&self, [from, to]: [f64; 2], points: u32) -> f64 {
         let step = (to - from) / f64::from(points);
         let at = |point| (self.at)(f64::from(point).mul_add(step, from)).0.abs();
@@ -79,7 +79,7 @@ pub(super) fn factor(unit: Option<Unit>, quantity: Quantity) -> Result<f64, Moti
     }
 }
 
-/// The same for the unit of what the processing is told under `key`.
+/// Factor of the unit under `key` of the processing.
 pub(super) fn factor_of(
     key: &'static str,
     unit: Unit,

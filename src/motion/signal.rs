@@ -1,4 +1,4 @@
-//! What a motion can be: a file, numbers in the test file, a closed form, or a seeded random motion.
+//! Kinds of motion: a file, numbers in the test file, a closed form, or a random motion with a seed.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -1,6 +1,6 @@
 //! Units in which people keep motions, and the quantities they measure.
 //!
-//! Inside everything is SI. A unit stands beside the number it belongs to; nothing here guesses one.
+//! All internal values are in SI units. A unit is a key beside its number, and is never guessed.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -105,7 +105,7 @@ pub fn is_time_but_no_second(text: &str) -> bool {
     TimeUnit::from_header(text).is_some_and(|unit| unit != TimeUnit::SECOND)
 }
 
-/// What a signal is of; the context gives it, and with it the SI unit.
+/// Quantity of a signal. Its place in the file determines it, and its SI unit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
     /// m/s².
@@ -252,7 +252,7 @@ pub enum Unit {
 }
 
 impl Unit {
-    /// What it measures.
+    /// Quantity of this unit.
     #[must_use]
     pub const fn quantity(self) -> Quantity {
         match self {

@@ -1,6 +1,6 @@
-//! The `[timing]` table of a test file: how the loop is scheduled and what happens when it is late.
+//! The `[timing]` table of a test file: real-time scheduling of the loop, and the response to missed deadlines.
 //!
-//! Only the description and its range checks; who obeys it is [`mod@super::apply`] and the loop.
+//! This module has the keys and their range checks only. [`mod@super::apply`] and the loop apply them.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -109,6 +109,7 @@ pub struct TimingSpec {
     /// half of them meets its deadlines. Default: 200, at most 0.5 s, at least 2 ticks. A larger
     /// number must not exceed 600 s.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 500)]
     pub warmup_ticks: Option<u64>,
 }
 
@@ -137,9 +138,9 @@ impl Default for TimingSpec {
     }
 }
 
-/// Warm-up ticks unless they are asked for by number.
+/// Default number of warm-up ticks.
 const WARM_UP_TICKS: u64 = 200;
-/// Longest time in s that they take unless they are asked for by number.
+/// Longest default warm-up, in s.
 const WARM_UP_S: f64 = 0.5;
 
 impl TimingSpec {
@@ -201,7 +202,7 @@ pub enum TimingSpecError {
     Cpu {
         /// As written.
         found: usize,
-        /// What the process may use.
+        /// Processors that the process may use.
         allowed: Vec<usize>,
     },
 }

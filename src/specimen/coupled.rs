@@ -15,6 +15,7 @@ use crate::law::{LawError, Reach};
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct CoupledSpec {
     /// Stiffness matrix K by rows. Entries of rotations are in N or N m.
+    #[schemars(example = [[2.0e6, -5.0e5], [-5.0e5, 1.0e6]])]
     pub stiffness_n_per_m: Vec<Vec<f64>>,
     /// Damping matrix C by rows. Default: no damping.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -28,7 +29,7 @@ pub struct CoupledSpec {
 }
 
 impl CoupledSpec {
-    /// The specimen for so many axes.
+    /// Builds the specimen for `axes` axes.
     ///
     /// # Errors
     /// A matrix of another size, with an entry that is not finite, not symmetric, or with a negative eigenvalue.
@@ -47,7 +48,7 @@ impl CoupledSpec {
     }
 }
 
-/// Differences and eigenvalues below this share of the largest entry are the rounding of whoever typed the matrix.
+/// Differences and eigenvalues below this share of the largest entry count as rounding of the entries.
 const ROUNDING: f64 = 1e-9;
 
 /// Rows from the file as a checked matrix by columns (the same by rows, for it is symmetric).

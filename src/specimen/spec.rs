@@ -1,4 +1,4 @@
-//! What the test file says of the behaviour of a simulated specimen: `law`, `laws` or `coupled`.
+//! Behaviour of a simulated specimen in the test file: `law`, `laws` or `coupled`.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -1,4 +1,4 @@
-//! What a sensor makes of a quantity: noise, bias, drift, range and quantum, in this order.
+//! Errors of a sensor: noise, bias, drift, range and quantum, in this order.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

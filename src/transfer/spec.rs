@@ -1,4 +1,4 @@
-//! What the test file says of a transfer system: `[specimen.transfer]`.
+//! `[specimen.transfer]`: a transfer system in the test file.
 
 use nalgebra::Complex;
 use schemars::JsonSchema;
@@ -244,7 +244,7 @@ impl TransferSpec {
         }
     }
 
-    /// True if it makes velocities of its own: an actuator that lags, or a limit of speed.
+    /// True if it changes velocities: an actuator that lags, or a limit of speed.
     #[must_use]
     pub fn has_its_own_time(&self) -> bool {
         self.lags() || self.rate_limit_m_per_s.is_some()

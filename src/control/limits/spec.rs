@@ -1,4 +1,4 @@
-//! `limits` of a specimen or of one of its axes, as a file says them.
+//! `limits` of a specimen or of one of its axes, in a file.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -52,12 +52,15 @@ pub struct LimitsSpec {
     pub following_time_s: f64,
     /// Largest change of the measured force between two measurements.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = serde_json::json!({"trip": 5.0e3}))]
     pub force_step_n: Option<BoundSpec>,
     /// Number of successive measurements in which both sensors are unchanged to the last bit
     /// although the command moves.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = serde_json::json!({"warn": 20.0, "trip": 50.0}))]
     pub stuck_ticks: Option<BoundSpec>,
     /// Motion of the command that is too small to change the sensors. `stuck_ticks` ignores it.
+    #[schemars(example = 1.0e-5)]
     pub stuck_travel_m: f64,
     /// Number of successive commands in which the second difference changes its sign and grows.
     /// Such a sawtooth is an early sign of an unstable integration.
@@ -137,7 +140,7 @@ pub enum LimitsError {
     NotPositive {
         /// The bound.
         key: &'static str,
-        /// What was found.
+        /// The given value.
         found: f64,
     },
     /// A size that is counted and no whole number.
@@ -145,7 +148,7 @@ pub enum LimitsError {
     NotWhole {
         /// The bound.
         key: &'static str,
-        /// What was found.
+        /// The given value.
         found: f64,
     },
     /// The smallest value is not below the largest.
@@ -204,7 +207,7 @@ impl BoundSpec {
         }
     }
 
-    /// The same of a count.
+    /// Checks the levels of a count.
     fn check_count(self, key: &'static str) -> Result<(), LimitsError> {
         let mut levels = [self.warn, self.trip].into_iter().flatten();
         match levels.find(|level| level.fract() != 0.0 && level.is_finite()) {

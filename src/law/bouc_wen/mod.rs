@@ -66,7 +66,7 @@ fn one() -> f64 {
     1.0
 }
 
-/// β and γ are told apart, and from each other's negative, by this share at least: closer, the rounding of ζ decides.
+/// Smallest relative distance of β from γ and −γ. If they are closer, the rounding of ζ decides.
 const SEPARATION: f64 = 1e-6;
 
 impl BoucWenSpec {
@@ -206,8 +206,7 @@ impl State {
     };
 }
 
-/// See [`BoucWenSpec`]. A step of so many yield displacements that a worn law cannot be followed through it
-/// (some thousand) gives NaN and not a guess.
+/// See [`BoucWenSpec`]. A step of some thousand yield displacements is too long for a degraded law: it gives NaN.
 #[derive(Debug, Clone)]
 pub struct BoucWen {
     stiffness: f64,

@@ -149,7 +149,7 @@ impl Wear {
     /// The stretch on which y keeps its sign, which is `side`.
     ///
     /// Stages of a step that is too long lie beyond zero, where the law is another. To take zero for them makes the slope a
-    /// constant, on which the extrapolation agrees with itself and not with the law: such a step is none.
+    /// constant, on which the extrapolation agrees with itself and not with the law: such a step is rejected.
     fn follow(&self, parameters: &Parameters, from: Point, tau: f64, side: f64) -> Option<Point> {
         let kept = |y: f64| match side * y {
             inside if inside >= 0.0 => y,

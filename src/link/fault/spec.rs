@@ -1,4 +1,4 @@
-//! A fault script as a file says it.
+//! A fault script in a file.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -36,6 +36,7 @@ pub struct Fault {
     pub lasts: Option<u64>,
     /// Affected axis, from 1. Default: all axes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 2)]
     pub axis: Option<usize>,
     /// Direction on the link. Default: "replies".
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -327,7 +328,7 @@ impl Fault {
 }
 
 impl Script {
-    /// That it is played, for whoever watches a test or reads its record.
+    /// The notice of this script in a test and its record.
     #[must_use]
     pub fn words(&self) -> String {
         format!("FAULTS are played: {}", self.title)

@@ -1,4 +1,4 @@
-//! `[specimen.link.openfresco]`: what the set-up of these protocols cannot find out by itself.
+//! `[specimen.link.openfresco]`: settings that a connection cannot determine itself.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -111,7 +111,7 @@ pub enum End {
     Server,
 }
 
-/// What is wrong with a file, and which key names it.
+/// A faulty file, and the key that names it.
 #[derive(Debug, Clone, PartialEq, Eq, Thiserror)]
 #[error("{text}")]
 pub struct FileError {
@@ -139,7 +139,7 @@ pub(super) struct Identity {
 }
 
 impl TlsSpec {
-    /// The files, for a test file that stands in `folder`.
+    /// The files, for a test file in `folder`.
     #[must_use]
     pub fn files(&self, folder: &Path) -> TlsFiles {
         let given = [&self.certificate_file, &self.key_file, &self.ca_file];
@@ -148,7 +148,7 @@ impl TlsSpec {
 }
 
 impl ServeTlsSpec {
-    /// The files, for a file of specimens that stands in `folder`.
+    /// The files, for a file of specimens in `folder`.
     #[must_use]
     pub fn files(&self, folder: &Path) -> TlsFiles {
         let given = [&self.certificate_file, &self.key_file, &self.ca_file];
