@@ -33,7 +33,7 @@ pub struct SpecimenTable {
     pub storey: Option<usize>,
     /// Transformation B from the DOFs to the axes, d = B·x. Give one row for each axis, or for each
     /// coordinate of the platform with `geometry`. In a file of `gusset serve`, B transforms the
-    /// displacements of an OpenFresco client.
+    /// displacements of an OpenFresco client. More: guide, opensees.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rows: Option<Vec<Vec<f64>>>,
     /// Loading unit: several actuators that hold one platform. The axes are then the actuators, and

@@ -176,7 +176,7 @@ pub struct Sine {
     pub angular_frequency_rad_per_s: Option<f64>,
     /// Phase at the start.
     #[serde(default)]
-    #[schemars(example = 1.5708)]
+    #[schemars(example = 0.5)]
     pub phase_rad: f64,
     /// Test time at which the sine begins.
     #[serde(default)]
