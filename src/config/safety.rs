@@ -194,7 +194,8 @@ pub enum ExitChoice {
     Freeze,
     /// Position with zero force: all axes move together until their mean forces are below 1 % of
     /// the largest force, or within the noise. Each axis needs a stiffness. The move stops if the
-    /// force does not follow.
+    /// force does not follow. It lasts at most 120 s, or three times the expected time if that is
+    /// longer.
     ZeroForce,
     /// Position with zero deformation.
     ZeroDisplacement,

@@ -22,7 +22,7 @@ pub struct LinkSpec {
     /// Transport of the data: TCP, UDP or TLS.
     #[serde(default)]
     pub transport: Carrier,
-    /// Host and port of the specimen: "rig.lab:4823", "192.0.2.7:4823" or "[2001:db8::7]:4823". All
+    /// Host and port of the specimen: `rig.lab:4823`, `192.0.2.7:4823` or `[2001:db8::7]:4823`. All
     /// addresses of a host name are tried, with UDP only the first.
     pub address: String,
     /// File that contains the pre-shared key, relative to the test file. Other users must not have
