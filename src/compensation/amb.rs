@@ -8,24 +8,36 @@ use super::adaptive::{Bounded, COEFFICIENTS, GAIN, Regressors};
 use super::filter::Differences;
 use super::{CompensationError, Compensator, Parameter, inside};
 
-/// ȧ = Γ φ (u − aᵀφ)/(1 + φᵀφ), φ the measured displacement and its first three derivatives, both sides filtered.
+/// Adaptive model-based compensation: the inverse of a model with three poles. The coefficients
+/// follow ȧ = Γ φ (u − aᵀφ)/(1 + φᵀφ). φ is the filtered measured displacement with its first three
+/// derivatives. Source: Gálmez & Fermandois 2022.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AmbSpec {
-    /// Start of a₀, a₁ in s, a₂ in s², a₃ in s³. Default: the benchmark's load system without a specimen.
+    /// Initial coefficients: a₀, a₁ in s, a₂ in s², a₃ in s³. The default is the loading system of
+    /// the virtual hybrid simulation benchmark without a specimen.
+    #[schemars(example = [1.0, 0.0249, 0.000_107, 2.0e-7])]
     pub start: [f64; 4],
-    /// Decimal logarithms of the diagonal of Γ, for motions in m.
+    /// Decimal logarithms of the adaptive gains (the diagonal of Γ), for motions in m.
+    #[schemars(example = [8.4, 6.2, 2.1, 0.8])]
     pub log10_gains: [f64; 4],
-    /// Corner of the filter of commands and measurements, in Hz.
+    /// Cutoff frequency of the low-pass filter for commands and measurements.
+    #[schemars(example = 20.0)]
     pub filter_hz: f64,
-    /// Lower bounds of the coefficients. Default: 0.7 of the start for a₀, 0 for the others.
+    /// Lower bounds of the coefficients. Default: 0.7 of the initial value for a₀, 0 for the
+    /// others.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = [0.7, 0.0, 0.0, 0.0])]
     pub lower: Option<Vec<f64>>,
-    /// Upper bounds. Default: 1.4 of the start for a₀, three times the start for the others.
+    /// Upper bounds of the coefficients. Default: 1.4 of the initial value for a₀, 3 times the
+    /// initial value for the others.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = [1.4, 0.06, 0.0003, 6.0e-7])]
     pub upper: Option<Vec<f64>>,
-    /// Greatest change of each coefficient per second. Default: half of the way between its bounds.
+    /// Largest change of each coefficient per second. Default: half of the distance between its
+    /// bounds.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = [0.2, 0.02, 0.0001, 2.0e-7])]
     pub rate_per_s: Option<Vec<f64>>,
 }
 

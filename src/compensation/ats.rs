@@ -8,42 +8,58 @@ use super::filter::Differences;
 use super::least_squares::Window;
 use super::{CompensationError, Compensator, Parameter, history, inside, not_negative, positive};
 
-/// a₀ d + a₁ ḋ + … with a the least squares of past commands on the measured displacement and its derivatives, over a
-/// moving window.
+/// Adaptive time series compensation, a₀ d + a₁ ḋ + …. A least-squares fit of past commands to the
+/// measured displacement and its derivatives gives the coefficients. Source: Chae, Kazemibidokhti &
+/// Ricles 2013.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AtsSpec {
-    /// Highest derivative, 1 to 3. Default: 2.
+    /// Highest derivative.
     #[serde(default = "two")]
     #[schemars(range(min = 1, max = 3))]
+    #[schemars(example = 2)]
     pub order: u32,
-    /// Delay that the coefficients begin with, in s; wanted unless `start` is given.
+    /// Delay τ that determines the initial coefficients. Required without `start`.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 0.02)]
     pub delay_s: Option<f64>,
-    /// Gain A that they begin with: a₀ = 1/A, a₁ = τ/A, a₂ = τ²/2A, a₃ = τ³/6A. Default: 1.
+    /// Gain A of the actuator for the initial coefficients: a₀ = 1/A, a₁ = τ/A, a₂ = τ²/2A, a₃ =
+    /// τ³/6A.
     #[serde(default = "one")]
+    #[schemars(example = 0.98)]
     pub gain: f64,
-    /// Coefficients that it begins with in place of those, from a₀ up: τ²/2 is that of a pure delay, more than an actuator
-    /// of several lags has, and too much of it drives higher modes until something is learnt.
+    /// Initial coefficients from a₀ up, instead of `delay_s` and `gain`. The inverse of an
+    /// identified actuator model excites higher modes less than that of a pure delay. Default: from
+    /// `delay_s` and `gain`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub start: Option<Vec<f64>>,
-    /// Length of the window in s. Default: 1.
+    /// Length of the moving window of the fit.
     #[serde(default = "one")]
+    #[schemars(example = 1.0)]
     pub window_s: f64,
-    /// Corner of the filter of commands and measurements, in Hz. Default: 20.
+    /// Cutoff frequency of the low-pass filter for commands and measurements.
     #[serde(default = "twenty")]
+    #[schemars(example = 20.0)]
     pub filter_hz: f64,
-    /// Root mean square of the motion in the window, in m, below which nothing is learnt. Default: 0.1 mm.
+    /// Smallest root mean square of the motion in the window. Below it, the coefficients do not
+    /// change.
     #[serde(default = "least")]
+    #[schemars(example = 0.0001)]
     pub least_motion_m: f64,
-    /// Lower bounds of the coefficients. Default: 0.7 of the start for a₀, 0 for the others.
+    /// Lower bounds of the coefficients. Default: 0.7 of the initial value for a₀, 0 for the
+    /// others.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = [0.7, 0.0, 0.0])]
     pub lower: Option<Vec<f64>>,
-    /// Upper bounds. Default: 1.4 of the start for a₀, twice, three times, four times the start for the others.
+    /// Upper bounds of the coefficients. Default: 1.4 of the initial value for a₀; 2, 3 and 4 times
+    /// for a₁, a₂ and a₃.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = [1.4, 0.05, 0.0003])]
     pub upper: Option<Vec<f64>>,
-    /// Greatest change of each coefficient per second. Default: half of the way between its bounds.
+    /// Largest change of each coefficient per second. Default: half of the distance between its
+    /// bounds.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = [0.2, 0.02, 0.0001])]
     pub rate_per_s: Option<Vec<f64>>,
 }
 
@@ -96,7 +112,7 @@ impl AtsSpec {
         inside("order", order, (1..=3).contains(&self.order), "1, 2 or 3")?;
         let delay = match (self.delay_s, &self.start) {
             (Some(delay), _) => not_negative("delay_s", delay)?,
-            // Given in its place.
+            // `start` is given instead.
             (None, Some(_)) => 0.0,
             (None, None) => return Err(CompensationError::NoDelay),
         };

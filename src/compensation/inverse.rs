@@ -5,11 +5,13 @@ use serde::{Deserialize, Serialize};
 
 use super::{CompensationError, Compensator, Parameter, history, not_negative};
 
-/// α d\[i\] − (α − 1) d\[i−1\] with α = 1 + delay/Δt: the same numbers as a polynomial of order 1 on nodes a step apart.
+/// Inverse compensation, α d\[i\] − (α − 1) d\[i−1\] with α = 1 + delay/Δt. It equals a polynomial
+/// of order 1 with `nodes = "step"`. Source: Chen, Ricles, Marullo & Mercan 2009.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct InverseSpec {
-    /// Delay to be made up for, in s.
+    /// Delay to compensate.
+    #[schemars(example = 0.01)]
     pub delay_s: f64,
 }
 

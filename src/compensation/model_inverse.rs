@@ -7,12 +7,14 @@ use super::adaptive::COEFFICIENTS;
 use super::filter::Differences;
 use super::{CompensationError, Compensator, Parameter, inside, positive};
 
-/// a₀ d + a₁ ḋ + a₂ d̈ + a₃ d⃛, by backward differences.
+/// Feed-forward of the derivatives of the target, a₀ d + a₁ ḋ + a₂ d̈ + a₃ d⃛, with backward
+/// differences. Source: Carrion & Spencer 2007.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ModelInverseSpec {
-    /// a₀, a₁ in s, a₂ in s², a₃ in s³: the denominator of the actuator's model over its gain, from the constant up; up to
-    /// four.
+    /// One to four coefficients: a₀, a₁ in s, a₂ in s², a₃ in s³. They are the denominator of the
+    /// actuator model divided by its gain.
+    #[schemars(example = [1.0, 0.0249, 0.000_107])]
     pub coefficients: Vec<f64>,
 }
 

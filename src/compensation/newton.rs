@@ -8,11 +8,13 @@ use serde::{Deserialize, Serialize};
 
 use super::{CompensationError, Compensator, Parameter, history, not_negative};
 
-/// Extrapolates with the integrator's own velocity and acceleration; for the method `gui` only.
+/// Extrapolation with the velocity and acceleration of the integrator: d + τ v + ½ τ (τ + Δt) w.
+/// Only for the method "gui".
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NewtonSpec {
-    /// Delay to be made up for, in s.
+    /// Delay τ to compensate.
+    #[schemars(example = 0.01)]
     pub delay_s: f64,
 }
 

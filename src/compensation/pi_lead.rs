@@ -1,25 +1,31 @@
-//! The benchmark's sample controller: a phase lead, then a PI controller on what is left of the error.
+//! The benchmark's sample controller: a phase lead, then a PI controller on the remaining error.
 //!
-//! The lead is one of targets, the controller one of wall time: while test time is stretched the controller goes on in every
-//! tick, on a target that is less ahead the slower it is. In a complete hold the last command is sent again and again, and the
-//! controller rests with it: its integral does not wind up, and it goes on from there.
+//! The lead acts on targets, the controller in wall time. While test time is stretched, the controller acts in every tick. Its
+//! target is then less ahead. In a complete hold the last command is repeated and the controller rests. Its integral
+//! does not wind up, and it continues from there.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{CompensationError, Compensator, inside, positive};
 
-/// K_p e + K_i ∫ e dt, e = lead(d) − x_m, lead = (b s + c)/(s + c); both by Tustin's rule.
+/// PI control with a phase lead, K_p e + K_i ∫ e dt with e = lead(d) − x_m. The lead is (b s +
+/// c)/(s + c), discretised by Tustin's rule. The defaults are the sample controller of the virtual
+/// hybrid simulation benchmark.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PiLeadSpec {
-    /// K_p.
+    /// Proportional gain K_p.
+    #[schemars(example = 2.0)]
     pub proportional: f64,
-    /// K_i in 1/s.
+    /// Integral gain K_i.
+    #[schemars(example = 95.0)]
     pub integral_per_s: f64,
-    /// b.
+    /// Gain b of the phase lead.
+    #[schemars(example = 50.83)]
     pub lead_gain: f64,
-    /// c in 1/s.
+    /// Corner c of the phase lead.
+    #[schemars(example = 8570.0)]
     pub lead_corner_per_s: f64,
 }
 
@@ -39,7 +45,7 @@ pub(super) struct PiLead {
     proportional: f64,
     /// K_i Δt/2.
     integral: f64,
-    /// Of the new and the last target, and of the last output.
+    /// Coefficients of the new target, the last target and the last output.
     lead: [f64; 3],
     target: f64,
     led: f64,

@@ -6,28 +6,33 @@ use serde::{Deserialize, Serialize};
 use super::filter::History;
 use super::{CompensationError, Compensator, Parameter, history, inside, not_negative};
 
-/// Extrapolates the targets by a delay.
+/// Polynomial extrapolation of the targets by a delay. Source: Horiuchi, Inoue, Konno & Namita
+/// 1999.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PolynomialSpec {
-    /// Order of the polynomial, 1 to 4. Orders above 3 and lightly damped higher modes do not mix.
+    /// Order of the polynomial. Orders above 3 can destabilise lightly damped higher modes.
     #[schemars(range(min = 1, max = 4))]
+    #[schemars(example = 3)]
     pub order: u32,
-    /// Delay to be made up for, in s.
+    /// Delay to compensate.
+    #[schemars(example = 0.01)]
     pub delay_s: f64,
-    /// How far apart the past targets are that it goes through.
+    /// Spacing of the past targets that the polynomial passes through.
     #[serde(default)]
+    #[schemars(example = &"step")]
     pub nodes: Nodes,
 }
 
-/// Distance of the past targets.
+/// Spacing of the past targets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Nodes {
-    /// The delay: weights 2, −1 | 3, −3, 1 | 4, −6, 4, −1 | 5, −10, 10, −5, 1.
+    /// Spacing equal to the delay. The weights are 2, −1 (order 1); 3, −3, 1 (order 2); 4, −6, 4,
+    /// −1 (order 3); 5, −10, 10, −5, 1 (order 4).
     #[default]
     Delay,
-    /// One tick: the weights grow with powers of delay over tick.
+    /// Spacing of one tick. The weights grow with powers of the delay in ticks.
     Step,
 }
 

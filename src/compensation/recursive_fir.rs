@@ -10,35 +10,48 @@ use super::{CompensationError, Compensator, Parameter, history, inside, not_nega
 
 const TAPS: usize = 4;
 
-/// θᵀ \[d, d(t − s), d(t − 2s), d(t − 3s)\], θ by recursive least squares of commands on measurements taken the same way. The
-/// weights go together: all of them as fast as the slowest may, and none where one would pass its bound. Their sum, which is the
-/// gain of what stands, is kept from 0.7 to 1.4: while a motion begins next to nothing is known of it.
+/// Filter θᵀ \[d, d(t − s), d(t − 2s), d(t − 3s)\] of the targets. Recursive least squares of
+/// commands on measurements gives the weights θ. Source: Quiroz, Gálmez & Fermandois 2024.
+///
+/// All weights change in the same proportion. They stop where one of them would exceed its bound.
+/// Their sum, the static gain, stays between 0.7 and 1.4.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RecursiveFirSpec {
-    /// Delay that the weights begin with, in s: 1 + τ/s, −τ/s, 0, 0.
+    /// Delay τ that determines the initial weights: 1 + τ/s, −τ/s, 0, 0.
+    #[schemars(example = 0.01)]
     pub delay_s: f64,
-    /// Distance s of the targets in s, a whole number of ticks. Default: the tick next to 1 ms.
+    /// Time s between the targets. It must be a whole number of ticks. Default: the number of ticks
+    /// closest to 1 ms, at least one.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 0.001)]
     pub spacing_s: Option<f64>,
-    /// What of the past counts after one tick; 1 forgets nothing. Default: 1.
+    /// Forgetting factor per tick, above 0.9 and at most 1. 1 never forgets.
     #[serde(default = "one")]
+    #[schemars(example = 0.999)]
     pub forgetting: f64,
-    /// Variance of the weights at the start per variance of the motion, in 1/m². Default: 1e8.
+    /// Initial variance of the weights divided by the variance of the motion. A larger value adapts
+    /// faster at the start.
     #[serde(default = "variance")]
+    #[schemars(example = 1.0e7)]
     pub start_variance_per_m2: f64,
-    /// Corner of the filter of commands and measurements, in Hz. Default: 20.
+    /// Cutoff frequency of the low-pass filter for commands and measurements.
     #[serde(default = "twenty")]
+    #[schemars(example = 20.0)]
     pub filter_hz: f64,
-    /// Lower bounds of the weights. Default: the start less the largest weight of an extrapolation of the third order by τ, and at
-    /// least 4 (1 + τ/s).
+    /// Lower bounds of the weights. Default: the initial weight minus the largest weight of a
+    /// third-order extrapolation by τ. At least 4 (1 + τ/s) is subtracted.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = [-50.0, -50.0, -50.0, -50.0])]
     pub lower: Option<Vec<f64>>,
-    /// Upper bounds. Default: the start and as much.
+    /// Upper bounds of the weights. Default: as far above the initial weight as `lower` is below
+    /// it.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = [50.0, 50.0, 50.0, 50.0])]
     pub upper: Option<Vec<f64>>,
-    /// Greatest change of each weight per second. Default: half of the way between its bounds.
+    /// Largest change of each weight per second. Default: half of the distance between its bounds.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = [10.0, 10.0, 10.0, 10.0])]
     pub rate_per_s: Option<Vec<f64>>,
 }
 
@@ -56,9 +69,9 @@ const fn variance() -> f64 {
 
 #[derive(Debug)]
 pub(super) struct RecursiveFir {
-    /// What is used.
+    /// Weights in use.
     theta: Bounded,
-    /// What is estimated.
+    /// Estimated weights.
     estimate: [f64; TAPS],
     covariance: [[f64; TAPS]; TAPS],
     spacing: usize,

@@ -1,4 +1,4 @@
-//! What the test file says of a compensator: `[specimen.compensation]`, one table per kind.
+//! `[specimen.compensation]`: a compensator in the test file, one table per kind.
 
 use nalgebra::Complex;
 use schemars::JsonSchema;
@@ -11,28 +11,30 @@ use super::{
     NoneSpec, Parameter, PiLeadSpec, PolynomialSpec, RecursiveFirSpec,
 };
 
-/// How commands are made of targets so that the specimen stands where it should. The same on every axis, each with a memory
-/// of its own; SI units at the specimen.
+/// Compensation of the actuator dynamics: it computes commands from targets, so that the measured
+/// displacement follows the target. All axes use the same settings, with own state for each axis.
+/// Units are SI at the specimen. More: guide, actuators.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub enum CompensationSpec {
-    /// The command is the target.
+    /// No compensation. The command is the target.
     None(NoneSpec),
-    /// Polynomial extrapolation through past targets.
+    /// Polynomial extrapolation through past targets. Source: Horiuchi et al. 1999.
     Polynomial(PolynomialSpec),
-    /// The integrator's own velocity and acceleration.
+    /// Extrapolation with the velocity and acceleration of the integrator.
     Newton(NewtonSpec),
-    /// Inverse of a first-order lag.
+    /// Inverse of a first-order lag. Source: Chen et al. 2009.
     Inverse(InverseSpec),
-    /// Fixed inverse of a model with up to three poles.
+    /// Inverse of a model with up to three poles. Source: Carrion & Spencer 2007.
     ModelInverse(ModelInverseSpec),
-    /// Adaptive time series.
+    /// Adaptive time series compensation. Source: Chae et al. 2013.
     Ats(AtsSpec),
-    /// Adaptive model-based compensation.
+    /// Adaptive model-based compensation. Source: Gálmez & Fermandois 2022.
     Amb(AmbSpec),
-    /// Four weights by recursive least squares.
+    /// Filter with four weights that follow recursive least squares. Source: Quiroz et al. 2024.
     RecursiveFir(RecursiveFirSpec),
-    /// PI control with a phase lead.
+    /// PI control with a phase lead: the sample controller of the virtual hybrid simulation
+    /// benchmark.
     PiLead(PiLeadSpec),
 }
 

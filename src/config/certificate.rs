@@ -1,4 +1,4 @@
-//! What a certificate goes by: what was identified of a specimen, what its rig can give, what is uncertain, and what is allowed.
+//! The tables of a certificate: identified properties, capacities, uncertain values and allowed errors.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -7,35 +7,45 @@ use super::document::{KeyPath, Segment};
 use super::{ConfigError, Loaded, parse};
 use crate::transfer::{ActuatorSpec, ProportionalSpec, TransferSpec};
 
-/// What was identified of a specimen with its actuator and sensors; `gusset identify` writes it. A certificate compares the
-/// delay with the critical one, and varies what has a standard deviation. For a specimen behind a link without
-/// `stand_in_transfer`, delay, gain and noise are the actuator and the sensors of its stand-in.
+/// Measured properties of a specimen with its actuator and sensors, written by `gusset identify`. A
+/// certificate compares the delay with the critical delay and varies all values that have a
+/// standard deviation. Without `stand_in_transfer`, the stand-in of a specimen with `link` uses its
+/// delay, gain and noise.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct IdentifiedTable {
-    /// Delay of the measured behind the commanded displacement, in s.
+    /// Delay of the measured displacement behind the command. Default: unknown.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 0.012)]
     pub delay_s: Option<f64>,
-    /// Its standard deviation in s.
+    /// Standard deviation of `delay_s`. Default: 0.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 0.0005)]
     pub delay_std_s: Option<f64>,
-    /// Measured over commanded displacement.
+    /// Measured displacement divided by commanded displacement. Default: unknown.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 0.98)]
     pub gain: Option<f64>,
-    /// Its standard deviation.
+    /// Standard deviation of `gain`. Default: 0.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 0.01)]
     pub gain_std: Option<f64>,
-    /// Stiffness in N/m at the structure's scale.
+    /// Stiffness at the structure's scale. Default: unknown.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 1.2e6)]
     pub stiffness_n_per_m: Option<f64>,
-    /// Its standard deviation in N/m: of every axis alike, as a share of `stiffness_n_per_m`.
+    /// Standard deviation of `stiffness_n_per_m`. It applies to all axes, in proportion to their
+    /// stiffness. Default: 0.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 5.0e4)]
     pub stiffness_std_n_per_m: Option<f64>,
-    /// Root mean square of the displacement sensor's noise in m, at the specimen.
+    /// Root mean square of the noise of the displacement sensor, at the specimen. Default: unknown.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 1.0e-5)]
     pub noise_disp_m: Option<f64>,
-    /// Root mean square of the load cell's noise in N, at the specimen.
+    /// Root mean square of the noise of the load cell, at the specimen. Default: unknown.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 50.0)]
     pub noise_force_n: Option<f64>,
 }
 
@@ -91,23 +101,28 @@ impl IdentifiedTable {
     }
 }
 
-/// What the rig of a specimen can give on each axis, at the specimen's own scale. `check` compares it with what its rehearsal
-/// needs, and refuses a test that needs more, or that would be left faster or farther; a certificate does so with all its trials.
-/// Nothing in the loop does: that is what `limits` are for.
+/// Capacity of the actuator of each axis, at the specimen's own scale. `check` refuses a test whose
+/// rehearsal or end position needs more. A certificate checks all its trials. The loop does not
+/// check it: use `limits` for that.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct CapacityTable {
-    /// Greatest commanded displacement either way, in m.
+    /// Largest commanded displacement in both directions. Default: unlimited.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 0.1)]
     pub stroke_m: Option<f64>,
-    /// Greatest commanded velocity in m/s.
+    /// Largest commanded velocity. Default: unlimited.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 0.5)]
     pub velocity_m_per_s: Option<f64>,
-    /// Greatest force either way, in N.
+    /// Largest force in both directions. Default: unlimited.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 1.0e5)]
     pub force_n: Option<f64>,
-    /// Greatest power in W: measured force times commanded velocity, either sign.
+    /// Largest power, measured force times commanded velocity, with either sign. Default:
+    /// unlimited.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 2.0e4)]
     pub power_w: Option<f64>,
 }
 
@@ -124,40 +139,49 @@ impl CapacityTable {
     }
 }
 
-/// A number of this file that is not known exactly. Exactly one of `std`, `std_share` and `range`. Normal draws, uniform ones
-/// in a range; what the file could not be with is drawn anew. A whole number stays one.
+/// Uncertain value of this file. Give exactly one of `std`, `std_share` and `range`. Values that
+/// the file must not have are drawn again. Integers stay integers.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct UncertaintyTable {
-    /// Its dotted path, as for `--set`: specimen.0.law.linear.stiffness_n_per_m.
+    /// Path of the value, as for `--set`, for example specimen.0.law.linear.stiffness_n_per_m.
     pub key: String,
-    /// Standard deviation, in the unit of the key.
+    /// Standard deviation of a normal distribution, in the unit of the value.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub std: Option<f64>,
-    /// Standard deviation as a share of the value in the file.
+    /// Standard deviation of a normal distribution, divided by the value in the file.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 0.1)]
     pub std_share: Option<f64>,
-    /// Smallest and largest value.
+    /// Smallest and largest value of a uniform distribution.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = [1.0e6, 1.4e6])]
     pub range: Option<[f64; 2]>,
 }
 
-/// What `gusset check --rehearse` runs and allows.
+/// Number of trials and allowed errors of `gusset check --rehearse`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct CertificateTable {
-    /// How often the test is rehearsed, each time with other draws.
+    /// Number of rehearsals. Each rehearsal draws new values for all entries of `uncertainty`.
     #[schemars(range(min = 1, max = 1_000_000))]
+    #[schemars(example = 500)]
     pub trials: u32,
-    /// Seed of all draws: same seed, same certificate.
+    /// Seed of all random draws. Equal seeds give equal certificates.
+    #[schemars(example = 2)]
     pub seed: u64,
-    /// Greatest probability of a trip that is allowed. The upper end of its confidence interval (95 %) must be below it.
+    /// Largest allowed probability of a trip. The upper end of its 95 % confidence interval must be
+    /// below it.
+    #[schemars(example = 0.02)]
     pub trip_probability: f64,
-    /// Greatest tracking error that is allowed in 95 % of the trials: standard deviation of measured less target displacement,
-    /// as a share of the target's.
+    /// Largest allowed tracking error in 95 % of the trials. It is the standard deviation of
+    /// measured minus target displacement, divided by that of the target.
+    #[schemars(example = 0.05)]
     pub tracking_error: f64,
-    /// Greatest response error that is allowed in 95 % of the trials: standard deviation of a DOF's displacement less that
-    /// with ideal actuators and sensors, as a share of the latter's.
+    /// Largest allowed response error in 95 % of the trials. It is the standard deviation of the
+    /// displacement error of a DOF, divided by that of its displacement. The error is relative to
+    /// ideal actuators and sensors.
+    #[schemars(example = 0.05)]
     pub response_error: f64,
 }
 
@@ -193,7 +217,7 @@ pub enum Spread {
 pub struct Uncertain {
     /// Its path, as `--set` takes it.
     pub key: KeyPath,
-    /// What the file has.
+    /// Value in the file.
     pub nominal: f64,
     /// Whether it is a whole number.
     pub whole: bool,
@@ -248,7 +272,7 @@ impl Loaded {
         each.collect()
     }
 
-    /// The same test with further overrides, written as for `--set`; read and checked anew.
+    /// Reads and checks the test again with further overrides, written as for `--set`.
     ///
     /// # Errors
     /// As [`parse`].

@@ -1,108 +1,119 @@
-//! The tables of a test file that say what moves it.
+//! `[excitation]`: ground motion, forces and prescribed displacements.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::motion::{Processing, Signal};
 
-/// What moves the structure, or the specimens where there is none. Contributions add up.
+/// Excitation of the structure, or of the specimens in a test without a structure. Several
+/// contributions are added.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ExcitationTable {
-    /// Acceleration of the ground in m/s², the structure in relative coordinates: F = −M·ι·a_g.
+    /// Ground acceleration in m/s², with the structure in relative coordinates: F = −M·ι·a_g.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ground_acceleration: Option<GroundTable>,
-    /// Displacement of the base in m, the structure in absolute coordinates: F = K·ι·x_g + C·ι·v_g.
+    /// Base displacement in m, with the structure in absolute coordinates: F = K·ι·x_g + C·ι·v_g.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub base_displacement: Option<GroundTable>,
-    /// Forces on DOFs that share one history.
+    /// Forces on DOFs that follow one time history.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub nodal_force: Vec<NodalForceTable>,
-    /// Forces on every DOF from a table.
+    /// Forces on all DOFs, read from a table.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub nodal_table: Option<NodalFileTable>,
-    /// Displacement of a specimen's axis in m, for a test without a structure.
+    /// Displacement of an axis of a specimen, for a test without a structure.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub prescribed_displacement: Vec<PrescribedTable>,
 }
 
-/// A motion of the ground.
+/// Motion of the ground or the base.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GroundTable {
-    /// The history.
+    /// Time history of the motion.
     pub signal: Signal,
-    /// What is done to it before the test.
+    /// Processing of the time history before the test, for example scaling.
     #[serde(default)]
     pub processing: Processing,
-    /// Influence vector ι, one number per DOF. Default: ones.
+    /// Influence vector ι, one number for each DOF. Default: the influence vector of the structure.
+    /// A base displacement accepts only that default.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = [1.0, 1.0, 0.0])]
     pub influence: Option<Vec<f64>>,
 }
 
-/// A force history on some DOFs: exactly one of `dofs` and `pattern` is given.
+/// Force on DOFs with one time history. Give exactly one of `dofs` and `pattern`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NodalForceTable {
-    /// DOFs, from 1, that each take the whole force.
+    /// Numbers of the DOFs on which the force acts, from 1. The full force acts on each of them.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = [3])]
     pub dofs: Option<Vec<usize>>,
-    /// Factor of the force for every DOF.
+    /// Factor of the force for each DOF.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = [0.2, 0.5, 1.0])]
     pub pattern: Option<Vec<f64>>,
-    /// The history, in N.
+    /// Time history of the force, in N unless the signal has its own `unit`.
     pub signal: Signal,
-    /// What is done to it before the test.
+    /// Processing of the time history before the test, for example scaling.
     #[serde(default)]
     pub processing: Processing,
 }
 
-/// Forces from a table: one column per DOF, one row per step from t = 0.
+/// Forces from a table with one column for each DOF and one row for each step from t = 0.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NodalFileTable {
-    /// The file (.csv, .npy), relative to the test file.
+    /// File (.csv or .npy) that contains the forces, relative to the test file.
+    #[schemars(example = &"forces.csv")]
     pub file: String,
-    /// Factor that makes N of its numbers.
+    /// Factor that converts the numbers of the file to N.
     #[serde(default = "unity")]
+    #[schemars(example = 1000.0)]
     pub scale: f64,
 }
 
-/// A prescribed displacement of one axis of one specimen.
+/// Prescribed displacement of one axis of one specimen.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PrescribedTable {
     /// Name of the specimen.
     pub specimen: String,
-    /// Axis, from 1.
+    /// Number of the axis, from 1.
     #[serde(default = "first")]
     #[schemars(range(min = 1))]
+    #[schemars(example = 1)]
     pub axis: usize,
-    /// What `axis` counts where the specimen has a `geometry`: coordinates of its platform, or its actuators.
+    /// Meaning of `axis` for a specimen with `geometry`: a coordinate of its platform, or an
+    /// actuator.
     #[serde(default, skip_serializing_if = "PrescribedPlace::is_platform")]
+    #[schemars(example = &"actuators")]
     pub at: PrescribedPlace,
-    /// The history, in m; in rad for a coordinate that is an angle.
+    /// Time history of the displacement, in m or rad unless the signal has its own `unit`.
     pub signal: Signal,
-    /// What is done to it before the test.
+    /// Processing of the time history before the test, for example scaling.
     #[serde(default)]
     pub processing: Processing,
-    /// Time in s over which the motion grows from zero.
+    /// Time over which the motion grows smoothly from zero at the start of the test.
     #[serde(default)]
     pub ease_in_s: f64,
-    /// Time in s over which the motion returns to zero before the end of the test.
+    /// Time over which the motion returns smoothly to zero before the end of the test.
     #[serde(default)]
+    #[schemars(example = 2.0)]
     pub ease_out_s: f64,
 }
 
-/// What of a loading unit is prescribed.
+/// Prescribed quantity of a loading unit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PrescribedPlace {
-    /// A coordinate of the platform: all actuators move as it needs.
+    /// Coordinate of the platform. All actuators move as this motion requires.
     #[default]
     Platform,
-    /// The stroke of an actuator, positive as it gets longer: every other one keeps its length unless it is prescribed
-    /// likewise, and the platform moves as that needs. Only where there are no more actuators than coordinates.
+    /// Stroke of an actuator, positive when it extends. Actuators without a prescribed stroke keep
+    /// their length. The specimen must not have more actuators than coordinates.
     Actuators,
 }
 

@@ -1,105 +1,111 @@
-//! `[safety]`: how a test begins, what ends it, and how its specimens are left.
+//! `[safety]`: startup of a test, limits of the whole test, and the end position of its specimens.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::control::limits::BoundSpec;
 
-/// How a test begins, what ends it, and how its specimens are left.
+/// Startup of a test, limits of the whole test, and the end position of its specimens. More: guide,
+/// limits.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SafetyTable {
-    /// Displacement of any DOF of the structure in m beyond which the test counts as diverged and stops. A value that is
-    /// not finite always stops it. Absent: ten times the largest displacement of the rehearsal, but at least 0.1 m, if a
-    /// specimen is behind a link, the loop is not found unstable and the rehearsal reached the end of the test. Else 1000.
-    /// A measured displacement beyond 1000 always trips.
+    /// Largest displacement of any DOF of the structure. Beyond it the test counts as diverged and
+    /// stops. Default with `link`: ten times the peak of the rehearsal, at least 0.1 m. Default
+    /// otherwise, or if the rehearsal did not reach its end: 1000 m.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 0.5)]
     pub divergence_m: Option<f64>,
-    /// Wall time in s over which every sensor is averaged before anything moves, while the specimens hold where they
-    /// stand, at most 600. Answers that stay away are not averaged: it takes so much longer. 0: not at all. Absent: 0.2 if a
-    /// specimen is behind a link or a channel is relative, else 0.
+    /// Wall time over which all sensors are averaged before anything moves, at most 600 s. The
+    /// specimens hold meanwhile. 0 skips it. Default: 0.2 s with `link` or a relative zero,
+    /// otherwise 0.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub zero_s: Option<f64>,
-    /// Whether the operator must confirm what was read, which must then be something: not with a `zero_s` of 0. Where nothing is
-    /// read, as of computed specimens without a `zero_s`, nobody is asked. Where a channel takes its zero from it, he must in any
-    /// case.
+    /// If true, the operator must confirm the averaged readings before anything moves. `zero_s`
+    /// must not be 0 then. A relative zero always needs a confirmation.
+    #[schemars(example = true)]
     pub confirm: bool,
-    /// Shortest wall time in s in which a specimen is moved to where the test begins, and in which a static load comes on;
-    /// longer where half of a velocity limit would be passed, and at least 1 s on the way from where a specimen says that it
-    /// stands if it has no such limit. Nobody is moved before every specimen has answered. A static load takes longer, too, where
-    /// an actuator lags: after each part of it every specimen comes to rest first. At most 3600.
+    /// Shortest wall time of the move to the start of the test, and of applying the static load, at
+    /// most 3600 s. The time is longer if the speed would exceed half of a velocity limit. Without
+    /// such a limit, the move takes at least 1 s.
+    #[schemars(example = 5.0)]
     pub ramp_s: f64,
-    /// Wall time in s in which a hold brings the specimens to rest, and in which they come to the test's pace again; the first
-    /// steps after a resumed test's start are eased in the same way. What a compensator is ahead by changes no faster than that,
-    /// also where a late target slows the test down. 0: at once, at the next tick. At most 600.
+    /// Wall time of the hold ramp, at most 600 s. A hold brings the specimens to rest in this time,
+    /// and a continued or resumed test returns to its pace in it. 0 stops at the next tick.
+    #[schemars(example = 1.0)]
     pub ease_s: f64,
-    /// Where the specimens are left after a trip. "zero_force" needs a stiffness of every axis. One that cannot be relied on is not
-    /// moved, whatever is chosen: its link is lost, its answers stay away, its interlock is open, or it reports a sensor or actuator
-    /// at the end of its range. On the way of "zero_force" all axes go together, as the stiffness has it, until the forces are
-    /// small (1 % of the largest) and still. The specimen stays where `sensor_force_n` tripped, or where the force has jumped by
-    /// more than `force_step_n` and not come back: there is no force to go by. The way ends where the force does not follow the
-    /// motion, grows, or is gone at once, and after 120 s, or three times what it takes by the stiffness. The ways to a displacement
-    /// need no force. What tripped stops the way out only if it gets worse by 5 % or is crossed on its other side. While an actuator
-    /// only goes on to where its last command has sent it, neither its displacement and following error nor a force of its specimen
-    /// stop it; any other limit that trips on the way leaves all specimens where
-    /// they are.
+    /// End position of the specimens after a trip. Every choice but "freeze" moves them and
+    /// requires `exit_speed_m_per_s`. A specimen with a lost link, an open interlock or a saturated
+    /// sensor or actuator never moves. More: guide, limits.
+    #[schemars(example = &"zero_force")]
     pub on_trip: ExitChoice,
-    /// Where they are left after the last step, or when the operator ends the test. A test that ends in motion stops there at once,
-    /// whatever acceleration that is; a hold before the end eases it. Of the stop the far end of a link of our own protocol is told;
-    /// the server of another one may trip on it by a limit of its own.
+    /// End position of the specimens after the last step, or after the operator stops the test.
+    /// Every choice but "freeze" requires `exit_speed_m_per_s`. A test that is still in motion at
+    /// its last step stops abruptly; a hold before the end avoids that.
+    #[schemars(example = &"zero_displacement")]
     pub at_end: ExitChoice,
-    /// `gusset run --resume`: how far in m, at the specimen, each axis may stand from where it was left. Absent: half as much
-    /// again as it was ever off its command; after a kill or an internal error, or where it was lost, also the way of its last
-    /// commands in 0.05 s, or of one command where that is longer, since as much of the record can be lost. An axis that stands
-    /// elsewhere is refused, unless `--accept-changed` gives a reason.
+    /// Largest difference between the position of an axis at `gusset run --resume` and its last
+    /// position, at the specimen. Default: 1.5 times the largest following error; after a kill also
+    /// the motion of the last 0.05 s. `--accept-changed` accepts a larger difference.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 0.0005)]
     pub resume_within_m: Option<f64>,
-    /// `gusset run --resume`: how far in N, at the specimen, the force of each axis may differ from the last one of the interrupted
-    /// test. Absent: 2 % of the recorded peak force, and five times the noise of the load cell: as declared, else as measured
-    /// before the test. Where the displacement differs too, the force is expected to differ by the initial stiffness times that. After a
-    /// kill the specimen may have yielded on the way of the lost commands: a force between the two passes as well. What differs by more
-    /// is refused, unless `--accept-changed` gives a reason.
+    /// Largest difference between the force of an axis at `gusset run --resume` and its last force,
+    /// at the specimen. Default: 2 % of the recorded peak force plus five times the noise. A change
+    /// of position adds its elastic force. `--accept-changed` accepts a larger difference.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 500.0)]
     pub resume_within_n: Option<f64>,
-    /// `gusset run --resume`: whether a load cell with a relative zero takes what it reads now beyond its last reading for drift
-    /// of its zero. Else the old zero holds, and the difference is told: what was left in motion has lost a real force.
+    /// If true, `gusset run --resume` treats a changed reading of a load cell with a relative zero
+    /// as drift of that zero. If false, the old zero stays valid and the difference is a real
+    /// force. Default: false.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
+    #[schemars(example = true)]
     pub resume_takes_force_drift: bool,
-    /// Largest speed in m/s of the specimen on the way there, at least 1e-6; needed for every way but "freeze".
+    /// Largest speed of a specimen on the move to its end position, at least 1e-6. Required by
+    /// every end position but "freeze".
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 0.001)]
     pub exit_speed_m_per_s: Option<f64>,
-    /// Share of the room for stability that tangents beyond their declared bounds use up, by the estimates of all axes:
-    /// below 1 the integration is stable. Absent: warned of beyond 1. Known where the proof of stability is.
+    /// Stability margin used by tangents that exceed their declared bounds, estimated from all
+    /// axes. Below 1 the integration is stable. Default: a warning above 1. Not available without a
+    /// proof of stability.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = serde_json::json!({"warn": 0.8, "trip": 1.0}))]
     pub stability_used: Option<BoundSpec>,
-    /// Lag of a specimen in parts of the critical delay at its stiffness, both as fitted over the last seconds of motion: the worst
-    /// of all axes, after two periods of motion; at 1 the margin is used up and the test grows. The critical delay is that of a
-    /// linear structure with one axis late at a time, in continuous time, with gaps as they are at rest and dampers as small motions
-    /// find them: what only a damper of a power beyond 1 holds goes beyond 1 here, and may stay small all the same. Absent: warned of beyond 1. Known of specimens with a
-    /// `transfer`, a `compensation` or a bound of their lag, of all if it is given, in structures that are small enough to tabulate
-    /// it.
+    /// Lag of a specimen divided by its critical delay, for the worst axis, over the last seconds
+    /// of motion. At 1 the response of a linear structure grows. Default: a warning above 1. More:
+    /// guide, mathematics-coupling.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = serde_json::json!({"warn": 0.7, "trip": 1.0}))]
     pub delay_used: Option<BoundSpec>,
-    /// What the exact audit of the steps leaves over, in parts of the energy turned over: roundoff unless the program is at
-    /// fault. Absent: warned of beyond 1e-9, and the test stops beyond 1e-6, for structures of up to 64 DOFs.
+    /// Residual of the energy audit of the steps, divided by the exchanged energy. It is only
+    /// roundoff, unless the program has an error. Default: a warning above 1e-9 and a trip above
+    /// 1e-6, for up to 64 DOFs.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = serde_json::json!({"warn": 1.0e-9, "trip": 1.0e-6}))]
     pub step_audit: Option<BoundSpec>,
-    /// Energy that the transfer systems of all specimens have added because they are not where they should be, in parts of the
-    /// energy that the test has taken in so far: the work of loads and base, and the largest kinetic energy. Absent: not
-    /// bounded. `added_energy_j` at a specimen's limits bounds one axis in J.
+    /// Energy added by the tracking errors of all specimens, divided by the energy input so far.
+    /// The input is the work of loads and base motion, plus the largest kinetic energy. Default: no
+    /// limit. `limits.added_energy_j` limits a single axis.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub added_energy_share: Option<ShareSpec>,
-    /// Why a specimen behind a link may be without a trip level of `command_disp_m` and `measured_force_n`; without a reason
-    /// such a test is refused. Limits that are given hold all the same.
+    /// Reason why a specimen with `link` may move without trip levels of `command_disp_m` and
+    /// `measured_force_n`. Without a reason, such a test is refused. All other limits stay active.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"Elastic specimen; the servo controller has its own limits")]
     pub unlimited: Option<String>,
-    /// Why a test whose loop is unstable, or whose method has no proof of stability, may move a specimen behind a link.
-    /// Without a reason `run` refuses such a test. The reason is written to the summary and the report.
+    /// Reason why a test may move a specimen with `link` although its loop is unstable or stability
+    /// is not proven. Without a reason, `run` refuses such a test. The reason is written to the
+    /// summary and the report.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"Stability is shown by the identified tangent, see the test plan")]
     pub accept_unstable: Option<String>,
-    /// Why a test may move a specimen behind a link although its rehearsal diverges, stops early, trips a limit or needs more
-    /// than a capacity. Without a reason `run` refuses such a test. The reason is written to the summary and the report.
+    /// Reason why a test may move a specimen with `link` although its rehearsal diverges, stops
+    /// early, trips or exceeds a capacity. Without a reason, `run` refuses such a test. The reason
+    /// is written to the summary and the report.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"The rehearsal trips only at the end, where the specimen may fail")]
     pub accept_trip: Option<String>,
 }
 
@@ -150,17 +156,21 @@ impl SafetyTable {
     }
 }
 
-/// Levels of a share of energy; at least one of them is given.
+/// Levels of an energy ratio. Give `warn`, `trip` or both.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ShareSpec {
-    /// Beyond this share an event is written.
+    /// Beyond this ratio, the controller writes an event.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 0.05)]
     pub warn: Option<f64>,
-    /// Beyond this share the test ends.
+    /// Beyond this ratio, the specimens hold and the test ends.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 0.1)]
     pub trip: Option<f64>,
-    /// J that count as taken in from the start: a test that has hardly begun must not trip over a trifle.
+    /// Energy that is added to the energy input from the start. It prevents a trip while the test
+    /// has hardly begun.
+    #[schemars(example = 1.0)]
     pub floor_j: f64,
 }
 
@@ -175,19 +185,21 @@ impl ShareSpec {
     }
 }
 
-/// Where a specimen is left. Driving a damaged one home can destroy it: everything but "freeze" is asked for by name.
+/// End position of a specimen. A move can destroy a damaged specimen, so the default is "freeze".
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ExitChoice {
-    /// Where it is.
+    /// Current position. The specimen does not move.
     #[default]
     Freeze,
-    /// Where its forces are small, by their means over twice 0.05 s: a hundredth of the largest of the test, but for the measurement
-    /// that tripped it, or within the noise. While answers stay away it rests.
+    /// Position with zero force: all axes move together until their mean forces are below 1 % of
+    /// the largest force, or within the noise. Each axis needs a stiffness. The move stops if the
+    /// force does not follow. It lasts at most 120 s, or three times the expected time if that is
+    /// longer.
     ZeroForce,
-    /// At zero deformation.
+    /// Position with zero deformation.
     ZeroDisplacement,
-    /// At its `safe_disp_m`.
+    /// Position given by `safe_disp_m` of the specimen.
     SafeDisplacement,
 }
 
@@ -204,13 +216,13 @@ impl ExitChoice {
     }
 }
 
-/// Whether a channel keeps its declared zero.
+/// Zero of a measured quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ZeroChoice {
-    /// The declared offset holds; what is read before the test is only told.
+    /// The offset in the file is the zero. The reading before the test is only reported.
     #[default]
     Absolute,
-    /// What is read before the test is the zero.
+    /// The reading before the test is the zero.
     Relative,
 }

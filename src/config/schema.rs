@@ -1,7 +1,7 @@
 //! The test file: its tables, their keys, units and defaults.
 //!
-//! Plain data. What a table means is built elsewhere; what is contradictory is said by [`super::check`]. The comments on
-//! the fields are the text of `gusset schema`. Unknown keys are refused everywhere.
+//! Plain data. [`super::check`] reports contradictions. The comments on the fields are the text of `gusset schema` and of
+//! the configuration reference, so they are written for users. Unknown keys are refused everywhere.
 
 use std::collections::BTreeMap;
 
@@ -18,50 +18,53 @@ use super::variant;
 use crate::model::{DampingSpec, ElementSpec, StructureSpec};
 use crate::rt::TimingSpec;
 
-/// One hybrid test, from its structure to its record. SI units; keys of quantities carry the unit.
+/// One hybrid test: the structure, its excitation, its specimens, its limits and its record. Values
+/// are in SI units unless the key or a unit beside it says otherwise.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TestFile {
-    /// Name of the test for the report and for the name of the run folder; no control or other hidden characters. Default: the
-    /// file's own name.
+    /// Name of the test, used in the report and in the name of the run folder. Control characters
+    /// and other hidden characters are refused. Default: the name of the file.
     #[serde(default)]
     pub title: String,
-    /// Step, duration and clock.
+    /// Integration step, duration and clock.
     pub time: TimeTable,
-    /// The numerical substructure. Without it the specimens are driven along a prescribed displacement.
+    /// Numerical substructure. Without this table nothing is integrated, and
+    /// `excitation.prescribed_displacement` moves the specimens.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub structure: Option<StructureTable>,
-    /// The time integration.
+    /// Time integration.
     #[serde(default)]
     pub integrator: IntegratorTable,
-    /// What moves the structure. Without any, it vibrates freely from its initial state.
+    /// Ground motion, forces or prescribed displacements. Without them the structure vibrates
+    /// freely from its initial state.
     #[serde(default)]
     pub excitation: ExcitationTable,
-    /// What is commanded and measured, one table each.
+    /// Specimens, one `[[specimen]]` table each.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub specimen: Vec<SpecimenTable>,
-    /// Bounds that stop the test.
+    /// Startup, limits of the whole test, and the end position of the specimens.
     #[serde(default)]
     pub safety: SafetyTable,
-    /// What is asked of the machine, and what happens when a deadline is missed.
+    /// Real-time scheduling, and the response to missed deadlines.
     #[serde(default)]
     pub timing: TimingSpec,
-    /// What is recorded.
+    /// Contents of the record.
     #[serde(default)]
     pub record: RecordTable,
-    /// What `check --rehearse` runs and allows.
+    /// Number of trials and allowed errors of `gusset check --rehearse`.
     #[serde(default, skip_serializing_if = "CertificateTable::is_default")]
     pub certificate: CertificateTable,
-    /// Numbers of this file that are not known exactly: `check --rehearse` draws them anew for each trial.
+    /// Uncertain values of this file. `gusset check --rehearse` draws new values for each trial.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub uncertainty: Vec<UncertaintyTable>,
 }
 
-/// The numerical substructure: exactly one of `shear_building`, `matrices` and `chain`, and what stands with it.
+/// Numerical substructure. Give exactly one of `shear_building`, `matrices` and `chain`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StructureTable {
-    /// Floors on storeys, from the ground up.
+    /// Shear building: one mass for each floor, one spring and one dashpot for each storey.
     #[serde(
         default,
         deserialize_with = "read_shear_building",
@@ -70,7 +73,7 @@ pub struct StructureTable {
     )]
     #[schemars(schema_with = "shear_building_schema")]
     pub shear_building: Option<StructureSpec>,
-    /// Mass, damping and stiffness as matrices, inline or from files.
+    /// Mass, damping and stiffness matrices, written here or read from files.
     #[serde(
         default,
         deserialize_with = "read_matrices",
@@ -79,7 +82,7 @@ pub struct StructureTable {
     )]
     #[schemars(schema_with = "matrices_schema")]
     pub matrices: Option<StructureSpec>,
-    /// A chain of equal masses, for large models.
+    /// Chain of equal masses, springs and dashpots. Use it to test large models.
     #[serde(
         default,
         deserialize_with = "read_chain",
@@ -88,22 +91,29 @@ pub struct StructureTable {
     )]
     #[schemars(schema_with = "chain_schema")]
     pub chain: Option<StructureSpec>,
-    /// Viscous damping by rule, in place of dashpots or a damping matrix in the structure's own table.
+    /// Viscous damping by a rule, for example Rayleigh damping. Use it instead of the dashpots or
+    /// the damping matrix of the structure.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub damping: Option<DampingSpec>,
-    /// Displacement of every DOF at t = 0 in m, counted from its position under the static load. Default: zero.
+    /// Displacement of each DOF at t = 0, relative to its position under the static load. The unit
+    /// is m, or rad for a rotation. Default: zero.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = [0.01, 0.02, 0.03])]
     pub initial_displacement_m: Option<Vec<f64>>,
-    /// Velocity of every DOF at t = 0 in m/s. Default: zero.
+    /// Velocity of each DOF at t = 0. The unit is m/s, or rad/s for a rotation. Default: zero.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = [0.0, 0.0, 0.1])]
     pub initial_velocity_m_per_s: Option<Vec<f64>>,
-    /// Force on every DOF in N, brought on before t = 0 and held throughout.
+    /// Constant force on each DOF, in N, or in N m for a rotation. It is applied before t = 0 and
+    /// stays constant. Default: none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub static_load_n: Option<Vec<f64>>,
-    /// Weight as a static load M·ι·g, brought on before t = 0 and held throughout; adds to `static_load_n`.
+    /// Weight of the structure as a static load, M·ι·g. It is applied before t = 0 and is added to
+    /// `static_load_n`. Default: none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gravity: Option<GravityTable>,
-    /// DOFs of `matrices` that are rotations, from 1: rad in place of m, N m in place of N, recorded and shown as such.
+    /// Numbers of the DOFs of `matrices` that are rotations, from 1. Their units are rad and N m in
+    /// the file, the record and the report. Default: none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub rotations: Vec<usize>,
     /// Nonlinear springs and dampers between two DOFs, or between a DOF and the ground.
@@ -126,90 +136,119 @@ impl StructureTable {
     }
 }
 
-/// Weight as a static load.
+/// Weight of the structure as a static load.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GravityTable {
-    /// Acceleration g in m/s².
+    /// Acceleration of gravity g.
     #[serde(default = "standard_gravity")]
+    #[schemars(example = 9.81)]
     pub accel_m_per_s2: f64,
-    /// Influence vector ι, one number per DOF: which way is down, as the DOF counts it.
+    /// Influence vector ι, one number for each DOF. It is the direction of gravity in the DOFs: −1
+    /// for a vertical DOF that is positive upwards.
+    #[schemars(example = [0.0, -1.0, 0.0])]
     pub influence: Vec<f64>,
 }
 
-/// The time integration.
+/// Time integration.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct IntegratorTable {
-    /// The method. Only "gui", and "kr_alpha" and "mkr_alpha" with weighted forces, may command a specimen.
+    /// Integration method. A specimen needs "gui", or "kr_alpha" or "mkr_alpha" with `weighting =
+    /// "forces"`. Use the other methods to compare purely numerical tests. More: guide,
+    /// mathematics-integrator.
+    #[schemars(example = &"kr_alpha")]
     pub method: Method,
-    /// λ of the family: a number, `inf`, or "auto" for the largest that is proven stable (at most 11.5).
+    /// Parameter λ of the Gui-λ family: a number, `inf` or "auto". "auto" takes the largest λ that
+    /// is proven stable, at most 11.5. λ = 4 is the Chen–Ricles method.
     pub lambda: LambdaValue,
-    /// λ of single storeys ("storey 2"), springs of a chain ("spring 7"), elements or specimens, by name: a number or
-    /// `inf`. `lambda` is then that of the rest; with "auto" the largest that is stable together with these.
+    /// Own λ of single parts, by name: storeys ("storey 2"), springs of a chain ("spring 7"),
+    /// elements or specimens. All other parts use `lambda`. With `lambda = "auto"`, that value is
+    /// the largest that is stable together with these.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    #[schemars(example = serde_json::json!({"storey 1": 4, "brace": 2}))]
     pub lambda_of_element: BTreeMap<String, LambdaValue>,
-    /// λ of the lowest modes of the initial structure, in order: numbers or `inf`. `lambda` is then that of all other
-    /// modes. For structures of up to 300 degrees of freedom.
+    /// Own λ of the lowest modes of the initial structure, in ascending order. All other modes use
+    /// `lambda`. The structure may have at most 300 DOFs.
     #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[schemars(example = [4.0, 4.0])]
     pub lambda_of_mode: Vec<LambdaValue>,
-    /// Older form of `safety.accept_unstable`, without a reason.
+    /// Older form of `safety.accept_unstable`, without a reason. Use `safety.accept_unstable` in
+    /// new files. Default: false.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
+    #[schemars(example = true)]
     pub allow_unstable_lambda: bool,
-    /// Bound on how much a stiff mode amplifies a force error, for "auto". Default: 2 with a specimen, else 10.
+    /// Largest allowed amplification of a force error by a stiff mode. It limits the λ that `lambda
+    /// = "auto"` chooses. Default: 2 with a specimen, 10 without.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 2.0)]
     pub gain_bound: Option<f64>,
-    /// The first step.
+    /// First step of the Gui-λ family. "second-order" is more accurate if the initial acceleration
+    /// is not zero.
+    #[schemars(example = &"second-order")]
     pub start: Start,
-    /// ρ∞ of kr_alpha and mkr_alpha, which must have it: spectral radius at infinite frequency, 0 (most damping of high
-    /// frequencies) to 1 (none).
+    /// Spectral radius ρ∞ at infinite frequency, from 0 (strongest damping of high frequencies) to
+    /// 1 (none). "kr_alpha" and "mkr_alpha" require it. Source: Kolay & Ricles 2014 and 2019.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 0.9)]
     pub rho_infinity: Option<f64>,
-    /// What kr_alpha and mkr_alpha weigh. Default: forces.
+    /// Quantity that "kr_alpha" and "mkr_alpha" average between two steps. Default: "forces".
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"forces")]
     pub weighting: Option<Weighting>,
-    /// Increment over the largest response at which Newton's iteration ends, for methods that iterate. Default: 1e-10.
+    /// Convergence tolerance of Newton's iteration: the increment divided by the largest response.
+    /// Only for the Newmark methods, "central_difference" and "chang_2002". Default: 1e-10.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 1e-10)]
     pub newton_tolerance: Option<f64>,
-    /// Iterations of one step after which the test stops, for methods that iterate, at most 10000. Default: 50.
+    /// Maximum number of Newton iterations in a step. The test stops if the iteration does not
+    /// converge. Only for the methods with `newton_tolerance`. Default: 50.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = 10_000))]
+    #[schemars(example = 50)]
     pub newton_iterations: Option<u32>,
 }
 
-/// Integration methods. Those that need the forces of the step they are making run only tests without a specimen.
+/// Integration method. Methods that iterate, or that need the force of the current step, cannot
+/// command a specimen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
-    /// The Gui-λ family (Gui, Wang, Jin & Chen 2014): explicit, one solve per step; λ = 4 is Chen-Ricles.
+    /// Gui-λ family: explicit, one linear solve for each step. λ = 4 is the Chen–Ricles method.
+    /// Source: Gui, Wang, Jin & Chen 2014.
     #[default]
     Gui,
-    /// Newmark with β = 1/4: average acceleration, iterated to equilibrium.
+    /// Newmark's method with β = 1/4: constant average acceleration, iterated to equilibrium.
     NewmarkAverage,
-    /// Newmark with β = 1/6: linear acceleration, iterated to equilibrium.
+    /// Newmark's method with β = 1/6: linear acceleration, iterated to equilibrium.
     NewmarkLinear,
-    /// Newmark with β = 0: explicit in displacement.
+    /// Newmark's method with β = 0: explicit in displacement.
     NewmarkExplicit,
-    /// Central differences: explicit in displacement.
+    /// Central difference method: explicit in displacement.
     CentralDifference,
-    /// Chang 2002: explicit in displacement, unconditionally stable for linear and softening systems.
+    /// Method of Chang 2002: explicit in displacement, unconditionally stable for linear and
+    /// softening systems.
     #[serde(rename = "chang_2002")]
     Chang2002,
-    /// KR-α (Kolay & Ricles 2014): explicit, with numerical damping by `rho_infinity`.
+    /// KR-α method: explicit, with numerical damping by `rho_infinity`. Source: Kolay & Ricles
+    /// 2014.
     KrAlpha,
-    /// MKR-α (Kolay & Ricles 2019): explicit, with numerical damping by `rho_infinity`.
+    /// MKR-α method: explicit, with numerical damping by `rho_infinity`. Source: Kolay & Ricles
+    /// 2019.
     MkrAlpha,
 }
 
-/// What the α methods weigh between two steps.
+/// Quantity that the α methods average between two steps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Weighting {
-    /// The forces of both steps. Recorded accelerations follow from equilibrium at the end of the step.
+    /// Average the forces of both steps. Recorded accelerations satisfy equilibrium at the end of
+    /// the step.
     #[default]
     Forces,
-    /// The states, at which the force is then evaluated, as open-source finite-element programs do. Recorded accelerations are
-    /// those that the method goes on with.
+    /// Average the states and evaluate the force there, as open-source finite-element programs do.
+    /// Recorded accelerations are the internal accelerations of the method. A specimen cannot use
+    /// it.
     State,
 }
 
@@ -248,32 +287,38 @@ impl IntegratorTable {
     }
 }
 
-/// The first step.
+/// First step of the Gui-λ family.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Start {
-    /// As printed in the paper: half a step off when the initial acceleration is not zero.
+    /// First step as published. Displacements are of first order in Δt if the initial acceleration
+    /// is not zero.
     #[default]
     Published,
-    /// With a corrected first velocity: displacements of second order from the start.
+    /// First step with a corrected velocity. Displacements are of second order in Δt from the
+    /// start.
     SecondOrder,
 }
 
-/// What is recorded.
+/// Contents of the record.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RecordTable {
-    /// DOFs whose motion is recorded: "all", or numbers from 1. Default: all up to 64 DOFs, beyond that those of the
-    /// specimens and the two ends.
+    /// DOFs whose motion is recorded: "all", or a list of numbers from 1. Default: all DOFs of a
+    /// model with up to 64. For larger models: the first, the last and those of the specimens.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"all")]
     pub dofs: Option<DofChoice>,
-    /// Seconds of rows that the queue to the writer holds before rows are lost, at most 600.
+    /// Length of the queue between the loop and the writer, in seconds of rows, at most 600. If the
+    /// disk stalls longer than that, rows are lost.
+    #[schemars(example = 8.0)]
     pub queue_s: f64,
-    /// Whether a lost row makes the test a failed one (exit code 1), and so a record that others deleted or changed while the test
-    /// ran, and one whose summary could not be written.
+    /// If true, an incomplete record makes the run fail with exit code 1. Examples are a lost row,
+    /// a changed file, or a summary that cannot be written.
     pub required: bool,
-    /// Wall time in s from one checkpoint to the next, at most 3600: a digest of the test's state in the events, against which a test that
-    /// goes on after an interruption (`gusset run --resume`) is proven.
+    /// Wall time between two checkpoints, at most 3600 s. A checkpoint is a digest of the state of
+    /// the test. `gusset run --resume` compares its recomputed state with it.
+    #[schemars(example = 2.0)]
     pub checkpoint_s: f64,
 }
 

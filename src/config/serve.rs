@@ -30,79 +30,86 @@ use crate::wire::key::PreSharedKey;
 /// Longest silence in s after which a client counts as gone: a day.
 const IDLE_S: f64 = 86_400.0;
 
-/// Specimens to be served.
+/// Specimens for `gusset serve`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ServeFile {
-    /// For people.
+    /// Title of the file.
     #[serde(default)]
     pub title: String,
-    /// What can be served, one table each; one of them at a time.
+    /// Specimens, one table each. `gusset serve` serves one of them at a time.
     #[serde(default)]
     pub specimen: Vec<SpecimenTable>,
-    /// How it is offered.
+    /// Address, protocol and access.
     #[serde(default)]
     pub serve: ServeTable,
-    /// Only `unlimited` has an effect: all other bounds are of a test's response, which a server does not know.
+    /// Only `unlimited` has an effect. All other keys need the response of a structure, which a
+    /// server does not have.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub safety: Option<SafetyTable>,
-    /// What is asked of the machine for the data thread. Default: nothing.
+    /// Real-time scheduling of the data thread. Default: normal scheduling.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub timing: Option<TimingSpec>,
-    /// How it is recorded, with `--out`: `queue_s` and `required`.
+    /// Recording with `--out`. Only `queue_s` and `required` have an effect.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub record: Option<RecordTable>,
 }
 
-/// How specimens are offered. The command line overrides each key.
+/// Address, protocol and access of `gusset serve`. Options of the command line override these keys.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ServeTable {
-    /// Where to listen, "host:port". Default: 127.0.0.1:4823.
+    /// Address and port of the server, "host:port". Default: "127.0.0.1:4823".
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"0.0.0.0:4823")]
     pub listen: Option<String>,
-    /// What is spoken.
+    /// Protocol of the server. Default: "gusset".
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"openfresco")]
     pub protocol: Option<Offer>,
-    /// How the bytes travel.
+    /// Transport of the data: TCP, UDP or TLS. Default: "tcp".
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"tls")]
     pub transport: Option<Carrier>,
-    /// For `transport = "tls"` only.
+    /// Certificates for `transport = "tls"`.
     pub tls: ServeTlsSpec,
-    /// File with the pre-shared key, relative to this file. Beyond loopback our own protocol wants this or TLS. A file that all
-    /// users of the machine can read or change is refused (`chmod 600`).
+    /// File that contains the pre-shared key, relative to this file. Beyond loopback, the protocol
+    /// of Gusset requires this or TLS. Other users must not have access to it (`chmod 600`).
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"laboratory.key")]
     pub key_file: Option<String>,
-    /// The computed specimen keeps its state, its limits' history and its trip between sessions, as a real one does. An
-    /// interrupted test can then be resumed as long as this server runs. Default: each session finds it as new.
+    /// If true, a simulated specimen keeps its state, the history of its limits and its trip
+    /// between sessions, as a physical one does. An interrupted test can then be resumed. Default:
+    /// false, each session starts with a new specimen.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
+    #[schemars(example = true)]
     pub remembers: bool,
-    /// For `protocol = "openfresco…"` only.
+    /// Settings for `protocol = "openfresco…"`.
     pub openfresco: OpenFrescoServeSpec,
 }
 
-/// A specimen that is ready to be served, and how the file wants it to be.
+/// A specimen that is ready to be served, with the settings of its file.
 #[derive(Debug)]
 pub struct Served {
     /// The specimen.
     pub host: Host,
-    /// Wishes of the file; empty for a test file.
+    /// Settings of the file; empty for a test file.
     pub serve: ServeTable,
     /// The key that the file names.
     pub key: Option<PreSharedKey>,
-    /// What is asked of the machine.
+    /// Real-time scheduling of the data thread.
     pub timing: Option<TimingSpec>,
     /// The file as given, byte for byte.
     pub text: String,
-    /// What of it is served.
+    /// The part of the file that is served.
     pub file: ServeFile,
     /// The file has other specimens, too.
     pub among_others: bool,
-    /// What the user should know.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
-    /// Where each key of the file stands.
+    /// Position of each key in the file.
     pub locator: Locator,
-    /// The place of its table in the file.
+    /// Path of its table in the file.
     pub place: KeyPath,
     /// The `rows` of a served file. A test file has none, because its `rows` are those of its structure.
     pub transformation: Option<Transformation>,

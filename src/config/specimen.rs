@@ -1,4 +1,4 @@
-//! `[[specimen]]`: what a specimen sees, what is believed of it, and what stands for it.
+//! `[[specimen]]`: deformation, estimates, law or link, limits and capacity of a specimen.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -17,59 +17,71 @@ use crate::specimen::SpecimenLaw;
 use crate::transfer::TransferSpec;
 use crate::wire::handshake::Unit;
 
-/// One specimen. Exactly one of `law`, `laws`, `coupled` and `link` is given; with a structure also exactly one of `storey` and
-/// `rows`.
+/// One specimen. Give exactly one of `law`, `laws`, `coupled` and `link`. In a test with a
+/// structure, also give exactly one of `storey` and `rows`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SpecimenTable {
-    /// Name, unique in the file: letters, digits, `-`, `_` and `.`, for it names files.
+    /// Name of the specimen, unique in the file. Letters, digits, `-`, `_` and `.` are allowed,
+    /// because the name is part of file names.
     pub name: String,
-    /// Storey, from 1 at the bottom, whose deformation the specimen sees.
+    /// Storey whose deformation the specimen follows, from 1 at the bottom. Use `rows` for any
+    /// other deformation.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1))]
+    #[schemars(example = 1)]
     pub storey: Option<usize>,
-    /// Rows B of the transformation d = B·x: one row per axis (with `geometry` one per coordinate of its platform), one column
-    /// per DOF. In a file of `gusset serve` x are the displacements that a client of OpenFresco's protocols commands: it gets the
-    /// force Bᵀ·f and the matrices Bᵀ·K·B, in the one unit of all axes. A displacement that it asks for is the nearest to its
-    /// command that agrees with the measured d. `limits` are those of the axes.
+    /// Transformation B from the DOFs to the axes, d = B·x. Give one row for each axis, or for each
+    /// coordinate of the platform with `geometry`. In a file of `gusset serve`, B transforms the
+    /// displacements of an OpenFresco client. More: guide, opensees.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rows: Option<Vec<Vec<f64>>>,
-    /// Loading unit: the axes are the actuators that hold a platform, and `rows` give its pose. Default: none, every axis is
-    /// a deformation by itself.
+    /// Loading unit: several actuators that hold one platform. The axes are then the actuators, and
+    /// `rows` give the pose of the platform. Default: none, each axis is one deformation.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub geometry: Option<GeometrySpec>,
-    /// Estimate of the initial stiffness in N/m at the structure's scale, which enters K0: a number or a matrix. Too
-    /// large costs accuracy, too small costs stability. Default: the law's own; behind a link it must be given.
+    /// Estimate of the initial stiffness at the structure's scale: a number or a matrix. Too large
+    /// a value costs accuracy, too small a value costs stability. Default: the initial stiffness of
+    /// the law. Required with `link`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stiffness_n_per_m: Option<MatrixValue>,
-    /// Estimate of the initial damping in N s/m at the structure's scale, which enters C0. Default: the law's own.
+    /// Estimate of the initial damping at the structure's scale: a number or a matrix. Default: the
+    /// initial damping of the law; zero with `link`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub damping_n_s_per_m: Option<MatrixValue>,
-    /// Upper bound of the tangent stiffness of a specimen behind a link, as a multiple of `stiffness_n_per_m`, for the
-    /// proof of stability. Default: 1, it never hardens.
+    /// Upper bound of the tangent stiffness of a specimen with `link`, divided by
+    /// `stiffness_n_per_m`. The proof of stability uses it. Default: 1, the specimen never becomes
+    /// stiffer.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 1.5)]
     pub hardening_bound: Option<f64>,
-    /// Largest deformation expected in m: bounds the tangent of a hardening law for the proof of stability.
+    /// Largest expected deformation, at the structure's scale. The proof of stability uses it to
+    /// bound the tangent stiffness of a hardening law. Default: none.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 0.05)]
     pub reach_disp_m: Option<f64>,
-    /// Largest velocity of deformation expected in m/s: bounds the tangent of a nonlinear damper.
+    /// Largest expected deformation velocity, at the structure's scale. The proof of stability uses
+    /// it to bound the tangent damping of a nonlinear damper. Default: none.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 0.5)]
     pub reach_vel_m_per_s: Option<f64>,
-    /// Mass in kg whose inertia is already in the measured force: it loads the structure but is not counted in M. The force is a
-    /// step late, so the proof of stability takes it from M. A damping rule counts it: its ratios are those of all that moves. Not
-    /// with a base displacement.
+    /// Mass whose inertia is already part of the measured force, so the structure must not contain
+    /// it. The proof of stability subtracts it from M, because the measured force is one step late.
+    /// Damping rules include it. A base displacement is refused with it.
     #[serde(default)]
     pub mass_in_force_kg: f64,
-    /// Scale of the specimen to the structure. Default: full scale.
+    /// Scale factors between structure and specimen. Default: full scale.
     #[serde(default)]
     pub similitude: SimilitudeTable,
-    /// One table per axis: gear, offsets and units. Default for all axes: none, zero, SI.
+    /// Scale, offset and units of each axis, one `[[specimen.axis]]` table each. Default: no scale,
+    /// no offset, SI units.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub axis: Vec<AxisTable>,
-    /// Bounds of every axis. Each `warn` and each `trip` of an axis' own `limits` replaces the one here.
+    /// Limits of all axes. `limits` of a single `axis` override single levels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub limits: Option<LimitsSpec>,
-    /// The same law on every axis, each with a memory of its own.
+    /// Force law of a simulated specimen. All axes have the same law, and each axis has its own
+    /// state.
     #[serde(
         default,
         deserialize_with = "read_law",
@@ -78,7 +90,7 @@ pub struct SpecimenTable {
     )]
     #[schemars(schema_with = "law_schema")]
     pub law: Option<SpecimenLaw>,
-    /// One law per axis; the axes do not know of each other.
+    /// Force law of each axis of a simulated specimen. The axes are independent of each other.
     #[serde(
         default,
         deserialize_with = "read_laws",
@@ -86,8 +98,9 @@ pub struct SpecimenTable {
         skip_serializing_if = "Option::is_none"
     )]
     #[schemars(schema_with = "laws_schema")]
+    #[schemars(example = serde_json::json!([{"linear": {"stiffness_n_per_m": 1.0e6}}, {"linear": {"stiffness_n_per_m": 5.0e5}}]))]
     pub laws: Option<SpecimenLaw>,
-    /// Axes that know of each other: one law between them.
+    /// Linear law of a simulated specimen with several coupled axes.
     #[serde(
         default,
         deserialize_with = "read_coupled",
@@ -96,51 +109,56 @@ pub struct SpecimenTable {
     )]
     #[schemars(schema_with = "coupled_schema")]
     pub coupled: Option<SpecimenLaw>,
-    /// Actuator and sensors that the law stands behind. Default: none, the law follows its command at once.
+    /// Simulated actuator and sensors of a simulated specimen. Default: none, the specimen follows
+    /// its command at once.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transfer: Option<TransferSpec>,
-    /// How commands are made up for the actuator, between targets and what is sent. Default: not at all.
+    /// Compensation of the actuator dynamics. It computes the commands from the targets. Default:
+    /// none, the command is the target. More: guide, actuators.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub compensation: Option<CompensationSpec>,
-    /// Displacement of each axis in m, at the specimen's scale, at which it is left by "safe_displacement".
+    /// Displacement of each axis, at the specimen's scale, for the end position
+    /// "safe_displacement".
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = [0.0])]
     pub safe_disp_m: Option<Vec<f64>>,
-    /// A specimen at the other end of a network. Its waits have longest ones: `connect_timeout_s`, `reply_timeout_s`,
-    /// `max_stale_s` and `watchdog_s` 3600 s, `probe_ramp_s` 600 s; and `spin_us` is at most 1e6.
+    /// Network connection to a specimen that another program controls or computes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub link: Option<LinkSpec>,
-    /// What stands for a specimen behind a link when `check` rehearses the test: `law`, `laws` or `coupled`, as for a
-    /// specimen of this process, at the specimen's scale. Default: linear, by `stiffness_n_per_m` and `damping_n_s_per_m`.
+    /// Simulated specimen that replaces a specimen with `link` in a rehearsal: `law`, `laws` or
+    /// `coupled`, at the specimen's scale. Default: linear, with `stiffness_n_per_m` and
+    /// `damping_n_s_per_m`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stand_in: Option<SpecimenLaw>,
-    /// Actuator and sensors that the stand-in of a specimen behind a link stands behind when `check` rehearses the test.
-    /// Default: those of `identified`, else none.
+    /// Simulated actuator and sensors that replace those of a specimen with `link` in a rehearsal.
+    /// Default: delay, gain and noise of `identified`, otherwise none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stand_in_transfer: Option<TransferSpec>,
-    /// A drill: the code of this specimen breaks down on purpose, to see the test end as it would with a bug. Only for a
-    /// specimen that is computed by `gusset run`; rehearsals, replays, identifications and a test that goes on after it are
-    /// without it. Default: none.
+    /// Fault injection: this simulated specimen fails on purpose. Use it to see how the test ends
+    /// after an internal error. Rehearsals, replays and resumed tests ignore it. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drill: Option<DrillTable>,
-    /// What was identified of the specimen, its actuator and its sensors.
+    /// Measured properties of the specimen, its actuator and its sensors. `gusset identify` writes
+    /// this table. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub identified: Option<IdentifiedTable>,
-    /// What the rig can give.
+    /// Capacity of the actuators. `check` refuses a test whose rehearsal needs more. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub capacity: Option<CapacityTable>,
 }
 
-/// A failure that is meant.
+/// Fault injection in a simulated specimen.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DrillTable {
-    /// Test time in s from which on the specimen answers with a panic of the program: every specimen is retired with its last
-    /// command, the rows are kept, and `gusset run` exits with 5.
+    /// Test time at which the specimen panics. All specimens then stop, the record is kept, and
+    /// `gusset run` exits with code 5.
+    #[schemars(example = 5.0)]
     pub panic_at_s: f64,
 }
 
 impl SpecimenTable {
-    /// Actuator and sensors as far as they are known: the specimen's own, those of its stand-in, else what was identified.
+    /// The known actuator and sensors: those of the specimen, else those of its stand-in, else the identified ones.
     /// `pace` is the test time in a second of wall time.
     #[must_use]
     pub fn believed_transfer(&self, pace: f64) -> Option<TransferSpec> {
@@ -231,7 +249,7 @@ impl SpecimenTable {
         (0..axes).map(units).collect()
     }
 
-    /// The laws that stand for the specimen, by key; a checked file has exactly one, or a link.
+    /// The laws of a simulated specimen, by key. A checked file has exactly one, or a link.
     #[must_use]
     pub fn sources(&self) -> Vec<(&'static str, &SpecimenLaw)> {
         [
@@ -245,15 +263,18 @@ impl SpecimenTable {
     }
 }
 
-/// Ratios of the structure's quantities to the specimen's: d_structure = length · d_specimen, and so on.
+/// Scale factors, quantity of the structure divided by quantity of the specimen.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SimilitudeTable {
-    /// Lengths of the structure per length of the specimen: 10 for a specimen at one tenth.
+    /// Length scale: d_structure = length · d_specimen. 10 is a specimen at a scale of one to ten.
+    #[schemars(example = 2.0)]
     pub length: f64,
-    /// Forces of the structure per force of the specimen.
+    /// Force scale: f_structure = force · f_specimen.
+    #[schemars(example = 4.0)]
     pub force: f64,
-    /// Times of the structure per time of the specimen; velocities scale by length / time.
+    /// Time scale: t_structure = time · t_specimen. Velocities have the factor length / time.
+    #[schemars(example = 1.414)]
     pub time: f64,
 }
 
@@ -267,36 +288,47 @@ impl Default for SimilitudeTable {
     }
 }
 
-/// What lies between a deformation and the number that an axis is told.
+/// Conversion between the deformation and the command and measurement of one axis.
 ///
-/// Out: axis = (sign · scale · deformation + offset) in `unit_disp`. Back: force = sign · scale · (measured − offset), the
-/// measured one in `unit_force`; with the same factor on both ways the work is the same on both sides.
+/// The command is sign · scale · deformation + offset, in `unit_disp`. The force is sign · scale ·
+/// (measured − offset), with the measurement in `unit_force`. The equal factors conserve work.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AxisTable {
-    /// Gear of a lever between deformation and axis, greater than zero.
+    /// Motion of the axis for a unit deformation, for example the ratio of a lever. It must be
+    /// greater than 0.
+    #[schemars(example = 0.5)]
     pub scale: f64,
-    /// 1, or −1 where the axis counts the other way.
+    /// Sign between the axis and the deformation: 1, or −1 if the axis is positive in the opposite
+    /// direction.
     #[schemars(extend("enum" = [-1, 1]))]
+    #[schemars(example = -1)]
     pub sign: i8,
-    /// Axis position in m at which the deformation is zero. What stands in a rehearsal for a specimen behind a link has its zero
-    /// there, too; a `law` in this process is told the axis' position, as a controller of its own would be, and has its zero
-    /// where that is zero (at the reference pose if it stands at the platform of a `geometry`).
+    /// Position of the axis at zero deformation. A simulated `law` has its own zero at axis
+    /// position zero. The stand-in of a rehearsal has its zero at this offset.
+    #[schemars(example = 0.012)]
     pub offset_m: f64,
-    /// Reading of the load cell in N at which the force is zero: it is taken off what a `law` in this process gives, too.
+    /// Reading of the load cell at zero force. It is also subtracted from the force of a simulated
+    /// `law`.
+    #[schemars(example = 150.0)]
     pub offset_n: f64,
-    /// Unit of the displacements that the axis is commanded. Velocities, stiffnesses, dampings and masses on a link count in it, too.
-    /// Inches are for OpenFresco's protocols only. Limits stay in SI.
+    /// Unit of the displacements on a link. Velocities, stiffnesses, dampings and masses on the
+    /// link use it too. "in" needs an OpenFresco protocol. Limits stay in SI units.
     pub unit_disp: DispUnit,
-    /// Unit in which the axis tells its force. Stiffnesses, dampings and masses on a link count in it, too. "lbf" and "kip" are for
-    /// OpenFresco's protocols only.
+    /// Unit of the forces on a link. Stiffnesses, dampings and masses on the link use it too. "lbf"
+    /// and "kip" need an OpenFresco protocol. Limits stay in SI units.
     pub unit_force: ForceUnit,
-    /// Bounds of this axis. Each `warn` and each `trip` that is absent is as the specimen's `limits` say.
+    /// Limits of this axis. Each `warn` and `trip` level that is absent here is taken from `limits`
+    /// of the specimen.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub limits: Option<LimitsSpec>,
-    /// "relative": the deformation is zero where the axis stands before the test, and `offset_m` is not needed.
+    /// Zero of the displacement. With "relative", the deformation is zero at the position before
+    /// the test, and `offset_m` is not needed.
+    #[schemars(example = &"relative")]
     pub zero_disp: ZeroChoice,
-    /// "relative": the force is zero as the load cell reads it before the test, and `offset_n` is not needed.
+    /// Zero of the force. With "relative", the force is zero at the reading before the test, and
+    /// `offset_n` is not needed.
+    #[schemars(example = &"relative")]
     pub zero_force: ZeroChoice,
 }
 
@@ -311,7 +343,7 @@ impl AxisTable {
         .filter_map(|(key, known, unit)| unit.is_none().then_some((key, known)))
     }
 
-    /// What stands between a deformation and the axis, key by key, and whether it is given.
+    /// The keys that convert a deformation to the axis, and whether each is given.
     pub(super) fn gear(&self) -> [(&'static str, bool); 4] {
         [
             ("scale", self.scale != 1.0),
@@ -338,7 +370,7 @@ impl Default for AxisTable {
     }
 }
 
-/// Units of displacement.
+/// Unit of displacement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 pub enum DispUnit {
     /// Metre.
@@ -385,7 +417,7 @@ impl DispUnit {
     }
 }
 
-/// Units of force.
+/// Unit of force.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 pub enum ForceUnit {
     /// Newton.
@@ -398,7 +430,7 @@ pub enum ForceUnit {
     /// Pound-force, 4.4482216152605 N.
     #[serde(rename = "lbf")]
     PoundForce,
-    /// Kip, 1000 lbf or 4448.2216152605 N.
+    /// Kip (1000 lbf), 4448.2216152605 N.
     #[serde(rename = "kip")]
     Kip,
 }

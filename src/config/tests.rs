@@ -9,6 +9,7 @@ mod keys;
 mod nodal;
 mod overrides;
 mod places;
+mod schema;
 mod stability;
 mod values;
 mod waits;

@@ -6,48 +6,54 @@ use serde::{Deserialize, Serialize};
 use super::value::RateValue;
 use crate::time::Ratio;
 
-/// Step, duration and clock. Exactly one of `step_s` and `rate_hz` is given.
+/// Integration step, duration and clock. Give exactly one of `step_s` and `rate_hz`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TimeTable {
-    /// Integration step Δt in s of test time: a number, or a fraction "a/b" where a decimal would not be exact.
+    /// Integration step Δt in seconds of test time. Write a fraction in quotes, for example
+    /// "1/1024", if a decimal number would not be exact.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub step_s: Option<RateValue>,
-    /// Steps per second of test time: an integer, a number or a fraction "a/b".
+    /// Integration steps per second of test time: a number, or a fraction "a/b". Use it instead of
+    /// `step_s`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rate_hz: Option<RateValue>,
-    /// Length of the test in s of test time, a whole number of steps.
+    /// Length of the test in seconds of test time. It must be a whole number of steps.
     pub duration_s: f64,
-    /// Ticks of the controller in one integration step: with 10 a model of 100 steps per second drives its specimens 1000
-    /// times per second, along the way from one target to the next. Ticks per second of wall time are steps per second times
-    /// this, over `scale`.
+    /// Controller ticks in each integration step. With 10, a model with 100 steps per second
+    /// commands its specimens 1000 times per second. Use it if the model is too slow for the rate
+    /// of the controller.
     #[serde(default = "one_tick")]
     #[schemars(range(min = 1, max = 10_000))]
+    #[schemars(example = 4)]
     pub ticks_per_step: u32,
-    /// Order of the way between two targets, and of the prediction where the next one is not known yet: 1, 2 or 3.
-    /// With 2 and 3 the velocities at the targets are such that damping of a specimen counts 2 and 10/3 times in a sawtooth, which
-    /// lowers the limit of λ.
+    /// Order of the polynomial between two targets, and of the prediction while the next target is
+    /// not known yet. Orders 2 and 3 are smoother. They lower the stable limit of λ if a specimen
+    /// has damping, because it counts 2 or 10/3 times.
     #[serde(default = "second")]
     #[schemars(range(min = 1, max = 3))]
+    #[schemars(example = 1)]
     pub prediction_order: u32,
-    /// The clock that the loop runs on.
+    /// Clock of the test. "real" runs in real time, "simulated" as fast as the computer allows.
     #[serde(default)]
     pub clock: ClockChoice,
-    /// Wall seconds per second of test time: 10 runs the same test ten times slower than real time. On the real clock a tick is
-    /// an hour long at most.
+    /// Seconds of wall time for each second of test time. 10 runs the test ten times slower than
+    /// real time. On the real clock a tick must not exceed one hour.
     #[serde(default = "one")]
     #[schemars(default = "one")]
+    #[schemars(example = 10)]
     pub scale: RateValue,
 }
 
-/// Which clock the loop runs on.
+/// Clock of the test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ClockChoice {
-    /// Hard real time on the machine's monotonic clock.
+    /// Real time, on the monotonic clock of the computer. Use it for every physical specimen.
     #[default]
     Real,
-    /// As fast as it goes; the same bits in every column that does not depend on wall time.
+    /// As fast as the computer allows. Columns that do not depend on wall time are bit for bit the
+    /// same in every run.
     Simulated,
 }
 

@@ -90,7 +90,7 @@ impl JsonSchema for RateValue {
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
         json_schema!({
-            "description": "A number greater than zero, kept exactly; \"a/b\" for a fraction.",
+            "description": "Exact number greater than zero, or a fraction \"a/b\".",
             "oneOf": [
                 { "type": "number", "exclusiveMinimum": 0 },
                 { "type": "string", "pattern": "^\\s*[0-9]+\\s*/\\s*[0-9]+\\s*$" },
@@ -175,7 +175,7 @@ impl JsonSchema for LambdaValue {
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
         json_schema!({
-            "description": "A number greater than zero, inf (bare or in quotes) or \"auto\".",
+            "description": "Number greater than zero, `inf` (with or without quotes) or \"auto\".",
             "oneOf": [
                 { "type": "number", "exclusiveMinimum": 0 },
                 { "enum": ["auto", "inf"] },
@@ -256,7 +256,7 @@ impl JsonSchema for MatrixValue {
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
         json_schema!({
-            "description": "A number for one axis, or a square matrix by rows.",
+            "description": "Number for one axis, or square matrix by rows.",
             "oneOf": [
                 { "type": "number" },
                 { "type": "array", "items": { "type": "array", "items": { "type": "number" } } },
@@ -321,7 +321,7 @@ impl JsonSchema for DofChoice {
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
         json_schema!({
-            "description": "\"all\", or DOF numbers from 1.",
+            "description": "\"all\", or a list of DOF numbers from 1.",
             "oneOf": [
                 { "const": "all" },
                 { "type": "array", "items": { "type": "integer", "minimum": 1 } },

@@ -57,21 +57,21 @@ pub const MOST: usize = 6;
 /// One number for each actuator or coordinate; those that are not there are zero.
 type Six = [f64; MOST];
 
-/// A coordinate of a platform.
+/// Coordinate of a platform.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Coordinate {
-    /// Translation of the control point along x, m.
+    /// Translation of the control point along x, in m.
     Ux,
-    /// Along y, m.
+    /// Translation of the control point along y, in m.
     Uy,
-    /// Along z, m.
+    /// Translation of the control point along z, in m.
     Uz,
-    /// Rotation about x, rad.
+    /// Rotation about x, in rad.
     Rx,
-    /// About y, rad.
+    /// Rotation about y, in rad.
     Ry,
-    /// About z, rad.
+    /// Rotation about z, in rad.
     Rz,
 }
 
@@ -130,7 +130,7 @@ enum Form {
     Linear,
     /// By the distances between the pins.
     Plane(Vec<PlaneArm>),
-    /// The same in space.
+    /// Actuators in space.
     Space(Vec<SpaceArm>),
 }
 
@@ -236,7 +236,7 @@ impl Geometry {
         Ok(geometry)
     }
 
-    /// The same for small displacements: with the Jacobian of the reference pose.
+    /// A transformation for small displacements, with the Jacobian of the reference pose.
     ///
     /// # Errors
     /// None that the exact geometry has not: the reference pose is the same.

@@ -1,4 +1,4 @@
-//! What the test file says of a loading unit.
+//! `[specimen.geometry]`: a loading unit in the test file.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -7,46 +7,54 @@ use super::plane::PlaneArm;
 use super::space::SpaceArm;
 use super::{Coordinate, Form, Geometry, GeometryError, MOST, Six};
 
-/// Where the actuators of a specimen are. Exactly one of `plane`, `space` and `matrix` is given.
+/// Positions of the actuators of a loading unit. Give exactly one of `plane`, `space` and `matrix`.
 ///
-/// With it, the axes of the specimen are actuators: commands, measurements, limits, compensation and `[[specimen.axis]]` are
-/// of strokes in m, positive when an actuator gets longer, and of its force in N, positive as the resistance of a spring that
-/// it stretches. `rows` (or `storey`) give the pose of the platform, one row per coordinate.
+/// The axes of the specimen are then the actuators. Strokes are in m, positive when the actuator
+/// extends. Forces are in N, positive if they resist the extension. Commands, measurements, limits,
+/// compensation and `[[specimen.axis]]` refer to the actuators. `rows` or `storey` give the pose of
+/// the platform, one row for each coordinate.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct GeometrySpec {
-    /// Which coordinates of the platform `rows` are, in their order: "ux", "uy", "uz" in m, "rx", "ry", "rz" in rad; in the
-    /// plane "ux", "uy" and "rz". All others stay at zero. At most as many as actuators. Default: all of the plane for three
-    /// actuators or more, all of space for six, "ux" for one.
+    /// Coordinates of the platform, in the order of `rows`. All other coordinates stay zero.
+    /// Default: "ux" for one actuator, the plane for three or more, all of space for six. Required
+    /// in other cases.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = serde_json::json!(["ux", "uy", "rz"]))]
     pub coordinates: Option<Vec<Coordinate>>,
-    /// One to six actuators in the plane, one table each.
+    /// Actuators in the plane, one to six tables.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plane: Option<Vec<PlanePins>>,
-    /// One to six actuators in space, one table each.
+    /// Actuators in space, one to six tables.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = serde_json::json!([{"base_m": [-1.5, 0.0, 0.0], "joint_m": [-0.25, 0.0, 0.0]}]))]
     pub space: Option<Vec<SpacePins>>,
-    /// A transformation of your own: strokes = matrix · pose, one row per actuator and one column per coordinate, in m per m
-    /// or per rad.
+    /// Transformation from the pose to the strokes, for small displacements. Give one row for each
+    /// actuator and one column for each coordinate, in m per m or m per rad.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = [[1.0, 0.0, 0.5], [0.0, 1.0, -0.6], [0.0, 1.0, 0.6]])]
     pub matrix: Option<Vec<Vec<f64>>>,
-    /// true: strokes are the changes of the distances between the pins, whatever the displacement. false: small
-    /// displacements, by the Jacobian of the reference pose. Default: true; a matrix knows only small ones.
+    /// If true, strokes follow from the exact distances between the pins. If false, they follow
+    /// from the Jacobian at the reference pose, for small displacements. Default: true; false with
+    /// `matrix`.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = false)]
     pub exact: Option<bool>,
-    /// Whether `law`, `laws`, `coupled`, `stand_in`, `stiffness_n_per_m` and `damping_n_s_per_m` are of the platform's
-    /// coordinates or of the single actuators.
+    /// Reference of the law and of the estimates of stiffness and damping: the platform or the
+    /// actuators. It applies to `law`, `laws`, `coupled`, `stand_in`, `stiffness_n_per_m` and
+    /// `damping_n_s_per_m`.
+    #[schemars(example = &"actuators")]
     pub law_at: LawPlace,
 }
 
-/// Where a law stands, and what estimates are of.
+/// Reference of the law and of the estimates of a loading unit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum LawPlace {
-    /// At the platform, one axis per coordinate: the actuators feel it through their geometry.
+    /// Coordinates of the platform, one law axis for each coordinate.
     #[default]
     Platform,
-    /// One axis per actuator.
+    /// Actuators, one law axis for each actuator.
     Actuators,
 }
 
@@ -54,13 +62,16 @@ pub enum LawPlace {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PlanePins {
-    /// Pin on the reaction frame: x and y from the control point at the reference pose, m.
+    /// Pin on the reaction frame, x and y from the control point at the reference pose.
+    #[schemars(example = [-1.65, 0.05])]
     pub base_m: [f64; 2],
-    /// Pin on the platform: x and y from the control point at the reference pose, m. Default: at the control point.
+    /// Pin on the platform, x and y from the control point at the reference pose.
     #[serde(default)]
+    #[schemars(example = [-0.25, 0.0])]
     pub joint_m: [f64; 2],
-    /// Shortest and longest distance of the pins that the actuator allows, m. Default: unbounded.
+    /// Smallest and largest distance between the pins that the actuator allows. Default: unlimited.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = [1.2, 1.6])]
     pub length_m: Option<[f64; 2]>,
 }
 
@@ -68,13 +79,16 @@ pub struct PlanePins {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SpacePins {
-    /// Pin on the reaction frame: x, y and z from the control point at the reference pose, m.
+    /// Pin on the reaction frame, x, y and z from the control point at the reference pose.
+    #[schemars(example = [-1.5, 0.0, 0.2])]
     pub base_m: [f64; 3],
-    /// Pin on the platform: x, y and z from the control point at the reference pose, m. Default: at the control point.
+    /// Pin on the platform, x, y and z from the control point at the reference pose.
     #[serde(default)]
+    #[schemars(example = [-0.25, 0.0, 0.0])]
     pub joint_m: [f64; 3],
-    /// Shortest and longest distance of the pins that the actuator allows, m. Default: unbounded.
+    /// Smallest and largest distance between the pins that the actuator allows. Default: unlimited.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = [1.1, 1.5])]
     pub length_m: Option<[f64; 2]>,
 }
 
@@ -134,7 +148,7 @@ impl<const N: usize> Pins<N> {
 }
 
 impl GeometrySpec {
-    /// Number of actuators, as far as it is said.
+    /// Number of actuators in the file.
     #[must_use]
     pub fn actuators(&self) -> usize {
         let plane = self.plane.as_ref().map(Vec::len);
@@ -143,7 +157,7 @@ impl GeometrySpec {
         plane.or(space).or(matrix).unwrap_or(0)
     }
 
-    /// Number of coordinates, as far as it is said.
+    /// Number of coordinates in the file.
     #[must_use]
     pub fn width(&self) -> usize {
         self.driven().map_or(0, |coordinates| coordinates.len())

@@ -9,7 +9,7 @@
 //! | [`Gui`] | displacement and velocity | yes |
 //! | [`KrAlpha`] (KR-α, MKR-α), forces weighted | displacement and velocity | yes |
 //! | [`KrAlphaAtState`], forces at the weighted state | displacement and velocity | no: the command would be the weighted state |
-//! | [`Newmark`] β = 0, [`CentralDifference`], [`Chang2002`] | displacement | no: the velocity needs the force of its own step |
+//! | [`Newmark`] β = 0, [`CentralDifference`], [`Chang2002`] | displacement | no: the velocity needs the force of the current step |
 //! | [`Newmark`] β > 0 | nothing | no: iterates |
 //!
 //! A method owns its workspace; the [`State`] is a value that can be cloned, kept and handed to another method.
@@ -59,9 +59,9 @@ pub struct State {
     pub vel: Aligned,
     /// w\[n − 1\] = M_eff⁻¹ r\[n − 1\] of the last step taken, in m/s²; zeros before the first.
     pub weighted_accel: Aligned,
-    /// True once a step has been taken; a state that is handed to another method is not started anew.
+    /// True once a step has been taken. Another method that takes over the state does not restart it.
     pub begun: bool,
-    /// What a method with more memory than this keeps between steps; empty for one without.
+    /// Further state of the method between steps; empty for a method without it.
     pub memory: Vec<f64>,
 }
 
@@ -137,7 +137,7 @@ pub enum Lambda {
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 #[error("lambda is {found}, but must be greater than 0 (inf is allowed)")]
 pub struct LambdaError {
-    /// What was given.
+    /// The given value.
     pub found: f64,
 }
 

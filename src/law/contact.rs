@@ -6,29 +6,33 @@ use serde::{Deserialize, Serialize};
 use super::domain::{non_negative, positive};
 use super::{Law, LawError, Reach, Tangent};
 
-/// On which side a gap can close.
+/// Side on which a gap can close.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Side {
-    /// At positive displacement: a cable, a hook, a tension-only brace.
+    /// Positive displacement, for example a cable, a hook or a tension-only brace.
     Tension,
-    /// At negative displacement: a bearing, a pounding joint.
+    /// Negative displacement, for example a bearing or a pounding joint.
     Compression,
-    /// At either: a pin in an oversized hole, a moat wall.
+    /// Both sides, for example a pin in an oversized hole or a moat wall.
     Both,
 }
 
-/// A spring behind a gap: f = k (d − g) for d > g on the tension side, k (d + g) for d < −g on the compression side,
-/// 0 between.
+/// Spring behind a gap of width g. The force is k (d − g) for d > g, k (d + g) for d < −g, and 0
+/// between.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct GapSpec {
-    /// Contact stiffness k in N/m, greater than 0. It enters the initial stiffness of the structure even though the
-    /// gap is open then.
+    /// Contact stiffness k, greater than 0. It is part of the initial stiffness of the structure,
+    /// although the gap is open at the start.
+    #[schemars(example = 5.0e7)]
     pub stiffness_n_per_m: f64,
-    /// Gap g in m, not negative: 0 is a contact that is about to close. The same on both sides.
+    /// Width g of the gap. It must not be negative, and it is equal on both sides. 0 is a gap that
+    /// is about to close.
+    #[schemars(example = 0.01)]
     pub gap_m: f64,
-    /// On which side it can close.
+    /// Side on which the gap can close.
+    #[schemars(example = &"compression")]
     pub side: Side,
 }
 

@@ -6,15 +6,19 @@ use serde::{Deserialize, Serialize};
 use super::domain::{declared, non_negative, positive, reference, require};
 use super::{Law, LawError, Memoryless, Reach, Tangent};
 
-/// Biviscous damper: f = c₀ v for |v| ≤ v_y, sgn(v) (c₀ v_y + c_y (|v| − v_y)) beyond (Gui et al. 2014, example 4.3).
+/// Biviscous damper, f = c₀ v for |v| ≤ v_y and f = sgn(v) (c₀ v_y + c_y (|v| − v_y)) beyond.
+/// Source: Gui et al. 2014, example 4.3.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct BiviscousSpec {
-    /// Damping c₀ around rest in N s/m, greater than 0.
+    /// Damping c₀ below the yield velocity, greater than 0.
+    #[schemars(example = 1.0e5)]
     pub damping_n_s_per_m: f64,
-    /// Damping c_y beyond the yield velocity in N s/m, not negative.
+    /// Damping c_y above the yield velocity. It must not be negative.
+    #[schemars(example = 1.0e4)]
     pub post_yield_damping_n_s_per_m: f64,
-    /// Yield velocity v_y in m/s, greater than 0.
+    /// Yield velocity v_y, greater than 0.
+    #[schemars(example = 0.1)]
     pub yield_velocity_m_per_s: f64,
 }
 
@@ -87,24 +91,29 @@ impl Law for Biviscous {
     }
 }
 
-/// Fluid damper with a power of the velocity: f = c |v|^a sgn(v).
+/// Fluid damper, f = c |v|^a sgn(v).
 ///
-/// At rest its tangent is infinite for a < 1 and zero for a > 1, so a reference damping must be given, or a speed
-/// below which the law is a straight line to the origin. Without such a line no bound of the tangent exists for
-/// a < 1, and stability cannot be proven.
+/// At rest its tangent is infinite for a < 1 and zero for a > 1. Give a reference damping, or a
+/// velocity below which the force is linear. For a < 1, stability can be proven only with that
+/// linear part.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct PowerDamperSpec {
-    /// Force at a speed of 1 m/s in N: the number c in N (s/m)^a; greater than 0.
+    /// Force c at a velocity of 1 m/s, greater than 0. Its unit is N (s/m)^a.
+    #[schemars(example = 5.0e4)]
     pub force_at_unit_velocity_n: f64,
-    /// Exponent a, greater than 0, at most 10.
+    /// Exponent a, greater than 0 and at most 10.
+    #[schemars(example = 0.5)]
     pub exponent: f64,
-    /// What enters the initial damping of the structure in N s/m, greater than 0. Default: the damping around rest,
-    /// where that is finite and not zero.
+    /// Damping that this damper adds to the initial damping of the structure, greater than 0.
+    /// Default: the tangent at rest, if that is finite and not zero.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 1.0e5)]
     pub reference_damping_n_s_per_m: Option<f64>,
-    /// Speed in m/s, greater than 0, below which the force is linear in the velocity (and continuous). Default: none.
+    /// Velocity below which the force is linear in the velocity, greater than 0. The force is
+    /// continuous there. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 0.01)]
     pub linear_below_m_per_s: Option<f64>,
 }
 
@@ -123,7 +132,7 @@ impl PowerDamperSpec {
             Some(speed) => positive("linear_below_m_per_s", speed)?,
             None => 0.0,
         };
-        // pow(0, a − 1) is ∞, 1 or 0 for a below, at or above 1: the tangent at rest as it is.
+        // pow(0, a − 1) is ∞, 1 or 0 for a below, at or above 1: the tangent at rest.
         let at_rest = coefficient * libm::pow(linear_below, exponent - 1.0);
         if let Some(speed) = self.linear_below_m_per_s {
             let inside = at_rest > 0.0 && at_rest.is_finite();
@@ -202,14 +211,16 @@ impl Law for PowerDamper {
     }
 }
 
-/// Friction made smooth around rest: f = F tanh(v/v_r). It creeps under a constant force, where true friction sticks
-/// (`coulomb`).
+/// Smoothed friction, f = F tanh(v/v_r). It creeps under a constant force. Use `coulomb` if the
+/// surface must stick.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct SmoothFrictionSpec {
-    /// Slip force F in N: friction coefficient times normal force; greater than 0.
+    /// Slip force F, greater than 0: friction coefficient times normal force.
+    #[schemars(example = 2.0e4)]
     pub slip_force_n: f64,
-    /// Velocity v_r in m/s at which 76 % of the slip force is reached, greater than 0.
+    /// Velocity v_r at which the force is 76 % of the slip force, greater than 0.
+    #[schemars(example = 0.001)]
     pub reference_velocity_m_per_s: f64,
 }
 

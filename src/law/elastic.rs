@@ -9,13 +9,13 @@ use serde::{Deserialize, Serialize};
 use super::domain::{declared, finite, non_negative, positive, reference};
 use super::{Law, LawError, Memoryless, Reach, Tangent};
 
-/// Spring and dashpot side by side: f = k d + c v.
+/// Linear spring and dashpot in parallel, f = k d + c v.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct LinearSpec {
-    /// Stiffness k in N/m, not negative.
+    /// Stiffness k. It must not be negative.
     pub stiffness_n_per_m: f64,
-    /// Damping c in N s/m, not negative. Default 0.
+    /// Damping c. It must not be negative.
     #[serde(default)]
     pub damping_n_s_per_m: f64,
 }
@@ -31,11 +31,12 @@ impl LinearSpec {
     }
 }
 
-/// Linear dashpot: f = c v.
+/// Linear dashpot, f = c v.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct ViscousSpec {
-    /// Damping c in N s/m, not negative.
+    /// Damping c. It must not be negative.
+    #[schemars(example = 2.0e4)]
     pub damping_n_s_per_m: f64,
 }
 
@@ -85,17 +86,19 @@ impl Law for Linear {
     }
 }
 
-/// Spring whose tangent changes with the square root of the displacement, equation (42) of Gui et al. 2014:
-/// f = k₀ d (1 + θ √|d|), tangent k₀ (1 + 1.5 θ √|d|).
+/// Spring whose tangent changes with the square root of the displacement, f = k₀ d (1 + θ √|d|).
+/// Source: Gui et al. 2014, equation 42.
 ///
-/// With θ < 0 the tangent is negative beyond |d| = (1.5 θ)⁻², and the force itself beyond θ⁻²: the law stays as
-/// the formula says.
+/// The tangent is k₀ (1 + 1.5 θ √|d|). With θ < 0 it is negative for |d| > (1.5 θ)⁻², and the force
+/// changes its sign at |d| = θ⁻².
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct SquareRootSpec {
-    /// Initial stiffness k₀ in N/m, greater than 0.
+    /// Initial stiffness k₀, greater than 0.
+    #[schemars(example = 1.0e6)]
     pub stiffness_n_per_m: f64,
-    /// θ in 1/√m: positive hardens, negative softens.
+    /// Coefficient θ in 1/√m. A positive value hardens, a negative value softens.
+    #[schemars(example = -0.5)]
     pub hardening_per_sqrt_m: f64,
 }
 
@@ -158,16 +161,21 @@ impl Law for SquareRoot {
     }
 }
 
-/// Cubic spring (Duffing): f = k d + k₃ d³.
+/// Cubic (Duffing) spring, f = k d + k₃ d³.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct CubicSpec {
-    /// Linear part k in N/m; zero or negative (snap-through) needs `reference_stiffness_n_per_m`.
+    /// Linear stiffness k. If it is zero or negative (snap-through), `reference_stiffness_n_per_m`
+    /// is required.
+    #[schemars(example = 1.0e6)]
     pub stiffness_n_per_m: f64,
-    /// Cubic part k₃ in N/m³: positive hardens, negative softens.
+    /// Cubic coefficient k₃. A positive value hardens, a negative value softens.
+    #[schemars(example = 1.0e9)]
     pub cubic_n_per_m3: f64,
-    /// What enters the initial stiffness of the structure in N/m, greater than 0. Default: `stiffness_n_per_m`.
+    /// Stiffness that this spring adds to the initial stiffness of the structure, greater than 0.
+    /// Default: `stiffness_n_per_m`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 1.0e6)]
     pub reference_stiffness_n_per_m: Option<f64>,
 }
 

@@ -10,16 +10,19 @@ use serde::{Deserialize, Serialize};
 use super::domain::{fraction, positive, yield_disp};
 use super::{Law, LawError, Reach, Tangent};
 
-/// Bilinear spring with kinematic hardening: stiffness k up to the yield force, b k beyond it; unloading with k over
-/// twice the yield force.
+/// Bilinear spring with kinematic hardening. The stiffness is k up to the yield force and b k
+/// beyond it. Unloading has stiffness k over twice the yield force.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct BilinearSpec {
-    /// Elastic stiffness k in N/m, greater than 0.
+    /// Elastic stiffness k, greater than 0.
+    #[schemars(example = 1.0e6)]
     pub stiffness_n_per_m: f64,
-    /// Force at first yield in N, greater than 0.
+    /// Force at first yield, greater than 0.
+    #[schemars(example = 2.0e4)]
     pub yield_force_n: f64,
-    /// Stiffness after yield over stiffness before, b, from 0 to 1.
+    /// Stiffness ratio b after yield, from 0 to 1.
+    #[schemars(example = 0.1)]
     pub post_yield_ratio: f64,
 }
 
@@ -35,13 +38,16 @@ impl BilinearSpec {
     }
 }
 
-/// Elastic–perfectly plastic spring: stiffness k up to the yield force, no more force beyond.
+/// Elastic–perfectly plastic spring. The stiffness is k up to the yield force, and the force is
+/// constant beyond it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct ElasticPlasticSpec {
-    /// Elastic stiffness k in N/m, greater than 0.
+    /// Elastic stiffness k, greater than 0.
+    #[schemars(example = 1.0e6)]
     pub stiffness_n_per_m: f64,
-    /// Yield force in N, greater than 0.
+    /// Yield force, greater than 0.
+    #[schemars(example = 2.0e4)]
     pub yield_force_n: f64,
 }
 
@@ -57,14 +63,17 @@ impl ElasticPlasticSpec {
     }
 }
 
-/// Coulomb friction, stick and slip: an elastic slope until the slip force is reached, then that force against the
-/// motion.
+/// Coulomb friction. The force grows with an elastic slope up to the slip force, then it is
+/// constant and opposes the motion.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct CoulombSpec {
-    /// Slip force in N: friction coefficient times normal force; greater than 0.
+    /// Slip force, greater than 0: friction coefficient times normal force.
+    #[schemars(example = 2.0e4)]
     pub slip_force_n: f64,
-    /// Elastic slope before slip in N/m, greater than 0: the stiffness of what holds the friction surface.
+    /// Elastic slope before slip, greater than 0. It is the stiffness of the support of the
+    /// friction surface.
+    #[schemars(example = 1.0e7)]
     pub stiffness_n_per_m: f64,
 }
 

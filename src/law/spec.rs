@@ -1,4 +1,4 @@
-//! What the test file says of a law: one table per kind, `law = { bilinear = { … } }`.
+//! A law in the test file: one table per kind, `law = { bilinear = { … } }`.
 //!
 //! A description may hold any number; [`LawSpec::build`] is where each is checked, by name.
 
@@ -11,51 +11,52 @@ use super::{
     ViscousSpec,
 };
 
-/// A uniaxial force law. The same list serves for springs and dampers of the structure and for specimens.
-///
-/// ```
-/// use gusset::law::{Law, LawSpec};
-///
-/// let spec: LawSpec = toml::from_str(
-///     "bilinear = { stiffness_n_per_m = 1.19e6, yield_force_n = 1190.0, post_yield_ratio = 0.1 }",
-/// )?;
-/// let mut law = spec.build()?;
-/// assert!((law.trial(3e-3, 0.0, 0.0) - 1428.0).abs() < 1e-9);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
+/// Uniaxial force law, for an element of the structure or for a simulated specimen.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub enum LawSpec {
-    /// Spring and dashpot: k d + c v.
+    /// Linear spring and dashpot, f = k d + c v.
     Linear(LinearSpec),
-    /// Hardening or softening with the square root of the displacement (equation 42 of Gui et al. 2014).
+    /// Spring that hardens or softens with the square root of the displacement. Source: Gui et al.
+    /// 2014, equation 42.
     SquareRoot(SquareRootSpec),
-    /// Cubic (Duffing) spring.
+    /// Cubic (Duffing) spring, f = k d + k₃ d³.
     Cubic(CubicSpec),
     /// Bilinear spring with kinematic hardening.
     Bilinear(BilinearSpec),
     /// Elastic–perfectly plastic spring.
     ElasticPlastic(ElasticPlasticSpec),
-    /// Smooth hysteresis after Bouc and Wen, with optional degradation and pinching.
+    /// Bouc–Wen hysteresis, with optional degradation and pinching.
     BoucWen(BoucWenSpec),
-    /// Contact behind a gap, in tension, compression or both.
+    /// Spring behind a gap, in tension, compression or both.
     Gap(GapSpec),
-    /// Stick-slip friction.
+    /// Coulomb friction with sticking and slipping.
     Coulomb(CoulombSpec),
-    /// Friction smoothed around rest by a hyperbolic tangent.
+    /// Friction that is smoothed around zero velocity by a hyperbolic tangent.
     SmoothFriction(SmoothFrictionSpec),
-    /// Linear dashpot.
+    /// Linear dashpot, f = c v.
     Viscous(ViscousSpec),
-    /// Dashpot with a second, usually lower, damping above a yield velocity.
+    /// Dashpot with a second damping coefficient above a yield velocity.
     Biviscous(BiviscousSpec),
-    /// Dashpot with a power of the velocity.
+    /// Fluid damper whose force is a power of the velocity.
     PowerDamper(PowerDamperSpec),
-    /// Several laws side by side: their forces add.
+    /// Several laws in parallel. The force is the sum of their forces.
     Parallel(Vec<LawSpec>),
 }
 
 impl LawSpec {
-    /// The law at rest, in its virgin state.
+    /// Builds the law at rest, in its initial state.
+    ///
+    /// ```
+    /// use gusset::law::{Law, LawSpec};
+    ///
+    /// let spec: LawSpec = toml::from_str(
+    ///     "bilinear = { stiffness_n_per_m = 1.19e6, yield_force_n = 1190.0, post_yield_ratio = 0.1 }",
+    /// )?;
+    /// let mut law = spec.build()?;
+    /// assert!((law.trial(3e-3, 0.0, 0.0) - 1428.0).abs() < 1e-9);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     ///
     /// # Errors
     /// The first parameter outside its domain, with its key.

@@ -1,4 +1,4 @@
-//! `[specimen.link]`: where a remote specimen is, what it speaks, and how it is waited for.
+//! `[specimen.link]`: address, protocol and timeouts of a specimen over a network.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -7,128 +7,145 @@ use super::openfresco::{OpenFrescoSpec, Role};
 use super::tls::TlsSpec;
 use crate::wire::openfresco::{APPLICATION_PORT, CONTROLLER_PORT, SITE_PORT};
 
-/// Longest silence in s after which a specimen must hold, whoever hosts it or asks for it.
+/// Longest allowed `watchdog_s`, for every server and client.
 pub const WATCHDOG_MAX_S: f64 = 3600.0;
 
-/// A specimen at the other end of a network.
+/// Network connection to a specimen that another program controls or computes. More: guide,
+/// network.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct LinkSpec {
-    /// What the far end speaks.
+    /// Protocol of the server or client at the other end.
     #[serde(default)]
+    #[schemars(example = &"openfresco")]
     pub protocol: Protocol,
-    /// How the bytes travel.
+    /// Transport of the data: TCP, UDP or TLS.
     #[serde(default)]
     pub transport: Carrier,
-    /// The far end: "rig.lab:4823", "192.0.2.7:4823" or "[2001:db8::7]:4823". Every address behind a name is tried; over UDP,
-    /// where nothing shows that nobody is there, the first.
+    /// Host and port of the specimen: `rig.lab:4823`, `192.0.2.7:4823` or `[2001:db8::7]:4823`. All
+    /// addresses of a host name are tried, with UDP only the first.
     pub address: String,
-    /// File with the pre-shared key, relative to the test file. It is never copied into the run folder. A file that all users of
-    /// the machine can read or change is refused (`chmod 600`).
+    /// File that contains the pre-shared key, relative to the test file. Other users must not have
+    /// access to it (`chmod 600`). It is never copied into the run folder. Default: no key.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"laboratory.key")]
     pub key_file: Option<String>,
-    /// Whether a reply is owed for each command, or the specimen lives in its own time.
+    /// Time behaviour of the specimen: it measures continuously, or it answers each command.
     #[serde(default)]
     pub coupling: LinkCoupling,
-    /// How long the connection and its set-up may take, in s.
+    /// Longest time for connecting and the handshake, at most 3600 s.
     #[serde(default = "five")]
     pub connect_timeout_s: f64,
-    /// How long a lockstep specimen may owe a reply before the link counts as lost, in s.
+    /// Longest time that a lockstep specimen may need for a reply, at most 3600 s. After it, the
+    /// link counts as lost.
     #[serde(default = "five")]
     pub reply_timeout_s: f64,
-    /// What is done with the force when a sampled measurement is not there in time.
+    /// Force to use if a sampled measurement is not received in time.
     #[serde(default)]
+    #[schemars(example = &"extrapolate")]
     pub on_stale: StaleChoice,
-    /// Whether the specimen is commanded at every tick or, where it is slow or far away, once a step. Then it is told its
-    /// target as soon as that is known, and may take as long for its answer as the others take on their way there; if it takes
-    /// longer, they follow a prediction, slow down and hold. Only with `ticks_per_step` above 1.
+    /// Interval of the commands. "every_step" suits a slow or distant specimen, which then has a
+    /// whole step for its reply. If it needs longer, the other specimens slow down and hold. It
+    /// requires lockstep coupling and `ticks_per_step` above 1.
     #[serde(default)]
+    #[schemars(example = &"every_step")]
     pub commands: CommandPace,
-    /// Stale measurements in a row after which the test stops; without a single answer before its first tick, at once. Absent: as
-    /// many as `max_stale_s` says.
+    /// Number of successive stale measurements after which the test stops. If no measurement
+    /// arrives before the first tick, it stops at once. Default: determined by `max_stale_s`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 20)]
     pub max_stale: Option<u64>,
-    /// Wall time in s with stale measurements only after which the test stops; with `max_stale`, whichever comes first.
-    /// Absent: as many as `max_stale` says; without that 0.1 s, at least ten ticks.
+    /// Wall time with only stale measurements after which the test stops, at most 3600 s. With
+    /// `max_stale`, the first limit counts. Default: determined by `max_stale`; without it 0.1 s,
+    /// at least ten ticks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 0.05)]
     pub max_stale_s: Option<f64>,
-    /// The specimen must hold when no command has come for so long, in s, at most 3600. Default: 0.25 s, at least ten ticks.
+    /// Time without a command after which the specimen must hold, at most 3600 s. Default: 0.25 s,
+    /// at least ten ticks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 0.1)]
     pub watchdog_s: Option<f64>,
-    /// The force is sampled after this fraction of the tick, above 0, at most 1. Default: when the command comes.
+    /// Fraction of the tick after which the specimen samples its force, above 0 and at most 1.
+    /// Default: when the command arrives.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 0.5)]
     pub sample_after: Option<f64>,
-    /// Names of the axes, as the far end calls them. Default: "axis 1", "axis 2", …
+    /// Names of the axes, as the server of the specimen uses them. Default: "axis 1", "axis 2", ….
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = serde_json::json!(["north", "south"]))]
     pub axis_names: Option<Vec<String>>,
-    /// Busy loop at the beginning of each wait for a reply, in µs; after it the thread sleeps until bytes come. Shortened at
-    /// rates where it would use up the kernel's real-time budget.
+    /// Time of active waiting for a reply before the thread sleeps, at most 1e6. At high rates it
+    /// is shortened to the kernel's real-time budget.
     #[serde(default = "sixty")]
+    #[schemars(example = 100.0)]
     pub spin_us: f64,
-    /// For `transport = "tls"`: who we are and whom we trust. Default: the files that OpenFresco's programs look for.
+    /// Certificates for `transport = "tls"`. Default: the file names that OpenFresco uses.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tls: Option<TlsSpec>,
-    /// Before each test every axis of the specimen goes so far in its positive direction and back, in m at the specimen,
-    /// and is not armed if it turns out to be wired the wrong way round. It must stay in the elastic range. Default: no
-    /// motion; a static load shows the direction, too, and without either the user is warned. A link that answers with forces only
-    /// (OpenFresco's element servers) shows the sign of the force; whether the actuator follows stays unknown.
+    /// Amplitude of the wiring check before each test, at the specimen. Each axis moves this far
+    /// and back; a specimen with a wrong sign is refused. Keep it in the elastic range. Default: no
+    /// motion; a static load can also show the sign, otherwise a warning is written.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub probe_m: Option<f64>,
-    /// Time that this motion takes each way, in s; four ticks at least.
+    /// Time of the motion of the wiring check in each direction, at least four ticks and at most
+    /// 600 s.
     #[serde(default = "half")]
     pub probe_ramp_s: f64,
-    /// The far end is a computation and no machine. On the simulated clock a test commands it as fast as it answers; whoever
-    /// neither says so himself nor is said to be one here is not commanded then. No gateway and no OpenFresco server says so.
+    /// If true, the specimen is a computation without a machine. The simulated clock then commands
+    /// it at full speed. Without this key, the simulated clock refuses a specimen unless its server
+    /// declares itself as computed. Default: false.
     #[serde(default, skip_serializing_if = "is_false")]
+    #[schemars(example = true)]
     pub computed: bool,
-    /// Where the specimen stands before a test, in m as each axis counts, one entry per axis: for what cannot be asked, OpenFresco's
-    /// element servers and actor sites and OpenSees' adapters, and for one behind the protocol of Gusset that does not tell it (where it does, its own word
-    /// counts). It is held there first and led from there to where the test begins; a gateway judges the first command of its
-    /// first test as a step from there, and that of every later test from where it told it to go last. Needed unless `computed`
-    /// says that nothing moves there; OpenFresco's site servers tell it. Without it a gateway refuses each test with a specimen of
-    /// our own protocol that does not tell where it stands.
+    /// Initial position of each axis before the test, in m. The specimen holds there and then moves
+    /// to the start of the test. Required for element servers and actor sites of OpenFresco and
+    /// adapters of OpenSees, unless `computed` is true. More: guide, opensees.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = [0.0])]
     pub stands_at_m: Option<Vec<f64>>,
-    /// "none": the direction is not checked, and nobody is warned of that.
+    /// "none" omits the wiring check without a warning. Default: a warning if neither `probe_m` nor
+    /// a static load shows the sign of an axis.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"none")]
     pub probe: Option<ProbeChoice>,
-    /// For `protocol = "openfresco…"` only: what its set-up cannot find out by itself. Such a link is always lockstep.
+    /// Settings for `protocol = "openfresco…"`, which always uses lockstep coupling.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub openfresco: Option<OpenFrescoSpec>,
 }
 
-/// What the far end speaks.
+/// Protocol between controller and specimen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Protocol {
-    /// Our own protocol, described in tools/PROTOCOL.md.
+    /// Protocol of Gusset, described in `tools/PROTOCOL.md`.
     #[default]
     Gusset,
-    /// OpenFresco's application protocol: an element or site server.
+    /// Application protocol of OpenFresco, to an element server or a site server.
     #[serde(rename = "openfresco")]
     OpenFresco,
-    /// OpenFresco's protocol between sites: its `ActorSite`.
+    /// Protocol between the sites of OpenFresco, to its `ActorSite`.
     #[serde(rename = "openfresco-shadow")]
     OpenFrescoShadow,
-    /// OpenSees' `adapter`, `actuator` and `corotActuator`.
+    /// Protocol of `adapter`, `actuator` and `corotActuator` in OpenSees.
     #[serde(rename = "openfresco-adapter")]
     OpenFrescoAdapter,
 }
 
-/// How often a specimen is commanded.
+/// Interval of the commands to a specimen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum CommandPace {
-    /// At every tick of the controller.
+    /// Each tick of the controller.
     #[default]
     EveryTick,
-    /// Once in each step of the integration.
+    /// Each integration step.
     EveryStep,
 }
 
 /// Wall time in s with stale measurements only after which a test stops, unless the file says otherwise.
 const STALE_S: f64 = 0.1;
-/// At least so many of them.
+/// Smallest default number of stale measurements.
 const STALE_TICKS: u64 = 10;
 
 impl LinkSpec {
@@ -138,7 +155,7 @@ impl LinkSpec {
         self.commands == CommandPace::EveryStep
     }
 
-    /// Stale measurements in a row that are put up with, with ticks of `period` seconds.
+    /// Largest number of successive stale measurements, with ticks of `period` seconds.
     #[must_use]
     pub fn stale_bound(&self, period: f64) -> u64 {
         let fit = |seconds: f64| ((seconds / period).ceil() as u64).max(1);
@@ -151,31 +168,31 @@ impl LinkSpec {
     }
 }
 
-/// Whether the direction of a specimen is checked.
+/// Omission of the wiring check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ProbeChoice {
-    /// It is not.
+    /// No wiring check, and no warning.
     None,
 }
 
-/// What a server speaks.
+/// Protocol of `gusset serve`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Offer {
-    /// Our own protocol, described in tools/PROTOCOL.md.
+    /// Protocol of Gusset, described in `tools/PROTOCOL.md`.
     #[default]
     Gusset,
-    /// An element server for OpenSees `genericClient` and OpenFresco's experimental elements.
+    /// Element server for `genericClient` of OpenSees and the experimental elements of OpenFresco.
     #[serde(rename = "openfresco")]
     OpenFresco,
-    /// The actor behind OpenFresco's `ShadowSite`.
+    /// Actor for `ShadowSite` of OpenFresco.
     #[serde(rename = "openfresco-actor")]
     OpenFrescoActor,
-    /// The laboratory controller behind OpenFresco's `GenericTCP`, or `SimFEAdapter`.
+    /// Laboratory controller for `GenericTCP` or `SimFEAdapter` of OpenFresco.
     #[serde(rename = "openfresco-controller")]
     OpenFrescoController,
-    /// The model behind OpenFresco's `SimSimulink`.
+    /// Model for `SimSimulink` of OpenFresco.
     #[serde(rename = "openfresco-simulink")]
     OpenFrescoSimulink,
 }
@@ -194,17 +211,17 @@ impl Offer {
     }
 }
 
-/// How the bytes travel.
+/// Transport of the data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Carrier {
-    /// A TCP connection.
+    /// TCP connection.
     #[default]
     Tcp,
     /// UDP datagrams.
     Udp,
-    /// A TCP connection with TLS on it; both ends show a certificate. A helper thread encrypts, which is the one exception to
-    /// the loop's rule of no allocation and no promise about time.
+    /// TCP connection with TLS, on which both ends present a certificate. A separate thread
+    /// encrypts the data, so there is no real-time guarantee.
     Tls,
 }
 
@@ -229,25 +246,27 @@ impl std::fmt::Display for Carrier {
     }
 }
 
-/// Whether a reply is owed for each command.
+/// Time behaviour of a specimen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum LinkCoupling {
-    /// The specimen lives in its own time; a measurement that is not there in time is stale.
+    /// The specimen measures continuously. A measurement that is not received in time is stale.
     #[default]
     Sampled,
-    /// One reply is owed for each command; the test waits for it. Always so on the simulated clock.
+    /// The specimen answers each command, and the test waits for the reply. The simulated clock
+    /// always uses it.
     Lockstep,
 }
 
-/// What is done with a stale force.
+/// Force to use while measurements are stale.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum StaleChoice {
-    /// The newest force known is used as it is.
+    /// Newest known force.
     #[default]
     Hold,
-    /// It is moved along the tangent, as it was estimated up to then and within its bounds, to where the specimen should be.
+    /// Newest known force, moved along the estimated tangent to the position where the specimen
+    /// should be.
     Extrapolate,
     /// The test stops.
     Stop,

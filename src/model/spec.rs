@@ -10,150 +10,177 @@ use serde::{Deserialize, Serialize, Serializer};
 use super::End;
 use crate::law::LawSpec;
 
-/// The numerical structure: one of three forms.
+/// The numerical structure in one of three forms.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub enum StructureSpec {
-    /// One mass per floor, one spring and dashpot per storey; storey 1 stands on the ground.
+    /// One mass for each floor, one spring and one dashpot for each storey. Storey 1 connects floor
+    /// 1 to the ground.
     ShearBuilding(ShearBuildingSpec),
-    /// Mass, stiffness and damping as matrices, inline or from files.
+    /// Mass, stiffness and damping matrices, written here or read from files.
     Matrices(MatricesSpec),
-    /// Equal masses in a row joined by equal springs and dashpots: mass 1 is tied to the base, mass n is free.
+    /// Equal masses in a row, connected by equal springs and dashpots. The base carries mass 1, and
+    /// the last mass is free.
     Chain(ChainSpec),
 }
 
-/// One mass per floor, one spring and dashpot per storey.
+/// Shear building: one mass for each floor, one spring and one dashpot for each storey.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct ShearBuildingSpec {
-    /// Mass of each floor in kg, from the bottom; 0 makes a massless degree of freedom.
+    /// Mass of each floor, from the bottom. 0 is a DOF without mass.
     pub mass_kg: Vec<f64>,
-    /// Stiffness of each storey in N/m, from the bottom; 0 leaves the storey to elements or a specimen.
+    /// Stiffness of each storey, from the bottom. 0 leaves the storey to elements or to a specimen.
     pub stiffness_n_per_m: Vec<f64>,
-    /// Dashpot of each storey in N s/m, from the bottom.
+    /// Damping of the dashpot in each storey, from the bottom. Default: no dashpots.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = [2.0e4, 2.0e4, 1.5e4])]
     pub damping_n_s_per_m: Option<Vec<f64>>,
 }
 
-/// Symmetric matrices in SI units, each given inline by rows or as the name of a .csv, .npy or .mtx file.
+/// Symmetric matrices in SI units. Write each matrix here by rows, or name a .csv, .npy or .mtx
+/// file.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct MatricesSpec {
-    /// Mass matrix by rows; a row of zeros is a massless degree of freedom.
+    /// Mass matrix by rows. The units are kg, or kg m² for a rotation. A row of zeros is a DOF
+    /// without mass.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mass: Option<Vec<Vec<f64>>>,
-    /// File with the mass matrix.
+    /// File that contains the mass matrix, relative to the test file. Use it instead of `mass`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"mass.csv")]
     pub mass_file: Option<String>,
-    /// Stiffness matrix by rows; may be singular.
+    /// Stiffness matrix by rows. The units are N/m, or N m/rad for a rotation. It may be singular.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = [[2.0e6, -1.0e6], [-1.0e6, 1.0e6]])]
     pub stiffness: Option<Vec<Vec<f64>>>,
-    /// File with the stiffness matrix.
+    /// File that contains the stiffness matrix, relative to the test file. Use it instead of
+    /// `stiffness`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"stiffness.csv")]
     pub stiffness_file: Option<String>,
-    /// Damping matrix by rows; need not be diagonal in the modes.
+    /// Damping matrix by rows. The units are N s/m, or N m s/rad for a rotation. Any symmetric
+    /// damping matrix is allowed, also a non-classical one. Default: no damping.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = [[2000.0, -1000.0], [-1000.0, 1000.0]])]
     pub damping: Option<Vec<Vec<f64>>>,
-    /// File with the damping matrix.
+    /// File that contains the damping matrix, relative to the test file. Use it instead of
+    /// `damping`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"damping.csv")]
     pub damping_file: Option<String>,
-    /// Displacement of each degree of freedom per unit displacement of the base; ones if absent.
+    /// Influence vector ι: displacement of each DOF for a unit displacement of the base. Default: 1
+    /// for each DOF.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub influence: Option<Vec<f64>>,
 }
 
-/// Equal masses, springs and dashpots in a row (example 4.3 of Gui et al. 2014).
+/// Chain of equal masses, springs and dashpots. Source: Gui et al. 2014, example 4.3.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct ChainSpec {
     /// Number of masses.
     #[schemars(range(min = 1))]
     pub dofs: usize,
-    /// Each mass in kg.
+    /// Each mass.
     pub mass_kg: f64,
-    /// Each spring in N/m, the one to the base included.
+    /// Stiffness of each spring, including the spring to the base.
     pub stiffness_n_per_m: f64,
-    /// Each dashpot in N s/m, the one to the base included.
+    /// Damping of each dashpot, including the dashpot to the base. Default: no dashpots.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub damping_n_s_per_m: Option<f64>,
-    /// A damper between each mass and the inertial frame, acting on absolute velocity; not with a ground acceleration.
+    /// Damper between each mass and the inertial frame. It acts on the absolute velocity, so a
+    /// ground acceleration is refused. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub absolute_damper: Option<LawSpec>,
 }
 
-/// Viscous damping by rule, in place of dashpots or a damping matrix. The stiffness that it refers to is the tangent of
-/// the whole structure at rest, elements and specimens included: a specimen with the estimate that is given for it, else
-/// with the tangent of its law at rest.
+/// Viscous damping by a rule, instead of dashpots or a damping matrix. The stiffness K in the rule
+/// is the initial tangent stiffness of the structure with all elements and specimens. A specimen
+/// contributes its `stiffness_n_per_m`, otherwise the initial tangent of its law.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub enum DampingSpec {
-    /// C = a M + b K with both coefficients given.
+    /// Rayleigh damping, C = a M + b K, with given coefficients.
     Rayleigh(RayleighSpec),
-    /// C = a M + b K with a damping ratio at two frequencies or modes.
+    /// Rayleigh damping, C = a M + b K, with a given damping ratio at two frequencies or modes.
     RayleighRatio(RayleighRatioSpec),
-    /// A damping ratio for each mode.
+    /// Damping ratio of each mode.
     Modal(ModalSpec),
 }
 
-/// C = a M + b K.
+/// Rayleigh damping with given coefficients, C = a M + b K.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct RayleighSpec {
-    /// a in 1/s.
+    /// Coefficient a of the mass matrix.
+    #[schemars(example = 0.5)]
     pub mass_coefficient_per_s: f64,
-    /// b in s.
+    /// Coefficient b of the stiffness matrix.
+    #[schemars(example = 0.0005)]
     pub stiffness_coefficient_s: f64,
 }
 
-/// C = a M + b K with one ratio at two frequencies: either both frequencies or two modes.
+/// Rayleigh damping with a given ratio at two frequencies, C = a M + b K. Give `first_hz` and
+/// `second_hz`, or `modes`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct RayleighRatioSpec {
-    /// Damping ratio at both, a fraction of critical (0.02 is 2 %).
+    /// Damping ratio at both frequencies, as a fraction of critical damping. 0.02 is 2 %.
     pub ratio: f64,
-    /// First frequency in Hz.
+    /// First frequency with this damping ratio.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub first_hz: Option<f64>,
-    /// Second frequency in Hz.
+    /// Second frequency with this damping ratio.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub second_hz: Option<f64>,
-    /// Numbers of two modes, from 1, in place of frequencies.
+    /// Numbers of the two modes with this damping ratio, from 1. Use it instead of frequencies.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub modes: Option<[usize; 2]>,
 }
 
-/// C = M Φ diag(2 ξ ω) Φᵀ M.
+/// Modal damping, C = M Φ diag(2 ξ ω) Φᵀ M.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct ModalSpec {
-    /// Damping ratio of each mode from the lowest, fractions of critical; a single number serves all modes.
+    /// Damping ratio ξ of each mode from the lowest, as a fraction of critical damping. A list with
+    /// one number applies to all modes.
     pub ratios: Vec<f64>,
 }
 
-/// A spring or damper between two degrees of freedom, or one and the ground or the inertial frame.
+/// Spring or damper between two DOFs, or between a DOF and the ground or the inertial frame.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct ElementSpec {
-    /// Name in reports; "element 3" if absent.
+    /// Name of the element in messages and reports. Default: "element" and its number.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
-    /// Where the deformation is counted from: a degree of freedom from 1, "ground" or "fixed".
+    /// First end of the element: a DOF from 1, "ground" or "fixed". The deformation is the
+    /// displacement of `to` minus that of `from`.
     pub from: End,
-    /// Where the deformation is counted to: a degree of freedom from 1, "ground" or "fixed".
+    /// Second end of the element: a DOF from 1, "ground" or "fixed".
     pub to: End,
-    /// The force.
+    /// Force law of the element.
     pub law: LawSpec,
-    /// Largest |deformation| expected in m, for the proof of stability of hardening laws.
+    /// Largest expected size of the deformation. The proof of stability uses it to bound the
+    /// tangent stiffness of a hardening law. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reach_disp_m: Option<f64>,
-    /// Largest |velocity| expected in m/s, for the proof of stability of dampers with growing tangent.
+    /// Largest expected size of the deformation velocity. The proof of stability uses it to bound
+    /// the tangent damping of a nonlinear damper. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 0.5)]
     pub reach_vel_m_per_s: Option<f64>,
-    /// Upper bound of the tangent stiffness over the initial one, at least 1, in place of the law's own bound.
+    /// Upper bound of the tangent stiffness divided by the initial stiffness, at least 1. It
+    /// replaces the bound that the law gives. Default: the bound of the law.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 1.5)]
     pub hardening_ratio: Option<f64>,
-    /// Upper bound of the tangent damping over the initial one, at least 1, in place of the law's own bound.
+    /// Upper bound of the tangent damping divided by the initial damping, at least 1. It replaces
+    /// the bound that the law gives. Default: the bound of the law.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 2.0)]
     pub damping_ratio: Option<f64>,
 }
 
@@ -211,7 +238,7 @@ impl JsonSchema for End {
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
         json_schema!({
-            "description": "A degree of freedom counted from 1, \"ground\" (moves with the base) or \"fixed\" (the inertial frame, not with a ground acceleration)",
+            "description": "Number of a DOF from 1, \"ground\" (moves with the base) or \"fixed\" (inertial frame, refused with a ground acceleration).",
             "anyOf": [
                 { "type": "integer", "minimum": 1 },
                 { "type": "string", "enum": ["ground", "fixed"] }

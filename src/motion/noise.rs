@@ -1,8 +1,8 @@
 //! Random motions: band-limited noise, and earthquakes after Kanai–Tajimi and Clough–Penzien.
 //!
-//! Both are sums of harmonics with random phases on a time grid of their own, which the description alone
+//! Both are sums of harmonics with random phases on a separate time grid, which the description alone
 //! determines; the step grid reads them through the band-limited kernel. So a seed is one function of time, whatever
-//! the step. Both hold nothing above a stated frequency, at most half the Nyquist frequency of their own grid.
+//! the step. Both hold nothing above a stated frequency, at most half the Nyquist frequency of that grid.
 
 use std::f64::consts::PI;
 
@@ -24,29 +24,40 @@ const TURN_ROUNDS: u32 = 30;
 /// Most samples of a synthetic motion.
 const MOST_SAMPLES: f64 = (1_u64 << 24) as f64;
 
-/// Noise of constant spectral density between two frequencies: harmonics of 1/duration with equal amplitudes and random
-/// phases. Its mean is zero and its rms over the duration, before the taper, exactly the given one. Own grid:
-/// duration / n, where n is the least power of two with 8 points in the shortest period.
+/// Noise with constant spectral density between two frequencies. It is a sum of harmonics of
+/// 1/duration with equal amplitudes and random phases. Its mean is zero, and its rms before the
+/// taper is exact.
+///
+/// Its time grid does not depend on the step of the test: duration / n, where n is a power of two.
+/// The shortest period has at least 8 points.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct BandLimitedNoise {
-    /// Root mean square, in `unit`, or in the SI unit of the quantity.
+    /// Root mean square before the taper, in `unit` or the SI unit of the quantity.
+    #[schemars(example = 0.5)]
     pub rms: f64,
-    /// Unit of the rms; SI if absent.
+    /// Unit of the rms. Default: the SI unit of the quantity.
+    #[schemars(example = &"g")]
     pub unit: Option<Unit>,
-    /// Lower edge of the band in Hz; 0 begins with the first harmonic.
+    /// Lower frequency of the band. 0 begins with the first harmonic.
+    #[schemars(example = 0.2)]
     pub from_hz: f64,
-    /// Upper edge of the band in Hz.
+    /// Upper frequency of the band.
+    #[schemars(example = 20.0)]
     pub to_hz: f64,
-    /// Duration in s.
+    /// Duration of the noise.
+    #[schemars(example = 30.0)]
     pub duration_s: f64,
-    /// The seed: same seed, same motion.
+    /// Seed of the random phases. Equal seeds give equal motions.
+    #[schemars(example = 1)]
     pub seed: u64,
-    /// Time of the start in s; 0 if absent.
+    /// Test time at which the noise begins.
     #[serde(default)]
+    #[schemars(example = 1.0)]
     pub start_s: f64,
-    /// Half a cosine of this length in s at both ends; 0 if absent.
+    /// Length of the half-cosine taper at each end of the noise.
     #[serde(default)]
+    #[schemars(example = 2.0)]
     pub taper_s: f64,
 }
 
@@ -112,41 +123,48 @@ impl BandLimitedNoise {
     }
 }
 
-/// A hard soil's or a soft soil's earthquake: white noise through the ground (Kanai 1957, Tajimi 1960), optionally
-/// without its slow part (Clough & Penzien 1975), under an envelope.
+/// Synthetic earthquake: white noise through the filter of the ground and an envelope. Only for
+/// accelerations. Source: Kanai 1957, Tajimi 1960, optionally with the second filter of Clough &
+/// Penzien 1975.
 ///
-/// S(ω) = S₀ (1 + 4ζ²r²) / ((1 − r²)² + 4ζ²r²), r = ω/ω_g, two-sided in rad/s, up to `cutoff_hz`; harmonics with
-/// normal amplitudes, so that the motion is Gaussian. Own grid: 1 / (4 cutoff_hz), 5 ms by default. For accelerations
-/// only.
+/// The spectral density is S(ω) = S₀ (1 + 4ζ²r²) / ((1 − r²)² + 4ζ²r²), r = ω/ω_g, two-sided in
+/// rad/s, up to `cutoff_hz`. The motion is Gaussian. Its time step is 1 / (4 `cutoff_hz`), whatever
+/// the step of the test.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct KanaiTajimi {
-    /// Frequency of the ground in Hz; this or `ground_angular_frequency_rad_per_s`. Firm soil: 2.4 Hz.
+    /// Natural frequency of the ground, for example 2.4 Hz for firm soil. Give this or
+    /// `ground_angular_frequency_rad_per_s`.
     pub ground_frequency_hz: Option<f64>,
-    /// Angular frequency ω_g of the ground in rad/s; this or `ground_frequency_hz`. Firm soil: 15 rad/s.
+    /// Natural angular frequency ω_g of the ground, for example 15 rad/s for firm soil. Give this
+    /// or `ground_frequency_hz`.
     pub ground_angular_frequency_rad_per_s: Option<f64>,
-    /// Damping ratio ζ of the ground. Firm soil: 0.6.
+    /// Damping ratio ζ of the ground, for example 0.6 for firm soil.
     pub ground_damping_ratio: f64,
-    /// Second filter, which takes away the slow part; none if absent.
+    /// Second filter, which removes low frequencies. Default: none.
     pub clough_penzien: Option<CloughPenzien>,
-    /// How the intensity comes and goes.
+    /// Change of the intensity with time.
     pub envelope: Envelope,
-    /// Duration in s; zero after it.
+    /// Duration of the earthquake. The motion is zero after it.
     pub duration_s: f64,
-    /// The seed: same seed, same motion.
+    /// Seed of the random amplitudes. Equal seeds give equal motions.
     pub seed: u64,
-    /// Peak acceleration, in `unit`, or in m/s²; this or `s0_m2_per_s3`. That of the motion as a function of time: no step reads
-    /// more, and a step that misses the very moment reads a little less.
+    /// Peak acceleration of the continuous motion, in `unit` or m/s². The peak at the steps of the
+    /// test may be slightly smaller. Give this or `s0_m2_per_s3`.
     pub peak: Option<f64>,
-    /// Unit of the peak; m/s² if absent.
+    /// Unit of the peak. Default: m/s².
     pub unit: Option<Unit>,
-    /// Spectral density S₀ of the white noise, two-sided in rad/s, in m²/s³; this or `peak`.
+    /// Two-sided spectral density S₀ of the white noise, over the angular frequency. Its unit is
+    /// m²/s³. Give this or `peak`.
+    #[schemars(example = 0.01)]
     pub s0_m2_per_s3: Option<f64>,
-    /// Highest frequency in Hz; 50 if absent.
+    /// Highest frequency of the motion.
     #[serde(default = "default_cutoff")]
+    #[schemars(example = 25.0)]
     pub cutoff_hz: f64,
-    /// Time of the start in s; 0 if absent.
+    /// Test time at which the earthquake begins.
     #[serde(default)]
+    #[schemars(example = 1.0)]
     pub start_s: f64,
 }
 
@@ -154,47 +172,51 @@ const fn default_cutoff() -> f64 {
     50.0
 }
 
-/// The filter of Clough and Penzien: times (r⁴) / ((1 − r²)² + 4ζ²r²), r = ω/ω_f.
+/// Second filter of Clough and Penzien: a factor r⁴ / ((1 − r²)² + 4ζ²r²) with r = ω/ω_f. Source:
+/// Clough & Penzien 1975.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct CloughPenzien {
-    /// Angular frequency ω_f in rad/s. Firm soil: 1.5 rad/s.
+    /// Angular frequency ω_f, for example 1.5 rad/s for firm soil.
     pub angular_frequency_rad_per_s: f64,
-    /// Damping ratio ζ_f. Firm soil: 0.6.
+    /// Damping ratio ζ_f, for example 0.6 for firm soil.
     pub damping_ratio: f64,
 }
 
-/// How the intensity of a synthetic earthquake comes and goes.
+/// Change of the intensity of a synthetic earthquake with time.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub enum Envelope {
-    /// Stationary from start to end.
+    /// Constant intensity from start to end.
     None,
-    /// Parabola, plateau, exponential decay.
+    /// Parabolic rise, constant part and exponential decay.
     JenningsHousner(JenningsHousner),
-    /// A power of time times an exponential decay.
+    /// Power of time multiplied by an exponential decay.
     SaragoniHart(SaragoniHart),
 }
 
-/// (t/t₁)² up to t₁ = `rise_s`, 1 for `strong_s`, then e^{−c t} (Jennings, Housner & Tsai 1969).
+/// Envelope (t/t₁)² up to t₁ = `rise_s`, 1 for `strong_s`, then e^{−c t}. Source: Jennings, Housner
+/// & Tsai 1969.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct JenningsHousner {
-    /// Length of the rise in s.
+    /// Length t₁ of the rise.
     pub rise_s: f64,
-    /// Length of the strong part in s.
+    /// Length of the part with constant intensity.
     pub strong_s: f64,
-    /// Decay c in 1/s.
+    /// Decay c.
     pub decay_per_s: f64,
 }
 
-/// (t/t₀)^b e^{b(1 − t/t₀)}: 1 at t₀ = `peak_s`, where t₀ = b/c of t^b e^{−ct} (Saragoni & Hart 1974).
+/// Envelope (t/t₀)^b e^{b(1 − t/t₀)}, which is 1 at t₀ = `peak_s`. Source: Saragoni & Hart 1974.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct SaragoniHart {
     /// Exponent b.
+    #[schemars(example = 2.0)]
     pub power: f64,
-    /// Time of the largest intensity in s.
+    /// Time t₀ of the largest intensity.
+    #[schemars(example = 5.0)]
     pub peak_s: f64,
 }
 
@@ -215,7 +237,7 @@ impl Envelope {
         Ok(())
     }
 
-    /// Factor at `time` after the start; what lies before the start is only seen by the kernel.
+    /// Factor at `time` after the start. Only the kernel uses times before the start.
     fn at(&self, time: f64) -> f64 {
         match self {
             Self::None => 1.0,
@@ -539,7 +561,7 @@ mod tests {
 
     #[test]
     fn the_variance_of_kanai_tajimi_is_that_of_the_filtered_white_noise() {
-        // σ² = π S₀ ω_g (1 + 4ζ²) / 2ζ, less what lies above the cutoff: S → 4ζ²ω_g²/ω² there, so that
+        // σ² = π S₀ ω_g (1 + 4ζ²) / 2ζ, less the part above the cutoff: S → 4ζ²ω_g²/ω² there, so that
         // 2 ∫_Ω^∞ S dω = 8 ζ² ω_g² / Ω (1 + O(ω_g²/Ω²)).
         let quake = quake();
         let (omega_g, zeta) = (15.0, 0.6_f64);

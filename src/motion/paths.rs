@@ -12,19 +12,24 @@ use super::error::{MotionError, finite, inside, not_negative, positive};
 use super::shapes::{Curve, factor, one_of, reached, smooth_rise};
 use super::unit::{Quantity, Unit};
 
-/// Zero, then constant.
+/// Step: zero before its start, then constant.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct Step {
-    /// In `unit`, or in the SI unit of the quantity.
+    /// Value after the step, in `unit` or the SI unit of the quantity.
+    #[schemars(example = 0.01)]
     pub amplitude: f64,
-    /// Unit of the amplitude; SI if absent.
+    /// Unit of the amplitude. Default: the SI unit of the quantity.
+    #[schemars(example = &"mm")]
     pub unit: Option<Unit>,
-    /// Time of the step in s; 0 if absent.
+    /// Test time of the step.
     #[serde(default)]
+    #[schemars(example = 1.0)]
     pub start_s: f64,
-    /// Time of a smooth rise (fifth-order polynomial, no jump in velocity or acceleration) in s; 0, a jump, if absent.
+    /// Length of a smooth rise by a polynomial of fifth order, without a jump in velocity or
+    /// acceleration. 0 is a sudden step.
     #[serde(default)]
+    #[schemars(example = 0.5)]
     pub rise_s: f64,
 }
 
@@ -50,34 +55,41 @@ impl Step {
     }
 }
 
-/// How a ramp goes from level to level.
+/// Shape of a ramp between two levels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RampShape {
-    /// At constant speed.
+    /// Constant speed.
     #[default]
     Linear,
-    /// Half a cosine whose highest speed is the given one.
+    /// Half a cosine whose highest speed is `speed`.
     Smooth,
 }
 
-/// From level to level at a given speed, with a rest at each; starts at zero and stays at the last level.
+/// Ramps between levels at a given speed, with a rest at each level. The motion starts at zero and
+/// stays at the last level.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct RampAndHold {
-    /// In `unit`, or in the SI unit of the quantity; end with 0 to come home.
+    /// Levels, in `unit` or the SI unit of the quantity. End with 0 to return to the start.
+    #[schemars(example = [0.01, -0.01, 0.0])]
     pub levels: Vec<f64>,
-    /// Unit of the levels; SI if absent.
+    /// Unit of the levels. Default: the SI unit of the quantity.
+    #[schemars(example = &"mm")]
     pub unit: Option<Unit>,
     /// Highest speed of the ramps, in the unit of the levels per second.
+    #[schemars(example = 0.002)]
     pub speed: f64,
-    /// Rest at each level in s.
+    /// Rest at each level.
+    #[schemars(example = 2.0)]
     pub hold_s: f64,
-    /// Time of the start in s; 0 if absent.
+    /// Test time at which the first ramp begins.
     #[serde(default)]
+    #[schemars(example = 1.0)]
     pub start_s: f64,
-    /// `linear` (the default) or `smooth`.
+    /// Shape of the ramps.
     #[serde(default)]
+    #[schemars(example = &"smooth")]
     pub shape: RampShape,
 }
 
@@ -141,40 +153,46 @@ impl RampAndHold {
     }
 }
 
-/// Form of one cycle; both start at zero and rise.
+/// Shape of one cycle. Each shape starts at zero and rises.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum CyclicShape {
-    /// A sine.
+    /// Sine wave.
     #[default]
     Sine,
-    /// Straight lines: constant speed.
+    /// Straight lines with constant speed.
     Triangle,
 }
 
-/// Cycles of growing (or any) amplitude: the test before every hybrid test.
+/// Cycles with given amplitudes. Use it for a cyclic test before a hybrid test.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct Cyclic {
-    /// In `unit`, or in the SI unit of the quantity; a negative one starts downwards.
+    /// Amplitudes, in `unit` or the SI unit of the quantity. A negative amplitude starts in the
+    /// negative direction.
     pub amplitudes: Vec<f64>,
-    /// Unit of the amplitudes; SI if absent.
+    /// Unit of the amplitudes. Default: the SI unit of the quantity.
+    #[schemars(example = &"mm")]
     pub unit: Option<Unit>,
-    /// Whole cycles at each amplitude.
+    /// Number of cycles with each amplitude.
     #[schemars(range(min = 1, max = u32::MAX))]
     pub cycles_per_amplitude: u32,
-    /// `sine` (the default) or `triangle`.
+    /// Shape of one cycle.
     #[serde(default)]
     pub shape: CyclicShape,
-    /// Frequency of every cycle in Hz; this or `speed`.
+    /// Frequency of each cycle. Give this or `speed`.
     pub frequency_hz: Option<f64>,
-    /// Highest speed of every cycle, in the unit of the amplitudes per second; this or `frequency_hz`.
+    /// Highest speed of each cycle, in the unit of the amplitudes per second. Give this or
+    /// `frequency_hz`.
+    #[schemars(example = 0.005)]
     pub speed: Option<f64>,
-    /// Rest at zero after each amplitude in s; 0 if absent.
+    /// Rest at zero after each amplitude.
     #[serde(default)]
+    #[schemars(example = 1.0)]
     pub rest_s: f64,
-    /// Time of the start in s; 0 if absent.
+    /// Test time at which the first cycle begins.
     #[serde(default)]
+    #[schemars(example = 1.0)]
     pub start_s: f64,
 }
 

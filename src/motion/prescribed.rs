@@ -10,16 +10,17 @@ use super::shapes::smooth_rise;
 use super::unit::Quantity;
 use super::{Files, Grid, RecordFacts};
 
-/// One motion per axis, and how it begins and ends.
+/// Displacement of each axis, with smooth start and end.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct PrescribedSpec {
-    /// Displacement of each axis, in their order.
+    /// Displacement of each axis, in the order of the axes.
     pub axes: Vec<Motion>,
-    /// The motions grow from zero over this time in s (fifth-order polynomial, no jump in velocity); 0 if absent.
+    /// Time in s over which the motions grow smoothly from zero. The default is 0.
     #[serde(default)]
     pub ease_in_s: f64,
-    /// The motions return to zero over this time in s before the end of the test; 0 if absent.
+    /// Time in s over which the motions return smoothly to zero before the end of the test. The
+    /// default is 0.
     #[serde(default)]
     pub ease_out_s: f64,
 }
@@ -32,7 +33,7 @@ const EASES: f64 = 4.0;
 pub struct Prescribed {
     axes: usize,
     steps: usize,
-    /// By rows, steps + 1 of them, and one more in which the last displacement stands still.
+    /// By rows: steps + 1 rows, and one more that repeats the last displacement.
     disp: Vec<f64>,
     vel: Vec<f64>,
     warnings: Vec<String>,
@@ -144,7 +145,7 @@ fn easing(time: f64, end: f64, ease_in: f64, ease_out: f64) -> (f64, f64) {
     (up.0 * down.0, up.1 * down.0 + up.0 * down.1)
 }
 
-/// What an actuator will not follow: jumps, and velocities at the ends.
+/// Warnings about jumps and about velocities at the ends, which an actuator cannot follow.
 fn rough_ends(place: &str, disp: &[f64], vel: &[f64], dt: f64) -> Vec<String> {
     let mut found = Vec::new();
     if let Some(jump) = jump(disp, dt) {
@@ -200,7 +201,7 @@ impl Prescribed {
         self.steps
     }
 
-    /// What the user should know.
+    /// Warnings for the user.
     #[must_use]
     pub fn warnings(&self) -> &[String] {
         &self.warnings
@@ -283,7 +284,7 @@ mod tests {
             assert!((d[1] - 3e-3 * angle.sin()).abs() < 1e-16);
             assert!((v[1] - 3e-3 * 2.0 * std::f64::consts::PI * angle.cos()).abs() < 1e-15);
         }
-        // Beyond the end it stands still.
+        // Beyond the end it does not move.
         let (last, _) = test.at(250);
         assert_eq!(test.at(251), (last, &[0.0, 0.0][..]));
         assert_eq!(test.at(usize::MAX), test.at(251));

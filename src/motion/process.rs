@@ -20,36 +20,40 @@ use super::unit::{Quantity, Unit};
 use super::{Files, Grid, RecordFacts, Series, peak};
 use crate::metrics::spectrum::response_spectrum;
 
-/// A signal and what is done to it.
+/// Signal and its processing.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct Motion {
-    /// What it is.
+    /// Time history.
     pub signal: Signal,
-    /// Scaling, baseline and tail; nothing if absent.
+    /// Processing of the time history. Default: none.
     #[serde(default)]
     pub processing: Processing,
 }
 
-/// What is done to a signal, in this order: detrend, taper, resampling, target, scale factor, tail.
+/// Processing of a signal. The order is: detrend, taper, resampling, target, scale factor, tail.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct Processing {
-    /// Least-squares polynomial taken from the samples over their whole length; `none` if absent.
+    /// Polynomial that is fitted to all samples by least squares and subtracted from them.
     #[serde(default)]
+    #[schemars(example = &"linear")]
     pub detrend: Detrend,
-    /// Half a cosine of this length in s at both ends of the samples; 0 if absent.
+    /// Length of the half-cosine taper at each end of the samples.
     #[serde(default)]
+    #[schemars(example = 0.5)]
     pub taper_s: f64,
-    /// Scales so that the largest absolute value that a test reads at its steps is this, over the whole length of a record.
+    /// Target for the largest absolute value at the steps of the test, over the whole record. The
+    /// signal is scaled to it. Default: no scaling.
     pub target_peak: Option<Amount>,
-    /// Scales an acceleration so that its pseudo-spectral acceleration at one period is this, for straight lines between the
-    /// steps of the test; not with `target_peak`.
+    /// Target for the pseudo-spectral acceleration at one period, for an acceleration. The signal
+    /// is scaled to it. Use it instead of `target_peak`. Default: no scaling.
     pub target_sa: Option<TargetSa>,
-    /// Multiplies the result, after a target; 1 if absent.
+    /// Factor that multiplies the signal, after the scaling to a target.
     #[serde(default = "one")]
+    #[schemars(example = 0.5)]
     pub scale_factor: f64,
-    /// The test is meant to outlast the record: no warning; false if absent.
+    /// If true, the test may be longer than the record, without a warning.
     #[serde(default)]
     pub zero_tail: bool,
 }
@@ -71,42 +75,46 @@ impl Default for Processing {
     }
 }
 
-/// A polynomial in time.
+/// Polynomial that is subtracted from the samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Detrend {
-    /// None.
+    /// No polynomial.
     #[default]
     None,
-    /// A constant.
+    /// Constant.
     Mean,
-    /// A straight line.
+    /// Straight line.
     Linear,
-    /// A parabola.
+    /// Parabola.
     Quadratic,
 }
 
-/// A number with its unit.
+/// Value with its unit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct Amount {
-    /// How many.
+    /// Value.
     pub value: f64,
-    /// Of what.
+    /// Unit of the value.
     pub unit: Unit,
 }
 
-/// A pseudo-spectral acceleration at one period.
+/// Pseudo-spectral acceleration at one period.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct TargetSa {
-    /// Natural period in s.
+    /// Natural period.
+    #[schemars(example = 0.8)]
     pub period_s: f64,
-    /// Damping ratio, 0.05 as a rule.
+    /// Damping ratio, usually 0.05.
+    #[schemars(example = 0.05)]
     pub damping_ratio: f64,
-    /// ω² Sd.
+    /// Pseudo-spectral acceleration ω² S_d, in `unit`.
+    #[schemars(example = 0.4)]
     pub value: f64,
-    /// Its unit.
+    /// Unit of the value.
+    #[schemars(example = &"g")]
     pub unit: Unit,
 }
 
@@ -482,7 +490,7 @@ mod tests {
                 .warnings
                 .is_empty()
         );
-        // A test that ends before the peak says so; a step longer than that of the record too.
+        // A test that ends before the peak gives a warning, and so does a step longer than that of the record.
         assert!(evaluate(&motion, grid(0.05, 2)).unwrap().warnings[0].contains("before the peak"));
         assert!(evaluate(&motion, grid(0.15, 2)).unwrap().warnings[0].contains("band_limited"));
     }
@@ -609,7 +617,7 @@ mod tests {
                     (found / (0.3 * g) - 1.0).abs() < 1e-13,
                     "{resample:?} {dt}: {found}"
                 );
-                // Only the size is another, and a factor goes on top of it.
+                // Only the size changes, and a factor multiplies it.
                 let factor = scaled[100] / bare[100];
                 let same = |(s, b): (&f64, &f64)| (s - factor * b).abs() < 1e-12;
                 assert!(scaled.iter().zip(&bare).all(same));

@@ -1,7 +1,7 @@
 //! Strong-motion and table files: bytes and a name in, numbers out.
 //!
-//! No file is opened here. What a file does not say (its step, its unit, which of several columns) is asked
-//! of the caller and never guessed; one that contradicts itself (in its count of points) is refused. Every error
+//! No file is opened here. The caller provides missing properties (step, unit, one of several columns); they are never
+//! guessed. A file that contradicts itself (in its count of points) is refused. Every error
 //! names the file and, where there is one, the line and column. Sizes are bounded before memory is taken; arbitrary
 //! bytes never panic.
 //!
@@ -51,23 +51,24 @@ pub const MOST_COLUMNS: usize = 1 << 16;
 /// Endings of the names of PEER files.
 const PEER_ENDINGS: [&str; 3] = ["at2", "vt2", "dt2"];
 
-/// How the bytes of a file are to be read.
+/// Format of a record file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RecordFormat {
     /// PEER `.AT2`, `.VT2` or `.DT2`.
     Peer,
-    /// A table in text, whatever separates its columns. A header may name them and state their units.
+    /// Text table with any separator. A header may give column names and units.
     Table,
-    /// A table whose fields are separated by commas, semicolons or tabs.
+    /// Text table with commas, semicolons or tabs between the columns.
     Csv,
     /// Time and value on each line.
     TwoColumn,
-    /// One value on each line; the step must be given.
+    /// One value on each line. `dt_s` is required.
     OneColumn,
-    /// Values in reading order, any number on a line; the step must be given, or stand with the count in a line before them.
+    /// Values in reading order, any number on a line. `dt_s` is required, unless a line before the
+    /// values contains their number and their time step.
     List,
-    /// NumPy array.
+    /// NumPy array (`.npy`).
     Npy,
     /// K-NET or KiK-net (Japan), ASCII.
     Knet,
@@ -75,7 +76,7 @@ pub enum RecordFormat {
     Cosmos,
     /// CSMIP, CDMG or USC (California), V1 or V2.
     Csmip,
-    /// ESM, ITACA or AFAD single component, ASCII.
+    /// ESM, ITACA or AFAD, ASCII with one component.
     Esm,
     /// GeoNet (New Zealand), V1A or V2A.
     Geonet,
@@ -103,17 +104,17 @@ impl RecordFormat {
     }
 }
 
-/// One column of a table.
+/// Column of a table.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub enum Column {
-    /// As the header line calls it.
+    /// Name of the column in the header.
     Name(String),
-    /// Counted from 1.
+    /// Number of the column, from 1.
     Number(usize),
 }
 
-/// What the caller knows of a file.
+/// Known properties of a file.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ReadOptions {
     /// The format; by default the ending of the name and the first lines tell.
@@ -137,9 +138,9 @@ pub struct Record {
     pub values: Vec<f64>,
     /// The unit that the file states, if it does.
     pub unit: Option<Unit>,
-    /// What the file calls itself, empty if nothing.
+    /// Title in the file, or an empty text.
     pub title: String,
-    /// What the user should know.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
     /// Where in the file it was found.
     pub source: RecordSource,
@@ -169,7 +170,7 @@ pub struct Table {
     pub columns: usize,
     /// Numbers by rows, all finite.
     pub values: Vec<f64>,
-    /// What the user should know.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
     header: Header,
 }
@@ -194,7 +195,7 @@ impl Table {
     }
 }
 
-/// Reads a record. `name` decides the format if `options` does not, and stands in every error.
+/// Reads a record. `name` decides the format if `options` does not, and is part of each error.
 ///
 /// # Errors
 /// Those of [`MotionError`] that name a file, and `dt_s` outside its domain.

@@ -17,14 +17,14 @@ use serde::{Deserialize, Serialize};
 
 use super::Grid;
 
-/// How samples become values on the step grid.
+/// Interpolation between samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Resample {
     /// Straight lines between samples.
     #[default]
     Linear,
-    /// Windowed sinc: keeps the spectrum.
+    /// Windowed sinc interpolation, which preserves the spectrum.
     BandLimited,
 }
 
@@ -116,7 +116,7 @@ impl Kernel {
         }
     }
 
-    /// For a signal that holds nothing above the band of the grid: sampled as it is.
+    /// For a signal without frequencies above the band of the grid: sampled without a filter.
     pub(super) const fn without_filter() -> Self {
         Self { cutoff: 1.0 }
     }
@@ -299,8 +299,8 @@ mod tests {
 
     #[test]
     fn a_coarser_grid_loses_what_it_cannot_carry() {
-        // Four samples to a step: what lies below 0.85 / 4 of the samples' Nyquist frequency stays, and what lies above
-        // (2 − 0.85) / 4 would be folded and is removed.
+        // Four samples to a step: frequencies below 0.85 / 4 of the samples' Nyquist frequency stay. Frequencies above
+        // (2 − 0.85) / 4 would be folded and are removed.
         let cutoff = 0.25;
         assert!(errors(0.85 * cutoff, cutoff).0 < 1e-5);
         let omega = PI * 1.15 * cutoff;

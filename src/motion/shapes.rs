@@ -1,6 +1,6 @@
 //! Signals in closed form: value and rate of change at any time.
 //!
-//! Every amplitude is in the key `unit` beside it, or in the SI unit of the quantity that the signal stands for
+//! Every amplitude has the unit of the key `unit` beside it, or the SI unit of the quantity of the signal
 //! (m/s², m or N) if `unit` is absent. Outside their duration these shapes are zero. Those that go from place to place
 //! are in `paths`.
 
@@ -18,12 +18,12 @@ pub(super) struct Curve {
     pub(super) at: Box<dyn Fn(f64) -> (f64, f64)>,
     /// Highest frequency in Hz that it is meant to hold, where it has one.
     pub(super) top_hz: Option<f64>,
-    /// Time in s from which on nothing happens any more; infinite if it goes on for ever.
+    /// End of the signal in s; infinite if it has no end.
     pub(super) end: f64,
 }
 
 impl Curve {
-    /// Largest magnitude between two times, of so many points.
+    /// Largest magnitude at `points` points between two times.
     fn peak(&self, [from, to]: [f64; 2], points: u32) -> f64 {
         let step = (to - from) / f64::from(points);
         let at = |point| (self.at)(f64::from(point).mul_add(step, from)).0.abs();
@@ -79,7 +79,7 @@ pub(super) fn factor(unit: Option<Unit>, quantity: Quantity) -> Result<f64, Moti
     }
 }
 
-/// The same for the unit of what the processing is told under `key`.
+/// Factor of the unit under `key` of the processing.
 pub(super) fn factor_of(
     key: &'static str,
     unit: Unit,
@@ -161,30 +161,36 @@ fn check_taper(taper_s: f64, duration: f64) -> Result<f64, MotionError> {
     )
 }
 
-/// amplitude · sin(ω (t − start) + phase).
+/// Sine wave, amplitude · sin(ω (t − start) + phase). It is zero before its start.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct Sine {
-    /// In `unit`, or in the SI unit of the quantity.
+    /// Amplitude, in `unit` or the SI unit of the quantity.
     pub amplitude: f64,
-    /// Unit of the amplitude; SI if absent.
+    /// Unit of the amplitude. Default: the SI unit of the quantity.
+    #[schemars(example = &"mm")]
     pub unit: Option<Unit>,
-    /// Frequency in Hz; this or `angular_frequency_rad_per_s`.
+    /// Frequency. Give this or `angular_frequency_rad_per_s`.
     pub frequency_hz: Option<f64>,
-    /// Angular frequency in rad/s; this or `frequency_hz`.
+    /// Angular frequency ω. Give this or `frequency_hz`.
     pub angular_frequency_rad_per_s: Option<f64>,
-    /// Phase at the start in rad; 0 if absent.
+    /// Phase at the start.
     #[serde(default)]
+    #[schemars(example = 0.5)]
     pub phase_rad: f64,
-    /// Time of the start in s; 0 if absent. Zero before.
+    /// Test time at which the sine begins.
     #[serde(default)]
+    #[schemars(example = 1.0)]
     pub start_s: f64,
-    /// Number of cycles; to the end of the test if this and `duration_s` are absent.
+    /// Number of cycles. Give this, `duration_s` or neither. Default: until the end of the test.
+    #[schemars(example = 10.0)]
     pub cycles: Option<f64>,
-    /// Duration in s; this or `cycles`, or neither.
+    /// Duration of the sine. Give this, `cycles` or neither. Default: until the end of the test.
+    #[schemars(example = 5.0)]
     pub duration_s: Option<f64>,
-    /// Half a cosine of this length in s at both ends of the duration; 0 if absent.
+    /// Length of the half-cosine taper at each end of the sine.
     #[serde(default)]
+    #[schemars(example = 0.5)]
     pub taper_s: f64,
 }
 
@@ -233,37 +239,40 @@ impl Sine {
     }
 }
 
-/// How the frequency of a sweep moves.
+/// Change of the frequency of a sweep with time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SweepKind {
-    /// f = f₀ + (f₁ − f₀) t/T.
+    /// Linear in time, f = f₀ + (f₁ − f₀) t/T.
     Linear,
-    /// f = f₀ (f₁/f₀)^(t/T): equal time in every octave.
+    /// Exponential in time, f = f₀ (f₁/f₀)^(t/T). Each octave takes equal time.
     Exponential,
 }
 
-/// A sine whose frequency moves from one value to another.
+/// Sine wave whose frequency changes from one value to another.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct Sweep {
-    /// In `unit`, or in the SI unit of the quantity.
+    /// Amplitude, in `unit` or the SI unit of the quantity.
     pub amplitude: f64,
-    /// Unit of the amplitude; SI if absent.
+    /// Unit of the amplitude. Default: the SI unit of the quantity.
+    #[schemars(example = &"mm")]
     pub unit: Option<Unit>,
-    /// Frequency at the start in Hz.
+    /// Frequency at the start.
     pub from_hz: f64,
-    /// Frequency at the end in Hz; may be lower.
+    /// Frequency at the end. It may be lower than `from_hz`.
     pub to_hz: f64,
-    /// Duration in s.
+    /// Duration of the sweep.
     pub duration_s: f64,
-    /// Linear or exponential.
+    /// Change of the frequency with time.
     pub kind: SweepKind,
-    /// Time of the start in s; 0 if absent.
+    /// Test time at which the sweep begins.
     #[serde(default)]
+    #[schemars(example = 1.0)]
     pub start_s: f64,
-    /// Half a cosine of this length in s at both ends; 0 if absent.
+    /// Length of the half-cosine taper at each end of the sweep.
     #[serde(default)]
+    #[schemars(example = 0.5)]
     pub taper_s: f64,
 }
 
@@ -315,17 +324,22 @@ impl Sweep {
     }
 }
 
-/// Ricker's wavelet, amplitude · (1 − 2a) e^{−a}, a = (π f (t − centre))²: a pulse without a mean.
+/// Ricker pulse, amplitude · (1 − 2a) e^{−a} with a = (π f (t − centre))². Its mean is zero.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct Ricker {
-    /// Peak, in `unit`, or in the SI unit of the quantity.
+    /// Peak value, in `unit` or the SI unit of the quantity.
+    #[schemars(example = 1.0)]
     pub amplitude: f64,
-    /// Unit of the amplitude; SI if absent.
+    /// Unit of the amplitude. Default: the SI unit of the quantity.
+    #[schemars(example = &"g")]
     pub unit: Option<Unit>,
-    /// Frequency f of the largest Fourier amplitude in Hz.
+    /// Frequency f with the largest Fourier amplitude.
+    #[schemars(example = 2.0)]
     pub frequency_hz: f64,
-    /// Time of the peak in s; 1.5 / f if absent, so that the start is below 1e-8 of the peak.
+    /// Test time of the peak. Default: 1.5 / f, so that the value at the start is below 1e-8 of the
+    /// peak.
+    #[schemars(example = 1.0)]
     pub centre_s: Option<f64>,
 }
 
@@ -352,13 +366,15 @@ impl Ricker {
     }
 }
 
-/// The same value at all times.
+/// Constant value at all times.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct Constant {
-    /// In `unit`, or in the SI unit of the quantity.
+    /// Value, in `unit` or the SI unit of the quantity.
+    #[schemars(example = 1.0)]
     pub value: f64,
-    /// Unit of the value; SI if absent.
+    /// Unit of the value. Default: the SI unit of the quantity.
+    #[schemars(example = &"mm")]
     pub unit: Option<Unit>,
 }
 

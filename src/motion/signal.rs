@@ -1,4 +1,4 @@
-//! What a motion can be: a file, numbers in the test file, a closed form, or a seeded random motion.
+//! Kinds of motion: a file, numbers in the test file, a closed form, or a random motion with a seed.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -13,61 +13,72 @@ use super::shapes::{Constant, Curve, Ricker, Sine, Sweep, factor};
 use super::unit::{Quantity, Unit};
 use super::{Files, RecordFacts};
 
-/// A function of time. Where it stands decides what it is of (an acceleration, a displacement, a force); numbers
-/// are in the key `unit` of each, or in the SI unit of that quantity if `unit` is absent.
+/// Time history. Its place determines the quantity: an acceleration, a displacement or a force.
+/// Numbers have the `unit` of the signal, or the SI unit of the quantity if `unit` is absent.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub enum Signal {
-    /// A record from a file.
+    /// Record from a file.
     File(FileSignal),
     /// Numbers in the test file itself.
     Values(Values),
-    /// A sine.
+    /// Sine wave.
     Sine(Sine),
-    /// A sine of moving frequency.
+    /// Sine wave whose frequency changes from one value to another.
     Sweep(Sweep),
-    /// Noise between two frequencies.
+    /// Random noise between two frequencies.
     BandLimitedNoise(BandLimitedNoise),
-    /// A synthetic earthquake.
+    /// Synthetic earthquake (Kanai–Tajimi).
     KanaiTajimi(KanaiTajimi),
-    /// A step.
+    /// Step from zero to a constant value.
     Step(Step),
-    /// Ramps with rests between them.
+    /// Ramps between levels, with a rest at each level.
     RampAndHold(RampAndHold),
-    /// Cycles of given amplitudes.
+    /// Cycles with given amplitudes.
     Cyclic(Cyclic),
-    /// A pulse.
+    /// Ricker pulse.
     Ricker(Ricker),
-    /// The same value throughout.
+    /// Constant value.
     Constant(Constant),
 }
 
-/// A record from a file.
+/// Record from a file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct FileSignal {
-    /// Where the file is, relative to the test file.
+    /// File that contains the record, relative to the test file.
+    #[schemars(example = &"el-centro.at2")]
     pub path: String,
-    /// Its format; the ending of its name and its first lines tell if absent.
+    /// Format of the file. Default: determined from the file name and the first lines.
+    #[schemars(example = &"peer")]
     pub format: Option<RecordFormat>,
-    /// Its column of values or its component (`N-S`, `Channel 3`), by name or by number from 1, where there are several.
+    /// Column or component with the values, by name or by number from 1. Required if the file has
+    /// several columns of values.
+    #[schemars(example = serde_json::json!({"name": "N-S"}))]
     pub column: Option<Column>,
-    /// Its column of times; one named `t` or `time`, or the first of a table without names, if absent. Times in ms, min or
-    /// another unit that the header states are converted.
+    /// Column with the times. A unit in the header, such as ms or min, is converted to s. Default:
+    /// a column named `t` or `time`, or the first column of a table without names.
+    #[schemars(example = serde_json::json!({"number": 1}))]
     pub time_column: Option<Column>,
-    /// Lines of a table in text that are skipped before anything is read; 0 if absent.
+    /// Number of lines to skip at the start of a text table. Default: 0.
     #[serde(default, skip_serializing_if = "is_zero")]
+    #[schemars(example = 2)]
     pub skip_rows: usize,
-    /// Its time step in s; what the file says if absent. Overrules the file, with a warning, even where
-    /// its times are not uniform.
+    /// Time step of the record. It overrides the time step of the file, with a warning. Default:
+    /// the time step of the file.
+    #[schemars(example = 0.005)]
     pub dt_s: Option<f64>,
-    /// Unit of its numbers; what the file states if absent, and an error if it states none. Overrules the file.
+    /// Unit of the numbers. It overrides the unit of the file. Default: the unit of the file; a
+    /// file without a unit is refused.
+    #[schemars(example = &"g")]
     pub unit: Option<Unit>,
-    /// `linear` (the default) or `band_limited`.
+    /// Interpolation between the samples of the record.
     #[serde(default)]
+    #[schemars(example = &"band_limited")]
     pub resample: Resample,
-    /// Test time in s at which the record begins; 0 if absent.
+    /// Test time at which the record begins.
     #[serde(default)]
+    #[schemars(example = 1.0)]
     pub start_s: f64,
 }
 
@@ -79,17 +90,22 @@ fn is_zero(count: &usize) -> bool {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct Values {
-    /// The numbers, in `unit`, or in the SI unit of the quantity.
+    /// Values at equal time steps, in `unit` or the SI unit of the quantity.
+    #[schemars(example = [0.0, 0.5, 1.0, 0.5, 0.0])]
     pub values: Vec<f64>,
-    /// Their distance in s.
+    /// Time step between the values.
+    #[schemars(example = 0.01)]
     pub dt_s: f64,
-    /// Their unit; SI if absent.
+    /// Unit of the values. Default: the SI unit of the quantity.
+    #[schemars(example = &"mm")]
     pub unit: Option<Unit>,
-    /// `linear` (the default) or `band_limited`.
+    /// Interpolation between the values.
     #[serde(default)]
+    #[schemars(example = &"band_limited")]
     pub resample: Resample,
-    /// Test time in s of the first number; 0 if absent.
+    /// Test time of the first value.
     #[serde(default)]
+    #[schemars(example = 1.0)]
     pub start_s: f64,
 }
 

@@ -1,6 +1,6 @@
 //! Units in which people keep motions, and the quantities they measure.
 //!
-//! Inside everything is SI. A unit stands beside the number it belongs to; nothing here guesses one.
+//! All internal values are in SI units. A unit is a key beside its number, and is never guessed.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -105,7 +105,7 @@ pub fn is_time_but_no_second(text: &str) -> bool {
     TimeUnit::from_header(text).is_some_and(|unit| unit != TimeUnit::SECOND)
 }
 
-/// What a signal is of; the context gives it, and with it the SI unit.
+/// Quantity of a signal. Its place in the file determines it, and its SI unit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
     /// m/s².
@@ -176,11 +176,11 @@ impl std::fmt::Display for Quantity {
     }
 }
 
-/// A unit of acceleration, velocity, displacement or force.
+/// Unit of acceleration, velocity, displacement or force.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub enum Unit {
-    /// m/s².
+    /// Metre per second squared.
     #[serde(rename = "m/s2", alias = "m/s^2", alias = "m/s²")]
     MetrePerSecond2,
     /// Standard gravity, 9.80665 m/s².
@@ -195,64 +195,64 @@ pub enum Unit {
     /// 0.1 of standard gravity.
     #[serde(rename = "g/10", alias = "G/10")]
     TenthGravity,
-    /// 0.01 m/s².
+    /// Gal, 0.01 m/s².
     #[serde(rename = "gal", alias = "Gal")]
     Gal,
-    /// 0.01 m/s².
+    /// Centimetre per second squared.
     #[serde(rename = "cm/s2", alias = "cm/s^2", alias = "cm/s²")]
     CentimetrePerSecond2,
-    /// 0.001 m/s².
+    /// Millimetre per second squared.
     #[serde(rename = "mm/s2", alias = "mm/s^2", alias = "mm/s²")]
     MillimetrePerSecond2,
-    /// 0.0254 m/s².
+    /// Inch per second squared, 0.0254 m/s².
     #[serde(rename = "in/s2", alias = "in/s^2", alias = "in/s²")]
     InchPerSecond2,
-    /// 0.3048 m/s².
+    /// Foot per second squared, 0.3048 m/s².
     #[serde(rename = "ft/s2", alias = "ft/s^2", alias = "ft/s²")]
     FootPerSecond2,
-    /// m/s.
+    /// Metre per second.
     #[serde(rename = "m/s")]
     MetrePerSecond,
-    /// 0.01 m/s.
+    /// Centimetre per second.
     #[serde(rename = "cm/s")]
     CentimetrePerSecond,
-    /// 0.001 m/s.
+    /// Millimetre per second.
     #[serde(rename = "mm/s")]
     MillimetrePerSecond,
-    /// 0.0254 m/s.
+    /// Inch per second, 0.0254 m/s.
     #[serde(rename = "in/s")]
     InchPerSecond,
-    /// m.
+    /// Metre.
     #[serde(rename = "m")]
     Metre,
-    /// 0.01 m.
+    /// Centimetre.
     #[serde(rename = "cm")]
     Centimetre,
-    /// 0.001 m.
+    /// Millimetre.
     #[serde(rename = "mm")]
     Millimetre,
-    /// 0.0254 m.
+    /// Inch, 0.0254 m.
     #[serde(rename = "in")]
     Inch,
-    /// 0.3048 m.
+    /// Foot, 0.3048 m.
     #[serde(rename = "ft")]
     Foot,
-    /// N.
+    /// Newton.
     #[serde(rename = "N")]
     Newton,
-    /// 1000 N.
+    /// Kilonewton.
     #[serde(rename = "kN")]
     Kilonewton,
-    /// 4.4482216152605 N.
+    /// Pound-force, 4.4482216152605 N.
     #[serde(rename = "lbf")]
     PoundForce,
-    /// 4448.2216152605 N.
+    /// Kip (1000 lbf), 4448.2216152605 N.
     #[serde(rename = "kip")]
     Kip,
 }
 
 impl Unit {
-    /// What it measures.
+    /// Quantity of this unit.
     #[must_use]
     pub const fn quantity(self) -> Quantity {
         match self {

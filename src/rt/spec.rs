@@ -1,86 +1,115 @@
-//! The `[timing]` table of a test file: how the loop is scheduled and what happens when it is late.
+//! The `[timing]` table of a test file: real-time scheduling of the loop, and the response to missed deadlines.
 //!
-//! Only the description and its range checks; who obeys it is [`mod@super::apply`] and the loop.
+//! This module has the keys and their range checks only. [`mod@super::apply`] and the loop apply them.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// Scheduling policy of the loop's thread.
+/// Scheduling policy of the loop thread.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Policy {
-    /// SCHED_FIFO: runs until it sleeps; only a higher priority interrupts it.
+    /// Real-time policy SCHED_FIFO. Only a thread with a higher priority interrupts the loop.
     #[default]
     Fifo,
-    /// The ordinary policy: nothing is asked for. Wakes about 60 µs late, and more on a busy machine.
+    /// Normal scheduling, which needs no permission. The loop wakes about 60 µs late, and later on
+    /// a busy computer.
     Ordinary,
 }
 
-/// What happens when a tick starts, or leaves the next one to start, one period or more late. No step is ever left out.
+/// Response to a tick that is late by one period or more. No step is ever skipped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OnMiss {
-    /// The grid moves by whole ticks: the specimen sees slower time and never a burst of commands.
+    /// Delay all later ticks by whole periods. The test runs slower for a moment, and the specimen
+    /// never receives a burst of commands.
     #[default]
     Stretch,
-    /// The grid stands and the missed ticks run back to back. Refused with a specimen behind a link: it would be driven faster
-    /// than the test says.
+    /// Run the missed ticks back to back. Only for simulated specimens, because a specimen with
+    /// `link` would move faster than the test requires.
     CatchUp,
-    /// The test ends in an orderly way.
+    /// Stop the test.
     Stop,
 }
 
-/// Real-time scheduling of the loop and its answer to lateness. All keys have defaults.
+/// Real-time scheduling of the loop, and its response to missed deadlines. Each key has a default.
+/// More: guide, real-time.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default, rename_all = "snake_case")]
 pub struct TimingSpec {
     /// Scheduling policy of the loop: "fifo" or "ordinary".
+    #[schemars(example = &"ordinary")]
     pub policy: Policy,
-    /// Priority under SCHED_FIFO, 1 to 98 (99 belongs to the kernel). On a PREEMPT_RT kernel interrupts have 50.
+    /// Priority with "fifo", from 1 to 98. Interrupts of a PREEMPT_RT kernel have 50.
     #[schemars(range(min = 1, max = 98))]
+    #[schemars(example = 80)]
     pub priority: u8,
-    /// Processor of the loop, from 0. Absent: the last one. Every other thread keeps off it where there are two.
+    /// Processor core of the loop, from 0. All other threads of Gusset use the other cores, if the
+    /// computer has more than one. Default: the last core.
     pub cpu: Option<usize>,
-    /// The loop sleeps until this long before each edge and then spins on the clock, in µs. 0: it only sleeps and
-    /// wakes 15 to 50 µs late. Shortened where a spin would use up the kernel's real-time budget.
+    /// Time before each tick at which the loop stops sleeping and waits actively. 0 only sleeps and
+    /// wakes 15 to 50 µs late. At high rates it is shortened to the kernel's real-time budget.
     #[schemars(range(min = 0.0, max = 1e6))]
+    #[schemars(example = 100.0)]
     pub spin_us: f64,
-    /// Keep all memory of the process in RAM (mlockall).
+    /// If true, all memory of the process is locked in RAM (mlockall).
+    #[schemars(example = false)]
     pub lock_memory: bool,
-    /// Keep idle processors out of deep sleep (/dev/cpu_dma_latency) while the test runs.
+    /// If true, idle cores stay out of deep sleep during the test (/dev/cpu_dma_latency).
+    #[schemars(example = false)]
     pub hold_cpu_awake: bool,
-    /// Stack that is touched before the first tick, in kB.
+    /// Size of the stack that is touched before the first tick, in kB.
     #[schemars(range(min = 0, max = 1024))]
+    #[schemars(example = 512)]
     pub prefault_stack_kb: u32,
-    /// Refuse to start (exit code 4) unless everything asked for above is granted.
+    /// If true, the test is refused with exit code 4 unless the system grants all real-time
+    /// settings of this table.
+    #[schemars(example = true)]
     pub require_realtime: bool,
-    /// What happens when a tick is late by one period or more: "stretch", "catch_up" or "stop". Late by less, the next
-    /// edge stands. "catch_up" is for computed specimens only.
+    /// Response to a tick that is late by one period or more: "stretch", "catch_up" or "stop". A
+    /// tick that is late by less does not move the next one.
+    #[schemars(example = &"stop")]
     pub on_miss: OnMiss,
-    /// With `on_miss = "catch_up"`: at most this many ticks run back to back; beyond it the grid is moved.
+    /// Largest number of ticks that run back to back with `on_miss = "catch_up"`. Beyond it, later
+    /// ticks are delayed.
     #[schemars(range(min = 1))]
+    #[schemars(example = 50)]
     pub max_catch_up_ticks: u64,
-    /// The test stops after this many deadline misses in a row.
+    /// Number of successive deadline misses after which the test stops.
     #[schemars(range(min = 1))]
+    #[schemars(example = 20)]
     pub max_consecutive_misses: u64,
-    /// The test stops after this many deadline misses. Absent: one tick in a hundred, and at least 100.
+    /// Number of deadline misses after which the test stops. Default: one percent of all ticks, at
+    /// least 100.
     #[schemars(range(min = 1))]
+    #[schemars(example = 200)]
     pub max_total_misses: Option<u64>,
-    /// The test stops after this many deadline misses within `miss_window_s`. Absent: one tick in ten, and at least 100.
+    /// Number of deadline misses within `miss_window_s` after which the test stops. Default: ten
+    /// percent of the ticks in the window, at least 100.
     #[schemars(range(min = 1))]
+    #[schemars(example = 100)]
     pub max_misses_in_window: Option<u64>,
-    /// Wall time in s over which `max_misses_in_window` counts.
+    /// Wall time over which `max_misses_in_window` counts, at most 3600 s.
+    #[schemars(example = 5.0)]
     pub miss_window_s: f64,
-    /// More deadline misses in a row than these are warned of. Absent: half of what stops the test; so for the next two.
+    /// Number of successive deadline misses beyond which the controller warns. Default: half of
+    /// `max_consecutive_misses`.
+    #[schemars(example = 10)]
     pub warn_consecutive_misses: Option<u64>,
-    /// More deadline misses in all than these are warned of.
+    /// Number of deadline misses beyond which the controller warns. Default: half of
+    /// `max_total_misses`.
+    #[schemars(example = 100)]
     pub warn_total_misses: Option<u64>,
-    /// More deadline misses within `miss_window_s` than these are warned of.
+    /// Number of deadline misses within `miss_window_s` beyond which the controller warns. Default:
+    /// half of `max_misses_in_window`.
+    #[schemars(example = 50)]
     pub warn_misses_in_window: Option<u64>,
-    /// Ticks at the start, in which the specimens hold, whose timing is counted apart and whose misses stop nothing. Absent:
-    /// 200, but no longer than 0.5 s, and at least 2. More than 200 may take 600 s at most.
+    /// Number of ticks before t = 0 in which the specimens hold. The test starts only if the second
+    /// half of them meets its deadlines. Default: 200, at most 0.5 s, at least 2 ticks. A larger
+    /// number must not exceed 600 s.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 500)]
     pub warmup_ticks: Option<u64>,
 }
 
@@ -109,9 +138,9 @@ impl Default for TimingSpec {
     }
 }
 
-/// Warm-up ticks unless they are asked for by number.
+/// Default number of warm-up ticks.
 const WARM_UP_TICKS: u64 = 200;
-/// Longest time in s that they take unless they are asked for by number.
+/// Longest default warm-up, in s.
 const WARM_UP_S: f64 = 0.5;
 
 impl TimingSpec {
@@ -173,7 +202,7 @@ pub enum TimingSpecError {
     Cpu {
         /// As written.
         found: usize,
-        /// What the process may use.
+        /// Processors that the process may use.
         allowed: Vec<usize>,
     },
 }

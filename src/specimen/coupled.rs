@@ -9,23 +9,27 @@ use serde::{Deserialize, Serialize};
 use super::Specimen;
 use crate::law::{LawError, Reach};
 
-/// Linear specimen with full matrices, one row per axis; each symmetric, without negative eigenvalues.
+/// Linear specimen with full matrices, one row for each axis. Each matrix is symmetric without
+/// negative eigenvalues.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct CoupledSpec {
-    /// Stiffness matrix K in N/m, row by row.
+    /// Stiffness matrix K by rows. Entries of rotations are in N or N m.
+    #[schemars(example = [[2.0e6, -5.0e5], [-5.0e5, 1.0e6]])]
     pub stiffness_n_per_m: Vec<Vec<f64>>,
-    /// Damping matrix C in N s/m, row by row. Default: none.
+    /// Damping matrix C by rows. Default: no damping.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = [[2.0e4, 0.0], [0.0, 1.0e4]])]
     pub damping_n_s_per_m: Option<Vec<Vec<f64>>>,
-    /// Mass matrix in kg, row by row, that the structure is to carry for the specimen; its inertia is not part of the
-    /// specimen's force. Default: none.
+    /// Mass matrix by rows that is added to the structure. The force of the specimen does not
+    /// contain its inertia. Default: no mass.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = [[100.0, 0.0], [0.0, 50.0]])]
     pub mass_kg: Option<Vec<Vec<f64>>>,
 }
 
 impl CoupledSpec {
-    /// The specimen for so many axes.
+    /// Builds the specimen for `axes` axes.
     ///
     /// # Errors
     /// A matrix of another size, with an entry that is not finite, not symmetric, or with a negative eigenvalue.
@@ -44,7 +48,7 @@ impl CoupledSpec {
     }
 }
 
-/// Differences and eigenvalues below this share of the largest entry are the rounding of whoever typed the matrix.
+/// Differences and eigenvalues below this share of the largest entry count as rounding of the entries.
 const ROUNDING: f64 = 1e-9;
 
 /// Rows from the file as a checked matrix by columns (the same by rows, for it is symmetric).

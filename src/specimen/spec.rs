@@ -1,4 +1,4 @@
-//! What the test file says of the behaviour of a simulated specimen: `law`, `laws` or `coupled`.
+//! Behaviour of a simulated specimen in the test file: `law`, `laws` or `coupled`.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -6,15 +6,15 @@ use serde::{Deserialize, Serialize};
 use super::{CoupledSpec, Specimen, Uniaxial};
 use crate::law::{LawError, LawSpec};
 
-/// How a simulated specimen resists.
+/// Behaviour of a simulated specimen.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub enum SpecimenLaw {
-    /// The same law on every axis, each axis with a memory of its own.
+    /// Same law for all axes, with own state for each axis.
     Law(LawSpec),
-    /// One law per axis.
+    /// Own law for each axis.
     Laws(Vec<LawSpec>),
-    /// Linear, with full matrices.
+    /// Linear law with full matrices.
     Coupled(CoupledSpec),
 }
 

@@ -4,15 +4,16 @@ use nalgebra::Complex;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Course of the command of an actuator between two ticks. For an actuator without a lag, both are the same.
+/// Command to the actuator between two ticks. It has no effect on an actuator without a lag.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum BetweenTicks {
-    /// A straight line from the last command to the new one, which the actuator receives at the end of the tick.
+    /// Straight line from the last command to the new one. The actuator reaches the new command at
+    /// the end of the tick.
     #[default]
     Ramped,
-    /// The new command over the whole tick, as a digital-to-analogue converter gives it. The actuator receives it half a tick
-    /// earlier than a ramp on average.
+    /// New command over the whole tick, like a digital-to-analogue converter. On average the
+    /// actuator receives it half a tick earlier than with "ramped".
     Held,
 }
 

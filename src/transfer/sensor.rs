@@ -1,4 +1,4 @@
-//! What a sensor makes of a quantity: noise, bias, drift, range and quantum, in this order.
+//! Errors of a sensor: noise, bias, drift, range and quantum, in this order.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -6,45 +6,59 @@ use serde::{Deserialize, Serialize};
 use super::TransferError;
 use super::spec::{finite, not_negative, positive};
 
-/// A displacement sensor. Without any key it is perfect.
+/// Displacement sensor. Without any key, it has no error.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case", default)]
 pub struct DispSensorSpec {
-    /// Root mean square of white noise in m; not with `noise_power_m2_s`.
+    /// Root mean square of white noise. Use it instead of `noise_power_m2_s`. Default: no noise.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 1.0e-5)]
     pub noise_rms_m: Option<f64>,
-    /// Power of white noise in m² s: its variance is this over the tick, also while test time stands still.
+    /// Power of white noise. The variance of a reading is this value divided by the length of a
+    /// tick. Use it instead of `noise_rms_m`. Default: no noise.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub noise_power_m2_s: Option<f64>,
-    /// Constant error in m.
+    /// Constant error.
+    #[schemars(example = 0.0001)]
     pub bias_m: f64,
-    /// Error that grows with test time, in m/s.
+    /// Error that grows with test time.
+    #[schemars(example = 1.0e-6)]
     pub drift_m_per_s: f64,
-    /// Readings end at ± this, in m, and the specimen says that it is saturated. Default: no end.
+    /// Largest reading in both directions. Beyond it, the specimen reports saturation. Default:
+    /// unlimited.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 0.15)]
     pub range_m: Option<f64>,
-    /// Readings are whole multiples of this, in m; 0: not quantised.
+    /// Resolution: readings are whole multiples of this value. 0 is unlimited resolution.
+    #[schemars(example = 1.0e-6)]
     pub quantum_m: f64,
 }
 
-/// A load cell. Without any key it is perfect.
+/// Load cell. Without any key, it has no error.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case", default)]
 pub struct ForceSensorSpec {
-    /// Root mean square of white noise in N; not with `noise_power_n2_s`.
+    /// Root mean square of white noise. Use it instead of `noise_power_n2_s`. Default: no noise.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 50.0)]
     pub noise_rms_n: Option<f64>,
-    /// Power of white noise in N² s: its variance is this over the tick, also while test time stands still.
+    /// Power of white noise. The variance of a reading is this value divided by the length of a
+    /// tick. Use it instead of `noise_rms_n`. Default: no noise.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub noise_power_n2_s: Option<f64>,
-    /// Constant error in N.
+    /// Constant error.
+    #[schemars(example = 100.0)]
     pub bias_n: f64,
-    /// Error that grows with test time, in N/s.
+    /// Error that grows with test time.
+    #[schemars(example = 1.0)]
     pub drift_n_per_s: f64,
-    /// Readings end at ± this, in N, and the specimen says that it is saturated. Default: no end.
+    /// Largest reading in both directions. Beyond it, the specimen reports saturation. Default:
+    /// unlimited.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 2.0e5)]
     pub range_n: Option<f64>,
-    /// Readings are whole multiples of this, in N; 0: not quantised.
+    /// Resolution: readings are whole multiples of this value. 0 is unlimited resolution.
+    #[schemars(example = 10.0)]
     pub quantum_n: f64,
 }
 

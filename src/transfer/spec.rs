@@ -1,4 +1,4 @@
-//! What the test file says of a transfer system: `[specimen.transfer]`.
+//! `[specimen.transfer]`: a transfer system in the test file.
 
 use nalgebra::Complex;
 use schemars::JsonSchema;
@@ -9,105 +9,128 @@ use super::exact::is_hurwitz;
 use super::sensor::{DispSensorSpec, ForceSensorSpec};
 use super::{TransferError, delay};
 
-/// What lies between the command and the specimen, and between the specimen and what is measured. In the order of the way:
-/// delay, actuator, limits of rate, stroke and force, sensors. Every axis has one of its own; without any key nothing is
-/// changed. SI units at the specimen.
+/// Simulated actuator and sensors between the command and the measurement of a simulated specimen.
+/// The order is: delay, actuator, limits of rate, stroke and force, sensors. Each axis has its own.
+/// Units are SI at the specimen. Without any key, nothing is changed.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case", default)]
 pub struct TransferSpec {
-    /// Pure delay of the command in s, whole ticks or not.
+    /// Pure delay of the command. It need not be a whole number of ticks.
+    #[schemars(example = 0.008)]
     pub delay_s: f64,
-    /// Course of the command from tick to tick: a ramp, or a hold. A delay comes before it.
+    /// Command between two ticks: a ramp or a constant value. The delay acts before it.
+    #[schemars(example = &"held")]
     pub between_ticks: BetweenTicks,
-    /// How the actuator follows. Default: at once.
+    /// Dynamics of the actuator. Default: none, the actuator follows at once.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub actuator: Option<ActuatorSpec>,
-    /// Greatest speed in m/s; not for `servo_hydraulic`. Default: none.
+    /// Largest speed of the actuator. Not for `servo_hydraulic`. Default: unlimited.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 0.5)]
     pub rate_limit_m_per_s: Option<f64>,
-    /// The actuator ends at ± this, in m. Default: no end.
+    /// Largest displacement of the actuator in both directions. Default: unlimited.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 0.1)]
     pub stroke_m: Option<f64>,
-    /// Greatest force in N; beyond it the actuator stalls. Default: none.
+    /// Largest force of the actuator. The actuator stalls beyond it. Default: unlimited.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub force_limit_n: Option<f64>,
-    /// The displacement sensor.
+    /// Displacement sensor.
     pub disp_sensor: DispSensorSpec,
-    /// The load cell.
+    /// Load cell.
     pub force_sensor: ForceSensorSpec,
-    /// Seed of the noise: same seed, same noise.
+    /// Seed of the sensor noise. Equal seeds give equal noise.
     pub seed: u64,
-    /// False: an end of stroke, force or sensor range is not told, and the test goes on with what is measured there.
+    /// If false, the specimen does not report that it reached the end of its stroke, force or
+    /// sensor range. The test then continues with the limited measurements. Default: true.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = false)]
     pub tell_saturation: Option<bool>,
 }
 
-/// How an actuator follows its command.
+/// Dynamics of an actuator with command u and position x.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub enum ActuatorSpec {
-    /// x = g u: at once, but not all the way.
+    /// Gain without lag, x = g u.
     Proportional(ProportionalSpec),
-    /// T ẋ + x = g u.
+    /// First-order lag, T ẋ + x = g u.
     FirstOrder(FirstOrderSpec),
-    /// ẍ + 2 ζ ω ẋ + ω² x = ω² g u.
+    /// Second-order lag, ẍ + 2 ζ ω ẋ + ω² x = ω² g u.
     SecondOrder(SecondOrderSpec),
-    /// Servo-valve and cylinder that feel the specimen.
+    /// Servo-hydraulic actuator that interacts with the specimen.
     ServoHydraulic(ServoHydraulicSpec),
 }
 
-/// No lag, only a gain.
+/// Gain without lag, x = g u.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct ProportionalSpec {
-    /// g.
+    /// Gain g.
+    #[schemars(example = 0.98)]
     pub gain: f64,
 }
 
-/// First-order lag.
+/// First-order lag, T ẋ + x = g u.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct FirstOrderSpec {
-    /// T in s.
+    /// Time constant T.
+    #[schemars(example = 0.01)]
     pub time_constant_s: f64,
-    /// g. Default: 1.
+    /// Gain g.
     #[serde(default = "one")]
+    #[schemars(example = 0.98)]
     pub gain: f64,
 }
 
-/// Second-order lag.
+/// Second-order lag, ẍ + 2 ζ ω ẋ + ω² x = ω² g u.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct SecondOrderSpec {
-    /// ω / 2π in Hz.
+    /// Natural frequency ω / 2π.
+    #[schemars(example = 20.0)]
     pub frequency_hz: f64,
-    /// ζ, greater than 0.
+    /// Damping ratio ζ, greater than 0.
+    #[schemars(example = 0.7)]
     pub damping_ratio: f64,
-    /// g. Default: 1.
+    /// Gain g.
     #[serde(default = "one")]
+    #[schemars(example = 0.98)]
     pub gain: f64,
 }
 
-/// Two poles of the servo-valve, one of the cylinder, and the specimen inside the loop: control–structure interaction.
+/// Servo-hydraulic actuator with control–structure interaction: two poles of the servo-valve, one
+/// of the cylinder, and the specimen in the loop. The defaults are the plant of the virtual hybrid
+/// simulation benchmark.
 ///
-/// q̈ + β₁ q̇ + β₂ q = A (g u − x), ḟ + a₃ f = q − a₂ ẋ, m ẍ + R(x, ẋ) = f, where R is the specimen's law and f, inertia
-/// included, is what the load cell feels. The defaults are the plant of the virtual hybrid simulation benchmark.
+/// The servo-valve is q̈ + β₁ q̇ + β₂ q = A (g u − x). The cylinder is ḟ + a₃ f = q − a₂ ẋ, and the
+/// specimen is m ẍ + R(x, ẋ) = f. R is the law of the specimen. The load cell measures f, which
+/// includes inertia.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case", default)]
 pub struct ServoHydraulicSpec {
-    /// A = a₁β₀, in N/(m s³).
+    /// Gain A = a₁ β₀ of the servo-valve. Its unit is N/(m s³).
+    #[schemars(example = 2.1283e13)]
     pub valve_gain: f64,
-    /// β₁ in 1/s.
+    /// Coefficient β₁ of the servo-valve.
+    #[schemars(example = 425.0)]
     pub valve_damping_per_s: f64,
-    /// β₂ in 1/s².
+    /// Coefficient β₂ of the servo-valve.
+    #[schemars(example = 9.9976e4)]
     pub valve_stiffness_per_s2: f64,
-    /// a₂, natural velocity feedback, in N/m.
+    /// Natural velocity feedback a₂ of the cylinder.
+    #[schemars(example = 4.2297e6)]
     pub velocity_feedback_n_per_m: f64,
-    /// a₃, leakage, in 1/s.
+    /// Leakage a₃ of the cylinder.
+    #[schemars(example = 3.3)]
     pub leakage_per_s: f64,
-    /// g.
+    /// Gain g of the command.
+    #[schemars(example = 1.0261)]
     pub gain: f64,
-    /// m: what the actuator moves and the load cell feels, in kg. It belongs into `mass_in_force_kg` of the specimen, too.
+    /// Mass m that the actuator moves and whose inertia the load cell measures. Also set
+    /// `mass_in_force_kg` of the specimen to it.
+    #[schemars(example = 29.13)]
     pub mass_kg: f64,
 }
 
@@ -221,7 +244,7 @@ impl TransferSpec {
         }
     }
 
-    /// True if it makes velocities of its own: an actuator that lags, or a limit of speed.
+    /// True if it changes velocities: an actuator that lags, or a limit of speed.
     #[must_use]
     pub fn has_its_own_time(&self) -> bool {
         self.lags() || self.rate_limit_m_per_s.is_some()

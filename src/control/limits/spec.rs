@@ -1,4 +1,4 @@
-//! `limits` of a specimen or of one of its axes, as a file says them.
+//! `limits` of a specimen or of one of its axes, in a file.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -9,100 +9,119 @@ use super::{AxisLimits, Bound, Range};
 /// Size of a measured displacement in m that trips where nothing else is given.
 pub const DIVERGENCE_M: f64 = 1e3;
 
-/// Bounds of one axis, SI at the specimen's own scale. What is absent is not checked, but a number that is not finite
-/// always trips.
+/// Limits of one axis in SI units, at the specimen's own scale. A limit that is absent is not
+/// checked. NaN and infinity always trip. More: guide, limits.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct LimitsSpec {
-    /// Displacement that may be commanded, in m.
+    /// Range of the commanded displacement.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub command_disp_m: Option<RangeSpec>,
-    /// Change of the command from one to the next, in m.
+    /// Largest change of the command between two commands.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub command_step_m: Option<BoundSpec>,
-    /// The same over the time that it takes, in m/s. That is wall time; what is served to OpenFresco's clients is judged by the
-    /// shorter of wall time and their test time, a formula by their test time alone. With a trip level v, a served specimen that
-    /// moves goes no farther than v·(T + burst) in T seconds, whatever its clients do. The burst is 0.02 s, or two announced
-    /// periods where that is longer, and 0.1 s at most. So a single command moves it by at most v·0.1 s.
+    /// Largest velocity of the command, in wall time. With a trip level v, clients of `gusset
+    /// serve` move a physical specimen by at most v·(T + burst) in T seconds. The burst is 0.02 s
+    /// or two announced periods, at most 0.1 s. More: guide, limits.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub command_vel_m_per_s: Option<BoundSpec>,
-    /// Second difference of the command over that time squared, in m/s².
+    /// Largest acceleration of the command, from its second difference in wall time.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = serde_json::json!({"warn": 20.0, "trip": 30.0}))]
     pub command_accel_m_per_s2: Option<BoundSpec>,
-    /// Displacement that may be measured, in m. Without a trip level more than 1000 m trips.
+    /// Range of the measured displacement. Default: a measured displacement beyond ±1000 m trips.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub measured_disp_m: Option<RangeSpec>,
-    /// Force that may be measured, in N.
+    /// Range of the measured force.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub measured_force_n: Option<RangeSpec>,
-    /// Range of the displacement sensor, in m: a reading outside of it says nothing.
+    /// Measuring range of the displacement sensor. A reading outside this range is not reliable.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = serde_json::json!({"trip": [-0.12, 0.12]}))]
     pub sensor_disp_m: Option<RangeSpec>,
-    /// Range of the load cell, in N: a reading outside of it says nothing, and leads no specimen to zero force.
+    /// Measuring range of the load cell. A reading outside this range is not reliable, and no
+    /// specimen moves to zero force by it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sensor_force_n: Option<RangeSpec>,
-    /// |measured − commanded| displacement at rest, in m.
+    /// Largest following error, |measured − commanded| displacement, at rest. `following_time_s`
+    /// allows for more in motion.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub following_error_m: Option<BoundSpec>,
-    /// Seconds of commanded motion by which the following error may be larger, for an actuator that comes behind by so much. The
-    /// largest speed of the commands of the last so many seconds counts, or of up to twice as many: it goes on for as long after
-    /// a command that stops.
+    /// Delay of the actuator that the following error allows for. The limit grows by this time
+    /// multiplied by the largest recent speed of the command.
     pub following_time_s: f64,
-    /// Change of the measured force from one measurement to the next, in N.
+    /// Largest change of the measured force between two measurements.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = serde_json::json!({"trip": 5.0e3}))]
     pub force_step_n: Option<BoundSpec>,
-    /// Measurements in a row in which a moving command left both sensors unchanged to the last bit.
+    /// Number of successive measurements in which both sensors are unchanged to the last bit
+    /// although the command moves.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = serde_json::json!({"warn": 20.0, "trip": 50.0}))]
     pub stuck_ticks: Option<BoundSpec>,
-    /// Travel of the command in m meanwhile below which nothing is expected to change.
+    /// Motion of the command that is too small to change the sensors. `stuck_ticks` ignores it.
+    #[schemars(example = 1.0e-5)]
     pub stuck_travel_m: f64,
-    /// Commands in a row whose second difference changes its sign and grows: the sawtooth of period two steps in which an
-    /// unstable integration shows, long before it is large.
+    /// Number of successive commands in which the second difference changes its sign and grows.
+    /// Such a sawtooth is an early sign of an unstable integration.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = serde_json::json!({"warn": 6.0, "trip": 12.0}))]
     pub alternating_ticks: Option<BoundSpec>,
-    /// Second difference of the command in m up to which it is no sawtooth but noise.
+    /// Second difference of the command that counts as noise. `alternating_ticks` ignores it.
+    #[schemars(example = 1.0e-5)]
     pub alternating_m: f64,
-    /// Tangent stiffness as estimated during the test, over its declared upper bound (`hardening_bound` times
-    /// `stiffness_n_per_m`, or the law's own): 1 is where the proof of stability ends.
+    /// Estimated tangent stiffness divided by its declared upper bound. The bound is
+    /// `hardening_bound` · `stiffness_n_per_m`, or that of the law. The proof of stability holds up
+    /// to 1.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = serde_json::json!({"warn": 1.0, "trip": 1.2}))]
     pub stiffness_ratio: Option<BoundSpec>,
-    /// Tangent damping as estimated during the test, over its declared upper bound. Estimated where damping is declared.
+    /// Estimated tangent damping divided by its declared upper bound. It is only estimated if
+    /// damping is declared.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = serde_json::json!({"warn": 1.0, "trip": 1.2}))]
     pub damping_ratio: Option<BoundSpec>,
-    /// Energy in J, at the structure, that the axis adds because it is not where it should be: a delay adds, a lead takes.
+    /// Energy that the tracking error of this axis adds to the structure. A delay adds energy, a
+    /// lead removes it.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = serde_json::json!({"warn": 5.0, "trip": 10.0}))]
     pub added_energy_j: Option<BoundSpec>,
-    /// Lag of the measured displacement behind the target in s, early or late, as estimated over the last seconds of
-    /// motion, after two periods of it: it adds the damping −k lag.
+    /// Lag of the measured displacement behind the target, or lead if it is early. It is estimated
+    /// over the last seconds of motion, after two periods.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = serde_json::json!({"warn": 0.002, "trip": 0.004}))]
     pub lag_s: Option<BoundSpec>,
-    /// |gain − 1| of the measured displacement over the target, estimated likewise.
+    /// Amplitude error |gain − 1| of the measured displacement relative to the target. It is
+    /// estimated over the last seconds of motion, after two periods.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = serde_json::json!({"warn": 0.05, "trip": 0.1}))]
     pub gain_error: Option<BoundSpec>,
-    /// Motion in m below which no tangent is taken from it. 0: ten times the noise that was read while zeroing.
+    /// Smallest motion that is used to estimate tangent stiffness and damping. 0 is ten times the
+    /// noise that was measured before the test.
+    #[schemars(example = 1.0e-5)]
     pub tangent_step_m: f64,
 }
 
-/// Largest size; at least one of the two levels is given.
+/// Largest absolute value. Give `warn`, `trip` or both.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct BoundSpec {
-    /// Beyond this an event is written.
+    /// Beyond this level, the controller writes an event.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub warn: Option<f64>,
-    /// Beyond this the specimen holds and the test ends.
+    /// Beyond this level, the specimens hold and the test ends.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub trip: Option<f64>,
 }
 
-/// Smallest and largest value; at least one of the two levels is given.
+/// Smallest and largest value. Give `warn`, `trip` or both.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RangeSpec {
-    /// Outside of this an event is written.
+    /// Outside this range, the controller writes an event.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub warn: Option<[f64; 2]>,
-    /// Outside of this the specimen holds and the test ends.
+    /// Outside this range, the specimens hold and the test ends.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub trip: Option<[f64; 2]>,
 }
@@ -121,7 +140,7 @@ pub enum LimitsError {
     NotPositive {
         /// The bound.
         key: &'static str,
-        /// What was found.
+        /// The given value.
         found: f64,
     },
     /// A size that is counted and no whole number.
@@ -129,7 +148,7 @@ pub enum LimitsError {
     NotWhole {
         /// The bound.
         key: &'static str,
-        /// What was found.
+        /// The given value.
         found: f64,
     },
     /// The smallest value is not below the largest.
@@ -188,7 +207,7 @@ impl BoundSpec {
         }
     }
 
-    /// The same of a count.
+    /// Checks the levels of a count.
     fn check_count(self, key: &'static str) -> Result<(), LimitsError> {
         let mut levels = [self.warn, self.trip].into_iter().flatten();
         match levels.find(|level| level.fract() != 0.0 && level.is_finite()) {

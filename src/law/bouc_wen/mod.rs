@@ -29,25 +29,30 @@ use wear::{Point, Wear};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct BoucWenSpec {
-    /// Stiffness k in N/m, greater than 0. With `a` = 1 it is the tangent at the origin.
+    /// Stiffness k, greater than 0. With `a = 1` it is the initial tangent stiffness.
     pub stiffness_n_per_m: f64,
-    /// Force scale F_y of the hysteretic part in N, greater than 0: the yield force when `a` = 1 and
+    /// Force scale F_y of the hysteretic part, greater than 0. It is the yield force if `a = 1` and
     /// `beta` + `gamma` = 1.
     pub yield_force_n: f64,
-    /// Elastic share α of the stiffness, from 0 to 1: the stiffness after yield over k.
+    /// Ratio α of the stiffness after yield to k, from 0 to 1.
     pub post_yield_ratio: f64,
-    /// A, greater than 0. Default 1, to which the other parameters can always be scaled.
+    /// Parameter A, greater than 0. Other values than 1 are rarely needed, because the other
+    /// parameters can be scaled instead.
     #[serde(default = "one")]
+    #[schemars(example = 1.0)]
     pub a: f64,
-    /// β, greater than 0: the width of the loop.
+    /// Parameter β, greater than 0. It determines the width of the hysteresis loop.
     pub beta: f64,
-    /// γ, greater than −β: with γ < β unloading is stiffer than loading, with γ > β softer.
+    /// Parameter γ, greater than −β. Unloading is stiffer than loading if γ < β, and softer if γ >
+    /// β.
     pub gamma: f64,
-    /// Exponent n from 1 to 100: the larger, the sharper the knee.
+    /// Exponent n, from 1 to 100. A larger value makes the transition to yielding sharper.
     pub exponent: f64,
-    /// Largest tangent that will occur over the tangent at the origin, at least 1. Needed with degradation or
-    /// pinching; else it is known: α + (1 − α) max(1, 2β/(β + γ)) for `a` = 1, and a smaller value has no effect.
+    /// Upper bound of the tangent stiffness divided by the initial tangent, at least 1. Required
+    /// with degradation or pinching. Default: the bound of the formula, α + (1 − α) max(1, 2β/(β +
+    /// γ)) for `a = 1`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 1.5)]
     pub hardening_ratio: Option<f64>,
     /// Loss of strength and stiffness with dissipated energy. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -61,7 +66,7 @@ fn one() -> f64 {
     1.0
 }
 
-/// β and γ are told apart, and from each other's negative, by this share at least: closer, the rounding of ζ decides.
+/// Smallest relative distance of β from γ and −γ. If they are closer, the rounding of ζ decides.
 const SEPARATION: f64 = 1e-6;
 
 impl BoucWenSpec {
@@ -201,8 +206,7 @@ impl State {
     };
 }
 
-/// See [`BoucWenSpec`]. A step of so many yield displacements that a worn law cannot be followed through it
-/// (some thousand) gives NaN and not a guess.
+/// See [`BoucWenSpec`]. A step of some thousand yield displacements is too long for a degraded law: it gives NaN.
 #[derive(Debug, Clone)]
 pub struct BoucWen {
     stiffness: f64,

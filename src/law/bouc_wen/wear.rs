@@ -18,33 +18,43 @@ use super::extrapolate::integrate;
 use super::{LawError, Parameters, power};
 use crate::law::domain::{non_negative, positive, require};
 
-/// Degradation rates per unit of normalised energy ε.
+/// Degradation rates per unit of normalised dissipated energy ε.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct DegradationSpec {
-    /// δ_ν, loss of strength: ν = 1 + δ_ν ε; not negative. Default 0.
+    /// Rate δ_ν of the strength degradation, ν = 1 + δ_ν ε. It must not be negative.
     #[serde(default)]
+    #[schemars(example = 0.05)]
     pub strength: f64,
-    /// δ_η, loss of stiffness: η = 1 + δ_η ε; not negative. Default 0.
+    /// Rate δ_η of the stiffness degradation, η = 1 + δ_η ε. It must not be negative.
     #[serde(default)]
+    #[schemars(example = 0.05)]
     pub stiffness: f64,
 }
 
-/// Pinching parameters of Baber and Noori.
+/// Pinching parameters. Source: Baber & Noori 1985.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct PinchingSpec {
-    /// ζ_s, measure of total slip: from 0 to below 1.
+    /// Total slip ζ_s, from 0 to less than 1.
+    #[schemars(example = 0.9)]
     pub total_slip: f64,
-    /// p, how fast slip comes with energy: not negative.
+    /// Pinching slope p: how fast the slip develops with dissipated energy. It must not be
+    /// negative.
+    #[schemars(example = 1.0)]
     pub slope: f64,
-    /// q, share of the ultimate ζ at which the pinch lies: from 0 to 1.
+    /// Pinching initiation q, from 0 to 1: location of the pinch as a fraction of the ultimate ζ.
+    #[schemars(example = 0.1)]
     pub initiation: f64,
-    /// ψ₀, amount of pinching: greater than 0.
+    /// Pinching magnitude ψ₀, greater than 0.
+    #[schemars(example = 0.2)]
     pub magnitude: f64,
-    /// δ_ψ, spread of pinching with energy: not negative.
+    /// Pinching rate δ_ψ: growth of the pinched region with dissipated energy. It must not be
+    /// negative.
+    #[schemars(example = 0.005)]
     pub rate: f64,
-    /// λ, how severity and spread hang together: greater than 0.
+    /// Pinching severity λ, greater than 0: a larger value widens the pinched region.
+    #[schemars(example = 0.1)]
     pub severity: f64,
 }
 
@@ -139,7 +149,7 @@ impl Wear {
     /// The stretch on which y keeps its sign, which is `side`.
     ///
     /// Stages of a step that is too long lie beyond zero, where the law is another. To take zero for them makes the slope a
-    /// constant, on which the extrapolation agrees with itself and not with the law: such a step is none.
+    /// constant, on which the extrapolation agrees with itself and not with the law: such a step is rejected.
     fn follow(&self, parameters: &Parameters, from: Point, tau: f64, side: f64) -> Option<Point> {
         let kept = |y: f64| match side * y {
             inside if inside >= 0.0 => y,

@@ -1,218 +1,219 @@
-//! A fault script as a file says it.
+//! A fault script in a file.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// What goes wrong in a laboratory, and what a test must make of it. Everything is counted in commands since arming, so
-/// that the same script means the same in simulated and in real time.
+/// Faults for `gusset serve --fault` and for simulated tests. All times are counted in commands
+/// since arming, so that simulated time and real time give equal faults.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Script {
-    /// For people: what happens.
+    /// Title of the script.
     pub title: String,
-    /// Where chance begins, for faults with a `probability` and for those that throw dice themselves.
+    /// Seed of the random numbers, for faults with a `probability` and for random faults.
     #[serde(default)]
     pub seed: u64,
-    /// What happens, in any order; several at once is allowed.
+    /// Faults in any order. Several faults may act at once.
     #[serde(default)]
     pub fault: Vec<Fault>,
-    /// Changes to the test file of the laboratory, as `gusset run --set` takes them.
+    /// Changes to the test file, as for `gusset run --set`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub set: Vec<String>,
-    /// How a test in the laboratory must take it. A server does not look at it.
+    /// Expected result of a test with these faults. A server ignores it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub expect: Option<Expect>,
 }
 
-/// One thing that goes wrong.
+/// One fault.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Fault {
-    /// The first command that it concerns, from 0 at the arming. Default: 0.
+    /// First affected command, from 0 at arming. Default: 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub at: Option<u64>,
-    /// How many commands it concerns. Default: all from there on.
+    /// Number of affected commands. Default: all commands after the first.
     #[serde(default, rename = "for", skip_serializing_if = "Option::is_none")]
     pub lasts: Option<u64>,
-    /// The axis of the specimen, from 1. Default: all of them.
+    /// Affected axis, from 1. Default: all axes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 2)]
     pub axis: Option<usize>,
-    /// Which way of the link: "replies" (the default) or "commands".
+    /// Direction on the link. Default: "replies".
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub on: Option<Way>,
-    /// How probable it is for each command that it concerns. Default: certain.
+    /// Probability for each affected command. Default: 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub probability: Option<f64>,
-    /// What goes wrong.
+    /// Kind of the fault.
     pub kind: Kind,
 }
 
-/// A way of the link.
+/// Direction on the link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Way {
     /// From the specimen to the controller.
     #[default]
     Replies,
-    /// From the controller to the specimen; over a stream, only where a frame comes by itself.
+    /// From the controller to the specimen. On a stream, only where a frame arrives alone.
     Commands,
 }
 
-/// Which sensors.
+/// Sensors that a fault affects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Channel {
-    /// The displacement sensor.
+    /// Displacement sensor.
     Disp,
-    /// The load cell.
+    /// Load cell.
     Force,
-    /// Both.
+    /// Displacement sensor and load cell.
     #[default]
     Both,
 }
 
-/// What goes wrong.
+/// Kind of a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub enum Kind {
     // On the link.
-    /// A frame does not arrive.
+    /// A frame is lost.
     Lost,
-    /// A frame arrives later by so many ticks of the test.
+    /// A frame arrives later by this number of ticks.
     Late {
-        /// Ticks; may be a fraction.
+        /// Delay in ticks of the test. It may be a fraction.
         ticks: f64,
     },
-    /// A frame arrives later by anything up to so many ticks: frames overtake each other.
+    /// A frame arrives later by a random delay, so that frames overtake each other.
     Jitter {
-        /// Ticks; may be a fraction.
+        /// Largest delay in ticks of the test. It may be a fraction.
         ticks: f64,
     },
-    /// A frame arrives again, so many times.
+    /// A frame arrives several times.
     Duplicated {
-        /// Copies besides the frame itself.
+        /// Number of copies besides the frame itself.
         times: u32,
     },
-    /// A frame arrives behind the next one.
+    /// A frame arrives after the next one.
     Reordered,
     /// An old frame arrives again, besides the new one.
     OldAgain {
-        /// Its age in frames, 1 to 64.
+        /// Age of the old frame in frames, from 1 to 64.
         age: usize,
     },
-    /// Bits of a frame are flipped: its checksum tells.
+    /// Bits of a frame are flipped, so that its checksum is wrong.
     Corrupted {
-        /// How many; by chance which.
+        /// Number of random bits.
         bits: u32,
     },
-    /// The length in the head of a frame is wrong.
+    /// The length in the header of a frame is wrong.
     WrongLength,
     /// A frame is cut short.
     Truncated,
-    /// Bytes by chance arrive instead of a frame.
+    /// Random bytes arrive instead of a frame.
     Garbage,
-    /// A force that is no number, in a frame that is otherwise right.
+    /// The force is NaN in a frame that is otherwise correct.
     NotANumberSent,
-    /// A measurement says that it answers a command that was not sent yet.
+    /// A measurement claims to answer a command that was not sent yet.
     AnswersTheFuture {
-        /// By so many commands.
+        /// Number of commands ahead.
         by: u64,
     },
-    /// The connection breaks. Over UDP nobody is told.
+    /// The connection breaks. With UDP, no end notices it.
     Closed,
-    /// The far end hangs: what comes meanwhile is taken all at once afterwards, what it says is lost.
+    /// The other end hangs. It then receives all commands at once, and its replies are lost.
     Hangs {
-        /// For so many ticks of the test.
+        /// Length in ticks of the test.
         ticks: f64,
     },
-    /// The specimen's clock is too fast or too slow, from the arming on.
+    /// The clock of the specimen is too fast or too slow, from arming on.
     ClockDrift {
-        /// By so many millionths.
+        /// Rate error in millionths.
         ppm: f64,
     },
     /// The request to arm is never answered.
     ArmingUnanswered,
 
     // At the actuator.
-    /// The actuator stands still.
+    /// The actuator does not move.
     Frozen,
     /// The actuator reaches the end of its stroke.
     Stroke {
-        /// Either way, in m.
+        /// Stroke in both directions, in m.
         disp_m: f64,
     },
-    /// The actuator is not faster than this.
+    /// The speed of the actuator is limited.
     Rate {
-        /// Either way, in m/s.
+        /// Largest speed in both directions, in m/s.
         vel_m_per_s: f64,
     },
-    /// The actuator has no more force than this, and stands when it meets it.
+    /// The force of the actuator is limited. The actuator stalls at the limit.
     ForceLimit {
-        /// Either way, in N.
+        /// Largest force in both directions, in N.
         force_n: f64,
     },
-    /// The actuator is behind by whole commands.
+    /// The actuator lags by whole commands.
     Lag {
-        /// How many, 1 to 64.
+        /// Number of commands, from 1 to 64.
         commands: usize,
     },
-    /// The specimen is not where the test believes, and refuses to be armed.
+    /// The specimen is not at the expected position, and refuses to be armed.
     Elsewhere {
-        /// How far away, in m.
+        /// Distance from the expected position, in m.
         disp_m: f64,
     },
 
     // At the sensors.
-    /// Sensors go on saying what they said last.
+    /// Sensors repeat their last reading.
     Stuck {
-        /// Which.
+        /// Affected sensors.
         #[serde(default)]
         channel: Channel,
     },
-    /// Something is added to what the sensors say.
+    /// Sensors have a constant error.
     Bias {
-        /// In m.
+        /// Error of the displacement, in m.
         #[serde(default)]
         disp_m: f64,
-        /// In N.
+        /// Error of the force, in N.
         #[serde(default)]
         force_n: f64,
     },
-    /// The same, growing with every command.
+    /// Sensors have an error that grows with each command.
     Drift {
-        /// In m per command.
+        /// Growth of the displacement error per command, in m.
         #[serde(default)]
         disp_m: f64,
-        /// In N per command.
+        /// Growth of the force error per command, in N.
         #[serde(default)]
         force_n: f64,
     },
-    /// Noise, evenly distributed.
+    /// Sensors have uniformly distributed noise.
     Noise {
-        /// Either way, in m.
+        /// Largest displacement noise in both directions, in m.
         #[serde(default)]
         disp_m: f64,
-        /// Either way, in N.
+        /// Largest force noise in both directions, in N.
         #[serde(default)]
         force_n: f64,
     },
     /// Sensors read zero.
     Dropout {
-        /// Which.
+        /// Affected sensors.
         #[serde(default)]
         channel: Channel,
     },
-    /// Sensors are wired the wrong way round.
+    /// Sensors have the wrong sign.
     Reversed {
-        /// Which.
+        /// Affected sensors.
         channel: Channel,
     },
-    /// The load cell reads this many times the force.
+    /// The load cell has a wrong gain.
     Gain {
-        /// Factor.
+        /// Reading divided by force.
         factor: f64,
     },
-    /// The load cell gives no number.
+    /// The load cell reads NaN.
     NotANumber,
 
     // At the specimen's end as a whole.
@@ -220,29 +221,30 @@ pub enum Kind {
     Interlock,
     /// A sensor or actuator reports that it is at the end of its range.
     Saturated,
-    /// The specimen's end says goodbye.
+    /// The specimen ends the session.
     Goodbye,
 
     // At the controller.
-    /// The controller's loop stalls. Only in simulated time: a server cannot do that to its controller.
+    /// The loop of the controller stalls. Only on the simulated clock, because a server cannot
+    /// stall its controller.
     ControllerStalls {
-        /// For so many ticks.
+        /// Length in ticks of the test.
         ticks: u64,
     },
 }
 
-/// What a test must make of it.
+/// Expected result of a test.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Expect {
-    /// The phases of the test, from "connected" to "safe".
+    /// Phases of the test, from "connected" to "safe".
     pub path: Vec<String>,
-    /// Words that the reason for the end must have; absent where the test reaches its last step.
+    /// Words in the reason for the end. Default: the test reaches its last step.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
-    /// The exit code of `gusset run`.
+    /// Exit code of `gusset run`.
     pub exit: u8,
-    /// Words that the far end must have said.
+    /// Words that the specimen must have reported.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub far_end: Option<String>,
 }
@@ -326,7 +328,7 @@ impl Fault {
 }
 
 impl Script {
-    /// That it is played, for whoever watches a test or reads its record.
+    /// The notice of this script in a test and its record.
     #[must_use]
     pub fn words(&self) -> String {
         format!("FAULTS are played: {}", self.title)

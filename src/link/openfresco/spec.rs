@@ -1,4 +1,4 @@
-//! `[specimen.link.openfresco]`: what the set-up of these protocols cannot find out by itself.
+//! `[specimen.link.openfresco]`: settings that a connection cannot determine itself.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -8,72 +8,91 @@ use crate::link::Wait;
 use crate::link::spec::{Carrier, LinkSpec, Protocol};
 use crate::wire::openfresco::{Carrier as Bytes, Counts, MAX_COUNT, MAX_DATA_SIZE, SignalOrder};
 
-/// What the set-up cannot find out by itself. Every key has a default that suits the current programs.
+/// Settings that a connection by an OpenFresco protocol cannot determine itself. The defaults suit
+/// the current programs. More: guide, opensees.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct OpenFrescoSpec {
-    /// For "openfresco": what listens there. A site server measures displacements and answers no matrices. An element server
-    /// answers matrices, and its displacements are always zero: only its force is used, unless `answer_signals` asks for more.
+    /// Kind of server with "openfresco". A site server measures displacements. An element server
+    /// gives matrices, but its displacements are always zero, so only its forces are used.
+    #[schemars(example = &"site")]
     pub server: Far,
-    /// Doubles in every vector. It is raised as far as commands and answers need it; smaller is faster. Default: 256.
+    /// Number of values in each message. It grows if commands or answers need more. A smaller
+    /// number is faster. Default: 256.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 64)]
     pub data_size: Option<usize>,
-    /// Over UDP: begin with the byte `a` and wait for `b`. Default: as the current program of the far end wants it (no for
-    /// OpenFresco 2.8 application servers; yes for its sites, for OpenSees and for OpenFresco 2.7).
+    /// Whether a UDP connection begins with an exchange of two bytes, `a` and `b`. Default: no for
+    /// application servers of OpenFresco 2.8, yes for its sites, OpenSees and OpenFresco 2.7.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = true)]
     pub udp_hello: Option<bool>,
-    /// Over UDP, for "openfresco-shadow": exchange the endian byte after the hello, as OpenFresco 2.7 does. Default: no.
+    /// Whether a UDP connection of "openfresco-shadow" exchanges the byte order, as OpenFresco 2.7
+    /// does.
+    #[schemars(example = true)]
     pub udp_endian: bool,
-    /// Numbers of displacements, velocities, accelerations, forces and times (0 or 1) in a command. Default: what the
-    /// far end is known to take.
+    /// Numbers of displacements, velocities, accelerations, forces and times in a command. The last
+    /// number is 0 or 1. Default: the numbers that the other end is known to accept.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = [1, 0, 0, 0, 0])]
     pub command_signals: Option<[usize; 5]>,
-    /// Numbers of displacements, velocities, accelerations, forces and times (0 or 1) in an answer. Default: what the far end is
-    /// known to give; an element server gives forces only. A number of displacements above 0 says that the server measures them. That is true of `gusset serve` (`[1, 1, 1, 1, 1]` for one axis)
-    /// and false of OpenFresco's `startSimAppElemServer`, which answers zeros.
+    /// Numbers of displacements, velocities, accelerations, forces and times in an answer. A first
+    /// number above 0 declares measured displacements, as `gusset serve` has them and an element
+    /// server of OpenFresco has not. Default: the known numbers; an element server gives forces
+    /// only.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = [1, 1, 1, 1, 1])]
     pub answer_signals: Option<[usize; 5]>,
-    /// For "openfresco-shadow": the version number that both sites compare for exact equality. Default: 2.8.
+    /// Version number that both sites compare with "openfresco-shadow". Default: 2.8.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 2.7)]
     pub version: Option<f64>,
-    /// For "openfresco-shadow": our site tag.
+    /// Site tag of this controller with "openfresco-shadow".
     #[schemars(range(max = u32::MAX))]
+    #[schemars(example = 1)]
     pub site: u32,
 }
 
-/// How a specimen is offered over OpenFresco's protocols.
+/// Settings of `gusset serve` for OpenFresco protocols. More: guide, opensees.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct OpenFrescoServeSpec {
-    /// Name or address of the one machine that may command the specimen; everybody else is turned away. Required beyond
-    /// loopback, for these protocols know no key, unless TLS requires certificates.
+    /// Name or address of the only computer that may command the specimen. Required beyond
+    /// loopback, unless TLS requires certificates, because these protocols have no key.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"10.0.0.5")]
     pub client: Option<String>,
-    /// Silence in s after which a client counts as gone. Default: none over TCP, where the connection shows it; 60 over
-    /// UDP. At a computed specimen over UDP, a new client of the same machine takes over after 2 s of silence.
+    /// Time without a message after which a client counts as gone. Default: 60 s with UDP, none
+    /// with TCP. With UDP, a new client on the same computer takes over a simulated specimen after
+    /// 2 s.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 30.0)]
     pub idle_timeout_s: Option<f64>,
-    /// Something moves here: a step that the client takes back ends the test, and a new client finds the specimen as the
-    /// last one left it.
+    /// If true, the specimen is physical: a step that the client takes back ends the test, and the
+    /// specimen keeps its position between clients.
+    #[schemars(example = true)]
     pub physical: bool,
-    /// Test time of one step in s, for clients that send no time. Default: rate effects follow the velocities alone.
+    /// Test time of one step, for clients that send no time. Default: rate effects depend on the
+    /// velocities only.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 0.01)]
     pub step_s: Option<f64>,
-    /// For "openfresco-simulink": the order of the signals in commands and answers, as the control points of the OpenFresco
-    /// model have them. OpenFresco does not announce it. Required with more than one axis and more than one quantity
-    /// (displacement, velocity, acceleration, force, time), either commanded or measured: otherwise such a client is refused.
+    /// Order of the signals with "openfresco-simulink", as in the OpenFresco model. Required for
+    /// several axes with several quantities, because OpenFresco does not send the order. Default:
+    /// none; such a client is refused.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"by_quantity")]
     pub signal_order: Option<SignalOrderSpec>,
 }
 
-/// The order of SimSimulink's signals.
+/// Order of the signals of `SimSimulink`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SignalOrderSpec {
-    /// d1 v1 d2 v2, and d1 f1 d2 f2: all quantities of an axis (displacement, velocity, acceleration, force), then those of
-    /// the next axis. A client that sends or requests the time, too, is refused: its place is unknown.
+    /// All quantities of one axis (displacement, velocity, acceleration, force), then those of the
+    /// next axis. A client that uses the time is refused.
     ByAxis,
-    /// d1 d2 v1 v2, and d1 d2 f1 f2: one quantity of all axes, then the next quantity. The time stands last.
+    /// One quantity of all axes, then the next quantity. The time is last.
     ByQuantity,
 }
 
@@ -86,14 +105,14 @@ impl From<SignalOrderSpec> for SignalOrder {
     }
 }
 
-/// What listens at the far end of "openfresco".
+/// Kind of server with "openfresco".
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Far {
-    /// `startSimAppElemServer`, or `gusset serve` with `answer_signals`.
+    /// Element server: `startSimAppElemServer`, or `gusset serve` with `answer_signals`.
     #[default]
     Element,
-    /// `startSimAppSiteServer`.
+    /// Site server: `startSimAppSiteServer`.
     Site,
 }
 

@@ -21,28 +21,35 @@ use crate::rt::secret_file::{SecretError, open_secret};
 /// No PEM file of use is longer.
 const LONGEST: u64 = 1 << 20;
 
-/// For `transport = "tls"`: who we are and whom we trust. Both ends show a certificate. Encrypting allocates memory, so
-/// over TLS that work is done by a helper thread beside the loop: the one exception to the loop's rule, and no promise
-/// about time. Frames signed with a `key_file` are the real-time way.
+/// Certificates for `transport = "tls"`. Both ends present a certificate. A separate thread
+/// encrypts the data, so there is no real-time guarantee. For real time, use the protocol of Gusset
+/// with `key_file` instead.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct TlsSpec {
-    /// Our certificate and those between it and the authority, PEM. Relative to the test file. Default: `client.crt` beside it,
-    /// or else in the working directory, where OpenFresco looks.
+    /// File (PEM) with the certificate of this end and all intermediate certificates. Default:
+    /// `client.crt` beside the test file, otherwise in the working directory.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"client.pem")]
     pub certificate_file: Option<String>,
-    /// The private key of our certificate, PEM, not encrypted. Default: `client.key`. It is never copied into the run folder. A file that all users
-    /// of the machine can read or change is refused (`chmod 600`).
+    /// File (PEM) with the private key of the certificate, not encrypted. Other users must not have
+    /// access to it (`chmod 600`). It is never copied into the run folder. Default: `client.key`.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"client.key")]
     pub key_file: Option<String>,
-    /// The authorities that may have signed the far end's certificate, PEM. Default: `client_ca.crt`.
+    /// File (PEM) with the authorities that may sign the certificate of the other end. Default:
+    /// `client_ca.crt`.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"laboratory-ca.pem")]
     pub ca_file: Option<String>,
-    /// The name or address that the far end's certificate must be for. Default: the host in `address`.
+    /// Name or address for which the certificate of the other end must be valid. Default: the host
+    /// in `address`.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"rig.lab")]
     pub server_name: Option<String>,
-    /// False: any certificate of the authority will do, whatever its name, as in OpenFresco's programs. Whoever has one
-    /// of them can then take the specimen's place.
+    /// If false, any certificate of the authority is accepted, whatever its name, as in OpenFresco.
+    /// Every owner of such a certificate can then act as the specimen.
+    #[schemars(example = false)]
     pub check_name: bool,
 }
 
@@ -58,35 +65,40 @@ impl Default for TlsSpec {
     }
 }
 
-/// For `transport = "tls"`: who we are and who may command.
+/// Certificates for `transport = "tls"`.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ServeTlsSpec {
-    /// Our certificate and those between it and the authority, PEM. Relative to this file. Default: `server.crt` beside it, or
-    /// else in the working directory, where OpenFresco looks.
+    /// File (PEM) with the certificate of this server and all intermediate certificates. Default:
+    /// `server.crt` beside this file, otherwise in the working directory.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"server.pem")]
     pub certificate_file: Option<String>,
-    /// The private key of our certificate, PEM, not encrypted. Default: `server.key`. A file that all users
-    /// of the machine can read or change is refused (`chmod 600`).
+    /// File (PEM) with the private key of the certificate, not encrypted. Other users must not have
+    /// access to it (`chmod 600`). Default: `server.key`.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"server.key")]
     pub key_file: Option<String>,
-    /// The authorities that may have signed a client's certificate, PEM. Default: `server_ca.crt`.
+    /// File (PEM) with the authorities that may sign the certificate of a client. Default:
+    /// `server_ca.crt`.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"laboratory-ca.pem")]
     pub ca_file: Option<String>,
-    /// Whether a client must show a certificate. Our own protocol always requires one. Default for OpenFresco's: as its
-    /// own servers have it, optional (but one that is shown must hold); beyond loopback, unless the one machine that may
-    /// command is named, required.
+    /// Whether a client must present a certificate. The protocol of Gusset always requires it.
+    /// Default for OpenFresco: optional on loopback or if `openfresco.client` is given, otherwise
+    /// required.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"required")]
     pub client_certificate: Option<ClientCertificate>,
 }
 
-/// Whether a client must show a certificate.
+/// Whether a client must present a certificate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ClientCertificate {
-    /// Nobody comes in without one.
+    /// A client without a valid certificate is refused.
     Required,
-    /// One that is shown must hold; none will do.
+    /// A client without a certificate is accepted. A certificate that is presented must be valid.
     Optional,
 }
 
@@ -99,7 +111,7 @@ pub enum End {
     Server,
 }
 
-/// What is wrong with a file, and which key names it.
+/// A faulty file, and the key that names it.
 #[derive(Debug, Clone, PartialEq, Eq, Thiserror)]
 #[error("{text}")]
 pub struct FileError {
@@ -127,7 +139,7 @@ pub(super) struct Identity {
 }
 
 impl TlsSpec {
-    /// The files, for a test file that stands in `folder`.
+    /// The files, for a test file in `folder`.
     #[must_use]
     pub fn files(&self, folder: &Path) -> TlsFiles {
         let given = [&self.certificate_file, &self.key_file, &self.ca_file];
@@ -136,7 +148,7 @@ impl TlsSpec {
 }
 
 impl ServeTlsSpec {
-    /// The files, for a file of specimens that stands in `folder`.
+    /// The files, for a file of specimens in `folder`.
     #[must_use]
     pub fn files(&self, folder: &Path) -> TlsFiles {
         let given = [&self.certificate_file, &self.key_file, &self.ca_file];
