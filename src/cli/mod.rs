@@ -20,7 +20,9 @@ mod frontier;
 mod identify;
 mod jitter;
 mod limits;
+mod list;
 mod live;
+mod new;
 mod operate;
 mod progress;
 mod question;
@@ -33,6 +35,7 @@ mod screen;
 mod serve;
 mod serve_openfresco;
 mod serve_tls;
+mod shell;
 mod spectrum;
 mod stability;
 mod status;
@@ -95,6 +98,7 @@ fn enough_files() -> anyhow::Result<()> {
 
 fn dispatch(command: Command) -> anyhow::Result<Exit> {
     match command {
+        Command::New(args) => new::new(&args),
         Command::Run(args) => run::run(&args),
         Command::Check(args) => check::check(&args),
         Command::Identify(args) => identify::identify(&args),
@@ -110,7 +114,10 @@ fn dispatch(command: Command) -> anyhow::Result<Exit> {
         Command::Reset(args) => control::reset(&args),
         Command::Verify(args) => verify::verify(&args),
         Command::Benchmark(benchmark::Of::Vrths(args)) => benchmark::vrths(&args),
-        Command::Schema => schema::schema(),
+        Command::List(args) => list::list(&args),
+        Command::Schema(args) => schema::schema(&args),
+        Command::Completions(args) => shell::completions(&args),
+        Command::Man(args) => shell::man(&args),
     }
 }
 

@@ -27,6 +27,7 @@ pub mod image;
 mod intact;
 pub mod journal;
 pub mod layout;
+pub mod listing;
 pub mod memory;
 pub mod miss;
 mod missing;
