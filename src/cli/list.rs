@@ -37,7 +37,8 @@ pub fn list(args: &ListArgs) -> anyhow::Result<Exit> {
 
 /// Two lines: folder and title, then date, state, length and peak.
 fn in_words(run: &Listed) -> String {
-    let folder = printable(&run.folder.display().to_string());
+    let folder = run.folder.strip_prefix(".").unwrap_or(&run.folder);
+    let folder = printable(&folder.display().to_string());
     let head = cut(&format!("{folder}  {}", printable(&run.title)), COLUMNS);
     let date = run.started.as_deref().map_or("no date", |wall| {
         wall.get(..16).unwrap_or(wall)

@@ -9,6 +9,7 @@ use serde_json::json;
 use super::args::VerifyArgs;
 use super::exit::{Exit, WithExit};
 use super::{answer, tell};
+use crate::record::make_free;
 use crate::rt::clock::{MonotonicClock, USUAL_SPIN_NS};
 use crate::verify::{self, Check, Effort, Part, TOPICS, Tabulation, Verdict};
 
@@ -31,7 +32,7 @@ pub fn verify(args: &VerifyArgs) -> anyhow::Result<Exit> {
     let topics =
         verify::select(&args.names).map_err(|error| WithExit(Exit::Usage, error.to_string()))?;
     if let Some(out) = &args.out {
-        anyhow::ensure!(!out.exists(), "{} exists already", out.display());
+        make_free(out).context("--out")?;
     }
     let effort = if args.quick {
         Effort::Quick
@@ -122,7 +123,6 @@ fn columns(table: &Tabulation) -> String {
 }
 
 fn write(out: &Path, parts: &[Part]) -> anyhow::Result<()> {
-    std::fs::create_dir_all(out).with_context(|| out.display().to_string())?;
     for (name, text) in verify::files(parts) {
         let path = out.join(name);
         crate::record::atomic::write(&path, text.as_bytes())

@@ -44,7 +44,7 @@ mod warned;
 mod whereabouts;
 pub mod writer;
 
-pub use folder::{FolderError, RunFolder};
+pub use folder::{FolderError, RunFolder, make_free};
 pub use image::FolderImage;
 pub use intact::{Extent, Meddled, is_same_file};
 pub use journal::{End, Journal, Row};

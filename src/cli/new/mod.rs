@@ -117,8 +117,11 @@ fn told(template: &Template, name: &str, files: &[(String, String)]) -> String {
     let width = files.iter().map(|(name, _)| name.len()).max().unwrap_or(0) + 2;
     let mut text = "Written to the current folder:\n".to_owned();
     for (index, (file, _)) in files.iter().enumerate() {
-        let what = template.pieces.get(index);
-        let what = what.map_or("the schema, for editors", |piece| piece.what);
+        let what = match template.pieces.get(index) {
+            Some(piece) => piece.what,
+            None if file == SERVE_SCHEMA => "keys of a served file, for editors",
+            None => "keys of a test file, for editors",
+        };
         text.push_str(&format!("  {file:width$}{what}\n"));
     }
     text.push_str("\nNext:");
