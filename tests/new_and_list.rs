@@ -167,7 +167,11 @@ fn second_test_shares_the_schema_of_the_first() {
     assert_eq!(said.stderr, "");
     write(at, "gusset-schema.json", "{}");
     let said = done(at, &["new", "three", "--template", "prescribed"]);
-    assert!(said.stderr.contains("gusset-schema.json"), "{}", said.stderr);
+    assert!(
+        said.stderr.contains("gusset-schema.json"),
+        "{}",
+        said.stderr
+    );
     let kept = fs::read_to_string(at.join("gusset-schema.json")).unwrap();
     assert_eq!(kept, "{}");
 }
@@ -255,8 +259,16 @@ fn completions_of_bash_are_a_valid_script_with_every_command() {
     for word in ["new", "list", "--template", "--resume", "shear-building"] {
         assert!(script.contains(word), "{word}");
     }
-    assert!(say(["completions", "zsh"]).stdout.starts_with("#compdef gusset"));
-    assert!(say(["completions", "fish"]).stdout.contains("complete -c gusset"));
+    assert!(
+        say(["completions", "zsh"])
+            .stdout
+            .starts_with("#compdef gusset")
+    );
+    assert!(
+        say(["completions", "fish"])
+            .stdout
+            .contains("complete -c gusset")
+    );
     assert_eq!(say(["completions", "tcsh"]).code, Some(2));
 }
 
@@ -270,7 +282,12 @@ fn man_writes_a_page_per_command() {
         assert!(pages.contains(&format!("gusset-{command}.1")), "{command}");
     }
     let page = fs::read_to_string(at.join("man1/gusset-run.1")).unwrap();
-    for heading in [".TH gusset-run 1", ".SH NAME", ".SH SYNOPSIS", ".SH OPTIONS"] {
+    for heading in [
+        ".TH gusset-run 1",
+        ".SH NAME",
+        ".SH SYNOPSIS",
+        ".SH OPTIONS",
+    ] {
         assert!(page.contains(heading), "{heading}");
     }
     // Pages of an older version are replaced.

@@ -50,14 +50,10 @@ pub(super) enum Command {
     /// Run one hybrid test.
     Run(RunArgs),
     /// Stop a running test in an orderly way.
-    #[command(
-        after_help = "Example:\n  gusset stop runs/first\n\nMore: gusset guide operation"
-    )]
+    #[command(after_help = "Example:\n  gusset stop runs/first\n\nMore: gusset guide operation")]
     Stop(OperateArgs),
     /// Hold a running test: test time stops, and the specimens stay in place.
-    #[command(
-        after_help = "Example:\n  gusset hold runs/first\n\nMore: gusset guide operation"
-    )]
+    #[command(after_help = "Example:\n  gusset hold runs/first\n\nMore: gusset guide operation")]
     Hold(OperateArgs),
     /// Continue a held test, or confirm the readings that a test shows before it moves.
     #[command(

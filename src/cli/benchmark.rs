@@ -2,7 +2,7 @@
 
 mod ground;
 
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
 use anyhow::Context;
 use clap::{Args, Subcommand, ValueEnum};
@@ -18,6 +18,7 @@ use crate::compensation::CompensationSpec;
 use crate::rt::clock::{MonotonicClock, USUAL_SPIN_NS};
 use crate::time::Clock;
 use crate::transfer::BetweenTicks;
+use crate::work::Work;
 
 #[derive(Debug, Subcommand)]
 pub enum Of {
@@ -216,12 +217,16 @@ fn wirings(args: &VrthsArgs) -> Result<Vec<Wiring>, String> {
 /// All rows in the order of the jobs, on all processors.
 fn computed(args: &VrthsArgs, ground: &[f64], jobs: &[Job<'_>]) -> anyhow::Result<Vec<Line>> {
     let next = AtomicUsize::new(0);
+    let tests = Tests {
+        work: Work::begin("benchmark", jobs.len() as u64 * args.plants.max(1)),
+        done: AtomicU64::new(0),
+    };
     let work = || {
         let mut done = Vec::new();
         loop {
             let place = next.fetch_add(1, Ordering::Relaxed);
             let Some(job) = jobs.get(place) else { break };
-            done.push((place, line(args, ground, job)?));
+            done.push((place, line(args, ground, job, &tests)?));
         }
         Ok::<_, anyhow::Error>(done)
     };
@@ -243,7 +248,20 @@ fn computed(args: &VrthsArgs, ground: &[f64], jobs: &[Job<'_>]) -> anyhow::Resul
     Ok(lines.into_iter().map(|(_, line)| line).collect())
 }
 
-fn line(args: &VrthsArgs, ground: &[f64], job: &Job<'_>) -> anyhow::Result<Line> {
+/// How many tests are done, of all workers.
+struct Tests {
+    work: Work,
+    done: AtomicU64,
+}
+
+impl Tests {
+    fn one_more(&self) {
+        self.work
+            .done(self.done.fetch_add(1, Ordering::Relaxed) + 1);
+    }
+}
+
+fn line(args: &VrthsArgs, ground: &[f64], job: &Job<'_>, tests: &Tests) -> anyhow::Result<Line> {
     let plants = if args.plants == 0 {
         0..1
     } else {
@@ -265,6 +283,7 @@ fn line(args: &VrthsArgs, ground: &[f64], job: &Job<'_>) -> anyhow::Result<Line>
             force_limit: FORCE_LIMIT_N,
         };
         let outcome = run(&setup, controller.as_mut());
+        tests.one_more();
         saturated += outcome.saturated;
         all.push(Criteria::of(&outcome.histories, &job.linear, 1.0 / RATE_HZ));
     }

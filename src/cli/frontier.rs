@@ -16,6 +16,7 @@ use crate::rt::TimingSpec;
 use crate::rt::wall::Wall;
 use crate::session::{self, Signal, Signals, Watches, loop_round};
 use crate::time::Ratio;
+use crate::work::Work;
 
 /// Share of the deadlines that a model must keep.
 const WANTED: f64 = 0.9999;
@@ -67,6 +68,8 @@ pub fn frontier(args: &JitterArgs, model: ModelArg) -> anyhow::Result<Exit> {
         signals: &signals,
     };
     let mut points: Vec<Point> = Vec::with_capacity(rates.len());
+    let work = Work::begin("largest model at each rate", rates.len() as u64);
+    let mut searched = 0;
     let mut refused = Vec::new();
     for rate in rates {
         let rate_hz = rate.value();
@@ -78,7 +81,11 @@ pub fn frontier(args: &JitterArgs, model: ModelArg) -> anyhow::Result<Exit> {
             range: (model.least(), MOST),
             wanted: WANTED,
         };
-        let found = largest(search, &mut |n, length| trials.run(n, rate, length))?;
+        let found = largest(search, &mut |n, length| {
+            work.done(searched);
+            trials.run(n, rate, length)
+        })?;
+        searched += 1;
         if signals.seen().is_some() {
             break;
         }
@@ -91,6 +98,7 @@ pub fn frontier(args: &JitterArgs, model: ModelArg) -> anyhow::Result<Exit> {
             None => refused.push(rate_hz),
         }
     }
+    drop(work);
     write(&folder, model, &points)?;
     if args.json {
         answer(serde_json::to_string_pretty(&as_json(model, &points))?)?;

@@ -40,9 +40,10 @@ fn in_words(run: &Listed) -> String {
     let folder = run.folder.strip_prefix(".").unwrap_or(&run.folder);
     let folder = printable(&folder.display().to_string());
     let head = cut(&format!("{folder}  {}", printable(&run.title)), COLUMNS);
-    let date = run.started.as_deref().map_or("no date", |wall| {
-        wall.get(..16).unwrap_or(wall)
-    });
+    let date = run
+        .started
+        .as_deref()
+        .map_or("no date", |wall| wall.get(..16).unwrap_or(wall));
     let mut parts = vec![
         format!("{:16}", date.replace('T', " ")),
         format!("{:11}", run.state.word()),

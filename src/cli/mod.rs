@@ -64,6 +64,7 @@ use crate::text::printable;
 #[must_use]
 pub fn main() -> ExitCode {
     os::ignore_file_size_signal();
+    progress::show_long_work();
     let cli = Cli::parse();
     match caught(|| enough_files().and_then(|()| dispatch(cli.command))) {
         Ok(exit) => exit.into(),

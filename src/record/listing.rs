@@ -166,7 +166,10 @@ fn look_at(folder: &Path) -> Listed {
 
 /// The time of the first event that can be read.
 fn started(run: &Run) -> Option<String> {
-    let mut events = run.event_lines().ok()?.filter_map(|line| line.ok().flatten());
+    let mut events = run
+        .event_lines()
+        .ok()?
+        .filter_map(|line| line.ok().flatten());
     let wall = |event: Value| Some(event.get("wall")?.as_str()?.to_owned());
     wall(events.next()?)
 }

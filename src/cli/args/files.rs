@@ -86,9 +86,7 @@ pub(in crate::cli) enum ShellArg {
 }
 
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Example:\n  gusset man ~/.local/share/man/man1\n  man gusset-run"
-)]
+#[command(after_help = "Example:\n  gusset man ~/.local/share/man/man1\n  man gusset-run")]
 pub(in crate::cli) struct ManArgs {
     /// Folder for gusset.1 and one page per command. It is made if necessary; older pages are replaced.
     pub dir: PathBuf,

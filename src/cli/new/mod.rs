@@ -48,7 +48,11 @@ pub fn new(args: &NewArgs) -> anyhow::Result<Exit> {
     for (schema, text) in kept {
         let same = fs::read_to_string(folder.join(schema)).is_ok_and(|old| old.trim_end() == text);
         if !same {
-            let flag = if schema == SERVE_SCHEMA { " --serve" } else { "" };
+            let flag = if schema == SERVE_SCHEMA {
+                " --serve"
+            } else {
+                ""
+            };
             tell(format_args!(
                 "warning: {schema} exists and is of another version; it was kept. Renew it: gusset schema{flag} > {schema}"
             ));
@@ -169,7 +173,9 @@ mod tests {
     /// The record that ships with the templates is the stochastic process of this program, not a measured earthquake.
     #[test]
     fn record_of_the_templates_is_synthetic() {
-        let (_, text) = Template::of(TemplateArg::ShearBuilding).files("a").remove(1);
+        let (_, text) = Template::of(TemplateArg::ShearBuilding)
+            .files("a")
+            .remove(1);
         assert!(text.starts_with("SYNTHETIC"));
         let values: Vec<f64> = text
             .lines()
@@ -201,12 +207,17 @@ mod tests {
         let motion = Motion::plain(Signal::KanaiTajimi(quake));
         let grid = Grid::new(0.01, 1999).unwrap();
         let none = |_: &str| Err(io::Error::from(io::ErrorKind::NotFound));
-        let series = motion.evaluate(Quantity::Acceleration, grid, &none).unwrap();
+        let series = motion
+            .evaluate(Quantity::Acceleration, grid, &none)
+            .unwrap();
         assert_eq!(values.len(), 2000);
         for (written, made) in values.iter().zip(&series.values) {
             // Eight digits are written.
             let made = made / 9.806_65;
-            assert!((written - made).abs() <= 1e-7 * made.abs() + 1e-12, "{written} {made}");
+            assert!(
+                (written - made).abs() <= 1e-7 * made.abs() + 1e-12,
+                "{written} {made}"
+            );
         }
     }
 }

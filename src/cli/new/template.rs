@@ -54,7 +54,11 @@ impl Template {
                 name: "shear-building",
                 pieces: &[
                     piece!(".toml", "the test", "shear-building.toml"),
-                    piece!(".AT2", "a synthetic earthquake record", "shear-building.AT2"),
+                    piece!(
+                        ".AT2",
+                        "a synthetic earthquake record",
+                        "shear-building.AT2"
+                    ),
                 ],
                 schemas: &[TEST_SCHEMA],
                 next: RUN,
@@ -63,7 +67,11 @@ impl Template {
                 name: "actuator",
                 pieces: &[
                     piece!(".toml", "the test", "actuator.toml"),
-                    piece!(".AT2", "a synthetic earthquake record", "shear-building.AT2"),
+                    piece!(
+                        ".AT2",
+                        "a synthetic earthquake record",
+                        "shear-building.AT2"
+                    ),
                 ],
                 schemas: &[TEST_SCHEMA],
                 next: RUN,
@@ -84,7 +92,11 @@ impl Template {
                 name: "remote",
                 pieces: &[
                     piece!(".toml", "the test", "remote.toml"),
-                    piece!("-specimen.toml", "the served specimen", "remote-specimen.toml"),
+                    piece!(
+                        "-specimen.toml",
+                        "the served specimen",
+                        "remote-specimen.toml"
+                    ),
                 ],
                 schemas: &[TEST_SCHEMA, SERVE_SCHEMA],
                 next: &[

@@ -6,8 +6,8 @@ use anyhow::Context;
 
 use super::{Delay, Spectrum};
 use crate::config::ModeFacts;
-use crate::spectral::delay::{DiscreteLimit, recursion};
 use crate::record::make_free;
+use crate::spectral::delay::{DiscreteLimit, recursion};
 use crate::spectral::{Apparent, Locus, spectral_radius};
 use crate::verify::{Figure, Scale, Series};
 
