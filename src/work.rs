@@ -44,7 +44,7 @@ impl Work {
         }
     }
 
-    /// So many parts are done, from the beginning.
+    /// Reports that `count` parts are done since the beginning.
     pub fn done(&self, count: u64) {
         if let Some(watcher) = self.watcher {
             watcher.done(self.what, count.min(self.total), self.total);

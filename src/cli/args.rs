@@ -43,13 +43,13 @@ pub(super) struct Cli {
 
 #[derive(Debug, Subcommand)]
 pub(super) enum Command {
-    /// Write a commented test file that runs as it is.
+    /// Write a commented test file that runs unchanged.
     New(NewArgs),
     /// Check and rehearse a test. Nothing moves.
     Check(CheckArgs),
     /// Run one hybrid test.
     Run(RunArgs),
-    /// Stop a running test in an orderly way.
+    /// Stop a running test. Its specimens then rest as `safety.at_end` says.
     #[command(after_help = "Example:\n  gusset stop runs/first\n\nMore: gusset guide operation")]
     Stop(OperateArgs),
     /// Hold a running test: test time stops, and the specimens stay in place.

@@ -69,9 +69,8 @@ pub fn frontier(args: &JitterArgs, model: ModelArg) -> anyhow::Result<Exit> {
     };
     let mut points: Vec<Point> = Vec::with_capacity(rates.len());
     let work = Work::begin("largest model at each rate", rates.len() as u64);
-    let mut searched = 0;
     let mut refused = Vec::new();
-    for rate in rates {
+    for (searched, rate) in rates.into_iter().enumerate() {
         let rate_hz = rate.value();
         let begin = points
             .last()
@@ -82,10 +81,9 @@ pub fn frontier(args: &JitterArgs, model: ModelArg) -> anyhow::Result<Exit> {
             wanted: WANTED,
         };
         let found = largest(search, &mut |n, length| {
-            work.done(searched);
+            work.done(searched as u64);
             trials.run(n, rate, length)
         })?;
-        searched += 1;
         if signals.seen().is_some() {
             break;
         }

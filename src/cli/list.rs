@@ -14,7 +14,7 @@ use crate::units::{duration, quantity};
 /// Widest line.
 const COLUMNS: usize = 100;
 
-/// Where runs are written by default: that there is none yet is no mistake.
+/// Default folder of runs. It need not exist yet.
 const USUAL: &str = "runs";
 
 /// Lists the runs below a folder.

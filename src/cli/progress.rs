@@ -16,8 +16,8 @@ use crate::work::{self, Watcher};
 const PATIENCE_NS: u64 = 2_000_000_000;
 /// Time between two drawings, in ns.
 const EVERY_NS: u64 = 100_000_000;
-/// Work that begins so soon after other work counts as its continuation: a report reads its record several times.
-const PAUSE_NS: u64 = 500_000_000;
+/// Work that begins so soon after other work, in ns, continues it: a report reads its record several times.
+const PAUSE_NS: u64 = 5_000_000_000;
 /// Columns of a bar.
 const BAR: usize = 30;
 
@@ -211,7 +211,7 @@ mod tests {
         assert_eq!(course.line(0, "export", 0, 2), None);
         assert_eq!(course.line(SECOND, "export", 1, 2), None);
         assert!(!course.end(SECOND));
-        // Other work, much later, has two seconds of its own.
+        // Other work, much later, is hidden for its first two seconds.
         assert_eq!(course.line(9 * SECOND, "export", 0, 2), None);
         assert_eq!(course.line(10 * SECOND, "export", 1, 2), None);
     }

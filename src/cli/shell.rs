@@ -45,7 +45,7 @@ pub fn man(args: &ManArgs) -> anyhow::Result<Exit> {
     Ok(Exit::Done)
 }
 
-/// The page of a command, then those of its own commands.
+/// The page of a command, then the pages of its subcommands.
 fn collect(
     command: &clap::Command,
     name: &str,

@@ -40,7 +40,7 @@ pub enum FolderError {
     Occupied {
         /// The folder.
         path: PathBuf,
-        /// What is in it, in words.
+        /// Names of its first files.
         holds: String,
     },
     /// The folder is empty, and yet that of a test.
@@ -132,7 +132,7 @@ pub fn slug(title: &str) -> String {
     }
 }
 
-/// Makes the folder, and those above it, for new files. An empty folder is taken as it is.
+/// Makes the folder, and those above it, for new files. An existing empty folder is used.
 ///
 /// # Errors
 /// [`FolderError::Occupied`] if it holds anything, [`FolderError::NotAFolder`] if it is a file, or the system refuses.

@@ -1,4 +1,4 @@
-//! What `gusset check` and `gusset verify` take: nothing moves.
+//! Arguments of `gusset check` and `gusset verify`.
 
 use std::path::PathBuf;
 

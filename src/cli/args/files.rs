@@ -1,4 +1,4 @@
-//! What the commands take that write files to begin with, or list what there is.
+//! Arguments of `new`, `list`, `schema`, `completions` and `man`.
 
 use std::path::PathBuf;
 
@@ -26,7 +26,7 @@ pub(in crate::cli) struct NewArgs {
 pub(in crate::cli) enum TemplateArg {
     /// Five storeys with a yielding specimen as first storey, and an earthquake record.
     ShearBuilding,
-    /// The same structure with a simulated actuator that lags, and ATS compensation.
+    /// Five storeys with a simulated actuator that lags, and ATS compensation.
     Actuator,
     /// A displacement protocol for a specimen alone, without a structure.
     Prescribed,
@@ -66,7 +66,7 @@ pub(in crate::cli) struct SchemaArgs {
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  gusset completions bash > ~/.local/share/bash-completion/completions/gusset\n  \
-                  gusset completions zsh > _gusset        # into a folder of $fpath\n  \
+                  gusset completions zsh > ~/.zsh/completions/_gusset\n  \
                   gusset completions fish > ~/.config/fish/completions/gusset.fish"
 )]
 pub(in crate::cli) struct CompletionsArgs {

@@ -1,4 +1,4 @@
-//! What commands take that read the folder of a run, or speak to a running one.
+//! Arguments of the commands that read a run folder or control a running test.
 
 use std::path::PathBuf;
 
@@ -36,12 +36,12 @@ pub(in crate::cli) struct ResetArgs {
 
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  gusset export runs/first --format csv --out first.csv                        pandas.read_csv('first.csv', comment='#')\n  \
+    after_help = "Examples:\n  gusset export runs/first --out first.csv\n  \
     gusset export runs/first --with storey-drift,storey-shear --out storeys.csv\n  \
-    gusset export runs/first --format mat --out first.mat                        load('first.mat')\n  \
-    gusset export runs/first --format npz --rate tick --out first.npz            numpy.load('first.npz')\n  \
-    gusset export runs/first --format trace --from 2 --to 2.5 --out first.json   opens in ui.perfetto.dev\n\n\
-    More: gusset guide reading-data"
+    gusset export runs/first --format mat --out first.mat\n  \
+    gusset export runs/first --format npz --rate tick --out first.npz\n  \
+    gusset export runs/first --format trace --from 2 --to 2.5 --out first.json\n\n\
+    More: gusset guide reading-data (pandas, NumPy, MATLAB, Octave, Julia)"
 )]
 pub(in crate::cli) struct ExportArgs {
     /// Run folder, finished or not.
@@ -91,7 +91,7 @@ pub(in crate::cli) enum FormatArg {
     Hdf5,
     /// Timeline of the real-time loop for ui.perfetto.dev or chrome://tracing.
     Trace,
-    /// Folder as a DesignSafe hybrid-simulation project has it.
+    /// Folder for a DesignSafe hybrid-simulation project.
     #[value(name = "designsafe")]
     DesignSafe,
 }

@@ -1,4 +1,4 @@
-//! What `gusset jitter` and `gusset doctor` take.
+//! Arguments of `gusset jitter` and `gusset doctor`.
 
 use std::path::PathBuf;
 

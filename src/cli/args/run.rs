@@ -1,4 +1,4 @@
-//! What `gusset run` takes, and every command that moves specimens.
+//! Arguments of `gusset run`, and those of every command that moves specimens.
 
 use std::path::{Path, PathBuf};
 
@@ -51,7 +51,7 @@ pub(in crate::cli) struct RunArgs {
     /// Print neither progress nor the closing summary.
     #[arg(long)]
     pub quiet: bool,
-    /// What the terminal shows while the test runs.
+    /// Status on the terminal during the test.
     #[arg(long, value_enum, default_value_t = StatusArg::Line, conflicts_with = "quiet")]
     pub status: StatusArg,
     #[cfg(feature = "monitor")]
@@ -59,7 +59,7 @@ pub(in crate::cli) struct RunArgs {
     pub live: LiveArgs,
 }
 
-/// What every command takes that moves specimens into a run folder.
+/// Arguments of every command that runs a test into a run folder.
 #[derive(Debug, Args)]
 pub(in crate::cli) struct TestRunArgs {
     /// Run folder: a new or an empty one [default: runs/<title>-<start time>].
@@ -91,7 +91,7 @@ impl TestRunArgs {
     }
 }
 
-/// What a terminal shows while a test runs.
+/// Status on the terminal during a test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(in crate::cli) enum StatusArg {
     /// One line: phase, time, deadline misses, and the axis closest to a limit.

@@ -1,4 +1,4 @@
-//! What `gusset serve` takes.
+//! Arguments of `gusset serve`.
 
 use std::path::PathBuf;
 
@@ -6,9 +6,9 @@ use clap::{Args, ValueEnum};
 
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  gusset serve column.toml --listen 127.0.0.1:4823\n  \
-    gusset serve test.toml --specimen ground-storey --transport udp --key lab.key --listen 0.0.0.0:4823\n  \
-    gusset serve test.toml --specimen ground-storey --transport tls --listen 0.0.0.0:4823\n  \
+    after_help = "Examples:\n  gusset serve column.toml --listen 127.0.0.1:4823\n  \
+    gusset serve column.toml --transport udp --key lab.key --listen 0.0.0.0:4823\n  \
+    gusset serve column.toml --transport tls --listen 0.0.0.0:4823\n  \
     gusset serve test.toml --specimen ground-storey --protocol openfresco\n  \
     gusset serve config/serve/gateway.toml --out runs/gateway\n  \
     gusset serve config/faults/rig.toml --transport udp --fault config/faults/lost-burst.toml\n\n\

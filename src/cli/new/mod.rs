@@ -1,4 +1,4 @@
-//! `gusset new`: a commented test file that runs as it is.
+//! `gusset new`: a commented test file that runs unchanged.
 
 mod template;
 
@@ -116,7 +116,7 @@ fn undone(name: &str, error: &io::Error, made: &[PathBuf]) -> String {
     format!("{name} cannot be written: {error}; nothing was left")
 }
 
-/// What was written, and the next commands.
+/// Names the written files and the next commands.
 fn told(template: &Template, name: &str, files: &[(String, String)]) -> String {
     let width = files.iter().map(|(name, _)| name.len()).max().unwrap_or(0) + 2;
     let mut text = "Written to the current folder:\n".to_owned();

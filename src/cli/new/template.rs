@@ -10,9 +10,9 @@ pub const SERVE_SCHEMA: &str = "gusset-serve-schema.json";
 /// One file of a template.
 #[derive(Debug, Clone, Copy)]
 pub struct Piece {
-    /// What follows the name of the test in its file name.
+    /// End of its file name, after the name of the test.
     pub suffix: &'static str,
-    /// What it is, in a few words.
+    /// Short description.
     pub what: &'static str,
     /// Its text, with the name of the template in place of the name of the test.
     text: &'static str,
@@ -128,7 +128,6 @@ impl Template {
                     format!("{}{}", self.name, one.suffix),
                     format!("{name}{}", one.suffix),
                 );
-                // The name also ends the longer names of other files: only a whole file name is replaced.
                 replaced(&text, &own, &new)
             });
             (format!("{name}{}", piece.suffix), text)
