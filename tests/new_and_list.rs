@@ -9,6 +9,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
 use common::{FRAME, Said, completed, gusset, say, write};
+use gusset::record::RunFolder;
 use serde_json::Value;
 
 /// Runs the binary in `folder`.
@@ -237,6 +238,41 @@ fn list_shows_runs_newest_first_with_damaged_and_unfinished_ones() {
     assert_eq!(text.lines().count(), 8);
     assert!(text.lines().all(|line| line.chars().count() <= 100));
     assert!(text.starts_with("runs/below/second  Frame\n"));
+}
+
+#[test]
+fn list_shows_a_run_that_is_being_written_as_running() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = RunFolder::create(&folder.path().join("runs/now")).unwrap();
+    run.claim();
+    let listed: Value =
+        serde_json::from_str(&done(folder.path(), &["list", "--json"]).stdout).unwrap();
+    assert_eq!(listed["runs"][0]["status"], "running");
+    assert_eq!(listed["runs"][0]["title"], "now");
+    run.release();
+}
+
+#[test]
+fn empty_output_folder_is_used() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    write(at, "frame.toml", FRAME);
+    for name in ["run", "verify"] {
+        fs::create_dir(at.join(name)).unwrap();
+    }
+    done(at, &["run", "frame.toml", "--out", "run"]);
+    done(at, &["verify", "eq-33", "--quick", "--out", "verify"]);
+    assert!(files(&at.join("run")).contains("summary.json"));
+    assert!(files(&at.join("verify")).contains("index.html"));
+    // Now both hold files.
+    for arguments in [
+        &["run", "frame.toml", "--out", "run"][..],
+        &["verify", "eq-33", "--quick", "--out", "verify"],
+    ] {
+        let said = within(at, arguments);
+        assert_eq!(said.code, Some(2));
+        assert!(said.stderr.contains("holds "), "{}", said.stderr);
+    }
 }
 
 #[test]
