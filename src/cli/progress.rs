@@ -90,7 +90,7 @@ impl Course {
         self.drawn_ns = Some(now_ns);
         let elapsed_s = now_ns.saturating_sub(began_ns) as f64 * 1e-9;
         let share = |count: u64| count as f64 / total.max(1) as f64;
-        let remaining = remaining(
+        let remaining = and_remaining(
             share(count) - share(began_at),
             1.0 - share(count),
             elapsed_s,
@@ -110,13 +110,16 @@ impl Course {
     }
 }
 
-/// The remaining time in words, after a comma, if a share of the work was done in `elapsed_s` and `left` is still to be done.
+/// The remaining time in words, if a share of the work was done in `elapsed_s` and the share `left` is still to be done.
 /// Nothing before a hundredth is done: an estimate would jump.
-fn remaining(done: f64, left: f64, elapsed_s: f64) -> String {
-    if done < 0.01 || !elapsed_s.is_finite() {
-        return String::new();
-    }
-    format!(", about {} left", rounded(elapsed_s * left / done))
+pub fn remaining(done: f64, left: f64, elapsed_s: f64) -> Option<String> {
+    let is_known = done >= 0.01 && left.is_finite() && elapsed_s.is_finite();
+    is_known.then(|| format!("about {} left", rounded(elapsed_s * left / done)))
+}
+
+/// The same behind a comma, or nothing.
+fn and_remaining(done: f64, left: f64, elapsed_s: f64) -> String {
+    remaining(done, left, elapsed_s).map_or_else(String::new, |text| format!(", {text}"))
 }
 
 /// A time as a person estimates it: whole seconds, minutes or hours.
@@ -167,7 +170,7 @@ impl ProgressLine {
             "{} {time:7.2} of {:.2} s{}   {:.0} Hz   misses {}   rows lost {}",
             bar(share, BAR),
             self.duration,
-            remaining(share, 1.0 - share, elapsed_s),
+            and_remaining(share, 1.0 - share, elapsed_s),
             self.rate_hz,
             progress.misses.total(),
             progress.rows_lost
@@ -229,8 +232,8 @@ mod tests {
 
     #[test]
     fn remaining_time_is_rounded_for_people() {
-        assert_eq!(remaining(0.0, 1.0, 5.0), "");
-        assert_eq!(remaining(0.5, 0.5, 12.3), ", about 13 s left");
+        assert_eq!(and_remaining(0.0, 1.0, 5.0), "");
+        assert_eq!(and_remaining(0.5, 0.5, 12.3), ", about 13 s left");
         assert_eq!(rounded(100.0), "2 min");
         assert_eq!(rounded(7300.0), "2 h 1 min");
     }
