@@ -45,6 +45,7 @@
 //! | [`benchmark`] | the virtual hybrid simulation benchmark, natively |
 //! | [`stability`] | every proof of the stability of a loop, and the verdict of a test |
 //! | [`units`] | quantities and times in words |
+//! | [`work`] | how far long work is, for a watcher that shows it |
 //! | [`session`] | one test from the prepared experiment to the finished run folder: the threads |
 //! | [`cli`] | the commands |
 
@@ -83,3 +84,4 @@ pub mod transfer;
 pub mod units;
 pub mod verify;
 pub mod wire;
+pub mod work;

@@ -367,7 +367,7 @@ fn an_output_folder_that_holds_anything_is_left_as_it_is() {
     plain(&said);
     assert!(
         said.stderr
-            .contains("out exists and is not empty: a run is never written over another"),
+            .contains("out is not empty: it holds precious.txt"),
         "{}",
         said.stderr
     );

@@ -154,7 +154,12 @@ fn the_curves_are_written_where_they_are_asked_for() {
     }
     let (code, _, complaint) = check(TEST, &["--plot", plots.to_str().unwrap()]);
     assert_eq!(code, 2);
-    assert!(complaint.contains("exists already"), "{complaint}");
+    assert!(complaint.contains("is not empty"), "{complaint}");
+    let empty = folder.path().join("empty");
+    std::fs::create_dir(&empty).unwrap();
+    let (code, _, _) = check(TEST, &["--plot", empty.to_str().unwrap()]);
+    assert_eq!(code, 0);
+    assert!(empty.join("period-error.svg").exists());
 }
 
 /// One degree of freedom without damping: any delay is a negative dashpot.

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 const ALLOWED: &[(&str, &[&str])] = &[
     ("time", &[]),
     ("units", &[]),
+    ("work", &[]),
     ("assets", &[]),
     ("law", &[]),
     ("linalg", &[]),
@@ -29,7 +30,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
         "control",
         &["compensation", "geometry", "substructure", "time"],
     ),
-    ("record", &["substructure", "text"]),
+    ("record", &["substructure", "text", "work"]),
     ("text", &[]),
     ("wire", &["substructure", "text"]),
     (
@@ -151,6 +152,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "time",
             // The same counter gives noise and draws.
             "transfer",
+            "work",
         ],
     ),
 ];

@@ -2,7 +2,7 @@
 
 mod ground;
 
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
 use anyhow::Context;
 use clap::{Args, Subcommand, ValueEnum};
@@ -18,10 +18,11 @@ use crate::compensation::CompensationSpec;
 use crate::rt::clock::{MonotonicClock, USUAL_SPIN_NS};
 use crate::time::Clock;
 use crate::transfer::BetweenTicks;
+use crate::work::Work;
 
 #[derive(Debug, Subcommand)]
 pub enum Of {
-    /// The virtual real-time hybrid simulation benchmark of 2020: a servo-hydraulic actuator moves the first storey.
+    /// The virtual real-time hybrid simulation benchmark (Silva et al. 2020): a servo-hydraulic actuator moves the first storey.
     Vrths(VrthsArgs),
 }
 
@@ -29,37 +30,37 @@ pub enum Of {
 #[command(
     after_help = "Example:\n  gusset benchmark vrths\n  gusset benchmark vrths --case 1 --controller ats --plants 20\n  \
     gusset benchmark vrths --controller 'inverse = { delay_s = 0.025 }' --record elcentro.AT2\n\n\
-    J1 is a delay, J2 to J9 are errors against the target (J2, J3) and the linear reference (J4 to J9), with the sample \
-    standard deviation (J2, J4, J6, J7) or the peak (J3, J5, J8, J9) of the quantity itself below."
+    J1 is a delay. J2 and J3 are errors relative to the target, J4 to J9 relative to the linear reference.\n\n\
+    More: gusset guide actuators, gusset guide mathematics-errors (the criteria)"
 )]
 pub struct VrthsArgs {
     /// Case, 1 to 4 [default: all].
     #[arg(long)]
     case: Option<usize>,
-    /// A controller by its name in the table, or a table of [specimen.compensation] [default: all].
+    /// Compensator by its name in the results, or as a table of [specimen.compensation] [default: all].
     #[arg(long)]
     controller: Option<String>,
     #[command(flatten)]
     ground: GroundArgs,
-    /// Noise of the sensors. It does not change the quantisation.
+    /// Noise of the sensors: on or off.
     #[arg(long, default_value = "on", value_parser = on_or_off, action = clap::ArgAction::Set)]
     noise: bool,
-    /// Converters of 18 bits: commands and readings are multiples of 2^-18 m and 2^-18 N, one volt per metre and newton.
+    /// Converters of 18 bits, on or off: commands and readings are multiples of 2^-18 m and 2^-18 N.
     #[arg(long, default_value = "off", value_parser = on_or_off, action = clap::ArgAction::Set)]
     quantisation: bool,
-    /// How the two sides are joined: as released, or as this program's loop.
+    /// Coupling of structure and specimen: as in the published benchmark, or as in the loop of Gusset.
     #[arg(long, value_enum, default_value_t = WiringArg::Benchmark)]
     wiring: WiringArg,
-    /// How the command goes from tick to tick in this program's loop [default: both, a row for each].
+    /// For the loop of Gusset: the command between two ticks [default: both, one row each].
     #[arg(long, value_enum)]
     between_ticks: Option<BetweenTicksArg>,
-    /// So many plants drawn from the published uncertainty: mean and worst; 0: the nominal one.
+    /// Number of plants drawn from the published uncertainty; the results are mean and worst. 0 is the nominal plant.
     #[arg(long, default_value_t = 0)]
     plants: u64,
-    /// Further whole ticks by which the force comes late, up to 62.
+    /// Additional delay of the force in whole ticks, up to 62.
     #[arg(long, default_value_t = 0, value_parser = up_to_62)]
     late: usize,
-    /// Seed of noise, plants and the synthetic motion.
+    /// Seed of the noise, the plants and the synthetic earthquake.
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Print the result as JSON on stdout.
@@ -82,17 +83,17 @@ fn up_to_62(text: &str) -> Result<usize, String> {
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 pub enum WiringArg {
-    /// Runge-Kutta, commands held, the force one tick late.
+    /// Runge-Kutta method, held commands, force one tick late.
     Benchmark,
-    /// The family at lambda 4, commands known a tick ahead, the force of the same tick.
+    /// Gui-λ method with lambda = 4, commands known one tick ahead, force of the same tick.
     InTick,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 pub enum BetweenTicksArg {
-    /// A straight line from the last command to the new one.
+    /// A straight line from the previous command to the new one.
     Ramped,
-    /// The new command over the whole tick, as a digital-to-analogue converter gives it.
+    /// The new command during the whole tick, as a digital-to-analogue converter holds it.
     Held,
 }
 
@@ -216,12 +217,16 @@ fn wirings(args: &VrthsArgs) -> Result<Vec<Wiring>, String> {
 /// All rows in the order of the jobs, on all processors.
 fn computed(args: &VrthsArgs, ground: &[f64], jobs: &[Job<'_>]) -> anyhow::Result<Vec<Line>> {
     let next = AtomicUsize::new(0);
+    let tests = Tests {
+        work: Work::begin("benchmark", jobs.len() as u64 * args.plants.max(1)),
+        done: AtomicU64::new(0),
+    };
     let work = || {
         let mut done = Vec::new();
         loop {
             let place = next.fetch_add(1, Ordering::Relaxed);
             let Some(job) = jobs.get(place) else { break };
-            done.push((place, line(args, ground, job)?));
+            done.push((place, line(args, ground, job, &tests)?));
         }
         Ok::<_, anyhow::Error>(done)
     };
@@ -243,7 +248,20 @@ fn computed(args: &VrthsArgs, ground: &[f64], jobs: &[Job<'_>]) -> anyhow::Resul
     Ok(lines.into_iter().map(|(_, line)| line).collect())
 }
 
-fn line(args: &VrthsArgs, ground: &[f64], job: &Job<'_>) -> anyhow::Result<Line> {
+/// How many tests are done, of all workers.
+struct Tests {
+    work: Work,
+    done: AtomicU64,
+}
+
+impl Tests {
+    fn one_more(&self) {
+        self.work
+            .done(self.done.fetch_add(1, Ordering::Relaxed) + 1);
+    }
+}
+
+fn line(args: &VrthsArgs, ground: &[f64], job: &Job<'_>, tests: &Tests) -> anyhow::Result<Line> {
     let plants = if args.plants == 0 {
         0..1
     } else {
@@ -265,6 +283,7 @@ fn line(args: &VrthsArgs, ground: &[f64], job: &Job<'_>) -> anyhow::Result<Line>
             force_limit: FORCE_LIMIT_N,
         };
         let outcome = run(&setup, controller.as_mut());
+        tests.one_more();
         saturated += outcome.saturated;
         all.push(Criteria::of(&outcome.histories, &job.linear, 1.0 / RATE_HZ));
     }

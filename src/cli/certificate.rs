@@ -5,7 +5,6 @@
 
 use serde_json::{Value, json};
 
-use super::progress::TrialsLine;
 use super::run::refused;
 use super::stability;
 use super::table::Table;
@@ -14,6 +13,7 @@ use crate::session::Judged;
 use crate::session::certificate::{Band, Plan, Rehearsed as Trial, Trials, carry_out, interval};
 use crate::session::rehearsal::{AxisNeed, FullRehearsal, NEEDS};
 use crate::units::{duration, quantity};
+use crate::work::Work;
 
 /// One judgement.
 struct Line {
@@ -48,9 +48,11 @@ impl Certificate {
         let plan = Plan::of(loaded, seed);
         // Trials that are all the same show no more than one.
         let count = if plan.is_certain() { 1 } else { asked };
-        let bar = TrialsLine::new(count);
-        let trials = carry_out(loaded, &plan, facts.lambda(), count, &|done| bar.show(done));
-        bar.clear();
+        let work = Work::begin("certificate", count);
+        let trials = carry_out(loaded, &plan, facts.lambda(), count, &|done| {
+            work.done(done)
+        });
+        drop(work);
         let trials = trials.map_err(refused)?;
         let mut lines = vec![of_integration(facts)];
         lines.extend(judged.following.iter().flat_map(|one| {

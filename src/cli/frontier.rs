@@ -16,6 +16,7 @@ use crate::rt::TimingSpec;
 use crate::rt::wall::Wall;
 use crate::session::{self, Signal, Signals, Watches, loop_round};
 use crate::time::Ratio;
+use crate::work::Work;
 
 /// Share of the deadlines that a model must keep.
 const WANTED: f64 = 0.9999;
@@ -67,8 +68,9 @@ pub fn frontier(args: &JitterArgs, model: ModelArg) -> anyhow::Result<Exit> {
         signals: &signals,
     };
     let mut points: Vec<Point> = Vec::with_capacity(rates.len());
+    let work = Work::begin("largest model at each rate", rates.len() as u64);
     let mut refused = Vec::new();
-    for rate in rates {
+    for (searched, rate) in rates.into_iter().enumerate() {
         let rate_hz = rate.value();
         let begin = points
             .last()
@@ -78,7 +80,10 @@ pub fn frontier(args: &JitterArgs, model: ModelArg) -> anyhow::Result<Exit> {
             range: (model.least(), MOST),
             wanted: WANTED,
         };
-        let found = largest(search, &mut |n, length| trials.run(n, rate, length))?;
+        let found = largest(search, &mut |n, length| {
+            work.done(searched as u64);
+            trials.run(n, rate, length)
+        })?;
         if signals.seen().is_some() {
             break;
         }
@@ -91,6 +96,7 @@ pub fn frontier(args: &JitterArgs, model: ModelArg) -> anyhow::Result<Exit> {
             None => refused.push(rate_hz),
         }
     }
+    drop(work);
     write(&folder, model, &points)?;
     if args.json {
         answer(serde_json::to_string_pretty(&as_json(model, &points))?)?;

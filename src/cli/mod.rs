@@ -20,7 +20,9 @@ mod frontier;
 mod identify;
 mod jitter;
 mod limits;
+mod list;
 mod live;
+mod new;
 mod operate;
 mod progress;
 mod question;
@@ -33,6 +35,7 @@ mod screen;
 mod serve;
 mod serve_openfresco;
 mod serve_tls;
+mod shell;
 mod spectrum;
 mod stability;
 mod status;
@@ -61,6 +64,7 @@ use crate::text::printable;
 #[must_use]
 pub fn main() -> ExitCode {
     os::ignore_file_size_signal();
+    progress::show_long_work();
     let cli = Cli::parse();
     match caught(|| enough_files().and_then(|()| dispatch(cli.command))) {
         Ok(exit) => exit.into(),
@@ -95,6 +99,7 @@ fn enough_files() -> anyhow::Result<()> {
 
 fn dispatch(command: Command) -> anyhow::Result<Exit> {
     match command {
+        Command::New(args) => new::new(&args),
         Command::Run(args) => run::run(&args),
         Command::Check(args) => check::check(&args),
         Command::Identify(args) => identify::identify(&args),
@@ -110,7 +115,10 @@ fn dispatch(command: Command) -> anyhow::Result<Exit> {
         Command::Reset(args) => control::reset(&args),
         Command::Verify(args) => verify::verify(&args),
         Command::Benchmark(benchmark::Of::Vrths(args)) => benchmark::vrths(&args),
-        Command::Schema => schema::schema(),
+        Command::List(args) => list::list(&args),
+        Command::Schema(args) => schema::schema(&args),
+        Command::Completions(args) => shell::completions(&args),
+        Command::Man(args) => shell::man(&args),
     }
 }
 

@@ -1,11 +1,16 @@
 //! `gusset schema`.
 
 use super::answer;
+use super::args::SchemaArgs;
 use super::exit::Exit;
 use crate::config;
 
-/// Prints the JSON Schema of the test file.
-pub fn schema() -> anyhow::Result<Exit> {
-    answer(config::json_schema())?;
+/// Prints the JSON Schema of the test file, or of the file of `gusset serve`.
+pub fn schema(args: &SchemaArgs) -> anyhow::Result<Exit> {
+    answer(if args.serve {
+        config::serve_json_schema()
+    } else {
+        config::json_schema()
+    })?;
     Ok(Exit::Done)
 }

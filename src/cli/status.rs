@@ -3,10 +3,12 @@
 //! Words and bars only: keys are not read. A program that reads its terminal is stopped by the system as soon as it is put
 //! into the background, and the loop with it; `gusset hold RUN_DIR` from another terminal does what a key would do.
 
+use std::cell::Cell;
 use std::sync::Arc;
 
 use super::args::{RunArgs, StatusArg};
 use super::drawn::{bar, cut, gauge, short, width};
+use super::progress::remaining;
 use super::screen;
 use crate::config::Facts;
 use crate::engine::Phase;
@@ -21,6 +23,8 @@ pub struct Status {
     mode: StatusArg,
     rate_hz: f64,
     board: Option<Arc<Board>>,
+    /// When the test was first seen to run, in ns, and its share then.
+    begun: Cell<Option<(u64, f64)>>,
 }
 
 impl Status {
@@ -31,6 +35,7 @@ impl Status {
             mode: if shown { args.status } else { StatusArg::Off },
             rate_hz: facts.rate_hz,
             board: None,
+            begun: Cell::new(None),
         }
     }
 
@@ -50,12 +55,25 @@ impl Status {
             return;
         };
         let (columns, rows) = screen::size();
-        let sight = Sight::of(board, self.rate_hz);
+        let mut sight = Sight::of(board, self.rate_hz);
+        sight.remaining = self.remaining(&sight);
         let lines = match self.mode {
             StatusArg::Full => sight.block(columns, rows.saturating_sub(1)),
             _ => vec![sight.line(columns)],
         };
         screen::draw(&lines);
+    }
+
+    /// The remaining time of a test that runs.
+    fn remaining(&self, sight: &Sight<'_>) -> Option<String> {
+        if sight.board.glimpse().phase != Phase::Running {
+            return None;
+        }
+        let (now_ns, share) = (monotonic_ns(), sight.share());
+        let (began_ns, began_at) = self.begun.get().unwrap_or((now_ns, share));
+        self.begun.set(Some((began_ns, began_at)));
+        let elapsed_s = now_ns.saturating_sub(began_ns) as f64 * 1e-9;
+        remaining(share - began_at, 1.0 - share, elapsed_s)
     }
 
     /// Takes it away.
@@ -71,6 +89,7 @@ struct Sight<'a> {
     margin: Option<Margin>,
     rate_hz: f64,
     age_s: f64,
+    remaining: Option<String>,
 }
 
 impl<'a> Sight<'a> {
@@ -88,6 +107,7 @@ impl<'a> Sight<'a> {
             now,
             rate_hz,
             age_s,
+            remaining: None,
         }
     }
 
@@ -220,7 +240,13 @@ impl<'a> Sight<'a> {
         let late = self.now.timing.first().filter(|late| late.count > 0);
         let late = late.map(|late| format!("late p99 {}", short(late.p99, "s")));
         let rate = format!("{:.0} Hz", self.rate_hz);
-        let rest = [late, self.delays(), self.lambda(), Some(rate)];
+        let rest = [
+            self.remaining.clone(),
+            late,
+            self.delays(),
+            self.lambda(),
+            Some(rate),
+        ];
         let rest = rest.into_iter().flatten();
         let rest: Vec<_> = rest.filter(&mut fits).collect();
         // A picture of what the numbers say already is the first to go.
@@ -236,10 +262,13 @@ impl<'a> Sight<'a> {
         let now = &self.now;
         let mut lines = vec![
             format!(
-                "{}  test time {:.3} of {:.3} s  step {}  {:.0} Hz",
+                "{}  test time {:.3} of {:.3} s{}  step {}  {:.0} Hz",
                 self.phase(),
                 now.time,
                 self.duration(),
+                self.remaining
+                    .as_ref()
+                    .map_or_else(String::new, |text| format!(", {text}")),
                 now.steps,
                 self.rate_hz
             ),

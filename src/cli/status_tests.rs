@@ -105,6 +105,16 @@ fn a_hold_that_has_no_phase_of_its_own_is_named_once_it_stands_and_so_is_what_is
 }
 
 #[test]
+fn line_shows_the_remaining_time_where_there_is_room() {
+    let board = board(512);
+    let mut sight = Sight::of(&board, 1024.0);
+    sight.remaining = Some("about 19 s left".to_owned());
+    assert!(sight.line(200).contains("  about 19 s left"));
+    assert!(sight.line(60).chars().count() <= 60);
+    assert!(sight.block(100, 30)[0].contains("20.000 s, about 19 s left"));
+}
+
+#[test]
 fn one_line_says_the_most_important_first_and_never_more_than_fits() {
     let board = board(512);
     let sight = Sight::of(&board, 1024.0);

@@ -8,9 +8,11 @@ use serde_json::json;
 
 use super::args::VerifyArgs;
 use super::exit::{Exit, WithExit};
-use super::{answer, tell};
+use super::{answer, screen, tell};
+use crate::record::make_free;
 use crate::rt::clock::{MonotonicClock, USUAL_SPIN_NS};
 use crate::verify::{self, Check, Effort, Part, TOPICS, Tabulation, Verdict};
+use crate::work::Work;
 
 /// Proves the topics that are asked for.
 pub fn verify(args: &VerifyArgs) -> anyhow::Result<Exit> {
@@ -31,7 +33,7 @@ pub fn verify(args: &VerifyArgs) -> anyhow::Result<Exit> {
     let topics =
         verify::select(&args.names).map_err(|error| WithExit(Exit::Usage, error.to_string()))?;
     if let Some(out) = &args.out {
-        anyhow::ensure!(!out.exists(), "{} exists already", out.display());
+        make_free(out).context("--out")?;
     }
     let effort = if args.quick {
         Effort::Quick
@@ -40,13 +42,17 @@ pub fn verify(args: &VerifyArgs) -> anyhow::Result<Exit> {
     };
     let clock = MonotonicClock::new(USUAL_SPIN_NS);
     let mut parts = Vec::with_capacity(topics.len());
+    let work = Work::begin("verify", topics.len() as u64);
     for topic in topics {
+        work.done(parts.len() as u64);
         let part = topic.prove(effort, &clock);
         if !args.json {
+            screen::step_aside();
             show(&part)?;
         }
         parts.push(part);
     }
+    drop(work);
     if let Some(out) = &args.out {
         write(out, &parts)?;
         tell(out.join("index.html").display());
@@ -122,7 +128,6 @@ fn columns(table: &Tabulation) -> String {
 }
 
 fn write(out: &Path, parts: &[Part]) -> anyhow::Result<()> {
-    std::fs::create_dir_all(out).with_context(|| out.display().to_string())?;
     for (name, text) in verify::files(parts) {
         let path = out.join(name);
         crate::record::atomic::write(&path, text.as_bytes())

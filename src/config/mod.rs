@@ -337,7 +337,16 @@ fn judge<T: serde::de::DeserializeOwned>(
 /// The JSON Schema of the test file, for editors.
 #[must_use]
 pub fn json_schema() -> String {
-    let mut schema = schemars::schema_for!(TestFile);
+    in_toml(schemars::schema_for!(TestFile))
+}
+
+/// The JSON Schema of the file of `gusset serve`, for editors.
+#[must_use]
+pub fn serve_json_schema() -> String {
+    in_toml(schemars::schema_for!(ServeFile))
+}
+
+fn in_toml(mut schema: Schema) -> String {
     ForToml.transform(&mut schema);
     serde_json::to_string_pretty(&schema).unwrap_or_default()
 }

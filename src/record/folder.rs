@@ -36,8 +36,13 @@ pub(super) const AFTER: [&str; 3] = ["summary.json", "timing.json", "report.html
 #[derive(Debug, Error)]
 pub enum FolderError {
     /// The folder holds something already.
-    #[error("{} exists and is not empty: a run is never written over another", .0.display())]
-    Occupied(PathBuf),
+    #[error("{} is not empty: it holds {holds}. Nothing is overwritten: choose a new or an empty folder", .path.display())]
+    Occupied {
+        /// The folder.
+        path: PathBuf,
+        /// Names of its first files.
+        holds: String,
+    },
     /// The folder is empty, and yet that of a test.
     #[error("a test runs into {}, though it is empty: a run is never written over another", .0.display())]
     Claimed(PathBuf),
@@ -127,6 +132,43 @@ pub fn slug(title: &str) -> String {
     }
 }
 
+/// Makes the folder, and those above it, for new files. An existing empty folder is used.
+///
+/// # Errors
+/// [`FolderError::Occupied`] if it holds anything, [`FolderError::NotAFolder`] if it is a file, or the system refuses.
+pub fn make_free(path: &Path) -> Result<(), FolderError> {
+    if path.exists() && !path.is_dir() {
+        return Err(FolderError::NotAFolder(path.to_owned()));
+    }
+    fs::create_dir_all(path).map_err(at(path))?;
+    if fs::read_dir(path).map_err(at(path))?.next().is_some() {
+        return Err(occupied(path));
+    }
+    Ok(())
+}
+
+/// Names of a folder that a message shows.
+const SHOWN: usize = 3;
+
+/// Names what is in a folder that must be empty.
+fn occupied(path: &Path) -> FolderError {
+    let entries = fs::read_dir(path).into_iter().flatten().flatten();
+    let mut names: Vec<String> = entries
+        .map(|entry| entry.file_name().to_string_lossy().into_owned())
+        .collect();
+    names.sort();
+    let more = names.len().saturating_sub(SHOWN);
+    names.truncate(SHOWN);
+    let mut holds = names.join(", ");
+    if more > 0 {
+        holds.push_str(&format!(" and {more} more"));
+    }
+    FolderError::Occupied {
+        path: path.to_owned(),
+        holds,
+    }
+}
+
 /// A run folder being written.
 #[derive(Debug)]
 pub struct RunFolder {
@@ -144,14 +186,8 @@ impl RunFolder {
     /// [`FolderError::Occupied`] if it holds anything, [`FolderError::Claimed`] if it held what others deleted,
     /// [`FolderError::NotAFolder`] if it is a file, or the system refuses.
     pub fn create(path: &Path) -> Result<Self, FolderError> {
-        if path.exists() && !path.is_dir() {
-            return Err(FolderError::NotAFolder(path.to_owned()));
-        }
         let made = !path.exists();
-        fs::create_dir_all(path).map_err(at(path))?;
-        if fs::read_dir(path).map_err(at(path))?.next().is_some() {
-            return Err(FolderError::Occupied(path.to_owned()));
-        }
+        make_free(path)?;
         if is_claimed(path) {
             return Err(FolderError::Claimed(path.to_owned()));
         }
@@ -159,7 +195,7 @@ impl RunFolder {
         match File::create_new(path.join("events.jsonl")) {
             Ok(_) => {}
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
-                return Err(FolderError::Occupied(path.to_owned()));
+                return Err(occupied(path));
             }
             Err(error) => return Err(at(&path.join("events.jsonl"))(error)),
         }
@@ -222,7 +258,7 @@ impl RunFolder {
         for number in 2..=100 {
             if !matches!(
                 result,
-                Err(FolderError::Occupied(_) | FolderError::NotAFolder(_))
+                Err(FolderError::Occupied { .. } | FolderError::NotAFolder(_))
             ) {
                 break;
             }
@@ -510,13 +546,20 @@ pub(super) mod tests {
         RunFolder::create(&empty).unwrap();
         assert!(matches!(
             RunFolder::create(&empty),
-            Err(FolderError::Occupied(_))
+            Err(FolderError::Occupied { .. })
         ));
         let other = temp.path().join("other");
         fs::create_dir_all(other.join("precious")).unwrap();
+        for name in ["a", "b", "c", "d"] {
+            fs::write(other.join(name), "x").unwrap();
+        }
+        match make_free(&other) {
+            Err(FolderError::Occupied { holds, .. }) => assert_eq!(holds, "a, b, c and 2 more"),
+            other => panic!("{other:?}"),
+        }
         assert!(matches!(
             RunFolder::create(&other),
-            Err(FolderError::Occupied(_))
+            Err(FolderError::Occupied { .. })
         ));
         let file = temp.path().join("file");
         fs::write(&file, "x").unwrap();

@@ -11,6 +11,7 @@ use super::append::{Appender, Flushed, Store, Unit};
 use super::intact::Extent;
 use super::layout::{HEAD, MARKER, TAIL, stride};
 use super::strides::{Next, Strides};
+use crate::work::Work;
 
 /// Appends the record of one row.
 #[inline]
@@ -169,7 +170,11 @@ pub struct Journal<R> {
     lost: u64,
     next: u64,
     end: Option<End>,
+    work: Option<Work>,
 }
+
+/// Rows from one report of the progress to the next.
+const ROWS_PER_REPORT: u64 = 1024;
 
 impl<R: Read> Journal<R> {
     /// A reader of rows with `columns` values. No need to buffer `source`.
@@ -182,7 +187,15 @@ impl<R: Read> Journal<R> {
             lost: 0,
             next: 0,
             end: None,
+            work: None,
         }
+    }
+
+    /// Counts the rows as parts of `work`.
+    #[must_use]
+    pub fn watched(mut self, work: Work) -> Self {
+        self.work = Some(work);
+        self
     }
 
     /// The next row, or `None` at the end, which [`Journal::end`] then explains.
@@ -221,6 +234,11 @@ impl<R: Read> Journal<R> {
         self.lost += sequence - self.next;
         self.next = sequence.saturating_add(1);
         self.rows += 1;
+        if self.rows.is_multiple_of(ROWS_PER_REPORT)
+            && let Some(work) = &self.work
+        {
+            work.done(self.rows);
+        }
         Ok(Some(Row {
             sequence,
             values: &self.values,

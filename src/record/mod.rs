@@ -27,6 +27,7 @@ pub mod image;
 mod intact;
 pub mod journal;
 pub mod layout;
+pub mod listing;
 pub mod memory;
 pub mod miss;
 mod missing;
@@ -43,7 +44,7 @@ mod warned;
 mod whereabouts;
 pub mod writer;
 
-pub use folder::{FolderError, RunFolder};
+pub use folder::{FolderError, RunFolder, make_free};
 pub use image::FolderImage;
 pub use intact::{Extent, Meddled, is_same_file};
 pub use journal::{End, Journal, Row};

@@ -11,6 +11,7 @@ use super::journal::Journal;
 use super::layout::Layout;
 use super::summary::Summary;
 use super::threads::{self, ThreadReader};
+use crate::work::Work;
 
 /// Bytes of the longest line of `events.jsonl` that is read.
 const LONGEST_LINE: u64 = 1 << 20;
@@ -127,7 +128,8 @@ impl Run {
     pub fn journal(&self) -> Result<Journal<File>, FolderError> {
         let path = self.path.join("samples.bin");
         let file = File::open(&path).map_err(at(&path))?;
-        Ok(Journal::new(file, self.layout.columns().len()))
+        let work = Work::begin("reading the record", self.places()?);
+        Ok(Journal::new(file, self.layout.columns().len()).watched(work))
     }
 
     /// The last whole row of its file with its number, if it is sound; `None` if there is no such row there. What stands before
@@ -163,7 +165,10 @@ impl Run {
     }
 
     /// Whole rows that its file has room for.
-    fn places(&self) -> Result<u64, FolderError> {
+    ///
+    /// # Errors
+    /// The system refuses, or there is no `samples.bin`.
+    pub fn places(&self) -> Result<u64, FolderError> {
         let path = self.path.join("samples.bin");
         let file = fs::metadata(&path).map_err(at(&path))?;
         Ok(file.len() / self.layout.stride() as u64)

@@ -16,6 +16,7 @@ use crate::engine::{Experiment, GIVEN_UP, NOT_AWAITED, Operator, Phase, Word};
 use crate::record::{
     Column, Event, EventKind, EventLines, FolderError, Journal, Layout, Recorder, Run, WarmUpRows,
 };
+use crate::work::Work;
 
 /// Columns that say where within a step a row stands.
 const MOMENT: [&str; 2] = ["sub_tick", "time"];
@@ -43,9 +44,10 @@ impl Recording {
             Ok(samples) => Box::new(samples),
             Err(source) => return Err(ReplayError::Unreadable { path, source }),
         };
+        let Self { journal, .. } = Self::without_checkpoints(samples, run.layout());
         Ok(Self {
+            journal: journal.watched(Work::begin("replaying the record", run.places()?)),
             checkpoints: Some(Checkpoints::of(run)?),
-            ..Self::without_checkpoints(samples, run.layout())
         })
     }
 

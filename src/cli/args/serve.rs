@@ -1,4 +1,4 @@
-//! What `gusset serve` takes.
+//! Arguments of `gusset serve`.
 
 use std::path::PathBuf;
 
@@ -6,106 +6,99 @@ use clap::{Args, ValueEnum};
 
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  gusset serve column.toml --listen 127.0.0.1:4823\n  \
-    gusset serve test.toml --specimen ground-storey --transport udp --key lab.key --listen 0.0.0.0:4823\n  \
-    gusset serve test.toml --specimen ground-storey --transport tls --listen 0.0.0.0:4823\n  \
+    after_help = "Examples:\n  gusset serve column.toml --listen 127.0.0.1:4823\n  \
+    gusset serve column.toml --transport udp --key lab.key --listen 0.0.0.0:4823\n  \
+    gusset serve column.toml --transport tls --listen 0.0.0.0:4823\n  \
     gusset serve test.toml --specimen ground-storey --protocol openfresco\n  \
     gusset serve config/serve/gateway.toml --out runs/gateway\n  \
     gusset serve config/faults/rig.toml --transport udp --fault config/faults/lost-burst.toml\n\n\
-    A specimen that is itself behind a link ([specimen.link]) makes this a gateway: every exchange passes its limits \
-    ([specimen.limits]). A limit that trips, or an interlock, holds the specimen where it is. No further test begins until \
-    the operator of the specimen has cleared the trip (gusset reset). So it is with `physical = true`."
+    A specimen with [specimen.link] makes this a gateway: every command passes [specimen.limits] on its way.\n\n\
+    More: gusset guide network, gusset guide opensees"
 )]
 pub(in crate::cli) struct ServeArgs {
-    /// A file with [[specimen]] and [serve], or a test file.
+    /// File with [[specimen]] and [serve], or a test file.
     pub file: PathBuf,
-    /// Where to listen; port 0 takes any free one [default: 127.0.0.1 and the usual port of the protocol: 4823, 8090,
-    /// 8091, 44000].
+    /// Address and port to listen on; port 0 takes a free one [default: 127.0.0.1 and the port of the protocol: 4823, 8090, 8091
+    /// or 44000].
     #[arg(long, value_name = "ADDR:PORT")]
     pub listen: Option<String>,
-    /// What is spoken [default: gusset].
+    /// Protocol [default: gusset].
     #[arg(long, value_enum)]
     pub protocol: Option<ProtocolArg>,
-    /// How the bytes travel [default: tcp].
+    /// Transport of the protocol [default: tcp].
     #[arg(long, value_enum)]
     pub transport: Option<TransportArg>,
-    /// Which specimen of the file, if there are several.
+    /// Which specimen of the file. Required if the file has several.
     #[arg(long, value_name = "NAME")]
     pub specimen: Option<String>,
-    /// The one machine that may command the specimen, for OpenFresco's protocols: they know no key, so beyond loopback
-    /// it is required, unless --transport tls requires certificates.
+    /// The only machine that may command the specimen. OpenFresco's protocols need it beyond loopback, unless they use
+    /// --transport tls.
     #[arg(long, value_name = "HOST")]
     pub client: Option<String>,
-    /// For --protocol openfresco-simulink: the order of the signals in commands and answers, as the control points of the
-    /// OpenFresco model have them. Needed with more than one axis and more than one quantity, the time
-    /// included.
+    /// For --protocol openfresco-simulink: order of the signals, as in the control points of the OpenFresco model. Required with
+    /// several axes and several quantities; time is a quantity.
     #[arg(long, value_enum, value_name = "ORDER")]
     pub signal_order: Option<SignalOrderArg>,
-    /// Pre-shared key of our own protocol; beyond loopback it wants this or --transport tls. A file that all users of the
-    /// machine can read or change is refused.
+    /// File with the pre-shared key of the gusset protocol. Beyond loopback this or --transport tls is required. Other users must
+    /// not be able to read the file.
     #[arg(long, value_name = "FILE")]
     pub key: Option<PathBuf>,
     #[command(flatten)]
     pub tls: TlsArgs,
-    /// Record every controller's test in a run folder of its own below this one: test-0001, test-0002 and so on, with one
-    /// row per exchange. `gusset report` and `gusset export` read them. Without it nothing is recorded. A controller that
-    /// would begin more than 30 tests within 30 s is refused.
+    /// Record each test in its own run folder below this one: test-0001, test-0002 and so on. Without it nothing is recorded.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Where `gusset reset` reaches this server: a socket, or a folder for control.sock [default: the folder of --out, else
-    /// FILE.control.sock]. A trip of a specimen that moves is kept beside this socket (PATH.latch.json, or
-    /// control.sock.latch.json in the folder). Without --control it is kept beside the served file, wherever --out
-    /// records (FILE.control.latch.json, or FILE.control.SPECIMEN.latch.json if the file has several).
+    /// Socket where `gusset reset` reaches this server, or a folder for it [default: the folder of --out, else
+    /// FILE.control.sock]. A latched trip is kept in a file beside it.
     #[arg(long, value_name = "PATH")]
     pub control: Option<PathBuf>,
-    /// Clear the latched trip of a test before this start.
+    /// Clear a latched trip at the start.
     #[arg(long)]
     pub reset: bool,
-    /// Play the faults of this script on every controller's test, the same each time: a laboratory in which things go
-    /// wrong. For a specimen that is computed; config/faults has scripts. What --out records says so and keeps the script.
+    /// Inject the faults of this script into every test. Only for computed specimens; config/faults has scripts.
     #[arg(long, value_name = "SCRIPT")]
     pub fault: Option<PathBuf>,
-    /// Busy loop around the moment at which the next command is expected, on either side of it.
+    /// Busy waiting before and after the expected time of the next command, in µs.
     #[arg(long, value_name = "US", default_value_t = 60.0)]
     pub spin: f64,
-    /// Print only the line that says where it listens.
+    /// Print only the line with the address.
     #[arg(long)]
     pub quiet: bool,
 }
 
 #[derive(Debug, Args)]
 pub(in crate::cli) struct TlsArgs {
-    /// For --transport tls: our certificate, PEM [default: server.crt beside the file, else in the working directory].
+    /// For --transport tls: certificate of this server, PEM [default: server.crt beside the file, else in the current folder].
     #[arg(long, value_name = "FILE")]
     pub tls_certificate: Option<PathBuf>,
-    /// For --transport tls: the private key of our certificate, PEM [default: server.key, as above].
+    /// For --transport tls: private key of that certificate, PEM [default: server.key, as above].
     #[arg(long, value_name = "FILE")]
     pub tls_key: Option<PathBuf>,
-    /// For --transport tls: who may have signed a client's certificate, PEM [default: server_ca.crt, as above].
+    /// For --transport tls: authorities that may sign the certificate of a client, PEM [default: server_ca.crt, as above].
     #[arg(long, value_name = "FILE")]
     pub tls_ca: Option<PathBuf>,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 pub(in crate::cli) enum ProtocolArg {
-    /// Our own: tools/PROTOCOL.md.
+    /// The protocol of Gusset: tools/PROTOCOL.md.
     Gusset,
-    /// An element server for OpenSees genericClient and OpenFresco's experimental elements.
+    /// Element server for genericClient of OpenSees and the elements of OpenFresco.
     Openfresco,
-    /// The actor behind OpenFresco's ShadowSite.
+    /// Actor behind ShadowSite of OpenFresco.
     OpenfrescoActor,
-    /// The laboratory controller behind OpenFresco's GenericTCP, or SimFEAdapter.
+    /// Laboratory controller behind GenericTCP or SimFEAdapter of OpenFresco.
     OpenfrescoController,
-    /// The model behind OpenFresco's SimSimulink.
+    /// Model behind SimSimulink of OpenFresco.
     OpenfrescoSimulink,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 #[value(rename_all = "snake_case")]
 pub(in crate::cli) enum SignalOrderArg {
-    /// d1 v1 d2 v2: all quantities of an axis, then those of the next axis. The time must be left out.
+    /// d1 v1 d2 v2: all quantities of an axis, then those of the next axis, without time.
     ByAxis,
-    /// d1 d2 v1 v2: one quantity of all axes, then the next quantity. The time stands last.
+    /// d1 d2 v1 v2: one quantity of all axes, then the next quantity. Time is last.
     ByQuantity,
 }
 
@@ -115,6 +108,6 @@ pub(in crate::cli) enum TransportArg {
     Tcp,
     /// UDP datagrams.
     Udp,
-    /// A TCP connection with TLS on it; tools/make-certificates makes the files.
+    /// A TCP connection with TLS; tools/make-certificates makes the files.
     Tls,
 }

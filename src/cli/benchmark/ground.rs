@@ -15,16 +15,17 @@ use crate::motion::{
 
 #[derive(Debug, Args)]
 pub struct GroundArgs {
-    /// Ground acceleration from a file: .AT2, .csv, two columns, or the format of a strong-motion network [default: a synthetic motion].
+    /// Ground acceleration from a file: .AT2, .csv, two columns, or the format of a strong-motion network [default: a synthetic
+    /// earthquake].
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
-    /// Unit of the record, where the file does not say it.
+    /// Unit of the record, if the file does not state it.
     #[arg(long, requires = "record")]
     unit: Option<String>,
-    /// Step of the record in s, where the file does not say it.
+    /// Time step of the record in s, if the file does not state it.
     #[arg(long, value_name = "S", requires = "record")]
     record_dt: Option<f64>,
-    /// Factor of the record [default: 0.4].
+    /// Factor on the record [default: 0.4].
     #[arg(long, requires = "record", value_parser = finite, allow_negative_numbers = true)]
     scale: Option<f64>,
 }

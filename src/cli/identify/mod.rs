@@ -37,23 +37,22 @@ use outcome::Outcome;
 #[command(
     after_help = "Example:\n  gusset identify config/vrths-case-1.toml --amplitude 0.002 --out runs/floor-1\n  \
     gusset check runs/floor-1/identified.toml\n\n\
-    The motion begins and ends with a rest of one second, or of 64 ticks where that is longer. Limits of the test file hold; what they do not allow is refused \
-    before anything moves. Several axes are driven one after the other while the others are held; what those feel is said, too. \
-    With a `geometry` the axes are the actuators, one stroke after the other. The folder is an ordinary run folder; \
-    identified.toml in it is a virtual twin of the specimen with all that was found.\n\n\
-    Exits with 1 if the motion was stopped or a measured displacement does not follow the command."
+    The limits of the test file apply. Axes move one after the other. identified.toml in the run folder is a test file with \
+    the identified specimen.\n\n\
+    Exits with 1 if the motion was stopped or if a measured displacement does not follow the command.\n\n\
+    More: gusset guide actuators"
 )]
 pub(super) struct IdentifyArgs {
     /// The test file.
     pub test: PathBuf,
-    /// The specimen; the others are left out, neither connected nor moved [default: all, one after the other].
+    /// The specimen to identify. The others are neither connected nor moved [default: all, one after the other].
     #[arg(long, value_name = "NAME")]
     pub specimen: Option<String>,
-    /// Largest displacement either way in m, at the specimen [default: 5 % of what `command_disp_m` leaves, less where
-    /// velocity, acceleration or force would be more than half of what is allowed].
+    /// Amplitude of the motion in m, at the specimen [default: 5 % of the free range of `command_disp_m`, or less to stay below half
+    /// of the other limits].
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     pub amplitude: Option<f64>,
-    /// Frequencies in Hz [default: 0.2 Hz to 10 Hz, or to a fifth of the ticks per second].
+    /// Lowest and highest frequency in Hz [default: 0.2 and 10, at most a fifth of the ticks per second].
     #[arg(
         long,
         value_name = "F1,F2",
@@ -62,7 +61,7 @@ pub(super) struct IdentifyArgs {
         allow_negative_numbers = true
     )]
     pub band: Option<Vec<f64>>,
-    /// Length of the motion of each axis in s.
+    /// Duration of the motion of each axis in s.
     #[arg(
         long,
         value_name = "S",
@@ -70,15 +69,15 @@ pub(super) struct IdentifyArgs {
         allow_negative_numbers = true
     )]
     pub duration: f64,
-    /// Kind of the motion.
+    /// Kind of motion.
     #[arg(long, value_enum, default_value_t = MotionArg::Sweep)]
     pub motion: MotionArg,
-    /// Seed of the noise and of the levels of the steps.
+    /// Seed of the random numbers of noise and steps.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
     #[command(flatten)]
     pub test_run: TestRunArgs,
-    /// Print what was found as JSON on stdout.
+    /// Print the results as JSON on stdout.
     #[arg(long)]
     pub json: bool,
     /// Do not print the progress line.
@@ -88,11 +87,11 @@ pub(super) struct IdentifyArgs {
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 pub(super) enum MotionArg {
-    /// A sine whose frequency goes evenly through the band.
+    /// A sine whose frequency sweeps through the band.
     Sweep,
     /// Noise within the band.
     Noise,
-    /// Steps between changing levels.
+    /// Steps between random levels.
     Steps,
 }
 

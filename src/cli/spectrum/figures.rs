@@ -6,6 +6,7 @@ use anyhow::Context;
 
 use super::{Delay, Spectrum};
 use crate::config::ModeFacts;
+use crate::record::make_free;
 use crate::spectral::delay::{DiscreteLimit, recursion};
 use crate::spectral::{Apparent, Locus, spectral_radius};
 use crate::verify::{Figure, Scale, Series};
@@ -13,8 +14,7 @@ use crate::verify::{Figure, Scale, Series};
 impl Spectrum {
     /// Writes the curves into a new folder: errors over Ω with the modes on them, spectral radius over delay.
     pub(in crate::cli) fn plot(&self, folder: &Path) -> anyhow::Result<()> {
-        anyhow::ensure!(!folder.exists(), "{} exists already", folder.display());
-        std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+        make_free(folder).context("--plot")?;
         for (name, figure) in self.figures() {
             for (ending, text) in [("svg", figure.svg(false)), ("csv", figure.csv())] {
                 let path = folder.join(format!("{name}.{ending}"));

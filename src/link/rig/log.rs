@@ -353,7 +353,7 @@ fn next_folder(root: &Path) -> Result<RunFolder, String> {
     }
     loop {
         match RunFolder::create(&path_of(root, next)) {
-            Err(FolderError::Occupied(_)) if next < MOST_FOLDERS => next += 1,
+            Err(FolderError::Occupied { .. }) if next < MOST_FOLDERS => next += 1,
             other => return other.map_err(|error| error.to_string()),
         }
     }

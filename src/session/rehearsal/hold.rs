@@ -2,7 +2,7 @@
 //! to leave it again, from the greatest velocity.
 
 use super::prompter::Prompter;
-use super::{Budget, Need, Needs, Rehearsal, Staging, carry_out_with, name_stand_ins};
+use super::{Budget, Need, Needs, Rehearsal, Staging, carry_out_with, expected, name_stand_ins};
 use crate::config::{self, ConfigError, Loaded};
 use crate::control::limits::Quantity;
 use crate::engine::{Control, Operator};
@@ -68,7 +68,7 @@ pub fn rehearse_hold(
     experiment.steps = experiment.steps.min(recovered);
     let (operator, requests) = crossbeam_channel::bounded(2);
     let cost = Budget::cost(&experiment);
-    let prompter = Prompter::new(budget.ticks(cost), operator);
+    let prompter = Prompter::new(budget.ticks(cost), expected(&experiment), operator);
     let pace = prompter.pace();
     let holding = Holding {
         prompter,

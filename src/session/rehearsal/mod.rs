@@ -279,12 +279,18 @@ fn staged_with(
     (outcome, books.iter().map(taken).collect(), engine.poses())
 }
 
+/// Ticks that an experiment makes from its warm-up to its last step, if nothing stops it.
+fn expected(experiment: &Experiment) -> u64 {
+    let per_step = u64::from(experiment.pacing.ticks_per_step);
+    experiment.limits.warmup_ticks + experiment.steps.saturating_mul(per_step)
+}
+
 /// Rehearses an experiment as it is; what stands behind its ports must not be a link.
 #[must_use]
 pub fn carry_out(experiment: Experiment, budget: &mut Budget) -> Rehearsal {
     let (operator, requests) = crossbeam_channel::bounded(1);
     let cost = Budget::cost(&experiment);
-    let prompter = Prompter::new(budget.ticks(cost), operator);
+    let prompter = Prompter::new(budget.ticks(cost), expected(&experiment), operator);
     let pace = prompter.pace();
     let control = Control::from(requests);
     let lifted = Staging::WithoutLimits;

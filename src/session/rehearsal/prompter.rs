@@ -8,6 +8,7 @@ use crossbeam_channel::Sender;
 use crate::engine::Operator;
 use crate::record::{Event, Recorder};
 use crate::rt::os;
+use crate::work::Work;
 
 /// Ticks from one look at the wall clock to the next.
 const EVERY: u64 = 64;
@@ -16,6 +17,7 @@ const EVERY: u64 = 64;
 pub struct Prompter {
     /// Ticks that may be made.
     ticks: u64,
+    work: Work,
     since_ns: u64,
     pace: Pace,
     operator: Sender<Operator>,
@@ -23,9 +25,10 @@ pub struct Prompter {
 
 impl Prompter {
     /// For a rehearsal of at most `ticks`.
-    pub fn new(ticks: u64, operator: Sender<Operator>) -> Self {
+    pub fn new(ticks: u64, expected: u64, operator: Sender<Operator>) -> Self {
         Self {
             ticks,
+            work: Work::begin("rehearsal", expected.min(ticks)),
             since_ns: 0,
             pace: Pace::default(),
             operator,
@@ -47,6 +50,7 @@ impl Recorder for Prompter {
     fn row(&mut self, _: &[f64]) -> bool {
         let rows = self.pace.count();
         if rows.is_multiple_of(EVERY) {
+            self.work.done(rows);
             let now = os::monotonic_ns();
             if rows == EVERY {
                 self.since_ns = now;

@@ -2,7 +2,7 @@
 
 use super::findings::short;
 use super::prompter::Prompter;
-use super::{Budget, Curtain, Need, Rehearsal, Staging, carry_out_with};
+use super::{Budget, Curtain, Need, Rehearsal, Staging, carry_out_with, expected};
 use crate::config::{self, ConfigError, Finding, KeyPath, Loaded};
 use crate::control::limits::AxisLimits;
 use crate::engine::{Control, Stop};
@@ -39,7 +39,11 @@ pub fn try_limits(
     let experiment = config::build_rehearsal(loaded)?.experiment;
     let (operator, requests) = crossbeam_channel::bounded(1);
     let cost = Budget::cost(&experiment);
-    let prompter = Box::new(Prompter::new(budget.ticks(cost), operator));
+    let prompter = Box::new(Prompter::new(
+        budget.ticks(cost),
+        expected(&experiment),
+        operator,
+    ));
     let pace = prompter.pace();
     let control = Control::from(requests);
     let tried = carry_out_with(experiment, prompter, Staging::AsItIs, &control);

@@ -1,0 +1,153 @@
+//! The templates of `gusset new`, as files of the program.
+
+use crate::cli::args::TemplateArg;
+
+/// Schema of a test file, beside it.
+pub const TEST_SCHEMA: &str = "gusset-schema.json";
+/// Schema of a file of `gusset serve`, beside it.
+pub const SERVE_SCHEMA: &str = "gusset-serve-schema.json";
+
+/// One file of a template.
+#[derive(Debug, Clone, Copy)]
+pub struct Piece {
+    /// End of its file name, after the name of the test.
+    pub suffix: &'static str,
+    /// Short description.
+    pub what: &'static str,
+    /// Its text, with the name of the template in place of the name of the test.
+    text: &'static str,
+}
+
+/// One template.
+#[derive(Debug, Clone, Copy)]
+pub struct Template {
+    /// Its name on the command line.
+    pub name: &'static str,
+    /// The files that it writes, the test first.
+    pub pieces: &'static [Piece],
+    /// The schemas that these refer to.
+    pub schemas: &'static [&'static str],
+    /// The next commands, with NAME in place of the name of the test.
+    pub next: &'static [&'static str],
+}
+
+macro_rules! piece {
+    ($suffix:literal, $what:literal, $file:literal) => {
+        Piece {
+            suffix: $suffix,
+            what: $what,
+            text: include_str!(concat!("../../assets/templates/", $file)),
+        }
+    };
+}
+
+const RUN: &[&str] = &[
+    "gusset check NAME.toml",
+    "gusset run NAME.toml --out runs/NAME",
+];
+
+impl Template {
+    /// The template of this name.
+    pub const fn of(which: TemplateArg) -> Self {
+        match which {
+            TemplateArg::ShearBuilding => Self {
+                name: "shear-building",
+                pieces: &[
+                    piece!(".toml", "the test", "shear-building.toml"),
+                    piece!(
+                        ".AT2",
+                        "a synthetic earthquake record",
+                        "shear-building.AT2"
+                    ),
+                ],
+                schemas: &[TEST_SCHEMA],
+                next: RUN,
+            },
+            TemplateArg::Actuator => Self {
+                name: "actuator",
+                pieces: &[
+                    piece!(".toml", "the test", "actuator.toml"),
+                    piece!(
+                        ".AT2",
+                        "a synthetic earthquake record",
+                        "shear-building.AT2"
+                    ),
+                ],
+                schemas: &[TEST_SCHEMA],
+                next: RUN,
+            },
+            TemplateArg::Prescribed => Self {
+                name: "prescribed",
+                pieces: &[piece!(".toml", "the test", "prescribed.toml")],
+                schemas: &[TEST_SCHEMA],
+                next: RUN,
+            },
+            TemplateArg::Benchmark => Self {
+                name: "benchmark",
+                pieces: &[piece!(".toml", "the test", "benchmark.toml")],
+                schemas: &[TEST_SCHEMA],
+                next: RUN,
+            },
+            TemplateArg::Remote => Self {
+                name: "remote",
+                pieces: &[
+                    piece!(".toml", "the test", "remote.toml"),
+                    piece!(
+                        "-specimen.toml",
+                        "the served specimen",
+                        "remote-specimen.toml"
+                    ),
+                ],
+                schemas: &[TEST_SCHEMA, SERVE_SCHEMA],
+                next: &[
+                    "gusset serve NAME-specimen.toml          # in another terminal",
+                    "gusset check NAME.toml",
+                    "gusset run NAME.toml --out runs/NAME",
+                ],
+            },
+            TemplateArg::Opensees => Self {
+                name: "opensees",
+                pieces: &[
+                    piece!(".toml", "the served specimen", "opensees.toml"),
+                    piece!(".py", "an OpenSeesPy model that commands it", "opensees.py"),
+                ],
+                schemas: &[SERVE_SCHEMA],
+                next: &[
+                    "gusset serve NAME.toml                   # in another terminal",
+                    "python3 NAME.py                          # needs OpenSeesPy",
+                ],
+            },
+        }
+    }
+
+    /// Every file with its text, for a test of this name.
+    pub fn files(&self, name: &str) -> Vec<(String, String)> {
+        let written = |piece: &Piece| {
+            let text = self.pieces.iter().fold(piece.text.to_owned(), |text, one| {
+                let (own, new) = (
+                    format!("{}{}", self.name, one.suffix),
+                    format!("{name}{}", one.suffix),
+                );
+                replaced(&text, &own, &new)
+            });
+            (format!("{name}{}", piece.suffix), text)
+        };
+        self.pieces.iter().map(written).collect()
+    }
+}
+
+/// `text` with each file name `own` as `new`; longer names that end with `own` stay.
+fn replaced(text: &str, own: &str, new: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    let mut rest = text;
+    while let Some(place) = rest.find(own) {
+        let (before, from) = rest.split_at(place);
+        out.push_str(before);
+        let of_a_name = |c: char| c.is_alphanumeric() || "-_.".contains(c);
+        let is_whole = !out.chars().next_back().is_some_and(of_a_name);
+        out.push_str(if is_whole { new } else { own });
+        rest = &from[own.len()..];
+    }
+    out.push_str(rest);
+    out
+}
