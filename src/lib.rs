@@ -6,6 +6,8 @@
 //! the recorder. It does not know whether time is real, whether the specimen is a formula, a process across a
 //! socket or a replayed file, or who reads the rows.
 //!
+//! The user's guide is in [`guide`]: how to prepare, run and evaluate a test.
+//!
 //! The way of a sample:
 //!
 //! ```text
@@ -46,6 +48,7 @@
 //! | [`stability`] | every proof of the stability of a loop, and the verdict of a test |
 //! | [`units`] | quantities and times in words |
 //! | [`session`] | one test from the prepared experiment to the finished run folder: the threads |
+//! | [`guide`] | the user's guide: pages, plain text, web pages |
 //! | [`cli`] | the commands |
 
 #![deny(unsafe_code)]
@@ -60,6 +63,7 @@ pub mod control;
 pub mod engine;
 pub mod frontier;
 pub mod geometry;
+pub mod guide;
 pub mod identify;
 pub mod integrate;
 pub mod law;

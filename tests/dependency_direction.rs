@@ -31,6 +31,8 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ),
     ("record", &["substructure", "text"]),
     ("text", &[]),
+    // Pages and their rendering: they describe the program, and no code of it.
+    ("guide", &[]),
     ("wire", &["substructure", "text"]),
     (
         "link",
@@ -168,6 +170,7 @@ const PURE: &[&str] = &[
     "transfer",
     "compensation",
     "geometry",
+    "guide",
     "benchmark",
     "identify",
     "control",

@@ -1,6 +1,7 @@
 //! What the command line takes: the commands, and the arguments of those that read a test file.
 
 mod folders;
+mod guide;
 mod machine;
 mod serve;
 
@@ -11,6 +12,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 pub(super) use folders::{
     DerivedArg, ExportArgs, FormatArg, OperateArgs, RateArg, ReplayArgs, ReportArgs, ResetArgs,
 };
+pub(super) use guide::GuideArgs;
 pub(super) use machine::{DoctorArgs, JitterArgs, ModelArg};
 pub(super) use serve::{ProtocolArg, ServeArgs, SignalOrderArg, TlsArgs, TransportArg};
 
@@ -69,6 +71,8 @@ pub(super) enum Command {
     /// Run a published benchmark of hybrid simulation.
     #[command(subcommand)]
     Benchmark(benchmark::Of),
+    /// Show the guide: the contents, a page, or a configuration key.
+    Guide(GuideArgs),
     /// Print the JSON Schema of the test file.
     #[command(
         after_help = "Example:\n  gusset schema > gusset.schema.json\n\nAn editor with a TOML language server completes \

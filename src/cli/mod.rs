@@ -17,6 +17,7 @@ mod drawn;
 mod exit;
 mod export;
 mod frontier;
+mod guide;
 mod identify;
 mod jitter;
 mod limits;
@@ -110,6 +111,7 @@ fn dispatch(command: Command) -> anyhow::Result<Exit> {
         Command::Reset(args) => control::reset(&args),
         Command::Verify(args) => verify::verify(&args),
         Command::Benchmark(benchmark::Of::Vrths(args)) => benchmark::vrths(&args),
+        Command::Guide(args) => guide::guide(&args),
         Command::Schema => schema::schema(),
     }
 }

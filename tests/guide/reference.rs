@@ -1,0 +1,478 @@
+//! The configuration reference: every table and key of the files, from their JSON Schema.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::fmt::Write as _;
+
+use serde_json::Value;
+
+use super::examples::Examples;
+use super::schema::{Schema, choices, in_toml, joined};
+
+/// A table with fewer keys than this, all of them plain values, is shown within the keys that use it.
+const SMALL: usize = 4;
+/// Choices with more words than this are a list of their own.
+const FEW: usize = 4;
+
+/// A table of the reference, or the choices of a key.
+struct Section<'a> {
+    /// Dotted path of the table.
+    path: String,
+    /// True for `[[path]]`.
+    is_list: bool,
+    node: &'a Value,
+    /// Name of the definition, or the path where it has none.
+    owner: String,
+    /// Further paths with the same keys.
+    also: Vec<String>,
+}
+
+/// The reference of one kind of file.
+pub struct Reference<'a> {
+    schema: &'a Schema,
+    sections: Vec<Section<'a>>,
+    /// Tables that are shown within their keys.
+    small: Vec<&'a str>,
+}
+
+impl<'a> Reference<'a> {
+    pub fn new(schema: &'a Schema) -> Self {
+        let mut reference = Self {
+            schema,
+            sections: Vec::new(),
+            small: Vec::new(),
+        };
+        reference.small = reference.small_tables();
+        reference.collect();
+        reference
+    }
+
+    /// Definitions of small tables with plain values that several keys use.
+    fn small_tables(&self) -> Vec<&'a str> {
+        let root = self.schema.root();
+        let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+        count_references(root, &mut counts);
+        let definitions = root["$defs"].as_object().unwrap();
+        let is_small = |node: &Value| {
+            let keys = node.get("properties").and_then(Value::as_object);
+            keys.is_some_and(|keys| {
+                keys.len() < SMALL && keys.values().all(|key| !self.is_deep(key))
+            })
+        };
+        let is_plain_choice = |node: &Value| {
+            choices(node).is_some_and(|all| {
+                all.iter().all(|one| one.get("properties").is_none() || is_small(one))
+            })
+        };
+        let named = definitions.iter().filter(|(name, node)| {
+            let several = counts.get(name.as_str()).is_some_and(|count| *count > 1);
+            several && (is_small(node) || (self.is_deep(node) && is_plain_choice(node)))
+        });
+        named.map(|(name, _)| name.as_str()).collect()
+    }
+
+    /// True of a table, of a list of tables, and of choices with a table.
+    fn is_deep(&self, node: &Value) -> bool {
+        let (node, _) = self.schema.resolve(node);
+        node.get("properties").is_some()
+            || node.get("items").is_some_and(|item| self.is_deep(item))
+            || choices(node).is_some_and(|all| all.iter().any(|one| self.is_deep(one)))
+            || is_empty_table(node)
+    }
+
+    /// Finds the place of every table: the shortest path, and the further ones.
+    fn collect(&mut self) {
+        let schema = self.schema;
+        let mut open: VecDeque<(String, bool, &'a Value)> = VecDeque::new();
+        open.push_back((String::new(), false, schema.root()));
+        while let Some((path, is_list, node)) = open.pop_front() {
+            let (definition, name) = schema.resolve(node);
+            if name.is_some_and(|name| self.small.contains(&name)) {
+                continue;
+            }
+            let owner = name.map_or_else(|| path.clone(), str::to_owned);
+            if let Some(known) = self.sections.iter_mut().find(|known| known.owner == owner) {
+                known.also.push(bracketed(&path, is_list));
+                continue;
+            }
+            for (key, child) in keys_of(definition) {
+                let (resolved, _) = schema.resolve(child);
+                let path = joined(&path, key);
+                if let Some(item) = resolved.get("items").filter(|item| self.is_deep(item)) {
+                    open.push_back((path, true, item));
+                } else if self.is_deep(child) {
+                    open.push_back((path, false, child));
+                }
+            }
+            self.sections.push(Section {
+                path,
+                is_list,
+                node: definition,
+                owner,
+                also: Vec::new(),
+            });
+        }
+        // Each table stands behind the one that has it, in the order of its keys.
+        let mut order: Vec<String> = Vec::new();
+        self.descend("", &mut order);
+        let place = |section: &Section<'_>| order.iter().position(|path| *path == section.path);
+        self.sections.sort_by_key(place);
+    }
+
+    fn descend(&self, path: &str, order: &mut Vec<String>) {
+        order.push(path.to_owned());
+        let section = self.sections.iter().find(|section| section.path == path);
+        for (key, _) in section.map_or_else(Vec::new, |section| keys_of(section.node)) {
+            let below = joined(path, key);
+            if self.sections.iter().any(|section| section.path == below) {
+                self.descend(&below, order);
+            }
+        }
+    }
+
+    /// Every key with a plain value: its owner and its name.
+    pub fn plain_keys(&self) -> Vec<(String, String)> {
+        let mut found = Vec::new();
+        for section in &self.sections {
+            for (key, node) in keys_of(section.node) {
+                if self.is_plain(node) {
+                    found.push((section.owner.clone(), key.to_owned()));
+                }
+            }
+        }
+        found
+    }
+
+    /// True of a key that has no section of its own.
+    fn is_plain(&self, node: &Value) -> bool {
+        let (_, name) = self.schema.resolve(node);
+        !self.is_deep(node) || name.is_some_and(|name| self.small.contains(&name))
+    }
+
+    /// The sections as a table of contents.
+    pub fn contents(&self, text: &mut String) {
+        for section in &self.sections {
+            let depth = section.path.matches('.').count();
+            let indent = "  ".repeat(depth);
+            let heading = bracketed(&section.path, section.is_list);
+            if section.path.is_empty() {
+                continue;
+            }
+            let anchor = gusset::guide::anchor(&heading);
+            let _ = writeln!(text, "{indent}- [`{heading}`](#{anchor})");
+        }
+    }
+
+    /// All sections.
+    pub fn write(&self, top: &str, examples: &Examples, text: &mut String) {
+        for section in &self.sections {
+            if section.path.is_empty() {
+                let _ = writeln!(text, "\n## {top}\n");
+            } else {
+                let heading = bracketed(&section.path, section.is_list);
+                let _ = writeln!(text, "\n## `{heading}`\n");
+            }
+            let description = described(section.node);
+            if !description.is_empty() {
+                let _ = writeln!(text, "{description}\n");
+            }
+            if !section.also.is_empty() {
+                let also: Vec<String> = section.also.iter().map(|path| format!("`{path}`")).collect();
+                let _ = writeln!(text, "Also: {}.\n", also.join(", "));
+            }
+            self.words(section.node, text);
+            for (key, node) in keys_of(section.node) {
+                self.entry(section, key, node, examples, text);
+            }
+        }
+    }
+
+    /// The plain words among the choices of a section.
+    fn words(&self, node: &Value, text: &mut String) {
+        let words = word_choices(node);
+        if !words.is_empty() {
+            let _ = writeln!(text, "A word may stand in place of the table:\n");
+            list_words(&words, "", text);
+            let _ = writeln!(text);
+        }
+    }
+
+    fn entry(
+        &self,
+        section: &Section<'_>,
+        key: &str,
+        node: &Value,
+        examples: &Examples,
+        text: &mut String,
+    ) {
+        let mut parts = vec![format!("- **`{key}`**")];
+        parts.extend(unit(key).map(str::to_owned));
+        parts.push(self.kind(node));
+        parts.push(if is_required(section.node, key) {
+            "required".to_owned()
+        } else {
+            match node.get("default").filter(|_| self.is_plain(node)) {
+                Some(value) => format!("default `{}`", in_toml(value)),
+                None => "optional".to_owned(),
+            }
+        });
+        let _ = writeln!(text, "{}\n", parts.join(" · "));
+        let own = described(node);
+        let (resolved, _) = self.schema.resolve(node);
+        let description = if own.is_empty() { described(resolved) } else { own };
+        if !description.is_empty() {
+            let _ = writeln!(text, "{}\n", indented(&description));
+        }
+        let words = word_choices(resolved);
+        if self.is_plain(node) && (words.len() > FEW || words.iter().any(|(_, says)| !says.is_empty())) {
+            list_words(&words, "  ", text);
+            let _ = writeln!(text);
+        }
+        let example = if self.is_plain(node) {
+            examples.of(&section.owner, key, node).map(|value| format!("{key} = {value}"))
+        } else {
+            let path = joined(&section.path, key);
+            let shown = self.sections.iter().find(|other| other.path == path);
+            let is_list = shown.map_or(resolved.get("items").is_some(), |shown| shown.is_list);
+            Some(bracketed(&path, is_list))
+        };
+        if let Some(example) = example {
+            let _ = writeln!(text, "  Example: `{example}`\n");
+        }
+    }
+
+    /// What a key takes, in words.
+    fn kind(&self, node: &Value) -> String {
+        let (resolved, name) = self.schema.resolve(node);
+        if name.is_some_and(|name| self.small.contains(&name)) {
+            return self.small_kind(resolved);
+        }
+        if let Some(all) = choices(resolved) {
+            let words = word_choices(resolved);
+            if words.len() == all.len() || (words.len() == 1 && all.len() == 1) {
+                return one_of(&words);
+            }
+            let mut kinds: Vec<String> = Vec::new();
+            for one in all.iter().filter(|one| words_of(one).is_empty()) {
+                let kind = self.kind(one);
+                if !kinds.contains(&kind) {
+                    kinds.push(kind);
+                }
+            }
+            kinds.extend(words.iter().map(|(word, _)| format!("`\"{word}\"`")));
+            return kinds.join(" or ");
+        }
+        let words = words_of(resolved);
+        if !words.is_empty() {
+            return one_of(&words);
+        }
+        if let Some(values) = resolved.get("enum").and_then(Value::as_array) {
+            let values: Vec<String> = values.iter().map(|value| format!("`{value}`")).collect();
+            return values.join(" or ");
+        }
+        match resolved.get("type").and_then(Value::as_str) {
+            Some("boolean") => "`true` or `false`".to_owned(),
+            Some("integer") => format!("whole number{}", range(resolved)),
+            Some("number") => format!("number{}", range(resolved)),
+            Some("string") => "text".to_owned(),
+            Some("array") => self.list_kind(resolved),
+            _ => "table".to_owned(),
+        }
+    }
+
+    fn list_kind(&self, node: &Value) -> String {
+        let Some(item) = node.get("items") else {
+            return "list".to_owned();
+        };
+        if self.is_deep(item) {
+            return "tables".to_owned();
+        }
+        let length = match (node.get("minItems"), node.get("maxItems")) {
+            (Some(least), Some(most)) if least == most => format!(" of {least}"),
+            _ => String::new(),
+        };
+        let item = match self.kind(item).as_str() {
+            "number" => " numbers".to_owned(),
+            "whole number" => " whole numbers".to_owned(),
+            "text" => " texts".to_owned(),
+            kind if kind.starts_with("list") => " rows of numbers".to_owned(),
+            kind => format!(" values: {kind}"),
+        };
+        match length.as_str() {
+            "" => format!("list of{item}"),
+            length => format!("list{length}{item}"),
+        }
+    }
+
+    fn small_kind(&self, node: &Value) -> String {
+        let of_table = |table: &Value| {
+            let keys: Vec<String> = keys_of(table)
+                .iter()
+                .map(|(key, node)| format!("`{key}` ({})", self.kind(node)))
+                .collect();
+            format!("table with {}", keys.join(", "))
+        };
+        match choices(node) {
+            None => of_table(node),
+            Some(all) => {
+                let kinds = all.iter().map(|one| match one.get("properties") {
+                    Some(_) => of_table(one),
+                    None => self.kind(one),
+                });
+                kinds.collect::<Vec<_>>().join(" or ")
+            }
+        }
+    }
+}
+
+fn count_references<'a>(node: &'a Value, counts: &mut BTreeMap<&'a str, usize>) {
+    match node {
+        Value::Object(keys) => {
+            for (key, value) in keys {
+                match value.as_str().filter(|_| key == "$ref") {
+                    Some(reference) => {
+                        let name = reference.rsplit('/').next().unwrap();
+                        *counts.entry(name).or_default() += 1;
+                    }
+                    None => count_references(value, counts),
+                }
+            }
+        }
+        Value::Array(items) => items.iter().for_each(|item| count_references(item, counts)),
+        _ => {}
+    }
+}
+
+/// The keys of a table, or of all tables among its choices, in the order of the schema.
+fn keys_of(node: &Value) -> Vec<(&str, &Value)> {
+    let own = node.get("properties").and_then(Value::as_object);
+    let mut keys: Vec<(&str, &Value)> = own
+        .into_iter()
+        .flatten()
+        .map(|(key, node)| (key.as_str(), node))
+        .collect();
+    for choice in choices(node).into_iter().flatten() {
+        let properties = choice.get("properties").and_then(Value::as_object);
+        for (key, node) in properties.into_iter().flatten() {
+            if !keys.iter().any(|(known, _)| known == key) {
+                keys.push((key, node));
+            }
+        }
+    }
+    keys
+}
+
+fn is_empty_table(node: &Value) -> bool {
+    node.get("type").is_some_and(|kind| kind == "object")
+        && node.get("properties").is_none()
+        && node.get("additionalProperties") == Some(&Value::Bool(false))
+}
+
+fn is_required(table: &Value, key: &str) -> bool {
+    let required = table.get("required").and_then(Value::as_array);
+    required.is_some_and(|keys| keys.iter().any(|name| name == key))
+}
+
+fn bracketed(path: &str, is_list: bool) -> String {
+    if is_list {
+        format!("[[{path}]]")
+    } else {
+        format!("[{path}]")
+    }
+}
+
+/// The description in paragraphs, without examples in Rust.
+fn described(node: &Value) -> String {
+    let text = node.get("description").and_then(Value::as_str).unwrap_or_default();
+    let paragraphs = text.split("\n\n").filter(|part| !part.starts_with("```"));
+    paragraphs.collect::<Vec<_>>().join("\n\n")
+}
+
+fn indented(text: &str) -> String {
+    text.replace("\n\n", "\n\n  ")
+        .split_inclusive("\n\n")
+        .collect::<String>()
+        .lines()
+        .enumerate()
+        .map(|(index, line)| if index == 0 { format!("  {line}") } else { line.to_owned() })
+        .collect::<Vec<_>>()
+        .join("\n")
+}
+
+/// The words that a node stands for, with what they mean.
+fn words_of(node: &Value) -> Vec<(String, String)> {
+    let says = described(node);
+    if let Some(word) = node.get("const").and_then(Value::as_str) {
+        return vec![(word.to_owned(), says)];
+    }
+    let words = node.get("enum").and_then(Value::as_array);
+    let words = words.into_iter().flatten().filter_map(Value::as_str);
+    words.map(|word| (word.to_owned(), String::new())).collect()
+}
+
+fn word_choices(node: &Value) -> Vec<(String, String)> {
+    choices(node).into_iter().flatten().flat_map(words_of).collect()
+}
+
+fn one_of(words: &[(String, String)]) -> String {
+    if words.len() > FEW {
+        return "one of the words below".to_owned();
+    }
+    let words: Vec<String> = words.iter().map(|(word, _)| format!("`\"{word}\"`")).collect();
+    words.join(" or ")
+}
+
+fn list_words(words: &[(String, String)], indent: &str, text: &mut String) {
+    for (word, says) in words {
+        let says = says.replace("\n\n", " ");
+        let colon = if says.is_empty() { "" } else { ": " };
+        let _ = writeln!(text, "{indent}- `\"{word}\"`{colon}{says}");
+    }
+}
+
+/// The range of a number, in words. Bounds that only come from the kind of integer say nothing.
+fn range(node: &Value) -> String {
+    let bound = |key: &str| node.get(key).and_then(Value::as_f64);
+    if let Some(above) = bound("exclusiveMinimum") {
+        return format!(" greater than {above}");
+    }
+    let least = bound("minimum").filter(|least| *least >= 0.0);
+    let most = bound("maximum").filter(|most| ![127.0, 255.0, 65535.0, 4294967295.0].contains(most));
+    match (least, most) {
+        (Some(least), Some(most)) => format!(", {least} to {most}"),
+        (Some(least), None) if least > 0.0 => format!(", at least {least}"),
+        (None, Some(most)) => format!(", at most {most}"),
+        _ => String::new(),
+    }
+}
+
+/// Units by the end of a key, the longest first.
+const UNITS: [(&str, &str); 22] = [
+    ("_rad_per_s", "rad/s"),
+    ("_n_s_per_m", "N s/m"),
+    ("_n_per_m3", "N/m³"),
+    ("_m2_per_s3", "m²/s³"),
+    ("_m_per_s2", "m/s²"),
+    ("_n_per_m", "N/m"),
+    ("_n_per_s", "N/s"),
+    ("_m_per_s", "m/s"),
+    ("_per_s2", "1/s²"),
+    ("_per_m2", "1/m²"),
+    ("_ticks", "ticks"),
+    ("_rad", "rad"),
+    ("_ppm", "ppm"),
+    ("_hz", "Hz"),
+    ("_kg", "kg"),
+    ("_us", "µs"),
+    ("_kb", "kB"),
+    ("_m", "m"),
+    ("_s", "s"),
+    ("_n", "N"),
+    ("_j", "J"),
+    ("_w", "W"),
+];
+
+/// The unit that the name of a key carries.
+pub fn unit(key: &str) -> Option<&'static str> {
+    let unit = UNITS.iter().find(|(end, _)| key.ends_with(end));
+    unit.map(|(_, unit)| *unit)
+}
