@@ -30,7 +30,7 @@ fn entries_of(text: &'static str) -> Vec<Entry> {
     let mut found = Vec::new();
     for section in pieces(text, "## ") {
         let paths = paths_of(section);
-        for path in &paths {
+        for path in paths.iter().filter(|path| !path.is_empty()) {
             found.push(Entry {
                 path: path.clone(),
                 is_table: true,
@@ -65,8 +65,9 @@ fn pieces(text: &'static str, start: &str) -> Vec<&'static str> {
 
 /// The paths of a section's table: that of its heading, then the further ones.
 fn paths_of(section: &str) -> Vec<String> {
+    // The keys of a file outside of all tables stand under a heading in words.
     let Some(heading) = section.strip_prefix(TABLE).and_then(|rest| rest.split('`').next()) else {
-        return Vec::new();
+        return vec![String::new()];
     };
     let also = section.lines().find(|line| line.starts_with(ALSO));
     let also = also.into_iter().flat_map(|line| line.split('`').skip(1).step_by(2));
@@ -85,10 +86,17 @@ fn joined(path: &str, key: &str) -> String {
 /// The entries with this path, or else those whose path ends with it. Brackets and numbers of a path do not count:
 /// `specimen.0.storey` is `specimen.storey`.
 ///
-/// A table stands for the key that opens it.
+/// A table stands for the key that opens it. A table that several paths share is found by the ends of all of them.
 #[must_use]
 pub fn find(query: &str) -> Vec<Entry> {
-    found_in(entries(), query)
+    let mut wanted = query;
+    loop {
+        let found = found_in(entries(), wanted);
+        match wanted.split_once('.') {
+            Some((_, end)) if found.is_empty() && end.contains('.') => wanted = end,
+            _ => return found,
+        }
+    }
 }
 
 fn found_in(entries: Vec<Entry>, query: &str) -> Vec<Entry> {

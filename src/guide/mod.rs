@@ -1,5 +1,9 @@
 #![doc = include_str!("rustdoc-links.txt")]
 #![doc = include_str!("README.md")]
+#![allow(
+    rustdoc::invalid_codeblock_attributes,
+    reason = "attributes behind a fence are for the test that executes the blocks"
+)]
 
 mod entry;
 mod inline;

@@ -4,8 +4,8 @@ use super::inline::{width_of, wrapped};
 
 /// Blanks between two columns.
 const GAP: usize = 2;
-/// A column is not made narrower than this.
-const NARROWEST: usize = 8;
+/// A column is not made narrower than this, nor than its longest word.
+const NARROWEST: usize = 5;
 
 /// Rows of cells; the first row is the head.
 #[derive(Debug, Default)]
@@ -62,10 +62,20 @@ impl Table {
         };
         let mut widths: Vec<usize> = (0..columns).map(widest).collect();
         let room = width.saturating_sub(GAP * columns.saturating_sub(1));
+        let longest_word = |column: usize| {
+            let cells = self.rows.iter().filter_map(|row| row.get(column));
+            let words = cells.flat_map(|cell| cell.split_whitespace());
+            words.map(width_of).max().unwrap_or(0)
+        };
+        let least: Vec<usize> = (0..columns)
+            .map(|column| longest_word(column).max(NARROWEST))
+            .collect();
         while widths.iter().sum::<usize>() > room {
-            match widths.iter_mut().max() {
-                Some(most) if *most > NARROWEST => *most -= 1,
-                _ => break,
+            let wide = widths.iter_mut().zip(&least);
+            let widest = wide.filter(|(width, least)| width > least).max();
+            match widest {
+                Some((width, _)) => *width -= 1,
+                None => break,
             }
         }
         widths
@@ -94,6 +104,13 @@ mod tests {
             lines,
             ["file         content", "-----------  -------", "samples.bin  rows"]
         );
+    }
+
+    #[test]
+    fn no_column_is_narrower_than_its_longest_word() {
+        let rows = [["key", "meaning of it"], ["command_disp_m", "a b c d e f g h"]];
+        let lines = table(&rows).lines(12);
+        assert!(lines.iter().any(|line| line.contains("command_disp_m  a")), "{lines:?}");
     }
 
     #[test]

@@ -17,16 +17,17 @@ pub struct Examples {
 }
 
 impl Examples {
-    /// From the TOML files below these folders that fit the schema.
-    pub fn new(schema: &Schema, folders: &[PathBuf]) -> Self {
+    /// From the TOML files below these folders, each by the schema that it fits.
+    pub fn new(schemas: &[(&str, Schema)], folders: &[PathBuf]) -> Self {
         let mut values = BTreeMap::new();
         for path in folders.iter().flat_map(|folder| toml_files(folder)) {
             let Ok(file) = parsed(&fs::read_to_string(&path).unwrap()) else {
                 continue;
             };
-            if !schema.unknown(&file).is_empty() {
+            let fits = |schema: &Schema| schema.unknown(&file).is_empty();
+            let Some((_, schema)) = schemas.iter().find(|(_, schema)| fits(schema)) else {
                 continue;
-            }
+            };
             for one in schema.uses(&file) {
                 let text = in_toml(one.value);
                 if text.chars().count() <= LONGEST {
@@ -50,12 +51,9 @@ impl Examples {
     }
 
     /// Those of these keys that have no example.
-    pub fn missing(&self, schema: &Schema, keys: &[(String, String)]) -> BTreeSet<String> {
-        let without = keys.iter().filter(|(owner, key)| {
-            let node = &schema.root()["$defs"][owner.as_str()]["properties"][key.as_str()];
-            self.of(owner, key, node).is_none()
-        });
-        without.map(|(owner, key)| format!("{owner}.{key}")).collect()
+    pub fn missing(&self, keys: &[(String, String, &Value)]) -> BTreeSet<String> {
+        let without = keys.iter().filter(|(owner, key, node)| self.of(owner, key, node).is_none());
+        without.map(|(owner, key, _)| format!("{owner}.{key}")).collect()
     }
 }
 

@@ -9,7 +9,9 @@ use super::examples::Examples;
 use super::schema::{Schema, choices, in_toml, joined};
 
 /// A table with fewer keys than this, all of them plain values, is shown within the keys that use it.
-const SMALL: usize = 4;
+const SMALL: usize = 3;
+/// Deeper tables are not in the table of contents.
+const DEEPEST: usize = 2;
 /// Choices with more words than this are a list of their own.
 const FEW: usize = 4;
 
@@ -82,14 +84,14 @@ impl<'a> Reference<'a> {
     /// Finds the place of every table: the shortest path, and the further ones.
     fn collect(&mut self) {
         let schema = self.schema;
-        let mut open: VecDeque<(String, bool, &'a Value)> = VecDeque::new();
-        open.push_back((String::new(), false, schema.root()));
-        while let Some((path, is_list, node)) = open.pop_front() {
+        let mut open: VecDeque<(String, String, bool, &'a Value)> = VecDeque::new();
+        open.push_back((String::new(), String::new(), false, schema.root()));
+        while let Some((path, unnamed, is_list, node)) = open.pop_front() {
             let (definition, name) = schema.resolve(node);
             if name.is_some_and(|name| self.small.contains(&name)) {
                 continue;
             }
-            let owner = name.map_or_else(|| path.clone(), str::to_owned);
+            let owner = name.map_or(unnamed, str::to_owned);
             if let Some(known) = self.sections.iter_mut().find(|known| known.owner == owner) {
                 known.also.push(bracketed(&path, is_list));
                 continue;
@@ -97,10 +99,11 @@ impl<'a> Reference<'a> {
             for (key, child) in keys_of(definition) {
                 let (resolved, _) = schema.resolve(child);
                 let path = joined(&path, key);
+                let unnamed = joined(&owner, key);
                 if let Some(item) = resolved.get("items").filter(|item| self.is_deep(item)) {
-                    open.push_back((path, true, item));
+                    open.push_back((path, unnamed, true, item));
                 } else if self.is_deep(child) {
-                    open.push_back((path, false, child));
+                    open.push_back((path, unnamed, false, child));
                 }
             }
             self.sections.push(Section {
@@ -129,13 +132,13 @@ impl<'a> Reference<'a> {
         }
     }
 
-    /// Every key with a plain value: its owner and its name.
-    pub fn plain_keys(&self) -> Vec<(String, String)> {
+    /// Every key with a plain value: its owner, its name and its node.
+    pub fn plain_keys(&self) -> Vec<(String, String, &'a Value)> {
         let mut found = Vec::new();
         for section in &self.sections {
             for (key, node) in keys_of(section.node) {
                 if self.is_plain(node) {
-                    found.push((section.owner.clone(), key.to_owned()));
+                    found.push((section.owner.clone(), key.to_owned(), node));
                 }
             }
         }
@@ -148,23 +151,41 @@ impl<'a> Reference<'a> {
         !self.is_deep(node) || name.is_some_and(|name| self.small.contains(&name))
     }
 
-    /// The sections as a table of contents.
-    pub fn contents(&self, text: &mut String) {
+    /// The owners of all sections, with their headings.
+    pub fn headings(&self) -> BTreeMap<String, String> {
+        let named = self.sections.iter().filter(|section| !section.path.is_empty());
+        named
+            .map(|section| (section.owner.clone(), bracketed(&section.path, section.is_list)))
+            .collect()
+    }
+
+    /// The sections that are not among those already written, as a table of contents.
+    pub fn contents(&self, written: &BTreeMap<String, String>, text: &mut String) {
         for section in &self.sections {
             let depth = section.path.matches('.').count();
-            let indent = "  ".repeat(depth);
-            let heading = bracketed(&section.path, section.is_list);
-            if section.path.is_empty() {
+            if section.path.is_empty() || depth > DEEPEST || written.contains_key(&section.owner) {
                 continue;
             }
-            let anchor = gusset::guide::anchor(&heading);
-            let _ = writeln!(text, "{indent}- [`{heading}`](#{anchor})");
+            let heading = bracketed(&section.path, section.is_list);
+            let indent = "  ".repeat(depth + 1);
+            let _ = writeln!(text, "{indent}- {}", linked(&heading));
         }
     }
 
-    /// All sections.
-    pub fn write(&self, top: &str, examples: &Examples, text: &mut String) {
+    /// The sections that are not among those already written.
+    pub fn write(
+        &self,
+        top: &str,
+        written: &BTreeMap<String, String>,
+        examples: &Examples,
+        text: &mut String,
+    ) {
+        let mut headings = self.headings();
+        headings.extend(written.clone());
         for section in &self.sections {
+            if written.contains_key(&section.owner) {
+                continue;
+            }
             if section.path.is_empty() {
                 let _ = writeln!(text, "\n## {top}\n");
             } else {
@@ -176,26 +197,65 @@ impl<'a> Reference<'a> {
                 let _ = writeln!(text, "{description}\n");
             }
             if !section.also.is_empty() {
-                let also: Vec<String> = section.also.iter().map(|path| format!("`{path}`")).collect();
+                let also: Vec<String> =
+                    section.also.iter().map(|path| format!("`{path}`")).collect();
                 let _ = writeln!(text, "Also: {}.\n", also.join(", "));
             }
-            self.words(section.node, text);
+            let words = word_choices(section.node);
+            if !words.is_empty() {
+                let _ = writeln!(text, "A word may stand in place of the table:\n");
+                list_words(&words, "", text);
+                let _ = writeln!(text);
+            }
             for (key, node) in keys_of(section.node) {
-                self.entry(section, key, node, examples, text);
+                if self.is_plain(node) {
+                    self.entry(section, key, node, examples, text);
+                } else {
+                    self.table_entry(section, key, node, &headings, text);
+                }
             }
         }
     }
 
-    /// The plain words among the choices of a section.
-    fn words(&self, node: &Value, text: &mut String) {
-        let words = word_choices(node);
-        if !words.is_empty() {
-            let _ = writeln!(text, "A word may stand in place of the table:\n");
-            list_words(&words, "", text);
-            let _ = writeln!(text);
+    /// A key with a table of its own.
+    fn table_entry(
+        &self,
+        section: &Section<'_>,
+        key: &str,
+        node: &Value,
+        headings: &BTreeMap<String, String>,
+        text: &mut String,
+    ) {
+        let (resolved, name) = self.schema.resolve(node);
+        let path = joined(&section.path, key);
+        let item = resolved.get("items");
+        let (of_item, item_name) = item.map_or((resolved, name), |item| self.schema.resolve(item));
+        let owner = item_name.map_or_else(|| joined(&section.owner, key), str::to_owned);
+        let own = bracketed(&path, item.is_some());
+        let kind = match item {
+            Some(_) => "list of tables",
+            None if word_choices(of_item).is_empty() => "table",
+            None => "table or word",
+        };
+        let needed = if is_required(section.node, key) { "required" } else { "optional" };
+        let _ = writeln!(text, "- **`{key}`** · {kind} · {needed}\n");
+        if let Some(description) = description_of(node, resolved) {
+            let _ = writeln!(text, "{}\n", indented(&description));
+        }
+        match headings.get(&owner) {
+            Some(heading) if *heading == own => {
+                let _ = writeln!(text, "  Keys: {}\n", linked(heading));
+            }
+            Some(heading) => {
+                let _ = writeln!(text, "  Example: `{own}`, with the keys of {}\n", linked(heading));
+            }
+            None => {
+                let _ = writeln!(text, "  Example: `{key} = {{}}`\n");
+            }
         }
     }
 
+    /// A key with a plain value.
     fn entry(
         &self,
         section: &Section<'_>,
@@ -205,39 +265,42 @@ impl<'a> Reference<'a> {
         text: &mut String,
     ) {
         let mut parts = vec![format!("- **`{key}`**")];
-        parts.extend(unit(key).map(str::to_owned));
-        parts.push(self.kind(node));
+        let kind = self.kind(node);
+        let is_word = kind.starts_with("`\"") || kind.starts_with("one of the words");
+        parts.extend(unit(key).filter(|_| !is_word).map(str::to_owned));
+        parts.push(kind);
         parts.push(if is_required(section.node, key) {
             "required".to_owned()
         } else {
-            match node.get("default").filter(|_| self.is_plain(node)) {
+            match node.get("default") {
                 Some(value) => format!("default `{}`", in_toml(value)),
                 None => "optional".to_owned(),
             }
         });
         let _ = writeln!(text, "{}\n", parts.join(" · "));
-        let own = described(node);
         let (resolved, _) = self.schema.resolve(node);
-        let description = if own.is_empty() { described(resolved) } else { own };
-        if !description.is_empty() {
+        if let Some(description) = description_of(node, resolved) {
             let _ = writeln!(text, "{}\n", indented(&description));
         }
         let words = word_choices(resolved);
-        if self.is_plain(node) && (words.len() > FEW || words.iter().any(|(_, says)| !says.is_empty())) {
+        if words.len() > FEW || words.iter().any(|(_, says)| !says.is_empty()) {
             list_words(&words, "  ", text);
             let _ = writeln!(text);
+        } else if self.is_deep(node) {
+            self.list_keys(resolved, text);
         }
-        let example = if self.is_plain(node) {
-            examples.of(&section.owner, key, node).map(|value| format!("{key} = {value}"))
-        } else {
-            let path = joined(&section.path, key);
-            let shown = self.sections.iter().find(|other| other.path == path);
-            let is_list = shown.map_or(resolved.get("items").is_some(), |shown| shown.is_list);
-            Some(bracketed(&path, is_list))
-        };
-        if let Some(example) = example {
-            let _ = writeln!(text, "  Example: `{example}`\n");
+        if let Some(value) = examples.of(&section.owner, key, node) {
+            let _ = writeln!(text, "  Example: `{key} = {value}`\n");
         }
+    }
+
+    /// The keys of a small table, below the key that has it.
+    fn list_keys(&self, table: &Value, text: &mut String) {
+        for (key, node) in keys_of(table) {
+            let says = described(node).replace("\n\n", " ");
+            let _ = writeln!(text, "  - `{key}` ({}): {says}", self.kind(node));
+        }
+        let _ = writeln!(text);
     }
 
     /// What a key takes, in words.
@@ -307,7 +370,7 @@ impl<'a> Reference<'a> {
         let of_table = |table: &Value| {
             let keys: Vec<String> = keys_of(table)
                 .iter()
-                .map(|(key, node)| format!("`{key}` ({})", self.kind(node)))
+                .map(|(key, _)| format!("`{key}`"))
                 .collect();
             format!("table with {}", keys.join(", "))
         };
@@ -384,18 +447,39 @@ fn bracketed(path: &str, is_list: bool) -> String {
 fn described(node: &Value) -> String {
     let text = node.get("description").and_then(Value::as_str).unwrap_or_default();
     let paragraphs = text.split("\n\n").filter(|part| !part.starts_with("```"));
-    paragraphs.collect::<Vec<_>>().join("\n\n")
+    escaped(&paragraphs.collect::<Vec<_>>().join("\n\n"))
 }
 
+/// Prose in which brackets and stars outside of code are no Markdown.
+fn escaped(text: &str) -> String {
+    let mut escaped = String::with_capacity(text.len());
+    let mut in_code = false;
+    for c in text.chars() {
+        in_code ^= c == '`';
+        if !in_code && "[]<>*".contains(c) {
+            escaped.push('\\');
+        }
+        escaped.push(c);
+    }
+    escaped
+}
+
+/// The description of a key, or else that of its definition.
+fn description_of(node: &Value, resolved: &Value) -> Option<String> {
+    let own = described(node);
+    let text = if own.is_empty() { described(resolved) } else { own };
+    (!text.is_empty()).then_some(text)
+}
+
+/// A heading with a link to its section.
+fn linked(heading: &str) -> String {
+    format!("[`{heading}`](#{})", gusset::guide::anchor(heading))
+}
+
+/// Paragraphs below an item of a list.
 fn indented(text: &str) -> String {
-    text.replace("\n\n", "\n\n  ")
-        .split_inclusive("\n\n")
-        .collect::<String>()
-        .lines()
-        .enumerate()
-        .map(|(index, line)| if index == 0 { format!("  {line}") } else { line.to_owned() })
-        .collect::<Vec<_>>()
-        .join("\n")
+    let paragraphs: Vec<String> = text.split("\n\n").map(|part| format!("  {part}")).collect();
+    paragraphs.join("\n\n")
 }
 
 /// The words that a node stands for, with what they mean.

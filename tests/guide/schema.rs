@@ -69,6 +69,10 @@ impl Schema {
         let (definition, name) = self.resolve(node);
         let owner = name.unwrap_or(owner);
         match value {
+            // A fragment may show one table of a list.
+            Value::Object(_) if definition.get("items").is_some() => {
+                self.walk(&definition["items"], owner, value, path, found);
+            }
             Value::Object(keys) => match choices(definition) {
                 Some(choices) => {
                     // The choice that knows most of the keys.
