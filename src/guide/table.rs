@@ -72,7 +72,7 @@ impl Table {
             .collect();
         while widths.iter().sum::<usize>() > room {
             let wide = widths.iter_mut().zip(&least);
-            let widest = wide.filter(|(width, least)| width > least).max();
+            let widest = wide.filter(|(width, least)| **width > **least).max();
             match widest {
                 Some((width, _)) => *width -= 1,
                 None => break,

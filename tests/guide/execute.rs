@@ -79,7 +79,11 @@ impl Place {
     fn needs_numpy(&self, block: &Block) -> bool {
         let scripts = block.text.split_whitespace().filter(|word| word.ends_with(".py"));
         let texts = scripts.filter_map(|name| fs::read_to_string(self.folder.path().join(name)).ok());
-        texts.chain([block.text.clone()]).any(|text| text.contains("import numpy"))
+        let imports = |line: &str| {
+            let line = line.trim();
+            (line.starts_with("import ") || line.starts_with("from ")) && line.contains("numpy")
+        };
+        texts.chain([block.text.clone()]).any(|text| text.lines().any(imports))
     }
 
     fn bash(&self, script: &str, name: &str) -> Result<(), String> {
