@@ -1,10 +1,10 @@
 //! The guide and the README: generated pages are fresh, links resolve, and every command block works.
 //!
-//! `GUSSET_WRITE_GUIDE=1 cargo test --test guide` writes the generated pages and `tests/guide/not-run.txt` anew.
+//! `GUSSET_WRITE_GUIDE=1 cargo test --test guide` updates the generated pages and the lists in `tests/guide/`.
 
-mod common;
 #[path = "guide/commands.rs"]
 mod commands;
+mod common;
 #[path = "guide/examples.rs"]
 mod examples;
 #[path = "guide/execute.rs"]
@@ -48,7 +48,10 @@ fn writes() -> bool {
 /// Every text of the guide, by name, with the README and the contents page.
 fn texts() -> Vec<(String, String)> {
     let pages = PAGES.iter().map(|page| format!("src/guide/{}.md", page.id));
-    let names = ["README.md", "src/guide/README.md"].map(str::to_owned).into_iter().chain(pages);
+    let names = ["README.md", "src/guide/README.md"]
+        .map(str::to_owned)
+        .into_iter()
+        .chain(pages);
     let read = |name: String| {
         let text = fs::read_to_string(root().join(&name)).unwrap();
         (name, text)
@@ -57,20 +60,28 @@ fn texts() -> Vec<(String, String)> {
 }
 
 fn fail_if_any(wrong: &[String]) {
-    assert!(wrong.is_empty(), "{} faults:\n{}", wrong.len(), wrong.join("\n"));
+    assert!(
+        wrong.is_empty(),
+        "{} faults:\n{}",
+        wrong.len(),
+        wrong.join("\n")
+    );
 }
 
-/// Compares a file with what it must be, or writes it.
+/// Compares a file with the expected text, or writes the text.
 fn fresh(path: &str, text: &str) -> Option<String> {
     let place = root().join(path);
     if writes() {
         fs::write(&place, text).unwrap();
     }
     let found = fs::read_to_string(&place).unwrap_or_default();
-    let line = found.lines().zip(text.lines()).position(|(found, text)| found != text);
+    let line = found
+        .lines()
+        .zip(text.lines())
+        .position(|(found, text)| found != text);
     (found != text).then(|| {
         let line = line.map_or_else(|| found.lines().count().min(text.lines().count()), |at| at) + 1;
-        format!("{path} is stale from line {line} on: GUSSET_WRITE_GUIDE=1 cargo test --test guide writes it anew")
+        format!("{path} is stale from line {line} on: GUSSET_WRITE_GUIDE=1 cargo test --test guide updates it")
     })
 }
 
@@ -94,7 +105,11 @@ fn every_key_has_an_example() {
         .collect();
     fail_if_any(&wrong);
     let text: String = missing.iter().map(|key| format!("{key}\n")).collect();
-    fail_if_any(&fresh("tests/guide/no-example.txt", &text).into_iter().collect::<Vec<_>>());
+    fail_if_any(
+        &fresh("tests/guide/no-example.txt", &text)
+            .into_iter()
+            .collect::<Vec<_>>(),
+    );
 }
 
 #[test]
@@ -126,11 +141,15 @@ fn the_columns_of_runs_are_listed_with_their_units() {
 fn pages_are_short() {
     let mut wrong = Vec::new();
     let generated = PAGES.iter().filter(|page| page.is_generated);
-    let generated: Vec<String> = generated.map(|page| format!("src/guide/{}.md", page.id)).collect();
+    let generated: Vec<String> = generated
+        .map(|page| format!("src/guide/{}.md", page.id))
+        .collect();
     for (name, text) in texts() {
         let words = text.split_whitespace().count();
         if words > MOST_WORDS && name != "README.md" && !generated.contains(&name) {
-            wrong.push(format!("{name} has {words} words, allowed are {MOST_WORDS}"));
+            wrong.push(format!(
+                "{name} has {words} words, allowed are {MOST_WORDS}"
+            ));
         }
     }
     fail_if_any(&wrong);
@@ -140,8 +159,14 @@ fn pages_are_short() {
 fn the_readme_is_short() {
     let text = fs::read_to_string(root().join("README.md")).unwrap();
     let (words, lines) = (text.split_whitespace().count(), text.lines().count());
-    assert!(words <= README_WORDS, "{words} words, allowed are {README_WORDS}");
-    assert!(lines <= README_LINES, "{lines} lines, allowed are {README_LINES}");
+    assert!(
+        words <= README_WORDS,
+        "{words} words, allowed are {README_WORDS}"
+    );
+    assert!(
+        lines <= README_LINES,
+        "{lines} lines, allowed are {README_LINES}"
+    );
 }
 
 #[test]
@@ -151,7 +176,9 @@ fn every_block_says_its_language_and_nothing_unknown() {
         for block in markdown::read(&text).blocks {
             let place = format!("{name}:{}", block.line);
             if block.is_indented {
-                wrong.push(format!("{place}: an indented block: use a fence with a language"));
+                wrong.push(format!(
+                    "{place}: an indented block: use a fence with a language"
+                ));
             } else if block.language.is_empty() {
                 wrong.push(format!("{place}: a block without a language"));
             }
@@ -174,7 +201,11 @@ fn every_link_resolves() {
         let is_guide = name.starts_with("src/guide/");
         let folder = root().join(&name);
         let folder = folder.parent().unwrap();
-        wrong.extend(page.unresolved.iter().map(|label| format!("{name}: the label [{label}] has no definition")));
+        wrong.extend(
+            page.unresolved
+                .iter()
+                .map(|label| format!("{name}: the label [{label}] has no definition")),
+        );
         for link in &page.links {
             let target = &link.target;
             if target.contains("://") || target.starts_with('#') || target.starts_with("mailto:") {
@@ -184,7 +215,10 @@ fn every_link_resolves() {
             if !folder.join(file).exists() {
                 wrong.push(format!("{name}: {target} does not exist"));
             } else if is_guide && !link.is_image {
-                wrong.extend(label_fault(target, link.label.as_deref()).map(|what| format!("{name}: {what}")));
+                wrong.extend(
+                    label_fault(target, link.label.as_deref())
+                        .map(|what| format!("{name}: {what}")),
+                );
             }
         }
     }
@@ -194,12 +228,18 @@ fn every_link_resolves() {
 /// A link between pages has the page's id as label: rustdoc replaces its definition.
 fn label_fault(target: &str, label: Option<&str>) -> Option<String> {
     let id = target.strip_suffix(".md");
-    let id = if id == Some("README") { Some("guide") } else { id };
+    let id = if id == Some("README") {
+        Some("guide")
+    } else {
+        id
+    };
     match id {
-        None => Some(format!("{target} is no page of the guide: name the file as code")),
-        Some(id) if label != Some(id) => {
-            Some(format!("write the link to {target} as [text][{id}], with the definition at the end of the page"))
-        }
+        None => Some(format!(
+            "{target} is no page of the guide: name the file as code"
+        )),
+        Some(id) if label != Some(id) => Some(format!(
+            "write the link to {target} as [text][{id}], with the definition at the end of the page"
+        )),
         Some(_) => None,
     }
 }
@@ -212,7 +252,11 @@ fn every_command_and_option_exists() {
         let page = markdown::read(&text);
         for block in page.blocks.iter().filter(|block| block.language == "sh") {
             let found = commands::wrong(&block.text, &program);
-            wrong.extend(found.iter().map(|what| format!("{name}:{}: {what}", block.line)));
+            wrong.extend(
+                found
+                    .iter()
+                    .map(|what| format!("{name}:{}: {what}", block.line)),
+            );
         }
         for span in page.spans.iter().filter(|span| span.starts_with("gusset ")) {
             let found = commands::wrong(span, &program);
@@ -228,14 +272,22 @@ fn every_key_of_a_toml_block_exists() {
     let schemas = schemas();
     let mut wrong = Vec::new();
     for (name, text) in texts() {
-        for block in markdown::read(&text).blocks.iter().filter(|block| block.language == "toml") {
+        for block in markdown::read(&text)
+            .blocks
+            .iter()
+            .filter(|block| block.language == "toml")
+        {
             let place = format!("{name}:{}", block.line);
             match parsed(&block.text) {
                 Err(error) => wrong.push(format!("{place}: {error}")),
                 Ok(file) => {
                     let unknown = schemas.iter().map(|(_, schema)| schema.unknown(&file));
                     let fewest = unknown.min_by_key(Vec::len).unwrap_or_default();
-                    wrong.extend(fewest.iter().map(|key| format!("{place}: no file has the key `{key}`")));
+                    wrong.extend(
+                        fewest
+                            .iter()
+                            .map(|key| format!("{place}: no file has the key `{key}`")),
+                    );
                 }
             }
         }
@@ -245,7 +297,8 @@ fn every_key_of_a_toml_block_exists() {
 
 #[test]
 fn the_list_of_blocks_that_are_not_executed_is_fresh() {
-    let mut text = String::from("# Blocks that the tests do not execute: page | first line | reason\n");
+    let mut text =
+        String::from("# Blocks that the tests do not execute: page | first line | reason\n");
     for (name, page) in texts() {
         for block in markdown::read(&page).blocks {
             if let Some(reason) = &block.no_run {
@@ -254,10 +307,14 @@ fn the_list_of_blocks_that_are_not_executed_is_fresh() {
             }
         }
     }
-    fail_if_any(&fresh("tests/guide/not-run.txt", &text).into_iter().collect::<Vec<_>>());
+    fail_if_any(
+        &fresh("tests/guide/not-run.txt", &text)
+            .into_iter()
+            .collect::<Vec<_>>(),
+    );
 }
 
-/// Executes the blocks of one page in their order; what went wrong first.
+/// Executes the blocks of one page in their order; returns the first fault.
 fn executed(name: &str, page: &Markdown) -> Option<String> {
     let has_work = |block: &Block| block.language == "sh" || block.file.is_some();
     if !page.blocks.iter().any(has_work) {
@@ -287,7 +344,11 @@ fn every_command_block_works() {
         .map(|(name, text)| (name, markdown::read(&text)))
         .collect();
     let only = std::env::var("GUSSET_GUIDE_PAGE").ok();
-    let waiting = Mutex::new(pages.iter().filter(|(name, _)| only.as_ref().is_none_or(|page| name.contains(page))));
+    let waiting = Mutex::new(
+        pages
+            .iter()
+            .filter(|(name, _)| only.as_ref().is_none_or(|page| name.contains(page))),
+    );
     let wrong = Mutex::new(Vec::new());
     std::thread::scope(|scope| {
         for _ in 0..THREADS {
@@ -310,20 +371,36 @@ fn the_guide_prints_pages_and_keys_and_names_the_nearest_topic() {
     let contents = say(["guide"]);
     assert_eq!(contents.code, Some(0));
     for page in PAGES {
-        assert!(contents.stdout.contains(&format!("[{}]", page.id)), "{}", page.id);
+        assert!(
+            contents.stdout.contains(&format!("[{}]", page.id)),
+            "{}",
+            page.id
+        );
         let said = say(["guide", page.id]);
         assert_eq!(said.code, Some(0), "{}", page.id);
         assert!(said.stdout.starts_with(page.title()), "{}", page.id);
-        assert!(!said.stdout.contains("]: "), "{} shows a definition", page.id);
+        assert!(
+            !said.stdout.contains("]: "),
+            "{} shows a definition",
+            page.id
+        );
     }
     let key = say(["guide", "limits.command_disp_m"]);
     assert_eq!(key.code, Some(0));
-    assert!(key.stdout.starts_with("specimen.limits.command_disp_m\n"), "{}", key.stdout);
+    assert!(
+        key.stdout.starts_with("specimen.limits.command_disp_m\n"),
+        "{}",
+        key.stdout
+    );
     let table = say(["guide", "integrator"]);
     assert!(table.stdout.contains("`lambda`"), "{}", table.stdout);
     let unknown = say(["guide", "trouble-shooting"]);
     assert_eq!(unknown.code, Some(2));
-    assert!(unknown.stderr.contains("`troubleshooting`"), "{}", unknown.stderr);
+    assert!(
+        unknown.stderr.contains("`troubleshooting`"),
+        "{}",
+        unknown.stderr
+    );
 }
 
 #[test]

@@ -86,9 +86,11 @@ fn no_such_topic(topic: &str) -> String {
     format!("the guide has no topic `{topic}`: {near}`gusset guide` lists the pages")
 }
 
-/// Shows the text with the user's pager. False if there is none.
+/// Shows the text with the user's pager. False if the pager is not installed.
 fn paged(text: &str) -> bool {
-    let chosen = std::env::var("PAGER").ok().filter(|pager| !pager.trim().is_empty());
+    let chosen = std::env::var("PAGER")
+        .ok()
+        .filter(|pager| !pager.trim().is_empty());
     let pager = chosen.unwrap_or_else(|| "less -R".to_owned());
     let program = pager.split_whitespace().next().unwrap_or_default();
     if !is_on_path(program) {
@@ -130,7 +132,10 @@ fn write_manual(folder: &Path) -> anyhow::Result<Exit> {
     }
     let place = || format!("--html {}: the manual cannot be written", folder.display());
     fs::create_dir_all(folder).with_context(place)?;
-    for name in old.iter().filter(|name| !files.iter().any(|file| file.name == **name)) {
+    for name in old
+        .iter()
+        .filter(|name| !files.iter().any(|file| file.name == **name))
+    {
         // A page that the guide no longer has; that it is gone already is no error.
         let _gone = fs::remove_file(folder.join(name));
     }

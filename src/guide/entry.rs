@@ -38,7 +38,9 @@ fn entries_of(text: &'static str) -> Vec<Entry> {
             });
         }
         for item in pieces(section, KEY) {
-            let key = item.strip_prefix(KEY).and_then(|rest| rest.split('`').next());
+            let key = item
+                .strip_prefix(KEY)
+                .and_then(|rest| rest.split('`').next());
             for (path, key) in paths.iter().zip(std::iter::repeat(key.unwrap_or_default())) {
                 found.push(Entry {
                     path: joined(path, key),
@@ -54,7 +56,10 @@ fn entries_of(text: &'static str) -> Vec<Entry> {
 /// The pieces of a text that begin at lines with this start, each up to the next one or to the end.
 fn pieces(text: &'static str, start: &str) -> Vec<&'static str> {
     let line_start = format!("\n{start}");
-    let mut places: Vec<usize> = text.match_indices(&line_start).map(|(at, _)| at + 1).collect();
+    let mut places: Vec<usize> = text
+        .match_indices(&line_start)
+        .map(|(at, _)| at + 1)
+        .collect();
     if text.starts_with(start) {
         places.insert(0, 0);
     }
@@ -66,11 +71,16 @@ fn pieces(text: &'static str, start: &str) -> Vec<&'static str> {
 /// The paths of a section's table: that of its heading, then the further ones.
 fn paths_of(section: &str) -> Vec<String> {
     // The keys of a file outside of all tables stand under a heading in words.
-    let Some(heading) = section.strip_prefix(TABLE).and_then(|rest| rest.split('`').next()) else {
+    let Some(heading) = section
+        .strip_prefix(TABLE)
+        .and_then(|rest| rest.split('`').next())
+    else {
         return vec![String::new()];
     };
     let also = section.lines().find(|line| line.starts_with(ALSO));
-    let also = also.into_iter().flat_map(|line| line.split('`').skip(1).step_by(2));
+    let also = also
+        .into_iter()
+        .flat_map(|line| line.split('`').skip(1).step_by(2));
     let all = std::iter::once(heading).chain(also);
     all.map(|path| path.replace(['[', ']'], "")).collect()
 }
@@ -86,7 +96,8 @@ fn joined(path: &str, key: &str) -> String {
 /// The entries with this path, or else those whose path ends with it. Brackets and numbers of a path do not count:
 /// `specimen.0.storey` is `specimen.storey`.
 ///
-/// A table stands for the key that opens it. A table that several paths share is found by the ends of all of them.
+/// For a key that opens a table, the result is the table. The first names of a longer path may differ, because several paths
+/// share one table.
 #[must_use]
 pub fn find(query: &str) -> Vec<Entry> {
     let mut wanted = query;
@@ -118,7 +129,11 @@ fn found_in(entries: Vec<Entry>, query: &str) -> Vec<Entry> {
         .filter(|entry| entry.is_table)
         .map(|entry| entry.path.clone())
         .collect();
-    found.retain(|entry| entry.is_table || !tables.contains(&entry.path));
+    let opens_a_table = |entry: &Entry| entry.text.contains("\n  Keys: [");
+    found.retain(|entry| {
+        entry.is_table
+            || !(tables.contains(&entry.path) || (!tables.is_empty() && opens_a_table(entry)))
+    });
     // One text is shown once, under its first path.
     let mut shown: Vec<&str> = Vec::new();
     found.retain(|entry| {
@@ -134,7 +149,7 @@ mod tests {
     use super::*;
 
     const PAGE: &str = "# Configuration reference\n\n## `[time]`\n\nSteps.\n\n- **`step_s`** · s\n\n  Step.\n\n\
-        ## `[[specimen]]`\n\nOne.\n\n- **`limits`** · table\n- **`storey`** · number\n\n\
+        ## `[[specimen]]`\n\nOne.\n\n- **`limits`** · table\n\n  Keys: [`[specimen.limits]`](#a)\n\n- **`storey`** · number\n\n\
         ## `[specimen.limits]`\n\nAlso: `[specimen.axis.limits]`.\n\n- **`lag_s`** · s\n";
 
     fn paths(query: &str) -> Vec<String> {
@@ -161,6 +176,9 @@ mod tests {
     #[test]
     fn a_key_of_several_tables_is_shown_once() {
         assert_eq!(paths("limits.lag_s"), ["specimen.limits.lag_s"]);
-        assert_eq!(paths("specimen.axis.limits.lag_s"), ["specimen.axis.limits.lag_s"]);
+        assert_eq!(
+            paths("specimen.axis.limits.lag_s"),
+            ["specimen.axis.limits.lag_s"]
+        );
     }
 }

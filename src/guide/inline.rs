@@ -11,7 +11,7 @@ impl Inline {
         self.text.push_str(piece);
     }
 
-    /// The text so far; what follows begins anew.
+    /// Takes the text so far, and starts an empty one.
     pub fn take(&mut self) -> String {
         std::mem::take(&mut self.text)
     }
@@ -26,7 +26,7 @@ pub(super) fn width_of(text: &str) -> usize {
     text.chars().count()
 }
 
-/// The text in lines of at most `width` characters; a longer word has a line of its own.
+/// The text in lines of at most `width` characters; a longer word takes one line.
 pub(super) fn wrapped(text: &str, width: usize) -> Vec<String> {
     let mut lines = Vec::new();
     for part in text.split('\n') {
@@ -52,7 +52,10 @@ mod tests {
     #[test]
     fn lines_break_between_words_and_a_long_word_stays_whole() {
         assert_eq!(wrapped("one two three", 7), ["one two", "three"]);
-        assert_eq!(wrapped("a specimen.limits b", 6), ["a", "specimen.limits", "b"]);
+        assert_eq!(
+            wrapped("a specimen.limits b", 6),
+            ["a", "specimen.limits", "b"]
+        );
         assert_eq!(wrapped("one\ntwo", 20), ["one", "two"]);
     }
 }

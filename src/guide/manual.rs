@@ -36,12 +36,21 @@ pub fn manual() -> Vec<ManualFile> {
         });
     }
     let index = format!("const GUIDE = {};\n", Value::Array(index));
-    let named = [("search-index.js", index.as_str()), ("search.js", SCRIPT), ("manual.css", STYLE)];
+    let named = [
+        ("search-index.js", index.as_str()),
+        ("search.js", SCRIPT),
+        ("manual.css", STYLE),
+    ];
     let pictures = PICTURES.iter().map(|(name, text)| (base_name(name), *text));
-    files.extend(named.into_iter().chain(pictures).map(|(name, text)| ManualFile {
-        name: name.to_owned(),
-        text: text.to_owned(),
-    }));
+    files.extend(
+        named
+            .into_iter()
+            .chain(pictures)
+            .map(|(name, text)| ManualFile {
+                name: name.to_owned(),
+                text: text.to_owned(),
+            }),
+    );
     let mut list = String::from("Files of the Gusset guide\n");
     for file in &files {
         list.push_str(&file.name);
@@ -221,7 +230,9 @@ impl<'a> Collector<'a> {
                 title,
                 id,
             }) => {
-                let dest_url = linked_page(&dest_url).map(file_of).map_or(dest_url, CowStr::from);
+                let dest_url = linked_page(&dest_url)
+                    .map(file_of)
+                    .map_or(dest_url, CowStr::from);
                 Event::Start(Tag::Link {
                     link_type,
                     dest_url,
@@ -279,7 +290,9 @@ fn link(id: &str, title: &str, current: &str) -> String {
 }
 
 fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
 }
 
 #[cfg(test)]
@@ -290,8 +303,16 @@ mod tests {
     fn links_lead_to_web_pages_and_headings_have_anchors() {
         let page = "# Limits\n\nSee [units][concepts] and ![a](pictures/a.svg).\n\n## Every limit\n\ntext\n\n[concepts]: concepts.md\n";
         let rendered = Rendered::new("limits", page);
-        assert!(rendered.body.contains("<h2 id=\"every-limit\">"), "{}", rendered.body);
-        assert!(rendered.body.contains("href=\"concepts.html\""), "{}", rendered.body);
+        assert!(
+            rendered.body.contains("<h2 id=\"every-limit\">"),
+            "{}",
+            rendered.body
+        );
+        assert!(
+            rendered.body.contains("href=\"concepts.html\""),
+            "{}",
+            rendered.body
+        );
         assert!(rendered.body.contains("src=\"a.svg\""), "{}", rendered.body);
         assert_eq!(
             rendered.index[1],
@@ -301,9 +322,14 @@ mod tests {
 
     #[test]
     fn every_key_is_found_under_its_own_anchor() {
-        let page = "# Reference\n\n## `[time]`\n\n- **`step_s`** · s\n\n  Step.\n\n- **`clock`** · word\n";
+        let page =
+            "# Reference\n\n## `[time]`\n\n- **`step_s`** · s\n\n  Step.\n\n- **`clock`** · word\n";
         let rendered = Rendered::new("configuration", page);
-        assert!(rendered.body.contains("<li class=\"key\" id=\"time-step_s\">"));
+        assert!(
+            rendered
+                .body
+                .contains("<li class=\"key\" id=\"time-step_s\">")
+        );
         let addresses: Vec<_> = rendered.index.iter().map(|entry| &entry[0]).collect();
         assert_eq!(addresses[2], "configuration.html#time-step_s");
         assert_eq!(rendered.index[2][3], "· s Step.");
@@ -312,8 +338,16 @@ mod tests {
     #[test]
     fn no_page_asks_for_anything_from_a_network() {
         for file in manual() {
-            let used = ["src=\"http", "rel=\"stylesheet\" href=\"http", "@import", "url(http"];
-            let found: Vec<_> = used.iter().filter(|text| file.text.contains(**text)).collect();
+            let used = [
+                "src=\"http",
+                "rel=\"stylesheet\" href=\"http",
+                "@import",
+                "url(http",
+            ];
+            let found: Vec<_> = used
+                .iter()
+                .filter(|text| file.text.contains(**text))
+                .collect();
             assert!(found.is_empty(), "{} uses {found:?}", file.name);
         }
     }
@@ -326,7 +360,11 @@ mod tests {
             for target in links.filter_map(|rest| rest.split('"').next()) {
                 let name = target.split('#').next().unwrap_or_default();
                 let is_there = name.is_empty() || files.iter().any(|file| file.name == name);
-                assert!(is_there || target.contains("://"), "{}: {target}", file.name);
+                assert!(
+                    is_there || target.contains("://"),
+                    "{}: {target}",
+                    file.name
+                );
             }
         }
     }

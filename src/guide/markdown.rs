@@ -2,7 +2,7 @@
 
 use pulldown_cmark::{Options, Parser};
 
-/// Markdown as GitHub has it, as far as the guide uses it: paragraphs, lists, code and tables.
+/// The parser of the guide's Markdown: CommonMark with tables.
 pub(super) fn parse(text: &str) -> Parser<'_> {
     Parser::new_ext(text, Options::ENABLE_TABLES)
 }

@@ -102,15 +102,25 @@ mod tests {
         let lines = table(&[["file", "content"], ["samples.bin", "rows"]]).lines(60);
         assert_eq!(
             lines,
-            ["file         content", "-----------  -------", "samples.bin  rows"]
+            [
+                "file         content",
+                "-----------  -------",
+                "samples.bin  rows"
+            ]
         );
     }
 
     #[test]
     fn no_column_is_narrower_than_its_longest_word() {
-        let rows = [["key", "meaning of it"], ["command_disp_m", "a b c d e f g h"]];
+        let rows = [
+            ["key", "meaning of it"],
+            ["command_disp_m", "a b c d e f g h"],
+        ];
         let lines = table(&rows).lines(12);
-        assert!(lines.iter().any(|line| line.contains("command_disp_m  a")), "{lines:?}");
+        assert!(
+            lines.iter().any(|line| line.contains("command_disp_m  a")),
+            "{lines:?}"
+        );
     }
 
     #[test]

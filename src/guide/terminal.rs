@@ -36,6 +36,7 @@ struct List {
     next: Option<u64>,
     /// Width of the marks of its items.
     indent: usize,
+    has_items: bool,
 }
 
 #[derive(Debug, Default)]
@@ -46,6 +47,8 @@ struct Writer {
     lists: Vec<List>,
     /// The mark of an item whose first line is not yet written.
     mark: Option<String>,
+    /// True if the last item has paragraphs: a blank line follows it.
+    is_loose: bool,
     quotes: usize,
     in_code: bool,
     /// Where the links that are open lead.
@@ -91,7 +94,11 @@ impl Writer {
             Tag::List(next) => {
                 self.flush();
                 let indent = if next.is_some() { 3 } else { 2 };
-                self.lists.push(List { next, indent });
+                self.lists.push(List {
+                    next,
+                    indent,
+                    has_items: false,
+                });
             }
             Tag::Item => self.item(),
             Tag::Table(_) => self.table = Some(Table::default()),
@@ -117,6 +124,7 @@ impl Writer {
                     self.gap();
                 }
                 self.flush();
+                self.is_loose = !self.lists.is_empty();
             }
             TagEnd::CodeBlock => self.in_code = false,
             TagEnd::BlockQuote(_) => {
@@ -126,6 +134,7 @@ impl Writer {
             TagEnd::List(_) => {
                 self.flush();
                 self.lists.pop();
+                self.is_loose = false;
             }
             TagEnd::Item => {
                 self.flush();
@@ -186,8 +195,13 @@ impl Writer {
     /// Begins an item. A blank line separates items only where an item has several paragraphs.
     fn item(&mut self) {
         self.flush();
-        if self.lists.len() == 1 && !self.last_is_item() {
+        let is_first = self.lists.last().is_some_and(|list| !list.has_items);
+        if self.is_loose || (is_first && self.lists.len() == 1) {
             self.gap();
+        }
+        self.is_loose = false;
+        if let Some(list) = self.lists.last_mut() {
+            list.has_items = true;
         }
         let mark = match self.lists.last_mut() {
             Some(List {
@@ -200,11 +214,6 @@ impl Writer {
             _ => "-".to_owned(),
         };
         self.mark = Some(mark);
-    }
-
-    fn last_is_item(&self) -> bool {
-        let first = self.lines.last().and_then(|line| line.chars().next());
-        first == Some('-') || first.is_some_and(|c| c.is_ascii_digit())
     }
 
     /// Blanks before the text of the innermost list.
@@ -277,19 +286,30 @@ mod tests {
     #[test]
     fn lists_and_code_keep_their_form() {
         let text = plain_text(
-            "Do this:\n\n1. Check.\n2. Run:\n\n   ```sh\n   gusset run a.toml\n   ```\n\n- one\n- two\n",
+            "Do this:\n\n1. Check.\n\n2. Run:\n\n   ```sh\n   gusset run a.toml\n   ```\n\n- one\n- two\n",
             60,
         );
         assert_eq!(
             text,
-            "Do this:\n\n1. Check.\n2. Run:\n\n       gusset run a.toml\n\n- one\n- two"
+            "Do this:\n\n1. Check.\n\n2. Run:\n\n       gusset run a.toml\n\n- one\n- two"
         );
+    }
+
+    #[test]
+    fn a_blank_line_separates_items_only_where_items_have_paragraphs() {
+        let tight = plain_text("- a long item that needs two lines of text\n- two\n", 30);
+        assert_eq!(
+            tight,
+            "- a long item that needs two\n  lines of text\n- two"
+        );
+        let loose = plain_text("- one\n\n  more\n\n- two\n", 30);
+        assert_eq!(loose, "- one\n\n  more\n\n- two");
     }
 
     #[test]
     fn no_line_of_prose_is_wider_than_asked() {
         let text = plain_text(
-            "- **`key`** · m\n\n  A long paragraph that goes on and on, well beyond the width.\n",
+            "- **`key`** · m\n\n  A long paragraph with more words than one line can hold.\n",
             40,
         );
         assert!(text.lines().all(|line| width_of(line) <= 40), "{text}");

@@ -66,5 +66,9 @@ fn pictures(folder: &Path, below: &str) -> Vec<String> {
 fn every_picture_is_in_the_manual() {
     let mut known: Vec<&str> = PICTURES.iter().map(|(name, _)| *name).collect();
     known.sort_unstable();
-    assert_eq!(pictures(&folder(), ""), known, "add it to PICTURES in src/guide/mod.rs");
+    assert_eq!(
+        pictures(&folder(), ""),
+        known,
+        "add it to PICTURES in src/guide/mod.rs"
+    );
 }

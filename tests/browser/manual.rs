@@ -5,7 +5,7 @@ use serde_json::Value;
 use crate::common::say;
 use crate::stage::{assert_quiet, visit};
 
-/// What a browser sees of the contents page.
+/// The contents page in a browser.
 fn seen(how: &str) -> Option<Value> {
     let folder = tempfile::tempdir().unwrap();
     let manual = folder.path().join("manual");
@@ -30,9 +30,15 @@ fn the_search_finds_a_key_and_leads_to_its_entry() {
         let first = found["results"][0].as_str().unwrap();
         assert!(first.starts_with("configuration.html#"), "{found:#}");
         assert!(found["marked"].as_u64().unwrap() > 0, "{found:#}");
-        assert_eq!((&found["article"], &found["back"]), (&false.into(), &true.into()));
+        assert_eq!(
+            (&found["article"], &found["back"]),
+            (&false.into(), &true.into())
+        );
         assert_eq!(found["nothing"], 0);
-        assert!(found["target"].as_str().unwrap().contains("command_disp_m"), "{found:#}");
+        assert!(
+            found["target"].as_str().unwrap().contains("command_disp_m"),
+            "{found:#}"
+        );
         let pages = gusset::guide::PAGES.len() + 1;
         assert_eq!(found["links"], pages);
     }
@@ -40,7 +46,8 @@ fn the_search_finds_a_key_and_leads_to_its_entry() {
 
 #[test]
 fn the_pages_are_dark_where_the_system_is_and_print_without_the_navigation() {
-    let (Some(light), Some(dark), Some(print)) = (seen("light"), seen("dark"), seen("print")) else {
+    let (Some(light), Some(dark), Some(print)) = (seen("light"), seen("dark"), seen("print"))
+    else {
         return;
     };
     assert_ne!(light["background"], dark["background"]);

@@ -1,6 +1,6 @@
 //! The `gusset` commands that a text names, and whether the program has them.
 
-/// What is wrong with the commands of a script, or nothing.
+/// The faults in the commands of a script.
 pub fn wrong(script: &str, program: &clap::Command) -> Vec<String> {
     let script = script.replace("\\\n", " ");
     let mut wrong = Vec::new();
@@ -9,9 +9,13 @@ pub fn wrong(script: &str, program: &clap::Command) -> Vec<String> {
         for piece in line.split(['|', '&', ';', '(', ')', '`']) {
             let words: Vec<&str> = piece.split_whitespace().collect();
             let start = words.iter().position(|word| !is_before(word));
-            let words = start.and_then(|start| words.get(start..)).unwrap_or_default();
+            let words = start
+                .and_then(|start| words.get(start..))
+                .unwrap_or_default();
             if let ["gusset", rest @ ..] = words {
-                wrong.extend(judged(rest, program).map(|what| format!("`{}`: {what}", piece.trim())));
+                wrong.extend(
+                    judged(rest, program).map(|what| format!("`{}`: {what}", piece.trim())),
+                );
             }
         }
     }
@@ -20,8 +24,13 @@ pub fn wrong(script: &str, program: &clap::Command) -> Vec<String> {
 
 /// Words that may stand before a command.
 fn is_before(word: &str) -> bool {
-    ["!", "if", "then", "else", "do", "while", "until", "time", "exec", "$", "sudo"].contains(&word)
-        || word.split_once('=').is_some_and(|(name, _)| name.chars().all(|c| c.is_ascii_uppercase() || c == '_'))
+    [
+        "!", "if", "then", "else", "do", "while", "until", "time", "exec", "$", "sudo",
+    ]
+    .contains(&word)
+        || word
+            .split_once('=')
+            .is_some_and(|(name, _)| name.chars().all(|c| c.is_ascii_uppercase() || c == '_'))
 }
 
 fn judged(words: &[&str], program: &clap::Command) -> Option<String> {
@@ -43,8 +52,13 @@ fn judged(words: &[&str], program: &clap::Command) -> Option<String> {
         let Some(flag) = word.strip_prefix("--").filter(|flag| !flag.is_empty()) else {
             continue;
         };
-        let flag = flag.split(['=', '\'', '"', ',', '.']).next().unwrap_or_default();
-        let is_known = command.get_arguments().any(|one| one.get_long() == Some(flag));
+        let flag = flag
+            .split(['=', '\'', '"', ',', '.'])
+            .next()
+            .unwrap_or_default();
+        let is_known = command
+            .get_arguments()
+            .any(|one| one.get_long() == Some(flag));
         if !is_known && !["help", "version"].contains(&flag) {
             return Some(format!("`{}` has no option `--{flag}`", command.get_name()));
         }

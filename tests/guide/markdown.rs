@@ -1,4 +1,4 @@
-//! What a page has: blocks of code, links and words.
+//! The parts of a page: blocks of code, links and code in the text.
 
 use std::collections::BTreeMap;
 
@@ -32,7 +32,7 @@ pub struct Link {
     pub is_image: bool,
 }
 
-/// What the tests look at.
+/// The parts that the tests judge.
 #[derive(Debug, Default)]
 pub struct Markdown {
     pub blocks: Vec<Block>,
@@ -52,7 +52,8 @@ pub fn read<'a>(text: &'a str) -> Markdown {
         }
         None
     };
-    let parser = Parser::new_with_broken_link_callback(text, Options::ENABLE_TABLES, Some(callback));
+    let parser =
+        Parser::new_with_broken_link_callback(text, Options::ENABLE_TABLES, Some(callback));
     let mut open: Option<Block> = None;
     for (event, range) in parser.into_offset_iter() {
         match event {

@@ -8,13 +8,20 @@ use gusset::control::limits::Quantity;
 use gusset::engine::TestQuantity;
 use serde_json::Value;
 
-use super::lists::{AXIS_LIMITS, FURTHER_LIMITS, SERVER_COLUMNS, SERVER_EVENTS, TEST_COLUMNS, TEST_EVENTS, TEST_LIMITS};
+use super::lists::{
+    AXIS_LIMITS, FURTHER_LIMITS, SERVER_COLUMNS, SERVER_EVENTS, TEST_COLUMNS, TEST_EVENTS,
+    TEST_LIMITS,
+};
 use super::pages::{root, schemas};
 
 /// Names that only one of two sets has.
 fn differences(kind: &str, program: &BTreeSet<String>, listed: &BTreeSet<String>) -> Vec<String> {
-    let missing = program.difference(listed).map(|name| format!("{kind} `{name}` is not in tests/guide/lists.rs"));
-    let surplus = listed.difference(program).map(|name| format!("{kind} `{name}` is listed, but the program has none"));
+    let missing = program
+        .difference(listed)
+        .map(|name| format!("{kind} `{name}` is not in tests/guide/lists.rs"));
+    let surplus = listed
+        .difference(program)
+        .map(|name| format!("{kind} `{name}` is listed, but the program has none"));
     missing.chain(surplus).collect()
 }
 
@@ -24,23 +31,43 @@ fn set<'a>(names: impl Iterator<Item = &'a str>) -> BTreeSet<String> {
 
 pub fn limits() -> Vec<String> {
     let of_axes = set(Quantity::ALL.iter().map(|quantity| quantity.key()));
-    let mut wrong = differences("limit", &of_axes, &set(AXIS_LIMITS.iter().map(|row| row[0])));
+    let mut wrong = differences(
+        "limit",
+        &of_axes,
+        &set(AXIS_LIMITS.iter().map(|row| row[0])),
+    );
     let of_test = set(TestQuantity::ALL.iter().map(|quantity| quantity.key()));
-    wrong.extend(differences("limit", &of_test, &set(TEST_LIMITS.iter().map(|row| row[0]))));
+    wrong.extend(differences(
+        "limit",
+        &of_test,
+        &set(TEST_LIMITS.iter().map(|row| row[0])),
+    ));
     for (quantity, row) in Quantity::ALL.iter().zip(AXIS_LIMITS) {
         let unit = quantity.unit().replace('²', "2").replace('×', "1");
         if quantity.key() != row[0] || unit != row[1].replace('²', "2") {
-            wrong.push(format!("limit `{}`: the program has {} in {unit} there", row[0], quantity.key()));
+            wrong.push(format!(
+                "limit `{}`: the program has {} in {unit} there",
+                row[0],
+                quantity.key()
+            ));
         }
         let is_announced = row[5].contains("Gusset server");
         if quantity.is_announced() != is_announced {
-            wrong.push(format!("limit `{}`: announced to a server: {}", row[0], quantity.is_announced()));
+            wrong.push(format!(
+                "limit `{}`: announced to a server: {}",
+                row[0],
+                quantity.is_announced()
+            ));
         }
     }
     let schemas = schemas();
     let test = schemas[0].1.root();
     for [key, _, _, _, table] in FURTHER_LIMITS {
-        let owner = if table == "safety" { "SafetyTable" } else { "LinkSpec" };
+        let owner = if table == "safety" {
+            "SafetyTable"
+        } else {
+            "LinkSpec"
+        };
         if test["$defs"][owner]["properties"].get(key).is_none() {
             wrong.push(format!("limit `{key}`: [{table}] has no such key"));
         }
@@ -58,7 +85,11 @@ fn sources(folder: &Path) -> Vec<(PathBuf, String)> {
             found.extend(sources(&path));
         } else if path.extension().is_some_and(|end| end == "rs") && !is_test {
             let text = fs::read_to_string(&path).unwrap();
-            let code = text.split("#[cfg(test)]\nmod tests").next().unwrap().to_owned();
+            let code = text
+                .split("#[cfg(test)]\nmod tests")
+                .next()
+                .unwrap()
+                .to_owned();
             found.push((path, code));
         }
     }
@@ -75,9 +106,17 @@ fn kinds() -> BTreeSet<String> {
     let mut found = BTreeSet::new();
     for (path, code) in sources(&root().join("src")) {
         let mut add = |name: Option<&str>| {
-            found.extend(name.filter(|name| name.chars().all(|c| c.is_ascii_lowercase() || c == '_')).map(str::to_owned));
+            found.extend(
+                name.filter(|name| name.chars().all(|c| c.is_ascii_lowercase() || c == '_'))
+                    .map(str::to_owned),
+            );
         };
-        for start in ["NoteLevel::Info", "NoteLevel::Warning", "NoteLevel::Error", "Note::new(level"] {
+        for start in [
+            "NoteLevel::Info",
+            "NoteLevel::Warning",
+            "NoteLevel::Error",
+            "Note::new(level",
+        ] {
             for (at, _) in code.match_indices(start) {
                 add(code[at + start.len()..].strip_prefix(',').and_then(quoted));
             }
@@ -92,7 +131,9 @@ fn kinds() -> BTreeSet<String> {
             let part = if is_names {
                 code.split("fn fault_name").next()
             } else {
-                code.split("fn event").nth(1).and_then(|rest| rest.split("\n    }").next())
+                code.split("fn event")
+                    .nth(1)
+                    .and_then(|rest| rest.split("\n    }").next())
             };
             let part = part.unwrap_or_default();
             for start in ["=> ", "=> {\n"] {
@@ -113,10 +154,17 @@ pub fn events() -> Vec<String> {
 /// The first texts of the entries of a constant array or of the calls of a function, in a source file.
 fn first_texts(file: &str, start: &str, end: &str, before: &str) -> BTreeSet<String> {
     let text = fs::read_to_string(root().join(file)).unwrap();
-    let part = text.split(start).nth(1).and_then(|rest| rest.split(end).next());
+    let part = text
+        .split(start)
+        .nth(1)
+        .and_then(|rest| rest.split(end).next());
     let part = part.unwrap_or_else(|| panic!("{file} has no {start}"));
-    let names = part.match_indices(before).filter_map(|(at, _)| quoted(&part[at + before.len()..]));
-    let names = names.filter(|name| !name.is_empty() && name.chars().all(|c| c.is_ascii_lowercase() || c == '_'));
+    let names = part
+        .match_indices(before)
+        .filter_map(|(at, _)| quoted(&part[at + before.len()..]));
+    let names = names.filter(|name| {
+        !name.is_empty() && name.chars().all(|c| c.is_ascii_lowercase() || c == '_')
+    });
     set(names)
 }
 
@@ -127,15 +175,36 @@ pub fn columns() -> Vec<String> {
     let listed = set(TEST_COLUMNS.iter().map(|row| row[0]).map(stem));
     let mut program = first_texts(COLUMNS, "const BOOKKEEPING", "];\n", "(");
     program.extend(first_texts(COLUMNS, "const TIMING", "];\n", "(\n"));
-    program.extend(set(["ground", "xN", "vN", "aN", "comp_NAME", "seq", "status", "margin"].into_iter()));
+    program.extend(set([
+        "ground",
+        "xN",
+        "vN",
+        "aN",
+        "comp_NAME",
+        "seq",
+        "status",
+        "margin",
+    ]
+    .into_iter()));
     program.extend(first_texts(PORT, "fn port_columns", "\n}\n", "add("));
-    program.extend(first_texts(PORT, "fn port_columns", "\n}\n", "            ("));
-    let kept = TestQuantity::ALL.iter().filter(|quantity| !quantity.is_of_misses());
+    program.extend(first_texts(
+        PORT,
+        "fn port_columns",
+        "\n}\n",
+        "            (",
+    ));
+    let kept = TestQuantity::ALL
+        .iter()
+        .filter(|quantity| !quantity.is_of_misses());
     program.extend(kept.map(|quantity| quantity.key().to_owned()));
     let mut wrong = differences("column", &program, &listed);
 
     const RIG: &str = "src/link/rig/columns.rs";
-    let stem = |name: &'static str| name.strip_suffix("_1_A").or(name.strip_suffix("_1")).unwrap_or(name);
+    let stem = |name: &'static str| {
+        name.strip_suffix("_1_A")
+            .or(name.strip_suffix("_1"))
+            .unwrap_or(name)
+    };
     let listed = set(SERVER_COLUMNS.iter().map(|row| row[0]).map(stem));
     let mut program = first_texts(RIG, "const HEAD", "];\n", "(");
     program.extend(first_texts(RIG, "const AXIS", "];\n", "("));
@@ -169,7 +238,9 @@ pub fn columns_of(layout: &str) -> Vec<String> {
 /// True if the name is an instance of the pattern.
 fn fits(name: &str, pattern: &str) -> bool {
     if let Some(letter) = pattern.strip_suffix('N') {
-        return name.strip_prefix(letter).is_some_and(|rest| rest.parse::<usize>().is_ok());
+        return name
+            .strip_prefix(letter)
+            .is_some_and(|rest| rest.parse::<usize>().is_ok());
     }
     let mut stem = name;
     let mut places = pattern;

@@ -62,7 +62,10 @@ pub fn without_example() -> Vec<String> {
 
 fn configuration() -> String {
     let schemas = schemas();
-    let references: Vec<_> = schemas.iter().map(|(top, schema)| (top, Reference::new(schema))).collect();
+    let references: Vec<_> = schemas
+        .iter()
+        .map(|(top, schema)| (top, Reference::new(schema)))
+        .collect();
     let mut text = String::from(
         "# Configuration reference\n\n\
          This page lists every table and key of a test file, of a served file and of a fault script.\n\n\
@@ -96,7 +99,10 @@ fn studies() -> String {
     let mut folders: BTreeMap<String, Vec<PathBuf>> = BTreeMap::new();
     for path in toml_files(&config) {
         let below = path.strip_prefix(root()).unwrap().parent().unwrap();
-        folders.entry(below.to_str().unwrap().to_owned()).or_default().push(path);
+        folders
+            .entry(below.to_str().unwrap().to_owned())
+            .or_default()
+            .push(path);
     }
     for (folder, files) in folders {
         let _ = writeln!(text, "\n## `{folder}/`\n");
@@ -110,14 +116,20 @@ fn studies() -> String {
         for (path, (title, shows)) in rows {
             let name = path.file_name().unwrap().to_str().unwrap();
             let _ = write!(text, "| `{name}` | {} |", in_cell(&title));
-            text.push_str(&if is_explained { format!(" {} |\n", in_cell(&shows)) } else { "\n".to_owned() });
+            text.push_str(&if is_explained {
+                format!(" {} |\n", in_cell(&shows))
+            } else {
+                "\n".to_owned()
+            });
         }
     }
     text
 }
 
 fn in_cell(text: &str) -> String {
-    text.replace('|', "\\|").replace('<', "\\<").replace('[', "\\[")
+    text.replace('|', "\\|")
+        .replace('<', "\\<")
+        .replace('[', "\\[")
 }
 
 /// The title of a file, and the first sentence of its first comment.
@@ -125,9 +137,13 @@ fn about(path: &Path) -> (String, String) {
     let text = std::fs::read_to_string(path).unwrap();
     let file: toml::Table = toml::from_str(&text).unwrap_or_default();
     let title = file.get("title").and_then(|title| title.as_str());
-    let lines = text.lines().skip_while(|line| line.starts_with("#:") || line.is_empty());
+    let lines = text
+        .lines()
+        .skip_while(|line| line.starts_with("#:") || line.is_empty());
     let comment = lines.take_while(|line| line.starts_with('#'));
-    let comment: Vec<&str> = comment.map(|line| line.trim_start_matches('#').trim()).collect();
+    let comment: Vec<&str> = comment
+        .map(|line| line.trim_start_matches('#').trim())
+        .collect();
     let comment = comment.join(" ");
     // A full stop ends the sentence where a capital letter follows: "et al. (2014)" goes on.
     let ends = comment.match_indices(". ").map(|(at, _)| at + 1);
@@ -136,5 +152,8 @@ fn about(path: &Path) -> (String, String) {
         next.is_some_and(char::is_uppercase)
     });
     let sentence = &comment[..end.unwrap_or(comment.len())];
-    (title.unwrap_or_default().to_owned(), sentence.trim().to_owned())
+    (
+        title.unwrap_or_default().to_owned(),
+        sentence.trim().to_owned(),
+    )
 }

@@ -12,7 +12,7 @@ use super::schema::{Schema, choices, in_toml, joined};
 const SMALL: usize = 3;
 /// Deeper tables are not in the table of contents.
 const DEEPEST: usize = 2;
-/// Choices with more words than this are a list of their own.
+/// More words than this are shown as a list.
 const FEW: usize = 4;
 
 /// A table of the reference, or the choices of a key.
@@ -62,7 +62,8 @@ impl<'a> Reference<'a> {
         };
         let is_plain_choice = |node: &Value| {
             choices(node).is_some_and(|all| {
-                all.iter().all(|one| one.get("properties").is_none() || is_small(one))
+                all.iter()
+                    .all(|one| one.get("properties").is_none() || is_small(one))
             })
         };
         let named = definitions.iter().filter(|(name, node)| {
@@ -114,7 +115,7 @@ impl<'a> Reference<'a> {
                 also: Vec::new(),
             });
         }
-        // Each table stands behind the one that has it, in the order of its keys.
+        // Each table follows the table that contains it, in the order of the keys.
         let mut order: Vec<String> = Vec::new();
         self.descend("", &mut order);
         let place = |section: &Section<'_>| order.iter().position(|path| *path == section.path);
@@ -145,7 +146,7 @@ impl<'a> Reference<'a> {
         found
     }
 
-    /// True of a key that has no section of its own.
+    /// True for a key without an own section.
     fn is_plain(&self, node: &Value) -> bool {
         let (_, name) = self.schema.resolve(node);
         !self.is_deep(node) || name.is_some_and(|name| self.small.contains(&name))
@@ -153,9 +154,17 @@ impl<'a> Reference<'a> {
 
     /// The owners of all sections, with their headings.
     pub fn headings(&self) -> BTreeMap<String, String> {
-        let named = self.sections.iter().filter(|section| !section.path.is_empty());
+        let named = self
+            .sections
+            .iter()
+            .filter(|section| !section.path.is_empty());
         named
-            .map(|section| (section.owner.clone(), bracketed(&section.path, section.is_list)))
+            .map(|section| {
+                (
+                    section.owner.clone(),
+                    bracketed(&section.path, section.is_list),
+                )
+            })
             .collect()
     }
 
@@ -197,13 +206,16 @@ impl<'a> Reference<'a> {
                 let _ = writeln!(text, "{description}\n");
             }
             if !section.also.is_empty() {
-                let also: Vec<String> =
-                    section.also.iter().map(|path| format!("`{path}`")).collect();
+                let also: Vec<String> = section
+                    .also
+                    .iter()
+                    .map(|path| format!("`{path}`"))
+                    .collect();
                 let _ = writeln!(text, "Also: {}.\n", also.join(", "));
             }
             let words = word_choices(section.node);
             if !words.is_empty() {
-                let _ = writeln!(text, "A word may stand in place of the table:\n");
+                let _ = writeln!(text, "A word is allowed instead of the table:\n");
                 list_words(&words, "", text);
                 let _ = writeln!(text);
             }
@@ -217,7 +229,7 @@ impl<'a> Reference<'a> {
         }
     }
 
-    /// A key with a table of its own.
+    /// A key whose value is a table with an own section.
     fn table_entry(
         &self,
         section: &Section<'_>,
@@ -237,7 +249,11 @@ impl<'a> Reference<'a> {
             None if word_choices(of_item).is_empty() => "table",
             None => "table or word",
         };
-        let needed = if is_required(section.node, key) { "required" } else { "optional" };
+        let needed = if is_required(section.node, key) {
+            "required"
+        } else {
+            "optional"
+        };
         let _ = writeln!(text, "- **`{key}`** · {kind} · {needed}\n");
         if let Some(description) = description_of(node, resolved) {
             let _ = writeln!(text, "{}\n", indented(&description));
@@ -247,7 +263,11 @@ impl<'a> Reference<'a> {
                 let _ = writeln!(text, "  Keys: {}\n", linked(heading));
             }
             Some(heading) => {
-                let _ = writeln!(text, "  Example: `{own}`, with the keys of {}\n", linked(heading));
+                let _ = writeln!(
+                    text,
+                    "  Example: `{own}`, with the keys of {}\n",
+                    linked(heading)
+                );
             }
             None => {
                 let _ = writeln!(text, "  Example: `{key} = {{}}`\n");
@@ -294,7 +314,7 @@ impl<'a> Reference<'a> {
         }
     }
 
-    /// The keys of a small table, below the key that has it.
+    /// The keys of a small table, below the key of the table.
     fn list_keys(&self, table: &Value, text: &mut String) {
         for (key, node) in keys_of(table) {
             let says = described(node).replace("\n\n", " ");
@@ -303,7 +323,7 @@ impl<'a> Reference<'a> {
         let _ = writeln!(text);
     }
 
-    /// What a key takes, in words.
+    /// The kind of value that a key takes, in words.
     fn kind(&self, node: &Value) -> String {
         let (resolved, name) = self.schema.resolve(node);
         if name.is_some_and(|name| self.small.contains(&name)) {
@@ -445,7 +465,10 @@ fn bracketed(path: &str, is_list: bool) -> String {
 
 /// The description in paragraphs, without examples in Rust.
 fn described(node: &Value) -> String {
-    let text = node.get("description").and_then(Value::as_str).unwrap_or_default();
+    let text = node
+        .get("description")
+        .and_then(Value::as_str)
+        .unwrap_or_default();
     let paragraphs = text.split("\n\n").filter(|part| !part.starts_with("```"));
     escaped(&paragraphs.collect::<Vec<_>>().join("\n\n"))
 }
@@ -467,7 +490,11 @@ fn escaped(text: &str) -> String {
 /// The description of a key, or else that of its definition.
 fn description_of(node: &Value, resolved: &Value) -> Option<String> {
     let own = described(node);
-    let text = if own.is_empty() { described(resolved) } else { own };
+    let text = if own.is_empty() {
+        described(resolved)
+    } else {
+        own
+    };
     (!text.is_empty()).then_some(text)
 }
 
@@ -482,7 +509,7 @@ fn indented(text: &str) -> String {
     paragraphs.join("\n\n")
 }
 
-/// The words that a node stands for, with what they mean.
+/// The words of a node, each with its meaning.
 fn words_of(node: &Value) -> Vec<(String, String)> {
     let says = described(node);
     if let Some(word) = node.get("const").and_then(Value::as_str) {
@@ -494,14 +521,21 @@ fn words_of(node: &Value) -> Vec<(String, String)> {
 }
 
 fn word_choices(node: &Value) -> Vec<(String, String)> {
-    choices(node).into_iter().flatten().flat_map(words_of).collect()
+    choices(node)
+        .into_iter()
+        .flatten()
+        .flat_map(words_of)
+        .collect()
 }
 
 fn one_of(words: &[(String, String)]) -> String {
     if words.len() > FEW {
         return "one of the words below".to_owned();
     }
-    let words: Vec<String> = words.iter().map(|(word, _)| format!("`\"{word}\"`")).collect();
+    let words: Vec<String> = words
+        .iter()
+        .map(|(word, _)| format!("`\"{word}\"`"))
+        .collect();
     words.join(" or ")
 }
 
@@ -520,7 +554,8 @@ fn range(node: &Value) -> String {
         return format!(" greater than {above}");
     }
     let least = bound("minimum").filter(|least| *least >= 0.0);
-    let most = bound("maximum").filter(|most| ![127.0, 255.0, 65535.0, 4294967295.0].contains(most));
+    let most =
+        bound("maximum").filter(|most| ![127.0, 255.0, 65535.0, 4294967295.0].contains(most));
     match (least, most) {
         (Some(least), Some(most)) => format!(", {least} to {most}"),
         (Some(least), None) if least > 0.0 => format!(", at least {least}"),

@@ -111,7 +111,9 @@ impl Schema {
         found: &mut Vec<Use<'a>>,
     ) {
         let own = table.get("properties").and_then(Value::as_object);
-        let any = table.get("additionalProperties").filter(|any| any.is_object());
+        let any = table
+            .get("additionalProperties")
+            .filter(|any| any.is_object());
         for (key, value) in keys {
             let node = own.and_then(|own| own.get(key)).or(any);
             let path = joined(path, key);
@@ -156,7 +158,7 @@ fn as_json(value: toml::Value) -> Value {
         }
         toml::Value::Array(items) => items.into_iter().map(as_json).collect(),
         toml::Value::Integer(number) => number.into(),
-        // JSON has no infinity: the word stands for it.
+        // JSON has no infinity: a word replaces it.
         toml::Value::Float(number) if !number.is_finite() => Value::String(number.to_string()),
         toml::Value::Float(number) => number.into(),
         toml::Value::Boolean(is) => is.into(),
@@ -165,13 +167,18 @@ fn as_json(value: toml::Value) -> Value {
     }
 }
 
-/// A value as TOML has it in one line.
+/// A value in one line of TOML.
 pub fn in_toml(value: &Value) -> String {
     match value {
         Value::Object(keys) => {
             let pairs = keys.iter().map(|(key, value)| {
-                let is_bare = !key.is_empty() && key.chars().all(|c| c.is_alphanumeric() || "_-".contains(c));
-                let key = if is_bare { key.clone() } else { format!("{key:?}") };
+                let is_bare =
+                    !key.is_empty() && key.chars().all(|c| c.is_alphanumeric() || "_-".contains(c));
+                let key = if is_bare {
+                    key.clone()
+                } else {
+                    format!("{key:?}")
+                };
                 format!("{key} = {}", in_toml(value))
             });
             let pairs: Vec<String> = pairs.collect();
