@@ -2,15 +2,19 @@
 //!
 //! `GUSSET_WRITE_GUIDE=1 cargo test --test guide` updates the generated pages and the lists in `tests/guide/`.
 
+#[path = "guide/columns.rs"]
+mod columns;
 #[path = "guide/commands.rs"]
 mod commands;
 mod common;
+#[path = "guide/events.rs"]
+mod events;
 #[path = "guide/examples.rs"]
 mod examples;
 #[path = "guide/execute.rs"]
 mod execute;
-#[path = "guide/lists.rs"]
-mod lists;
+#[path = "guide/limits.rs"]
+mod limits;
 #[path = "guide/markdown.rs"]
 mod markdown;
 #[path = "guide/names.rs"]
@@ -21,6 +25,8 @@ mod pages;
 mod reference;
 #[path = "guide/schema.rs"]
 mod schema;
+#[path = "guide/values.rs"]
+mod values;
 
 use std::fs;
 use std::sync::Mutex;
@@ -80,7 +86,7 @@ fn fresh(path: &str, text: &str) -> Option<String> {
         .zip(text.lines())
         .position(|(found, text)| found != text);
     (found != text).then(|| {
-        let line = line.map_or_else(|| found.lines().count().min(text.lines().count()), |at| at) + 1;
+        let line = line.unwrap_or_else(|| found.lines().count().min(text.lines().count())) + 1;
         format!("{path} is stale from line {line} on: GUSSET_WRITE_GUIDE=1 cargo test --test guide updates it")
     })
 }

@@ -96,6 +96,10 @@ impl Place {
             .any(|text| text.lines().any(imports))
     }
 
+    #[expect(
+        clippy::disallowed_methods,
+        reason = "a program that does not end is killed"
+    )]
     fn bash(&self, script: &str, name: &str) -> Result<(), String> {
         let log = self.programs.join(format!("{name}.log"));
         let output = fs::File::create(&log).unwrap();

@@ -8,17 +8,16 @@ use gusset::control::limits::Quantity;
 use gusset::engine::TestQuantity;
 use serde_json::Value;
 
-use super::lists::{
-    AXIS_LIMITS, FURTHER_LIMITS, SERVER_COLUMNS, SERVER_EVENTS, TEST_COLUMNS, TEST_EVENTS,
-    TEST_LIMITS,
-};
+use super::columns::{SERVER_COLUMNS, TEST_COLUMNS};
+use super::events::{SERVER_EVENTS, TEST_EVENTS};
+use super::limits::{AXIS_LIMITS, FURTHER_LIMITS, TEST_LIMITS};
 use super::pages::{root, schemas};
 
 /// Names that only one of two sets has.
 fn differences(kind: &str, program: &BTreeSet<String>, listed: &BTreeSet<String>) -> Vec<String> {
     let missing = program
         .difference(listed)
-        .map(|name| format!("{kind} `{name}` is not in tests/guide/lists.rs"));
+        .map(|name| format!("{kind} `{name}` is not listed in tests/guide/"));
     let surplus = listed
         .difference(program)
         .map(|name| format!("{kind} `{name}` is listed, but the program has none"));
@@ -221,7 +220,7 @@ pub fn columns_of(layout: &str) -> Vec<String> {
         let name = column["name"].as_str().unwrap();
         let unit = column["unit"].as_str().unwrap().replace('2', "²");
         let Some(row) = TEST_COLUMNS.iter().find(|row| fits(name, row[0])) else {
-            wrong.push(format!("column `{name}` is not in tests/guide/lists.rs"));
+            wrong.push(format!("column `{name}` is not listed in tests/guide/"));
             continue;
         };
         let given = row[1];

@@ -5,9 +5,9 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use super::examples::{Examples, toml_files};
-use super::lists;
 use super::reference::Reference;
 use super::schema::Schema;
+use super::{columns, events, limits};
 
 pub fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -39,9 +39,9 @@ pub fn schemas() -> [(&'static str, Schema); 3] {
 pub fn generated(id: &str) -> String {
     match id {
         "configuration" => configuration(),
-        "limit-table" => lists::limit_table(),
-        "events" => lists::events(),
-        "columns" => lists::columns(),
+        "limit-table" => limits::limit_table(),
+        "events" => events::events(),
+        "columns" => columns::columns(),
         "studies" => studies(),
         other => panic!("no generator of the page {other}"),
     }
@@ -145,7 +145,7 @@ fn about(path: &Path) -> (String, String) {
         .map(|line| line.trim_start_matches('#').trim())
         .collect();
     let comment = comment.join(" ");
-    // A full stop ends the sentence where a capital letter follows: "et al. (2014)" goes on.
+    // A full stop ends the sentence where a capital letter follows: "et al. (2014)" does not end there.
     let ends = comment.match_indices(". ").map(|(at, _)| at + 1);
     let end = ends.into_iter().find(|at| {
         let next = comment[*at..].trim_start().chars().next();
