@@ -6,6 +6,8 @@
 //! the recorder. It does not know whether time is real, whether the specimen is a formula, a process across a
 //! socket or a replayed file, or who reads the rows.
 //!
+//! The user's guide is in [`guide`]: how to prepare, run and evaluate a test.
+//!
 //! The way of a sample:
 //!
 //! ```text
@@ -47,6 +49,7 @@
 //! | [`units`] | quantities and times in words |
 //! | [`work`] | how far long work is, for a watcher that shows it |
 //! | [`session`] | one test from the prepared experiment to the finished run folder: the threads |
+//! | [`guide`] | the user's guide: pages, plain text, web pages |
 //! | [`cli`] | the commands |
 
 #![deny(unsafe_code)]
@@ -61,6 +64,7 @@ pub mod control;
 pub mod engine;
 pub mod frontier;
 pub mod geometry;
+pub mod guide;
 pub mod identify;
 pub mod integrate;
 pub mod law;

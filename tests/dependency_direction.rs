@@ -32,6 +32,8 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ),
     ("record", &["substructure", "text", "work"]),
     ("text", &[]),
+    // Pages and their rendering: they describe the program, and no code of it.
+    ("guide", &[]),
     ("wire", &["substructure", "text"]),
     (
         "link",
@@ -170,6 +172,7 @@ const PURE: &[&str] = &[
     "transfer",
     "compensation",
     "geometry",
+    "guide",
     "benchmark",
     "identify",
     "control",

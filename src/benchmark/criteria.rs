@@ -17,7 +17,7 @@ pub struct Criteria {
     /// J1 in ms, J2 … J9 in per cent.
     pub j: [f64; 9],
     /// Delay of the interface behind its target in ms, by the report's own metric, which finds a lead (below zero) as well; not a
-    /// number where it finds none. J1 is never below zero nor beyond its [`LAGS`].
+    /// number where it finds none. J1 is never below zero nor beyond its `LAGS`.
     pub delay_ms: f64,
 }
 

@@ -6,6 +6,7 @@
 mod check;
 mod files;
 mod folders;
+mod guide;
 mod machine;
 mod run;
 mod serve;
@@ -19,6 +20,7 @@ pub(super) use files::{
 pub(super) use folders::{
     DerivedArg, ExportArgs, FormatArg, OperateArgs, RateArg, ReplayArgs, ReportArgs, ResetArgs,
 };
+pub(super) use guide::GuideArgs;
 pub(super) use machine::{DoctorArgs, JitterArgs, ModelArg};
 pub(super) use run::{RunArgs, StatusArg, TestRunArgs};
 pub(super) use serve::{ProtocolArg, ServeArgs, SignalOrderArg, TlsArgs, TransportArg};
@@ -83,6 +85,8 @@ pub(super) enum Command {
     /// Run a published benchmark of hybrid simulation.
     #[command(subcommand)]
     Benchmark(benchmark::Of),
+    /// Show the guide: the contents, a page, or a configuration key.
+    Guide(GuideArgs),
     /// Print the JSON Schema of the test file, for editors.
     Schema(SchemaArgs),
     /// Print the completions of a shell.

@@ -1,7 +1,7 @@
 //! The commands. Only this module prints; what a command does is the library's business.
 //!
 //! One JSON document goes to stdout with `--json`, everything else to stderr; progress goes to stderr and only to
-//! a terminal. Text leaves through [`tell`] and [`answer`] and never by the print macros, which panic when a terminal
+//! a terminal. Text leaves through `tell` and `answer` and never by the print macros, which panic when a terminal
 //! has hung up or the disk under a log is full: that must not end a test.
 
 mod args;
@@ -17,6 +17,7 @@ mod drawn;
 mod exit;
 mod export;
 mod frontier;
+mod guide;
 mod identify;
 mod jitter;
 mod limits;
@@ -47,7 +48,7 @@ use std::io::{self, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::ExitCode;
 
-use clap::Parser;
+use clap::{CommandFactory, Parser};
 
 pub use aside::{Log, tell_panics};
 pub use exit::Exit;
@@ -76,6 +77,12 @@ pub fn main() -> ExitCode {
             exit::of(&error).into()
         }
     }
+}
+
+/// The commands with all their options, as the parser has them.
+#[must_use]
+pub fn definition() -> clap::Command {
+    Cli::command()
 }
 
 /// Files that a process needs at least, with the sockets of a test of a few specimens.
@@ -119,6 +126,7 @@ fn dispatch(command: Command) -> anyhow::Result<Exit> {
         Command::Schema(args) => schema::schema(&args),
         Command::Completions(args) => shell::completions(&args),
         Command::Man(args) => shell::man(&args),
+        Command::Guide(args) => guide::guide(&args),
     }
 }
 

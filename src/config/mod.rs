@@ -47,11 +47,12 @@ mod words;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use schemars::Schema;
 use schemars::transform::{Transform, transform_subschemas};
+use schemars::{JsonSchema, Schema};
 use thiserror::Error;
 use toml_edit::DocumentMut;
 
+use crate::link::fault::Script;
 pub use crate::text::printable;
 pub use build::{
     ALL_MODES, ActuatorFacts, Analysis, DelayedMode, Dial, Doubt, Drawn, Estimate, Facts, Files,
@@ -337,16 +338,23 @@ fn judge<T: serde::de::DeserializeOwned>(
 /// The JSON Schema of the test file, for editors.
 #[must_use]
 pub fn json_schema() -> String {
-    in_toml(schemars::schema_for!(TestFile))
+    schema_of::<TestFile>()
 }
 
 /// The JSON Schema of the file of `gusset serve`, for editors.
 #[must_use]
 pub fn serve_json_schema() -> String {
-    in_toml(schemars::schema_for!(ServeFile))
+    schema_of::<ServeFile>()
 }
 
-fn in_toml(mut schema: Schema) -> String {
+/// The JSON Schema of a fault script.
+#[must_use]
+pub fn script_json_schema() -> String {
+    schema_of::<Script>()
+}
+
+fn schema_of<T: JsonSchema>() -> String {
+    let mut schema = schemars::schema_for!(T);
     ForToml.transform(&mut schema);
     serde_json::to_string_pretty(&schema).unwrap_or_default()
 }

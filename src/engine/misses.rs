@@ -74,7 +74,7 @@ impl MissLevels {
 /// Most entries that a window keeps: looked through at every miss, and there may be a window of an hour at any rate.
 const MOST_KEPT: u64 = 1 << 14;
 
-/// The latest misses, one more than are allowed. Where that is more than [`MOST_KEPT`], several in a row share an entry and
+/// The latest misses, one more than are allowed. Where that is more than `MOST_KEPT`, several in a row share an entry and
 /// leave the window together, with the last of them: up to one in so many is counted longer than it should be, never shorter.
 #[derive(Debug)]
 pub struct MissWindow {

@@ -1,4 +1,4 @@
-//! The loop. One step is one function ([`step`]), the same under the real and the simulated clock.
+//! The loop. One step is one function (`step`), the same under the real and the simulated clock.
 //!
 //! An [`Experiment`] is plain data that can be sent to the loop's thread, which makes the [`Engine`] of it in place:
 //! memory is touched by the thread that uses it, on the processor that it is pinned to. The engine knows

@@ -110,7 +110,7 @@ impl Geometry {
     }
 
     /// Moves `placed` to the pose in which the actuators have these strokes, from where it stands; with more actuators than
-    /// coordinates, to the pose that fits them best. Real-time: yes, at most [`MOST_STEPS`] steps.
+    /// coordinates, to the pose that fits them best. Real-time: yes, at most `MOST_STEPS` steps.
     ///
     /// # Errors
     /// There is no such pose near, or the way leads through one that is none.

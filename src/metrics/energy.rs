@@ -1,6 +1,6 @@
 //! The energy balance of a structure and its specimens, step by step, from recorded displacements and forces.
 //!
-//! With x of three steps, the work of a force r in the middle one is ½ (x[i+1] − x[i−1])ᵀ r[i]: the sum in which the
+//! With x of three steps, the work of a force r in the middle one is `½ (x[i+1] − x[i−1])ᵀ r[i]`: the sum in which the
 //! equation of motion of the integrator closes. Kinetic energy is taken of the velocity (x[i+1] − x[i−1])/(2Δt) and of M
 //! alone, so that what is left over is of order Δt²: a picture. The exact audit is the program's own (column
 //! `step_audit`).

@@ -7,7 +7,7 @@
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex64;
 
-/// The one-sided transform of a record: Σ y[n] e^{−iωn} for 0 … half the sampling rate.
+/// The one-sided transform of a record: `Σ y[n] e^{−iωn}` for 0 … half the sampling rate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Spectrum {
     /// Distance of two lines in Hz.

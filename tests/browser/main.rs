@@ -8,4 +8,5 @@ mod stage;
 mod harness;
 #[cfg(feature = "monitor")]
 mod live;
+mod manual;
 mod report;

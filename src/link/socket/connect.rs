@@ -145,7 +145,7 @@ pub fn resolve(address: &str) -> Result<Vec<SocketAddr>, ConnectError> {
     }
 }
 
-/// All addresses of a machine that is named without a port: "rig.lab", "192.0.2.7", "2001:db8::7" or "[2001:db8::7]"; never
+/// All addresses of a machine that is named without a port: `rig.lab`, `192.0.2.7`, `2001:db8::7` or `[2001:db8::7]`; never
 /// empty.
 ///
 /// # Errors

@@ -1,6 +1,6 @@
 //! `threads.bin`: what every thread of a run but the loop's did, and when. For runs on the real clock.
 //!
-//! Records of 24 bytes, little-endian, appended by the writer ([`log`]), read by [`ThreadReader`]:
+//! Records of 24 bytes, little-endian, appended by the writer (`log`), read by [`ThreadReader`]:
 //!
 //! | offset | size | type | meaning |
 //! |---|---|---|---|

@@ -1,0 +1,214 @@
+//! `gusset guide`.
+
+use std::fs;
+use std::io::{self, IsTerminal, Write};
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use anyhow::Context;
+
+use super::args::GuideArgs;
+use super::exit::{Exit, WithExit};
+use super::{answer, tell};
+use crate::config::nearest;
+use crate::guide::{self, CONTENTS, Entry, MANUAL_LIST, PAGES, plain_text};
+
+/// The widest text.
+const WIDEST: usize = 100;
+/// Entries that are shown as a whole; of more, only the paths.
+const MOST_ENTRIES: usize = 5;
+
+/// Prints a page, an entry of the configuration reference, or the contents; or writes the web pages.
+pub fn guide(args: &GuideArgs) -> anyhow::Result<Exit> {
+    if let Some(folder) = &args.html {
+        return write_manual(folder);
+    }
+    let markdown = match &args.topic {
+        None => CONTENTS.to_owned(),
+        Some(topic) => text_of(topic)?,
+    };
+    let text = plain_text(&markdown, width());
+    if !(io::stdout().is_terminal() && paged(&text)) {
+        answer(text)?;
+    }
+    Ok(Exit::Done)
+}
+
+fn width() -> usize {
+    match rustix::termios::tcgetwinsize(io::stdout()) {
+        Ok(size) if size.ws_col > 0 => usize::from(size.ws_col).min(WIDEST),
+        _ => WIDEST,
+    }
+}
+
+/// The Markdown of a topic.
+fn text_of(topic: &str) -> anyhow::Result<String> {
+    let entries = guide::find(topic);
+    if let Some(page) = guide::page(&topic.to_lowercase().replace('_', "-")) {
+        return Ok(match entries.first() {
+            None => page.text.to_owned(),
+            Some(entry) => format!("{}\nKeys: `gusset guide {}`\n", page.text, entry.path),
+        });
+    }
+    match entries.as_slice() {
+        [] => Err(WithExit(Exit::Usage, no_such_topic(topic)).into()),
+        several if several.len() > MOST_ENTRIES => {
+            let mut text = format!("Several entries end with `{topic}`:\n\n");
+            for entry in several {
+                text.push_str(&format!("- `gusset guide {}`\n", entry.path));
+            }
+            Ok(text)
+        }
+        few => Ok(few.iter().map(shown).collect::<Vec<_>>().join("\n\n")),
+    }
+}
+
+/// An entry with the path of its key as heading.
+fn shown(entry: &Entry) -> String {
+    if entry.is_table {
+        entry.text.to_owned()
+    } else {
+        format!("## {}\n\n{}", entry.path, entry.text)
+    }
+}
+
+fn no_such_topic(topic: &str) -> String {
+    let entries = guide::entries();
+    let mut names: Vec<&str> = PAGES.iter().map(|page| page.id).collect();
+    for entry in &entries {
+        names.push(&entry.path);
+        names.extend(entry.path.rsplit('.').next());
+    }
+    let near = match nearest(topic, &names) {
+        Some(name) => format!("did you mean `{name}`? "),
+        None => String::new(),
+    };
+    format!("the guide has no topic `{topic}`: {near}`gusset guide` lists the pages")
+}
+
+/// Shows the text with the user's pager. False if the pager is not installed.
+fn paged(text: &str) -> bool {
+    let chosen = std::env::var("PAGER")
+        .ok()
+        .filter(|pager| !pager.trim().is_empty());
+    let pager = chosen.unwrap_or_else(|| "less -R".to_owned());
+    let program = pager.split_whitespace().next().unwrap_or_default();
+    if !is_on_path(program) {
+        return false;
+    }
+    let mut command = Command::new("sh");
+    command.arg("-c").arg(&pager).stdin(Stdio::piped());
+    if std::env::var_os("LESS").is_none() {
+        command.env("LESS", "FRX");
+    }
+    let Ok(mut child) = command.spawn() else {
+        return false;
+    };
+    if let Some(mut input) = child.stdin.take() {
+        // A reader who has seen enough closes the pager.
+        let _closed_early = writeln!(input, "{text}");
+    }
+    child.wait().is_ok()
+}
+
+fn is_on_path(program: &str) -> bool {
+    if program.contains('/') {
+        return Path::new(program).is_file();
+    }
+    let folders = std::env::var_os("PATH").unwrap_or_default();
+    std::env::split_paths(&folders).any(|folder| folder.join(program).is_file())
+}
+
+/// Writes the web pages. A folder with other files is refused, so that none of them is replaced.
+fn write_manual(folder: &Path) -> anyhow::Result<Exit> {
+    let files = guide::manual();
+    let old = files_of_a_manual(folder);
+    if let Some(name) = other_file(folder, &old)? {
+        let text = format!(
+            "--html {}: the folder has another file, `{name}`: choose a new folder, or one with an earlier manual",
+            folder.display()
+        );
+        return Err(WithExit(Exit::Usage, text).into());
+    }
+    let place = || format!("--html {}: the manual cannot be written", folder.display());
+    fs::create_dir_all(folder).with_context(place)?;
+    for name in old
+        .iter()
+        .filter(|name| !files.iter().any(|file| file.name == **name))
+    {
+        // A page that the guide no longer has; that it is gone already is no error.
+        let _gone = fs::remove_file(folder.join(name));
+    }
+    for file in &files {
+        fs::write(folder.join(&file.name), &file.text).with_context(place)?;
+    }
+    tell(format_args!(
+        "{} pages written: open {}",
+        PAGES.len() + 1,
+        folder.join("index.html").display()
+    ));
+    Ok(Exit::Done)
+}
+
+/// The names of the files that an earlier manual wrote here.
+fn files_of_a_manual(folder: &Path) -> Vec<String> {
+    let list = fs::read_to_string(folder.join(MANUAL_LIST)).unwrap_or_default();
+    let names = list.lines().skip(1).filter(|name| is_plain(name));
+    names.map(str::to_owned).collect()
+}
+
+/// True for a name without a folder.
+fn is_plain(name: &str) -> bool {
+    !name.is_empty() && !name.starts_with('.') && !name.contains('/')
+}
+
+/// The first file of the folder that no earlier manual wrote.
+fn other_file(folder: &Path, old: &[String]) -> anyhow::Result<Option<String>> {
+    let entries = match fs::read_dir(folder) {
+        Ok(entries) => entries,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        Err(error) => {
+            return Err(error).with_context(|| format!("--html {}", folder.display()));
+        }
+    };
+    let mut others = Vec::new();
+    for entry in entries {
+        let name = entry?.file_name().to_string_lossy().into_owned();
+        if !old.contains(&name) {
+            others.push(name);
+        }
+    }
+    others.sort();
+    Ok(others.into_iter().next())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_topic_is_a_page_whatever_its_hyphens() {
+        assert!(text_of("first-test").unwrap().starts_with("# "));
+        assert_eq!(text_of("Real_Time").unwrap(), text_of("real-time").unwrap());
+    }
+
+    #[test]
+    fn an_unknown_topic_is_wrong_usage_and_the_nearest_one_is_named() {
+        let error = text_of("trouble-shooting").unwrap_err();
+        assert_eq!(super::super::exit::of(&error), Exit::Usage);
+        assert!(error.to_string().contains("`troubleshooting`"), "{error}");
+    }
+
+    #[test]
+    fn a_manual_is_written_again_and_never_over_other_files() {
+        let temp = tempfile::tempdir().unwrap();
+        let folder = temp.path().join("manual");
+        assert_eq!(write_manual(&folder).unwrap(), Exit::Done);
+        assert!(folder.join("index.html").is_file());
+        assert_eq!(write_manual(&folder).unwrap(), Exit::Done);
+        fs::write(folder.join("notes.txt"), "mine").unwrap();
+        let error = write_manual(&folder).unwrap_err();
+        assert_eq!(super::super::exit::of(&error), Exit::Usage);
+        assert!(error.to_string().contains("notes.txt"), "{error}");
+    }
+}

@@ -1,0 +1,262 @@
+//! Whether the lists of the guide have every name that the program has.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use gusset::control::limits::Quantity;
+use gusset::engine::TestQuantity;
+use serde_json::Value;
+
+use super::columns::{SERVER_COLUMNS, TEST_COLUMNS};
+use super::events::{SERVER_EVENTS, TEST_EVENTS};
+use super::limits::{AXIS_LIMITS, FURTHER_LIMITS, TEST_LIMITS};
+use super::pages::{root, schemas};
+
+/// Names that only one of two sets has.
+fn differences(kind: &str, program: &BTreeSet<String>, listed: &BTreeSet<String>) -> Vec<String> {
+    let missing = program
+        .difference(listed)
+        .map(|name| format!("{kind} `{name}` is not listed in tests/guide/"));
+    let surplus = listed
+        .difference(program)
+        .map(|name| format!("{kind} `{name}` is listed, but the program has none"));
+    missing.chain(surplus).collect()
+}
+
+fn set<'a>(names: impl Iterator<Item = &'a str>) -> BTreeSet<String> {
+    names.map(str::to_owned).collect()
+}
+
+pub fn limits() -> Vec<String> {
+    let of_axes = set(Quantity::ALL.iter().map(|quantity| quantity.key()));
+    let mut wrong = differences(
+        "limit",
+        &of_axes,
+        &set(AXIS_LIMITS.iter().map(|row| row[0])),
+    );
+    let of_test = set(TestQuantity::ALL.iter().map(|quantity| quantity.key()));
+    wrong.extend(differences(
+        "limit",
+        &of_test,
+        &set(TEST_LIMITS.iter().map(|row| row[0])),
+    ));
+    for (quantity, row) in Quantity::ALL.iter().zip(AXIS_LIMITS) {
+        let unit = quantity.unit().replace('²', "2").replace('×', "1");
+        if quantity.key() != row[0] || unit != row[1].replace('²', "2") {
+            wrong.push(format!(
+                "limit `{}`: the program has {} in {unit} there",
+                row[0],
+                quantity.key()
+            ));
+        }
+        let is_announced = row[5].contains("Gusset server");
+        if quantity.is_announced() != is_announced {
+            wrong.push(format!(
+                "limit `{}`: announced to a server: {}",
+                row[0],
+                quantity.is_announced()
+            ));
+        }
+    }
+    let schemas = schemas();
+    let test = schemas[0].1.root();
+    for [key, _, _, _, table] in FURTHER_LIMITS {
+        let owner = if table == "safety" {
+            "SafetyTable"
+        } else {
+            "LinkSpec"
+        };
+        if test["$defs"][owner]["properties"].get(key).is_none() {
+            wrong.push(format!("limit `{key}`: [{table}] has no such key"));
+        }
+    }
+    wrong
+}
+
+/// Source files below `src/`, without their tests.
+fn sources(folder: &Path) -> Vec<(PathBuf, String)> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let is_test = path.file_stem().is_some_and(|name| name == "tests");
+        if path.is_dir() && !is_test {
+            found.extend(sources(&path));
+        } else if path.extension().is_some_and(|end| end == "rs") && !is_test {
+            let text = fs::read_to_string(&path).unwrap();
+            let code = text
+                .split("#[cfg(test)]\nmod tests")
+                .next()
+                .unwrap()
+                .to_owned();
+            found.push((path, code));
+        }
+    }
+    found
+}
+
+/// The text in quotes at the beginning, after blanks.
+fn quoted(text: &str) -> Option<&str> {
+    text.trim_start().strip_prefix('"')?.split('"').next()
+}
+
+/// The kinds of events in the source text: names of the loop's events, and the name of every note.
+fn kinds() -> BTreeSet<String> {
+    let mut found = BTreeSet::new();
+    for (path, code) in sources(&root().join("src")) {
+        let mut add = |name: Option<&str>| {
+            found.extend(
+                name.filter(|name| name.chars().all(|c| c.is_ascii_lowercase() || c == '_'))
+                    .map(str::to_owned),
+            );
+        };
+        for start in [
+            "NoteLevel::Info",
+            "NoteLevel::Warning",
+            "NoteLevel::Error",
+            "Note::new(level",
+        ] {
+            for (at, _) in code.match_indices(start) {
+                add(code[at + start.len()..].strip_prefix(',').and_then(quoted));
+            }
+        }
+        for start in ["warn_once(", "log.warn("] {
+            for (at, _) in code.match_indices(start) {
+                add(quoted(&code[at + start.len()..]));
+            }
+        }
+        let is_names = path.ends_with("record/events/names.rs");
+        if is_names || path.ends_with("link/openfresco/remarks.rs") {
+            let part = if is_names {
+                code.split("fn fault_name").next()
+            } else {
+                code.split("fn event")
+                    .nth(1)
+                    .and_then(|rest| rest.split("\n    }").next())
+            };
+            let part = part.unwrap_or_default();
+            for start in ["=> ", "=> {\n"] {
+                for (at, _) in part.match_indices(start) {
+                    add(quoted(&part[at + start.len()..]));
+                }
+            }
+        }
+    }
+    found
+}
+
+pub fn events() -> Vec<String> {
+    let listed = set(TEST_EVENTS.iter().chain(SERVER_EVENTS).map(|row| row[0]));
+    differences("event", &kinds(), &listed)
+}
+
+/// The first texts of the entries of a constant array or of the calls of a function, in a source file.
+fn first_texts(file: &str, start: &str, end: &str, before: &str) -> BTreeSet<String> {
+    let text = fs::read_to_string(root().join(file)).unwrap();
+    let part = text
+        .split(start)
+        .nth(1)
+        .and_then(|rest| rest.split(end).next());
+    let part = part.unwrap_or_else(|| panic!("{file} has no {start}"));
+    let names = part
+        .match_indices(before)
+        .filter_map(|(at, _)| quoted(&part[at + before.len()..]));
+    let names = names.filter(|name| {
+        !name.is_empty() && name.chars().all(|c| c.is_ascii_lowercase() || c == '_')
+    });
+    set(names)
+}
+
+pub fn columns() -> Vec<String> {
+    const COLUMNS: &str = "src/engine/columns.rs";
+    const PORT: &str = "src/engine/port_columns.rs";
+    let stem = |name: &'static str| name.split_once("_S").map_or(name, |(stem, _)| stem);
+    let listed = set(TEST_COLUMNS.iter().map(|row| row[0]).map(stem));
+    let mut program = first_texts(COLUMNS, "const BOOKKEEPING", "];\n", "(");
+    program.extend(first_texts(COLUMNS, "const TIMING", "];\n", "(\n"));
+    program.extend(set([
+        "ground",
+        "xN",
+        "vN",
+        "aN",
+        "comp_NAME",
+        "seq",
+        "status",
+        "margin",
+    ]
+    .into_iter()));
+    program.extend(first_texts(PORT, "fn port_columns", "\n}\n", "add("));
+    program.extend(first_texts(
+        PORT,
+        "fn port_columns",
+        "\n}\n",
+        "            (",
+    ));
+    let kept = TestQuantity::ALL
+        .iter()
+        .filter(|quantity| !quantity.is_of_misses());
+    program.extend(kept.map(|quantity| quantity.key().to_owned()));
+    let mut wrong = differences("column", &program, &listed);
+
+    const RIG: &str = "src/link/rig/columns.rs";
+    let stem = |name: &'static str| {
+        name.strip_suffix("_1_A")
+            .or(name.strip_suffix("_1"))
+            .unwrap_or(name)
+    };
+    let listed = set(SERVER_COLUMNS.iter().map(|row| row[0]).map(stem));
+    let mut program = first_texts(RIG, "const HEAD", "];\n", "(");
+    program.extend(first_texts(RIG, "const AXIS", "];\n", "("));
+    program.extend(set(["commits", "status"].into_iter()));
+    wrong.extend(differences("server column", &program, &listed));
+    wrong
+}
+
+/// Columns of a run that are not listed, or listed with another unit.
+pub fn columns_of(layout: &str) -> Vec<String> {
+    let layout: Value = serde_json::from_str(layout).unwrap();
+    let mut wrong = Vec::new();
+    for column in layout["columns"].as_array().unwrap() {
+        let name = column["name"].as_str().unwrap();
+        let unit = column["unit"].as_str().unwrap().replace('2', "²");
+        let Some(row) = TEST_COLUMNS.iter().find(|row| fits(name, row[0])) else {
+            wrong.push(format!("column `{name}` is not listed in tests/guide/"));
+            continue;
+        };
+        let given = row[1];
+        let is_same = given.split(" or ").any(|one| one == unit)
+            || (given == "unit of the axis" && !unit.is_empty())
+            || given == "of the parameter";
+        if !is_same {
+            wrong.push(format!("column `{name}`: unit {unit}, listed {given}"));
+        }
+    }
+    wrong
+}
+
+/// True if the name is an instance of the pattern.
+fn fits(name: &str, pattern: &str) -> bool {
+    if let Some(letter) = pattern.strip_suffix('N') {
+        return name
+            .strip_prefix(letter)
+            .is_some_and(|rest| rest.parse::<usize>().is_ok());
+    }
+    let mut stem = name;
+    let mut places = pattern;
+    for end in ["_A", "_C", "_S"] {
+        if let Some(rest) = places.strip_suffix(end) {
+            places = rest;
+            let Some((before, number)) = stem.rsplit_once('_') else {
+                return false;
+            };
+            if number.parse::<usize>().is_err() {
+                return false;
+            }
+            stem = before;
+        }
+    }
+    match places.strip_suffix("NAME") {
+        Some(start) => stem.starts_with(start),
+        None => stem == places,
+    }
+}
