@@ -33,7 +33,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     obey(&judged)?;
     let test = &mut judged.test;
     attend::can_confirm(&mut test.facts, args.test_run.yes)?;
-    let asked = live::Asked::for_run(args)?;
+    let asked = live::Asked::for_run(args, test)?;
     // Before there is a folder: from here on an interrupt leaves a whole one.
     let signals = Signals::listen().context("signals cannot be taken over")?;
     let folder = conduct::folder(args.test_run.out.as_deref(), &test.facts.title)?;

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use toml_edit::{DocumentMut, Value};
 
-use super::diagnose::{Diagnostic, Part, Place, Severity, Source};
+use super::diagnose::{Diagnostic, Part, Place, Severity, Source, decimal_comma};
 use super::document::{KeyPath, Node, Segment, parse_segments};
 use super::echo::plain;
 use super::edit::put_in_table;
@@ -95,6 +95,17 @@ impl Override {
                     .next()
                     .unwrap_or_default()
                     .to_owned();
+                let at = error.span().map_or(0, |span| span.start);
+                if let Some(number) = decimal_comma(text, at) {
+                    let span = start + number.start..start + number.end;
+                    let with_point = text[number].replacen(',', ".", 1);
+                    return Err(refuse(
+                        "the value of an override has a decimal comma",
+                        &format!("write {with_point}"),
+                        span,
+                        "a decimal number has a point",
+                    ));
+                }
                 return Err(refuse(
                     "the value of an override is not valid TOML",
                     &message,

@@ -117,6 +117,7 @@ pub(crate) fn check(file: &TestFile, clock_is_chosen: bool) -> Vec<Finding> {
     measured::check_judged(file, &mut findings);
     check_required(&file.specimen, unlimited, &mut findings);
     check_names(&file.specimen, &mut findings);
+    link::check_shared(&file.specimen, &mut findings);
     check_seeds(&file.specimen, &mut findings);
     let remote = file.specimen.iter().any(|specimen| specimen.link.is_some());
     if remote && file.timing.on_miss == OnMiss::CatchUp {
@@ -259,6 +260,7 @@ pub(crate) fn check_served(file: &ServeFile) -> Vec<Finding> {
     check_idle_served(file.timing.as_ref(), file.record.as_ref(), &mut findings);
     check_required(&file.specimen, unlimited, &mut findings);
     check_names(&file.specimen, &mut findings);
+    link::check_listen(file, &mut findings);
     findings.0
 }
 

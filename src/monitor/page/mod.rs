@@ -75,7 +75,7 @@ pub enum PageError {
 fn advice(error: &io::Error) -> &'static str {
     match error.kind() {
         io::ErrorKind::AddrInUse => {
-            "; another test may be running there: `--live 127.0.0.1:0` takes any free port"
+            "; another test with a live page, or a `gusset serve`, may be using this port: `--live 127.0.0.1:0` takes any free port"
         }
         io::ErrorKind::AddrNotAvailable => "; this machine has no such address",
         _ => "",
