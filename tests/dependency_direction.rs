@@ -27,9 +27,9 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("compensation", &[]),
     (
         "control",
-        &["compensation", "geometry", "substructure", "time"],
+        &["compensation", "geometry", "substructure", "time", "units"],
     ),
-    ("record", &["substructure", "text"]),
+    ("record", &["substructure", "text", "units"]),
     ("text", &[]),
     ("wire", &["substructure", "text"]),
     (

@@ -72,14 +72,14 @@ fn a_specimen_killed_in_mid_test_ends_the_test_and_not_the_gateway() {
         let reason = summary(folder, "killed").reason;
         assert!(reason.contains("the specimen is lost"), "{reason}");
         // The watchdog that was agreed on is the gateway's, which says that it has nothing to hold any more.
-        let stands = "; where specimen 1 stands only its own end knows";
+        let stands = "; only the server of specimen ";
         assert!(
             reason.contains(stands) && !reason.contains("watchdog"),
             "{reason}"
         );
         let over = between.hears("test over: the specimen is lost");
         assert!(
-            over.ends_with("where the specimen stands only its own end knows"),
+            over.ends_with("only the server of the specimen knows its position"),
             "{over}"
         );
         let kept = out.join("test-0001");

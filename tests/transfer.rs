@@ -233,7 +233,7 @@ fn an_actuator_that_does_not_come_to_terms_with_its_law_is_told_of_before_and_af
         let file = common::write(folder, &format!("{name}.toml"), &test(rate, stiffness));
         let said = common::say(["check".as_ref(), file.as_os_str(), "--verbose".as_ref()]);
         assert_eq!(said.code, Some(0), "{}", said.stderr);
-        let told = said.stderr.contains("do not come to terms in");
+        let told = said.stderr.contains("did not converge in");
         assert_eq!(told, !settles, "{name}: {}", said.stderr);
 
         let out = folder.join(name);

@@ -106,7 +106,7 @@ impl std::fmt::Display for Heard {
                 starts_anew,
             } => {
                 let stands = match (is_lost, starts_anew) {
-                    (true, _) => "where the specimen stands only its own end knows",
+                    (true, _) => "only the server of the specimen knows its position",
                     (false, true) => {
                         "the specimen stays where it is until the next test, which finds it as new: it cannot resume this one \
                          (`[serve] remembers`)"

@@ -226,7 +226,7 @@ fn unsettled(loaded: &Loaded, needs: &Needs, specimen: usize) -> Option<Finding>
         Finding::warning(
             place.unwrap_or(at),
             format!(
-                "the servo-hydraulic actuator and the law of `{}` do not come to terms in {} ticks of the test",
+                "the servo-hydraulic actuator and the law of `{}` did not converge in {} ticks of the test",
                 needs.name, needs.unsettled
             ),
         )
