@@ -87,7 +87,7 @@ fn the_record_says_which_acceleration_it_has() {
         ),
         (
             "method = \"kr_alpha\"\nrho_infinity = 0.8\nweighting = \"state\"",
-            "that the method goes on with",
+            "that the method uses in its next step",
         ),
     ] {
         let text = format!("{TEST}{method}\n");
@@ -171,7 +171,7 @@ fn what_a_method_does_not_have_or_lacks_is_said() {
     let real = TEST.replace("clock = \"simulated\"", "clock = \"real\"");
     let (code, _, text) = gusset("check", &format!("{real}method = \"newmark_average\"\n"));
     assert_eq!(code, 2);
-    assert!(text.contains("no place in real time"), "{text}");
+    assert!(text.contains("cannot run on the real clock"), "{text}");
     // Ω = 2.9 in the second mode: beyond the explicit member, within none of the others.
     let coarse = TEST.replace("step_s = 0.01", "step_s = 0.08");
     let (code, facts, _) = gusset("check", &format!("{coarse}method = \"newmark_explicit\"\n"));

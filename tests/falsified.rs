@@ -268,7 +268,7 @@ fn a_late_specimen_shows_its_energy_and_its_damping_in_summary_and_report() {
     for words in [
         "smallest delay margin",
         "Margin as estimated while the test ran",
-        "What the transfer systems falsified",
+        "Effect of actuator tracking errors",
         "added by the delays",
         "energy error over input and strain energy",
     ] {

@@ -38,11 +38,11 @@ fn what_has_no_effect_or_is_missing_is_refused() {
         let table = format!("{KNOWN}[[specimen.axis]]\n{key}\n");
         shows(
             &complaint(&table, ""),
-            "a gateway passes numbers on as they are",
+            "a gateway does not convert numbers",
         );
     }
     let scaled = format!("{KNOWN}[specimen.similitude]\nlength = 10\n");
-    shows(&complaint(&scaled, ""), "a gateway passes numbers on");
+    shows(&complaint(&scaled, ""), "a gateway does not convert numbers");
     let inches = format!("{KNOWN}[[specimen.axis]]\nunit_disp = \"in\"\n");
     shows(&complaint(&inches, ""), "no such `unit_disp`");
     shows(

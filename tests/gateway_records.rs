@@ -381,7 +381,7 @@ fn the_example_in_config_runs_with_its_probe_its_limits_and_its_log() {
     let (code, said) = run(folder, "inside", &cyclic("0.03"));
     assert_eq!(code, 0, "{said}");
     between.hears("direction: axis 1");
-    rig.hears("retired in an orderly way");
+    rig.hears("retired at the end of the test");
     let (code, said) = run(folder, "outside", &cyclic("0.06"));
     assert_eq!(code, 1, "{said}");
     let reason = summary(folder, "outside").reason;

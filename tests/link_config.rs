@@ -219,7 +219,7 @@ fn what_is_believed_of_a_specimen_behind_a_link_must_be_said() {
     shows(&complaint(&inches), "protocol = \"openfresco…\"");
     shows(&complaint(&inches), "m or mm");
     let burst = text.replace("[timing]", "[timing]\non_miss = \"catch_up\"");
-    shows(&complaint(&burst), "driven faster than the test says");
+    shows(&complaint(&burst), "move the specimen faster than planned");
     let allowed = burst.replace("[timing]", "[timing]\ncatch_up_remote = true");
     shows(&complaint(&allowed), "`timing.catch_up_remote` was removed");
 }
@@ -272,7 +272,7 @@ fn a_file_of_specimens_or_a_test_can_be_served() {
     );
     shows(
         &served("[serve]\n", None).unwrap_err(),
-        "there is no `[[specimen]]`",
+        "has no `[[specimen]]`",
     );
     shows(
         &served(&one.replace("gamma", "gama"), None).unwrap_err(),

@@ -46,7 +46,7 @@ fn what_cannot_be_asked_is_held_where_the_file_says_and_led_to_where_the_test_be
     let keys = format!("{ADAPTER}stands_at_m = [{STANDS}]");
     let (code, said) = run(folder.path(), "run", &linked(STEPS, &address, &keys));
     assert_eq!(code, 0, "{said}");
-    assert!(!said.contains("NOBODY KNOWS"), "{said}");
+    assert!(!said.contains("POSITION IS UNKNOWN"), "{said}");
     let told = told.lock().unwrap();
     // Half a cosine over a second of ticks of 1 ms, and a test that moves by less in one.
     assert!((told[0] - STANDS).abs() < 1e-6, "{}", told[0]);
@@ -60,7 +60,7 @@ fn without_it_only_a_computation_is_commanded_and_goes_there_at_once() {
     let text = linked(STEPS, &address, ADAPTER);
     let (code, said) = run(folder.path(), "run", &text);
     assert_eq!(code, 0, "{said}");
-    assert!(said.contains("NOBODY KNOWS WHERE IT STANDS"), "{said}");
+    assert!(said.contains("ITS POSITION IS UNKNOWN"), "{said}");
     assert_eq!(told.lock().unwrap()[0], 0.0);
     let text = text.replace("computed = true\n", "");
     let (code, said) = run(folder.path(), "refused", &text);
@@ -206,7 +206,7 @@ fn of_a_specimen_of_our_own_protocol_that_does_not_tell_the_file_says_where_it_s
     let keys = format!("probe = \"none\"\nstands_at_m = [{STANDS}]");
     let (code, said) = run(folder.path(), "run", &linked(STEPS, &address, &keys));
     assert_eq!(code, 0, "{said}");
-    assert!(!said.contains("NOBODY KNOWS"), "{said}");
+    assert!(!said.contains("POSITION IS UNKNOWN"), "{said}");
     let told: Vec<f64> = told.try_iter().flatten().collect();
     assert!((told[0] - STANDS).abs() < 1e-6 && largest_step(&told) < 2e-4);
 
@@ -216,7 +216,7 @@ fn of_a_specimen_of_our_own_protocol_that_does_not_tell_the_file_says_where_it_s
     let served = Served::start(folder.path(), &file, &["--protocol", "openfresco"]);
     let settings = RemoteSettings::new(Peer::Element, Carrier::Stream, served.address.clone(), 1);
     assert!(Remote::new(settings).unwrap().open().is_err());
-    served.hears("nobody knows where it stands");
+    served.hears("its position is unknown");
     assert_eq!(told.try_iter().count(), 0);
 }
 

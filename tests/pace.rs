@@ -513,7 +513,7 @@ fn a_pace_that_makes_no_sense_is_refused() {
                 "{}{link}, coupling = \"lockstep\" }}\n",
                 frame(4, "safety.unlimited = \"t\"").replace("ticks = 3", "ticks = 0")
             ),
-            "needs a warm-up of one tick at least",
+            "needs a warm-up of at least one tick",
         ),
         (frame(1, "safety.ease_s = -1"), "must not be negative"),
         (

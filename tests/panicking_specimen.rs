@@ -50,7 +50,7 @@ impl Substructure for Buggy {
     fn retire(&mut self, how: Retirement) {
         assert_eq!(how, Retirement::Tripped);
         self.goodbyes.fetch_add(1, Ordering::SeqCst);
-        assert!(!self.fails_at_the_end, "the bug of the last words");
+        assert!(!self.fails_at_the_end, "the bug at the goodbye");
     }
 }
 
@@ -142,7 +142,7 @@ fn last_words_that_panic_too_do_not_cost_the_next_specimen_its_own() {
     assert_eq!(finished.finish, Finish::Panicked);
     let reason = finished.summary.reason;
     assert!(
-        reason.contains("the bug of step 50") && reason.contains("the bug of the last words"),
+        reason.contains("the bug of step 50") && reason.contains("the bug at the goodbye"),
         "{reason}"
     );
 }

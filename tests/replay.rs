@@ -505,7 +505,7 @@ fn rows_that_are_whole_but_too_few_are_no_proof() {
     let (code, said) = spoilt(&run, keep.clone()(400));
     assert_eq!(code, 1, "{said}");
     assert!(
-        said.contains("400 rows") && said.contains("the summary tells of 1536 steps"),
+        said.contains("400 rows") && said.contains("the summary has 1536 steps"),
         "{said}"
     );
     let (code, said) = spoilt(&run, keep(0));

@@ -140,7 +140,7 @@ fn limits_that_contradict_each_other_are_shown_with_both_places() {
             "",
             "",
             "safe_disp_m = [0.6]\n",
-            &["axis 1 is safe at 0.6 m, which may not be commanded"],
+            &["axis 1 is safe at 0.6 m, which is outside the allowed commands"],
         ),
         (
             "stiffness_ratio = { warn = 1.3, trip = 1.2 }",
@@ -293,7 +293,7 @@ fn check_says_which_limits_there_are_who_checks_them_and_what_happens_then() {
         "trips -0.5 to 0.5",
         "following_error_m",
         "warns 0.001",
-        "its own end, too",
+        "its server also checks",
         "max_misses_in_window",
         "step_audit",
         "stability_used",

@@ -544,7 +544,7 @@ fn a_loop_that_is_unstable_only_at_rest_or_only_beyond_it_is_told_and_not_refuse
     assert_eq!(said.code, Some(1), "{}{}", said.stdout, said.stderr);
     assert!(said.stderr.contains("warning: the response may grow"));
     assert!(
-        said.stdout.contains("UNSTABLE as K0 and C0 have it"),
+        said.stdout.contains("UNSTABLE with K0 and C0"),
         "{}",
         said.stdout
     );

@@ -202,8 +202,8 @@ fn announce(page: &LivePage) {
     ));
     if !page.is_open() {
         tell(
-            "the live page is open to the network, without encryption: whoever has the address above may look, whoever has \
-             the control token may operate",
+            "the live page is open to the network, without encryption: the address above gives read access, and the control \
+             token gives control of the test",
         );
     }
 }

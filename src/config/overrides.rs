@@ -74,7 +74,7 @@ impl Override {
         if text.is_empty() {
             return Err(refuse(
                 "an override has no value",
-                "nothing stands after the `=`",
+                "the value after `=` is missing",
                 value_span,
                 "an empty text is written KEY='\"\"'",
             ));
@@ -141,7 +141,7 @@ impl Override {
         };
         put_in_table(document.as_table_mut(), first, rest, &self.value).map_err(|(left, why)| {
             // `left` segments were still to go when it went wrong.
-            self.refuse(self.segments.len() - left, &why, "cannot go on here")
+            self.refuse(self.segments.len() - left, &why, "no such entry")
         })
     }
 
@@ -156,7 +156,7 @@ impl Override {
             self.argument(),
             format!("`{undone}` is overridden twice"),
             "again here".to_owned(),
-            vec!["one of them must go: nobody sees which of two values counts".to_owned()],
+            vec!["remove one of them: the two values contradict".to_owned()],
         );
         diagnostic.beside = Some((before.place(before.argument()), "first here".to_owned()));
         Some(diagnostic)
@@ -323,7 +323,7 @@ mod tests {
         assert!(complaint("title.x=1").contains("`title` is a string; it has no key `x`"));
         assert!(complaint("time").contains("expected KEY=VALUE"));
         assert!(complaint("time.=1").contains("a key is missing here"));
-        assert!(complaint("time.step_s=").contains("nothing stands after the `=`"));
+        assert!(complaint("time.step_s=").contains("the value after `=` is missing"));
         assert!(complaint("specimen[0].rows=[[1,").contains("not valid TOML"));
     }
 }

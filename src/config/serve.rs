@@ -345,7 +345,7 @@ fn host(table: &SpecimenTable, at: &KeyPath) -> Result<Host, Box<Finding>> {
         })
         .collect();
     let Some((key, law)) = table.sources().into_iter().next() else {
-        let text = "nothing stands for the specimen";
+        let text = "the specimen has neither a law nor a link";
         return Err(Box::new(Finding::error(at.clone(), text)));
     };
     let law = law.clone();

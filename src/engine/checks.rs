@@ -53,7 +53,7 @@ impl TestQuantity {
     pub const fn words(self) -> &'static str {
         match self {
             Self::StabilityUsed => {
-                "share of the room for stability that tangents beyond their declared bounds use up"
+                "stability margin used by tangents beyond their declared bounds"
             }
             Self::DelayUsed => {
                 "lag in parts of the critical delay at the stiffness of the last seconds"

@@ -246,7 +246,7 @@ fn above_nyquist(top_hz: Option<f64>, grid: Grid, warnings: &mut Vec<String>) {
     let nyquist = 0.5 / grid.dt();
     if let Some(top) = top_hz.filter(|f| *f > nyquist) {
         warnings.push(format!(
-            "the signal reaches {} Hz, but a step of {} s carries {} Hz: what lies above is folded down",
+            "the signal contains frequencies up to {} Hz, but a step of {} s represents at most {} Hz: higher frequencies are aliased",
             Short(top),
             Short(grid.dt()),
             Short(nyquist)

@@ -61,7 +61,7 @@ pub(super) fn limits(run: &RunData) -> String {
     }
     if !unlimited.is_empty() {
         markup += &note(&format!(
-            "Without limits of their own: {}.",
+            "Without limits: {}.",
             unlimited.join(", ")
         ));
     }
@@ -102,7 +102,7 @@ fn of_specimens(specimens: &[Value]) -> String {
             ("stale answers:", "stale"),
             ("watchdog:", "watchdog"),
             ("direction:", "direction"),
-            ("ends of its own:", "ends"),
+            ("ends of its range:", "ends"),
         ];
         let parts = parts
             .into_iter()
@@ -207,7 +207,7 @@ mod tests {
             "judged": "at rest; in motion 0.02 s of it more"});
         let specimen = |name: &str| {
             json!({"name": name, "axes": [[following]], "safe_disp_m": [0.02], "watchdog": "after 0.25 s it holds",
-                "stale": "the last force is held", "checked_by": "this loop, what is announced (*) its own end, too"})
+                "stale": "the last force is held", "checked_by": "this loop, its server (*)"})
         };
         let run = RunData {
             summary: Some(json!({"limits": {
@@ -222,11 +222,11 @@ mod tests {
             "<th>judged</th>",
             "<td>at rest; in motion 0.02 s of it more</td>",
             "<td>not checked: no deadline is missed on the simulated clock</td>",
-            "The way in: no sensor is read; then a ramp.",
+            "Startup: no sensor is read; then a ramp.",
             "A late tick: the grid moves.",
             "On a trip: every specimen holds.",
             "At the end: every specimen is led to its `safe_disp_m`.",
-            "a, b: limits checked by this loop, what is announced its own end, too; stale answers: the last force is held; \
+            "a, b: limits checked by this loop, its server; stale answers: the last force is held; \
              watchdog: after 0.25 s it holds; safe displacement: 20\u{a0}mm.",
         ] {
             assert!(markup.contains(part), "{part} is missing in {markup}");

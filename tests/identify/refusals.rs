@@ -183,7 +183,7 @@ fn redundant_actuators_and_strokes_beyond_a_length_are_refused() {
         &[
             "specimen \"column\"",
             "4 actuators hold 3 coordinates",
-            "none of them can be moved while the others are held",
+            "cannot move while the others hold",
         ],
     );
     let far = ["--duration", "8", "--band", "0.5,5", "--amplitude", "0.05"];

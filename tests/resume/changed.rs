@@ -48,7 +48,7 @@ fn resume_refuses_a_computed_specimen_whose_server_does_not_keep_its_state() {
     assert_eq!(column(&at("refused"), "state").len(), 0, "nothing was sent");
     assert!(
         !at("first/continued.json").exists(),
-        "nothing went on with it"
+        "no run resumed it"
     );
 
     let reason = "the column was replaced by a new one";

@@ -128,7 +128,7 @@ impl Plan {
                 if halved > 0 {
                     amplitude *= 0.5_f64.powi(halved);
                     reason =
-                        format!("{reason}, halved {halved} times for limits of what is measured");
+                        format!("{reason}, halved {halved} times to keep the limits of the measurements");
                 }
                 if args.amplitude.is_none() {
                     amplitude = rounded_down(amplitude);
@@ -273,8 +273,8 @@ fn by_themselves(table: &SpecimenTable) -> anyhow::Result<()> {
         return Ok(());
     }
     Err(usage(format!(
-        "specimen \"{}\": {actuators} actuators hold {coordinates} coordinates of a platform, so that none of them can be moved \
-         while the others are held, and what each of them does cannot be told apart",
+        "specimen \"{}\": {actuators} actuators hold {coordinates} coordinates of a platform. One of them cannot move while the \
+         others hold, so their responses cannot be separated",
         table.name
     )))
 }

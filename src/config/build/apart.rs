@@ -65,7 +65,7 @@ fn elements(
         };
         if share.entries().all(|(_, _, value)| value == 0.0) {
             let text = format!(
-                "\"{name}\" has no initial stiffness: a lambda of its own would do nothing"
+                "\"{name}\" has no initial stiffness, so a separate lambda has no effect"
             );
             return site.refuse(Finding::error(here, text));
         }

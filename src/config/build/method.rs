@@ -155,10 +155,9 @@ pub(super) fn warn_of_digits(site: &mut Site<'_>, reciprocal_condition: f64) {
     site.warnings.push(
         Finding::warning(path("structure"), text)
             .at_key()
-            .label("parts that differ in stiffness so much")
+            .label("parts of very different stiffness")
             .help(
-                "a part that hardly deforms costs the digits of those that do: a softer one, or one degree of freedom in place \
-                 of two, moves as well",
+                "a very stiff part costs digits in the others: make it softer, or join its two degrees of freedom to one",
             ),
     );
 }

@@ -148,9 +148,9 @@ pub(super) fn choose(
             }
             let finding = Finding::error(lambda_path(), error.to_string());
             let finding = finding.help(if apart.is_some() {
-                "a smaller lambda for what has one of its own, a smaller step, or a larger estimate of what hardens"
+                "choose a smaller lambda where a separate one is set, a smaller step, or a larger estimate of a hardening stiffness"
             } else {
-                "a smaller step, or a larger estimate of what hardens"
+                "choose a smaller step, or a larger estimate of a hardening stiffness"
             });
             site.refuse(advised(finding, specimens))
         }

@@ -148,7 +148,7 @@ pub(super) fn unkept(site: &mut Site<'_>, kept: &[TestQuantity]) {
         (
             TestQuantity::StabilityUsed,
             safety.stability_used.is_some(),
-            "known where the proof of stability is, and there is none",
+            "it needs a proof of stability, and this test has no proof",
         ),
         (
             TestQuantity::StepAudit,

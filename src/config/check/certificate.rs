@@ -155,7 +155,7 @@ pub(super) fn check_certificate(file: &TestFile, findings: &mut Findings) {
             let finding = Finding::error(at, headline).label(if is_there {
                 "only one number varies".to_owned()
             } else {
-                format!("`{known}` has it not")
+                format!("`{known}` has no such entry")
             });
             let missing = path.segments().get(known.segments().len());
             let meant = match missing {
@@ -201,7 +201,7 @@ fn unfelt(file: &TestFile, path: &KeyPath) -> Option<(&'static str, &'static str
     match (key(2), key(3)) {
         ("stiffness_n_per_m" | "damping_n_s_per_m", _) => {
             (!is_remote || table.stand_in.is_some()).then_some((
-                "what the controller believes, which is not what is true: it believes the same in every trial",
+                "this is an estimate of the controller, not a property of the specimen: it is the same in every trial",
                 of_law,
             ))
         }

@@ -146,7 +146,7 @@ fn check_prescribed(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
         findings.0.push(
             Finding::error(
                 at.key(key),
-                format!("`excitation.{key}` loads a structure, and there is none"),
+                format!("`excitation.{key}` acts on a structure, and this test has no `[structure]`"),
             )
             .label("nothing to act on")
             .help("without a `[structure]` only `prescribed_displacement` moves the specimens"),

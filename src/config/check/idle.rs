@@ -209,7 +209,7 @@ fn check_clock(timing: &TimingSpec, root: &KeyPath, findings: &mut Findings) {
     let Some(first) = keys.first() else { return };
     let named: Vec<String> = keys.iter().map(|key| format!("`{key}`")).collect();
     let headline = format!(
-        "on the simulated clock nothing is asked of the machine and no deadline is missed: no effect has {}",
+        "the simulated clock needs no real-time settings and misses no deadlines, so these keys have no effect: {}",
         named.join(", ")
     );
     let finding = Finding::warning(root.key("timing").key(first), headline);
@@ -299,7 +299,7 @@ pub(super) fn check_idle_served(
             "prefault_stack_kb",
             "require_realtime",
         ];
-        let why = "a server has no ticks of its own: the controller keeps the deadlines";
+        let why = "a server has no ticks: the controller keeps the deadlines";
         for key in of_real_time(timing) {
             findings.idle(&at, key, !of_the_machine.contains(&key), why);
         }
@@ -322,7 +322,7 @@ pub(super) fn check_idle_served(
         findings.all_idle(
             &at,
             &keys,
-            "belongs to a test: a server knows no structure and goes on with nothing",
+            "only for tests: a server has no structure and resumes nothing",
         );
     }
 }

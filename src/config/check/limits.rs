@@ -240,7 +240,7 @@ impl Place<'_> {
         let range = limits.command_disp_m.and_then(|range| range.trip);
         let range = range.map(|range| {
             let at = self.of("command_disp_m", |own| own.command_disp_m.is_some());
-            (range, at, "which may not be commanded", "its limit")
+            (range, at, "which is outside the allowed commands", "its limit")
         });
         let stroke = self.specimen.capacity.unwrap_or_default().stroke_m;
         let stroke = stroke.map(|stroke| {
@@ -269,7 +269,7 @@ impl Place<'_> {
                 let text = format!("axis {} {is} at {place} m, {why}", self.index + 1);
                 findings.0.push(
                     Finding::error(key, text)
-                        .label("outside of its own limit")
+                        .label("outside its limit")
                         .beside(bound.clone(), *label),
                 );
             }
@@ -297,7 +297,7 @@ impl Place<'_> {
             );
             findings.0.push(
                 Finding::error(at.key("probe_m"), text)
-                    .label("outside of its own limit")
+                    .label("outside its limit")
                     .beside(bound.clone(), *label),
             );
         }
@@ -314,8 +314,8 @@ pub(super) fn check_required(
     if unlimited.is_some_and(|reason| !is_visible(reason)) {
         findings.0.push(
             Finding::error(why, "`unlimited` gives no reason")
-                .label("why may a specimen be without limits?")
-                .help("it is shown at the start and stands in the summary of the run"),
+                .label("a reason why the specimen may run without limits is needed")
+                .help("the reason is shown at the start and written to the summary of the run"),
         );
         return;
     }

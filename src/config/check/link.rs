@@ -199,10 +199,10 @@ pub(super) fn check_pace(
     } else if file.timing.warmup_ticks == Some(0) {
         // The record must tell its first answer from what was read before.
         let warm_up = KeyPath::root().key("timing").key("warmup_ticks");
-        let text = "a partner that is told every step needs a warm-up of one tick at least";
+        let text = "a specimen that is commanded once per step needs a warm-up of at least one tick";
         findings
             .0
-            .push(Finding::error(warm_up, text).beside(here, "told every step here"));
+            .push(Finding::error(warm_up, text).beside(here, "commanded once per step here"));
     }
 }
 
@@ -305,7 +305,7 @@ pub(super) fn check_standing(specimen: &SpecimenTable, at: &KeyPath, findings: &
         }
         Some(stands) => {
             if let Some(index) = stands.iter().position(|disp| !disp.is_finite()) {
-                let text = format!("axis {} stands at {}", index + 1, stands[index]);
+                let text = format!("axis {} is at {}", index + 1, stands[index]);
                 findings
                     .0
                     .push(Finding::error(here, text).label("a finite number of m"));
@@ -326,7 +326,7 @@ fn check_openfresco(link: &LinkSpec, at: &KeyPath, findings: &mut Findings) {
         (
             "sample_after",
             link.sample_after.is_some(),
-            "the far end answers when it is asked",
+            "the server answers each request",
         ),
         (
             "axis_names",

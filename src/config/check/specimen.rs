@@ -35,7 +35,7 @@ pub(super) fn check_specimen(
         at,
         &given,
         &["law", "laws", "coupled", "link"],
-        "it says what stands for the specimen",
+        "a specimen is either simulated (`law`, `laws`, `coupled`) or behind a `link`",
     );
     match &specimen.link {
         Some(link) => {
@@ -48,7 +48,7 @@ pub(super) fn check_specimen(
                     )
                     .at_key()
                     .label("only for a law")
-                    .help("`gusset serve` puts the law of its own file behind a transfer system"),
+                    .help("give the `transfer` in the file of `gusset serve`"),
                 );
             }
         }
@@ -63,16 +63,16 @@ pub(super) fn check_specimen(
         findings.positive(at.key("drill").key("panic_at_s"), Some(drill.panic_at_s));
         if specimen.link.is_some() {
             findings.0.push(
-                Finding::error(at.key("drill"), "a drill breaks code of this program")
+                Finding::error(at.key("drill"), "a `drill` injects faults into this program")
                     .at_key()
                     .label("not for a specimen behind a link")
-                    .help("`gusset serve --fault` plays what goes wrong at the other end"),
+                    .help("`gusset serve --fault` injects faults at the server"),
             );
         }
     }
     if specimen.stand_in.is_some() && specimen.link.is_none() {
         findings.0.push(
-            Finding::error(at.key("stand_in"), "a law stands for itself")
+            Finding::error(at.key("stand_in"), "a simulated specimen needs no `stand_in`")
                 .at_key()
                 .label("only for a specimen behind a link"),
         );
@@ -102,7 +102,7 @@ pub(super) fn check_specimen(
             findings.0.push(
                 Finding::error(
                     at.key(key),
-                    format!("`{key}` takes a deformation from a structure, and there is none"),
+                    format!("`{key}` refers to a structure, and this test has no `[structure]`"),
                 )
                 .at_key()
                 .label("nothing to take it from")
@@ -168,7 +168,7 @@ fn check_time(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
             findings.0.push(
                 Finding::error(
                     at.key(key),
-                    "a simulated actuator has no time of its own: `similitude.time` must be 1",
+                    "a simulated actuator runs in test time: `similitude.time` must be 1",
                 )
                 .at_key()
                 .label("follows in the time of the test")
@@ -338,7 +338,7 @@ fn check_estimate(
             findings.0.push(
                 Finding::error(place, format!("the estimate is {}, but must not be negative", row[i]))
                     .label("must be zero or greater")
-                    .help("it stands in M_eff, which must stay positive definite; too large an estimate is safe"),
+                    .help("it enters M_eff, which must be positive definite; a too large estimate is safe"),
             );
         }
     }

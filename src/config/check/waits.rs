@@ -131,7 +131,7 @@ fn check_ticks(time: &Time, timing: &TimingSpec, root: &KeyPath, findings: &mut 
                 format!("a tick takes {} s of wall time", number(tick_s)),
             )
             .label(format!("at most {OWED_S} s"))
-            .help("scale · step / `ticks_per_step`; on the simulated clock nobody waits for it"),
+            .help("a tick is scale · step / `ticks_per_step`; the simulated clock has no such limit"),
         );
     }
     if let Some(ticks) = timing.warmup_ticks {
@@ -157,7 +157,7 @@ pub(super) fn check_link_waits(
     at: &KeyPath,
     findings: &mut Findings,
 ) {
-    let owed = "as long as the test stands and waits if nobody answers";
+    let owed = "the test waits this long for a missing reply";
     for (key, value) in [
         ("connect_timeout_s", Some(link.connect_timeout_s)),
         ("reply_timeout_s", Some(link.reply_timeout_s)),

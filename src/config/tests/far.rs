@@ -35,7 +35,7 @@ fn a_compensator_that_begins_far_from_its_target_is_told_of_and_one_without_its_
         ("model_inverse={coefficients=[3.0,0.1]}", "3"),
     ] {
         let said = said(&format!("specimen.0.compensation={{{compensation}}}")).unwrap();
-        let words = format!("a target that stands at 1 mm begins as a command of {gain} mm");
+        let words = format!("a constant target of 1 mm gives a first command of {gain} mm");
         shows(&said, &words);
     }
     for compensation in ["amb={start=[0,0,0,0]}", "ats={order=1,start=[0.0,0.02]}"] {
@@ -49,7 +49,7 @@ fn a_compensator_that_begins_far_from_its_target_is_told_of_and_one_without_its_
         "recursive_fir={delay_s=0.01}",
     ] {
         let said = said(&format!("specimen.0.compensation={{{compensation}}}")).unwrap();
-        assert!(!said.contains("a target that stands"), "{said}");
+        assert!(!said.contains("a constant target"), "{said}");
     }
 }
 

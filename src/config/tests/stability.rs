@@ -339,7 +339,7 @@ fn a_law_that_wears_says_which_bound_it_lacks_and_where() {
     let text = format!("{before}{worn}");
     let said = made(&text).unwrap_err().to_string();
     shows(&said, "`bouc_wen.hardening_ratio` must be given");
-    shows(&said, "no bound of its own");
+    shows(&said, "has no bound");
     // At the law, and not at the table that holds it.
     let column = worn.find("{ stiffness").unwrap() + 1;
     shows(&said, &format!(":{column}"));

@@ -137,7 +137,7 @@ fn a_structure_is_of_exactly_one_kind() {
         &text,
         "`structure` must have exactly one of `shear_building`, `matrices` and `chain`",
     );
-    shows(&text, "two of them would be two structures");
+    shows(&text, "a test has one structure");
     let text = complaint(
         "[structure.shear_building]\nmass_kg = [1000, 1000, 1000]\nstiffness_n_per_m = [0, 1e6, 1e6]",
         "",
@@ -245,7 +245,7 @@ fn a_prescribed_test_is_contradicted_by_a_structure_or_its_loads() {
         .to_string();
     shows(
         &text,
-        "`excitation.ground_acceleration` loads a structure, and there is none",
+        "`excitation.ground_acceleration` acts on a structure, and this test has no `[structure]`",
     );
     shows(
         &complaint_of(
@@ -253,7 +253,7 @@ fn a_prescribed_test_is_contradicted_by_a_structure_or_its_loads() {
             "name = \"damper\"",
             "name = \"damper\"\nstorey = 1",
         ),
-        "there is none",
+        "this test has no `[structure]`",
     );
     shows(
         &complaint_of(PRESCRIBED, "specimen = \"damper\"", "specimen = \"dampr\""),

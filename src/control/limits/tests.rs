@@ -477,7 +477,7 @@ fn the_motion_of_one_axis_is_felt_by_another() {
     let found = measure(&mut two, [(1.3, 131.0), (0.0, 111.0)]);
     assert_eq!(found, Found::default());
     let found = measure(&mut two, [(1.2, 121.0), (0.0, 117.0)]);
-    assert_eq!(found.trip.map(|hit| hit.axis), Some(1), "nobody goes on");
+    assert_eq!(found.trip.map(|hit| hit.axis), Some(1), "no test continues");
     // Where an axis is, is its own.
     let found = measure(&mut left(), [(1.2, 121.0), (1.41, 0.0)]);
     assert_eq!(what(found.trip), Some((Quantity::MeasuredDisp, 1.41)));

@@ -92,7 +92,7 @@ impl std::fmt::Display for Heard {
             }
             Self::Armed { peer, test } => write!(f, "{peer}: armed for \"{test}\""),
             Self::Holding { sequence, silent_s } => {
-                write!(f, "HOLDING: nothing heard for {silent_s:.3} s")?;
+                write!(f, "HOLDING: no command received for {silent_s:.3} s")?;
                 sequence.map_or(Ok(()), |k| write!(f, ", last command {k}"))
             }
             Self::Resumed { sequence } => write!(f, "commands come again, from {sequence}"),

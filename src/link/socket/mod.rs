@@ -72,7 +72,7 @@ pub fn listen_advice(error: &io::Error) -> &'static str {
              --listen ADDR:PORT or `serve.listen`"
         }
         io::ErrorKind::AddrNotAvailable => {
-            "; this machine has no such address: choose one of its own with --listen ADDR:PORT or `serve.listen`"
+            "; this machine has no such address: choose another one with --listen ADDR:PORT or `serve.listen`"
         }
         io::ErrorKind::PermissionDenied => "; ports below 1024 need privileges: choose a higher one",
         _ => "",

@@ -471,7 +471,7 @@ mod tests {
         let began_ns = monotonic_ns();
         while board.known_margin().is_none() {
             let waited_ns = monotonic_ns() - began_ns;
-            assert!(waited_ns < 60_000_000_000, "nobody finds it");
+            assert!(waited_ns < 60_000_000_000, "the margin is not found");
             std::thread::park_timeout(Duration::from_millis(5));
         }
         assert_eq!(board.known_margin().unwrap().lowest, limit);

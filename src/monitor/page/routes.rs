@@ -258,7 +258,7 @@ fn unheard(request: Operator, seen: Glimpse) -> Option<&'static str> {
             _ => None,
         },
         Phase::Leaving => {
-            Some("the way out is neither held nor gone on with; STOP freezes it where it is")
+            Some("the test is shutting down: HOLD and CONTINUE have no effect; STOP freezes the specimens where they are")
         }
         Phase::Tripped => Some("the test has tripped"),
         _ => Some(OVER),

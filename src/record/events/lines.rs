@@ -194,7 +194,7 @@ impl<S: Store> EventLog<S> {
                 self.specimen(line, port);
                 put(line, "axis", axis + 1);
                 tracing::warn!(
-                    "{}: the static load is too small to show which way round it is wired",
+                    "{}: the static load does not show which way round it is wired",
                     self.axis(port, axis)
                 );
             }

@@ -57,9 +57,9 @@ pub(super) fn of_specimen(table: &SpecimenTable, port: &Port, time: &Time) -> Sp
         },
         Some(link) => {
             let far = if is_told {
-                "; what is announced in the handshake (*) its own end, too"
+                "; its server also checks the limits that the handshake announces (*)"
             } else {
-                "; its protocol has no limits, so nobody else"
+                "; its protocol has no limits, so its server checks none of them"
             };
             SpecimenLimits {
                 name,
@@ -141,7 +141,7 @@ fn judged(quantity: Quantity, axis: &AxisLimits) -> Option<String> {
 fn stale(link: &LinkSpec, port: &Port) -> String {
     let way = match link.on_stale {
         StaleChoice::Hold => "the last force is held",
-        StaleChoice::Extrapolate => "the force goes on along the estimated stiffness",
+        StaleChoice::Extrapolate => "the force is extrapolated with the estimated stiffness",
         StaleChoice::Stop => "the first one trips",
     };
     match link.on_stale {
@@ -170,7 +170,7 @@ fn watchdog(link: &LinkSpec, time: &Time) -> String {
             )
         }
         Protocol::OpenFresco | Protocol::OpenFrescoShadow | Protocol::OpenFrescoAdapter => {
-            "none: its protocol has no word for it, and nobody holds the specimen if this program falls silent"
+            "none: this protocol has no watchdog, so nothing holds the specimen if this program stops sending"
                 .to_owned()
         }
     }
@@ -213,9 +213,9 @@ fn ends(table: &SpecimenTable) -> Option<String> {
         return None;
     }
     let then = if spec.tell_saturation.unwrap_or(true) {
-        "to reach one trips"
+        "reaching one trips"
     } else {
-        "to reach one is not told, and the test goes on (`tell_saturation = false`)"
+        "reaching one is not reported, and the test continues (`tell_saturation = false`)"
     };
     Some(format!("{}; {then}", ends.join(", ")))
 }

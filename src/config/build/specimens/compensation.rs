@@ -68,7 +68,7 @@ fn judge_gain(
         _ => "start",
     };
     let place = site.loaded.locator.beneath(at, key);
-    let headline = format!("a target that stands at 1 mm begins as a command of {gain} mm");
+    let headline = format!("a constant target of 1 mm gives a first command of {gain} mm");
     if gain > 0.0 {
         let finding = Finding::warning(place, headline).label("far from the target");
         let help = "the first coefficient is 1/A for an actuator that comes to rest at A times its command";
@@ -116,7 +116,7 @@ pub(super) fn slower_time(at: &KeyPath, time: Time) -> Option<Finding> {
     ((step - period).abs() > 1e-9 * period).then(|| {
         Finding::error(
             at.clone(),
-            "a simulated actuator has no time of its own: `time.scale` must be 1",
+            "a simulated actuator runs in test time: `time.scale` must be 1",
         )
         .at_key()
         .label(format!("a tick of {period} s for {step} s of test time"))

@@ -48,7 +48,7 @@ pub(super) fn entry(
         }
         (None, Some(_)) => None,
         (None, None) => {
-            let text = "nothing stands for the specimen";
+            let text = "the specimen has neither a law nor a link";
             return site.refuse(Finding::error(at.clone(), text));
         }
     };
@@ -146,7 +146,7 @@ pub(super) fn entry(
     if let (Some(law), true) = (&stand_in, table.stiffness_n_per_m.is_some()) {
         law.reference(&mut k, &mut c, &mut m);
         let own = scaled(&k, |axis| axis.disp_gain);
-        let help = "`stand_in` is the law that stands for it in rehearsals";
+        let help = "`stand_in` is its law in rehearsals";
         warn_of_distance(
             site,
             at.key("stiffness_n_per_m"),

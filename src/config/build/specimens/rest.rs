@@ -61,8 +61,8 @@ pub(super) fn says_its_force(
         );
         site.warnings.push(
             Finding::warning(place, text)
-                .label("a law in this process is told where its axis stands")
-                .help("without `offset_m` and `offset_n` the law begins at its own zero"),
+                .label("a simulated law receives the absolute position of its axis")
+                .help("without `offset_m` and `offset_n` the law begins at its zero"),
         );
     }
 }

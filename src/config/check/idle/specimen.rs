@@ -31,7 +31,7 @@ pub(in crate::config::check) fn check_idle_specimen(
         at,
         "mass_in_force_kg",
         specimen.mass_in_force_kg > 0.0 && !with_structure,
-        "loads a structure, and there is none",
+        "acts on a structure, and this file has no `[structure]`",
     );
     for (key, transfer) in [
         ("transfer", &specimen.transfer),
