@@ -535,7 +535,7 @@ fn where_no_critical_delay_can_be_known_the_reason_is_given() {
          [[excitation.prescribed_displacement]]\nspecimen = \"a\"\n\
          signal.cyclic = { amplitudes = [0.002], cycles_per_amplitude = 1, shape = \"sine\", frequency_hz = 2.0 }\n\
          [safety]\ndelay_used = { trip = 0.5 }\n",
-        "no structure is here",
+        "the test has no structure",
     );
     let chain = |safety: &str| {
         format!(

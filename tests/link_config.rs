@@ -70,8 +70,8 @@ fn where_a_specimen_stands_is_said_by_its_link_or_by_the_file() {
         let text = linked(10, "127.0.0.1:1", keys);
         complaint(&text.replace("computed = true\n", ""))
     };
-    const ASKS: &str = "where does this specimen stand before the test?";
-    const TELLS: &str = "the specimen itself tells where it stands";
+    const ASKS: &str = "the position of this specimen before the test is unknown";
+    const TELLS: &str = "the specimen reports its position";
     for (keys, words) in [
         ("protocol = \"openfresco-adapter\"", ASKS),
         ("protocol = \"openfresco-shadow\"", ASKS),
@@ -176,7 +176,7 @@ fn keys_of_the_test_that_need_a_measured_displacement_judge_no_link_with_forces_
         let beside = format!("{alone}\n[[specimen]]\nname = \"other\"\nstorey = 2\n{ONE_AXIS_LAW}");
         let loaded = config::parse(Path::new("test.toml"), beside, &[]).unwrap();
         let warned = gusset::config::Diagnostics(loaded.warnings).to_string();
-        shows(&warned, &format!("`{key}` does not judge \"column\""));
+        shows(&warned, &format!("`{key}` does not check \"column\""));
         let measures = alone.replace("probe_m", "openfresco = { server = \"site\" }\nprobe_m");
         let found = complaint(&measures);
         assert!(!found.contains("needs a measured"), "{found}");
@@ -195,7 +195,7 @@ fn counts_of_signals_are_none_or_the_number_of_axes_and_answer_signals_is_named(
         shows(&found, "the number of axes");
     }
     let found = said("answer_signals = [1, 1, 1, 1, 1]", "stands_at_m = [0]");
-    shows(&found, "`openfresco.answer_signals` says");
+    shows(&found, "`openfresco.answer_signals` gives");
     assert!(!found.contains("only for an element server"), "{found}");
 }
 
@@ -214,7 +214,7 @@ fn what_is_believed_of_a_specimen_behind_a_link_must_be_said() {
     );
     shows(
         &complaint(&inches),
-        "the protocol of Gusset has no such `unit_disp`",
+        "the protocol of Gusset does not support this `unit_disp`",
     );
     shows(&complaint(&inches), "protocol = \"openfresco…\"");
     shows(&complaint(&inches), "m or mm");

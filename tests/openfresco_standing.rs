@@ -66,7 +66,7 @@ fn without_it_only_a_computation_is_commanded_and_goes_there_at_once() {
     let (code, said) = run(folder.path(), "refused", &text);
     assert_eq!(code, 2, "{said}");
     for words in [
-        "where does this specimen stand before the test?",
+        "the position of this specimen before the test is unknown",
         "`stands_at_m = [0.0]`",
     ] {
         assert!(said.contains(words), "{said}");
@@ -94,7 +94,7 @@ fn a_test_that_goes_on_finds_it_where_it_was_left_and_not_where_it_once_stood() 
     assert_eq!(output.status.code(), Some(0), "{said}");
     // What the file says was over with the first command.
     assert!(said.contains("takes it at once to where it was left"));
-    assert!(!said.contains("stands_at_m") && !said.contains("where the test begins"));
+    assert!(!said.contains("stands_at_m") && !said.contains("the test starts from there"));
     let told = told.lock().unwrap();
     assert!(told.len() > BREAKS_AT + 10 && largest_step(&told) < 2e-4);
 }
@@ -167,7 +167,7 @@ fn a_gateway_knows_where_it_told_a_specimen_to_go_that_cannot_say_where_it_stand
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{said}");
     assert!(
-        said.contains("where does this specimen stand before the test?"),
+        said.contains("the position of this specimen before the test is unknown"),
         "{said}"
     );
 

@@ -251,7 +251,7 @@ fn mistakes_are_shown_where_they_stand() {
     for (keys, words) in [
         (
             "lambda_of_element = { \"storey 4\" = 3 }",
-            "nothing is called \"storey 4\"",
+            "no part \"storey 4\"",
         ),
         (
             "lambda_of_element = { \"story 2\" = 3 }",
@@ -267,13 +267,13 @@ fn mistakes_are_shown_where_they_stand() {
         ),
         (
             "lambda_of_element = { \"storey 2\" = \"auto\" }",
-            "given by name is a number",
+            "by name must be a number",
         ),
         (
             "lambda_of_mode = [4, 4, 4, 4]",
-            "4 modes are given a lambda, but the structure has 3",
+            "4 modes have a lambda, but the structure has 3",
         ),
-        ("lambda_of_mode = [\"auto\"]", "given by name is a number"),
+        ("lambda_of_mode = [\"auto\"]", "by name must be a number"),
         ("lambda_of_mode = [nan]", "greater than zero"),
         (
             "lambda_of_mode = [4]\nlambda_of_element = { \"storey 2\" = 3 }",

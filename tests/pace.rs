@@ -499,14 +499,14 @@ fn a_pace_that_makes_no_sense_is_refused() {
         ),
         (
             format!("{}{link} }}\n", frame(1, "safety.unlimited = \"t\"")),
-            "every tick is a step here",
+            "each step has only one tick here",
         ),
         (
             format!(
                 "{}{link}, coupling = \"sampled\" }}\n",
                 frame(4, "safety.unlimited = \"t\"")
             ),
-            "commanded at every tick",
+            "needs a command at every tick",
         ),
         (
             format!(

@@ -384,8 +384,8 @@ fn the_page_tells_the_way_out_and_how_limits_are_judged() {
          20.0\u{a0}mm and 46.0\u{a0}kN, largest force during shutdown 46.0\u{a0}kN, more than in the running test.",
         "<b>16.0\u{a0}kN</b><span>largest force of the running test, column; 46.0\u{a0}kN during shutdown",
         "1025\u{a0}steps of the running test; 161\u{a0}rows of the shutdown",
-        "<td>not checked: no deadline is missed on the simulated clock</td>",
-        "At the end: every specimen is led to its `safe_disp_m`, at 0.05 m/s at most",
+        "<td>not checked: the simulated clock misses no deadlines</td>",
+        "At the end: every specimen moves to its `safe_disp_m`, at 0.05 m/s at most",
         "safe displacement: 20\u{a0}mm.",
     ] {
         assert!(page.contains(part), "{part}");

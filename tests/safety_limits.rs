@@ -115,14 +115,14 @@ fn limits_that_contradict_each_other_are_shown_with_both_places() {
             "",
             &[
                 "less than the 0.001 m that `command_step_m` allows",
-                "trips first, always",
+                "always trips first",
             ][..],
         ),
         (
             "sensor_force_n = { trip = [-2e6, 9e5] }",
             "",
             "",
-            &["`measured_force_n` reaches from -1000000 to 1000000, but the sensor only"],
+            &["`measured_force_n` is -1000000 to 1000000, but the sensor measures only"],
         ),
         (
             "command_vel_m_per_s = { trip = 0.05 }",
@@ -297,7 +297,7 @@ fn check_says_which_limits_there_are_who_checks_them_and_what_happens_then() {
         "max_misses_in_window",
         "step_audit",
         "stability_used",
-        "an interlock or emergency stop",
+        "an open interlock or emergency stop",
         "every specimen holds its last command",
         // How a bound is judged, what the other end does by itself, and how everything begins and ends.
         "in motion 0.03 s of it more",
@@ -305,8 +305,8 @@ fn check_says_which_limits_there_are_who_checks_them_and_what_happens_then() {
         "of second differences beyond 0.000001 m",
         "in 7 s, not in the",
         "holds, by itself, after 0.5 s without a command",
-        "neither `probe_m` nor a static load shows it",
-        "every specimen is led to its `safe_disp_m`, at 0.004 m/s at most",
+        "no wiring check",
+        "every specimen moves to its `safe_disp_m`, at 0.004 m/s at most",
         "  0.0125 m\n",
         "hold for 0.250000 s while every sensor is read and the operator confirms",
         "a ramp of 3 s or longer",

@@ -534,7 +534,7 @@ fn a_loop_that_is_unstable_only_at_rest_or_only_beyond_it_is_told_and_not_refuse
     let words = "UNSTABLE at rest: small motions grow";
     assert!(said.stdout.contains(words), "{}", said.stdout);
     assert!(
-        said.stderr.contains("the response may grow"),
+        said.stderr.contains("the response can grow"),
         "{}",
         said.stderr
     );
@@ -542,7 +542,7 @@ fn a_loop_that_is_unstable_only_at_rest_or_only_beyond_it_is_told_and_not_refuse
     // λ = 4 has no proof up to this reach, which is an error of its own.
     let said = check(200.0, 3.0, idle, 0.04, &["--no-rehearsal"]);
     assert_eq!(said.code, Some(1), "{}{}", said.stdout, said.stderr);
-    assert!(said.stderr.contains("warning: the response may grow"));
+    assert!(said.stderr.contains("warning: the response can grow"));
     assert!(
         said.stdout.contains("UNSTABLE with K0 and C0"),
         "{}",

@@ -129,7 +129,7 @@ impl Served {
         for (index, gear) in axes.enumerate() {
             if let Some((key, known)) = gear.foreign_units().next() {
                 let at = self.place.key("axis").index(index).key(key);
-                let text = format!("the protocol of Gusset has no such `{key}`");
+                let text = format!("the protocol of Gusset does not support this `{key}`");
                 let finding = Finding::error(at, text)
                     .label(known)
                     .help("`gusset serve --protocol openfresco` serves it in this unit");

@@ -202,7 +202,7 @@ mod tests {
     #[test]
     fn how_a_limit_is_judged_and_what_is_done_at_either_end_stand_beside_the_sizes() {
         let miss = json!({"key": "max_total_misses", "unit": "in all", "warn": [50.0], "trip": [100.0],
-            "judged": "not checked: no deadline is missed on the simulated clock"});
+            "judged": "not checked: the simulated clock misses no deadlines"});
         let following = json!({"key": "following_error_m", "unit": "m", "warn": [], "trip": [0.02],
             "judged": "at rest; in motion 0.02 s of it more"});
         let specimen = |name: &str| {
@@ -212,7 +212,7 @@ mod tests {
         let run = RunData {
             summary: Some(json!({"limits": {
                 "specimens": [specimen("a"), specimen("b")], "test": [miss],
-                "way_in": "no sensor is read;\nthen a ramp", "at_end": "every specimen is led to its `safe_disp_m`",
+                "way_in": "no sensor is read;\nthen a ramp", "at_end": "every specimen moves to its `safe_disp_m`",
                 "on_trip": "every specimen holds", "on_miss": "the grid moves",
             }})),
             ..RunData::default()
@@ -221,11 +221,11 @@ mod tests {
         for part in [
             "<th>judged</th>",
             "<td>at rest; in motion 0.02 s of it more</td>",
-            "<td>not checked: no deadline is missed on the simulated clock</td>",
+            "<td>not checked: the simulated clock misses no deadlines</td>",
             "Startup: no sensor is read; then a ramp.",
             "A late tick: the grid moves.",
             "On a trip: every specimen holds.",
-            "At the end: every specimen is led to its `safe_disp_m`.",
+            "At the end: every specimen moves to its `safe_disp_m`.",
             "a, b: limits checked by this loop, its server; stale answers: the last force is held; \
              watchdog: after 0.25 s it holds; safe displacement: 20\u{a0}mm.",
         ] {

@@ -149,8 +149,8 @@ pub(super) fn warn_of_digits(site: &mut Site<'_>, reciprocal_condition: f64) {
     }
     let kept = (-f64::EPSILON.log10() - lost).max(0.0);
     let text = format!(
-        "what is factored for alpha has a reciprocal condition number of {reciprocal_condition:.1e}: a solve keeps about \
-         {kept:.0} of 16 digits"
+        "the factored matrix of the alpha method has a reciprocal condition number of {reciprocal_condition:.1e}: a solution \
+         keeps about {kept:.0} of 16 digits"
     );
     site.warnings.push(
         Finding::warning(path("structure"), text)

@@ -23,9 +23,9 @@ pub(super) fn check_link(
     if specimen.stiffness_n_per_m.is_none() {
         findings.0.push(
             Finding::error(here.clone(), "`stiffness_n_per_m` is missing")
-                .label("a specimen behind a link has no law to take it from")
+                .label("needed for a specimen behind a link, which has no law")
                 .help(
-                    "it enters K0 and is compared with what the specimen reports when it connects",
+                    "it enters K0, and is compared with the stiffness that the specimen reports on connection",
                 ),
         );
     }
@@ -37,7 +37,7 @@ pub(super) fn check_link(
                 at.key("hardening_bound"),
                 format!("`hardening_bound` is {bound}, but must be 1 or greater"),
             )
-            .label("the tangent at the start is 1"),
+            .label("a factor on the initial tangent stiffness"),
         );
     }
     findings.positive(here.key("connect_timeout_s"), Some(link.connect_timeout_s));
@@ -72,16 +72,16 @@ pub(super) fn check_link(
         findings.0.push(
             Finding::error(
                 here.key("address"),
-                format!("{:?} names no {text}", link.address),
+                format!("{:?} has no {text}", link.address),
             )
-            .label("wanted \"host:port\", \"192.0.2.7:port\" or \"[2001:db8::7]:port\""),
+            .label("write \"host:port\", \"192.0.2.7:port\" or \"[2001:db8::7]:port\""),
         );
     }
     if link.tls.is_some() && link.transport != Carrier::Tls {
         findings.0.push(
             Finding::error(here.key("tls"), "certificates are for TLS only")
                 .at_key()
-                .label("wanted with `transport = \"tls\"`"),
+                .label("needed for `transport = \"tls\"`"),
         );
     }
     if let Some(names) = &link.axis_names {
@@ -95,7 +95,7 @@ pub(super) fn check_link(
         findings.0.push(
             Finding::error(
                 here.key("openfresco"),
-                "our own protocol needs no such settings",
+                "the protocol of Gusset has no such settings",
             )
             .at_key()
             .label("only for `protocol = \"openfresco…\"`"),
@@ -104,13 +104,13 @@ pub(super) fn check_link(
     for (index, axis) in specimen.axis.iter().enumerate() {
         let at = at.key("axis").index(index);
         for (key, known) in axis.foreign_units() {
-            let text = format!("the protocol of Gusset has no such `{key}`");
+            let text = format!("the protocol of Gusset does not support this `{key}`");
             findings.0.push(
                 Finding::error(at.key(key), text)
                     .label(known)
                     .help(
-                        "inches, feet, pounds and kips need a link that speaks a protocol of OpenFresco (`protocol = \"openfresco…\"`); \
-                         else let the other end of the link count in m or mm and in N or kN",
+                        "inches, feet, pounds and kips need `protocol = \"openfresco…\"`; otherwise let the server use m or \
+                         mm, and N or kN",
                     ),
             );
         }
@@ -186,13 +186,13 @@ pub(super) fn check_pace(
     let here = at.key("link").key("commands");
     if file.time.ticks_per_step == 1 {
         findings.0.push(
-            Finding::error(here, "every tick is a step here")
-                .label("\"every_step\" is for tests with more ticks than steps")
-                .help("`ticks_per_step` in [time] says how many ticks a step has"),
+            Finding::error(here, "each step has only one tick here")
+                .label("\"every_step\" is for tests with several ticks per step")
+                .help("set `ticks_per_step` in [time]"),
         );
     } else if link.protocol == Protocol::Gusset && link.coupling == LinkCoupling::Sampled {
         findings.0.push(
-            Finding::error(here, "a sampled specimen is commanded at every tick")
+            Finding::error(here, "a sampled specimen needs a command at every tick")
                 .label("\"every_step\" needs `coupling = \"lockstep\"`")
                 .beside(at.key("link").key("coupling"), "sampled here"),
         );
@@ -220,7 +220,7 @@ fn check_address(address: &str) -> Result<(), &'static str> {
     match inner {
         Some(inner) if inner.contains(':') => Ok(()),
         None if !host.is_empty() && !host.contains([':', '[', ']']) => Ok(()),
-        _ => Err("machine before its port"),
+        _ => Err("host name before the port"),
     }
 }
 
@@ -249,12 +249,12 @@ fn check_probe(specimen: &SpecimenTable, link: &LinkSpec, at: &KeyPath, findings
             Finding::error(
                 at.key("probe_m"),
                 format!(
-                    "axis {} has no stiffness that could show its direction",
+                    "the wiring check needs a stiffness on axis {}",
                     axis + 1
                 ),
             )
-            .label("a slow motion gives no force")
-            .help("say `probe = \"none\"` and check the wiring by hand"),
+            .label("without a stiffness a slow motion causes no force")
+            .help("set `probe = \"none\"` and check the wiring by hand"),
         );
     }
 }
@@ -276,25 +276,25 @@ pub(super) fn check_standing(specimen: &SpecimenTable, at: &KeyPath, findings: &
     match &link.stands_at_m {
         None if tells != Some(false) || link.computed => {}
         None => findings.0.push(
-            Finding::error(at.clone(), "where does this specimen stand before the test?")
-                .label("what it speaks cannot tell before the first command")
+            Finding::error(at.clone(), "the position of this specimen before the test is unknown")
+                .label("this protocol cannot report the position before the first command")
                 .help(format!(
-                    "`stands_at_m = {:?}` says it, in m as each axis counts: it is held there, and led from there to where the \
-                     test begins",
+                    "give it as `stands_at_m = {:?}`, in m with the sign of each axis: the test starts from there",
                     vec![0.0; axes]
                 ))
-                .help("`computed = true` says that nothing moves there which could break"),
+                .help("or set `computed = true` if the server only simulates"),
         ),
         Some(_) if tells == Some(true) => {
-            let finding = Finding::error(here, "the specimen itself tells where it stands").at_key();
+            let finding = Finding::error(here, "the specimen reports its position, so `stands_at_m` is not needed").at_key();
             let chosen = link.openfresco.as_ref();
             let given = chosen.is_some_and(|given| given.answer_signals.is_some());
             findings.0.push(if given {
                 finding
-                    .label("`openfresco.answer_signals` says that it answers displacements and forces")
-                    .help("leave out one of the two keys: an element server of OpenFresco measures no displacement")
+                    .label("`openfresco.answer_signals` gives displacements and forces")
+                    .help("remove one of the two keys: an element server of OpenFresco measures no displacement")
             } else {
-                finding.label("only for an element server, an actor site, an adapter, or a specimen behind the protocol of Gusset that does not tell")
+                finding.label("only for an element server, an actor site, an adapter, or a server with the protocol of Gusset \
+                 that does not report it")
             });
         }
         Some(stands) if stands.len() != axes => {
@@ -308,7 +308,7 @@ pub(super) fn check_standing(specimen: &SpecimenTable, at: &KeyPath, findings: &
                 let text = format!("axis {} is at {}", index + 1, stands[index]);
                 findings
                     .0
-                    .push(Finding::error(here, text).label("a finite number of m"));
+                    .push(Finding::error(here, text).label("must be a finite number, in m"));
             }
         }
     }
@@ -321,7 +321,7 @@ fn check_openfresco(link: &LinkSpec, at: &KeyPath, findings: &mut Findings) {
         (
             "watchdog_s",
             link.watchdog_s.is_some(),
-            "the far end keeps no watch on commands",
+            "this server has no watchdog for commands",
         ),
         (
             "sample_after",
@@ -331,11 +331,11 @@ fn check_openfresco(link: &LinkSpec, at: &KeyPath, findings: &mut Findings) {
         (
             "axis_names",
             link.axis_names.is_some(),
-            "axes have no names there",
+            "this protocol has no names of axes",
         ),
     ] {
         if given {
-            let text = format!("OpenFresco's protocols have no `{key}`");
+            let text = format!("OpenFresco's protocols do not support `{key}`");
             findings
                 .0
                 .push(Finding::error(at.key(key), text).at_key().label(why));
@@ -356,7 +356,7 @@ fn check_names(names: &[String], specimen: &SpecimenTable, at: &KeyPath, finding
         if !fits || names[..index].contains(name) {
             findings.0.push(
                 Finding::error(at.index(index), format!("{name:?} cannot name an axis"))
-                    .label("1 to 64 bytes, unlike all others"),
+                    .label("a name has 1 to 64 bytes and is unique"),
             );
         }
     }

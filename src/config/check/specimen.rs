@@ -53,7 +53,7 @@ pub(super) fn check_specimen(
             }
         }
         None if specimen.hardening_bound.is_some() => findings.0.push(
-            Finding::error(at.key("hardening_bound"), "a law knows its own bound")
+            Finding::error(at.key("hardening_bound"), "a law has its own bound")
                 .at_key()
                 .label("only for a specimen behind a link"),
         ),
@@ -85,7 +85,7 @@ pub(super) fn check_specimen(
     .filter_map(|(key, given)| given.then_some(key))
     .collect();
     if source == Source::Structure {
-        let why = "it says which deformation d = B·x the specimen sees";
+        let why = "give the deformation d = B·x that the specimen follows";
         findings.exactly_one(at, &seen, &["storey", "rows"], why);
     } else {
         for key in seen {
@@ -94,10 +94,10 @@ pub(super) fn check_specimen(
                 continue;
             }
             let help = if source == Source::Client {
-                "the client commands the displacement: leave this key out, or say by `rows` how its displacements make those of the \
+                "the client commands the displacement: remove this key, or give `rows` to transform its displacements to the \
                  axes (`--protocol openfresco…`)"
             } else {
-                "without a structure the displacement is prescribed; leave this key out"
+                "without a structure the displacement is prescribed: remove this key"
             };
             findings.0.push(
                 Finding::error(
@@ -105,14 +105,14 @@ pub(super) fn check_specimen(
                     format!("`{key}` refers to a structure, and this test has no `[structure]`"),
                 )
                 .at_key()
-                .label("nothing to take it from")
+                .label("no structure")
                 .help(help),
             );
         }
     }
     if specimen.storey == Some(0) {
         findings.0.push(
-            Finding::error(at.key("storey"), "there is no storey 0")
+            Finding::error(at.key("storey"), "storey 0 does not exist")
                 .label("storeys are counted from 1 at the bottom"),
         );
     }
@@ -171,8 +171,8 @@ fn check_time(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
                     "a simulated actuator runs in test time: `similitude.time` must be 1",
                 )
                 .at_key()
-                .label("follows in the time of the test")
-                .beside(at.key("similitude").key("time"), "the specimen has another"),
+                .label("runs in test time")
+                .beside(at.key("similitude").key("time"), "the specimen has another time scale time scale"),
             );
         }
     }
@@ -198,7 +198,7 @@ fn check_axes(
                     counted(given, "`axis` table is", "`axis` tables are")
                 ),
             )
-            .label("one table per axis, or none at all"),
+            .label("give one table per axis, or no tables"),
         );
     }
     for (index, axis) in specimen.axis.iter().enumerate() {
@@ -211,7 +211,7 @@ fn check_axes(
                     format!("`sign` is {}, but must be 1 or -1", axis.sign),
                 )
                 .label("only a direction")
-                .help("a factor belongs into `scale`"),
+                .help("use `scale` for a factor"),
             );
         }
     }
@@ -242,7 +242,7 @@ fn check_rows(rows: &[Vec<f64>], at: &KeyPath, findings: &mut Findings) {
         } else if row.iter().all(|b| *b == 0.0) {
             findings.0.push(
                 Finding::error(here, format!("row {} is all zero", index + 1))
-                    .label("this axis would never move, and its force act on nothing"),
+                    .label("this axis would not move, and its force would have no effect"),
             );
         }
     }
@@ -272,12 +272,12 @@ fn check_served_rows(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Find
         findings.0.push(
             Finding::error(
                 here,
-                format!("axis {} counts in other units than axis 1", index + 1),
+                format!("axis {} has other units than axis 1", index + 1),
             )
             .label("`rows` need one unit of displacement and one of force")
             .beside(
                 at.key("rows"),
-                "the client's displacements count in them, too",
+                "the client's displacements also have this unit",
             ),
         );
     }
@@ -303,7 +303,7 @@ fn check_estimate(
                     counted(axes, "axis", "axes")
                 ),
             )
-            .label(format!("a {axes} by {axes} matrix is wanted")),
+            .label(format!("give a {axes} by {axes} matrix")),
         );
         return;
     }
@@ -360,7 +360,7 @@ pub(super) fn check_names(specimens: &[SpecimenTable], findings: &mut Findings) 
             findings.0.push(
                 Finding::error(at, format!("{name:?} cannot name a specimen"))
                     .label("it is part of file names")
-                    .help("allowed are up to 64 letters (a-z), digits, `-`, `_` and `.`, the first of them no dot"),
+                    .help("a name has up to 64 letters (a-z), digits, `-`, `_` and `.`, and does not begin with a dot"),
             );
         } else if let Some(before) = specimens[..index]
             .iter()
@@ -371,7 +371,8 @@ pub(super) fn check_names(specimens: &[SpecimenTable], findings: &mut Findings) 
                 Finding::error(at, format!("two specimens are called `{name}`"))
                     .label("again here")
                     .beside(first, "first here")
-                    .help("names tell their columns and files apart, without regard to case"),
+                    .help("names of specimens must differ, not only in upper and lower case, because columns and files have \
+                     these names"),
             );
         }
     }
@@ -394,7 +395,7 @@ pub(super) fn check_seeds(specimens: &[SpecimenTable], findings: &mut Findings) 
         };
         let at = |index: usize| KeyPath::root().key("specimen").index(index).key("transfer");
         let headline = format!(
-            "the sensors of `{}` and `{}` have the same noise, number by number",
+            "the sensors of `{}` and `{}` have identical noise",
             first.1.name, specimen.name
         );
         findings.0.push(

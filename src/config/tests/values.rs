@@ -286,7 +286,7 @@ fn a_prescribed_test_is_contradicted_by_a_structure_or_its_loads() {
 fn relative_and_absolute_coordinates_do_not_mix() {
     let base = "[excitation.base_displacement]\nsignal = { file = { path = 'x' } }\n";
     let text = read(&format!("{GOOD}{base}"), &[]).unwrap_err().to_string();
-    shows(&text, "displacements would mean nothing");
+    shows(&text, "give only one of them");
 }
 
 #[test]
@@ -313,7 +313,7 @@ fn a_structure_that_nothing_moves_is_a_warning() {
     let warnings = accepted(&text, &[]).warnings;
     shows(
         &warnings[0].render(false),
-        "warning: nothing sets the structure in motion",
+        "warning: nothing moves the structure",
     );
     accepted(&text, &["structure.initial_displacement_m=[0.1, 0, 0]"]);
 }

@@ -47,9 +47,9 @@ pub(super) fn of_specimen(table: &SpecimenTable, port: &Port, time: &Time) -> Sp
         None => SpecimenLimits {
             name,
             geometry,
-            checked_by: "this loop, before a command leaves and with every answer".to_owned(),
+            checked_by: "this loop, before each command and after each reply".to_owned(),
             axes,
-            stale: "cannot be: it is computed here".to_owned(),
+            stale: "not needed: this program simulates it".to_owned(),
             watchdog: None,
             ends: ends(table),
             direction: None,
@@ -65,7 +65,7 @@ pub(super) fn of_specimen(table: &SpecimenTable, port: &Port, time: &Time) -> Sp
                 name,
                 geometry,
                 checked_by: format!(
-                    "this loop, before a command leaves and with every fresh answer{far}"
+                    "this loop, before each command and after each new reply{far}"
                 ),
                 axes,
                 stale: stale(link, port),
@@ -146,13 +146,13 @@ fn stale(link: &LinkSpec, port: &Port) -> String {
     };
     match link.on_stale {
         _ if port.coupling() == Coupling::Lockstep => format!(
-            "cannot be: an answer is waited for; after {} s without one the link is lost",
+            "not possible: the loop waits for each reply; after {} s without a reply the link is lost",
             link.reply_timeout_s
         ),
         StaleChoice::Stop => way.to_owned(),
         StaleChoice::Hold | StaleChoice::Extrapolate => {
             let most = port.wait.map_or(0, |wait| wait.stale_in_a_row);
-            format!("{way}; more than {most} in a row trip")
+            format!("{way}; more than {most} in a row cause a trip")
         }
     }
 }
@@ -166,7 +166,7 @@ fn watchdog(link: &LinkSpec, time: &Time) -> String {
                 ClockChoice::Simulated => " (by wall time, whatever the clock of the test)",
             };
             format!(
-                "the specimen's end holds, by itself, after {after} s without a command{unwatched}"
+                "the specimen's server holds after {after} s without a command{unwatched}"
             )
         }
         Protocol::OpenFresco | Protocol::OpenFrescoShadow | Protocol::OpenFrescoAdapter => {
@@ -186,13 +186,13 @@ fn direction(link: &LinkSpec, port: &Port) -> String {
                 _ => format!("{} s", link.probe_ramp_s),
             };
             format!(
-                "each axis goes {metres} m and back before the test, {way} each way: wired the wrong way round, it is not armed"
+                "wiring check: each axis moves {metres} m and back before the test, {way} each way; a specimen with wrong wiring is not armed"
             )
         }
         (None, Direction::Settling(_)) => {
-            "shown by the static load: wired the wrong way round, it is not armed".to_owned()
+            "wiring check under the static load; a specimen with wrong wiring is not armed".to_owned()
         }
-        (None, _) => "not looked at: neither `probe_m` nor a static load shows it".to_owned(),
+        (None, _) => "no wiring check: set `probe_m` in [specimen.link], or apply a static load".to_owned(),
     }
 }
 

@@ -55,7 +55,7 @@ pub(super) fn says_its_force(
             at.key(key)
         };
         let text = format!(
-            "at rest the law of {:?} gives {} to the structure, where every deformation is zero",
+            "at rest the law of {:?} gives {} to the structure although every deformation is zero",
             table.name,
             newtons_in_words(felt)
         );
