@@ -152,11 +152,11 @@ fn what_a_method_does_not_have_or_lacks_is_said() {
         ),
         (
             "method = \"newmark_linear\"\nlambda = 4",
-            "`integrator.lambda` means nothing",
+            "`integrator.lambda` has no effect",
         ),
         (
             "rho_infinity = 0.5",
-            "`integrator.rho_infinity` means nothing",
+            "`integrator.rho_infinity` has no effect",
         ),
         (
             "method = \"chang_2002\"\nnewton_iterations = 0",

@@ -36,13 +36,13 @@ fn what_has_no_effect_or_is_missing_is_refused() {
     shows(&complaint("", ""), "`stiffness_n_per_m` is missing");
     for key in ["scale = 2.0", "sign = -1", "offset_m = 0.1", "offset_n = 5"] {
         let table = format!("{KNOWN}[[specimen.axis]]\n{key}\n");
-        shows(
-            &complaint(&table, ""),
-            "a gateway does not convert numbers",
-        );
+        shows(&complaint(&table, ""), "a gateway does not convert numbers");
     }
     let scaled = format!("{KNOWN}[specimen.similitude]\nlength = 10\n");
-    shows(&complaint(&scaled, ""), "a gateway does not convert numbers");
+    shows(
+        &complaint(&scaled, ""),
+        "a gateway does not convert numbers",
+    );
     let inches = format!("{KNOWN}[[specimen.axis]]\nunit_disp = \"in\"\n");
     shows(&complaint(&inches, ""), "does not support this `unit_disp`");
     shows(

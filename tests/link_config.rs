@@ -51,14 +51,14 @@ fn numbers_outside_their_ranges_are_shown_at_their_keys() {
         shows(&with(keys), words);
     }
     for (address, words) in [
-        ("rig", "names no port"),
-        ("127.0.0.1:4x", "names no port from 1 to 65535"),
-        ("rig:", "names no port from 1 to 65535"),
-        ("rig:0", "names no port from 1 to 65535"),
-        ("rig:65536", "names no port from 1 to 65535"),
-        (":4823", "names no machine"),
-        ("2001:db8::7:4823", "names no machine"),
-        ("[rig]:4823", "names no machine"),
+        ("rig", "has no port"),
+        ("127.0.0.1:4x", "has no port from 1 to 65535"),
+        ("rig:", "has no port from 1 to 65535"),
+        ("rig:0", "has no port from 1 to 65535"),
+        ("rig:65536", "has no port from 1 to 65535"),
+        (":4823", "has no host name"),
+        ("2001:db8::7:4823", "has no host name"),
+        ("[rig]:4823", "has no host name"),
     ] {
         shows(&complaint(&linked(10, address, "")), words);
     }
@@ -264,7 +264,7 @@ fn a_file_of_specimens_or_a_test_can_be_served() {
     assert_eq!(served(&with_table, None), Ok(()));
     shows(
         &served(&two, None).unwrap_err(),
-        "name it with --specimen; there are: a, b",
+        "choose one with --specimen NAME; the specimens of this file: a, b",
     );
     shows(
         &served(&one, Some("c")).unwrap_err(),
@@ -304,4 +304,76 @@ fn a_storey_of_a_served_specimen_leads_to_rows() {
     shows(&found, "`storey` takes a deformation from a structure");
     shows(&found, "`rows`");
     assert!(!found.contains("is prescribed"), "{found}");
+}
+
+#[test]
+fn a_live_page_on_the_port_of_a_specimen_is_refused_before_anything_connects() {
+    let folder = tempfile::tempdir().unwrap();
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    let text = linked(
+        10,
+        &address.to_string(),
+        "probe = \"none\"\ncomputed = true\n",
+    );
+    let text = text.replace("clock = \"real\"", "clock = \"simulated\"");
+    let file = write(folder.path(), "test.toml", &text);
+    let mut command = link_common::gusset();
+    command
+        .arg("run")
+        .arg(file)
+        .arg("--live")
+        .arg(address.to_string());
+    command.arg("--out").arg(folder.path().join("run"));
+    let output = link_common::finish(command);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    for words in ["--live", "specimen `column`", &address.to_string()] {
+        shows(&said, words);
+    }
+    assert!(!folder.path().join("run").exists());
+    listener.set_nonblocking(true).unwrap();
+    assert!(listener.accept().is_err(), "something connected");
+}
+
+#[test]
+fn a_server_on_a_port_in_use_is_refused_with_the_flag_that_changes_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let file = format!("[serve]\nlisten = \"{address}\"\n{ONE_AXIS}{ONE_AXIS_LAW}");
+    let path = write(folder.path(), "rig.toml", &file);
+    for protocol in ["gusset", "openfresco"] {
+        let mut command = link_common::gusset();
+        command
+            .arg("serve")
+            .arg(&path)
+            .args(["--protocol", protocol]);
+        let output = link_common::finish(command);
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        for words in [
+            address.as_str(),
+            "--listen",
+            "`serve.listen`",
+            "`gusset serve`",
+        ] {
+            shows(&said, words);
+        }
+    }
+}
+
+#[test]
+fn a_gateway_on_the_port_of_its_own_specimen_is_refused() {
+    let text = link_common::gateway("127.0.0.1:27998", ONE_AXIS, "");
+    let listen = text.replacen(
+        "[[specimen]]",
+        "[serve]\nlisten = \"localhost:27998\"\n[[specimen]]",
+        1,
+    );
+    let folder = tempfile::tempdir().unwrap();
+    let path = write(folder.path(), "gateway.toml", &listen);
+    let said = load_served(&path, None).unwrap_err().to_string();
+    shows(&said, "have the same port");
+    shows(&said, "column");
 }

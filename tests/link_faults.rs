@@ -206,7 +206,8 @@ fn a_specimen_that_goes_on_holding_by_itself_ends_the_test() {
     let found = summary(folder.path(), "run");
     assert_eq!(found.status, Ended::Stopped);
     // 0.1 s of ticks of 1 ms are put up with.
-    let wanted = "specimen \"column\": it reported in 101 answers in a row that its own watchdog holds it";
+    let wanted =
+        "specimen \"column\": it reported in 101 answers in a row that its own watchdog holds it";
     assert!(found.reason.starts_with(wanted), "{}", found.reason);
     assert_eq!(found.steps, 109);
     let warned = "specimen \"column\": it reported once that its own watchdog holds it";
@@ -291,7 +292,9 @@ fn a_specimen_that_trips_when_the_test_is_over_is_told_of() {
     assert_eq!(found.status, Ended::Completed);
     let told = "reported after the test: it tripped: pump lost pressure";
     assert!(
-        found.reason.contains(&format!("specimen 1 {told}")),
+        found
+            .reason
+            .contains(&format!("specimen \"column\" {told}")),
         "{}",
         found.reason
     );

@@ -216,8 +216,10 @@ fn a_hold_eases_in_and_out_and_leaves_the_response_as_it_was() {
 /// A specimen in the upper storey that is told every step only.
 fn far(name: &str) -> String {
     format!(
-        "[[specimen]]\nname = \"{name}\"\nstorey = 2\nstiffness_n_per_m = 1e5\nlink = {{ address = \"127.0.0.1:9\", coupling \
-         = \"lockstep\", commands = \"every_step\" }}\n"
+        "[[specimen]]\nname = \"{name}\"\nstorey = 2\nstiffness_n_per_m = 1e5\nlink = {{ address = \"127.0.0.1:{}\", coupling \
+         = \"lockstep\", commands = \"every_step\" }}\n",
+        // Each specimen has a separate server.
+        name.len()
     )
 }
 

@@ -193,8 +193,9 @@ fn a_drill_exits_with_5_and_the_specimen_behind_the_link_is_retired() {
         assert_eq!(summary["status"], "failed");
         let reason = summary["reason"].as_str().unwrap();
         assert!(
-            reason
-                .starts_with("internal error: a drill: the specimen's code fails on purpose at 0.25 s"),
+            reason.starts_with(
+                "internal error: a drill: the specimen's code fails on purpose at 0.25 s"
+            ),
             "{reason}"
         );
         // Step 50 of 200 Hz was never closed, and every row before it is there.

@@ -63,7 +63,10 @@ fn two_runs_of_one_test_are_the_same_to_the_last_bit_and_one_changed_bit_is_foun
         "{}",
         said.stderr
     );
-    assert!(page.contains("Both runs are identical to the last bit") && page.contains("configurations are alike"));
+    assert!(
+        page.contains("Both runs are identical to the last bit")
+            && page.contains("configurations are alike")
+    );
 
     let x2 = place(&second, "x2");
     let old = Run::open(&second).unwrap().columns(&["x2"]).unwrap()[0][40];

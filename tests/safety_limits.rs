@@ -128,13 +128,16 @@ fn limits_that_contradict_each_other_are_shown_with_both_places() {
             "command_vel_m_per_s = { trip = 0.05 }",
             "on_trip = \"zero_force\"\nexit_speed_m_per_s = 0.1",
             "",
-            &["would be left at 0.1 m/s, but 0.05 m/s trip"],
+            &["would move to its end position at 0.1 m/s, but 0.05 m/s trip"],
         ),
         (
             "command_step_m = { trip = 0.001 }",
             "on_trip = \"zero_force\"\nexit_speed_m_per_s = 100",
             "",
-            &["would be left at 100 m/s", "but 0.001 m trip"],
+            &[
+                "would move to its end position at 100 m/s",
+                "but 0.001 m trip",
+            ],
         ),
         (
             "",
@@ -213,7 +216,7 @@ fn both_ends_know_the_limits_of_the_other_before_anything_moves() {
     assert_eq!(code, 1, "{said}");
     let reason = summary(folder, "narrow").reason;
     assert!(
-        reason.contains("commanded displacement") && reason.contains("0.004"),
+        reason.contains("commanded displacement") && reason.contains("allowed -4 mm"),
         "{reason}"
     );
     assert!(!reason.contains("interlock"), "{reason}");
@@ -303,7 +306,7 @@ fn check_says_which_limits_there_are_who_checks_them_and_what_happens_then() {
         "in motion 0.03 s of it more",
         "once the command has gone 0.0001 m",
         "of second differences beyond 0.000001 m",
-        "in 7 s, not in the",
+        "in 7 s, not counted in the",
         "holds, by itself, after 0.5 s without a command",
         "no wiring check",
         "every specimen moves to its `safe_disp_m`, at 0.004 m/s at most",

@@ -323,7 +323,9 @@ fn of_trips(trials: &Trials, allowed: f64, certain: bool) -> Line {
             // (1 − p)ⁿ = 0.025.
             let needed = (libm::log(0.025) / libm::log1p(-allowed)).ceil();
             let needed = needed.max(LEAST_TRIALS as f64);
-            format!("{text};\nthese are too few trials for a verdict: {needed:.0} trials without a trip suffice")
+            format!(
+                "{text};\nthese are too few trials for a verdict: {needed:.0} trials without a trip suffice"
+            )
         } else {
             text
         }

@@ -58,9 +58,7 @@ impl Asked {
                 let text = format!(
                     "--live {address} is also the address of specimen `{}` ([specimen.link] address = \"{}\")\n\
                      choose another port for the live page, for example --live {}",
-                    specimen.name,
-                    link.address,
-                    OTHER_PORT
+                    specimen.name, link.address, OTHER_PORT
                 );
                 return Err(usage(text).into());
             }

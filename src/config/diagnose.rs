@@ -346,8 +346,8 @@ pub(crate) fn decimal_comma(text: &str, at: usize) -> Option<Range<usize>> {
         let first = first.map_or(0, |before| before + 1);
         let after = line[comma + 1..].iter().position(|byte| !is_part(*byte));
         let last = after.map_or(line.len(), |count| comma + 1 + count);
-        let digits = line[comma - 1].is_ascii_digit()
-            && line.get(comma + 1).is_some_and(u8::is_ascii_digit);
+        let digits =
+            line[comma - 1].is_ascii_digit() && line.get(comma + 1).is_some_and(u8::is_ascii_digit);
         let before = line[..first].trim_ascii_end().last();
         let split = before == Some(&b'=') || begin + comma + 1 == at || begin + comma + 2 == at;
         if digits && split && !line[..first].contains(&b'#') {
@@ -361,7 +361,8 @@ fn with_comma(source: &Arc<Source>, span: Range<usize>) -> Diagnostic {
     let number = source.text[span.clone()].replacen(',', ".", 1);
     let before = source.text[..span.start].trim_end().trim_end_matches('=');
     let key = before.trim_end().rsplit([' ', '\n', '{', ',', '\t']).next();
-    let key = key.filter(|key| !key.is_empty() && source.text[..span.start].trim_end().ends_with('='));
+    let key =
+        key.filter(|key| !key.is_empty() && source.text[..span.start].trim_end().ends_with('='));
     let place = Place {
         source: Arc::clone(source),
         span: Some(span),

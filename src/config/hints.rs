@@ -60,7 +60,9 @@ impl Hints {
             if let Some(found) = keys.iter().find(means) {
                 return Some(found.clone());
             }
-            table = table.parent().filter(|table| !table.segments().is_empty())?;
+            table = table
+                .parent()
+                .filter(|table| !table.segments().is_empty())?;
         }
     }
 
@@ -77,16 +79,18 @@ impl Hints {
             Datum::Table(_) if self.is_array_of_tables(path) => Some(format!(
                 "write `[[{header}]]` with two brackets: this table can occur more than once"
             )),
-            Datum::Array(items) if !items.is_empty() && items.iter().all(is_table) => Some(format!(
-                "write `[{header}]` with one bracket: this table occurs only once"
-            )),
+            Datum::Array(items) if !items.is_empty() && items.iter().all(is_table) => Some(
+                format!("write `[{header}]` with one bracket: this table occurs only once"),
+            ),
             _ => None,
         }
     }
 
     fn is_array_of_tables(&self, path: &KeyPath) -> bool {
         self.nodes(path).into_iter().any(|node| {
-            let items = node.get("items").map(|items| self.alternatives(items, true));
+            let items = node
+                .get("items")
+                .map(|items| self.alternatives(items, true));
             items.is_some_and(|all| all.iter().any(|one| one.get("properties").is_some()))
         })
     }
@@ -127,7 +131,12 @@ impl Hints {
                 &["anyOf", "allOf"]
             };
             for choice in choices {
-                found.extend(node.get(choice).and_then(Value::as_array).into_iter().flatten());
+                found.extend(
+                    node.get(choice)
+                        .and_then(Value::as_array)
+                        .into_iter()
+                        .flatten(),
+                );
             }
         }
         found

@@ -284,7 +284,13 @@ fn is_test(root: &Node) -> bool {
 /// The finding for a file that is read as a test although it is one for `gusset serve`, or both in one.
 pub(super) fn not_a_test(root: &Node) -> Option<Finding> {
     let has = |key: &str| root.find(&KeyPath::root().key(key)).is_some();
-    let of_a_test = ["time", "structure", "integrator", "excitation", "certificate"];
+    let of_a_test = [
+        "time",
+        "structure",
+        "integrator",
+        "excitation",
+        "certificate",
+    ];
     if is_test(root) && has("serve") {
         let at = KeyPath::root().key("serve");
         let text = "a test file has no `[serve]`";

@@ -42,9 +42,7 @@ impl<'de> Deserialize<'de> for RateValue {
             ) -> Result<RateValue, E> {
                 match read {
                     Ok(ratio) => Ok(RateValue(ratio)),
-                    Err(RateError::TooFine) => {
-                        Err(E::invalid_value(found, &exact(found).as_str()))
-                    }
+                    Err(RateError::TooFine) => Err(E::invalid_value(found, &exact(found).as_str())),
                     Err(RateError::NotPositive | RateError::NotANumber) => {
                         Err(E::invalid_value(found, &self))
                     }

@@ -58,9 +58,8 @@ pub(crate) fn number_in_quotes(found: Unexpected<'_>, wanted: &dyn Expected) -> 
         return None;
     }
     let number = text.trim();
-    let is_number = |text: &str| {
-        text.parse::<f64>().is_ok() && text.contains(|c: char| c.is_ascii_digit())
-    };
+    let is_number =
+        |text: &str| text.parse::<f64>().is_ok() && text.contains(|c: char| c.is_ascii_digit());
     if is_number(number) {
         return Some(format!("write the number without quotes: `{number}`"));
     }

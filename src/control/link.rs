@@ -364,7 +364,11 @@ mod tests {
         assert_eq!(warned(Vec::new()), (0.01, Vec::new()));
         assert_eq!(warned(vec![0.01]), (0.01, Vec::new()));
         let (stands, words) = warned(vec![0.03]);
-        assert!(stands == 0.03 && words.len() == 1 && words[0].contains("the reported position is used"));
+        assert!(
+            stands == 0.03
+                && words.len() == 1
+                && words[0].contains("the reported position is used")
+        );
     }
 
     /// When its answer was due by the clock of a retraced test says nothing in the test that goes on.

@@ -211,7 +211,11 @@ fn specimens(text: &mut Text, board: &Board, latest: &Snapshot) {
             "Present value over the level at which the limit trips.",
             false,
         ),
-        (worst, "Worst value so far over the level at which the limit trips.", true),
+        (
+            worst,
+            "Worst value so far over the level at which the limit trips.",
+            true,
+        ),
     ] {
         text.family(name, "gauge", help);
         for ((specimen, index, axis), view) in subject.axes().zip(&latest.axes) {

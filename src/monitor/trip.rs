@@ -255,7 +255,7 @@ mod tests {
         assert_eq!((trips[0].specimen, trips[0].axis), (Some(0), Some(0)));
         let words = &trips[0].words;
         assert!(
-            words.starts_with("ground-storey, axis 1: commanded displacement -0.12"),
+            words.starts_with("ground-storey, axis 1: commanded displacement -120 mm"),
             "{words}"
         );
         let text = metrics(&board, 1, 0);

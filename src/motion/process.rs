@@ -729,7 +729,7 @@ mod tests {
     #[test]
     fn a_frequency_that_the_step_cannot_carry_is_mentioned() {
         assert!(evaluate(&sine(), grid(0.1, 4)).unwrap().warnings.is_empty());
-        assert!(evaluate(&sine(), grid(0.3, 4)).unwrap().warnings[0].contains("folded"));
+        assert!(evaluate(&sine(), grid(0.3, 4)).unwrap().warnings[0].contains("aliased"));
     }
 
     #[test]

@@ -180,9 +180,7 @@ fn words(end: &AxisEnd, rows: &Rows<'_>, configuration: Option<&Value>, is_whole
     let mut text = if is_whole && !rows.digest().measures_disp(end.axis) {
         format!("last command sent {command}, last force received {force}")
     } else if is_whole {
-        format!(
-            "last command sent {command}, last measurements received {measured} and {force}"
-        )
+        format!("last command sent {command}, last measurements received {measured} and {force}")
     } else {
         let at = if end.time.is_finite() {
             format!(" ({})", rows.moment(end.time))
@@ -269,7 +267,11 @@ mod tests {
             assert!(page.contains(part), "{part} is missing");
         }
         let page = render(&led_away("not_reached"));
-        assert!(page.contains("DID NOT REACH its end position (`at_end` of the test file); last command"));
+        assert!(
+            page.contains(
+                "DID NOT REACH its end position (`at_end` of the test file); last command"
+            )
+        );
         let page = render(&led_away("lost"));
         assert!(page.contains("is LOST: only its own server can hold it"));
     }
@@ -281,7 +283,8 @@ mod tests {
         run.damaged = vec!["the rows end at 0.1 s".to_owned()];
         let page = render(&run).replace("&quot;", "\"");
         let said = "Specimen \"column\" was moved to its end position (`at_end` of the test file); in the last row that can be read (0.1\u{a0}s) \
-                    the command was 8.00\u{a0}mm and the measurements were 7.00\u{a0}mm and 8.00\u{a0}kN; these rows do not show its position \
+                    the command was 8.00\u{a0}mm and the measurements were 7.00\u{a0}mm and 8.00\u{a0}kN; these rows do not \
+                    show its position \
                     at the end";
         assert!(page.contains(said), "{page}");
         assert!(!page.contains("last command") && !page.contains("last measured"));
@@ -331,7 +334,7 @@ mod tests {
         let mut run = led_away("stayed");
         run.data.iter_mut().for_each(|column| column.truncate(4));
         let page = render(&run);
-        assert!(page.contains("stayed at the last command; last command 12.0\u{a0}mm"));
+        assert!(page.contains("stayed at the last command; last command sent 12.0\u{a0}mm"));
         assert!(page.contains("largest force, column") && !page.contains("during shutdown"));
         let all: serde_json::Map<String, Value> = (0..12)
             .map(|i| {

@@ -60,10 +60,7 @@ pub(super) fn limits(run: &RunData) -> String {
         markup += &beside("limits", &table(&heading, &rows));
     }
     if !unlimited.is_empty() {
-        markup += &note(&format!(
-            "Without limits: {}.",
-            unlimited.join(", ")
-        ));
+        markup += &note(&format!("Without limits: {}.", unlimited.join(", ")));
     }
     let always: Vec<_> = list(limits.get("always"))
         .iter()
@@ -74,7 +71,7 @@ pub(super) fn limits(run: &RunData) -> String {
     }
     for (what, key) in [
         ("Unlimited", "unlimited"),
-        ("The way in", "way_in"),
+        ("Startup", "way_in"),
         ("A late tick", "on_miss"),
         ("On a trip", "on_trip"),
         ("At the end", "at_end"),

@@ -34,7 +34,8 @@ use trips::Told;
 const CHANGED: &str = "accept_changed";
 const ON_ITS_WAY_IN: &str = "it ended during startup and made no step: its state is that of the run before it, and the specimens \
     are where it left them";
-const UNTRIED: &str = "the wiring check is not repeated: start a new test if the wiring was changed";
+const UNTRIED: &str =
+    "the wiring check is not repeated: start a new test if the wiring was changed";
 /// Name of a trip whose event is missing.
 const UNKNOWN: &str = "unknown";
 

@@ -247,7 +247,9 @@ pub fn ending(outcome: &Outcome) -> (Finish, String) {
             if outcome.ending == *after {
                 format!("{before}; shutdown not completed: {stop}")
             } else {
-                format!("{stop}; this happened during the shutdown ({before}), which is not completed")
+                format!(
+                    "{stop}; this happened during the shutdown ({before}), which is not completed"
+                )
             }
         }
     };
@@ -264,9 +266,9 @@ pub fn ending(outcome: &Outcome) -> (Finish, String) {
             Some(Holder::Unknown) => {
                 format!("; only the server of {name} knows its position")
             }
-            Some(Holder::Nobody) => format!(
-                "; no watchdog holds {name}: it is where its own controller leaves it"
-            ),
+            Some(Holder::Nobody) => {
+                format!("; no watchdog holds {name}: it is where its own controller leaves it")
+            }
             Some(Holder::Needless) | None => String::new(),
         });
     }
@@ -325,8 +327,17 @@ const fn finish_of(stop: &Stop) -> Finish {
     }
 }
 
+/// Why a test stopped, with the specimen by its name.
+pub(super) fn stop_words(stop: &Stop, outcome: &Outcome) -> String {
+    let text = stop.to_string();
+    match stop.port() {
+        None => text,
+        Some(port) => text.replacen(&format!("specimen {}", port + 1), &named(port, outcome), 1),
+    }
+}
+
 /// A specimen by its name.
-fn named(port: usize, outcome: &Outcome) -> String {
+pub(super) fn named(port: usize, outcome: &Outcome) -> String {
     match outcome.ports.get(port) {
         Some((name, ..)) => format!("specimen \"{name}\""),
         None => format!("specimen {}", port + 1),
@@ -344,11 +355,7 @@ pub(super) fn words(ending: &Ending, outcome: &Outcome) -> String {
         }
         _ => None,
     };
-    let mut reason = stop.to_string();
-    if let Some(port) = stop.port() {
-        let number = format!("specimen {}", port + 1);
-        reason = reason.replacen(&number, &named(port, outcome), 1);
-    }
+    let mut reason = stop_words(stop, outcome);
     if let Some((_, text)) = told {
         reason = format!("{reason} ({text})");
     }

@@ -57,7 +57,8 @@ const ONLY_SMALL: &str =
 /// Where nothing adapts, and yet no roots are counted.
 const NOT_FOLLOWED: &str = "not known: nothing damps it, or its curve could not be followed";
 /// What larger motions may do.
-const ONLY_LARGE: &str = "stable at rest, and UNSTABLE with K0 and C0 (gaps closed, dampers at their reference)";
+const ONLY_LARGE: &str =
+    "stable at rest, and UNSTABLE with K0 and C0 (gaps closed, dampers at their reference)";
 
 impl Following {
     /// One per specimen with one axis and a declared actuator.

@@ -127,8 +127,9 @@ impl Plan {
                     amplitude(args.amplitude, table, axis, limits, &course, band, tick)?;
                 if halved > 0 {
                     amplitude *= 0.5_f64.powi(halved);
-                    reason =
-                        format!("{reason}, halved {halved} times to keep the limits of the measurements");
+                    reason = format!(
+                        "{reason}, halved {halved} times to keep the limits of the measurements"
+                    );
                 }
                 if args.amplitude.is_none() {
                     amplitude = rounded_down(amplitude);

@@ -64,9 +64,8 @@ fn elements(
             return site.refuse(finding);
         };
         if share.entries().all(|(_, _, value)| value == 0.0) {
-            let text = format!(
-                "\"{name}\" has no initial stiffness, so a separate lambda has no effect"
-            );
+            let text =
+                format!("\"{name}\" has no initial stiffness, so a separate lambda has no effect");
             return site.refuse(Finding::error(here, text));
         }
         named.push((name.clone(), lambda));

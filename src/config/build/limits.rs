@@ -223,11 +223,11 @@ pub(super) fn facts(
         vec!["a command, measurement or response that is not a finite number".to_owned()];
     if file.specimen.iter().any(|table| table.link.is_some()) {
         always.push(
-            "an open interlock or emergency stop of a specimen, even if it closes again"
-                .to_owned(),
+            "an open interlock or emergency stop of a specimen, even if it closes again".to_owned(),
         );
         always.push(
-            "a sensor or actuator that the specimen's server reports as saturated; a failed link".to_owned(),
+            "a sensor or actuator that the specimen's server reports as saturated; a failed link"
+                .to_owned(),
         );
     }
     if file.specimen.iter().any(|table| table.geometry.is_some()) {

@@ -226,7 +226,9 @@ pub(super) fn exits(
             );
             let finding = Finding::error(path("safety").key(key), text)
                 .label("the distance and direction to zero force are unknown")
-                .help("give `stiffness_n_per_m` of the specimen, or use \"freeze\", which holds it");
+                .help(
+                    "give `stiffness_n_per_m` of the specimen, or use \"freeze\", which holds it",
+                );
             return site.refuse(finding);
         }
     }
@@ -312,10 +314,7 @@ pub(super) fn warn_of_force(
             table.name
         );
         let finding = Finding::warning(at.key("safe_disp_m"), text).label(beyond);
-        warnings.push(finding.beside(
-            path("safety").key("on_trip"),
-            "after a trip it moves there",
-        ));
+        warnings.push(finding.beside(path("safety").key("on_trip"), "after a trip it moves there"));
     }
     site.warnings.extend(warnings);
 }

@@ -17,7 +17,10 @@ const DENSE_MODES: usize = 300;
 /// The structure, with the specimens' stiffness known to its damping rule.
 pub(super) fn structure(site: &mut Site<'_>, specimens: &Specimens) -> Result<Structure, Refused> {
     let Some(table) = &site.loaded.file.structure else {
-        return site.refuse(Finding::error(path("structure"), "the test has no `[structure]`"));
+        return site.refuse(Finding::error(
+            path("structure"),
+            "the test has no `[structure]`",
+        ));
     };
     let at = path("structure");
     for (index, element) in table.element.iter().enumerate() {

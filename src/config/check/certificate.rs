@@ -241,7 +241,9 @@ fn spread(
     if one.std_share.is_some() && nominal == 0.0 {
         let headline = format!("`{path}` is 0, so a relative spread has no effect");
         let finding = Finding::error(at.key("std_share"), headline);
-        findings.0.push(finding.label("give the spread as `std`, in the unit of the number"));
+        findings
+            .0
+            .push(finding.label("give the spread as `std`, in the unit of the number"));
     }
     if let Some([low, high]) = one.range
         && low < high

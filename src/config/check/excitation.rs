@@ -73,7 +73,10 @@ fn check_frames(file: &TestFile, findings: &mut Findings) {
             for (key, end) in [("from", element.from), ("to", element.to)] {
                 if end == End::Fixed {
                     let element = root.key("structure").key("element").index(index);
-                    fixed.push((element.key(key), "an element is connected to the inertial frame"));
+                    fixed.push((
+                        element.key(key),
+                        "an element is connected to the inertial frame",
+                    ));
                 }
             }
         }
@@ -100,10 +103,13 @@ fn check_frames(file: &TestFile, findings: &mut Findings) {
             if specimen.mass_in_force_kg > 0.0 {
                 let place = root.key("specimen").index(index).key("mass_in_force_kg");
                 findings.0.push(
-                    Finding::error(place, "the measured force contains the inertia of the relative motion only")
-                        .label("the acceleration of the base is missing")
-                        .beside(at.key("base_displacement"), "absolute coordinates")
-                        .help("use `ground_acceleration`, which also acts on the mass of the specimen"),
+                    Finding::error(
+                        place,
+                        "the measured force contains the inertia of the relative motion only",
+                    )
+                    .label("the acceleration of the base is missing")
+                    .beside(at.key("base_displacement"), "absolute coordinates")
+                    .help("use `ground_acceleration`, which also acts on the mass of the specimen"),
                 );
             }
         }
@@ -147,7 +153,9 @@ fn check_prescribed(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
         findings.0.push(
             Finding::error(
                 at.key(key),
-                format!("`excitation.{key}` acts on a structure, and this test has no `[structure]`"),
+                format!(
+                    "`excitation.{key}` acts on a structure, and this test has no `[structure]`"
+                ),
             )
             .label("nothing to act on")
             .help("without a `[structure]` only `prescribed_displacement` moves the specimens"),
@@ -172,9 +180,12 @@ fn check_prescribed(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
                 |n| format!("did you mean `{n}`?"),
             );
             findings.0.push(
-                Finding::error(at.key("specimen"), format!("this test has no specimen `{name}`"))
-                    .label(label)
-                    .help(format!("the specimens are {}", listed(&names, "and"))),
+                Finding::error(
+                    at.key("specimen"),
+                    format!("this test has no specimen `{name}`"),
+                )
+                .label(label)
+                .help(format!("the specimens are {}", listed(&names, "and"))),
             );
         }
         if prescribed.axis == 0 {

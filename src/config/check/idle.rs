@@ -192,7 +192,7 @@ fn check_timing(timing: &TimingSpec, at: &KeyPath, findings: &mut Findings) {
         at,
         "priority",
         timing.priority != usual.priority && timing.policy == Policy::Ordinary,
-        "the scheduling policy \"other\" has no priority",
+        "the policy \"ordinary\" has no priority",
     );
     let catches_up = timing.on_miss == OnMiss::CatchUp;
     findings.idle(
@@ -287,7 +287,7 @@ pub(super) fn check_idle_served(
             &at,
             "priority",
             timing.priority != usual.priority && timing.policy == Policy::Ordinary,
-            "the scheduling policy \"other\" has no priority",
+            "the policy \"ordinary\" has no priority",
         );
         let of_the_machine = [
             "policy",

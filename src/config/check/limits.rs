@@ -241,7 +241,12 @@ impl Place<'_> {
         let range = limits.command_disp_m.and_then(|range| range.trip);
         let range = range.map(|range| {
             let at = self.of("command_disp_m", |own| own.command_disp_m.is_some());
-            (range, at, "which is outside the allowed commands", "its limit")
+            (
+                range,
+                at,
+                "which is outside the allowed commands",
+                "its limit",
+            )
         });
         let stroke = self.specimen.capacity.unwrap_or_default().stroke_m;
         let stroke = stroke.map(|stroke| {
@@ -261,7 +266,7 @@ impl Place<'_> {
         let safe = place(self.specimen.safe_disp_m.as_ref());
         for (key, place, is) in [
             (self.at.key("safe_disp_m"), safe, "is safe"),
-            (at.key("stands_at_m"), stands, "stands"),
+            (at.key("stands_at_m"), stands, "begins"),
         ] {
             let Some(place) = place else { continue };
             let beyond =

@@ -159,11 +159,17 @@ pub(super) fn check_listen(file: &ServeFile, findings: &mut Findings) {
         let shared = specimen.link.as_ref();
         if shared.is_some_and(|link| share_a_port(&link.address, listen)) {
             let at = KeyPath::root().key("specimen").index(index).key("link");
-            let text = format!("the gateway and the specimen `{}` have the same port", specimen.name);
+            let text = format!(
+                "the gateway and the specimen `{}` have the same port",
+                specimen.name
+            );
             findings.0.push(
                 Finding::error(at.key("address"), text)
                     .label("the server of the specimen")
-                    .beside(KeyPath::root().key("serve").key("listen"), "the gateway itself")
+                    .beside(
+                        KeyPath::root().key("serve").key("listen"),
+                        "the gateway itself",
+                    )
                     .help("choose another port for one of the two"),
             );
         }
@@ -199,7 +205,8 @@ pub(super) fn check_pace(
     } else if file.timing.warmup_ticks == Some(0) {
         // The record must tell its first answer from what was read before.
         let warm_up = KeyPath::root().key("timing").key("warmup_ticks");
-        let text = "a specimen that is commanded once per step needs a warm-up of at least one tick";
+        let text =
+            "a specimen that is commanded once per step needs a warm-up of at least one tick";
         findings
             .0
             .push(Finding::error(warm_up, text).beside(here, "commanded once per step here"));
@@ -248,10 +255,7 @@ fn check_probe(specimen: &SpecimenTable, link: &LinkSpec, at: &KeyPath, findings
         findings.0.push(
             Finding::error(
                 at.key("probe_m"),
-                format!(
-                    "the wiring check needs a stiffness on axis {}",
-                    axis + 1
-                ),
+                format!("the wiring check needs a stiffness on axis {}", axis + 1),
             )
             .label("without a stiffness a slow motion causes no force")
             .help("set `probe = \"none\"` and check the wiring by hand"),

@@ -54,7 +54,8 @@ pub(super) fn check_judged(file: &TestFile, findings: &mut Findings) {
                 .label("it it would compare the commands with themselves")
                 .help(remedy(settings, specimen.axes()))
         } else {
-            let text = format!("`{key}` does not check {names}: their links answer with forces only");
+            let text =
+                format!("`{key}` does not check {names}: their links answer with forces only");
             Finding::warning(at, text).label("it it needs a measured displacement")
         };
         findings.0.push(

@@ -173,8 +173,9 @@ impl Findings {
         self.printable(&at, reason);
         if reason.is_some_and(|reason| !crate::text::is_visible(reason)) {
             let headline = format!("`{at}` gives no reason");
-            self.0
-                .push(Finding::error(at, headline).label("write a reason, which the summary repeats"));
+            self.0.push(
+                Finding::error(at, headline).label("write a reason, which the summary repeats"),
+            );
         }
     }
 

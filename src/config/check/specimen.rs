@@ -63,18 +63,24 @@ pub(super) fn check_specimen(
         findings.positive(at.key("drill").key("panic_at_s"), Some(drill.panic_at_s));
         if specimen.link.is_some() {
             findings.0.push(
-                Finding::error(at.key("drill"), "a `drill` injects faults into this program")
-                    .at_key()
-                    .label("not for a specimen behind a link")
-                    .help("`gusset serve --fault` injects faults at the server"),
+                Finding::error(
+                    at.key("drill"),
+                    "a `drill` injects faults into this program",
+                )
+                .at_key()
+                .label("not for a specimen behind a link")
+                .help("`gusset serve --fault` injects faults at the server"),
             );
         }
     }
     if specimen.stand_in.is_some() && specimen.link.is_none() {
         findings.0.push(
-            Finding::error(at.key("stand_in"), "a simulated specimen needs no `stand_in`")
-                .at_key()
-                .label("only for a specimen behind a link"),
+            Finding::error(
+                at.key("stand_in"),
+                "a simulated specimen needs no `stand_in`",
+            )
+            .at_key()
+            .label("only for a specimen behind a link"),
         );
     }
     let seen: Vec<_> = [
@@ -172,7 +178,10 @@ fn check_time(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
                 )
                 .at_key()
                 .label("runs in test time")
-                .beside(at.key("similitude").key("time"), "the specimen has another time scale time scale"),
+                .beside(
+                    at.key("similitude").key("time"),
+                    "the specimen has another time scale time scale",
+                ),
             );
         }
     }

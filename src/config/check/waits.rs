@@ -101,9 +101,9 @@ fn check_safety(safety: &SafetyTable, at: &KeyPath, findings: &mut Findings) {
             number(SLOWEST_EXIT_M_PER_S)
         );
         let finding = Finding::error(at, headline).label(format!("found {}", number(found)));
-        findings.0.push(
-            finding.help("a slower specimen would not reach its end position"),
-        );
+        findings
+            .0
+            .push(finding.help("a slower specimen would not reach its end position"));
     }
 }
 
@@ -131,7 +131,9 @@ fn check_ticks(time: &Time, timing: &TimingSpec, root: &KeyPath, findings: &mut 
                 format!("a tick takes {} s of wall time", number(tick_s)),
             )
             .label(format!("at most {OWED_S} s"))
-            .help("a tick is scale · step / `ticks_per_step`; the simulated clock has no such limit"),
+            .help(
+                "a tick is scale · step / `ticks_per_step`; the simulated clock has no such limit",
+            ),
         );
     }
     if let Some(ticks) = timing.warmup_ticks {
@@ -179,11 +181,11 @@ pub(super) fn check_link_waits(
             let at = at.key("watchdog_s");
             let headline = format!("`{at}` must be at least {} s", number(apart_s));
             let finding = Finding::error(at, headline);
-            findings.0.push(
-                finding
-                    .label(format!("found {}", number(watchdog_s)))
-                    .help("the time between two commands: with less, the server would hold between them"),
-            );
+            findings
+                .0
+                .push(finding.label(format!("found {}", number(watchdog_s))).help(
+                    "the time between two commands: with less, the server would hold between them",
+                ));
         }
     }
     let ramp = "the time of the motion in each direction";

@@ -114,12 +114,12 @@ fn what_is_uncertain_is_a_number_of_the_test() {
             "must have exactly one of `std`, `std_share` and `range`",
         ),
         ("std = 100", "std = 100\nrange = [1, 2]", "and so is `std`"),
-        ("std = 100", "range = [2, 1]", "the smaller number comes first"),
         (
             "std = 100",
-            "range = [-2, -1]",
-            "outside this range",
+            "range = [2, 1]",
+            "the smaller number comes first",
         ),
+        ("std = 100", "range = [-2, -1]", "outside this range"),
     ] {
         shows(&complaint_of(&text, change, to), words);
     }
@@ -156,8 +156,16 @@ fn what_no_trial_feels_is_refused_with_what_is_in_its_place() {
             "stand_in.law.linear.stiffness_n_per_m",
             None,
         ),
-        (with(law), "stiffness_n_per_m", Some("vary a parameter of its law")),
-        (with(law), "reach_disp_m", Some("vary a parameter of its law")),
+        (
+            with(law),
+            "stiffness_n_per_m",
+            Some("vary a parameter of its law"),
+        ),
+        (
+            with(law),
+            "reach_disp_m",
+            Some("vary a parameter of its law"),
+        ),
         (
             with(KNOWN),
             "identified.delay_s",
@@ -209,7 +217,10 @@ fn what_no_trial_feels_is_refused_with_what_is_in_its_place() {
             None => drop(accepted(&text, &[])),
             Some(instead) => {
                 let said = read(&text, &[]).unwrap_err().to_string();
-                shows(&said, &format!("feels `specimen[0].{key}`"));
+                shows(
+                    &said,
+                    &format!("`specimen[0].{key}` has no effect on the trials"),
+                );
                 shows(&said, instead);
             }
         }

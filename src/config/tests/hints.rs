@@ -39,12 +39,18 @@ fn a_decimal_comma_is_shown_as_a_point_wherever_it_is_certain() {
     shows(&text, "write 0.01");
     let text = complaint("[1000, 1000, 1000]", "[1000, 0,05, 1000]");
     shows(&text, "write 0.05");
-    let text = complaint("storey = 1", "storey = 1\nlimits.command_disp_m.trip = [-0,5, 0,5]");
+    let text = complaint(
+        "storey = 1",
+        "storey = 1\nlimits.command_disp_m.trip = [-0,5, 0,5]",
+    );
     shows(&text, "found an array of 4");
     shows(&text, "decimal number has a point");
     for (set, found) in [
         ("time.duration_s=20,5", "`20.5`"),
-        ("specimen[0].limits.command_step_m={trip=0,05}", "write 0.05"),
+        (
+            "specimen[0].limits.command_step_m={trip=0,05}",
+            "write 0.05",
+        ),
     ] {
         let text = read(GOOD, &[set]).unwrap_err().to_string();
         shows(&text, found);
@@ -69,7 +75,10 @@ fn a_single_number_in_place_of_a_range_is_shown_as_a_range() {
         "storey = 1",
         "storey = 1\nlimits.command_disp_m = { warn = 0.03 }",
     );
-    shows(&text, "`specimen[0].limits.command_disp_m.warn` must be a range");
+    shows(
+        &text,
+        "`specimen[0].limits.command_disp_m.warn` must be a range",
+    );
     shows(&text, "`[-0.03, 0.03]`");
     shows(&text, "found 0.03");
     accepted(
@@ -86,7 +95,10 @@ fn a_key_that_belongs_to_another_table_is_shown_with_that_table() {
     ] {
         let text = complaint(from, to);
         shows(&text, "unknown key `scale`");
-        shows(&text, "`excitation.ground_acceleration.processing.scale_factor`");
+        shows(
+            &text,
+            "`excitation.ground_acceleration.processing.scale_factor`",
+        );
     }
     let text = complaint("title =", "duration_s = 20\ntitle =");
     shows(&text, "did you mean `time.duration_s`?");
@@ -104,8 +116,16 @@ fn too_many_digits_are_shown_with_a_fraction() {
 
 #[test]
 fn an_implicit_method_is_refused_with_those_that_command_a_specimen() {
-    let text = read(GOOD, &["integrator.method=newmark"]).unwrap_err().to_string();
-    for method in ["`gui`", "`kr_alpha`", "`mkr_alpha`", "`newmark_average`", "implicit"] {
+    let text = read(GOOD, &["integrator.method=newmark"])
+        .unwrap_err()
+        .to_string();
+    for method in [
+        "`gui`",
+        "`kr_alpha`",
+        "`mkr_alpha`",
+        "`newmark_average`",
+        "implicit",
+    ] {
         shows(&text, method);
     }
 }

@@ -92,7 +92,12 @@ fn keys_of_a_link_that_wait_for_another_are_told_of() {
         idle(LINKED, &[lockstep, &set], &path, "waits for every reply");
         let openfresco = "specimen.0.link.protocol=openfresco";
         let stands = "specimen.0.link.stands_at_m=[0]";
-        idle(LINKED, &[openfresco, stands, &set], &path, "OpenFresco's protocols wait");
+        idle(
+            LINKED,
+            &[openfresco, stands, &set],
+            &path,
+            "OpenFresco's protocols wait",
+        );
     }
     idle(
         LINKED,
@@ -228,10 +233,7 @@ fn a_confirmation_of_what_is_not_read_is_refused_or_not_waited_for() {
         assert_eq!(found, [waits; 2], "{sets:?} of {text}");
     }
     let error = read(GOOD, &["safety.confirm=true", "safety.zero_s=0"]).unwrap_err();
-    shows(
-        &error.to_string(),
-        "there is nothing to confirm",
-    );
+    shows(&error.to_string(), "there is nothing to confirm");
 }
 
 #[test]

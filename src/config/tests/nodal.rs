@@ -56,7 +56,7 @@ fn rows_beyond_the_end_of_the_test_are_told_of_and_are_no_peak() {
     let (peak, told) = built(&format!("{ROWS}0,0,5000\n"), &[]).unwrap();
     assert_eq!(peak, (0, 1000.0));
     shows(&told[0], "forces.csv has 4 rows, but the test");
-    shows(&told[0], "has 3 steps: what comes later is left out");
+    shows(&told[0], "has 3 steps: the remaining rows are not used");
     let (_, told) = built("0,0,0\n0,0,0\n0,0,0\n0,0,5000\n", &[]).unwrap();
     assert!(
         told.iter().any(|one| one.contains("moves nothing")),

@@ -107,7 +107,7 @@ fn a_place_to_stand_and_a_probe_beyond_the_bounds_are_refused() {
     };
     let refused = stands("1.0", &[]);
     for words in [
-        "axis 1 is at 1 m, which is outside the allowed commands",
+        "axis 1 begins at 1 m, which is outside the allowed commands",
         "command_disp_m = { trip = [-0.04, 0.1] }",
     ] {
         shows(&refused, words);

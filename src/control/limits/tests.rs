@@ -645,11 +645,7 @@ fn what_a_broken_sensor_says_is_told_in_few_digits() {
         bound,
     };
     for (value, bound, told) in [
-        (
-            1e300,
-            4e5,
-            "measured force 1e291 GN, allowed 0.0004 GN",
-        ),
+        (1e300, 4e5, "measured force 1e291 GN, allowed 0.0004 GN"),
         (
             -3.5e15,
             -4e5,

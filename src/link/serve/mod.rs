@@ -65,7 +65,10 @@ pub enum ServeError {
     #[error(transparent)]
     Address(#[from] ConnectError),
     /// The port is in use or not allowed.
-    #[error("cannot listen on {address}: {source}{}", socket::listen_advice(source))]
+    #[error(
+        "cannot listen on {address}: {source}{}",
+        socket::listen_advice(source)
+    )]
     Listen {
         /// Where.
         address: String,

@@ -74,7 +74,9 @@ pub fn listen_advice(error: &io::Error) -> &'static str {
         io::ErrorKind::AddrNotAvailable => {
             "; this machine has no such address: choose another one with --listen ADDR:PORT or `serve.listen`"
         }
-        io::ErrorKind::PermissionDenied => "; ports below 1024 need privileges: choose a higher one",
+        io::ErrorKind::PermissionDenied => {
+            "; ports below 1024 need privileges: choose a higher one"
+        }
         _ => "",
     }
 }

@@ -269,7 +269,8 @@ fn finding(need: &Need, needs: &Needs, axis: usize, at: KeyPath) -> Option<Findi
         return None;
     };
     let words = needs.stand_in.words();
-    let help = format!("found in a rehearsal on the simulated clock; the specimen is replaced by {words}");
+    let help =
+        format!("found in a rehearsal on the simulated clock; the specimen is replaced by {words}");
     Some(
         stated(finding, levels)
             .label(allowed(levels, unit))

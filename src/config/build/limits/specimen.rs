@@ -64,9 +64,7 @@ pub(super) fn of_specimen(table: &SpecimenTable, port: &Port, time: &Time) -> Sp
             SpecimenLimits {
                 name,
                 geometry,
-                checked_by: format!(
-                    "this loop, before each command and after each new reply{far}"
-                ),
+                checked_by: format!("this loop, before each command and after each new reply{far}"),
                 axes,
                 stale: stale(link, port),
                 watchdog: Some(watchdog(link, time)),
@@ -190,9 +188,12 @@ fn direction(link: &LinkSpec, port: &Port) -> String {
             )
         }
         (None, Direction::Settling(_)) => {
-            "wiring check under the static load; a specimen with wrong wiring is not armed".to_owned()
+            "wiring check under the static load; a specimen with wrong wiring is not armed"
+                .to_owned()
         }
-        (None, _) => "no wiring check: set `probe_m` in [specimen.link], or apply a static load".to_owned(),
+        (None, _) => {
+            "no wiring check: set `probe_m` in [specimen.link], or apply a static load".to_owned()
+        }
     }
 }
 

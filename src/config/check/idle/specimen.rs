@@ -48,7 +48,8 @@ pub(in crate::config::check) fn check_idle_specimen(
             ("offset_m", "zero_disp", axis.offset_m, axis.zero_disp),
             ("offset_n", "zero_force", axis.offset_n, axis.zero_force),
         ] {
-            let why = format!("`{zero} = \"relative\"` takes the zero from the reading before the test");
+            let why =
+                format!("`{zero} = \"relative\"` takes the zero from the reading before the test");
             let relative = choice == ZeroChoice::Relative;
             findings.idle(&at, key, given != 0.0 && relative, &why);
         }

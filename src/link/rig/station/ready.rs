@@ -299,7 +299,11 @@ impl Station {
         start: &[f64],
         wanted: &mut Wanted<'_>,
     ) -> Result<(), Over> {
-        self.note(NoteLevel::Info, "armed_again", "the controller begins again");
+        self.note(
+            NoteLevel::Info,
+            "armed_again",
+            "the controller begins again",
+        );
         self.arm(sequence, start, wanted)?;
         self.begins_at(sequence, start);
         Ok(())

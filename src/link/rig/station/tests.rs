@@ -511,7 +511,7 @@ fn a_trip_is_the_specimens_until_its_operator_clears_it_and_a_lost_link_is_none(
     led.station.end(Close::Stopped, "tripped");
     for _ in 0..2 {
         let over = led.station.begin(&led.visitor, &mut || Ok(())).unwrap_err();
-        let told = over.text.contains("command_step_m") && over.text.contains("0.001");
+        let told = over.text.contains("command_step_m") && over.text.contains("allowed 1 mm");
         assert!(told, "{}", over.text);
     }
     let cleared = led.station.latch().clear().unwrap().unwrap();
