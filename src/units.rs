@@ -1,12 +1,17 @@
-//! Quantities and times as people read them: a value, an SI prefix and a unit.
+//! Quantities and times as people read them: four significant digits, an SI prefix and a unit.
+//!
+//! Full precision belongs in files and in `--json`.
 
-/// A quantity with a prefix that leaves one to three digits before the point: `37.5000 mm`.
-#[must_use]
-pub fn quantity(value: f64, unit: &str) -> String {
-    let size = value.abs();
-    if !value.is_finite() || size == 0.0 {
-        return format!("{value} {unit}");
-    }
+/// Significant digits of a number for people.
+const DIGITS: usize = 4;
+/// Most significant digits: those of a double.
+const MOST_DIGITS: usize = 17;
+
+/// Units that no prefix goes with.
+const COUNTS: [&str; 6] = ["", "1", "×", "%", "ticks", "steps"];
+
+/// A prefix that leaves one to three digits before the point.
+fn prefix(size: f64) -> (f64, &'static str) {
     let prefixes = [
         (1e9, "G"),
         (1e6, "M"),
@@ -16,11 +21,94 @@ pub fn quantity(value: f64, unit: &str) -> String {
         (1e-6, "µ"),
         (1e-9, "n"),
     ];
-    let (factor, prefix) = prefixes
+    // Half of the last digit below a prefix is already written with it: 999.96 is 1 k.
+    let rounded = size * (1.0 + 5e-5);
+    prefixes
         .into_iter()
-        .find(|(factor, _)| size >= *factor)
-        .unwrap_or((1e-9, "n"));
-    format!("{:.4} {prefix}{unit}", value / factor)
+        .find(|(factor, _)| rounded >= *factor)
+        .unwrap_or((1e-9, "n"))
+}
+
+/// A number with so many significant digits, without trailing zeros; with a power of ten where it is very large or small.
+fn significant(value: f64, digits: usize) -> String {
+    if !value.is_finite() || value == 0.0 {
+        return value.to_string();
+    }
+    let scientific = format!("{value:.*e}", digits - 1);
+    let (mantissa, exponent) = scientific.split_once('e').unwrap_or((&scientific, "0"));
+    let exponent: i32 = exponent.parse().unwrap_or(0);
+    let short = |text: &str| match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
+        false => text.to_owned(),
+    };
+    if !(-4..7).contains(&exponent) {
+        return format!("{}e{exponent}", short(mantissa));
+    }
+    let decimals = usize::try_from(digits as i32 - 1 - exponent).unwrap_or(0);
+    short(&format!("{value:.decimals$}"))
+}
+
+/// A number with four significant digits: `0.9766`.
+#[must_use]
+pub fn number(value: f64) -> String {
+    significant(value, DIGITS)
+}
+
+/// A quantity with four significant digits and a prefix: `37.5 mm`.
+#[must_use]
+pub fn quantity(value: f64, unit: &str) -> String {
+    with_digits(value, unit, prefix(value.abs()), DIGITS)
+}
+
+/// Two quantities that are compared, with one prefix and as many digits as show which of them is larger.
+#[must_use]
+pub fn compared(value: f64, bound: f64, unit: &str) -> [String; 2] {
+    let largest = [value, bound]
+        .map(f64::abs)
+        .into_iter()
+        .filter(|size| size.is_finite())
+        .fold(0.0, f64::max);
+    let prefix = prefix(bound.abs());
+    let prefix = if bound == 0.0 || !bound.is_finite() || largest > 1e6 * bound.abs() {
+        self::prefix(largest)
+    } else {
+        prefix
+    };
+    let both = |digits| [value, bound].map(|number| with_digits(number, unit, prefix, digits));
+    (DIGITS..=MOST_DIGITS)
+        .map(both)
+        .find(|[value, bound]| value != bound)
+        .unwrap_or_else(|| both(DIGITS))
+}
+
+fn with_digits(value: f64, unit: &str, prefix: (f64, &str), digits: usize) -> String {
+    let (factor, prefix) = if value == 0.0 || !value.is_finite() || COUNTS.contains(&unit) {
+        (1.0, "")
+    } else {
+        prefix
+    };
+    let text = significant(value / factor, digits);
+    match unit {
+        "" | "1" => text,
+        unit => format!("{text} {prefix}{unit}"),
+    }
+}
+
+/// The unit that ends a key of the test file: `N` of `measured_force_n`. Empty for a key without one.
+#[must_use]
+pub fn unit_of_key(key: &str) -> &'static str {
+    let ends = [
+        ("_m_per_s2", "m/s²"),
+        ("_m_per_s", "m/s"),
+        ("_n_per_s", "N/s"),
+        ("_n_per_m", "N/m"),
+        ("_m", "m"),
+        ("_n", "N"),
+        ("_s", "s"),
+        ("_hz", "Hz"),
+    ];
+    let found = ends.into_iter().find(|(end, _)| key.ends_with(end));
+    found.map_or("", |(_, unit)| unit)
 }
 
 /// A time in s with a fitting unit.
@@ -39,12 +127,35 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_keep_one_to_three_digits_before_the_point() {
-        assert_eq!(quantity(0.0375, "m"), "37.5000 mm");
-        assert_eq!(quantity(-123_456.0, "N"), "-123.4560 kN");
+    fn quantities_have_four_significant_digits_and_a_prefix() {
+        assert_eq!(quantity(0.0375, "m"), "37.5 mm");
+        assert_eq!(quantity(-123_456.0, "N"), "-123.5 kN");
+        assert_eq!(quantity(-1.011_936_785_625_589_9e3, "m"), "-1.012 km");
+        assert_eq!(quantity(0.999_98, "m"), "1 m");
         assert_eq!(quantity(0.0, "m"), "0 m");
         assert_eq!(quantity(f64::NAN, "m"), "NaN m");
+        assert_eq!(quantity(1e300, "N"), "1e291 GN");
+        assert_eq!(number(19.990_000_000_000_002), "19.99");
+        assert_eq!(number(1.5e-9), "1.5e-9");
         assert_eq!(duration(20.0), "20 s");
-        assert_eq!(duration(1.0 / 1024.0), "976.5625 µs");
+        assert_eq!(duration(1.0 / 1024.0), "976.6 µs");
+    }
+
+    #[test]
+    fn a_value_beside_its_bound_has_as_many_digits_as_tell_them_apart() {
+        let text = |value, bound, unit| compared(value, bound, unit).join(" > ");
+        assert_eq!(text(-100_856.262, -100_000.0, "N"), "-100.9 kN > -100 kN");
+        assert_eq!(text(100_001.0, 100_000.0, "N"), "100.001 kN > 100 kN");
+        assert_eq!(text(1e-5 + 1e-18, 1e-5, "m"), "10.000000000001 µm > 10 µm");
+        assert_eq!(text(f64::NAN, 1e-5, "m"), "NaN m > 10 µm");
+        assert_eq!(text(3.0, 2.0, ""), "3 > 2");
+        assert_eq!(text(0.5, 0.0, "m"), "500 mm > 0 m");
+    }
+
+    #[test]
+    fn a_key_of_the_test_file_ends_with_its_unit() {
+        assert_eq!(unit_of_key("command_vel_m_per_s"), "m/s");
+        assert_eq!(unit_of_key("measured_force_n"), "N");
+        assert_eq!(unit_of_key("stuck_ticks"), "");
     }
 }

@@ -73,7 +73,7 @@ fn an_effective_mass_that_is_not_positive_definite_names_the_dof() {
         "not positive definite",
         "at degree of freedom 2",
         "DOF 2 has a mass of 0 kg",
-        "must be held by a stiffness",
+        "needs a stiffness",
     ];
     wrong_line(&loose, right, wrong, "[0, 0]", &words);
     // No choice of λ can mend it, so the choice must not be blamed.
@@ -87,7 +87,7 @@ fn an_effective_mass_that_is_not_positive_definite_names_the_dof() {
     let soft = MATRICES.replace("[-1e5, 1e5]]", "[-1e5, -9e9]]");
     let words = [
         "the stiffness has a negative eigenvalue",
-        "would fall instead of swing",
+        "the structure is unstable",
     ];
     let (line, under) = (
         "stiffness = [[2e5, -1e5], [-1e5, -9e9]]",
@@ -132,7 +132,7 @@ fn a_specimen_on_a_storey_that_does_not_exist_is_refused() {
     ];
     wrong_line(FRAME, "storey = 1", "storey = 3", "3", &words);
     let words = [
-        "there is no storey 0",
+        "storey 0 does not exist",
         "storeys are counted from 1 at the bottom",
     ];
     wrong_line(FRAME, "storey = 1", "storey = 0", "0", &words);

@@ -28,9 +28,9 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("compensation", &[]),
     (
         "control",
-        &["compensation", "geometry", "substructure", "time"],
+        &["compensation", "geometry", "substructure", "time", "units"],
     ),
-    ("record", &["substructure", "text", "work"]),
+    ("record", &["substructure", "text", "units", "work"]),
     ("text", &[]),
     // Pages and their rendering: they describe the program, and no code of it.
     ("guide", &[]),

@@ -81,7 +81,7 @@ fn a_specimen_that_is_wired_rightly_is_tried_armed_anew_and_tested() {
     assert!(
         found
             .said
-            .contains("note: specimen \"column\" is moved by 0.1 mm and back"),
+            .contains("specimen \"column\" moves by 0.1 mm and back"),
         "it is announced: {}",
         found.said
     );

@@ -410,7 +410,7 @@ fn a_panic_in_the_loop_retires_all() {
             Coupling::Lockstep,
             &log,
             |phase, _| {
-                assert!(phase != Phase::Retire, "no last words");
+                assert!(phase != Phase::Retire, "no final message");
                 Act::Serve
             },
         );

@@ -543,14 +543,14 @@ fn what_cannot_be_exported_is_said_and_leaves_nothing_behind() {
             let said = export(&run, format, &out, &window);
             assert_eq!(said.code, Some(2), "{}", said.stderr);
             assert!(
-                said.stderr.contains("is none: wanted two numbers"),
+                said.stderr.contains("is empty: the second time"),
                 "{}",
                 said.stderr
             );
         }
         let said = export(&run, format, &out, &["--from", "2", "--to", "1"]);
         assert!(
-            said.stderr.contains("the window from 2 s to 1 s is none"),
+            said.stderr.contains("the window from 2 s to 1 s is empty"),
             "{}",
             said.stderr
         );
@@ -584,5 +584,5 @@ fn what_cannot_be_exported_is_said_and_leaves_nothing_behind() {
         said.stderr
     );
     assert_eq!(names(temp.path()), before);
-    assert!(Run::open(&run).is_ok(), "the run is as it was");
+    assert!(Run::open(&run).is_ok(), "the run is unchanged");
 }

@@ -235,6 +235,6 @@ fn a_log_that_nobody_can_write_or_read_ends_nothing() {
     assert_eq!(
         status.code(),
         Some(2),
-        "a complaint that is not heard is no panic"
+        "a message that cannot be written is no panic"
     );
 }

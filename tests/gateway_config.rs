@@ -36,15 +36,15 @@ fn what_has_no_effect_or_is_missing_is_refused() {
     shows(&complaint("", ""), "`stiffness_n_per_m` is missing");
     for key in ["scale = 2.0", "sign = -1", "offset_m = 0.1", "offset_n = 5"] {
         let table = format!("{KNOWN}[[specimen.axis]]\n{key}\n");
-        shows(
-            &complaint(&table, ""),
-            "a gateway passes numbers on as they are",
-        );
+        shows(&complaint(&table, ""), "a gateway does not convert numbers");
     }
     let scaled = format!("{KNOWN}[specimen.similitude]\nlength = 10\n");
-    shows(&complaint(&scaled, ""), "a gateway passes numbers on");
+    shows(
+        &complaint(&scaled, ""),
+        "a gateway does not convert numbers",
+    );
     let inches = format!("{KNOWN}[[specimen.axis]]\nunit_disp = \"in\"\n");
-    shows(&complaint(&inches, ""), "no such `unit_disp`");
+    shows(&complaint(&inches, ""), "does not support this `unit_disp`");
     shows(
         &complaint(KNOWN, "key_file = \"none.key\""),
         "cannot be read",
@@ -86,7 +86,7 @@ fn a_probe_that_cannot_be_is_shown_at_its_key() {
     shows(&complaint(KNOWN, "probe_m = 1e-3"), "contradict each other");
     shows(
         &probe("stiffness_n_per_m = 0\n", "probe_m = 1e-3"),
-        "no stiffness that could show its direction",
+        "the wiring check needs a stiffness",
     );
 }
 

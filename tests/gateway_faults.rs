@@ -72,14 +72,14 @@ fn a_specimen_killed_in_mid_test_ends_the_test_and_not_the_gateway() {
         let reason = summary(folder, "killed").reason;
         assert!(reason.contains("the specimen is lost"), "{reason}");
         // The watchdog that was agreed on is the gateway's, which says that it has nothing to hold any more.
-        let stands = "; where specimen 1 stands only its own end knows";
+        let stands = "; only the server of specimen ";
         assert!(
             reason.contains(stands) && !reason.contains("watchdog"),
             "{reason}"
         );
         let over = between.hears("test over: the specimen is lost");
         assert!(
-            over.ends_with("where the specimen stands only its own end knows"),
+            over.ends_with("only the server of the specimen knows its position"),
             "{over}"
         );
         let kept = out.join("test-0001");
@@ -95,7 +95,7 @@ fn a_specimen_killed_in_mid_test_ends_the_test_and_not_the_gateway() {
         let again = specimen_at(folder, &specimen.address, &carrier);
         let (code, said) = run(folder, "next", &through(STEPS, &between.address, &keys));
         assert_eq!(code, 0, "{said}");
-        again.hears("retired in an orderly way");
+        again.hears("retired at the end of the test");
         let next = Run::open(&out.join("test-0002")).unwrap();
         assert_eq!(next.summary().unwrap().status, Ended::Completed);
     }
@@ -175,7 +175,7 @@ fn a_controller_that_vanishes_releases_the_specimen_for_the_next_one() {
     controller.wait().unwrap();
     between.hears("without a goodbye");
     // Nothing tripped: who looked for a limit in its record would look in vain.
-    specimen.hears("retired because its controller is gone");
+    specimen.hears("retired because its controller is lost");
     // The gateway closes its book of the first test before it takes the next one.
     for attempt in 0.. {
         let name = format!("next-{attempt}");
@@ -269,7 +269,7 @@ fn a_gateway_that_waits_for_its_specimen_hears_its_operator_and_its_controller()
             let (code, said) = test.wait();
             assert_eq!(code, 3, "{said}");
             let reason = summary(folder, "run").reason;
-            assert!(reason.contains("the server was told to stop"), "{reason}");
+            assert!(reason.contains("the server was stopped"), "{reason}");
             assert_eq!(kept().summary().unwrap().status, Ended::Interrupted);
         } else {
             assert_eq!(test.interrupt().0, 130);

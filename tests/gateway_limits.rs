@@ -81,7 +81,7 @@ fn tripped_and_noted(limits: &str) -> (String, Vec<f64>, Vec<String>) {
     let name = trip["what"].as_str().unwrap().to_owned();
     assert!(
         ours.reason.contains("interlock or emergency stop is open") && ours.reason.contains(&name),
-        "the controller is told why: {}",
+        "the controller receives the reason: {}",
         ours.reason
     );
     let theirs = Run::open(&kept).unwrap().summary().unwrap().clone();
@@ -153,7 +153,7 @@ fn a_measurement_beyond_its_limit_or_the_range_of_its_sensor_is_the_last() {
         assert_eq!(found, name);
         // The spring gives 1500 N at 3.75 mm.
         let beyond = told.iter().filter(|d| d.abs() > 0.00375).count();
-        assert_eq!(beyond, 1, "the specimen holds where it was told last");
+        assert_eq!(beyond, 1, "the specimen holds at its last command");
     }
 }
 

@@ -364,7 +364,7 @@ fn the_example_in_config_runs_with_its_probe_its_limits_and_its_log() {
     let rig = Served::start(folder, &read("rig.toml"), &[]);
     // On the simulated clock the specimen is led faster than its limit of speed allows.
     let speed = "command_vel_m_per_s = { warn = 0.8, trip = 1.0 }\n";
-    let file = read("gateway.toml").replace("127.0.0.1:4824", &rig.address);
+    let file = read("gateway.toml").replace("127.0.0.1:4825", &rig.address);
     assert!(file.contains(speed));
     let file = file.replace(speed, "");
     let out = folder.join("kept");
@@ -381,7 +381,7 @@ fn the_example_in_config_runs_with_its_probe_its_limits_and_its_log() {
     let (code, said) = run(folder, "inside", &cyclic("0.03"));
     assert_eq!(code, 0, "{said}");
     between.hears("direction: axis 1");
-    rig.hears("retired in an orderly way");
+    rig.hears("retired at the end of the test");
     let (code, said) = run(folder, "outside", &cyclic("0.06"));
     assert_eq!(code, 1, "{said}");
     let reason = summary(folder, "outside").reason;

@@ -343,7 +343,7 @@ fn a_test_that_trips_on_its_way_out_has_tripped() {
     let (finish, reason) = ending(&run.outcome);
     assert_eq!(finish, Finish::Stopped);
     assert!(
-        reason.contains("commanded displacement") && reason.contains("on the way out"),
+        reason.contains("commanded displacement") && reason.contains("during the shutdown"),
         "{reason}"
     );
 }
@@ -375,7 +375,7 @@ fn an_operator_ends_the_way_out_at_once_and_it_is_told() {
     let (finish, reason) = ending(&run.outcome);
     assert_eq!(finish, Finish::Interrupted);
     assert!(
-        reason.contains("on the way out (end of the test)"),
+        reason.contains("during the shutdown (end of the test)"),
         "{reason}"
     );
 }
@@ -633,7 +633,7 @@ fn zero_force_is_refused_where_no_stiffness_says_how_far_it_is() {
     let loaded = read.unwrap_or_else(|error| panic!("{error}"));
     let refused = gusset::config::build(&loaded).unwrap_err().to_string();
     assert!(
-        refused.contains("specimen \"b\" has none on axis 1") && refused.contains("at_end"),
+        refused.contains("specimen \"b\" has no stiffness on axis 1") && refused.contains("at_end"),
         "{refused}"
     );
 }
@@ -855,7 +855,7 @@ fn a_force_that_has_jumped_leads_its_specimen_only_if_it_comes_back() {
         let moved = way.iter().any(|disp| *disp != way[0]);
         assert_eq!(moved, left == Left::Reached, "{lasts}");
         let (_, reason) = ending(&run.outcome);
-        let told = "did not reach its exit: its force has jumped and not come back";
+        let told = "did not reach its end position: its force has jumped and not come back";
         assert_eq!(reason.contains(told), left != Left::Reached, "{reason}");
     }
 }
@@ -880,7 +880,7 @@ fn a_load_cell_out_of_its_range_leads_its_specimen_nowhere() {
             assert_eq!(hit.quantity, Quantity::SensorForce);
             assert_eq!(run.outcome.left, [left], "{lasts}");
             let (_, reason) = ending(&run.outcome);
-            let told = "did not reach its exit: its load cell is out of its range";
+            let told = "did not reach its end position: its load cell is out of its range";
             let stays = left != Left::Reached;
             assert_eq!(reason.contains(told), stays, "{reason}");
             assert_eq!(way.is_empty(), stays, "{way:?}");

@@ -175,14 +175,14 @@ fn a_link_that_is_pulled_for_a_moment_goes_on_and_for_long_is_lost() {
             assert_eq!(found, code, "{transport} {ms} ms: {said}");
             if code == 0 {
                 same_course(folder, "run");
-                served.hears("retired in an orderly way");
+                served.hears("retired at the end of the test");
             } else {
                 let reason = summary(folder, "run").reason;
                 assert!(
                     reason.contains("no reply within the time limit (1 s)"),
                     "{reason}"
                 );
-                served.hears("HOLDING: nothing heard");
+                served.hears("HOLDING: no command received");
             }
         }
     }
@@ -223,7 +223,7 @@ fn a_test_over_openfrescos_protocols_completes_as_in_process_or_says_why_not() {
                         let stated = [
                             "did not answer",
                             "the peer closed the connection",
-                            "an answer nobody asked for",
+                            "a reply without a request",
                             "the answer to the one before",
                         ];
                         assert!(

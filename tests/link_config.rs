@@ -51,14 +51,14 @@ fn numbers_outside_their_ranges_are_shown_at_their_keys() {
         shows(&with(keys), words);
     }
     for (address, words) in [
-        ("rig", "names no port"),
-        ("127.0.0.1:4x", "names no port from 1 to 65535"),
-        ("rig:", "names no port from 1 to 65535"),
-        ("rig:0", "names no port from 1 to 65535"),
-        ("rig:65536", "names no port from 1 to 65535"),
-        (":4823", "names no machine"),
-        ("2001:db8::7:4823", "names no machine"),
-        ("[rig]:4823", "names no machine"),
+        ("rig", "has no port"),
+        ("127.0.0.1:4x", "has no port from 1 to 65535"),
+        ("rig:", "has no port from 1 to 65535"),
+        ("rig:0", "has no port from 1 to 65535"),
+        ("rig:65536", "has no port from 1 to 65535"),
+        (":4823", "has no host name"),
+        ("2001:db8::7:4823", "has no host name"),
+        ("[rig]:4823", "has no host name"),
     ] {
         shows(&complaint(&linked(10, address, "")), words);
     }
@@ -70,8 +70,8 @@ fn where_a_specimen_stands_is_said_by_its_link_or_by_the_file() {
         let text = linked(10, "127.0.0.1:1", keys);
         complaint(&text.replace("computed = true\n", ""))
     };
-    const ASKS: &str = "where does this specimen stand before the test?";
-    const TELLS: &str = "the specimen itself tells where it stands";
+    const ASKS: &str = "the position of this specimen before the test is unknown";
+    const TELLS: &str = "the specimen reports its position";
     for (keys, words) in [
         ("protocol = \"openfresco-adapter\"", ASKS),
         ("protocol = \"openfresco-shadow\"", ASKS),
@@ -176,7 +176,7 @@ fn keys_of_the_test_that_need_a_measured_displacement_judge_no_link_with_forces_
         let beside = format!("{alone}\n[[specimen]]\nname = \"other\"\nstorey = 2\n{ONE_AXIS_LAW}");
         let loaded = config::parse(Path::new("test.toml"), beside, &[]).unwrap();
         let warned = gusset::config::Diagnostics(loaded.warnings).to_string();
-        shows(&warned, &format!("`{key}` does not judge \"column\""));
+        shows(&warned, &format!("`{key}` does not check \"column\""));
         let measures = alone.replace("probe_m", "openfresco = { server = \"site\" }\nprobe_m");
         let found = complaint(&measures);
         assert!(!found.contains("needs a measured"), "{found}");
@@ -195,7 +195,7 @@ fn counts_of_signals_are_none_or_the_number_of_axes_and_answer_signals_is_named(
         shows(&found, "the number of axes");
     }
     let found = said("answer_signals = [1, 1, 1, 1, 1]", "stands_at_m = [0]");
-    shows(&found, "`openfresco.answer_signals` says");
+    shows(&found, "`openfresco.answer_signals` gives");
     assert!(!found.contains("only for an element server"), "{found}");
 }
 
@@ -214,12 +214,12 @@ fn what_is_believed_of_a_specimen_behind_a_link_must_be_said() {
     );
     shows(
         &complaint(&inches),
-        "the protocol of Gusset has no such `unit_disp`",
+        "the protocol of Gusset does not support this `unit_disp`",
     );
     shows(&complaint(&inches), "protocol = \"openfresco…\"");
     shows(&complaint(&inches), "m or mm");
     let burst = text.replace("[timing]", "[timing]\non_miss = \"catch_up\"");
-    shows(&complaint(&burst), "driven faster than the test says");
+    shows(&complaint(&burst), "move the specimen faster than planned");
     let allowed = burst.replace("[timing]", "[timing]\ncatch_up_remote = true");
     shows(&complaint(&allowed), "`timing.catch_up_remote` was removed");
 }
@@ -264,7 +264,7 @@ fn a_file_of_specimens_or_a_test_can_be_served() {
     assert_eq!(served(&with_table, None), Ok(()));
     shows(
         &served(&two, None).unwrap_err(),
-        "name it with --specimen; there are: a, b",
+        "choose one with --specimen NAME; the specimens of this file: a, b",
     );
     shows(
         &served(&one, Some("c")).unwrap_err(),
@@ -272,7 +272,7 @@ fn a_file_of_specimens_or_a_test_can_be_served() {
     );
     shows(
         &served("[serve]\n", None).unwrap_err(),
-        "there is no `[[specimen]]`",
+        "has no `[[specimen]]`",
     );
     shows(
         &served(&one.replace("gamma", "gama"), None).unwrap_err(),
@@ -304,4 +304,76 @@ fn a_storey_of_a_served_specimen_leads_to_rows() {
     shows(&found, "`storey` takes a deformation from a structure");
     shows(&found, "`rows`");
     assert!(!found.contains("is prescribed"), "{found}");
+}
+
+#[test]
+fn a_live_page_on_the_port_of_a_specimen_is_refused_before_anything_connects() {
+    let folder = tempfile::tempdir().unwrap();
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    let text = linked(
+        10,
+        &address.to_string(),
+        "probe = \"none\"\ncomputed = true\n",
+    );
+    let text = text.replace("clock = \"real\"", "clock = \"simulated\"");
+    let file = write(folder.path(), "test.toml", &text);
+    let mut command = link_common::gusset();
+    command
+        .arg("run")
+        .arg(file)
+        .arg("--live")
+        .arg(address.to_string());
+    command.arg("--out").arg(folder.path().join("run"));
+    let output = link_common::finish(command);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    for words in ["--live", "specimen `column`", &address.to_string()] {
+        shows(&said, words);
+    }
+    assert!(!folder.path().join("run").exists());
+    listener.set_nonblocking(true).unwrap();
+    assert!(listener.accept().is_err(), "something connected");
+}
+
+#[test]
+fn a_server_on_a_port_in_use_is_refused_with_the_flag_that_changes_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let file = format!("[serve]\nlisten = \"{address}\"\n{ONE_AXIS}{ONE_AXIS_LAW}");
+    let path = write(folder.path(), "rig.toml", &file);
+    for protocol in ["gusset", "openfresco"] {
+        let mut command = link_common::gusset();
+        command
+            .arg("serve")
+            .arg(&path)
+            .args(["--protocol", protocol]);
+        let output = link_common::finish(command);
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        for words in [
+            address.as_str(),
+            "--listen",
+            "`serve.listen`",
+            "`gusset serve`",
+        ] {
+            shows(&said, words);
+        }
+    }
+}
+
+#[test]
+fn a_gateway_on_the_port_of_its_own_specimen_is_refused() {
+    let text = link_common::gateway("127.0.0.1:27998", ONE_AXIS, "");
+    let listen = text.replacen(
+        "[[specimen]]",
+        "[serve]\nlisten = \"localhost:27998\"\n[[specimen]]",
+        1,
+    );
+    let folder = tempfile::tempdir().unwrap();
+    let path = write(folder.path(), "gateway.toml", &listen);
+    let said = load_served(&path, None).unwrap_err().to_string();
+    shows(&said, "have the same port");
+    shows(&said, "column");
 }

@@ -170,7 +170,7 @@ fn an_open_interlock_trips_the_test_and_stays_tripped() {
         while fake.frame().is_some() {}
     });
     assert!(
-        reason.starts_with("specimen 1: its interlock or emergency stop is open"),
+        reason.starts_with("specimen \"column\": its interlock or emergency stop is open"),
         "{reason}"
     );
 }
@@ -206,10 +206,11 @@ fn a_specimen_that_goes_on_holding_by_itself_ends_the_test() {
     let found = summary(folder.path(), "run");
     assert_eq!(found.status, Ended::Stopped);
     // 0.1 s of ticks of 1 ms are put up with.
-    let wanted = "specimen 1: it says in 101 answers in a row that it holds by its own watchdog";
+    let wanted =
+        "specimen \"column\": it reported in 101 answers in a row that its own watchdog holds it";
     assert!(found.reason.starts_with(wanted), "{}", found.reason);
     assert_eq!(found.steps, 109);
-    let warned = "specimen \"column\": it said once that it holds by its own watchdog";
+    let warned = "specimen \"column\": it reported once that its own watchdog holds it";
     assert!(
         found.warnings.iter().any(|text| text.starts_with(warned)),
         "{:?}",
@@ -264,7 +265,7 @@ fn a_specimen_that_does_not_acknowledge_the_end_is_told_of() {
     let (code, said) = run(folder, "run", &linked(STEPS, &address, ""));
     assert_eq!(code, 0, "{said}");
     let found = summary(folder, "run");
-    let told = "specimen 1 did not acknowledge the end: a watchdog was agreed with its end";
+    let told = "specimen \"column\" did not acknowledge the end of the test: a watchdog was agreed with its end";
     assert!(found.reason.contains(told) && said.contains(told), "{said}");
     assert!(found.left.values().all(|left| left == "stayed"));
     let told = events(folder, "run");
@@ -289,9 +290,11 @@ fn a_specimen_that_trips_when_the_test_is_over_is_told_of() {
     assert_eq!(code, 0, "{said}");
     let found = summary(folder, "run");
     assert_eq!(found.status, Ended::Completed);
-    let told = "said when the test was over: it tripped: pump lost pressure";
+    let told = "reported after the test: it tripped: pump lost pressure";
     assert!(
-        found.reason.contains(&format!("specimen 1 {told}")),
+        found
+            .reason
+            .contains(&format!("specimen \"column\" {told}")),
         "{}",
         found.reason
     );
@@ -409,7 +412,7 @@ fn a_specimen_that_is_killed_in_mid_test_is_a_lost_link_and_a_complete_folder() 
             summary.reason
         );
         // What it does now nobody here knows.
-        let held = "specimen 1: a watchdog was agreed with its end, which has to hold it: look whether it does";
+        let held = "specimen \"column\": a watchdog was agreed with its end, which has to hold it: look whether it does";
         assert!(summary.reason.ends_with(held), "{}", summary.reason);
         assert!(events(folder, "run").contains(&"link".to_owned()));
     }

@@ -45,7 +45,7 @@ fn is_the_same_over(transport: &str, seen: &str, law: &str, more: &str) {
         );
         assert_eq!((link.received, link.late, link.lost), (link.sent, 0, 0));
         assert_eq!((link.corrupt, link.duplicates, link.missed), (0, 0, 0));
-        served.hears("retired in an orderly way");
+        served.hears("retired at the end of the test");
     }
 }
 

@@ -151,7 +151,10 @@ fn the_protocol_of_gusset_refuses_inches_and_kips_at_their_key() {
         let output = finish(command);
         let said = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(2), "{said}");
-        assert!(said.contains(&format!("no such `{key}`")), "{said}");
+        assert!(
+            said.contains(&format!("does not support this `{key}`")),
+            "{said}"
+        );
         assert!(said.contains("rig.toml:3:"), "{said}");
     }
 }

@@ -46,7 +46,7 @@ fn what_cannot_be_asked_is_held_where_the_file_says_and_led_to_where_the_test_be
     let keys = format!("{ADAPTER}stands_at_m = [{STANDS}]");
     let (code, said) = run(folder.path(), "run", &linked(STEPS, &address, &keys));
     assert_eq!(code, 0, "{said}");
-    assert!(!said.contains("NOBODY KNOWS"), "{said}");
+    assert!(!said.contains("POSITION IS UNKNOWN"), "{said}");
     let told = told.lock().unwrap();
     // Half a cosine over a second of ticks of 1 ms, and a test that moves by less in one.
     assert!((told[0] - STANDS).abs() < 1e-6, "{}", told[0]);
@@ -60,13 +60,13 @@ fn without_it_only_a_computation_is_commanded_and_goes_there_at_once() {
     let text = linked(STEPS, &address, ADAPTER);
     let (code, said) = run(folder.path(), "run", &text);
     assert_eq!(code, 0, "{said}");
-    assert!(said.contains("NOBODY KNOWS WHERE IT STANDS"), "{said}");
+    assert!(said.contains("ITS POSITION IS UNKNOWN"), "{said}");
     assert_eq!(told.lock().unwrap()[0], 0.0);
     let text = text.replace("computed = true\n", "");
     let (code, said) = run(folder.path(), "refused", &text);
     assert_eq!(code, 2, "{said}");
     for words in [
-        "where does this specimen stand before the test?",
+        "the position of this specimen before the test is unknown",
         "`stands_at_m = [0.0]`",
     ] {
         assert!(said.contains(words), "{said}");
@@ -84,7 +84,7 @@ fn a_test_that_goes_on_finds_it_where_it_was_left_and_not_where_it_once_stood() 
     assert_eq!(code, 3, "{said}");
     let broken = summary(folder, "run");
     assert!(broken.steps > 10);
-    let left = "nobody holds specimen 1: it is where its own controller leaves it";
+    let left = "no watchdog holds specimen ";
     assert!(broken.reason.ends_with(left), "{}", broken.reason);
     let mut command = gusset();
     command.arg("run").arg("--resume").arg(folder.join("run"));
@@ -94,7 +94,7 @@ fn a_test_that_goes_on_finds_it_where_it_was_left_and_not_where_it_once_stood() 
     assert_eq!(output.status.code(), Some(0), "{said}");
     // What the file says was over with the first command.
     assert!(said.contains("takes it at once to where it was left"));
-    assert!(!said.contains("stands_at_m") && !said.contains("where the test begins"));
+    assert!(!said.contains("stands_at_m") && !said.contains("the test starts from there"));
     let told = told.lock().unwrap();
     assert!(told.len() > BREAKS_AT + 10 && largest_step(&told) < 2e-4);
 }
@@ -167,7 +167,7 @@ fn a_gateway_knows_where_it_told_a_specimen_to_go_that_cannot_say_where_it_stand
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{said}");
     assert!(
-        said.contains("where does this specimen stand before the test?"),
+        said.contains("the position of this specimen before the test is unknown"),
         "{said}"
     );
 
@@ -206,7 +206,7 @@ fn of_a_specimen_of_our_own_protocol_that_does_not_tell_the_file_says_where_it_s
     let keys = format!("probe = \"none\"\nstands_at_m = [{STANDS}]");
     let (code, said) = run(folder.path(), "run", &linked(STEPS, &address, &keys));
     assert_eq!(code, 0, "{said}");
-    assert!(!said.contains("NOBODY KNOWS"), "{said}");
+    assert!(!said.contains("POSITION IS UNKNOWN"), "{said}");
     let told: Vec<f64> = told.try_iter().flatten().collect();
     assert!((told[0] - STANDS).abs() < 1e-6 && largest_step(&told) < 2e-4);
 
@@ -216,7 +216,7 @@ fn of_a_specimen_of_our_own_protocol_that_does_not_tell_the_file_says_where_it_s
     let served = Served::start(folder.path(), &file, &["--protocol", "openfresco"]);
     let settings = RemoteSettings::new(Peer::Element, Carrier::Stream, served.address.clone(), 1);
     assert!(Remote::new(settings).unwrap().open().is_err());
-    served.hears("nobody knows where it stands");
+    served.hears("its position is unknown");
     assert_eq!(told.try_iter().count(), 0);
 }
 

@@ -78,7 +78,7 @@ fn other_programs_are_recognised_by_their_first_bytes() {
             "the first bytes are those of a browser: the peer speaks another protocol",
         ),
         (
-            b"SSH-2.0-OpenSSH_9.6 and the rest of a long first line that goes on",
+            b"SSH-2.0-OpenSSH_9.6 and the rest of a long first line that continues",
             "those of an SSH server or client",
         ),
         (

@@ -138,7 +138,7 @@ fn a_hybrid_test_with_opensees_as_the_specimen_is_the_one_with_the_law() {
         assert_eq!(
             status.code(),
             Some(255),
-            "OpenSees ends so when it is told to"
+            "OpenSees ends with this code on request"
         );
         let law = format!("{name}-law");
         assert_eq!(run(folder.path(), &law, "simulated", BILINEAR).0, Some(0));

@@ -224,9 +224,9 @@ fn a_hold_stands_in_the_ramp_and_is_refused_on_the_way_out() {
     until("it leaves", || events(&run).contains("\"to\":\"leaving\""));
     for word in ["hold", "continue"] {
         let text = refused(word, &run);
-        assert!(text.contains("it is leaving"), "{text}");
+        assert!(text.contains("is shutting down"), "{text}");
     }
-    let cut = "ended: the way out was cut short, specimens that had not arrived are frozen where they are\n";
+    let cut = "ended: the shutdown was cut short, and specimens that were still moving hold where they are\n";
     for (stop, told) in [(first, "ended\n"), (stop(), cut)] {
         let said = stop.wait_with_output().unwrap();
         assert_eq!(said.stdout, told.as_bytes(), "{said:?}");
@@ -286,7 +286,7 @@ fn a_test_that_does_not_answer_is_asked_on_and_is_not_over() {
     let asked = events.matches("\"event\":\"stop_requested\"").count();
     assert_eq!(
         asked, 1,
-        "what lies in the socket is not said again: {events}"
+        "requests in the socket are not repeated: {events}"
     );
 }
 

@@ -216,8 +216,10 @@ fn a_hold_eases_in_and_out_and_leaves_the_response_as_it_was() {
 /// A specimen in the upper storey that is told every step only.
 fn far(name: &str) -> String {
     format!(
-        "[[specimen]]\nname = \"{name}\"\nstorey = 2\nstiffness_n_per_m = 1e5\nlink = {{ address = \"127.0.0.1:9\", coupling \
-         = \"lockstep\", commands = \"every_step\" }}\n"
+        "[[specimen]]\nname = \"{name}\"\nstorey = 2\nstiffness_n_per_m = 1e5\nlink = {{ address = \"127.0.0.1:{}\", coupling \
+         = \"lockstep\", commands = \"every_step\" }}\n",
+        // Each specimen has a separate server.
+        name.len()
     )
 }
 
@@ -499,21 +501,21 @@ fn a_pace_that_makes_no_sense_is_refused() {
         ),
         (
             format!("{}{link} }}\n", frame(1, "safety.unlimited = \"t\"")),
-            "every tick is a step here",
+            "each step has only one tick here",
         ),
         (
             format!(
                 "{}{link}, coupling = \"sampled\" }}\n",
                 frame(4, "safety.unlimited = \"t\"")
             ),
-            "commanded at every tick",
+            "needs a command at every tick",
         ),
         (
             format!(
                 "{}{link}, coupling = \"lockstep\" }}\n",
                 frame(4, "safety.unlimited = \"t\"").replace("ticks = 3", "ticks = 0")
             ),
-            "needs a warm-up of one tick at least",
+            "needs a warm-up of at least one tick",
         ),
         (frame(1, "safety.ease_s = -1"), "must not be negative"),
         (

@@ -50,7 +50,7 @@ impl Substructure for Buggy {
     fn retire(&mut self, how: Retirement) {
         assert_eq!(how, Retirement::Tripped);
         self.goodbyes.fetch_add(1, Ordering::SeqCst);
-        assert!(!self.fails_at_the_end, "the bug of the last words");
+        assert!(!self.fails_at_the_end, "the bug at the goodbye");
     }
 }
 
@@ -142,12 +142,12 @@ fn last_words_that_panic_too_do_not_cost_the_next_specimen_its_own() {
     assert_eq!(finished.finish, Finish::Panicked);
     let reason = finished.summary.reason;
     assert!(
-        reason.contains("the bug of step 50") && reason.contains("the bug of the last words"),
+        reason.contains("the bug of step 50") && reason.contains("the bug at the goodbye"),
         "{reason}"
     );
 }
 
-/// Through the program itself, on both clocks: a specimen that is computed breaks down at 0.25 s, another one stands behind a
+/// Through the program itself, on both clocks: a specimen that is computed fails on purpose at 0.25 s, another one stands behind a
 /// link. It hears that the test tripped, and the folder is whole.
 #[test]
 fn a_drill_exits_with_5_and_the_specimen_behind_the_link_is_retired() {
@@ -178,7 +178,7 @@ fn a_drill_exits_with_5_and_the_specimen_behind_the_link_is_retired() {
         let said = say(arguments);
         assert_eq!(said.code, Some(5), "{}", said.stderr);
         assert!(
-            said.stderr.contains("a drill: at 0.2499 s"),
+            said.stderr.contains("fault injection: at 0.2499 s"),
             "{}",
             said.stderr
         );
@@ -193,8 +193,9 @@ fn a_drill_exits_with_5_and_the_specimen_behind_the_link_is_retired() {
         assert_eq!(summary["status"], "failed");
         let reason = summary["reason"].as_str().unwrap();
         assert!(
-            reason
-                .starts_with("internal error: a drill: the specimen's code breaks down at 0.25 s"),
+            reason.starts_with(
+                "internal error: a drill: the specimen's code fails on purpose at 0.25 s"
+            ),
             "{reason}"
         );
         // Step 50 of 200 Hz was never closed, and every row before it is there.
@@ -215,7 +216,7 @@ fn a_drill_exits_with_5_and_the_specimen_behind_the_link_is_retired() {
             "it had moved"
         );
         let report = fs::read_to_string(out.join("report.html")).unwrap();
-        assert!(report.contains("breaks down"));
+        assert!(report.contains("fails on purpose"));
         let events = fs::read_to_string(out.join("events.jsonl")).unwrap();
         assert!(events.contains("\"internal_error\""), "{events}");
         // What was recorded is replayed up to there, without a drill.
@@ -228,7 +229,7 @@ fn a_drill_exits_with_5_and_the_specimen_behind_the_link_is_retired() {
 fn a_drill_is_refused_where_it_could_not_come() {
     let line = "drill = { panic_at_s = 3 }";
     let text = FRAME.replace("storey = 1\n", &format!("storey = 1\n{line}\n"));
-    let words = ["the drill is at 3 s, but the test ends at 0.5 s"];
+    let words = ["the fault of `drill` is at 3 s, but the test ends at 0.5 s"];
     common::refusal::refused(&text, &[], line, "3", &words);
     let text = FRAME.replace("storey = 1\n", "storey = 1\ndrill = { panic_at_s = -1 }\n");
     common::refusal::refused(

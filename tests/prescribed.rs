@@ -199,7 +199,7 @@ fn strokes_that_cannot_be_are_refused_at_their_place() {
     assert!(text.contains("has 2 actuators"), "{text}");
     // Both circles meet no more.
     let text = refused(&(TWO.to_owned() + &stroke(2, here, 6.0)));
-    assert!(text.contains("the strokes lead there"), "{text}");
+    assert!(text.contains("these strokes cause it"), "{text}");
 }
 
 fn refused(text: &str) -> String {

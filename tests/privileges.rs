@@ -93,7 +93,10 @@ fn without_privileges_a_test_runs_and_says_so_or_refuses_if_they_are_required() 
     completed(&test, &folder.path().join("simulated"), &simulated);
 }
 
-#[expect(clippy::disallowed_macros, reason = "a test that did not look says so")]
+#[expect(
+    clippy::disallowed_macros,
+    reason = "a test that did not look reports this"
+)]
 fn skipped(why: &str) {
     eprintln!("SKIPPED: {why}");
 }

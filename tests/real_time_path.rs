@@ -255,7 +255,7 @@ fn spawn_child(mode: &str) -> ExitStatus {
 }
 
 #[test]
-#[expect(clippy::disallowed_macros, reason = "a skipped test must be heard of")]
+#[expect(clippy::disallowed_macros, reason = "a skipped test must be reported")]
 fn no_tick_makes_a_system_call_other_than_the_clocks() {
     let quiet = spawn_child("quiet");
     if quiet.code() == Some(NOT_PERMITTED) {
@@ -272,7 +272,7 @@ fn no_tick_makes_a_system_call_other_than_the_clocks() {
 
 /// Not a test of its own: what the children run.
 #[test]
-#[ignore = "run by no_tick_makes_a_system_call_other_than_the_clocks in processes of their own"]
+#[ignore = "run by no_tick_makes_a_system_call_other_than_the_clocks in separate processes"]
 fn in_the_child() {
     let Ok(mode) = std::env::var(CHILD) else {
         return;

@@ -505,13 +505,13 @@ fn rows_that_are_whole_but_too_few_are_no_proof() {
     let (code, said) = spoilt(&run, keep.clone()(400));
     assert_eq!(code, 1, "{said}");
     assert!(
-        said.contains("400 rows") && said.contains("the summary tells of 1536 steps"),
+        said.contains("400 rows") && said.contains("the summary has 1536 steps"),
         "{said}"
     );
     let (code, said) = spoilt(&run, keep(0));
     assert_eq!(code, 1, "{said}");
     assert!(
-        said.contains("nothing is proven") && said.contains("there are no rows"),
+        said.contains("no proof of stability") && said.contains("there are no rows"),
         "{said}"
     );
     // Of a run that was killed nobody knows where it would have ended: it is proven as far as it went.
@@ -785,7 +785,7 @@ fn a_summary_with_other_steps_peaks_or_another_trip_is_found() {
         (Some(1), true),
         "{headline}"
     );
-    // The rows end before such a summary does: then nothing is proven.
+    // The rows end before such a summary does: then no proof of stability.
     assert_eq!((codes[0], keys.len()), (Some(1), 0));
     let (codes, keys, headline) = judged(&run, |summary| {
         let peak = summary["peak"]["displacement"][1].as_f64().unwrap();

@@ -63,7 +63,10 @@ fn two_runs_of_one_test_are_the_same_to_the_last_bit_and_one_changed_bit_is_foun
         "{}",
         said.stderr
     );
-    assert!(page.contains("The same to the last bit") && page.contains("configurations are alike"));
+    assert!(
+        page.contains("Both runs are identical to the last bit")
+            && page.contains("configurations are alike")
+    );
 
     let x2 = place(&second, "x2");
     let old = Run::open(&second).unwrap().columns(&["x2"]).unwrap()[0][40];
@@ -333,7 +336,7 @@ fn a_record_that_was_cut_off_is_bad_news_and_never_the_same_as_another() {
     assert!(page.contains("verdict bad") && page.contains("but the rows end at"));
     let (said, page) = compare(folder.path(), &first, &second);
     assert!(
-        said.stderr.contains("second run: the summary tells of"),
+        said.stderr.contains("second run: the summary has"),
         "{}",
         said.stderr
     );
@@ -367,7 +370,7 @@ fn an_audit_that_ends_without_a_number_does_not_say_that_all_is_booked_right() {
 #[test]
 fn the_page_tells_the_way_out_and_how_limits_are_judged() {
     // ±2 mm in the test, then 20 mm: 16 kN in the one, 40 kN + 0.05 · 8 MN/m · 15 mm = 46 kN in the other.
-    let text = "title = \"Way out\"\n[time]\nrate_hz = 256\nduration_s = 4\nclock = \"simulated\"\n\
+    let text = "title = \"Shutdown\"\n[time]\nrate_hz = 256\nduration_s = 4\nclock = \"simulated\"\n\
         [[excitation.prescribed_displacement]]\nspecimen = \"column\"\nease_in_s = 0.5\n\
         signal.cyclic = { amplitudes = [0.002], cycles_per_amplitude = 2, shape = \"sine\", frequency_hz = 0.5 }\n\
         [[specimen]]\nname = \"column\"\n\
@@ -380,12 +383,12 @@ fn the_page_tells_the_way_out_and_how_limits_are_judged() {
     let page = fs::read_to_string(out.join("report.html")).unwrap();
     let page = page.replace("&quot;", "\"");
     for part in [
-        "Specimen \"column\" was led to where the test file wants it left; last command 20.0\u{a0}mm as it was sent, last measured \
-         20.0\u{a0}mm and 46.0\u{a0}kN as they came, largest force on the way out 46.0\u{a0}kN, more than in the running test.",
-        "<b>16.0\u{a0}kN</b><span>largest force of the running test, column; 46.0\u{a0}kN on the way out",
-        "1025\u{a0}steps of the running test; 161\u{a0}rows of the way out",
-        "<td>not checked: no deadline is missed on the simulated clock</td>",
-        "At the end: every specimen is led to its `safe_disp_m`, at 0.05 m/s at most",
+        "Specimen \"column\" was moved to its end position (`at_end` of the test file); last command sent 20.0\u{a0}mm, last measurements received \
+         20.0\u{a0}mm and 46.0\u{a0}kN, largest force during shutdown 46.0\u{a0}kN, more than in the running test.",
+        "<b>16.0\u{a0}kN</b><span>largest force of the running test, column; 46.0\u{a0}kN during shutdown",
+        "1025\u{a0}steps of the running test; 161\u{a0}rows of the shutdown",
+        "<td>not checked: the simulated clock misses no deadlines</td>",
+        "At the end: every specimen moves to its `safe_disp_m`, at 0.05 m/s at most",
         "safe displacement: 20\u{a0}mm.",
     ] {
         assert!(page.contains(part), "{part}");
@@ -490,12 +493,12 @@ fn a_test_that_tripped_on_its_way_in_has_made_no_step_and_no_way_out() {
     for part in [
         "<b>10.0\u{a0}mm</b><span>displacement at the start, DOF 1: no step was made<",
         "<b>59.0\u{a0}kN</b><span>largest force before the first step, col<",
-        "and 59.0\u{a0}kN as they came, largest force before the first step 59.0\u{a0}kN.",
+        "and 59.0\u{a0}kN, largest force before the first step 59.0\u{a0}kN.",
         "0\u{a0}steps of the running test; ",
     ] {
         assert!(page.contains(part), "{part}");
     }
-    for part in ["on the way out", "of the way out", "largest displacement"] {
+    for part in ["during shutdown", "of the shutdown", "largest displacement"] {
         assert!(!page.contains(part), "{part}");
     }
 }

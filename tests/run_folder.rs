@@ -338,7 +338,7 @@ fn overrides_stand_in_resolved_toml_and_the_file_as_given_beside_it() {
     assert_eq!(
         resolved["timing"]["on_miss"].as_str(),
         Some("stretch"),
-        "defaults stand there too"
+        "defaults are there too"
     );
     assert_eq!(fs::read_to_string(out.join("test.toml")).unwrap(), FRAME);
     assert_eq!(json(&out, "summary.json")["steps"], 50);

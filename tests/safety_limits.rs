@@ -115,32 +115,35 @@ fn limits_that_contradict_each_other_are_shown_with_both_places() {
             "",
             &[
                 "less than the 0.001 m that `command_step_m` allows",
-                "trips first, always",
+                "always trips first",
             ][..],
         ),
         (
             "sensor_force_n = { trip = [-2e6, 9e5] }",
             "",
             "",
-            &["`measured_force_n` reaches from -1000000 to 1000000, but the sensor only"],
+            &["`measured_force_n` is -1000000 to 1000000, but the sensor measures only"],
         ),
         (
             "command_vel_m_per_s = { trip = 0.05 }",
             "on_trip = \"zero_force\"\nexit_speed_m_per_s = 0.1",
             "",
-            &["would be left at 0.1 m/s, but 0.05 m/s trip"],
+            &["would move to its end position at 0.1 m/s, but 0.05 m/s trip"],
         ),
         (
             "command_step_m = { trip = 0.001 }",
             "on_trip = \"zero_force\"\nexit_speed_m_per_s = 100",
             "",
-            &["would be left at 100 m/s", "but 0.001 m trip"],
+            &[
+                "would move to its end position at 100 m/s",
+                "but 0.001 m trip",
+            ],
         ),
         (
             "",
             "",
             "safe_disp_m = [0.6]\n",
-            &["axis 1 is safe at 0.6 m, which may not be commanded"],
+            &["axis 1 is safe at 0.6 m, which is outside the allowed commands"],
         ),
         (
             "stiffness_ratio = { warn = 1.3, trip = 1.2 }",
@@ -213,7 +216,7 @@ fn both_ends_know_the_limits_of_the_other_before_anything_moves() {
     assert_eq!(code, 1, "{said}");
     let reason = summary(folder, "narrow").reason;
     assert!(
-        reason.contains("commanded displacement") && reason.contains("0.004"),
+        reason.contains("commanded displacement") && reason.contains("allowed -4 mm"),
         "{reason}"
     );
     assert!(!reason.contains("interlock"), "{reason}");
@@ -293,20 +296,20 @@ fn check_says_which_limits_there_are_who_checks_them_and_what_happens_then() {
         "trips -0.5 to 0.5",
         "following_error_m",
         "warns 0.001",
-        "its own end, too",
+        "its server also checks",
         "max_misses_in_window",
         "step_audit",
         "stability_used",
-        "an interlock or emergency stop",
+        "an open interlock or emergency stop",
         "every specimen holds its last command",
         // How a bound is judged, what the other end does by itself, and how everything begins and ends.
         "in motion 0.03 s of it more",
         "once the command has gone 0.0001 m",
         "of second differences beyond 0.000001 m",
-        "in 7 s, not in the",
+        "in 7 s, not counted in the",
         "holds, by itself, after 0.5 s without a command",
-        "neither `probe_m` nor a static load shows it",
-        "every specimen is led to its `safe_disp_m`, at 0.004 m/s at most",
+        "no wiring check",
+        "every specimen moves to its `safe_disp_m`, at 0.004 m/s at most",
         "  0.0125 m\n",
         "hold for 0.250000 s while every sensor is read and the operator confirms",
         "a ramp of 3 s or longer",

@@ -104,16 +104,16 @@ fn a_certificate_of_another_authority_is_refused_at_either_end() {
 #[test]
 fn an_authority_that_only_has_the_right_name_is_refused_as_one() {
     let anew = Authority::new();
-    let words = "another authority of the same name";
+    let words = "another authority of this name";
     with(
         |_, folder| anew.issue(folder, "client", &["controller"], VALID),
-        "is its authority another one of the same name",
+        "another one of this name",
         words,
     );
     with(
         |_, folder| anew.issue(folder, "server", LOCAL, VALID),
         words,
-        "is its authority another one of the same name",
+        "another one of this name",
     );
 }
 

@@ -42,7 +42,7 @@ fn is_the_same(seen: &str, law: &str, protocol: &str, address: &dyn Fn(&str) -> 
         assert_eq!(link.sent, u64::from(STEPS) + 1 + 5);
         assert_eq!((link.received, link.lost, link.corrupt), (link.sent, 0, 0));
         served.hears(match protocol {
-            "gusset" => "retired in an orderly way",
+            "gusset" => "retired at the end of the test",
             _ => "the client ended the test",
         });
         let resolved = std::fs::read_to_string(folder.join(name).join("resolved.toml")).unwrap();
@@ -85,7 +85,7 @@ fn a_gateway_between_two_links_over_tls_changes_no_number() {
         let (code, said) = run(folder, name, &text);
         assert_eq!(code, 0, "{said}");
         assert_eq!(columns(folder, "local", ""), columns(folder, name, ""));
-        between.hears("retired in an orderly way");
+        between.hears("retired at the end of the test");
     }
 }
 

@@ -233,7 +233,7 @@ fn an_actuator_that_does_not_come_to_terms_with_its_law_is_told_of_before_and_af
         let file = common::write(folder, &format!("{name}.toml"), &test(rate, stiffness));
         let said = common::say(["check".as_ref(), file.as_os_str(), "--verbose".as_ref()]);
         assert_eq!(said.code, Some(0), "{}", said.stderr);
-        let told = said.stderr.contains("do not come to terms in");
+        let told = said.stderr.contains("did not converge in");
         assert_eq!(told, !settles, "{name}: {}", said.stderr);
 
         let out = folder.join(name);
@@ -248,9 +248,9 @@ fn an_actuator_that_does_not_come_to_terms_with_its_law_is_told_of_before_and_af
         let summary = common::json(&out, "summary.json");
         let warnings = summary["warnings"].to_string();
         if settles {
-            assert!(unsettled == 0 && events.is_empty() && !warnings.contains("to terms"));
+            assert!(unsettled == 0 && events.is_empty() && !warnings.contains("did not converge"));
         } else {
-            let counted = format!("in {unsettled} ticks the servo-hydraulic actuator");
+            let counted = format!("did not converge in {unsettled} ticks");
             assert!(
                 unsettled > 1 && warnings.contains(&counted),
                 "{unsettled}: {warnings}"
@@ -544,7 +544,7 @@ fn a_loop_that_is_unstable_only_at_rest_or_only_beyond_it_is_told_and_not_refuse
     assert_eq!(said.code, Some(1), "{}{}", said.stdout, said.stderr);
     assert!(said.stderr.contains("warning: the response may grow"));
     assert!(
-        said.stdout.contains("UNSTABLE as K0 and C0 have it"),
+        said.stdout.contains("UNSTABLE with K0 and C0"),
         "{}",
         said.stdout
     );

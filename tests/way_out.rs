@@ -38,7 +38,7 @@ fn an_end_of_the_specimen_with_a_limit_of_acceleration_is_led_out_of_a_test_that
         let leaves = columns[0]
             .iter()
             .position(|state| *state == Phase::Leaving.code());
-        let leaves = leaves.expect("rows of the way out");
+        let leaves = leaves.expect("rows of the shutdown");
         let command = &columns[1];
         let accel = |k: usize| {
             (command[k] - 2.0 * command[k - 1] + command[k - 2]).abs() / (PERIOD * PERIOD)
@@ -74,7 +74,7 @@ fn who_is_not_led_stops_before_the_way_out_of_the_others() {
     };
     let text = format!(
         "[time]\nrate_hz = 200\nduration_s = 1.05\n[safety]\non_trip = \"zero_force\"\nexit_speed_m_per_s = 0.02\n\
-         unlimited = \"springs\"\naccept_trip = \"the way out is what is tested\"\n{}{}",
+         unlimited = \"springs\"\naccept_trip = \"this test is about the shutdown\"\n{}{}",
         specimen("one", &served[0], ""),
         specimen(
             "other",

@@ -51,7 +51,7 @@ impl<W: Hasty> Aside<W> {
         if self.missed > 0 {
             let start = if self.broken { "\n" } else { "" };
             let words = format!(
-                "{start}[nobody read: {} messages are missing here]\n",
+                "{start}[{} messages are missing here: the terminal did not take them]\n",
                 self.missed
             );
             whole.extend_from_slice(words.as_bytes());
@@ -238,7 +238,7 @@ mod tests {
         aside.say(b"last\n");
         aside.say(b"more\n");
         let shown = String::from_utf8(aside.out.shown).unwrap();
-        let words = "[nobody read: 3 messages are missing here]";
+        let words = "[3 messages are missing here: the terminal did not take them]";
         assert_eq!(shown, format!("one\nseco\n{words}\nlast\nmore\n"));
     }
 
@@ -260,7 +260,7 @@ mod tests {
         aside.say(b"heard\n");
         heard.clear();
         let _it_is_empty = reader.read_to_end(&mut heard);
-        let words = "[nobody read: 2 messages are missing here]";
+        let words = "[2 messages are missing here: the terminal did not take them]";
         let heard = String::from_utf8(heard).unwrap();
         assert_eq!(heard, format!("{words}\nheard\n"));
     }

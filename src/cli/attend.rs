@@ -94,7 +94,7 @@ impl Attendant {
         };
         let answered = question.ask(|| self.phase.glimpse().unconfirmed);
         if answered == Answered::Over && self.phase.get().can_be_held() {
-            remark("confirmed from elsewhere: nothing is asked here any more");
+            remark("another operator has confirmed the readings: no answer is needed here");
         }
         answered == Answered::Yes
     }

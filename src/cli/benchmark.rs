@@ -346,7 +346,7 @@ fn controllers(asked: Option<&str>) -> Result<Vec<(String, CompensationSpec)>, S
     let spec: CompensationSpec = toml::from_str(asked).map_err(|error| {
         let names: Vec<_> = CONTROLLERS.iter().map(|(name, _)| *name).collect();
         format!(
-            "--controller {asked:?} is none of {}, and no table of [specimen.compensation]: {}",
+            "--controller {asked:?}: use one of {}, or a table as in [specimen.compensation]; as a table: {}",
             names.join(", "),
             error.message()
         )

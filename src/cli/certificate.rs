@@ -267,7 +267,7 @@ fn of_capacity(
                 shown(band.map(|band| band.high)),
                 match allowed {
                     Some(allowed) => format!(
-                        "{} can be had: {:.0} % used",
+                        "{} available: {:.0} % used",
                         quantity(allowed, unit),
                         100.0 * needed / allowed
                     ),
@@ -325,7 +325,9 @@ fn of_trips(trials: &Trials, allowed: f64, certain: bool) -> Line {
             // (1 − p)ⁿ = 0.025.
             let needed = (libm::log(0.025) / libm::log1p(-allowed)).ceil();
             let needed = needed.max(LEAST_TRIALS as f64);
-            format!("{text};\nthat is too few trials to tell: {needed:.0} without a trip would do")
+            format!(
+                "{text};\nthese are too few trials for a verdict: {needed:.0} trials without a trip suffice"
+            )
         } else {
             text
         }

@@ -17,6 +17,8 @@ use crate::config::{ClockChoice, Facts, Prepared, Stability};
 use crate::engine::Operator;
 use crate::engine::PhaseCell;
 #[cfg(feature = "monitor")]
+use crate::link::address::share_a_port;
+#[cfg(feature = "monitor")]
 use crate::monitor::Ended;
 #[cfg(feature = "monitor")]
 use crate::monitor::page::{LivePage, Serving, Token};
@@ -29,6 +31,9 @@ use crate::session::Attendance;
 #[cfg(feature = "monitor")]
 use crate::session::Finished;
 
+/// A port that no server of this program takes unless told to.
+#[cfg(feature = "monitor")]
+const OTHER_PORT: u16 = 4830;
 /// Notes of viewers that may wait to be written.
 const NOTES: usize = 64;
 
@@ -39,13 +44,25 @@ pub struct Asked {
 }
 
 impl Asked {
-    /// Takes the port: who cannot have it hears so before anything is made or moved.
+    /// Takes the port, and refuses one that is not free before anything is made or moved.
     #[cfg(feature = "monitor")]
-    pub fn for_run(args: &RunArgs) -> anyhow::Result<Self> {
+    pub fn for_run(args: &RunArgs, test: &Prepared) -> anyhow::Result<Self> {
         let Some(address) = &args.live.live else {
             return Ok(Self { page: None });
         };
         let usage = |text: String| WithExit(Exit::Usage, format!("{text}\nnothing was moved"));
+        let file = test.loaded.as_ref().map(|loaded| &loaded.file);
+        for specimen in file.iter().flat_map(|file| &file.specimen) {
+            let link = specimen.link.as_ref();
+            if let Some(link) = link.filter(|link| share_a_port(&link.address, address)) {
+                let text = format!(
+                    "--live {address} is also the address of specimen `{}` ([specimen.link] address = \"{}\")\n\
+                     choose another port for the live page, for example --live {}",
+                    specimen.name, link.address, OTHER_PORT
+                );
+                return Err(usage(text).into());
+            }
+        }
         let view = args.live.live_token.as_deref().map(Token::read);
         let view = view.transpose().map_err(|error| usage(error.to_string()))?;
         let page = LivePage::bind(address, view).map_err(|error| usage(error.to_string()))?;
@@ -54,7 +71,7 @@ impl Asked {
 
     /// Without the feature there is none.
     #[cfg(not(feature = "monitor"))]
-    pub fn for_run(_args: &RunArgs) -> anyhow::Result<Self> {
+    pub fn for_run(_args: &RunArgs, _test: &Prepared) -> anyhow::Result<Self> {
         Ok(Self {})
     }
 
@@ -183,8 +200,8 @@ fn announce(page: &LivePage) {
     ));
     if !page.is_open() {
         tell(
-            "the live page is open to the network, without encryption: whoever has the address above may look, whoever has \
-             the control token may operate",
+            "the live page is open to the network, without encryption: the address above gives read access, and the control \
+             token gives control of the test",
         );
     }
 }

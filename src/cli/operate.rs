@@ -132,8 +132,8 @@ const fn to_go_on(seen: Glimpse) -> Request {
 fn another_hold(named: u32, seen: Glimpse) -> Refusal {
     let latest = seen.hold_number;
     let text = format!(
-        "hold {latest} was asked for after hold {named}, which this `continue` was to end: the test is still held; look at \
-         it, and say `gusset continue` again"
+        "this `continue` is for hold {named}, and hold {latest} was requested later: the test is still on hold; check it, and send \
+         `gusset continue` again"
     );
     (Exit::Stopped, text)
 }
@@ -148,21 +148,21 @@ fn over(
 ) -> Result<String, Refusal> {
     let too_late = match request {
         Request::Stop if was_leaving => {
-            let text = "ended: the way out was cut short, specimens that had not arrived are frozen where they are";
+            let text = "ended: the shutdown was cut short, and specimens that were still moving hold where they are";
             return Ok(text.to_owned());
         }
         Request::Stop | Request::Phase => {
             return match otherwise() {
                 None => Ok("ended".to_owned()),
                 Some(reason) => {
-                    let text = format!("ended, but not as it was told to: {reason}");
+                    let text = format!("ended, but not as requested: {reason}");
                     Err((Exit::Stopped, text))
                 }
             };
         }
-        Request::Hold => "the test ended before it held",
+        Request::Hold => "the test ended before it was on hold",
         Request::Continue { .. } => "the test ended before it continued",
-        Request::Confirm => "the test ended before it heard that what was read is confirmed",
+        Request::Confirm => "the test ended before it received the confirmation",
     };
     Err((Exit::Stopped, too_late.to_owned()))
 }
@@ -185,17 +185,17 @@ fn ended_otherwise(folder: &Path) -> Option<String> {
 
 fn given_up(is_told: bool) -> String {
     let request = if is_told {
-        "what it was told is carried out as soon as it comes to it, if it is not yet; its specimens may move until then"
+        "it carries out the request as soon as it can; its specimens can move until then"
     } else {
-        "it could not be told; its specimens may move"
+        "the request did not reach it; its specimens can move"
     };
     let seconds = SILENCE.as_secs();
-    format!("it has not answered for {seconds} s and is not over: {request}")
+    format!("the test has not answered for {seconds} s and has not ended: {request}")
 }
 
 /// It was asked, and does not take it; an end is always taken.
 fn not_taken(phase: Phase) -> Refusal {
-    let full = "its queue of requests is full: it has not heard this one, say it again";
+    let full = "its queue of requests is full, and this request is not in it: send it again";
     refusal(phase).unwrap_or_else(|| (Exit::Stopped, full.to_owned()))
 }
 
@@ -203,11 +203,11 @@ fn not_taken(phase: Phase) -> Refusal {
 fn refusal(phase: Phase) -> Option<Refusal> {
     match phase {
         Phase::Leaving => {
-            let text = "it is leaving: the way out is neither held nor gone on with; `gusset stop` freezes it";
+            let text = "the test is shutting down: `hold` and `continue` have no effect; `gusset stop` freezes the specimens where they are";
             Some((Exit::Stopped, text.to_owned()))
         }
         Phase::Tripped => {
-            let text = "it has tripped: there is nothing to hold or to go on with";
+            let text = "the test has tripped: `hold` and `continue` have no effect";
             Some((Exit::Stopped, text.to_owned()))
         }
         Phase::Safe => Some((Exit::Usage, OVER.to_owned())),
@@ -233,32 +233,37 @@ fn judge(told: Request, now: Glimpse, long_enough: bool) -> Option<Result<String
         Request::Confirm if now.phase == Phase::Zeroing => {}
         Request::Confirm => {
             // By somebody else, meanwhile.
-            let held = if now.hold { ", and it is held" } else { "" };
-            return Some(Ok(format!("{phase}: what was read is confirmed{held}")));
+            let held = if now.hold {
+                ", and the test is on hold"
+            } else {
+                ""
+            };
+            return Some(Ok(format!("{phase}: the readings are confirmed{held}")));
         }
         // Held no more, and about to go on; or its loop does not listen yet.
         Request::Continue { .. }
             if now.hold || matches!(now.phase, Phase::Holding | Phase::Connected) => {}
         Request::Continue { .. } if now.unconfirmed => {
-            let text = "it is not held; what was read is still to be confirmed, by another `gusset continue`";
+            let text =
+                "the test is not on hold; confirm the readings with another `gusset continue`";
             return Some(Ok(format!("{phase}: {text}")));
         }
         Request::Continue { .. } if now.phase == Phase::Zeroing => {
             return Some(Ok(format!(
-                "{phase}: it is not held, and asks for no confirmation yet"
+                "{phase}: the test is not on hold, and needs no confirmation yet"
             )));
         }
         Request::Continue { .. } => return Some(Ok(phase.to_owned())),
         Request::Hold => {}
     }
     let so_far = match (told, now.hold) {
-        (Request::Hold, true) => ": it comes to rest, or will",
+        (Request::Hold, true) => ": the specimens are coming to rest",
         (Request::Hold, false) => {
-            ": nothing holds it: it has not heard of the hold yet, or was told since to go on"
+            ": it is not on hold: it has not received the request yet, or received `continue` after it"
         }
-        (Request::Confirm, _) if now.unconfirmed => ": what was read is not confirmed yet",
-        _ if now.phase == Phase::Connected => ": it has not heard of it yet",
-        (_, true) => ": it is still held",
+        (Request::Confirm, _) if now.unconfirmed => ": the readings are not confirmed yet",
+        _ if now.phase == Phase::Connected => ": it has not received the request yet",
+        (_, true) => ": it is still on hold",
         (_, false) => "",
     };
     let text = format!("it is {phase} after {} s{so_far}", PATIENCE.as_secs());
@@ -298,24 +303,27 @@ mod tests {
             (
                 seen(Probing, true, false),
                 true,
-                "Stopped: it is probing after 10 s: it comes to rest, or will",
+                "Stopped: it is probing after 10 s: the specimens are coming to rest",
             ),
             (
                 seen(Running, false, false),
                 true,
-                "Stopped: it is running after 10 s: nothing holds it: it has not heard of the hold yet, or was told since to go on",
+                "Stopped: it is running after 10 s: it is not on hold: it has not received the request yet, or received `continue` after it",
             ),
             (
                 seen(Tripped, false, false),
                 false,
-                "Stopped: it has tripped: there is nothing to hold or to go on with",
+                "Stopped: the test has tripped: `hold` and `continue` have no effect",
             ),
             (seen(Safe, false, false), false, "Usage: this test is over"),
         ] {
             assert_eq!(words(Request::Hold, now, long_enough), said);
         }
         let late = words(Request::Hold, seen(Leaving, false, false), false);
-        assert!(late.starts_with("Stopped: it is leaving"), "{late}");
+        assert!(
+            late.starts_with("Stopped: the test is shutting down"),
+            "{late}"
+        );
     }
 
     #[test]
@@ -340,20 +348,20 @@ mod tests {
                 go_on,
                 free(Connected),
                 true,
-                "Stopped: it is connected after 10 s: it has not heard of it yet",
+                "Stopped: it is connected after 10 s: it has not received the request yet",
             ),
             (go_on, asks(held(Zeroing)), false, "waits"),
             (
                 go_on,
                 asks(free(Zeroing)),
                 false,
-                "zeroing: it is not held; what was read is still to be confirmed, by another `gusset continue`",
+                "zeroing: the test is not on hold; confirm the readings with another `gusset continue`",
             ),
             (
                 go_on,
                 free(Zeroing),
                 false,
-                "zeroing: it is not held, and asks for no confirmation yet",
+                "zeroing: the test is not on hold, and needs no confirmation yet",
             ),
             (Request::Confirm, asks(free(Zeroing)), false, "waits"),
             (Request::Confirm, free(Zeroing), false, "waits"),
@@ -361,31 +369,34 @@ mod tests {
                 Request::Confirm,
                 asks(free(Zeroing)),
                 true,
-                "Stopped: it is zeroing after 10 s: what was read is not confirmed yet",
+                "Stopped: it is zeroing after 10 s: the readings are not confirmed yet",
             ),
             (
                 Request::Confirm,
                 free(Armed),
                 false,
-                "armed: what was read is confirmed",
+                "armed: the readings are confirmed",
             ),
             (
                 Request::Confirm,
                 held(Ramping),
                 false,
-                "ramping: what was read is confirmed, and it is held",
+                "ramping: the readings are confirmed, and the test is on hold",
             ),
             (
                 go_on,
                 held(Ramping),
                 true,
-                "Stopped: it is ramping after 10 s: it is still held",
+                "Stopped: it is ramping after 10 s: it is still on hold",
             ),
         ] {
             assert_eq!(words(told, now, long_enough), said);
         }
         let late = words(go_on, free(Leaving), false);
-        assert!(late.starts_with("Stopped: it is leaving"), "{late}");
+        assert!(
+            late.starts_with("Stopped: the test is shutting down"),
+            "{late}"
+        );
     }
 
     #[test]
@@ -403,7 +414,7 @@ mod tests {
     #[test]
     fn who_is_not_taken_is_told_that_it_is_too_late_or_to_say_it_again() {
         let said = |phase| not_taken(phase).1;
-        assert!(said(Phase::Leaving).starts_with("it is leaving"));
+        assert!(said(Phase::Leaving).contains("shutting down"));
         assert!(said(Phase::Running).starts_with("its queue"));
     }
 
@@ -416,7 +427,10 @@ mod tests {
         assert_eq!(exit, Exit::Stopped);
         assert!(text.ends_with("its interlock is open"), "{text}");
         let cut = over(Request::Stop, true, in_order).unwrap();
-        assert!(cut.starts_with("ended: the way out was cut short"), "{cut}");
+        assert!(
+            cut.starts_with("ended: the shutdown was cut short"),
+            "{cut}"
+        );
         let go_on = Request::Continue { hold: 1 };
         for request in [Request::Hold, go_on, Request::Confirm] {
             assert_eq!(over(request, false, in_order).unwrap_err().0, Exit::Stopped);

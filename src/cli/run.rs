@@ -20,7 +20,7 @@ use crate::session::{
     self, Allowed, Finish, Finished, Judged, Page, ReplayError, ResumeError, Signal, Signals,
     Watches,
 };
-use crate::units::{duration, quantity};
+use crate::units::{duration, number, quantity};
 
 /// Runs one test.
 pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
@@ -33,7 +33,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     obey(&judged)?;
     let test = &mut judged.test;
     attend::can_confirm(&mut test.facts, args.test_run.yes)?;
-    let asked = live::Asked::for_run(args)?;
+    let asked = live::Asked::for_run(args, test)?;
     // Before there is a folder: from here on an interrupt leaves a whole one.
     let signals = Signals::listen().context("signals cannot be taken over")?;
     let folder = conduct::folder(args.test_run.out.as_deref(), &test.facts.title)?;
@@ -199,7 +199,7 @@ fn conclude(facts: &Facts, finished: &Finished, page: Option<&Page>) {
     table.row(
         "test",
         &format!(
-            "{} in {} of wall time ({} clock, {:.6} Hz)",
+            "{} in {} of wall time ({} clock, {} Hz)",
             tested(summary.steps, after, summary.dt),
             duration(summary.wall_seconds),
             if finished.granted.is_some() {
@@ -207,7 +207,7 @@ fn conclude(facts: &Facts, finished: &Finished, page: Option<&Page>) {
             } else {
                 "simulated"
             },
-            summary.rate_hz
+            number(summary.rate_hz)
         ),
     );
     if let Some(structure) = &facts.structure {
@@ -331,12 +331,12 @@ mod tests {
     #[test]
     fn a_test_that_goes_on_claims_its_own_steps_only() {
         let dt = 1.0 / 256.0;
-        assert_eq!(tested(5120, None, dt), "5120 steps of 3.9062 ms: 20 s");
-        let own = "steps 1870 to 5120 of 3.9062 ms: 12.699 s";
+        assert_eq!(tested(5120, None, dt), "5120 steps of 3.906 ms: 20 s");
+        let own = "steps 1870 to 5120 of 3.906 ms: 12.699 s";
         assert_eq!(tested(5120, Some(1869), dt), own);
         assert_eq!(
             tested(7, Some(7), dt),
-            "no step after step 7, each of 3.9062 ms: 0 s"
+            "no step after step 7, each of 3.906 ms: 0 s"
         );
     }
 }

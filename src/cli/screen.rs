@@ -128,7 +128,7 @@ mod tests {
                 }
             }
         }
-        assert!(wraps, "the terminal is left as it was");
+        assert!(wraps, "the terminal still wraps lines");
         rows.into_iter()
             .map(|line| line.into_iter().collect())
             .collect()

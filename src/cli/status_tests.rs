@@ -157,7 +157,7 @@ fn a_test_that_has_tripped_says_so_and_why_to_its_end() {
     );
     let sight = Sight::of(&board, 1024.0);
     let line = sight.line(200);
-    let why = "ground-storey, axis 1: commanded displacement 0.12";
+    let why = "ground-storey, axis 1: commanded displacement 120 mm";
     assert!(line.starts_with("LEAVING, TRIPPED  "), "{line}");
     assert!(line.contains(why), "{line}");
     let block = sight.block(100, 40).join("\n");

@@ -165,10 +165,20 @@ impl From<Mistake> for Finding {
                 )
                 .label(label)
             }
-            Kind::WrongType { found, wanted } | Kind::WrongValue { found, wanted } => {
-                Self::error(path, format!("{name} must be {wanted}"))
-                    .label(format!("found {found}"))
+            Kind::WrongType {
+                found,
+                wanted,
+                hint,
             }
+            | Kind::WrongValue {
+                found,
+                wanted,
+                hint,
+            } => Self {
+                help: hint.into_iter().collect(),
+                ..Self::error(path, format!("{name} must be {wanted}"))
+                    .label(format!("found {found}"))
+            },
             Kind::Other(message) => Self::error(path, format!("{name}: {message}")),
             Kind::Consequence => Self::error(path, format!("{name} cannot be read")),
         }
@@ -188,7 +198,7 @@ impl Finding {
 /// A path as the subject of a sentence.
 fn subject(path: &KeyPath) -> String {
     if path.segments().is_empty() {
-        "the test file".to_owned()
+        "this file".to_owned()
     } else {
         format!("`{path}`")
     }
@@ -312,11 +322,59 @@ pub(crate) fn syntax(source: &Arc<Source>, errors: Vec<SyntaxError>) -> Vec<Diag
             .count();
         if last_line != Some(line) {
             last_line = Some(line);
-            diagnostics.push(broken(source, error.message, error.span));
+            diagnostics.push(match decimal_comma(&source.text, error.span.start) {
+                Some(span) => with_comma(source, span),
+                None => broken(source, error.message, error.span),
+            });
         }
     }
     diagnostics.truncate(SHOWN);
     diagnostics
+}
+
+/// The number with a decimal comma that the grammar mistake at byte `at` is about, if there is one.
+///
+/// `0,01` is never valid after `=`. In an array it is two elements, and only the zero that leads the second is a mistake.
+pub(crate) fn decimal_comma(text: &str, at: usize) -> Option<Range<usize>> {
+    let at = at.min(text.len());
+    let begin = text.get(..at)?.rfind('\n').map_or(0, |newline| newline + 1);
+    let end = text.get(at..)?.find('\n').map_or(text.len(), |n| at + n);
+    let line = &text.as_bytes()[begin..end];
+    let is_part = |byte: u8| byte.is_ascii_digit() || b"+-.eE_".contains(&byte);
+    for comma in (1..line.len()).filter(|index| line[*index] == b',') {
+        let first = line[..comma].iter().rposition(|byte| !is_part(*byte));
+        let first = first.map_or(0, |before| before + 1);
+        let after = line[comma + 1..].iter().position(|byte| !is_part(*byte));
+        let last = after.map_or(line.len(), |count| comma + 1 + count);
+        let digits =
+            line[comma - 1].is_ascii_digit() && line.get(comma + 1).is_some_and(u8::is_ascii_digit);
+        let before = line[..first].trim_ascii_end().last();
+        let split = before == Some(&b'=') || begin + comma + 1 == at || begin + comma + 2 == at;
+        if digits && split && !line[..first].contains(&b'#') {
+            return Some(begin + first..begin + last);
+        }
+    }
+    None
+}
+
+fn with_comma(source: &Arc<Source>, span: Range<usize>) -> Diagnostic {
+    let number = source.text[span.clone()].replacen(',', ".", 1);
+    let before = source.text[..span.start].trim_end().trim_end_matches('=');
+    let key = before.trim_end().rsplit([' ', '\n', '{', ',', '\t']).next();
+    let key =
+        key.filter(|key| !key.is_empty() && source.text[..span.start].trim_end().ends_with('='));
+    let place = Place {
+        source: Arc::clone(source),
+        span: Some(span),
+    };
+    let subject = key.map_or_else(|| "a number".to_owned(), |key| format!("`{key}`"));
+    Diagnostic {
+        severity: Severity::Error,
+        place: (place, plain(&format!("write {number}"))),
+        beside: None,
+        headline: plain(&format!("{subject} has a decimal comma")),
+        help: vec!["a decimal number has a point".to_owned()],
+    }
 }
 
 /// The editing parser's complaint, should it refuse what the reading one accepts.

@@ -25,6 +25,7 @@ mod driven;
 mod echo;
 mod edit;
 mod excitation;
+mod hints;
 mod inputs;
 mod locator;
 mod overrides;
@@ -239,6 +240,9 @@ pub fn parse(path: &Path, text: String, sets: &[String]) -> Result<Loaded, Confi
         root,
         locator,
     } = open(path, text, sets)?;
+    if let Some(finding) = serve::not_a_test(&root) {
+        return Err(locator.refusal(finding));
+    }
     let clock = KeyPath::root().key("time").key("clock");
     let clock_is_chosen = locator.overrides(&clock);
     let (file, findings) = judge(&root, |file| check::check(file, clock_is_chosen));
@@ -285,7 +289,7 @@ fn parse_overrides(sets: &[String]) -> (Vec<Override>, Vec<Diagnostic>) {
 }
 
 /// Everything that is wrong with the tree, and its value as far as there is one.
-fn judge<T: serde::de::DeserializeOwned>(
+fn judge<T: serde::de::DeserializeOwned + schemars::JsonSchema>(
     root: &document::Node,
     check: impl Fn(&T) -> Vec<Finding>,
 ) -> (Option<T>, Vec<Finding>) {
@@ -296,11 +300,18 @@ fn judge<T: serde::de::DeserializeOwned>(
         .iter()
         .map(|mistake| mistake.path.parent().unwrap_or_default())
         .collect();
-    let told = |mistake: read::Mistake| match &mistake.kind {
-        read::Kind::UnknownKey { .. } => {
-            removed::finding(&mistake.path).unwrap_or_else(|| mistake.into())
-        }
-        _ => mistake.into(),
+    // The schema is only needed where there is a mistake.
+    let hints = std::cell::OnceCell::new();
+    let told = |mistake: read::Mistake| {
+        let removed = match &mistake.kind {
+            read::Kind::UnknownKey { .. } => removed::finding(&mistake.path),
+            _ => None,
+        };
+        removed.unwrap_or_else(|| {
+            hints
+                .get_or_init(hints::Hints::of::<T>)
+                .explain(mistake, root)
+        })
     };
     let mut findings: Vec<Finding> = reading.mistakes.into_iter().map(told).collect();
     let known = |findings: &[Finding], path: &KeyPath| findings.iter().any(|f| f.path == *path);

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use toml_edit::{DocumentMut, Value};
 
-use super::diagnose::{Diagnostic, Part, Place, Severity, Source};
+use super::diagnose::{Diagnostic, Part, Place, Severity, Source, decimal_comma};
 use super::document::{KeyPath, Node, Segment, parse_segments};
 use super::echo::plain;
 use super::edit::put_in_table;
@@ -74,7 +74,7 @@ impl Override {
         if text.is_empty() {
             return Err(refuse(
                 "an override has no value",
-                "nothing stands after the `=`",
+                "the value after `=` is missing",
                 value_span,
                 "an empty text is written KEY='\"\"'",
             ));
@@ -95,6 +95,17 @@ impl Override {
                     .next()
                     .unwrap_or_default()
                     .to_owned();
+                let at = error.span().map_or(0, |span| span.start);
+                if let Some(number) = decimal_comma(text, at) {
+                    let span = start + number.start..start + number.end;
+                    let with_point = text[number].replacen(',', ".", 1);
+                    return Err(refuse(
+                        "the value of an override has a decimal comma",
+                        &format!("write {with_point}"),
+                        span,
+                        "a decimal number has a point",
+                    ));
+                }
                 return Err(refuse(
                     "the value of an override is not valid TOML",
                     &message,
@@ -130,7 +141,7 @@ impl Override {
         };
         put_in_table(document.as_table_mut(), first, rest, &self.value).map_err(|(left, why)| {
             // `left` segments were still to go when it went wrong.
-            self.refuse(self.segments.len() - left, &why, "cannot go on here")
+            self.refuse(self.segments.len() - left, &why, "no such entry")
         })
     }
 
@@ -145,7 +156,7 @@ impl Override {
             self.argument(),
             format!("`{undone}` is overridden twice"),
             "again here".to_owned(),
-            vec!["one of them must go: nobody sees which of two values counts".to_owned()],
+            vec!["remove one of them: the two values contradict".to_owned()],
         );
         diagnostic.beside = Some((before.place(before.argument()), "first here".to_owned()));
         Some(diagnostic)
@@ -312,7 +323,7 @@ mod tests {
         assert!(complaint("title.x=1").contains("`title` is a string; it has no key `x`"));
         assert!(complaint("time").contains("expected KEY=VALUE"));
         assert!(complaint("time.=1").contains("a key is missing here"));
-        assert!(complaint("time.step_s=").contains("nothing stands after the `=`"));
+        assert!(complaint("time.step_s=").contains("the value after `=` is missing"));
         assert!(complaint("specimen[0].rows=[[1,").contains("not valid TOML"));
     }
 }

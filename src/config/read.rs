@@ -38,10 +38,18 @@ pub(crate) enum Kind {
         found: Vec<String>,
         allowed: Vec<&'static str>,
     },
-    /// The wrong kind of value.
-    WrongType { found: String, wanted: String },
+    /// The wrong kind of value. `hint`: what to write instead.
+    WrongType {
+        found: String,
+        wanted: String,
+        hint: Option<String>,
+    },
     /// The right kind, the wrong value.
-    WrongValue { found: String, wanted: String },
+    WrongValue {
+        found: String,
+        wanted: String,
+        hint: Option<String>,
+    },
     /// What a type's own reader says.
     Other(String),
     /// Follows from a mistake that is already noted.

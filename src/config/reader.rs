@@ -12,7 +12,7 @@ use serde::de::{
 use super::document::{Datum, KeyPath, Node};
 use super::read::Kind;
 use super::suggest::listed;
-use super::words::{found_in_words, wanted_in_words};
+use super::words::{SPLIT_NUMBERS, found_in_words, number_in_quotes, wanted_in_words};
 
 /// What went wrong in the reading.
 #[derive(Debug)]
@@ -67,6 +67,7 @@ impl de::Error for ReadError {
         Self::new(Kind::WrongType {
             found: found_in_words(found),
             wanted: wanted_in_words(Some(found), wanted),
+            hint: number_in_quotes(found, wanted),
         })
     }
 
@@ -74,6 +75,7 @@ impl de::Error for ReadError {
         Self::new(Kind::WrongValue {
             found: found_in_words(found),
             wanted: wanted_in_words(Some(found), wanted),
+            hint: number_in_quotes(found, wanted),
         })
     }
 
@@ -81,6 +83,7 @@ impl de::Error for ReadError {
         Self::new(Kind::WrongValue {
             found: format!("an array of {length}"),
             wanted: wanted_in_words(None, wanted),
+            hint: None,
         })
     }
 
@@ -134,8 +137,12 @@ impl<'de> Reader<'de> {
                 };
                 let value = visitor.visit_seq(&mut left)?;
                 if left.next < elements.len() {
-                    let wanted = format!("an array of {}", left.next);
-                    return Err(de::Error::invalid_length(elements.len(), &wanted.as_str()));
+                    let (found, wanted) = (elements.len(), left.next);
+                    return Err(ReadError::new(Kind::WrongValue {
+                        found: format!("an array of {found}"),
+                        wanted: format!("an array of {wanted}"),
+                        hint: (found == 2 * wanted).then(|| SPLIT_NUMBERS.to_owned()),
+                    }));
                 }
                 Ok(value)
             }
@@ -326,6 +333,7 @@ impl<'de> Variant<'de> {
             ReadError::new(Kind::WrongType {
                 found: format!("only the name {name:?}"),
                 wanted: format!("a table with its parameters, `{{ {name} = ... }}`"),
+                hint: None,
             })
         })
     }
@@ -354,6 +362,7 @@ impl<'de> VariantAccess<'de> for Variant<'de> {
                 Err(ReadError::new(Kind::WrongType {
                     found: "parameters".to_owned(),
                     wanted: format!("the name alone, {:?}", self.name),
+                    hint: None,
                 })
                 .at(&reader.path))
             }

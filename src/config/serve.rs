@@ -136,7 +136,7 @@ impl Served {
         for (index, gear) in axes.enumerate() {
             if let Some((key, known)) = gear.foreign_units().next() {
                 let at = self.place.key("axis").index(index).key(key);
-                let text = format!("the protocol of Gusset has no such `{key}`");
+                let text = format!("the protocol of Gusset does not support this `{key}`");
                 let finding = Finding::error(at, text)
                     .label(known)
                     .help("`gusset serve --protocol openfresco` serves it in this unit");
@@ -288,21 +288,56 @@ fn is_test(root: &Node) -> bool {
     root.find(&KeyPath::root().key("time")).is_some()
 }
 
+/// The finding for a file that is read as a test although it is one for `gusset serve`, or both in one.
+pub(super) fn not_a_test(root: &Node) -> Option<Finding> {
+    let has = |key: &str| root.find(&KeyPath::root().key(key)).is_some();
+    let of_a_test = [
+        "time",
+        "structure",
+        "integrator",
+        "excitation",
+        "certificate",
+    ];
+    if is_test(root) && has("serve") {
+        let at = KeyPath::root().key("serve");
+        let text = "a test file has no `[serve]`";
+        return Some(
+            Finding::error(at, text)
+                .at_key()
+                .label("only in a file for `gusset serve`")
+                .help("move `[serve]` and a copy of the `[[specimen]]` to a separate file")
+                .help("`gusset serve TEST.toml --specimen NAME --listen ADDR:PORT` also serves a specimen of a test file"),
+        );
+    }
+    let is_served = has("serve") || (has("specimen") && !of_a_test.iter().any(|key| has(key)));
+    is_served.then(|| {
+        let key = if has("serve") { "serve" } else { "specimen" };
+        Finding::error(
+            KeyPath::root().key(key),
+            "this file is for `gusset serve`, not a test file: it has no `[time]`",
+        )
+        .at_key()
+        .label("the specimens of a server")
+        .help("`gusset serve FILE` starts the server")
+        .help("a test needs `[time]`, and a `[structure]` or an `[excitation]`; its `[specimen.link]` names the server's address")
+    })
+}
+
 fn choose(tables: &[SpecimenTable], name: Option<&str>) -> Result<usize, Box<Finding>> {
     let at = KeyPath::root().key("specimen");
     let names = || {
         let all: Vec<&str> = tables.iter().map(|table| table.name.as_str()).collect();
-        format!("there are: {}", all.join(", "))
+        format!("the specimens of this file: {}", all.join(", "))
     };
     match (name, tables) {
         (None, [_]) => Ok(0),
         (None, []) => Err(Box::new(Finding::error(
             at,
-            "there is no specimen to be served",
+            "this file has no `[[specimen]]` to serve",
         ))),
         (None, _) => Err(Box::new(
-            Finding::error(at, "which of the specimens is to be served?")
-                .help(format!("name it with --specimen; {}", names())),
+            Finding::error(at, "this file has several specimens, and a server has one")
+                .help(format!("choose one with --specimen NAME; {}", names())),
         )),
         (Some(name), _) => tables
             .iter()
@@ -323,7 +358,7 @@ fn host(table: &SpecimenTable, at: &KeyPath) -> Result<Host, Box<Finding>> {
         })
         .collect();
     let Some((key, law)) = table.sources().into_iter().next() else {
-        let text = "nothing stands for the specimen";
+        let text = "the specimen has neither a law nor a link";
         return Err(Box::new(Finding::error(at.clone(), text)));
     };
     let law = law.clone();

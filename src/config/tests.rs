@@ -4,6 +4,7 @@ use super::*;
 
 mod certificate;
 mod far;
+mod hints;
 mod idle;
 mod keys;
 mod nodal;

@@ -11,6 +11,21 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::time::{RateError, Ratio};
 
+/// What is allowed where a number has too many digits to be kept exactly.
+fn exact(found: Unexpected<'_>) -> String {
+    /// A fraction is proposed where the number is as near to it as its own digits can tell.
+    const NEAR: f64 = 1e-6;
+    let example = match found {
+        Unexpected::Float(value) if (1e-12..1.0).contains(&value) => {
+            let below = value.recip().round();
+            (((value * below) - 1.0).abs() < NEAR).then(|| format!("1/{below}"))
+        }
+        _ => None,
+    };
+    let example = example.unwrap_or_else(|| "1/1024".to_owned());
+    format!("a number with at most 12 digits, or a fraction in quotes, such as \"{example}\"")
+}
+
 /// A positive number kept exactly: an integer, a decimal or a fraction "a/b".
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RateValue(pub Ratio);
@@ -27,10 +42,7 @@ impl<'de> Deserialize<'de> for RateValue {
             ) -> Result<RateValue, E> {
                 match read {
                     Ok(ratio) => Ok(RateValue(ratio)),
-                    Err(RateError::TooFine) => Err(E::invalid_value(
-                        found,
-                        &"a number of at most twelve digits",
-                    )),
+                    Err(RateError::TooFine) => Err(E::invalid_value(found, &exact(found).as_str())),
                     Err(RateError::NotPositive | RateError::NotANumber) => {
                         Err(E::invalid_value(found, &self))
                     }
@@ -365,7 +377,7 @@ mod tests {
         assert!(
             read::<RateValue>("1e-300")
                 .unwrap_err()
-                .contains("twelve digits")
+                .contains("12 digits")
         );
     }
 

@@ -1,4 +1,4 @@
-//! What stands in a test file and what is wanted there, in the words of TOML.
+//! Values that were found and values that are allowed, in the words of TOML.
 
 use serde::de::{Expected, Unexpected};
 
@@ -43,6 +43,30 @@ pub(crate) fn wanted_in_words(found: Option<Unexpected<'_>>, wanted: &dyn Expect
         _ => return name,
     };
     words.to_owned()
+}
+
+/// Help for an array that has twice the elements that it should have.
+pub(crate) const SPLIT_NUMBERS: &str =
+    "a comma starts the next element; a decimal number has a point, as in `0.5`";
+
+/// Help for a text that was found in place of a number: the number without quotes and with a decimal point.
+pub(crate) fn number_in_quotes(found: Unexpected<'_>, wanted: &dyn Expected) -> Option<String> {
+    let Unexpected::Str(text) = found else {
+        return None;
+    };
+    if !wanted_in_words(Some(found), wanted).contains("number") {
+        return None;
+    }
+    let number = text.trim();
+    let is_number =
+        |text: &str| text.parse::<f64>().is_ok() && text.contains(|c: char| c.is_ascii_digit());
+    if is_number(number) {
+        return Some(format!("write the number without quotes: `{number}`"));
+    }
+    let (whole, decimals) = number.split_once(',')?;
+    let with_point = format!("{whole}.{decimals}");
+    is_number(&with_point)
+        .then(|| format!("a decimal number has a point and no quotes: `{with_point}`"))
 }
 
 /// What a whole number may be, where a number was found that is none of them: too large, negative or with a point.

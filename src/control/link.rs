@@ -155,7 +155,7 @@ impl Port {
              is led from there"
         };
         format!(
-            "specimen \"{name}\": NOBODY KNOWS WHERE IT STANDS: its link does not tell, so its first command takes it at once to \
+            "specimen \"{name}\": ITS POSITION IS UNKNOWN: its link does not tell, so its first command takes it at once to \
              {leads}"
         )
     }
@@ -199,8 +199,8 @@ impl Port {
         });
         is_elsewhere.then(|| {
             format!(
-                "specimen \"{}\": it says that it stands at {said:?}, and `stands_at_m` that it stands at {stated:?} (its own unit): \
-                 its own word counts",
+                "specimen \"{}\": it reports the position {said:?}, and `stands_at_m` gives {stated:?} (unit of the axis): the \
+                 reported position is used",
                 self.name
             )
         })
@@ -352,7 +352,7 @@ mod tests {
         };
         assert!(warned(vec![0.0]).is_empty());
         let words = warned(Vec::new());
-        assert!(words.len() == 1 && words[0].contains("NOBODY KNOWS WHERE IT STANDS"));
+        assert!(words.len() == 1 && words[0].contains("ITS POSITION IS UNKNOWN"));
         // Whoever says it in its place is told if it says otherwise itself.
         let warned = |standing| {
             let axes = vec![Axis::plain(vec![(0, 1.0)])];
@@ -364,7 +364,11 @@ mod tests {
         assert_eq!(warned(Vec::new()), (0.01, Vec::new()));
         assert_eq!(warned(vec![0.01]), (0.01, Vec::new()));
         let (stands, words) = warned(vec![0.03]);
-        assert!(stands == 0.03 && words.len() == 1 && words[0].contains("its own word counts"));
+        assert!(
+            stands == 0.03
+                && words.len() == 1
+                && words[0].contains("the reported position is used")
+        );
     }
 
     /// When its answer was due by the clock of a retraced test says nothing in the test that goes on.

@@ -52,9 +52,7 @@ impl TestQuantity {
     #[must_use]
     pub const fn words(self) -> &'static str {
         match self {
-            Self::StabilityUsed => {
-                "share of the room for stability that tangents beyond their declared bounds use up"
-            }
+            Self::StabilityUsed => "stability margin used by tangents beyond their declared bounds",
             Self::DelayUsed => {
                 "lag in parts of the critical delay at the stiffness of the last seconds"
             }

@@ -88,15 +88,15 @@ const BOOKKEEPING: [(&str, &str, &str); 5] = [
     (
         "state",
         "1",
-        "phase: 1 settling under the static load, 2 trying which way round a specimen is wired, 3 running, 4 zeroing, \
-         5 ramping, 6 holding, 7 leaving, 8 tripped, 10 warming up (kept where it mattered), 14 given up for being late, \
-         15 ended by the operator while an answer was waited for; between two steps: 11 towards a known target, 12 along the prediction, 13 slowing down",
+        "phase: 1 static load, 2 wiring check, 3 running, 4 zeroing, 5 startup ramp, 6 holding, 7 shutdown, 8 tripped, \
+         10 warm-up (kept where it matters), 14 stopped for missed deadlines, 15 stopped by the operator during a wait for a reply; \
+         between two steps: 11 towards a known target, 12 along the prediction, 13 slowing down",
     ),
     (
         "hold",
         "1",
-        "1 from the tick before which the operator asked for a hold, until he lets the test go on; 2 more where he said before \
-         the tick that it may go on; 4 more where he confirmed before it what was read; -1 where a test that he stopped trips on its way out",
+        "1 from a `hold` of the operator until `continue`; plus 2 where `continue` arrived before this tick; plus 4 where a confirmation \
+         of the readings arrived before it; -1 where a test that the operator stopped trips during the shutdown",
     ),
     ("time", "s", "test time"),
 ];
@@ -181,7 +181,7 @@ impl Row {
         );
         let has_own = matches!(side, Side::Structure(numerical) if numerical.has_own_accel());
         let meaning = if has_own {
-            "acceleration that the method goes on with, not that of equilibrium at the end of the step,"
+            "acceleration that the method uses in its next step, not that of equilibrium at the end of the step,"
         } else {
             "acceleration from equilibrium at the end of the step, M^-1 r,"
         };

@@ -8,7 +8,7 @@ use crate::control::limits::Hit;
 use crate::geometry::Fault;
 use crate::integrate::StepError;
 use crate::substructure::LinkFault;
-use crate::units::quantity;
+use crate::units::{duration, number, quantity};
 
 /// Why a test ended before its last step.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
@@ -17,7 +17,7 @@ pub enum Stop {
     #[error("stopped by the operator")]
     Operator,
     /// Too many deadlines were missed.
-    #[error("{total} deadlines missed, {in_a_row} of them in a row; the last by {late_ns} ns")]
+    #[error("{total} deadlines missed, {in_a_row} of them in a row; the last one by {}", duration(*late_ns as f64 / 1e9))]
     Late {
         /// In all.
         total: u64,
@@ -59,7 +59,7 @@ pub enum Stop {
     },
     /// A specimen goes on saying that its own watchdog holds it, although commands come.
     #[error(
-        "specimen {}: it says in {answers} answers in a row that it holds by its own watchdog: commands do not move it",
+        "specimen {}: it reported in {answers} answers in a row that its own watchdog holds it: commands do not move it",
         port + 1
     )]
     HoldsOn {
@@ -118,10 +118,13 @@ pub enum Stop {
     TestLimit(TestHit),
     /// A specimen does not stand where an interrupted test left it. Nothing was moved.
     #[error(
-        "specimen {}, axis {}: {} {found:.6e} but was left at {left:.6e}, and may be off by {within:.3e} (its own unit)",
+        "specimen {}, axis {}: {} {}, but the interrupted test left it at {} ± {} (unit of the axis)",
         port + 1,
         axis + 1,
-        if *read { "it reads" } else { "it says that it stands at" }
+        if *read { "it reads" } else { "it reports the position" },
+        number(*found),
+        number(*left),
+        number(*within)
     )]
     Moved {
         /// Specimen, from 0.
@@ -139,10 +142,12 @@ pub enum Stop {
     },
     /// A load cell reads another force than when the test was interrupted. Nothing was moved.
     #[error(
-        "specimen {}, axis {}: its load cell reads {found:.6e}; after the interruption {left:.6e} is expected where the axis stands, \
-         and the reading may differ by {within:.3e} (its own unit)",
+        "specimen {}, axis {}: its load cell reads {}, but {} ± {} is expected at the present displacement (unit of the axis)",
         port + 1,
-        axis + 1
+        axis + 1,
+        number(*found),
+        number(*left),
+        number(*within)
     )]
     ForceChanged {
         /// Specimen, from 0.
@@ -167,8 +172,8 @@ pub enum Stop {
     CannotCommand,
     /// The static load found no equilibrium.
     #[error(
-        "the static load found no equilibrium in {exchanges} exchanges: at best {unbalance:.1e} of the displacement was left to \
-         go{}",
+        "the static load found no equilibrium in {exchanges} exchanges: the smallest remaining correction is {unbalance:.1e} of the \
+         displacement{}",
         farthest(*port)
     )]
     NotSettled {
@@ -181,10 +186,12 @@ pub enum Stop {
     },
     /// A specimen came to rest again and again where the static load had not sent it.
     #[error(
-        "specimen {}, axis {}: it reads {read:.6e} and was sent to {sent:.6e} (its own unit) by the static load; neither its \
-         displacement nor its force has followed its last commands: its actuator is at its end or cut off, or its sensors are dead",
+        "specimen {}, axis {}: the static load commanded {}, and the axis reads {} (its unit); displacement and force did not follow \
+         the last commands: the actuator is at its end or switched off, or the sensors are dead",
         port + 1,
-        axis + 1
+        axis + 1,
+        number(*sent),
+        number(*read)
     )]
     DoesNotFollow {
         /// Specimen, from 0.
@@ -198,7 +205,7 @@ pub enum Stop {
     },
     /// A specimen did not come to rest while the static load was brought on.
     #[error(
-        "specimen {}: in {seconds:.0} s it has not come to rest where the static load has sent it",
+        "specimen {}: it did not come to rest within {seconds:.0} s at its position under the static load",
         port + 1
     )]
     NotAtRest {
@@ -271,7 +278,7 @@ impl Stop {
 
 fn farthest(port: Option<usize>) -> String {
     port.map_or_else(String::new, |port| {
-        format!(", last and most by specimen {}", port + 1)
+        format!("; the last one moved specimen {} most", port + 1)
     })
 }
 

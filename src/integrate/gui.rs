@@ -50,7 +50,7 @@ pub enum GuiError {
     #[error("the effective mass M + (Δt/2) C0 + (Δt²/λ) K0 is {0}")]
     EffectiveMass(NotPositiveDefinite),
     /// The modes with a λ of their own and the rest together have no factor.
-    #[error("the modes with a lambda of their own leave no effective mass")]
+    #[error("the modes with a separate lambda leave no effective mass")]
     Modes,
 }
 

@@ -74,7 +74,7 @@ pub enum LawError {
     },
     /// A law whose tangent has no bound of its own needs one from the user.
     #[error(
-        "`{law}.{name}` must be given: what degrades or pinches has no bound of its own for its tangent"
+        "`{law}.{name}` must be given: a law that degrades or pinches has no bound for its tangent"
     )]
     BoundNeeded {
         /// The law, as the configuration spells it.

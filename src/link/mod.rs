@@ -5,6 +5,7 @@
 //! are plain non-blocking sockets and a wait with a deadline; an asynchronous runtime serves only what is not on
 //! the deadline.
 
+pub mod address;
 pub mod announce;
 pub mod fault;
 mod inbox;

@@ -47,7 +47,7 @@ fn test(text: &mut Text, board: &Board, latest: &Snapshot, now_ns: u64, viewers:
     text.family(
         name,
         "gauge",
-        "1 for the phase of the test's life, 0 for all others; \"tripped\" is left at once where the way out begins, see gusset_tripped.",
+        "1 for the present phase of the test, 0 for all others. The phase \"tripped\" ends when the shutdown begins; see gusset_tripped.",
     );
     for phase in Phase::ALL {
         let here = f64::from(u8::from(phase == now));
@@ -211,7 +211,11 @@ fn specimens(text: &mut Text, board: &Board, latest: &Snapshot) {
             "Present value over the level at which the limit trips.",
             false,
         ),
-        (worst, "The same of the worst value so far.", true),
+        (
+            worst,
+            "Worst value so far over the level at which the limit trips.",
+            true,
+        ),
     ] {
         text.family(name, "gauge", help);
         for ((specimen, index, axis), view) in subject.axes().zip(&latest.axes) {
@@ -239,12 +243,12 @@ fn whole(text: &mut Text, board: &Board, latest: &Snapshot) {
     for (name, help, place) in [
         (
             "gusset_test_limit_used_ratio",
-            "Of the test as a whole: present value over the level at which the limit trips.",
+            "Limit of the whole test: present value over the level at which it trips.",
             0,
         ),
         (
             "gusset_test_limit_used_worst_ratio",
-            "The same of the worst value so far.",
+            "Limit of the whole test: worst value so far over the level at which it trips.",
             1,
         ),
     ] {

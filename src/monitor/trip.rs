@@ -89,7 +89,7 @@ impl Trip {
             EventKind::HoldsOn { port } => of_port(
                 port,
                 "specimen_holds_on",
-                "it goes on saying that its own watchdog holds it",
+                "it still reports that its own watchdog holds it",
             ),
             EventKind::Misfit { port, axis, what } => {
                 of_axis(port, axis, "misfit", &format!("not armed: {what}"))
@@ -98,7 +98,7 @@ impl Trip {
                 of_port(port, "geometry", &format!("geometry: {what}"))
             }
             EventKind::Moved { port, axis, .. } => {
-                of_axis(port, axis, "moved", "it does not stand where it was left")
+                of_axis(port, axis, "moved", "it has moved since the interruption")
             }
             EventKind::Diverged { dof } => of_test(
                 "diverged",
@@ -130,7 +130,7 @@ fn cause_words(cause: &str) -> String {
         "stale" => "no fresh measurement for longer than is allowed".to_owned(),
         "late" => "deadlines were missed, and the test is to stop for that".to_owned(),
         "not_settled" => "the static load found no equilibrium".to_owned(),
-        "not_at_rest" => "it has not come to rest under the static load".to_owned(),
+        "not_at_rest" => "it did not come to rest under the static load".to_owned(),
         "does_not_follow" => "it has not followed its commands under the static load".to_owned(),
         other => other.replace('_', " "),
     }
@@ -255,7 +255,7 @@ mod tests {
         assert_eq!((trips[0].specimen, trips[0].axis), (Some(0), Some(0)));
         let words = &trips[0].words;
         assert!(
-            words.starts_with("ground-storey, axis 1: commanded displacement -0.12"),
+            words.starts_with("ground-storey, axis 1: commanded displacement -120 mm"),
             "{words}"
         );
         let text = metrics(&board, 1, 0);

@@ -281,7 +281,7 @@ pub enum MotionError {
         numbers: [usize; 2],
     },
     /// The column of times is asked for as that of values, too.
-    #[error("{file}: column {number} is asked for as the times and as the values")]
+    #[error("{file}: column {number} is chosen for the times and for the values")]
     ColumnForBoth {
         /// Name of the file.
         file: String,

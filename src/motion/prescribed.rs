@@ -359,7 +359,7 @@ mod tests {
         let short = Grid::new(0.01, 75).unwrap();
         let test = spec(vec![triangle], 0.1).evaluate(short, &no_files);
         let warnings = test.unwrap().warnings().to_vec();
-        let left = "axis 1: the signal goes on until 1.6 s, but the test ends at 0.75 s: what comes after that is left out; its \
+        let left = "axis 1: the signal ends at 1.6 s, but the test already ends at 0.75 s: the rest of the signal is not used; its \
                     largest is 2.000 times that of the test";
         assert_eq!(warnings, [left]);
     }

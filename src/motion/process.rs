@@ -254,7 +254,7 @@ fn above_nyquist(top_hz: Option<f64>, grid: Grid, warnings: &mut Vec<String>) {
     let nyquist = 0.5 / grid.dt();
     if let Some(top) = top_hz.filter(|f| *f > nyquist) {
         warnings.push(format!(
-            "the signal reaches {} Hz, but a step of {} s carries {} Hz: what lies above is folded down",
+            "the signal contains frequencies up to {} Hz, but a step of {} s represents at most {} Hz: higher frequencies are aliased",
             Short(top),
             Short(grid.dt()),
             Short(nyquist)
@@ -737,7 +737,7 @@ mod tests {
     #[test]
     fn a_frequency_that_the_step_cannot_carry_is_mentioned() {
         assert!(evaluate(&sine(), grid(0.1, 4)).unwrap().warnings.is_empty());
-        assert!(evaluate(&sine(), grid(0.3, 4)).unwrap().warnings[0].contains("folded"));
+        assert!(evaluate(&sine(), grid(0.3, 4)).unwrap().warnings[0].contains("aliased"));
     }
 
     #[test]

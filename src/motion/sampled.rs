@@ -159,8 +159,8 @@ impl Sampled {
         };
         if self.resample == Resample::Linear && grid.dt() > self.dt * (1.0 + 1e-9) {
             warnings.push(format!(
-                "{name}: the step of {} s is longer than that of the record, {} s; what lies above {} Hz is folded \
-                 down: resample = \"band_limited\" removes it",
+                "{name}: the step of {} s is longer than that of the record, {} s; frequencies above {} Hz are \
+                 aliased: resample = \"band_limited\" removes them",
                 Short(grid.dt()),
                 Short(self.dt),
                 Short(0.5 / grid.dt())

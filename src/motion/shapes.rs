@@ -59,7 +59,7 @@ impl Curve {
 pub(super) fn left_out(end: f64, test: f64) -> Option<String> {
     (end.is_finite() && end > test * (1.0 + 1e-9)).then(|| {
         format!(
-            "the signal goes on until {} s, but the test ends at {} s: what comes after that is left out",
+            "the signal ends at {} s, but the test already ends at {} s: the rest of the signal is not used",
             Short(end),
             Short(test)
         )

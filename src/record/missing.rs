@@ -164,7 +164,7 @@ impl std::fmt::Display for MissingEnd {
         } = self;
         match self.told_by {
             ToldBy::Summary(steps) => {
-                write!(f, "the summary tells of {steps} steps, {until_s} s, but ")?;
+                write!(f, "the summary has {steps} steps, {until_s} s, but ")?;
             }
             ToldBy::Events => write!(f, "there are events up to {until_s} s, but ")?,
             ToldBy::Writer => write!(
@@ -203,7 +203,7 @@ mod tests {
             .to_string();
         assert_eq!(
             words,
-            "the summary tells of 100 steps, 1 s, but the rows end at 0.25 s"
+            "the summary has 100 steps, 1 s, but the rows end at 0.25 s"
         );
         let nothing = Summary {
             steps: 0,

@@ -3,6 +3,7 @@
 
 use super::EventKind;
 use super::events::BEARS_A_FORCE;
+use crate::units::{compared, unit_of_key};
 
 /// All of them, in the order in which they were first met.
 #[derive(Debug, Default)]
@@ -35,13 +36,14 @@ impl InitialForce {
             most,
         } = self;
         let name = specimens.get(*port as usize).map_or("", String::as_str);
+        let [force, most] = compared(*force, *most, "N");
         let of = match *of {
             "yield_force_n" => "1 % of the yield force of its stand-in",
             "measured_force_n" => "1 % of its limit `measured_force_n`",
             _ => "the noise of its load cell; neither a yield force nor a limit is declared",
         };
         format!(
-            "specimen \"{name}\" axis {}: {BEARS_A_FORCE}: {force:.4e} N, allowed {most:.4e} N ({of}); it may have yielded in an \
+            "specimen \"{name}\" axis {}: {BEARS_A_FORCE}: {force}, allowed {most} ({of}); it may have yielded in an \
              earlier test",
             axis + 1
         )
@@ -133,8 +135,9 @@ impl Warned {
                 },
             );
             let times = self::times(*times);
+            let [value, bound] = compared(*value, *bound, unit_of_key(limit));
             format!(
-                "{whose} passed the warning level of {limit} {times}, first with {value:.6}, allowed {bound:.6}"
+                "{whose} passed the warning level of {limit} {times}, first with {value}, allowed {bound}"
             )
         };
         let initial = self.initial.iter().map(|force| force.sentence(specimens));
@@ -178,8 +181,8 @@ mod tests {
         assert_eq!(
             warned.sentences(&["brace".to_owned()]),
             [
-                "specimen \"brace\" axis 1 passed the warning level of measured_force_n 3 times, first with 51.000000, allowed 50.000000",
-                "specimen \"brace\" axis 2 passed the warning level of measured_force_n once, first with 1.500000, allowed 1.000000",
+                "specimen \"brace\" axis 1 passed the warning level of measured_force_n 3 times, first with 51 N, allowed 50 N",
+                "specimen \"brace\" axis 2 passed the warning level of measured_force_n once, first with 1.5 N, allowed 1 N",
             ]
         );
     }

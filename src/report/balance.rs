@@ -38,7 +38,7 @@ const PARTS: [(&str, &str, &str, Ink); 6] = [
     ),
     (
         "remainder",
-        "left over",
+        "residual",
         "input less all others: the trapezoidal rule's own error, of order Δt²",
         Ink::Series(5),
     ),
@@ -139,10 +139,10 @@ fn audit(rows: &Rows<'_>) -> String {
         "in the last row it is not a number, so that nothing is known of that step".to_owned()
     } else {
         let size = if peak.value == 0.0 {
-            "nothing but roundoff is left over".to_owned()
+            "only roundoff remains".to_owned()
         } else {
             format!(
-                "at most {} of the energy turned over is left over",
+                "the residual is at most {} of the energy turned over",
                 number(peak.value.abs(), 2)
             )
         };

@@ -119,10 +119,10 @@ fn banner(matched: &Result<Matched, String>, damages: &[String]) -> String {
         Ok(found) => {
             let is_whole = found.alone == (0, 0) && damages.is_empty();
             let (class, headline) = match &found.first {
-                None if is_whole => ("good", "The same to the last bit"),
+                None if is_whole => ("good", "Both runs are identical to the last bit"),
                 None => (
                     "warning",
-                    "The same as far as both go, but not all of both is there",
+                    "Both runs are identical where both have data, but data is missing",
                 ),
                 Some(_) => ("warning", "The runs differ"),
             };

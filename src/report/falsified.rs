@@ -1,4 +1,4 @@
-//! What the transfer systems falsified of a test as a whole: the damping of its modes, and its energy.
+//! Effect of actuator tracking errors of a test as a whole: the damping of its modes, and its energy.
 
 use serde_json::Value;
 
@@ -273,9 +273,9 @@ pub(super) fn falsified_section(
     let found = found(run, rows.digest())?;
     let mut markup = modes(&found, axes) + &delay_margins(&found, rows) + &energy(&found);
     if !found.missing.is_empty() {
-        markup += &note(&format!("Not known: {}.", in_words(&found.missing)));
+        markup += &note(&format!("Unknown: {}.", in_words(&found.missing)));
     }
-    Some(rows.section("What the transfer systems falsified", &markup))
+    Some(rows.section("Effect of actuator tracking errors", &markup))
 }
 
 #[cfg(test)]

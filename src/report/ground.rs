@@ -78,8 +78,7 @@ pub(super) fn ground(rows: &Rows<'_>) -> Option<String> {
     if !is_whole {
         return Some(rows.section(heading, &markup));
     }
-    let whole =
-        "Of the whole test: at the steps that are in another folder as the test file has it.";
+    let whole = "Values of the whole test. Steps recorded in another folder use the motion of the test file.";
     Some(section(heading, &(note(whole) + &markup)))
 }
 

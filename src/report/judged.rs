@@ -146,9 +146,9 @@ pub(super) fn table_of(name: &str, axis: &AxisDigest, disp_unit: &str, force_uni
 /// What the numbers mean; once for all axes.
 pub(super) fn legend() -> String {
     note(
-        "Noise floor: what the number would be of a perfect specimen with this noise. Corrected: NRMSE and largest error with the \
-         noise's share taken off in squares; the others as they are where they exceed twice their scatter, else what a perfect \
-         specimen shows. Delays are positive where the measured displacement is behind. FEI: frequency evaluation index of Guo et al. \
+        "Noise floor: the number for a perfect specimen with this noise. Corrected: NRMSE and largest error without the \
+         noise's share (difference of squares); the others unchanged where they exceed twice their scatter, else the value of a \
+         perfect specimen. Delays are positive where the measured displacement is behind. FEI: frequency evaluation index of Guo et al. \
          (2014), l = 2. PAEI and FDB: indices named after those of Mirza Hessabi and Mercan (2012, 2014), in windows of four periods of the \
          target with the taper of Hann. PAEI: of the ellipse of measured against target, √(S_yy/S_xx) − 1 of its second moments, and \
          the phase from S_xy and from the area that is swept, with its sense. FDB: measured over target at the dominant frequency of \

@@ -161,9 +161,9 @@ fn gravity(how: &str) -> u8 {
 fn how_words(how: &str) -> String {
     match how {
         "stayed" => "stayed at the last command".to_owned(),
-        "reached" => "was led to where the test file wants it left".to_owned(),
-        "not_reached" => "DID NOT REACH where the test file wants it left".to_owned(),
-        "lost" => "is LOST: its own end holds it, or nobody does".to_owned(),
+        "reached" => "was moved to its end position (`at_end` of the test file)".to_owned(),
+        "not_reached" => "DID NOT REACH its end position (`at_end` of the test file)".to_owned(),
+        "lost" => "is LOST: only its own server can hold it".to_owned(),
         other => format!("was left: {}", other.replace('_', " ")),
     }
 }
@@ -180,9 +180,7 @@ fn words(end: &AxisEnd, rows: &Rows<'_>, configuration: Option<&Value>, is_whole
     let mut text = if is_whole && !rows.digest().measures_disp(end.axis) {
         format!("last command sent {command}, last force received {force}")
     } else if is_whole {
-        format!(
-            "last command {command} as it was sent, last measured {measured} and {force} as they came"
-        )
+        format!("last command sent {command}, last measurements received {measured} and {force}")
     } else {
         let at = if end.time.is_finite() {
             format!(" ({})", rows.moment(end.time))
@@ -190,8 +188,8 @@ fn words(end: &AxisEnd, rows: &Rows<'_>, configuration: Option<&Value>, is_whole
             String::new()
         };
         format!(
-            "in the last row that can be read{at} its command was {command} as it was sent, measured were {measured} and {force} as \
-             they came, and where it stood at the end is not known from these rows"
+            "in the last row that can be read{at} the command was {command} and the measurements were {measured} and {force}; these \
+             rows do not show its position at the end"
         )
     };
     let seen = Scale::of(rows, configuration, end.axis).map_or("", |_| AS_SEEN);
@@ -201,7 +199,7 @@ fn words(end: &AxisEnd, rows: &Rows<'_>, configuration: Option<&Value>, is_whole
         text += &format!(", largest force before the first step {}", seen(force));
     }
     if let Some(force) = end.on_the_way_out {
-        text += &format!(", largest force on the way out {}", seen(force));
+        text += &format!(", largest force during shutdown {}", seen(force));
         let mut axes = rows.digest().axes.iter();
         let running = axes
             .find(|axis| axis.axis == end.axis)
@@ -258,20 +256,24 @@ mod tests {
     fn the_page_says_where_a_specimen_was_left_and_what_force_the_way_out_took() {
         let page = render(&led_away("reached")).replace("&quot;", "\"");
         for part in [
-            "Specimen \"column\" was led to where the test file wants it left; last command 28.0\u{a0}mm as it was sent, last measured \
-             27.0\u{a0}mm and 30.0\u{a0}kN as they came, largest force on the way out −47.0\u{a0}kN, more than in the running test.",
-            "largest force of the running test, column; −47.0\u{a0}kN on the way out",
+            "Specimen \"column\" was moved to its end position (`at_end` of the test file); last command sent 28.0\u{a0}mm, last measurements received \
+             27.0\u{a0}mm and 30.0\u{a0}kN, largest force during shutdown −47.0\u{a0}kN, more than in the running test.",
+            "largest force of the running test, column; −47.0\u{a0}kN during shutdown",
             "<b>20.0\u{a0}kN</b>",
-            "<th>peak force on the way out</th>",
+            "<th>peak force during shutdown</th>",
             "8\u{a0}rows: 3\u{a0}steps of the running test and 1\u{a0}tick between two of them, in a hold or at a trip; \
-             1\u{a0}row before the test; 3\u{a0}rows of the way out",
+             1\u{a0}row before the test; 3\u{a0}rows of the shutdown",
         ] {
             assert!(page.contains(part), "{part} is missing");
         }
         let page = render(&led_away("not_reached"));
-        assert!(page.contains("DID NOT REACH where the test file wants it left; last command"));
+        assert!(
+            page.contains(
+                "DID NOT REACH its end position (`at_end` of the test file); last command"
+            )
+        );
         let page = render(&led_away("lost"));
-        assert!(page.contains("is LOST: its own end holds it"));
+        assert!(page.contains("is LOST: only its own server can hold it"));
     }
 
     #[test]
@@ -280,9 +282,10 @@ mod tests {
         run.data.iter_mut().for_each(|column| column.truncate(3));
         run.damaged = vec!["the rows end at 0.1 s".to_owned()];
         let page = render(&run).replace("&quot;", "\"");
-        let said = "Specimen \"column\" was led to where the test file wants it left; in the last row that can be read (0.1\u{a0}s) \
-                    its command was 8.00\u{a0}mm as it was sent, measured were 7.00\u{a0}mm and 8.00\u{a0}kN as they came, and where \
-                    it stood at the end is not known";
+        let said = "Specimen \"column\" was moved to its end position (`at_end` of the test file); in the last row that can be read (0.1\u{a0}s) \
+                    the command was 8.00\u{a0}mm and the measurements were 7.00\u{a0}mm and 8.00\u{a0}kN; these rows do not \
+                    show its position \
+                    at the end";
         assert!(page.contains(said), "{page}");
         assert!(!page.contains("last command") && !page.contains("last measured"));
     }
@@ -307,7 +310,7 @@ mod tests {
     fn command_and_measurement_that_a_specimen_was_left_with_are_of_its_own_end() {
         let units = "[[specimen.axis]]\nunit_disp = \"mm\"\nunit_force = \"kN\"\n";
         let page = at_its_own_end(units, 1e3, 1e-3);
-        let left = "last command 28.0\u{a0}mm as it was sent, last measured 27.0\u{a0}mm and 30.0\u{a0}kN as they came";
+        let left = "last command sent 28.0\u{a0}mm, last measurements received 27.0\u{a0}mm and 30.0\u{a0}kN";
         assert!(page.contains(left));
         assert!(!page.contains("as the structure sees"));
 
@@ -315,9 +318,9 @@ mod tests {
             "[specimen.similitude]\nlength = 3.0\nforce = 9.0\n[[specimen.axis]]\nsign = -1\n";
         let page = at_its_own_end(scaled, -1.0 / 3.0, -1.0 / 9.0);
         for part in [
-            "last command −9.33\u{a0}mm as it was sent, last measured −9.00\u{a0}mm and −3.33\u{a0}kN as they came, \
-             largest force on the way out −47.0\u{a0}kN, as the structure sees it, more than in the running test.",
-            "largest force of the running test, column, as the structure sees it; −47.0\u{a0}kN on the way out",
+            "last command sent −9.33\u{a0}mm, last measurements received −9.00\u{a0}mm and −3.33\u{a0}kN, \
+             largest force during shutdown −47.0\u{a0}kN, as the structure sees it, more than in the running test.",
+            "largest force of the running test, column, as the structure sees it; −47.0\u{a0}kN during shutdown",
             "peaks are as the structure sees them. column: \
              1\u{a0}m of the specimen is −3\u{a0}m of the structure, 1\u{a0}N is −9\u{a0}N.",
             "All of it as the structure sees it: 1\u{a0}m of the specimen is −3\u{a0}m",
@@ -331,8 +334,8 @@ mod tests {
         let mut run = led_away("stayed");
         run.data.iter_mut().for_each(|column| column.truncate(4));
         let page = render(&run);
-        assert!(page.contains("stayed at the last command; last command 12.0\u{a0}mm"));
-        assert!(page.contains("largest force, column") && !page.contains("on the way out"));
+        assert!(page.contains("stayed at the last command; last command sent 12.0\u{a0}mm"));
+        assert!(page.contains("largest force, column") && !page.contains("during shutdown"));
         let all: serde_json::Map<String, Value> = (0..12)
             .map(|i| {
                 (

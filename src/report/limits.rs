@@ -60,10 +60,7 @@ pub(super) fn limits(run: &RunData) -> String {
         markup += &beside("limits", &table(&heading, &rows));
     }
     if !unlimited.is_empty() {
-        markup += &note(&format!(
-            "Without limits of their own: {}.",
-            unlimited.join(", ")
-        ));
+        markup += &note(&format!("Without limits: {}.", unlimited.join(", ")));
     }
     let always: Vec<_> = list(limits.get("always"))
         .iter()
@@ -74,7 +71,7 @@ pub(super) fn limits(run: &RunData) -> String {
     }
     for (what, key) in [
         ("Unlimited", "unlimited"),
-        ("The way in", "way_in"),
+        ("Startup", "way_in"),
         ("A late tick", "on_miss"),
         ("On a trip", "on_trip"),
         ("At the end", "at_end"),
@@ -102,7 +99,7 @@ fn of_specimens(specimens: &[Value]) -> String {
             ("stale answers:", "stale"),
             ("watchdog:", "watchdog"),
             ("direction:", "direction"),
-            ("ends of its own:", "ends"),
+            ("ends of its range:", "ends"),
         ];
         let parts = parts
             .into_iter()
@@ -202,17 +199,17 @@ mod tests {
     #[test]
     fn how_a_limit_is_judged_and_what_is_done_at_either_end_stand_beside_the_sizes() {
         let miss = json!({"key": "max_total_misses", "unit": "in all", "warn": [50.0], "trip": [100.0],
-            "judged": "not checked: no deadline is missed on the simulated clock"});
+            "judged": "not checked: the simulated clock misses no deadlines"});
         let following = json!({"key": "following_error_m", "unit": "m", "warn": [], "trip": [0.02],
             "judged": "at rest; in motion 0.02 s of it more"});
         let specimen = |name: &str| {
             json!({"name": name, "axes": [[following]], "safe_disp_m": [0.02], "watchdog": "after 0.25 s it holds",
-                "stale": "the last force is held", "checked_by": "this loop, what is announced (*) its own end, too"})
+                "stale": "the last force is held", "checked_by": "this loop, its server (*)"})
         };
         let run = RunData {
             summary: Some(json!({"limits": {
                 "specimens": [specimen("a"), specimen("b")], "test": [miss],
-                "way_in": "no sensor is read;\nthen a ramp", "at_end": "every specimen is led to its `safe_disp_m`",
+                "way_in": "no sensor is read;\nthen a ramp", "at_end": "every specimen moves to its `safe_disp_m`",
                 "on_trip": "every specimen holds", "on_miss": "the grid moves",
             }})),
             ..RunData::default()
@@ -221,12 +218,12 @@ mod tests {
         for part in [
             "<th>judged</th>",
             "<td>at rest; in motion 0.02 s of it more</td>",
-            "<td>not checked: no deadline is missed on the simulated clock</td>",
-            "The way in: no sensor is read; then a ramp.",
+            "<td>not checked: the simulated clock misses no deadlines</td>",
+            "Startup: no sensor is read; then a ramp.",
             "A late tick: the grid moves.",
             "On a trip: every specimen holds.",
-            "At the end: every specimen is led to its `safe_disp_m`.",
-            "a, b: limits checked by this loop, what is announced its own end, too; stale answers: the last force is held; \
+            "At the end: every specimen moves to its `safe_disp_m`.",
+            "a, b: limits checked by this loop, its server; stale answers: the last force is held; \
              watchdog: after 0.25 s it holds; safe displacement: 20\u{a0}mm.",
         ] {
             assert!(markup.contains(part), "{part} is missing in {markup}");

@@ -301,12 +301,12 @@ pub(super) fn events(run: &RunData, timeline: &str) -> String {
         &rows,
     );
     markup += &note(
-        "Test time goes on with the steps and stands still outside of the running test; the loop's clock, counted from the first \
-         event, goes on always.",
+        "Test time advances with the steps of the running test only. The clock of the loop, counted from the first event, \
+         always advances.",
     );
     if let Some(more) = told.len().checked_sub(MOST_EVENTS).filter(|&n| n > 0) {
         markup += &note(&format!(
-            "{} stand in events.jsonl; the first {MOST_EVENTS} are listed.",
+            "{} are in events.jsonl; the first {MOST_EVENTS} are listed.",
             plural(more as u64, "further event", "further events")
         ));
     }
@@ -319,7 +319,7 @@ fn unreadable(run: &RunData) -> String {
     match run.unreadable_events {
         0 => String::new(),
         lines => note(&format!(
-            "{} of events.jsonl CANNOT BE READ: something that happened may not be told here.",
+            "{} of events.jsonl CANNOT BE READ: this list can be incomplete.",
             plural(lines as u64, "line", "lines")
         )),
     }

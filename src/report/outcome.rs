@@ -322,7 +322,7 @@ fn class_words(class: &str) -> String {
 
 fn feature_words(want: &str) -> String {
     match want {
-        "affinity" => "a processor of its own",
+        "affinity" => "a separate processor",
         "policy" => "real-time priority",
         "lock_memory" => "locked memory",
         "prefault" => "a touched stack",

@@ -64,7 +64,7 @@ fn page(run: &RunData, digest: &Digest) -> String {
     let drawn = beside("sketch", &sketch(configuration.as_ref()));
     let ends = scale::of_both_ends(&rows, configuration.as_ref());
     body += &section(
-        "What was tested",
+        "Tested system",
         &(definitions(&facts) + &drawn + &ends + &limits(run)),
     );
     body += HINT;
@@ -108,7 +108,7 @@ fn recorded(rows: &Rows<'_>) -> String {
     let rest = rows.recorded() - known;
     for (count, of) in [
         (passed.before, "before the test"),
-        (passed.leaving, "of the way out"),
+        (passed.leaving, "of the shutdown"),
         (passed.kept_back, "not passed on to the specimen"),
         (rest, "of other states"),
     ] {
@@ -225,7 +225,7 @@ fn extremes(
         let words = match way_out {
             None => format!("largest force, {}{of}", axis.force_of()),
             Some((_, (later, unit))) => format!(
-                "largest force of the running test, {}{of}; {} on the way out",
+                "largest force of the running test, {}{of}; {} during shutdown",
                 axis.force_of(),
                 quantity(later, unit)
             ),

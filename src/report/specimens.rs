@@ -164,10 +164,10 @@ fn unanswered(run: &RunData, rows: &Rows<'_>) -> String {
         format!("{name} {} of {}", count(*ticks), count(digest.passed.ticks))
     });
     note(&format!(
-        "Samples that are estimates, since the answer stayed away: {}. The loop went on with the last answer, or along the tangent. \
-         These rows are left out here: lines are broken, and peaks, lag, tracking metrics, stiffness and damping are of the others; \
-         absorbed energy goes straight across. Equilibrium, the energy balance and the energy that the transfer system added are of \
-         what the loop used. Forces that were told later are among the events (recovered), and in no peak.",
+        "Samples that are estimates, because no reply came: {}. The loop used the last reply, or extrapolated along the tangent. \
+         Curves, peaks, lag, tracking metrics, stiffness and damping leave these samples out; absorbed energy is interpolated. \
+         Equilibrium, the energy balance and the energy added by the transfer system use the values of the loop. Forces that \
+         arrived later are among the events (recovered), and in no peak.",
         told.collect::<Vec<_>>().join(", ")
     ))
 }
@@ -377,7 +377,7 @@ fn listed(axes: &[Tracked<'_>]) -> String {
         "largest error",
     ];
     if has_way_out {
-        heading.push("peak force on the way out");
+        heading.push("peak force during shutdown");
     }
     table(&heading, &rows)
         + &note(

@@ -166,7 +166,7 @@ mod tests {
         let (whole, run, _) = without_answers();
         let told = format!("bottom column 4 of {}", count(4096));
         assert!(render(&run).contains(&told));
-        assert!(!render(&whole).contains("estimates, since the answer stayed away"));
+        assert!(!render(&whole).contains("estimates, because no reply came"));
     }
 
     #[test]

@@ -12,7 +12,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::lineage::Origin;
-use super::summary::{ending, finite, status_of};
+use super::summary::{ending, finite, named, status_of, stop_words};
 use super::tape::is_under_way;
 use crate::config::{Time, TimeTable};
 use crate::control::limits::Quantity;
@@ -222,8 +222,8 @@ fn words_of(outcome: &Outcome) -> Vec<String> {
         _ if ending.is_for_being_late() => None,
         Ending::Stopped(Stop::Internal) => None,
         // A recording knows that a link was lost, and not why.
-        Ending::Stopped(Stop::Link { port, .. }) => Some(format!("specimen {}", port + 1)),
-        Ending::Stopped(stop) => Some(stop.to_string()),
+        Ending::Stopped(Stop::Link { port, .. }) => Some(named(*port, outcome)),
+        Ending::Stopped(stop) => Some(stop_words(stop, outcome)),
     };
     ends.iter().filter_map(words).collect()
 }

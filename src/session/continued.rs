@@ -93,13 +93,13 @@ impl std::fmt::Display for WentOn {
         let Self { after, now, .. } = self;
         let folder = self.folder.display();
         if *now == Now::Running {
-            return write!(f, "it is going on this moment, in {folder}");
+            return write!(f, "it was resumed and is running now, in {folder}");
         }
-        write!(f, "it went on after step {after} in {folder}, ")?;
+        write!(f, "it was resumed after step {after} in {folder}, ")?;
         match (self.reached, now) {
             (_, Now::Complete) => write!(f, "to its end"),
             (Some(step), _) => write!(f, "as far as step {step}"),
-            (None, _) => write!(f, "nobody knows how far"),
+            (None, _) => write!(f, "its last step is unknown"),
         }?;
         match now {
             Now::Gone => write!(f, "; that folder is not there any more"),
@@ -362,8 +362,8 @@ impl Word {
 pub enum Unsaid {
     /// The folder refuses.
     #[error(
-        "the folder of the interrupted test must say that this one goes on with it, or its specimens could be led through the \
-         same steps again: {0}; go on with a copy of it where that may be written"
+        "the folder of the interrupted run must record that this run resumes it; otherwise it could be resumed twice, and the \
+         specimens would repeat steps: {0}; make the folder writable, or resume a copy of it"
     )]
     Folder(FolderError),
     /// Another goes on with it.

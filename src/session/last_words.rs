@@ -8,7 +8,7 @@ pub(super) fn last_words(outcome: &Outcome) -> Vec<(usize, String)> {
     let sentence = |(index, text): &(usize, String)| {
         let name = outcome.ports.get(*index).map(|port| port.0.as_str());
         let name = name.unwrap_or_default();
-        let text = format!("specimen \"{name}\" said when the test was over: {text}");
+        let text = format!("specimen \"{name}\" reported after the test: {text}");
         (*index, text)
     };
     news(outcome).map(sentence).collect()

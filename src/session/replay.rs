@@ -59,7 +59,7 @@ pub enum ReplayError {
         source: serde_json::Error,
     },
     /// The interrupted test that this one goes on with is nowhere to be found.
-    #[error("{} names the interrupted test that this one goes on with, {}: it is neither there nor beside this one, and nothing can be computed without it", path.display(), parent.display())]
+    #[error("this run resumed the interrupted run {1} (named in {0}), which is neither there nor beside this run; the replay needs it", path.display(), parent.display())]
     NoParent {
         /// `resumed.json`.
         path: PathBuf,
@@ -80,7 +80,7 @@ pub enum ReplayError {
         parent: PathBuf,
     },
     /// The interrupted test that this one goes on with does not come out again.
-    #[error("the test that this one goes on with, {}, does not come out again", .0.display())]
+    #[error("the interrupted run {}, which this run resumed, does not replay identically", .0.display())]
     Parent(PathBuf),
     /// The columns are not those of the configuration.
     #[error("the samples have {}, but the configuration makes {}", found.as_deref().unwrap_or("no such column"), wanted.as_deref().unwrap_or("no such column"))]
@@ -229,7 +229,7 @@ fn follow(
             _ if tape.short.is_some() => tape.short.take(),
             _ if left => Some(match outcome.ending {
                 Ending::Stopped(stop) => format!("the replay stops where the test did not: {stop}"),
-                Ending::Completed => "the test went on where the replay ends".to_owned(),
+                Ending::Completed => "the test continued after the end of the replay".to_owned(),
             }),
             (Some(End::Clean) | None, _) => None,
             (Some(end), _) => Some(end.to_string()),

@@ -32,9 +32,10 @@ use trips::Told;
 
 /// Name of the override in `accepted` of the summary.
 const CHANGED: &str = "accept_changed";
-const ON_ITS_WAY_IN: &str = "it had ended on its way in, and made no step of its own: the state is that of the test before it, the \
-    specimens stand where it left them";
-const UNTRIED: &str = "which way round the specimens are wired is not tried again: who has changed it since begins a new test";
+const ON_ITS_WAY_IN: &str = "it ended during startup and made no step: its state is that of the run before it, and the specimens \
+    are where it left them";
+const UNTRIED: &str =
+    "the wiring check is not repeated: start a new test if the wiring was changed";
 /// Name of a trip whose event is missing.
 const UNKNOWN: &str = "unknown";
 
@@ -309,7 +310,7 @@ fn end_before(run: &Run, after: &[String]) -> Result<String, ResumeError> {
             "MAY HAVE TRIPPED"
         };
         format!(
-            "IT {tripped}: {reason}; it goes on because of `--after-trip` {}",
+            "THE TEST {tripped}: {reason}; it resumes because of `--after-trip` {}",
             trips.join(", ")
         )
     };
@@ -335,7 +336,7 @@ fn trace(run: &Run) -> Result<(Retraced, Option<String>), ResumeError> {
         return Err(ResumeError::Damaged { folder, trouble });
     }
     let note = format!(
-        "{trouble}: the test goes on after the last checkpoint before that, step {}",
+        "{trouble}: the test resumes after the last checkpoint before that, step {}",
         checkpoint.step
     );
     let trouble = Some(trouble);

@@ -167,8 +167,8 @@ fn unsettled(outcome: &Outcome) -> Vec<String> {
     let each = outcome.ports.iter().filter(|port| port.2.unsettled > 0);
     let sentence = |(name, _, link): &(String, Vec<f64>, crate::control::LinkCount)| {
         format!(
-            "specimen \"{name}\": in {} ticks the servo-hydraulic actuator and the law did not come to terms: what was measured \
-             then is not exact; a finer tick (`ticks_per_step`) settles it",
+            "specimen \"{name}\": the actuator–specimen iteration did not converge in {} ticks, whose measurements are not exact; \
+             increase `time.ticks_per_step`",
             link.unsettled
         )
     };
@@ -179,8 +179,8 @@ fn unsettled(outcome: &Outcome) -> Vec<String> {
 fn gaps(gaps: Gaps) -> Option<String> {
     let (times, longest_s) = (times(gaps.times), gaps.longest_ns as f64 * 1e-9);
     let sentence = format!(
-        "{times}, outside of the test itself (in a hold, or on its way in or out), no command left for up to {longest_s:.2} s: the \
-         program was stopped, or an answer was waited for (`gap` in events.jsonl)"
+        "no command was sent for up to {longest_s:.2} s, {times}, during startup, shutdown or a hold: the program was suspended, or it \
+         waited for a reply (`gap` in events.jsonl)"
     );
     (gaps.times > 0).then_some(sentence)
 }
@@ -191,8 +191,8 @@ fn held(outcome: &Outcome) -> Vec<String> {
     let sentence = |(name, _, link): &(String, Vec<f64>, crate::control::LinkCount)| {
         let times = times(link.holds);
         format!(
-            "specimen \"{name}\": it said {times} that it holds by its own watchdog, since commands had stopped: what it measured \
-             meanwhile does not belong to the commands (`specimen_holds` in events.jsonl)"
+            "specimen \"{name}\": it reported {times} that its own watchdog holds it, because commands had stopped: measurements \
+             during this time do not belong to the commands (`specimen_holds` in events.jsonl)"
         )
     };
     each.map(sentence).collect()
@@ -220,6 +220,7 @@ fn machine() -> Value {
 /// How a test ended, and why in words.
 #[must_use]
 pub fn ending(outcome: &Outcome) -> (Finish, String) {
+    let of = |index: usize| named(index, outcome);
     let finish = match &outcome.ending {
         Ending::Completed => Finish::Completed,
         Ending::Stopped(stop) => finish_of(stop),
@@ -231,7 +232,7 @@ pub fn ending(outcome: &Outcome) -> (Finish, String) {
                 let Left::NotReached(why) = left else {
                     continue;
                 };
-                reason = format!("{reason}; specimen {} did not reach its exit", index + 1);
+                reason = format!("{reason}; {} did not reach its end position", of(index));
                 if let Some(why) = why {
                     reason = format!("{reason}: {why}");
                 }
@@ -244,46 +245,47 @@ pub fn ending(outcome: &Outcome) -> (Finish, String) {
                 words(after, outcome),
             );
             if outcome.ending == *after {
-                format!("{before}; exit not completed: {stop}")
+                format!("{before}; shutdown not completed: {stop}")
             } else {
-                format!("{stop}; it was on the way out ({before}), which is not completed")
+                format!(
+                    "{stop}; this happened during the shutdown ({before}), which is not completed"
+                )
             }
         }
     };
     let lost = left_as(outcome, Left::Lost);
     for (index, _) in lost.filter(|(index, _)| !outcome.unheard.contains(index)) {
-        let number = index + 1;
+        let name = of(index);
         reason.push_str(&match outcome.holders.get(index) {
             Some(Holder::ItsWatchdog) => {
-                format!("; specimen {number}: {AGREED}")
+                format!("; {name}: {AGREED}")
             }
             Some(Holder::NeverArmed) => {
-                format!("; specimen {number} was never armed: no command has left for it")
+                format!("; {name} was never armed: no command was sent to it")
             }
             Some(Holder::Unknown) => {
-                format!("; where specimen {number} stands only its own end knows")
+                format!("; only the server of {name} knows its position")
             }
-            Some(Holder::Nobody) => format!(
-                "; nobody holds specimen {number}: it is where its own controller leaves it"
-            ),
+            Some(Holder::Nobody) => {
+                format!("; no watchdog holds {name}: it is where its own controller leaves it")
+            }
             Some(Holder::Needless) | None => String::new(),
         });
     }
     for index in &outcome.unarmed {
         reason = format!(
-            "{reason}; specimen {} was being armed: if it was tried how it is wired, it moved a little, and its own end holds it",
-            index + 1
+            "{reason}; {} was being armed: it moved a little if a wiring check was due, and its server holds it",
+            of(*index)
         );
     }
     for index in &outcome.unheard {
         reason = format!(
-            "{reason}; specimen {} did not acknowledge the end: {AGREED}",
-            index + 1
+            "{reason}; {} did not acknowledge the end of the test: {AGREED}",
+            of(*index)
         );
     }
     for (index, text) in news(outcome) {
-        let number = index + 1;
-        reason = format!("{reason}; specimen {number} said when the test was over: {text}");
+        reason = format!("{reason}; {} reported after the test: {text}", of(*index));
     }
     (finish, reason)
 }
@@ -325,6 +327,23 @@ const fn finish_of(stop: &Stop) -> Finish {
     }
 }
 
+/// Why a test stopped, with the specimen by its name.
+pub(super) fn stop_words(stop: &Stop, outcome: &Outcome) -> String {
+    let text = stop.to_string();
+    match stop.port() {
+        None => text,
+        Some(port) => text.replacen(&format!("specimen {}", port + 1), &named(port, outcome), 1),
+    }
+}
+
+/// A specimen by its name.
+pub(super) fn named(port: usize, outcome: &Outcome) -> String {
+    match outcome.ports.get(port) {
+        Some((name, ..)) => format!("specimen \"{name}\""),
+        None => format!("specimen {}", port + 1),
+    }
+}
+
 pub(super) fn words(ending: &Ending, outcome: &Outcome) -> String {
     let Ending::Stopped(stop) = ending else {
         return "end of the test".to_owned();
@@ -336,16 +355,16 @@ pub(super) fn words(ending: &Ending, outcome: &Outcome) -> String {
         }
         _ => None,
     };
-    let mut reason = match told {
-        Some((_, text)) => format!("{stop} ({text})"),
-        None => stop.to_string(),
-    };
+    let mut reason = stop_words(stop, outcome);
+    if let Some((_, text)) = told {
+        reason = format!("{reason} ({text})");
+    }
     match stop {
         Stop::Link { fault, .. } => reason = format!("{reason}: {}", fault.advice()),
         Stop::Stale { .. } => {
             reason.push_str(
-                ": its answers are late, lost or all to one old command; `link` in the summary counts them, \
-                 `max_stale` and `max_stale_s` are the limits",
+                ": its replies are late, lost or all to one old command. `link` in the summary counts them. The limits are \
+                 `max_stale` and `max_stale_s` in [specimen.link]",
             );
         }
         Stop::Moved { .. } => {
@@ -360,7 +379,7 @@ pub(super) fn words(ending: &Ending, outcome: &Outcome) -> String {
         }
         Stop::HoldsOn { .. } => {
             reason.push_str(
-                ": look at the specimen's end, whose watchdog was alarmed when commands stopped",
+                ": look at the specimen's server, whose watchdog acted when commands stopped",
             );
         }
         _ => {}

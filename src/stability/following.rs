@@ -53,11 +53,12 @@ pub(super) const fn decides(table: &SpecimenTable) -> &'static str {
 
 /// What small motions do where dampers and gaps hold larger ones.
 const ONLY_SMALL: &str =
-    "small motions grow until closing gaps, or dampers as they are at their reference, hold them";
+    "small motions grow until gaps close, or until dampers reach their reference state";
 /// Where nothing adapts, and yet no roots are counted.
 const NOT_FOLLOWED: &str = "not known: nothing damps it, or its curve could not be followed";
 /// What larger motions may do.
-const ONLY_LARGE: &str = "stable at rest, and UNSTABLE as K0 and C0 have it, with gaps closed and dampers at their reference";
+const ONLY_LARGE: &str =
+    "stable at rest, and UNSTABLE with K0 and C0 (gaps closed, dampers at their reference)";
 
 impl Following {
     /// One per specimen with one axis and a declared actuator.

@@ -89,7 +89,7 @@ pub(super) fn example(effort: Effort, clock: &dyn Clock) -> Shown {
             listed(&TABLE_2, 1),
         ),
         table(
-            "The same equations with full matrices on this machine, one core: ms per step",
+            "The equations with full matrices on this machine, one core: ms per step",
             listed(&dense, 2),
         ),
         table(

@@ -354,7 +354,7 @@ pub const TOPICS: [Topic; 16] = [
     },
     Topic {
         name: "own-lambda",
-        title: "Beyond the paper: a λ of their own for elements and modes",
+        title: "Beyond the paper: separate λ for elements and modes",
         says: "Not in the paper, which sees accuracy and stability pull one λ in opposite directions. The proof needs only 4M + 4Δt²K̃ − Δt²K_t ⪰ 0, so that the stiff storey may have the small λ and the mode that governs the response the accurate one.",
         prove: |effort, _| own_lambda::extensions(effort).into(),
     },

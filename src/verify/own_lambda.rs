@@ -141,7 +141,7 @@ fn random_systems(effort: Effort) -> Vec<Check> {
             "one per cent above it",
             "(not in the paper)",
             format!("at least {}", number(above)),
-            "positive: the proof is exact for what has its own λ too",
+            "positive: the proof is also exact for parts with a separate λ",
             above > 0.0,
         ),
         Check::within(
@@ -228,7 +228,7 @@ fn gain(both: &[Apart; 2], checks: &mut Vec<Check>, figures: &mut Vec<Figure>) {
         "the same at λ = 11.5 for everything",
         "numerical instability",
         soft.classes[3].to_owned(),
-        "unstable: what is gained cannot be had with one λ",
+        "unstable: one λ for all cannot give this gain",
         soft.classes[3] == "unstable",
     ));
     let hard = compare([1.0, 2.0], 3.7, both);

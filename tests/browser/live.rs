@@ -130,7 +130,7 @@ fn an_operator_holds_goes_on_and_stops_from_the_page_and_sees_what_happens() {
 
     assert_eq!(
         found["held"][0], found["held"][1],
-        "time and command stand still"
+        "time and command do not change"
     );
     for bins in [&found["second"]["bins"], &found["reloaded"]["bins"]] {
         assert!(bins.as_u64().unwrap() > 100, "the past is there: {found:#}");

@@ -106,7 +106,7 @@ fn paper_and_readers_without_scripts_get_every_picture() {
     assert_eq!(printed["printed"]["canvases"], 0);
     assert!(
         printed["pictures"].as_u64().unwrap() < all,
-        "on the screen the plots stand for them"
+        "on the screen the plots replace them"
     );
 }
 

@@ -1,7 +1,7 @@
 //! What the end-to-end tests share: the binary, a small test file, and a run read back.
 #![allow(
     dead_code,
-    reason = "every test is a crate of its own and uses its share"
+    reason = "every test is a separate crate and uses its share"
 )]
 
 pub mod engine;

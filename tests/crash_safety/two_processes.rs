@@ -72,7 +72,7 @@ fn a_controller_that_is_killed_leaves_a_specimen_that_holds_and_takes_the_next_o
         test.kill();
         if transport == "udp" {
             // Nothing closes: silence is all that there is.
-            served.hears("HOLDING: nothing heard for");
+            served.hears("HOLDING: no command received for");
         } else {
             let over = served.hears("test over");
             assert!(over.contains("without a goodbye"), "{over}");
@@ -122,7 +122,7 @@ fn a_controller_that_is_stopped_for_a_while_finds_its_specimen_holding_and_goes_
         let folder = folder.path();
         let (served, test) = in_mid_test(folder, "run", transport, "max_stale = 100000");
         test.signal("STOP");
-        served.hears("HOLDING: nothing heard for");
+        served.hears("HOLDING: no command received for");
         test.signal("CONT");
         served.hears("commands come again");
         test.moves();

@@ -63,7 +63,7 @@ fn leave(
             (Way::Panic | Way::PanicOfLastWords, Phase::Collect) if sequence == 20 => {
                 panic!("the bug of command 20")
             }
-            (Way::PanicOfLastWords, Phase::Retire) => panic!("the bug of the last words"),
+            (Way::PanicOfLastWords, Phase::Retire) => panic!("the bug at the goodbye"),
             _ => Act::Serve,
         },
     );
@@ -92,7 +92,7 @@ fn every_way_out_says_goodbye_over_every_link() {
             Way::LastStep,
             Finish::Completed,
             Status::Completed,
-            "in an orderly way",
+            "at the end of the test",
         ),
         (
             Way::Operator,

@@ -255,7 +255,7 @@ fn a_run_on_the_real_clock_shows_every_phase_and_every_thread_on_one_clock() {
     let begun = columns[1].iter().position(|state| *state == 3.0).unwrap();
     assert!(
         record[..=begun].iter().all(|s| s.is_nan()),
-        "nothing is known of what was before"
+        "earlier times are unknown"
     );
     assert!(record[begun + 1..].iter().all(|s| *s > 0.0));
     // The same reading as in the histogram, which has three digits.

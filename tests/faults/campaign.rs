@@ -476,7 +476,7 @@ fn a_controller_that_forgets_its_limits_is_found_out() {
 #[test]
 fn a_rig_that_stands_elsewhere_than_believed_or_is_driven_elsewhere_than_told_is_found_out() {
     let tests = tests();
-    let (mut elsewhere, mut astray) = (0, 0);
+    let (mut elsewhere, mut uncommanded) = (0, 0);
     for seed in 0..60 {
         let case = one(&tests, seed);
         let mut played = case.played.unwrap();
@@ -488,14 +488,14 @@ fn a_rig_that_stands_elsewhere_than_believed_or_is_driven_elsewhere_than_told_is
         if is_driven {
             let place = played.seen[0].stood + 0.001 / units.metres;
             played.seen[0].driven.lock().unwrap().push(place);
-            astray += u32::from(says(&played, "which was not commanded"));
+            uncommanded += u32::from(says(&played, "which was not commanded"));
         }
         played.seen[0].stood += 0.02 / units.metres;
         elsewhere += u32::from(says(&played, "command 0"));
     }
     assert!(
-        elsewhere >= 30 && astray >= 25,
-        "only {elsewhere} and {astray} of 60"
+        elsewhere >= 30 && uncommanded >= 25,
+        "only {elsewhere} moved and {uncommanded} lost of 60"
     );
 }
 

@@ -57,7 +57,7 @@ fn ends_as_planned(played: &Played) -> Result<(), String> {
     for pair in phases.windows(2) {
         ensure!(
             pair[0].may_become(pair[1]),
-            "{path:?} takes a way that is none"
+            "{path:?} is not an allowed path of phases"
         );
     }
     ensure!(path.last() == Some(&"safe"), "{path:?} does not end safe");
@@ -302,7 +302,7 @@ fn every_command_stands_in_a_row(port: usize, played: &Played) -> Result<(), Str
         }
         ensure!(
             rows.peek().is_some(),
-            "command {sequence} to {sent} stands in no row"
+            "command {sequence} to {sent} is in no row"
         );
         last = Some(sent);
     }

@@ -1,7 +1,7 @@
 //! What the tests of links share: test files, a served specimen, a specimen of our own making, rows.
 #![allow(
     dead_code,
-    reason = "each test is a program of its own and uses its own part"
+    reason = "each test is a separate program and uses its own part"
 )]
 
 pub mod adapter;

@@ -142,7 +142,7 @@ fn hold_holds_continue_goes_on_and_stop_stops_for_who_has_the_token_alone() {
     assert_eq!(
         running.metric("gusset_steps_total"),
         steps,
-        "test time stands still"
+        "test time does not change"
     );
     assert_eq!(running.metric(command), held, "and so does the command");
     let reply = running.order("confirm");
@@ -173,7 +173,7 @@ fn hold_holds_continue_goes_on_and_stop_stops_for_who_has_the_token_alone() {
     {
         let bytes = std::fs::read(folder.join(name)).unwrap();
         let text = String::from_utf8_lossy(&bytes);
-        assert!(!text.contains(&token), "the token stands in {name}");
+        assert!(!text.contains(&token), "the token is in {name}");
     }
 }
 
@@ -258,7 +258,7 @@ fn on_the_way_out_no_hold_is_accepted() {
     for word in ["hold", "continue"] {
         let reply = running.order(word);
         assert_eq!(reply.status, 409, "{reply:?}");
-        assert!(reply.body.contains("neither held"), "{reply:?}");
+        assert!(reply.body.contains("no effect"), "{reply:?}");
     }
     assert_eq!(running.order("stop").status, 202);
     assert_eq!(running.end().0, Some(130));

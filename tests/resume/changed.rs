@@ -46,10 +46,7 @@ fn resume_refuses_a_computed_specimen_whose_server_does_not_keep_its_state() {
     assert_eq!(told["status"], "stopped");
     assert_eq!(told["accepted"], serde_json::json!({}));
     assert_eq!(column(&at("refused"), "state").len(), 0, "nothing was sent");
-    assert!(
-        !at("first/continued.json").exists(),
-        "nothing went on with it"
-    );
+    assert!(!at("first/continued.json").exists(), "no run resumed it");
 
     let reason = "the column was replaced by a new one";
     let said = go_on_with(&first, &at("second"), &["--accept-changed", reason]);

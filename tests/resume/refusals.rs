@@ -103,7 +103,10 @@ fn a_record_without_a_summary_that_ends_before_its_events_is_refused_and_told_of
         assert!(told.contains(missing), "{command}: {told}");
     }
     let page = std::fs::read_to_string(short.join("report.html")).unwrap();
-    assert!(page.contains("re are events up to 2 s"), "it says so, too");
+    assert!(
+        page.contains("re are events up to 2 s"),
+        "it also reports this"
+    );
     // All of it is there: only its summary was not written any more.
     refused(&ended("closing", 0), "this test is complete", &[]);
 }

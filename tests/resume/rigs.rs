@@ -309,7 +309,7 @@ fn a_test_that_ended_on_its_way_in_to_where_it_was_to_go_on_can_go_on() {
         assert!(found.is_exact(), "{from}: {found:?}");
         let warned = ended.summary.warnings.join("; ");
         assert_eq!(
-            warned.contains("ended on its way in"),
+            warned.contains("ended during startup"),
             from != "first",
             "{warned}"
         );
@@ -396,7 +396,7 @@ fn the_same_interruption_is_gone_on_with_once() {
     let (_says, requests) = crossbeam_channel::bounded(1);
     let unsaid = session::run(test, folder, requests, Watches::default(), &mut |_| {});
     let unsaid = unsaid.unwrap_err().to_string();
-    let told = "must say that this one goes on with it";
+    let told = "must record that this run resumes it";
     assert!(unsaid.contains(told), "{unsaid}");
     assert!(!at("unsaid").exists());
     std::fs::remove_dir(&mark).unwrap();
@@ -415,9 +415,9 @@ fn the_same_interruption_is_gone_on_with_once() {
             assert!(text.contains(word), "{word}: {text}");
         }
     };
-    let after = format!("it went on after step {step} in");
+    let after = format!("it was resumed after step {step} in");
     let far = format!("second, as far as step {reached}");
-    let allowed = format!("say `--back-to-step {step}`");
+    let allowed = format!("add `--back-to-step {step}`");
     refusal("first", &[&after, &far, &allowed, "--resume"]);
     let found = replay(&at("first")).unwrap();
     assert!(found.is_exact(), "{found:?}");
@@ -443,7 +443,7 @@ fn the_same_interruption_is_gone_on_with_once() {
     let unknown = said.replace(&format!("\"reached\": {reached}"), "\"reached\": null");
     assert_ne!(said, unknown);
     std::fs::write(&mark, unknown).unwrap();
-    refusal("first", &[&after, "nobody knows how far", gone]);
+    refusal("first", &[&after, "its last step is unknown", gone]);
     let states = column(&at("elsewhere"), "state");
     let begins = states
         .iter()

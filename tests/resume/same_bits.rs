@@ -217,7 +217,7 @@ fn a_partner_commanded_once_a_step_is_told_its_next_target_after_an_interruption
             let said = go_on_with(&first, &second, &["--accept-changed", "a linear spring"]);
             assert_eq!(said.code, Some(0), "{}", said.stderr);
             assert_eq!(steps(&[&first, &second]), steps(&[&whole]), "{ticks} {row}");
-            refused(&first, "it went on after step", &[]);
+            refused(&first, "it was resumed after step", &[]);
         }
     }
 }

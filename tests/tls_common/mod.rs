@@ -1,7 +1,7 @@
 //! Certificates for tests, made when they are needed and never kept.
 #![allow(
     dead_code,
-    reason = "each test is a program of its own and uses its own part"
+    reason = "each test is a separate program and uses its own part"
 )]
 
 use std::path::Path;

@@ -127,8 +127,9 @@ impl Plan {
                     amplitude(args.amplitude, table, axis, limits, &course, band, tick)?;
                 if halved > 0 {
                     amplitude *= 0.5_f64.powi(halved);
-                    reason =
-                        format!("{reason}, halved {halved} times for limits of what is measured");
+                    reason = format!(
+                        "{reason}, halved {halved} times to keep the limits of the measurements"
+                    );
                 }
                 if args.amplitude.is_none() {
                     amplitude = rounded_down(amplitude);
@@ -273,8 +274,8 @@ fn by_themselves(table: &SpecimenTable) -> anyhow::Result<()> {
         return Ok(());
     }
     Err(usage(format!(
-        "specimen \"{}\": {actuators} actuators hold {coordinates} coordinates of a platform, so that none of them can be moved \
-         while the others are held, and what each of them does cannot be told apart",
+        "specimen \"{}\": {actuators} actuators hold {coordinates} coordinates of a platform. One of them cannot move while the \
+         others hold, so their responses cannot be separated",
         table.name
     )))
 }

@@ -22,9 +22,9 @@ pub(super) fn files(outcome: &Outcome, driven: &Loaded) -> Vec<(String, String)>
         escape(&driven.file.title)
     );
     body += &note(
-        "The response is the ratio of the whole transforms of what was measured and what was commanded, each point over some \
-         neighbouring lines of the spectrum; the coherence is the share of the measured power that the command explains. Lines \
-         are models, fitted to all lines of the spectrum in the band, weighted by their noise. Standard errors follow ±.",
+        "The response is the ratio of the Fourier transforms of measured and commanded displacement, averaged over neighbouring \
+         spectral lines. The coherence is the share of the measured power that the command explains. The curves are models, \
+         fitted to all spectral lines in the band and weighted by their noise. Standard errors follow ±.",
     );
     body += "<p><a href=\"../report.html\">Report of the run</a>, <a href=\"../identification.json\">all numbers</a>, \
              <a href=\"../identified.toml\">virtual twin</a>.</p>\n</header>\n<main>\n";
@@ -86,7 +86,7 @@ fn known(files: &mut Vec<(String, String)>, axis: &Axis, found: &Identification)
         walk(axis, Some(found)),
     ];
     let mut markup = grid(files, axis, pictures);
-    markup += "<div class=\"wide\"><table>\n<thead><tr><th>model</th><th>parameters</th><th>left over</th>\
+    markup += "<div class=\"wide\"><table>\n<thead><tr><th>model</th><th>parameters</th><th>residual</th>\
                <th>slow delay</th></tr></thead>\n<tbody>\n";
     for (place, fit) in found.models.iter().enumerate() {
         let best = if place == 0 { " (best)" } else { "" };

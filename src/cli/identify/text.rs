@@ -95,7 +95,7 @@ pub(super) fn of_specimen(
         ""
     };
     rows.push((
-        "left over".to_owned(),
+        "residual".to_owned(),
         format!(
             "{:.3} % of the force, {:.3} % are noise{verdict}",
             100.0 * specimen.residual,

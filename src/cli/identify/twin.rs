@@ -64,9 +64,9 @@ pub(super) fn text(
          #   gusset run identified.toml    the same motion, with compensation\n\
          #   gusset identify identified.toml {}    finds the same again\n\
          #\n\
-         # For the specimen itself take from its table below `stiffness_n_per_m`, `damping_n_s_per_m`, `identified` and\n\
-         # `compensation`. `law` and `transfer` stand for the specimen and its actuator here; for a specimen behind a link they\n\
-         # are its `stand_in` and `stand_in_transfer`.",
+         # For the real specimen, copy `stiffness_n_per_m`, `damping_n_s_per_m`, `identified` and `compensation` from its table\n\
+         # below. Here `law` and `transfer` simulate the specimen and its actuator; for a specimen behind a link they are\n\
+         # `stand_in` and `stand_in_transfer`.",
         driven.file.title, plan.asked
     );
     let text = format!("# {said}\n\n{document}");

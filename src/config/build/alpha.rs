@@ -38,7 +38,7 @@ pub(super) fn judged(
         Ok(bounds) => bounds,
         Err(finding) => {
             site.warnings.push(Finding {
-                headline: format!("nothing is known of stability: {}", finding.headline),
+                headline: format!("stability is unknown: {}", finding.headline),
                 severity: Severity::Warning,
                 ..*finding
             });
@@ -68,10 +68,10 @@ pub(super) fn judged(
     };
     let Some(radius) = radius else {
         let headline = format!(
-            "a tangent of this structure may be beyond its estimate, or inertia inside a force is late, and nothing is proven of \
-             {name} there"
+            "a tangent stiffness can exceed its estimate, or a force contains delayed inertia; {name} has no proof of \
+             stability there"
         );
-        let help = "`method = \"gui\"` is proven at the declared bounds";
+        let help = "`method = \"gui\"` has a proof at the declared bounds";
         let finding = advised(Finding::error(at, headline).help(help), specimens);
         site.doubts.push(Doubt::Unproven(finding));
         return Stability::NoProof;
@@ -79,9 +79,9 @@ pub(super) fn judged(
     let found = Stability::AtBounds(radius);
     if found.grows() {
         let headline = format!(
-            "with every tangent at its declared bound the response grows by a factor {radius:.6} in a step of {name}"
+            "with every tangent at its declared bound, {name} is unstable: the response grows by a factor of {radius:.6} per step"
         );
-        let help = "`method = \"gui\"` takes a lambda that is stable there; a smaller step, or a larger estimate of what hardens";
+        let help = "use `method = \"gui\"`, which chooses a stable lambda, or a smaller step, or a larger estimate of a hardening stiffness";
         let finding = Finding::error(at, headline)
             .number("spectral_radius", radius)
             .help(help);

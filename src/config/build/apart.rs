@@ -53,20 +53,19 @@ fn elements(
             let parts: Vec<_> = structure.part_names().collect();
             let parts = parts.iter().map(|part| part.as_ref());
             let names: Vec<&str> = parts.chain(specimens.each_name()).collect();
-            let mut finding = Finding::error(here, format!("nothing is called \"{name}\""))
+            let mut finding = Finding::error(here, format!("this test has no part \"{name}\""))
                 .at_key()
-                .label("not a storey, a spring, an element or a specimen");
+                .label("not the name of a storey, spring, element or specimen");
             if let Some(meant) = nearest(name, &names) {
                 finding = finding.help(format!("did you mean \"{meant}\"?"));
             } else if let Some(first) = names.first() {
-                finding = finding.help(format!("there is \"{first}\", for example"));
+                finding = finding.help(format!("one of the names is \"{first}\""));
             }
             return site.refuse(finding);
         };
         if share.entries().all(|(_, _, value)| value == 0.0) {
-            let text = format!(
-                "\"{name}\" has no initial stiffness: a lambda of its own would do nothing"
-            );
+            let text =
+                format!("\"{name}\" has no initial stiffness, so a separate lambda has no effect");
             return site.refuse(Finding::error(here, text));
         }
         named.push((name.clone(), lambda));
@@ -85,14 +84,14 @@ fn modes(
     let modes = match linalg::modes(stiffness, structure.mass()) {
         Ok(modes) => modes,
         Err(error) => {
-            let text = format!("the modes are not known: {error}");
+            let text = format!("the modes cannot be computed: {error}");
             return site.refuse(Finding::error(at, text));
         }
     };
     let values = site.loaded.file.integrator.lambda_of_mode.clone();
     let (given, known) = (values.len(), modes.frequencies.len());
     if given > known {
-        let text = format!("{given} modes are given a lambda, but the structure has {known}");
+        let text = format!("{given} modes have a lambda, but the structure has {known} modes");
         return site.refuse(Finding::error(at.index(known), text));
     }
     let mut named = Vec::with_capacity(given);
@@ -113,8 +112,8 @@ fn number(site: &mut Site<'_>, at: &KeyPath, value: LambdaValue) -> Result<Lambd
         },
         LambdaValue::Infinite => Ok(Lambda::Infinite),
         LambdaValue::Auto => {
-            let finding = Finding::error(at.clone(), "a lambda that is given by name is a number");
-            site.refuse(finding.help("`lambda = \"auto\"` finds the one of the rest"))
+            let finding = Finding::error(at.clone(), "a lambda by name must be a number");
+            site.refuse(finding.help("`lambda = \"auto\"` chooses the lambda of all other parts"))
         }
     }
 }

@@ -90,7 +90,7 @@ impl Analysis {
             let share = self.share_of_recursion(&system);
             delays.iter_mut().for_each(|(_, delay)| *delay *= share);
             CriticalDelay::new(&delays).ok_or_else(|| {
-                "an axis has no stiffness, or no damping stands against a delay".to_owned()
+                "an axis has no stiffness, or the structure has no damping".to_owned()
             })
         });
         tables.collect()
@@ -137,7 +137,7 @@ pub(super) fn watched(
         if asked {
             let finding = Finding::error(
                 at(),
-                "no structure is here that a delay could make unstable",
+                "the test has no structure that a delay could destabilise",
             );
             return site.refuse(finding.label("a share of what?"));
         }
@@ -145,7 +145,7 @@ pub(super) fn watched(
     };
     let wanted: Vec<bool> = ports.iter().map(Port::tracks).collect();
     let tables = match &structure.analysis {
-        _ if !wanted.contains(&true) => Err("no specimen's lag is estimated".to_owned()),
+        _ if !wanted.contains(&true) => Err("no specimen estimates its lag".to_owned()),
         None => Err("the structure is too large".to_owned()),
         Some(analysis) => {
             let bounds = ports
@@ -163,7 +163,7 @@ pub(super) fn watched(
                 .collect())
         }
         Err(why) if asked => {
-            let finding = Finding::error(at(), format!("no critical delay is known: {why}"));
+            let finding = Finding::error(at(), format!("the critical delay is unknown: {why}"));
             site.refuse(finding.help("`lag_s` at the limits of a specimen bounds its lag in s"))
         }
         Err(why) => {
@@ -451,6 +451,6 @@ mod tests {
              [[specimen]]\nname = \"it\"\nrows = [[1]]\nlaw.linear = {{ stiffness_n_per_m = 2e5 }}\n"
         ));
         let why = undamped.critical_delays(&[true], &none).unwrap_err();
-        assert!(why.contains("no damping stands against a delay"), "{why}");
+        assert!(why.contains("the structure has no damping"), "{why}");
     }
 }

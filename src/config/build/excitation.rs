@@ -42,13 +42,13 @@ pub(super) fn grid(site: &mut Site<'_>) -> Result<Grid, Refused> {
     let most = MOST_NUMBERS / per_step;
     if time.steps > most && site.loaded.file.excitation != ExcitationTable::default() {
         let text = format!(
-            "a test of {} steps is too long for its excitation, which is laid out before it: {:.1} GiB",
+            "the excitation of {} steps needs {:.1} GiB of memory before the test, which is too much",
             time.steps,
             time.steps as f64 * per_step as f64 * 8.0 / f64::from(1 << 30)
         );
         let finding = Finding::error(path("time").key("duration_s"), text)
             .label(format!("at most {most} steps"))
-            .help("a longer test may vibrate freely or under a static load");
+            .help("a longer test is possible without an excitation: in free vibration or under a static load");
         return site.refuse(finding);
     }
     let steps = usize::try_from(time.steps).unwrap_or(usize::MAX);
@@ -73,7 +73,7 @@ pub(super) fn with_files<T>(
     let files = move |_: &str| {
         bytes
             .clone()
-            .ok_or_else(|| std::io::Error::other("a file that the test did not name"))
+            .ok_or_else(|| std::io::Error::other("this file is not named in the test file"))
     };
     match evaluate(&files) {
         Ok(value) => Ok(value),
@@ -113,11 +113,11 @@ fn warn_of_nothing(site: &mut Site<'_>, at: KeyPath, values: [&[f64]; 2]) {
     let [place, history] = values.map(|values| values.iter().all(|value| *value == 0.0));
     if place || history {
         let label = if place {
-            "acts on no mass and no DOF: all factors are zero"
+            "has no effect: all its factors are zero"
         } else {
             "zero from the start to the end"
         };
-        let headline = format!("`{at}` sets nothing in motion");
+        let headline = format!("`{at}` moves nothing");
         site.warnings
             .push(Finding::warning(at, headline).at_key().label(label));
     }
@@ -179,8 +179,8 @@ pub(super) fn excitation(
             .as_ref()
             .is_some_and(|given| given != structure.influence())
         {
-            let text = "the influence of a base displacement is that of the structure: ones, or \
-                        `influence` of its matrices";
+            let text = "a base displacement uses the influence vector of the structure: ones, or `influence` in \
+             `structure.matrices`";
             return site.refuse(Finding::error(at.key("influence"), text));
         }
         excitation = added(site, &at, || excitation.with_base(moved.disp, moved.vel))?;
@@ -238,13 +238,13 @@ fn nodal_table(
         .and_then(|time| parsed.names.get(time))
     {
         let text = format!(
-            "{file} has a column {name:?}: its rows are the steps, and every column is a DOF"
+            "{file} has a column {name:?}, which is not allowed: each row is one step and each column one DOF"
         );
         return site.refuse(Finding::error(at, text));
     }
     if parsed.columns != n {
         let text = format!(
-            "{file} has {} columns, but the structure has {n} DOFs: one column per DOF is wanted",
+            "{file} has {} columns, but the structure has {n} DOFs: give one column per DOF",
             parsed.columns
         );
         return site.refuse(Finding::error(at, text));
@@ -258,10 +258,10 @@ fn nodal_table(
         && let Some(column) = (0..n).find(is_other)
     {
         let text = match parsed.names.get(column) {
-            Some(name) => format!("{file} has a column {name:?}, but N is wanted"),
-            None => format!("the header of {file} states another unit than N, which is wanted"),
+            Some(name) => format!("{file} has a column {name:?}, but forces must be in N"),
+            None => format!("the header of {file} states another unit than N"),
         };
-        let help = "`scale` makes N of all its numbers";
+        let help = "use `scale` to convert all numbers to N";
         return site.refuse(Finding::error(at, text).help(help));
     }
     let mut texts = parsed.warnings.clone();
@@ -270,15 +270,15 @@ fn nodal_table(
         let named = named.map(|(index, name)| format!("{name:?} is DOF {}", index + 1));
         let list: Vec<String> = named.take(MOST_NAMED).collect();
         texts.push(format!(
-            "the columns of {file} are taken in order: {}",
+            "the columns of {file} are used in their order: {}",
             list.join(", ")
         ));
     }
     let used = parsed.rows().min(grid.points());
     if parsed.rows() > used {
         texts.push(format!(
-            "{file} has {} rows, but the test from t = 0 to its end has {used} steps: what comes later is left out. One row \
-             is one step of the test",
+            "{file} has {} rows, but the test from t = 0 to its end has {used} steps: the remaining rows are not used. One \
+             row is one step of the test",
             parsed.rows()
         ));
     }

@@ -108,7 +108,7 @@ fn way_out(choice: ExitChoice, speed: Option<f64>) -> String {
     let speed = speed.unwrap_or_default();
     let led = |to: &str| {
         format!(
-            "every specimen is led to {to}, at {speed} m/s at most (while directions and zeros are being found it stays; one that \
+            "every specimen moves to {to}, at {speed} m/s at most (while directions and zeros are being found it stays; one that \
              is lost, silent or saturated, or whose interlock is open, is left to its own end; a further limit that trips on \
              the way leaves all where they are)"
         )
@@ -134,17 +134,17 @@ fn way_in(file: &TestFile, time: &Time) -> String {
     let opening = super::safety::opening(file, period);
     let zero = f64::from(opening.zero_ticks) * period;
     let zeroed = if opening.zero_ticks == 0 {
-        "no sensor is read before the first command".to_owned()
+        "the sensors are not read before the first command".to_owned()
     } else {
         let confirmed = if opening.confirm {
-            " and the operator confirms what was read"
+            " and the operator confirms the readings"
         } else {
             ""
         };
         format!("the specimens hold for {zero:.6} s while every sensor is read{confirmed}")
     };
     format!(
-        "{zeroed};\nthen a ramp of {} s or longer, at half of a velocity limit at most;\na hold of the operator comes to rest in {} s",
+        "{zeroed};\nthen a ramp of {} s or longer, at half of a velocity limit at most;\nafter a `hold` the specimens come to rest in {} s",
         opening.ramp_s, file.safety.ease_s
     )
 }
@@ -152,17 +152,17 @@ fn way_in(file: &TestFile, time: &Time) -> String {
 /// What a tick that is late does by itself.
 fn on_miss(file: &TestFile, limits: &Limits, is_real: bool) -> String {
     let text = match limits.on_miss {
-        _ if !is_real => return "none: on the simulated clock no tick is late".to_owned(),
+        _ if !is_real => return "none: the simulated clock has no late ticks".to_owned(),
         OnMiss::Stretch => {
             "the grid moves by whole ticks: the specimens see slower time and never a burst of commands".to_owned()
         }
         OnMiss::CatchUp { at_most } => {
             format!("up to {at_most} missed ticks run back to back, beyond it the grid moves")
         }
-        OnMiss::Stop => "late by less than a period, the next edge stands".to_owned(),
+        OnMiss::Stop => "a tick that is late by less than a period does not move the next one".to_owned(),
     };
     if file.timing.require_realtime {
-        format!("{text};\nwithout all real-time conditions nothing begins (exit code 4)")
+        format!("{text};\nthe test does not start without all real-time settings (exit code 4)")
     } else {
         text
     }
@@ -192,7 +192,7 @@ pub(super) fn facts(
     }
     let is_real = time.clock == ClockChoice::Real;
     let warm_up = format!(
-        "not in the {} ticks of the warm-up, whose second half must keep them for the test to begin",
+        "not counted in the {} ticks of the warm-up; the test starts only if the second half of the warm-up keeps the limits",
         limits.warmup_ticks
     );
     let window = format!("in {} s, {warm_up}", file.timing.miss_window_s);
@@ -205,7 +205,7 @@ pub(super) fn facts(
         let judged = if is_real {
             judged.clone()
         } else {
-            "not checked: no deadline is missed on the simulated clock".to_owned()
+            "not checked: the simulated clock misses no deadlines".to_owned()
         };
         test.push(of_test(quantity, unit, bound, Some(judged)));
     }
@@ -223,11 +223,11 @@ pub(super) fn facts(
         vec!["a command, measurement or response that is not a finite number".to_owned()];
     if file.specimen.iter().any(|table| table.link.is_some()) {
         always.push(
-            "an interlock or emergency stop at a specimen's end, even if it closes again"
-                .to_owned(),
+            "an open interlock or emergency stop of a specimen, even if it closes again".to_owned(),
         );
         always.push(
-            "a sensor or actuator that its own end calls saturated; a link that fails".to_owned(),
+            "a sensor or actuator that the specimen's server reports as saturated; a failed link"
+                .to_owned(),
         );
     }
     if file.specimen.iter().any(|table| table.geometry.is_some()) {
@@ -247,11 +247,11 @@ pub(super) fn facts(
         test,
         always,
         on_trip: format!(
-            "{}, the test ends and cannot go on; exit code 1, a failed link 3",
+            "{}, and the test ends; exit code 1, or 3 for a failed link",
             way_out(safety.on_trip, safety.exit_speed_m_per_s)
         ),
         at_end: format!(
-            "{};\nso, too, when the operator ends the test",
+            "{};\nalso when the operator stops the test",
             way_out(safety.at_end, safety.exit_speed_m_per_s)
         ),
         way_in: way_in(file, time),

@@ -173,7 +173,7 @@ pub(super) fn openfresco(
     match remote {
         Ok(Some(remote)) => Ok((remote, rules(link, site.loaded.time.period.value()))),
         Ok(None) => {
-            let text = "our own protocol is no OpenFresco link";
+            let text = "the protocol of Gusset has no OpenFresco settings";
             site.refuse(Finding::error(at.key("link").key("protocol"), text))
         }
         Err(error) => site.refuse_key(&at.key("link"), error.key(), &error),

@@ -149,16 +149,15 @@ pub(super) fn warn_of_digits(site: &mut Site<'_>, reciprocal_condition: f64) {
     }
     let kept = (-f64::EPSILON.log10() - lost).max(0.0);
     let text = format!(
-        "what is factored for alpha has a reciprocal condition number of {reciprocal_condition:.1e}: a solve keeps about \
-         {kept:.0} of 16 digits"
+        "the factored matrix of the alpha method has a reciprocal condition number of {reciprocal_condition:.1e}: a solution \
+         keeps about {kept:.0} of 16 digits"
     );
     site.warnings.push(
         Finding::warning(path("structure"), text)
             .at_key()
-            .label("parts that differ in stiffness so much")
+            .label("parts of very different stiffness")
             .help(
-                "a part that hardly deforms costs the digits of those that do: a softer one, or one degree of freedom in place \
-                 of two, moves as well",
+                "a very stiff part costs digits in the others: make it softer, or join its two degrees of freedom to one",
             ),
     );
 }

@@ -279,7 +279,7 @@ fn announced(file: &TestFile) -> Vec<String> {
     let probed = file.specimen.iter().filter_map(|specimen| {
         let metres = specimen.link.as_ref()?.probe_m?;
         Some(format!(
-            "specimen \"{}\" is moved by {} mm and back before the test, axis after axis, to see which way round it is wired",
+            "wiring check before the test: specimen \"{}\" moves by {} mm and back, one axis after another",
             specimen.name,
             1e3 * metres
         ))

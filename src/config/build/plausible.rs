@@ -53,7 +53,7 @@ fn unusual_period(frequencies: &[f64]) -> Option<Finding> {
     let period = TAU / frequencies.iter().copied().find(|omega| *omega > 0.0)?;
     (!(shortest..=longest).contains(&period)).then(|| {
         let text = format!(
-            "the first period is {}, and structures that are tested have {shortest} s to {longest} s",
+            "the first period is {}, which is unusual for a tested structure ({shortest} s to {longest} s)",
             duration(period)
         );
         Finding::warning(path("structure"), text)

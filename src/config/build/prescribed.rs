@@ -41,7 +41,7 @@ pub(super) fn prescribed(
             .key("prescribed_displacement")
             .index(index);
         let Some(moved) = all.iter_mut().find(|moved| moved.name == table.specimen) else {
-            let text = format!("there is no specimen \"{}\"", table.specimen);
+            let text = format!("this file has no specimen \"{}\"", table.specimen);
             return site.refuse(Finding::error(at.key("specimen"), text));
         };
         one(site, &at, table, grid, moved)?;
@@ -55,7 +55,7 @@ pub(super) fn prescribed(
                     Err(fault) => {
                         let text = format!("specimen \"{}\": {fault}", moved.name);
                         let finding = Finding::error(at, text);
-                        return site.refuse(finding.label("the strokes lead there"));
+                        return site.refuse(finding.label("these strokes cause it"));
                     }
                 }
             }
@@ -79,8 +79,7 @@ fn one(
             let (actuators, width) = (geometry.actuators(), geometry.coordinates().len());
             if actuators > width {
                 let text = format!(
-                    "{actuators} actuators hold {width} coordinates of specimen \"{}\", so that none of them can be \
-                     moved by itself",
+                    "{actuators} actuators hold {width} coordinates of specimen \"{}\": a single actuator cannot move alone",
                     table.specimen
                 );
                 return site.refuse(Finding::error(at.key("at"), text));

@@ -62,11 +62,11 @@ pub(super) fn choose(
     let bounds = match (bounds(site, structure, specimens), request) {
         (Ok(bounds), _) => bounds,
         (Err(finding), None) => {
-            let help = "or choose `lambda` by number in [integrator], without a proof";
+            let help = "or give `lambda` as a number in [integrator], without a proof of stability";
             return site.refuse((*finding).help(help));
         }
         (Err(finding), Some(lambda)) => {
-            let headline = format!("no proof of stability: {}", finding.headline);
+            let headline = format!("the stability cannot be proven: {}", finding.headline);
             site.warnings.push(Finding {
                 headline,
                 severity: Severity::Warning,
@@ -148,9 +148,9 @@ pub(super) fn choose(
             }
             let finding = Finding::error(lambda_path(), error.to_string());
             let finding = finding.help(if apart.is_some() {
-                "a smaller lambda for what has one of its own, a smaller step, or a larger estimate of what hardens"
+                "choose a smaller lambda where a separate one is set, a smaller step, or a larger estimate of a hardening stiffness"
             } else {
-                "a smaller step, or a larger estimate of what hardens"
+                "choose a smaller step, or a larger estimate of a hardening stiffness"
             });
             site.refuse(advised(finding, specimens))
         }
@@ -228,8 +228,8 @@ pub(super) fn warn_of_limit(
     };
     if !proof.holds(lambda) {
         let headline = format!(
-            "{name}, and at the declared stiffness a mode of this structure is beyond: the response may grow as a \
-             sawtooth of period 2 steps"
+            "{name}, and at the declared stiffness a mode of this structure exceeds it: the response can grow as a sawtooth \
+             of period 2 steps"
         );
         site.warnings
             .push(Finding::warning(path("integrator").key("method"), headline));
@@ -244,28 +244,28 @@ fn unstable(choice: &LambdaChoice) -> Finding {
         .map(|g| format!(", set by {g}"))
         .unwrap_or_default();
     let headline = format!(
-        "lambda = {} is above the limit {limit:.4} at the declared stiffness{cause}: the response \
-         may grow as a sawtooth of period 2 steps",
+        "lambda = {} is above the limit {limit:.4} at the declared stiffness{cause}: the response can grow as a sawtooth of \
+         period 2 steps",
         choice.lambda
     );
     Finding::error(lambda_path(), headline)
         .number("lambda", choice.lambda.value())
         .number("lambda_limit", limit)
-        .help("`lambda = \"auto\"` takes one that is stable")
+        .help("`lambda = \"auto\"` chooses a stable one")
 }
 
 /// With what of the specimens counts for more than it seems to.
 pub(super) fn advised(mut finding: Finding, specimens: &Specimens) -> Finding {
     if let Some(name) = specimens.overcounted().first() {
         finding = finding.help(format!(
-            "specimen \"{name}\" is damped and moved between the steps: in a sawtooth its damping counts twice or more, and once \
-             with `prediction_order = 1` in [time]"
+            "specimen \"{name}\" has damping and moves between the steps: in a sawtooth its damping counts at least twice; \
+             with `prediction_order = 1` in [time] it counts once"
         ));
     }
     if let Some(name) = specimens.heavy() {
         finding = finding.help(format!(
-            "the inertia in the force of specimen \"{name}\" is a step late: its `mass_in_force_kg` takes from the mass of the \
-             structure"
+            "the inertia in the force of specimen \"{name}\" is one step late: its `mass_in_force_kg` reduces the effective \
+             mass of the structure"
         ));
     }
     finding
@@ -336,9 +336,9 @@ pub(super) fn bounds(
             .get(index)
             .map_or("", |table| &table.name);
         let text = format!(
-            "specimen \"{name}\": the tangent of its law has no bound without a declared reach"
+            "specimen \"{name}\": the tangent stiffness of its law has no bound unless its range of motion is declared"
         );
-        let help = "give `reach_disp_m` (and `reach_vel_m_per_s` for a damper) as far as it may go";
+        let help = "give the largest motion as `reach_disp_m` (and `reach_vel_m_per_s` for a damper)";
         Box::new(Finding::error(path("specimen").index(index), text).help(help))
     })?;
     let mut infinite = None;
@@ -350,7 +350,7 @@ pub(super) fn bounds(
         }
     });
     if let Some(part) = infinite {
-        let text = format!("{}: its tangent has no finite bound", part.name);
+        let text = format!("{}: the tangent has no finite bound", part.name);
         let index = structure.element_names().position(|name| name == part.name);
         let at = match index {
             Some(index) => path("structure").key("element").index(index),

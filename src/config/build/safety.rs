@@ -148,17 +148,17 @@ pub(super) fn unkept(site: &mut Site<'_>, kept: &[TestQuantity]) {
         (
             TestQuantity::StabilityUsed,
             safety.stability_used.is_some(),
-            "known where the proof of stability is, and there is none",
+            "it needs a proof of stability, and this test has no proof",
         ),
         (
             TestQuantity::StepAudit,
             safety.step_audit.is_some(),
-            "only the steps of the method \"gui\" are audited",
+            "the step audit needs the method \"gui\"",
         ),
     ] {
         if given && !kept.contains(&quantity) {
             let at = path("safety").key(quantity.key());
-            let headline = format!("`{at}` has no effect: it can never trip");
+            let headline = format!("`{at}` has no effect: it cannot trip in this test");
             site.warnings
                 .push(Finding::warning(at, headline).at_key().label(why));
         }
@@ -220,13 +220,15 @@ pub(super) fn exits(
                 .get(index)
                 .map(|table| &table.name);
             let text = format!(
-                "the way to zero force goes along the stiffness, and specimen \"{}\" has none on axis {}",
+                "unloading to zero force needs a stiffness, and specimen \"{}\" has no stiffness on axis {}",
                 name.map_or("", String::as_str),
                 axis + 1
             );
             let finding = Finding::error(path("safety").key(key), text)
-                .label("how far is it, and which way?")
-                .help("give `stiffness_n_per_m` of the specimen, or leave it otherwise: \"freeze\" holds it");
+                .label("the distance and direction to zero force are unknown")
+                .help(
+                    "give `stiffness_n_per_m` of the specimen, or use \"freeze\", which holds it",
+                );
             return site.refuse(finding);
         }
     }
@@ -302,20 +304,17 @@ pub(super) fn warn_of_force(
             .and_then(|limits| limits.measured_force_n?.trip);
         let is_within = |[low, high]: [f64; 2]| low <= force && force <= high;
         let beyond = match (trip, most) {
-            (Some(range), _) if !is_within(range) => "`measured_force_n` trips before",
-            (_, Some(most)) if !is_within([-most, most]) => "its rig cannot give that",
+            (Some(range), _) if !is_within(range) => "this limit trips first",
+            (_, Some(most)) if !is_within([-most, most]) => "the rig cannot apply this force",
             _ => continue,
         };
         let text = format!(
-            "left where it is safe, axis {} of specimen \"{}\" bears {force:.1} N by its initial stiffness",
+            "at its `safe_disp_m`, axis {} of specimen \"{}\" carries {force:.1} N by its initial stiffness",
             number + 1,
             table.name
         );
         let finding = Finding::warning(at.key("safe_disp_m"), text).label(beyond);
-        warnings.push(finding.beside(
-            path("safety").key("on_trip"),
-            "after a trip it is led there",
-        ));
+        warnings.push(finding.beside(path("safety").key("on_trip"), "after a trip it moves there"));
     }
     site.warnings.extend(warnings);
 }

@@ -40,7 +40,7 @@ pub(super) fn settle(
             };
             let finding = Finding::error(
                 at,
-                format!("nothing carries the static load: the stiffness is {error}"),
+                format!("the structure cannot carry the static load: the stiffness is {error}"),
             );
             site.refuse(finding)
         }

@@ -121,11 +121,11 @@ fn drill(site: &mut Site<'_>, index: usize) -> Result<Option<f64>, Refused> {
     let (time, end) = (drill.panic_at_s, site.loaded.file.time.duration_s);
     let comes = time <= end;
     if !comes {
-        let text = format!("the drill is at {time} s, but the test ends at {end} s");
+        let text = format!("the fault of `drill` is at {time} s, but the test ends at {end} s");
         let at = at.key("panic_at_s");
-        return site.refuse(Finding::error(at, text).label("it would never come"));
+        return site.refuse(Finding::error(at, text).label("it would not occur"));
     }
-    let text = format!("a drill: at {time} s the code of this specimen breaks down on purpose");
+    let text = format!("fault injection: at {time} s the code of this specimen fails on purpose");
     site.warnings.push(Finding::warning(at, text).at_key());
     Ok(Some(time))
 }

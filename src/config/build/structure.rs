@@ -17,7 +17,10 @@ const DENSE_MODES: usize = 300;
 /// The structure, with the specimens' stiffness known to its damping rule.
 pub(super) fn structure(site: &mut Site<'_>, specimens: &Specimens) -> Result<Structure, Refused> {
     let Some(table) = &site.loaded.file.structure else {
-        return site.refuse(Finding::error(path("structure"), "there is no structure"));
+        return site.refuse(Finding::error(
+            path("structure"),
+            "the test has no `[structure]`",
+        ));
     };
     let at = path("structure");
     for (index, element) in table.element.iter().enumerate() {
@@ -177,7 +180,7 @@ fn matrix_finding(matrix: KeyPath, error: &BuildError, source: &MatrixError) -> 
                 matrix.index(row).index(column),
                 matrix.index(column).index(row),
             );
-            let help = "M, C and K are symmetric: an entry and its mirror must be equal";
+            let help = "M, C and K must be symmetric";
             let finding = if matrix.last_key().is_some_and(|key| key.ends_with("_file")) {
                 Finding::error(matrix, text)
             } else {
@@ -223,8 +226,7 @@ pub(super) fn not_definite(site: &Site<'_>, mass: &SymMatrix, error: &GuiError) 
     Finding::error(mass_of(site, pivot.dof), error.to_string())
         .label(format!("DOF {} has a mass of {found} kg", pivot.dof + 1))
         .help(
-            "every massless degree of freedom must be held by a stiffness or a damping, and no \
-             stiffness may be negative",
+            "every massless degree of freedom needs a stiffness or damping, and no stiffness may be negative",
         )
 }
 
@@ -289,12 +291,12 @@ pub(super) fn definite(
         site,
         is_refused.then(|| given(site, &at, "stiffness")),
         [
-            "the stiffness has a negative eigenvalue: the structure would fall instead of swing",
-            "a spring between two DOFs adds to both on the diagonal what it takes beside it",
+            "the stiffness has a negative eigenvalue: the structure is unstable",
+            "a spring k between two DOFs adds +k to both diagonal entries and −k beside the diagonal",
         ],
         [
-            "the stiffness at rest has a negative eigenvalue: the response grows until something holds it",
-            "the tangents of all laws at zero count; the choice of lambda says nothing of this",
+            "the stiffness at rest has a negative eigenvalue: the response grows from rest",
+            "the tangents of all laws at zero are included; the choice of lambda does not change this",
         ],
     )
 }
@@ -316,12 +318,12 @@ pub(super) fn dissipative(
         site,
         is_refused.then_some(place),
         [
-            "the damping has a negative eigenvalue: it would feed the structure with energy instead of taking it",
-            "a dashpot between two DOFs adds to both on the diagonal what it takes beside it",
+            "the damping has a negative eigenvalue: it adds energy to the structure",
+            "a dashpot c between two DOFs adds +c to both diagonal entries and −c beside the diagonal",
         ],
         [
-            "the damping at rest has a negative eigenvalue: it feeds the structure with energy instead of taking it",
-            "the tangents of all laws at zero count, and the estimates of specimens",
+            "the damping at rest has a negative eigenvalue: it adds energy to the structure",
+            "the tangents of all laws at zero and the estimates of specimens are included",
         ],
     )
 }

@@ -31,7 +31,7 @@ pub(super) fn check_known(specimen: &SpecimenTable, at: &KeyPath, findings: &mut
                 others.any(|(other, value, _)| other == of && value.is_none())
             };
             if let Some(of) = of.filter(missing) {
-                let headline = format!("`{key}` is the spread of `{of}`, which is not given");
+                let headline = format!("`{key}` is the spread of `{of}`, which is missing");
                 let finding = Finding::error(at.key(key), headline).at_key();
                 findings.0.push(finding.label("of what?"));
             }
@@ -43,7 +43,7 @@ pub(super) fn check_known(specimen: &SpecimenTable, at: &KeyPath, findings: &mut
         }
     }
     if specimen.stand_in_transfer.is_some() && specimen.link.is_none() {
-        let text = "a law stands behind its own `transfer`";
+        let text = "a simulated law has its own `transfer`";
         let finding = Finding::error(at.key("stand_in_transfer"), text).at_key();
         findings
             .0
@@ -70,7 +70,7 @@ pub(super) fn check_certificate(file: &TestFile, findings: &mut Findings) {
         let finding = Finding::error(at.key("trip_probability"), headline).label("a probability");
         findings
             .0
-            .push(finding.help("no number of trials shows a probability of 0"));
+            .push(finding.help("a finite number of trials cannot show a probability of 0"));
     }
     findings.positive(at.key("tracking_error"), Some(table.tracking_error));
     findings.positive(at.key("response_error"), Some(table.response_error));
@@ -89,7 +89,7 @@ pub(super) fn check_certificate(file: &TestFile, findings: &mut Findings) {
         .into_iter()
         .filter_map(|(key, given)| given.then_some(key))
         .collect();
-        let why = "it says how far the number may be from what the file has";
+        let why = "it is the spread of the number in the test file";
         findings.exactly_one(&at, &given, &["std", "std_share", "range"], why);
         findings.positive(at.key("std"), one.std);
         findings.positive(at.key("std_share"), one.std_share);
@@ -102,7 +102,7 @@ pub(super) fn check_certificate(file: &TestFile, findings: &mut Findings) {
             let finding = Finding::error(at.key("range"), headline);
             findings
                 .0
-                .push(finding.label("the smaller one comes first"));
+                .push(finding.label("the smaller number comes first"));
         }
         let at = at.key("key");
         let path = match KeyPath::parse(&one.key) {
@@ -115,9 +115,9 @@ pub(super) fn check_certificate(file: &TestFile, findings: &mut Findings) {
             }
         };
         if let Some(first) = known.iter().position(|other| *other == path) {
-            let headline = format!("`{path}` is uncertain twice");
+            let headline = format!("`{path}` has two uncertainties");
             let finding = Finding::error(at, headline);
-            let label = format!("the spread of `uncertainty[{first}]` would not be drawn");
+            let label = format!("`uncertainty[{first}]` would have no effect");
             findings.0.push(finding.label(label));
             known.push(path);
             continue;
@@ -128,10 +128,10 @@ pub(super) fn check_certificate(file: &TestFile, findings: &mut Findings) {
             _ => "",
         };
         if !UNCERTAIN.contains(&root) {
-            let headline = format!("`{path}` is not uncertain");
+            let headline = format!("`{path}` cannot be uncertain");
             let finding = Finding::error(at, headline);
             findings.0.push(finding.label(
-                "what begins with structure, excitation or specimen may be; all else is a decision",
+                "only keys below structure, excitation and specimen can be uncertain: all others are decisions of the user",
             ));
             continue;
         }
@@ -140,7 +140,7 @@ pub(super) fn check_certificate(file: &TestFile, findings: &mut Findings) {
         if let Ok(number) = found {
             spread(one, &path, number.value(), index, findings);
             if let Some((why, instead)) = unfelt(file, &path) {
-                let headline = format!("no trial of a certificate feels `{path}`");
+                let headline = format!("`{path}` has no effect on the trials of a certificate");
                 let finding = Finding::error(at.clone(), headline).label(why);
                 findings.0.push(finding.help(instead));
             }
@@ -150,12 +150,12 @@ pub(super) fn check_certificate(file: &TestFile, findings: &mut Findings) {
             let headline = if is_there {
                 format!("`{path}` is not a number")
             } else {
-                format!("`{path}` is not in this test")
+                format!("this test has no `{path}`")
             };
             let finding = Finding::error(at, headline).label(if is_there {
-                "only one number varies".to_owned()
+                "an uncertainty must name one number".to_owned()
             } else {
-                format!("`{known}` has it not")
+                format!("`{known}` has no such entry")
             });
             let missing = path.segments().get(known.segments().len());
             let meant = match missing {
@@ -165,7 +165,7 @@ pub(super) fn check_certificate(file: &TestFile, findings: &mut Findings) {
             findings.0.push(match meant {
                 Some(meant) => finding.help(format!("did you mean `{}`?", known.key(meant))),
                 None if is_there => finding,
-                None => finding.help("a default that is not written down has no number to vary"),
+                None => finding.help("write the number into the test file: a default cannot vary"),
             });
         }
     }
@@ -179,8 +179,8 @@ fn unfelt(file: &TestFile, path: &KeyPath) -> Option<(&'static str, &'static str
         _ => "",
     };
     let of_proof = (
-        "a bound for the proof of stability, and no trial is a proof",
-        "the law's own numbers say how a specimen or an element is",
+        "a bound for the proof of stability, which trials do not use",
+        "vary the parameters of the law",
     );
     let last = key(segments.len().saturating_sub(1));
     if last == "hardening_ratio" || (key(0) == "structure" && last.starts_with("reach_")) {
@@ -192,38 +192,38 @@ fn unfelt(file: &TestFile, path: &KeyPath) -> Option<(&'static str, &'static str
     let table = file.specimen.get(*index).filter(|_| key(0) == "specimen")?;
     let is_remote = table.link.is_some();
     let of_law = if !is_remote {
-        "a number of its law may vary"
+        "vary a parameter of its law"
     } else if table.stand_in.is_some() {
-        "a number of its `stand_in` may vary"
+        "vary a parameter of its `stand_in`"
     } else {
-        "its `stiffness_n_per_m` may vary, a number of a `stand_in`, or by `identified.stiffness_std_n_per_m` its stiffness"
+        "vary `stiffness_n_per_m`, a parameter of a `stand_in`, or set `identified.stiffness_std_n_per_m`"
     };
     match (key(2), key(3)) {
         ("stiffness_n_per_m" | "damping_n_s_per_m", _) => {
             (!is_remote || table.stand_in.is_some()).then_some((
-                "what the controller believes, which is not what is true: it believes the same in every trial",
+                "this is an estimate of the controller, not a property of the specimen: it is the same in every trial",
                 of_law,
             ))
         }
         ("hardening_bound" | "reach_disp_m" | "reach_vel_m_per_s", _) => Some((of_proof.0, of_law)),
         ("capacity", _) => Some((
-            "what the rig can give: trials are compared with it",
-            "an uncertain rig gives the least that it may have",
+            "a capacity of the rig, with which trials are compared",
+            "for an uncertain rig give the smallest capacity",
         )),
         ("link", which) if which != "stands_at_m" => {
-            Some(("no trial speaks over a link", of_law))
+            Some(("trials use no link", of_law))
         }
-        ("drill", _) => Some(("no trial has a drill", of_law)),
-        ("identified", "stiffness_n_per_m") => Some(("no trial is made of it", of_law)),
+        ("drill", _) => Some(("trials have no fault injection", of_law)),
+        ("identified", "stiffness_n_per_m") => Some(("trials do not use it", of_law)),
         ("identified", of) if of.contains("_std") => {
-            Some(("a spread, of which trials draw", "the greatest that it may be"))
+            Some(("a spread, from which trials draw", "give the largest spread"))
         }
         ("identified", _) if !is_remote => {
-            Some(("a law stands behind its own actuator", "a number of its `transfer` may vary"))
+            Some(("a simulated law has its own actuator", "vary a parameter of its `transfer`"))
         }
         ("identified", _) if table.stand_in_transfer.is_some() => Some((
-            "its stand-in stands behind the actuator of `stand_in_transfer`",
-            "a number of its `stand_in_transfer` may vary",
+            "its stand-in has the actuator of `stand_in_transfer`",
+            "vary a parameter of its `stand_in_transfer`",
         )),
         _ => None,
     }
@@ -239,9 +239,11 @@ fn spread(
 ) {
     let at = KeyPath::root().key("uncertainty").index(index);
     if one.std_share.is_some() && nominal == 0.0 {
-        let headline = format!("`{path}` is 0, and every share of it, too");
+        let headline = format!("`{path}` is 0, so a relative spread has no effect");
         let finding = Finding::error(at.key("std_share"), headline);
-        findings.0.push(finding.label("`std` says it in its unit"));
+        findings
+            .0
+            .push(finding.label("give the spread as `std`, in the unit of the number"));
     }
     if let Some([low, high]) = one.range
         && low < high
@@ -251,6 +253,6 @@ fn spread(
         let finding = Finding::error(at.key("range"), headline);
         findings
             .0
-            .push(finding.label("what the file has is not in it"));
+            .push(finding.label("the number of the file is outside this range"));
     }
 }

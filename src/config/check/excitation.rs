@@ -22,7 +22,8 @@ pub(super) fn check_excitation(file: &TestFile, findings: &mut Findings) {
             Finding::error(at.key("base_displacement"), "both a ground acceleration and a base displacement are given")
                 .label("absolute coordinates")
                 .beside(at.key("ground_acceleration"), "relative coordinates")
-                .help("one moves the coordinates with the ground, the other does not: displacements would mean nothing"),
+                .help("a ground acceleration needs relative coordinates and a base displacement absolute ones: give only one \
+                 of them"),
         );
     }
     check_frames(file, findings);
@@ -39,7 +40,7 @@ pub(super) fn check_excitation(file: &TestFile, findings: &mut Findings) {
             &at,
             &given,
             &["dofs", "pattern"],
-            "they say where the force acts",
+            "the factors distribute the force over the DOFs",
         );
         if let Some(dofs) = &force.dofs {
             findings.dofs(&at.key("dofs"), dofs);
@@ -52,7 +53,7 @@ pub(super) fn check_excitation(file: &TestFile, findings: &mut Findings) {
                 Finding::error(at.key("prescribed_displacement"), "a prescribed displacement and a structure are both given")
                     .label("the displacement is prescribed here")
                     .beside(KeyPath::root().key("structure"), "and computed here")
-                    .help("the specimen can follow only one of them: leave out the structure, or use `base_displacement`"),
+                    .help("the specimen can follow only one of them: remove the structure, or use `base_displacement`"),
             );
         }
     } else {
@@ -72,7 +73,10 @@ fn check_frames(file: &TestFile, findings: &mut Findings) {
             for (key, end) in [("from", element.from), ("to", element.to)] {
                 if end == End::Fixed {
                     let element = root.key("structure").key("element").index(index);
-                    fixed.push((element.key(key), "an element is tied to the inertial frame"));
+                    fixed.push((
+                        element.key(key),
+                        "an element is connected to the inertial frame",
+                    ));
                 }
             }
         }
@@ -82,15 +86,15 @@ fn check_frames(file: &TestFile, findings: &mut Findings) {
             let chain = root.key("structure").key("chain");
             fixed.push((
                 chain.key("absolute_damper"),
-                "absolute dampers are tied to the inertial frame",
+                "absolute dampers are connected to the inertial frame",
             ));
         }
         for (place, headline) in fixed {
             findings.0.push(
-                Finding::error(place, format!("{headline}, and the coordinates move with the ground"))
-                    .label("sees a motion that is not known")
+                Finding::error(place, format!("{headline}, but the coordinates move with the ground"))
+                    .label("its absolute motion is unknown")
                     .beside(at.key("ground_acceleration"), "relative coordinates")
-                    .help("`base_displacement` moves the base in absolute coordinates; \"ground\" moves with it"),
+                    .help("use `base_displacement`, which has absolute coordinates; \"ground\" then follows the base"),
             );
         }
     }
@@ -99,10 +103,13 @@ fn check_frames(file: &TestFile, findings: &mut Findings) {
             if specimen.mass_in_force_kg > 0.0 {
                 let place = root.key("specimen").index(index).key("mass_in_force_kg");
                 findings.0.push(
-                    Finding::error(place, "the inertia in the measured force is that of the relative motion alone")
-                        .label("lacks its share of the base's acceleration")
-                        .beside(at.key("base_displacement"), "absolute coordinates")
-                        .help("`ground_acceleration` loads the structure with the mass of the specimen, too"),
+                    Finding::error(
+                        place,
+                        "the measured force contains the inertia of the relative motion only",
+                    )
+                    .label("the acceleration of the base is missing")
+                    .beside(at.key("base_displacement"), "absolute coordinates")
+                    .help("use `ground_acceleration`, which also acts on the mass of the specimen"),
                 );
             }
         }
@@ -123,10 +130,10 @@ fn check_motionless(file: &TestFile, findings: &mut Findings) {
         findings.0.push(
             Finding::warning(
                 KeyPath::root().key("structure"),
-                "nothing sets the structure in motion",
+                "nothing moves the structure",
             )
             .label("no excitation, no initial state, no static load")
-            .help("give it an `[excitation]`, or an `initial_displacement_m` for free vibration"),
+            .help("give an `[excitation]`, or an `initial_displacement_m` for free vibration"),
         );
     }
 }
@@ -146,7 +153,9 @@ fn check_prescribed(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
         findings.0.push(
             Finding::error(
                 at.key(key),
-                format!("`excitation.{key}` loads a structure, and there is none"),
+                format!(
+                    "`excitation.{key}` acts on a structure, and this test has no `[structure]`"
+                ),
             )
             .label("nothing to act on")
             .help("without a `[structure]` only `prescribed_displacement` moves the specimens"),
@@ -171,14 +180,17 @@ fn check_prescribed(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
                 |n| format!("did you mean `{n}`?"),
             );
             findings.0.push(
-                Finding::error(at.key("specimen"), format!("there is no specimen `{name}`"))
-                    .label(label)
-                    .help(format!("the specimens are {}", listed(&names, "and"))),
+                Finding::error(
+                    at.key("specimen"),
+                    format!("this test has no specimen `{name}`"),
+                )
+                .label(label)
+                .help(format!("the specimens are {}", listed(&names, "and"))),
             );
         }
         if prescribed.axis == 0 {
             findings.0.push(
-                Finding::error(at.key("axis"), "there is no axis 0")
+                Finding::error(at.key("axis"), "axis 0 does not exist")
                     .label("axes are counted from 1"),
             );
         }
@@ -202,7 +214,7 @@ fn check_prescribed(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
                 )
                 .label("again here")
                 .beside(before.clone(), "first here")
-                .help("the one says where the other goes: prescribe all with the same `at`"),
+                .help("they contradict: prescribe all with the same `at`"),
             ),
             _ => {
                 places.insert(name, (prescribed.at, at.clone()));

@@ -51,14 +51,14 @@ pub(super) fn check_geometry(
             )
             .at_key()
             .label("one row of B per coordinate")
-            .help("`coordinates` in [specimen.geometry] says which coordinates the rows are; all others stay at zero"),
+            .help("`coordinates` in [specimen.geometry] names the coordinates of the rows; all others stay at zero"),
         );
     }
     if specimen.mass_in_force_kg != 0.0 {
         findings.0.push(
             Finding::error(
                 at.key("mass_in_force_kg"),
-                "the measured forces of a loading unit hold the inertia of its platform in a way that no number says",
+                "`mass_in_force_kg` cannot describe the inertia of a platform in the forces of a loading unit",
             )
             .at_key()
             .label("not with `geometry`"),
@@ -69,10 +69,10 @@ pub(super) fn check_geometry(
         findings.0.push(
             Finding::error(
                 at.key("link").key("probe_m"),
-                "an actuator cannot be moved by itself where there are more of them than coordinates",
+                "a single actuator cannot move alone if there are more actuators than coordinates",
             )
             .at_key()
-            .label("it would work against the others"),
+            .label("it would push against the others"),
         );
     }
 }
@@ -86,11 +86,11 @@ fn refusal(error: &GeometryError, form: &str, here: &KeyPath) -> Finding {
     let text = error.to_string();
     match error {
         GeometryError::Forms { .. } => Finding::error(here.clone(), text)
-            .help("`plane` and `space` list the pins of the actuators; `matrix` is a transformation of your own"),
+            .help("`plane` and `space` list the pins of the actuators; `matrix` is any transformation"),
         GeometryError::Fault(_) => Finding::error(here.key(form), text)
             .at_key()
             .label("the actuators cannot hold the platform")
-            .help("no line of action may be given by the others: move a pin, or drive fewer `coordinates`"),
+            .help("the lines of action are linearly dependent: move a pin, or drive fewer `coordinates`"),
         GeometryError::Unsaid { key, .. } => Finding::error(here.key(key), text)
             .at_key()
             .label("`coordinates` is missing")

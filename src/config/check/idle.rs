@@ -52,7 +52,7 @@ pub(super) fn check_idle(file: &TestFile, clock_is_chosen: bool, findings: &mut 
         &root.key("record"),
         "dofs",
         file.record.dofs.is_some() && file.structure.is_none(),
-        "without a structure there are no DOFs",
+        "the test has no structure, so it has no DOFs",
     );
 }
 
@@ -85,14 +85,14 @@ fn check_integrator(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
             ("newton_tolerance", newton_tolerance.is_some()),
             ("newton_iterations", newton_iterations.is_some()),
         ];
-        findings.all_idle(at, &keys, "nothing is integrated: there is no structure");
+        findings.all_idle(at, &keys, "the test has no structure to integrate");
         return;
     }
     findings.idle(
         at,
         "gain_bound",
         gain_bound.is_some() && *lambda != LambdaValue::Auto,
-        "bounds an automatic λ, and `lambda` is given by number",
+        "for `lambda = \"auto\"` only, and `lambda` is a number here",
     );
 }
 
@@ -104,7 +104,7 @@ fn check_time(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
         at,
         "prediction_order",
         prediction_order != 2 && file.specimen.is_empty(),
-        "the order of a specimen's way, and there is no specimen",
+        "for specimens only, and the test has no specimen",
     );
 }
 
@@ -118,7 +118,7 @@ fn check_excitation(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
             "at",
             prescribed.at != PrescribedPlace::Platform
                 && specimen.is_some_and(|s| s.geometry.is_none()),
-            "for a specimen with a `geometry`: here every axis is a deformation by itself",
+            "only for a specimen with a `geometry`: without one, each axis is one deformation",
         );
     }
 }
@@ -130,7 +130,7 @@ fn check_safety(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
         at,
         "divergence_m",
         safety.divergence_m.is_some() && file.structure.is_none(),
-        "a bound of the structure's DOFs, and there is no structure",
+        "for structures only, and the test has no structure",
     );
     if file.structure.is_none() {
         let keys = [
@@ -140,7 +140,7 @@ fn check_safety(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
         findings.all_idle(
             at,
             &keys,
-            "a bound of the integration, and there is no structure",
+            "for structures only, and the test has no structure to integrate",
         );
     }
     if file.specimen.is_empty() {
@@ -156,7 +156,7 @@ fn check_safety(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
             ("added_energy_share", safety.added_energy_share.is_some()),
             ("stability_used", safety.stability_used.is_some()),
         ];
-        findings.all_idle(at, &keys, "there is no specimen");
+        findings.all_idle(at, &keys, "the test has no specimen");
         let static_load = file.structure.as_ref().is_some_and(|structure| {
             structure.static_load_n.is_some() || structure.gravity.is_some()
         });
@@ -164,7 +164,7 @@ fn check_safety(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
             at,
             "ramp_s",
             safety.ramp_s != usual.ramp_s && !static_load,
-            "nothing is ramped: there is neither a specimen nor a static load",
+            "the test has no startup ramp: neither a specimen nor a static load",
         );
         return;
     }
@@ -173,7 +173,7 @@ fn check_safety(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
         at,
         "exit_speed_m_per_s",
         safety.exit_speed_m_per_s.is_some() && leaves == [ExitChoice::Freeze; 2],
-        "\"freeze\" moves nothing, and is both `on_trip` and `at_end`",
+        "`on_trip` and `at_end` are \"freeze\", which moves nothing",
     );
     let mut axes = file.specimen.iter().flat_map(|specimen| &specimen.axis);
     findings.idle(
@@ -181,7 +181,7 @@ fn check_safety(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
         "resume_takes_force_drift",
         safety.resume_takes_force_drift
             && !axes.any(|axis| axis.zero_force == ZeroChoice::Relative),
-        "no load cell takes its zero from what it reads: none has `zero_force = \"relative\"`",
+        "no axis has `zero_force = \"relative\"`, so no load cell is zeroed",
     );
 }
 
@@ -192,14 +192,14 @@ fn check_timing(timing: &TimingSpec, at: &KeyPath, findings: &mut Findings) {
         at,
         "priority",
         timing.priority != usual.priority && timing.policy == Policy::Ordinary,
-        "the ordinary policy knows no priority",
+        "the policy \"ordinary\" has no priority",
     );
     let catches_up = timing.on_miss == OnMiss::CatchUp;
     findings.idle(
         at,
         "max_catch_up_ticks",
         timing.max_catch_up_ticks != usual.max_catch_up_ticks && !catches_up,
-        "for `on_miss = \"catch_up\"`",
+        "only only for `on_miss = \"catch_up\"`",
     );
 }
 
@@ -209,14 +209,14 @@ fn check_clock(timing: &TimingSpec, root: &KeyPath, findings: &mut Findings) {
     let Some(first) = keys.first() else { return };
     let named: Vec<String> = keys.iter().map(|key| format!("`{key}`")).collect();
     let headline = format!(
-        "on the simulated clock nothing is asked of the machine and no deadline is missed: no effect has {}",
+        "the simulated clock needs no real-time settings and misses no deadlines, so these keys have no effect: {}",
         named.join(", ")
     );
     let finding = Finding::warning(root.key("timing").key(first), headline);
     findings.0.push(
         finding
             .at_key()
-            .label("for the real clock")
+            .label("only for the real clock")
             .beside(root.key("time").key("clock"), "simulated here"),
     );
 }
@@ -287,7 +287,7 @@ pub(super) fn check_idle_served(
             &at,
             "priority",
             timing.priority != usual.priority && timing.policy == Policy::Ordinary,
-            "the ordinary policy knows no priority",
+            "the policy \"ordinary\" has no priority",
         );
         let of_the_machine = [
             "policy",
@@ -299,7 +299,7 @@ pub(super) fn check_idle_served(
             "prefault_stack_kb",
             "require_realtime",
         ];
-        let why = "a server has no ticks of its own: the controller keeps the deadlines";
+        let why = "a server has no ticks: the controller keeps the deadlines";
         for key in of_real_time(timing) {
             findings.idle(&at, key, !of_the_machine.contains(&key), why);
         }
@@ -322,7 +322,7 @@ pub(super) fn check_idle_served(
         findings.all_idle(
             &at,
             &keys,
-            "belongs to a test: a server knows no structure and goes on with nothing",
+            "only for tests: a server has no structure and resumes nothing",
         );
     }
 }

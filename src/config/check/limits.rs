@@ -66,7 +66,7 @@ fn check_merged(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings)
             let own = at.key("axis").index(index).key("limits").key(error.key());
             let all = at.key("limits").key(error.key());
             let finding = Finding::error(own, error.to_string())
-                .beside(all, "the level that the axis does not give itself")
+                .beside(all, "the specimen gives the other level")
                 .help("give both `warn` and `trip` at the axis");
             findings.0.push(finding);
         }
@@ -114,9 +114,9 @@ impl Place<'_> {
                         vel * tick_s
                     ),
                 )
-                .label("trips first, always")
+                .label("this limit always trips first")
                 .beside(there, "can never trip")
-                .help("both bound the change of the command from one tick to the next: give the one that is meant"),
+                .help("both limit the change of the command per tick: give only one of them"),
             );
         }
     }
@@ -152,9 +152,9 @@ impl Place<'_> {
                 findings.0.push(
                     Finding::error(
                         self.of(key, is_given),
-                        format!("`{key}` reaches from {low} to {high}, but the sensor only from {least} to {most}"),
+                        format!("`{key}` is {low} to {high}, but the sensor measures only {least} to {most}"),
                     )
-                    .label("the sensor ends before")
+                    .label("the range of the sensor")
                     .beside(self.of(sensor_key, is_there), "its range"),
                 );
             }
@@ -184,12 +184,13 @@ impl Place<'_> {
                 Finding::error(
                     exit.clone(),
                     format!(
-                        "specimen \"{}\" would be left at {speed} m/s, {} m in a tick of {tick_s} s, but {step} m trip",
+                        "specimen \"{}\" would move to its end position at {speed} m/s, {} m in a tick of {tick_s} s, but \
+                         {step} m trip",
                         self.specimen.name,
                         speed * tick_s
                     ),
                 )
-                .label("too fast for its own limit")
+                .label("faster than its limit")
                 .beside(
                     self.of("command_step_m", |own| own.command_step_m.is_some()),
                     "its limit",
@@ -203,11 +204,11 @@ impl Place<'_> {
                 Finding::error(
                     exit.clone(),
                     format!(
-                        "specimen \"{}\" would be left at {speed} m/s, but {vel} m/s trip",
+                        "specimen \"{}\" would move to its end position at {speed} m/s, but {vel} m/s trip",
                         self.specimen.name
                     ),
                 )
-                .label("too fast for its own limit")
+                .label("faster than its limit")
                 .beside(
                     self.of("command_vel_m_per_s", |own| {
                         own.command_vel_m_per_s.is_some()
@@ -222,7 +223,7 @@ impl Place<'_> {
         {
             let name = &self.specimen.name;
             let text = format!(
-                "specimen \"{name}\" would be left at {speed} m/s, but its rig can give {most} m/s"
+                "specimen \"{name}\" would move to its end position at {speed} m/s, but its rig reaches only {most} m/s"
             );
             findings.0.push(
                 Finding::error(exit, text)
@@ -240,7 +241,12 @@ impl Place<'_> {
         let range = limits.command_disp_m.and_then(|range| range.trip);
         let range = range.map(|range| {
             let at = self.of("command_disp_m", |own| own.command_disp_m.is_some());
-            (range, at, "which may not be commanded", "its limit")
+            (
+                range,
+                at,
+                "which is outside the allowed commands",
+                "its limit",
+            )
         });
         let stroke = self.specimen.capacity.unwrap_or_default().stroke_m;
         let stroke = stroke.map(|stroke| {
@@ -260,7 +266,7 @@ impl Place<'_> {
         let safe = place(self.specimen.safe_disp_m.as_ref());
         for (key, place, is) in [
             (self.at.key("safe_disp_m"), safe, "is safe"),
-            (at.key("stands_at_m"), stands, "stands"),
+            (at.key("stands_at_m"), stands, "begins"),
         ] {
             let Some(place) = place else { continue };
             let beyond =
@@ -269,7 +275,7 @@ impl Place<'_> {
                 let text = format!("axis {} {is} at {place} m, {why}", self.index + 1);
                 findings.0.push(
                     Finding::error(key, text)
-                        .label("outside of its own limit")
+                        .label("outside its limit")
                         .beside(bound.clone(), *label),
                 );
             }
@@ -292,12 +298,12 @@ impl Place<'_> {
             bounds.iter().find(|(range, ..)| way > SAME * room(*range))
         {
             let text = format!(
-                "axis {} is probed by {way} m, and there is no room for that",
+                "the wiring check moves axis {} by {way} m, which its limits do not allow",
                 self.index + 1
             );
             findings.0.push(
                 Finding::error(at.key("probe_m"), text)
-                    .label("outside of its own limit")
+                    .label("outside its limit")
                     .beside(bound.clone(), *label),
             );
         }
@@ -314,8 +320,8 @@ pub(super) fn check_required(
     if unlimited.is_some_and(|reason| !is_visible(reason)) {
         findings.0.push(
             Finding::error(why, "`unlimited` gives no reason")
-                .label("why may a specimen be without limits?")
-                .help("it is shown at the start and stands in the summary of the run"),
+                .label("a reason why the specimen may run without limits is needed")
+                .help("the reason is shown at the start and written to the summary of the run"),
         );
         return;
     }
@@ -341,17 +347,17 @@ pub(super) fn check_required(
             )
             .label("commands leave this machine")
             .help(format!(
-                "with the stroke and the strength of the specimen, in m and N:\n{}",
+                "give limits for the stroke and the strength of the specimen, in m and N:\n{}",
                 example(specimen)
             ))
-            .help("or say why none is needed: `unlimited = \"reason\"` in [safety]"),
+            .help("or give the reason why limits are not needed: `unlimited = \"reason\"` in [safety]"),
         });
     }
     if idle && unlimited.is_some() {
         findings.0.push(
             Finding::warning(
                 why,
-                "`unlimited` excuses nothing: no specimen behind a link lacks a limit",
+                "`unlimited` has no effect: every specimen behind a link has limits",
             )
             .at_key(),
         );

@@ -4,8 +4,10 @@ use super::Findings;
 use crate::config::TestFile;
 use crate::config::diagnose::Finding;
 use crate::config::document::KeyPath;
+use crate::config::serve::ServeFile;
 use crate::config::specimen::SpecimenTable;
 use crate::link::LinkSpec;
+use crate::link::address::share_a_port;
 use crate::link::openfresco::RemoteSettings;
 use crate::link::spec::{Carrier, LinkCoupling, Protocol};
 use crate::text::is_hidden;
@@ -21,9 +23,9 @@ pub(super) fn check_link(
     if specimen.stiffness_n_per_m.is_none() {
         findings.0.push(
             Finding::error(here.clone(), "`stiffness_n_per_m` is missing")
-                .label("a specimen behind a link has no law to take it from")
+                .label("needed for a specimen behind a link, which has no law")
                 .help(
-                    "it enters K0 and is compared with what the specimen reports when it connects",
+                    "it enters K0, and is compared with the stiffness that the specimen reports on connection",
                 ),
         );
     }
@@ -35,7 +37,7 @@ pub(super) fn check_link(
                 at.key("hardening_bound"),
                 format!("`hardening_bound` is {bound}, but must be 1 or greater"),
             )
-            .label("the tangent at the start is 1"),
+            .label("a factor on the initial tangent stiffness"),
         );
     }
     findings.positive(here.key("connect_timeout_s"), Some(link.connect_timeout_s));
@@ -70,16 +72,16 @@ pub(super) fn check_link(
         findings.0.push(
             Finding::error(
                 here.key("address"),
-                format!("{:?} names no {text}", link.address),
+                format!("{:?} has no {text}", link.address),
             )
-            .label("wanted \"host:port\", \"192.0.2.7:port\" or \"[2001:db8::7]:port\""),
+            .label("write \"host:port\", \"192.0.2.7:port\" or \"[2001:db8::7]:port\""),
         );
     }
     if link.tls.is_some() && link.transport != Carrier::Tls {
         findings.0.push(
             Finding::error(here.key("tls"), "certificates are for TLS only")
                 .at_key()
-                .label("wanted with `transport = \"tls\"`"),
+                .label("needed for `transport = \"tls\"`"),
         );
     }
     if let Some(names) = &link.axis_names {
@@ -93,7 +95,7 @@ pub(super) fn check_link(
         findings.0.push(
             Finding::error(
                 here.key("openfresco"),
-                "our own protocol needs no such settings",
+                "the protocol of Gusset has no such settings",
             )
             .at_key()
             .label("only for `protocol = \"openfresco…\"`"),
@@ -102,14 +104,73 @@ pub(super) fn check_link(
     for (index, axis) in specimen.axis.iter().enumerate() {
         let at = at.key("axis").index(index);
         for (key, known) in axis.foreign_units() {
-            let text = format!("the protocol of Gusset has no such `{key}`");
+            let text = format!("the protocol of Gusset does not support this `{key}`");
             findings.0.push(
                 Finding::error(at.key(key), text)
                     .label(known)
                     .help(
-                        "inches, feet, pounds and kips need a link that speaks a protocol of OpenFresco (`protocol = \"openfresco…\"`); \
-                         else let the other end of the link count in m or mm and in N or kN",
+                        "inches, feet, pounds and kips need `protocol = \"openfresco…\"`; otherwise let the server use m or \
+                         mm, and N or kN",
                     ),
+            );
+        }
+    }
+}
+
+/// Two specimens behind one address: a server has one specimen and takes one controller.
+pub(super) fn check_shared(specimens: &[SpecimenTable], findings: &mut Findings) {
+    let at = |index: usize| {
+        let specimen = KeyPath::root().key("specimen").index(index);
+        specimen.key("link").key("address")
+    };
+    for (index, specimen) in specimens.iter().enumerate() {
+        let Some(link) = &specimen.link else {
+            continue;
+        };
+        let shares = |other: &&SpecimenTable| {
+            other.link.as_ref().is_some_and(|known| {
+                known.transport.is_stream() == link.transport.is_stream()
+                    && share_a_port(&known.address, &link.address)
+            })
+        };
+        if let Some(first) = specimens[..index].iter().position(|known| shares(&known)) {
+            let name = |index: usize| &specimens[index].name;
+            let text = format!(
+                "the links of `{}` and `{}` have the same address",
+                name(first),
+                name(index)
+            );
+            findings.0.push(
+                Finding::error(at(index), text)
+                    .label("also here")
+                    .beside(at(first), "first here")
+                    .help("a server has one specimen and takes one controller: start one server for each specimen"),
+            );
+        }
+    }
+}
+
+/// A gateway whose own port is the address of the specimen that it commands.
+pub(super) fn check_listen(file: &ServeFile, findings: &mut Findings) {
+    let Some(listen) = &file.serve.listen else {
+        return;
+    };
+    for (index, specimen) in file.specimen.iter().enumerate() {
+        let shared = specimen.link.as_ref();
+        if shared.is_some_and(|link| share_a_port(&link.address, listen)) {
+            let at = KeyPath::root().key("specimen").index(index).key("link");
+            let text = format!(
+                "the gateway and the specimen `{}` have the same port",
+                specimen.name
+            );
+            findings.0.push(
+                Finding::error(at.key("address"), text)
+                    .label("the server of the specimen")
+                    .beside(
+                        KeyPath::root().key("serve").key("listen"),
+                        "the gateway itself",
+                    )
+                    .help("choose another port for one of the two"),
             );
         }
     }
@@ -131,23 +192,24 @@ pub(super) fn check_pace(
     let here = at.key("link").key("commands");
     if file.time.ticks_per_step == 1 {
         findings.0.push(
-            Finding::error(here, "every tick is a step here")
-                .label("\"every_step\" is for tests with more ticks than steps")
-                .help("`ticks_per_step` in [time] says how many ticks a step has"),
+            Finding::error(here, "each step has only one tick here")
+                .label("\"every_step\" is for tests with several ticks per step")
+                .help("set `ticks_per_step` in [time]"),
         );
     } else if link.protocol == Protocol::Gusset && link.coupling == LinkCoupling::Sampled {
         findings.0.push(
-            Finding::error(here, "a sampled specimen is commanded at every tick")
+            Finding::error(here, "a sampled specimen needs a command at every tick")
                 .label("\"every_step\" needs `coupling = \"lockstep\"`")
                 .beside(at.key("link").key("coupling"), "sampled here"),
         );
     } else if file.timing.warmup_ticks == Some(0) {
         // The record must tell its first answer from what was read before.
         let warm_up = KeyPath::root().key("timing").key("warmup_ticks");
-        let text = "a partner that is told every step needs a warm-up of one tick at least";
+        let text =
+            "a specimen that is commanded once per step needs a warm-up of at least one tick";
         findings
             .0
-            .push(Finding::error(warm_up, text).beside(here, "told every step here"));
+            .push(Finding::error(warm_up, text).beside(here, "commanded once per step here"));
     }
 }
 
@@ -165,7 +227,7 @@ fn check_address(address: &str) -> Result<(), &'static str> {
     match inner {
         Some(inner) if inner.contains(':') => Ok(()),
         None if !host.is_empty() && !host.contains([':', '[', ']']) => Ok(()),
-        _ => Err("machine before its port"),
+        _ => Err("host name before the port"),
     }
 }
 
@@ -193,13 +255,10 @@ fn check_probe(specimen: &SpecimenTable, link: &LinkSpec, at: &KeyPath, findings
         findings.0.push(
             Finding::error(
                 at.key("probe_m"),
-                format!(
-                    "axis {} has no stiffness that could show its direction",
-                    axis + 1
-                ),
+                format!("the wiring check needs a stiffness on axis {}", axis + 1),
             )
-            .label("a slow motion gives no force")
-            .help("say `probe = \"none\"` and check the wiring by hand"),
+            .label("without a stiffness a slow motion causes no force")
+            .help("set `probe = \"none\"` and check the wiring by hand"),
         );
     }
 }
@@ -221,25 +280,25 @@ pub(super) fn check_standing(specimen: &SpecimenTable, at: &KeyPath, findings: &
     match &link.stands_at_m {
         None if tells != Some(false) || link.computed => {}
         None => findings.0.push(
-            Finding::error(at.clone(), "where does this specimen stand before the test?")
-                .label("what it speaks cannot tell before the first command")
+            Finding::error(at.clone(), "the position of this specimen before the test is unknown")
+                .label("this protocol cannot report the position before the first command")
                 .help(format!(
-                    "`stands_at_m = {:?}` says it, in m as each axis counts: it is held there, and led from there to where the \
-                     test begins",
+                    "give it as `stands_at_m = {:?}`, in m with the sign of each axis: the test starts from there",
                     vec![0.0; axes]
                 ))
-                .help("`computed = true` says that nothing moves there which could break"),
+                .help("or set `computed = true` if the server only simulates"),
         ),
         Some(_) if tells == Some(true) => {
-            let finding = Finding::error(here, "the specimen itself tells where it stands").at_key();
+            let finding = Finding::error(here, "the specimen reports its position, so `stands_at_m` is not needed").at_key();
             let chosen = link.openfresco.as_ref();
             let given = chosen.is_some_and(|given| given.answer_signals.is_some());
             findings.0.push(if given {
                 finding
-                    .label("`openfresco.answer_signals` says that it answers displacements and forces")
-                    .help("leave out one of the two keys: an element server of OpenFresco measures no displacement")
+                    .label("`openfresco.answer_signals` gives displacements and forces")
+                    .help("remove one of the two keys: an element server of OpenFresco measures no displacement")
             } else {
-                finding.label("only for an element server, an actor site, an adapter, or a specimen behind the protocol of Gusset that does not tell")
+                finding.label("only for an element server, an actor site, an adapter, or a server with the protocol of Gusset \
+                 that does not report it")
             });
         }
         Some(stands) if stands.len() != axes => {
@@ -250,10 +309,10 @@ pub(super) fn check_standing(specimen: &SpecimenTable, at: &KeyPath, findings: &
         }
         Some(stands) => {
             if let Some(index) = stands.iter().position(|disp| !disp.is_finite()) {
-                let text = format!("axis {} stands at {}", index + 1, stands[index]);
+                let text = format!("axis {} is at {}", index + 1, stands[index]);
                 findings
                     .0
-                    .push(Finding::error(here, text).label("a finite number of m"));
+                    .push(Finding::error(here, text).label("must be a finite number, in m"));
             }
         }
     }
@@ -266,21 +325,21 @@ fn check_openfresco(link: &LinkSpec, at: &KeyPath, findings: &mut Findings) {
         (
             "watchdog_s",
             link.watchdog_s.is_some(),
-            "the far end keeps no watch on commands",
+            "this server has no watchdog for commands",
         ),
         (
             "sample_after",
             link.sample_after.is_some(),
-            "the far end answers when it is asked",
+            "the server answers each request",
         ),
         (
             "axis_names",
             link.axis_names.is_some(),
-            "axes have no names there",
+            "this protocol has no names of axes",
         ),
     ] {
         if given {
-            let text = format!("OpenFresco's protocols have no `{key}`");
+            let text = format!("OpenFresco's protocols do not support `{key}`");
             findings
                 .0
                 .push(Finding::error(at.key(key), text).at_key().label(why));
@@ -301,7 +360,7 @@ fn check_names(names: &[String], specimen: &SpecimenTable, at: &KeyPath, finding
         if !fits || names[..index].contains(name) {
             findings.0.push(
                 Finding::error(at.index(index), format!("{name:?} cannot name an axis"))
-                    .label("1 to 64 bytes, unlike all others"),
+                    .label("a name has 1 to 64 bytes and is unique"),
             );
         }
     }

@@ -12,7 +12,7 @@ use crate::config::specimen::SpecimenTable;
 use crate::control::limits::LimitsSpec;
 use crate::link::openfresco::{Peer, RemoteSettings};
 
-/// Refuses every key of a specimen that needs a measured displacement where its link answers with none.
+/// Refuses every key of a specimen that it it needs a measured displacement where its link answers with none.
 pub(super) fn check_measured(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
     let Some(settings) = specimen.force_only_link() else {
         return;
@@ -20,12 +20,12 @@ pub(super) fn check_measured(specimen: &SpecimenTable, at: &KeyPath, findings: &
     let remedy = remedy(&settings, specimen.axes());
     for (place, key) in needing_measured_disp(specimen, at) {
         let text = format!(
-            "`{key}` needs a measured displacement, but this link answers with forces only"
+            "`{key}` it it needs a measured displacement, but this link answers with forces only"
         );
         findings.0.push(
             Finding::error(place, text)
                 .at_key()
-                .label("would compare the command with itself")
+                .label("it it would compare the command with itself")
                 .help(remedy.clone()),
         );
     }
@@ -48,14 +48,15 @@ pub(super) fn check_judged(file: &TestFile, findings: &mut Findings) {
         let at = KeyPath::root().key("safety").key(key);
         let finding = if silent.len() == file.specimen.len() {
             let text = format!(
-                "`{key}` needs a measured displacement, but all links answer with forces only: {names}"
+                "`{key}` it it needs a measured displacement, but all links answer with forces only: {names}"
             );
             Finding::error(at, text)
-                .label("would compare the commands with themselves")
+                .label("it it would compare the commands with themselves")
                 .help(remedy(settings, specimen.axes()))
         } else {
-            let text = format!("`{key}` does not judge {names}: forces only come from there");
-            Finding::warning(at, text).label("needs a measured displacement")
+            let text =
+                format!("`{key}` does not check {names}: their links answer with forces only");
+            Finding::warning(at, text).label("it it needs a measured displacement")
         };
         findings.0.push(
             finding
@@ -103,8 +104,8 @@ fn remedy(settings: &RemoteSettings, n: usize) -> String {
         format!("`openfresco.answer_signals = [{n}, {n}, {n}, {n}, 1]` in [specimen.link]");
     match settings.peer {
         Peer::Element => format!(
-            "an element server of OpenFresco always answers displacement 0; where the server measures, as `gusset serve` does, \
-             say {signals}"
+            "an element server of OpenFresco always answers displacement 0; if the server measures it, as `gusset serve` \
+             does, set {signals}"
         ),
         Peer::Site | Peer::Actor | Peer::Adapter => {
             "the first number of `openfresco.answer_signals` in [specimen.link] is 0".to_owned()

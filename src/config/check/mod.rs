@@ -81,8 +81,8 @@ pub(crate) fn check(file: &TestFile, clock_is_chosen: bool) -> Vec<Finding> {
     match &file.structure {
         Some(structure) => check_structure(structure, &root.key("structure"), &mut findings),
         None if file.specimen.is_empty() => findings.0.push(
-            Finding::error(root.clone(), "there is neither a structure nor a specimen")
-                .help("a test has a `[structure]`, or `[[specimen]]`s along a prescribed displacement, or both"),
+            Finding::error(root.clone(), "this test has neither a `[structure]` nor a `[[specimen]]`")
+                .help("a test needs a `[structure]`, or a `[[specimen]]` with a prescribed displacement, or both"),
         ),
         None => {}
     }
@@ -117,6 +117,7 @@ pub(crate) fn check(file: &TestFile, clock_is_chosen: bool) -> Vec<Finding> {
     measured::check_judged(file, &mut findings);
     check_required(&file.specimen, unlimited, &mut findings);
     check_names(&file.specimen, &mut findings);
+    link::check_shared(&file.specimen, &mut findings);
     check_seeds(&file.specimen, &mut findings);
     let remote = file.specimen.iter().any(|specimen| specimen.link.is_some());
     if remote && file.timing.on_miss == OnMiss::CatchUp {
@@ -124,10 +125,10 @@ pub(crate) fn check(file: &TestFile, clock_is_chosen: bool) -> Vec<Finding> {
         findings.0.push(
             Finding::error(
                 on_miss,
-                "a specimen behind a link would be driven faster than the test says",
+                "`on_miss = \"catch_up\"` is not allowed with a specimen behind a link",
             )
-            .label("missed ticks would run back to back")
-            .help("use \"stretch\", which never does it, or \"stop\""),
+            .label("it would move the specimen faster than planned")
+            .help("use \"stretch\", which never moves it faster than planned, or \"stop\""),
         );
     }
     safety::check_safety(file, &mut findings);
@@ -160,7 +161,7 @@ impl Findings {
     /// A text that is shown to people holds nothing that a terminal would obey.
     fn printable(&mut self, at: &KeyPath, text: Option<&str>) {
         if let Some(c) = text.and_then(|text| text.chars().find(|c| is_hidden(*c))) {
-            let headline = format!("`{at}` has a character that cannot be printed");
+            let headline = format!("`{at}` contains a character that cannot be printed");
             let finding = Finding::error(at.clone(), headline);
             self.0
                 .push(finding.label(format!("{}", c.escape_unicode())));
@@ -172,8 +173,9 @@ impl Findings {
         self.printable(&at, reason);
         if reason.is_some_and(|reason| !crate::text::is_visible(reason)) {
             let headline = format!("`{at}` gives no reason");
-            self.0
-                .push(Finding::error(at, headline).label("the summary repeats the reason"));
+            self.0.push(
+                Finding::error(at, headline).label("write a reason, which the summary repeats"),
+            );
         }
     }
 
@@ -225,7 +227,7 @@ pub(crate) fn check_served(file: &ServeFile) -> Vec<Finding> {
     let mut findings = Findings::default();
     let root = KeyPath::root();
     if file.specimen.is_empty() {
-        let text = "there is no `[[specimen]]` to be served";
+        let text = "this file has no `[[specimen]]` to serve";
         findings.0.push(Finding::error(root.clone(), text));
     }
     for (index, specimen) in file.specimen.iter().enumerate() {
@@ -241,10 +243,10 @@ pub(crate) fn check_served(file: &ServeFile) -> Vec<Finding> {
         }
         if specimen.compensation.is_some() {
             findings.0.push(
-                Finding::error(at.key("compensation"), "a server compensates nothing")
+                Finding::error(at.key("compensation"), "a server does not compensate")
                     .at_key()
                     .label("no effect here")
-                    .help("commands are made up for in the controller's test file"),
+                    .help("compensation belongs in the controller's test file"),
             );
         }
     }
@@ -259,6 +261,7 @@ pub(crate) fn check_served(file: &ServeFile) -> Vec<Finding> {
     check_idle_served(file.timing.as_ref(), file.record.as_ref(), &mut findings);
     check_required(&file.specimen, unlimited, &mut findings);
     check_names(&file.specimen, &mut findings);
+    link::check_listen(file, &mut findings);
     findings.0
 }
 
@@ -268,7 +271,7 @@ fn check_structure(structure: &StructureTable, at: &KeyPath, findings: &mut Find
         at,
         &given,
         &["shear_building", "matrices", "chain"],
-        "the table names what the structure is; two of them would be two structures",
+        "a test has one structure",
     );
     if let Some(gravity) = &structure.gravity {
         findings.positive(
@@ -323,7 +326,7 @@ fn check_integrator(file: &TestFile, findings: &mut Findings) {
         if given && !meant {
             let finding = Finding::error(
                 integrator.key(key),
-                format!("`integrator.{key}` means nothing to this method"),
+                format!("`integrator.{key}` has no effect with this method"),
             );
             findings
                 .0
@@ -333,14 +336,14 @@ fn check_integrator(file: &TestFile, findings: &mut Findings) {
     if !table.lambda_of_element.is_empty() && !table.lambda_of_mode.is_empty() {
         let finding = Finding::error(
             integrator.key("lambda_of_mode"),
-            "elements and modes cannot both have a lambda of their own",
+            "`lambda_of_element` and `lambda_of_mode` cannot be used together",
         );
         findings.0.push(
             finding
                 .at_key()
                 .beside(integrator.key("lambda_of_element"), "one of the two")
                 .help(
-                    "a mode holds a share of every element: which lambda would that share follow?",
+                    "every mode contains a part of every element, so the two lambdas of that part would contradict",
                 ),
         );
     }
@@ -350,7 +353,7 @@ fn check_integrator(file: &TestFile, findings: &mut Findings) {
                 integrator.key("rho_infinity"),
                 format!("`integrator.rho_infinity` is {rho}, but must be from 0 to 1"),
             )
-            .label("a spectral radius that is stable"),
+            .label("rho_infinity is a spectral radius"),
         ),
         None if table.is_alpha() => findings.0.push(
             Finding::error(method.clone(), "this method needs `rho_infinity`")
@@ -371,12 +374,12 @@ fn check_integrator(file: &TestFile, findings: &mut Findings) {
             .label(reason)
             .beside(KeyPath::root().key("specimen").index(0), "the specimen");
         findings.0.push(finding.help(
-            "\"gui\", and \"kr_alpha\" or \"mkr_alpha\" with weighting = \"forces\", are explicit in displacement and velocity",
+            "use \"gui\", or \"kr_alpha\" or \"mkr_alpha\" with weighting = \"forces\": they are explicit in displacement and velocity",
         ));
     } else if file.time.clock == ClockChoice::Real {
-        let finding = Finding::error(method, "this method has no place in real time")
+        let finding = Finding::error(method, "this method cannot run on the real clock")
             .label(reason)
-            .help("a computed test runs as fast as it goes with `clock = \"simulated\"` in [time], or --clock simulated");
+            .help("use `clock = \"simulated\"` in [time], or --clock simulated");
         findings.0.push(finding);
     }
 }

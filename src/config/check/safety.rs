@@ -30,9 +30,9 @@ pub(super) fn check_safety(file: &TestFile, findings: &mut Findings) {
         findings.positive(place.key("floor_j"), Some(share.floor_j));
         if file.structure.is_none() {
             findings.0.push(
-                Finding::error(place, "no structure takes in energy here")
+                Finding::error(place, "this test has no structure")
                     .label("a share of what?")
-                    .help("`added_energy_j` at the limits of a specimen bounds one axis in J"),
+                    .help("use `added_energy_j` in the limits of a specimen for one axis, in J"),
             );
         }
     }
@@ -60,7 +60,7 @@ pub(super) fn check_safety(file: &TestFile, findings: &mut Findings) {
                 Finding::error(
                     at.key(key),
                     format!(
-                        "\"{}\" moves the specimens, but not how fast",
+                        "\"{}\" moves the specimens, but their speed is not given",
                         choice.word()
                     ),
                 )
@@ -71,7 +71,7 @@ pub(super) fn check_safety(file: &TestFile, findings: &mut Findings) {
             if choice == ExitChoice::SafeDisplacement && specimen.safe_disp_m.is_none() {
                 let place = KeyPath::root().key("specimen").index(index);
                 findings.0.push(
-                    Finding::error(place, "where is this specimen safe?")
+                    Finding::error(place, "the safe position of this specimen is not given")
                         .label("`safe_disp_m` is missing")
                         .beside(at.key(key), "asked for here"),
                 );
@@ -89,8 +89,8 @@ pub(super) fn check_safety(file: &TestFile, findings: &mut Findings) {
             ] {
                 if zero == ZeroChoice::Relative && safety.zero_s.is_some_and(|zero| zero <= 0.0) {
                     findings.0.push(
-                        Finding::error(place.key(key), "nothing is read before the test")
-                            .label("a relative zero is what is read")
+                        Finding::error(place.key(key), "the sensors are not read before the test")
+                            .label("a relative zero needs a reading")
                             .beside(at.key("zero_s"), "0 here"),
                     );
                 }
@@ -113,14 +113,14 @@ fn check_confirmation(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
         Some(zero) if zero <= 0.0 => findings.0.push(
             Finding::error(
                 at.key("confirm"),
-                "nothing is read before the test that could be confirmed",
+                "the sensors are not read before the test, so there is nothing to confirm",
             )
-            .label("waits for the operator")
-            .beside(at.key("zero_s"), "0 here: no sensor is read"),
+            .label("this this waits for the operator")
+            .beside(at.key("zero_s"), "no sensor is read, because this is 0"),
         ),
         None if !relative && file.specimen.iter().all(|specimen| specimen.link.is_none()) => {
             let why =
-                "no sensor of a specimen that is computed is read before the test: give `zero_s`";
+                "the sensors of simulated specimens are read before the test only with `zero_s`";
             findings.idle(at, "confirm", true, why);
         }
         _ => {}

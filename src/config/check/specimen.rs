@@ -35,7 +35,7 @@ pub(super) fn check_specimen(
         at,
         &given,
         &["law", "laws", "coupled", "link"],
-        "it says what stands for the specimen",
+        "a specimen is either simulated (`law`, `laws`, `coupled`) or behind a `link`",
     );
     match &specimen.link {
         Some(link) => {
@@ -48,12 +48,12 @@ pub(super) fn check_specimen(
                     )
                     .at_key()
                     .label("only for a law")
-                    .help("`gusset serve` puts the law of its own file behind a transfer system"),
+                    .help("give the `transfer` in the file of `gusset serve`"),
                 );
             }
         }
         None if specimen.hardening_bound.is_some() => findings.0.push(
-            Finding::error(at.key("hardening_bound"), "a law knows its own bound")
+            Finding::error(at.key("hardening_bound"), "a law has its own bound")
                 .at_key()
                 .label("only for a specimen behind a link"),
         ),
@@ -63,18 +63,24 @@ pub(super) fn check_specimen(
         findings.positive(at.key("drill").key("panic_at_s"), Some(drill.panic_at_s));
         if specimen.link.is_some() {
             findings.0.push(
-                Finding::error(at.key("drill"), "a drill breaks code of this program")
-                    .at_key()
-                    .label("not for a specimen behind a link")
-                    .help("`gusset serve --fault` plays what goes wrong at the other end"),
+                Finding::error(
+                    at.key("drill"),
+                    "a `drill` injects faults into this program",
+                )
+                .at_key()
+                .label("not for a specimen behind a link")
+                .help("`gusset serve --fault` injects faults at the server"),
             );
         }
     }
     if specimen.stand_in.is_some() && specimen.link.is_none() {
         findings.0.push(
-            Finding::error(at.key("stand_in"), "a law stands for itself")
-                .at_key()
-                .label("only for a specimen behind a link"),
+            Finding::error(
+                at.key("stand_in"),
+                "a simulated specimen needs no `stand_in`",
+            )
+            .at_key()
+            .label("only for a specimen behind a link"),
         );
     }
     let seen: Vec<_> = [
@@ -85,7 +91,7 @@ pub(super) fn check_specimen(
     .filter_map(|(key, given)| given.then_some(key))
     .collect();
     if source == Source::Structure {
-        let why = "it says which deformation d = B·x the specimen sees";
+        let why = "give the deformation d = B·x that the specimen follows";
         findings.exactly_one(at, &seen, &["storey", "rows"], why);
     } else {
         for key in seen {
@@ -94,25 +100,25 @@ pub(super) fn check_specimen(
                 continue;
             }
             let help = if source == Source::Client {
-                "the client commands the displacement: leave this key out, or say by `rows` how its displacements make those of the \
+                "the client commands the displacement: remove this key, or give `rows` to transform its displacements to the \
                  axes (`--protocol openfresco…`)"
             } else {
-                "without a structure the displacement is prescribed; leave this key out"
+                "without a structure the displacement is prescribed: remove this key"
             };
             findings.0.push(
                 Finding::error(
                     at.key(key),
-                    format!("`{key}` takes a deformation from a structure, and there is none"),
+                    format!("`{key}` refers to a structure, and this test has no `[structure]`"),
                 )
                 .at_key()
-                .label("nothing to take it from")
+                .label("no structure")
                 .help(help),
             );
         }
     }
     if specimen.storey == Some(0) {
         findings.0.push(
-            Finding::error(at.key("storey"), "there is no storey 0")
+            Finding::error(at.key("storey"), "storey 0 does not exist")
                 .label("storeys are counted from 1 at the bottom"),
         );
     }
@@ -168,11 +174,14 @@ fn check_time(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
             findings.0.push(
                 Finding::error(
                     at.key(key),
-                    "a simulated actuator has no time of its own: `similitude.time` must be 1",
+                    "a simulated actuator runs in test time: `similitude.time` must be 1",
                 )
                 .at_key()
-                .label("follows in the time of the test")
-                .beside(at.key("similitude").key("time"), "the specimen has another"),
+                .label("runs in test time")
+                .beside(
+                    at.key("similitude").key("time"),
+                    "the specimen has another time scale time scale",
+                ),
             );
         }
     }
@@ -198,7 +207,7 @@ fn check_axes(
                     counted(given, "`axis` table is", "`axis` tables are")
                 ),
             )
-            .label("one table per axis, or none at all"),
+            .label("give one table per axis, or no tables"),
         );
     }
     for (index, axis) in specimen.axis.iter().enumerate() {
@@ -211,7 +220,7 @@ fn check_axes(
                     format!("`sign` is {}, but must be 1 or -1", axis.sign),
                 )
                 .label("only a direction")
-                .help("a factor belongs into `scale`"),
+                .help("use `scale` for a factor"),
             );
         }
     }
@@ -242,7 +251,7 @@ fn check_rows(rows: &[Vec<f64>], at: &KeyPath, findings: &mut Findings) {
         } else if row.iter().all(|b| *b == 0.0) {
             findings.0.push(
                 Finding::error(here, format!("row {} is all zero", index + 1))
-                    .label("this axis would never move, and its force act on nothing"),
+                    .label("this axis would not move, and its force would have no effect"),
             );
         }
     }
@@ -272,12 +281,12 @@ fn check_served_rows(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Find
         findings.0.push(
             Finding::error(
                 here,
-                format!("axis {} counts in other units than axis 1", index + 1),
+                format!("axis {} has other units than axis 1", index + 1),
             )
             .label("`rows` need one unit of displacement and one of force")
             .beside(
                 at.key("rows"),
-                "the client's displacements count in them, too",
+                "the client's displacements also have this unit",
             ),
         );
     }
@@ -303,7 +312,7 @@ fn check_estimate(
                     counted(axes, "axis", "axes")
                 ),
             )
-            .label(format!("a {axes} by {axes} matrix is wanted")),
+            .label(format!("give a {axes} by {axes} matrix")),
         );
         return;
     }
@@ -338,7 +347,7 @@ fn check_estimate(
             findings.0.push(
                 Finding::error(place, format!("the estimate is {}, but must not be negative", row[i]))
                     .label("must be zero or greater")
-                    .help("it stands in M_eff, which must stay positive definite; too large an estimate is safe"),
+                    .help("it enters M_eff, which must be positive definite; a too large estimate is safe"),
             );
         }
     }
@@ -360,7 +369,7 @@ pub(super) fn check_names(specimens: &[SpecimenTable], findings: &mut Findings) 
             findings.0.push(
                 Finding::error(at, format!("{name:?} cannot name a specimen"))
                     .label("it is part of file names")
-                    .help("allowed are up to 64 letters (a-z), digits, `-`, `_` and `.`, the first of them no dot"),
+                    .help("a name has up to 64 letters (a-z), digits, `-`, `_` and `.`, and does not begin with a dot"),
             );
         } else if let Some(before) = specimens[..index]
             .iter()
@@ -371,7 +380,8 @@ pub(super) fn check_names(specimens: &[SpecimenTable], findings: &mut Findings) 
                 Finding::error(at, format!("two specimens are called `{name}`"))
                     .label("again here")
                     .beside(first, "first here")
-                    .help("names tell their columns and files apart, without regard to case"),
+                    .help("names of specimens must differ, not only in upper and lower case, because columns and files have \
+                     these names"),
             );
         }
     }
@@ -394,7 +404,7 @@ pub(super) fn check_seeds(specimens: &[SpecimenTable], findings: &mut Findings) 
         };
         let at = |index: usize| KeyPath::root().key("specimen").index(index).key("transfer");
         let headline = format!(
-            "the sensors of `{}` and `{}` have the same noise, number by number",
+            "the sensors of `{}` and `{}` have identical noise",
             first.1.name, specimen.name
         );
         findings.0.push(

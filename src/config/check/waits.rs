@@ -69,7 +69,7 @@ pub(super) fn check_waits(file: &TestFile, time: Option<&Time>, findings: &mut F
                 format!("`certificate.trials` must be at most {MOST_TRIALS}"),
             )
             .label(format!("found {trials}"))
-            .help("each of them is the whole test once more"),
+            .help("each trial repeats the whole test"),
         );
     }
     if let Some(found) = file.integrator.newton_iterations
@@ -80,16 +80,16 @@ pub(super) fn check_waits(file: &TestFile, time: Option<&Time>, findings: &mut F
         let finding = Finding::error(at, headline).label(format!("found {found}"));
         findings
             .0
-            .push(finding.help("a step that has not converged long before then does not converge"));
+            .push(finding.help("a step that needs more iterations does not converge"));
     }
 }
 
 fn check_safety(safety: &SafetyTable, at: &KeyPath, findings: &mut Findings) {
-    let standing = "the specimens hold for so long, and nothing else happens";
+    let standing = "the specimens hold during this time";
     for (key, value) in [("zero_s", safety.zero_s), ("ease_s", Some(safety.ease_s))] {
         findings.at_most(at, key, value, (STANDING_S, "s"), standing);
     }
-    let way = "the shortest time of a way; a limit of speed makes it longer where it must be";
+    let way = "the shortest time of a motion; limits of speed make it longer where needed";
     findings.at_most(at, "ramp_s", Some(safety.ramp_s), (OWED_S, "s"), way);
     if let Some(found) = safety.exit_speed_m_per_s
         && found > 0.0
@@ -101,18 +101,18 @@ fn check_safety(safety: &SafetyTable, at: &KeyPath, findings: &mut Findings) {
             number(SLOWEST_EXIT_M_PER_S)
         );
         let finding = Finding::error(at, headline).label(format!("found {}", number(found)));
-        findings.0.push(
-            finding.help("a specimen that is to be left somewhere else would never get there"),
-        );
+        findings
+            .0
+            .push(finding.help("a slower specimen would not reach its end position"));
     }
 }
 
 /// The record of a test, or of what is served.
 pub(super) fn check_record(record: &RecordTable, findings: &mut Findings) {
     let at = KeyPath::root().key("record");
-    let memory = "rows that wait are held in memory";
+    let memory = "waiting rows are kept in memory";
     findings.at_most(&at, "queue_s", Some(record.queue_s), (QUEUE_S, "s"), memory);
-    let proof = "a test that is gone on with is proven from one checkpoint to the next";
+    let proof = "a resumed test is verified from one checkpoint to the next";
     findings.at_most(
         &at,
         "checkpoint_s",
@@ -131,7 +131,9 @@ fn check_ticks(time: &Time, timing: &TimingSpec, root: &KeyPath, findings: &mut 
                 format!("a tick takes {} s of wall time", number(tick_s)),
             )
             .label(format!("at most {OWED_S} s"))
-            .help("scale · step / `ticks_per_step`; on the simulated clock nobody waits for it"),
+            .help(
+                "a tick is scale · step / `ticks_per_step`; the simulated clock has no such limit",
+            ),
         );
     }
     if let Some(ticks) = timing.warmup_ticks {
@@ -143,7 +145,7 @@ fn check_ticks(time: &Time, timing: &TimingSpec, root: &KeyPath, findings: &mut 
                 Finding::error(at, format!("`timing.warmup_ticks` must be at most {most}"))
                     .label(format!("found {ticks}: {} s", number(takes)))
                     .help(format!(
-                        "the specimens hold for so long, at most {STANDING_S} s"
+                        "the specimens hold during this time, at most {STANDING_S} s"
                     )),
             );
         }
@@ -157,7 +159,7 @@ pub(super) fn check_link_waits(
     at: &KeyPath,
     findings: &mut Findings,
 ) {
-    let owed = "as long as the test stands and waits if nobody answers";
+    let owed = "the test waits this long for a missing reply";
     for (key, value) in [
         ("connect_timeout_s", Some(link.connect_timeout_s)),
         ("reply_timeout_s", Some(link.reply_timeout_s)),
@@ -165,7 +167,7 @@ pub(super) fn check_link_waits(
     ] {
         findings.at_most(at, key, value, (OWED_S, "s"), owed);
     }
-    let silent = "the specimen's end hears nothing for so long before it holds";
+    let silent = "the server holds after this time without a command";
     findings.at_most(
         at,
         "watchdog_s",
@@ -179,14 +181,14 @@ pub(super) fn check_link_waits(
             let at = at.key("watchdog_s");
             let headline = format!("`{at}` must be at least {} s", number(apart_s));
             let finding = Finding::error(at, headline);
-            findings.0.push(
-                finding
-                    .label(format!("found {}", number(watchdog_s)))
-                    .help("from one command to the next: the specimen's end would hold in between"),
-            );
+            findings
+                .0
+                .push(finding.label(format!("found {}", number(watchdog_s))).help(
+                    "the time between two commands: with less, the server would hold between them",
+                ));
         }
     }
-    let ramp = "the time that the motion takes each way";
+    let ramp = "the time of the motion in each direction";
     findings.at_most(
         at,
         "probe_ramp_s",
@@ -194,6 +196,6 @@ pub(super) fn check_link_waits(
         (STANDING_S, "s"),
         ramp,
     );
-    let busy = "a busy loop takes a processor";
+    let busy = "a busy loop occupies a processor";
     findings.at_most(at, "spin_us", Some(link.spin_us), (SPIN_US, "µs"), busy);
 }

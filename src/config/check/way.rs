@@ -24,7 +24,7 @@ pub(super) fn check_way(
     }
     let time = KeyPath::root().key("time");
     let headline = format!(
-        "`{}` hands on that the way between two targets is bent otherwise behind each of them",
+        "`{}` amplifies the jumps of the curvature between targets",
         spec.kind()
     );
     let first = if file.time.prediction_order < 3 {
@@ -35,10 +35,10 @@ pub(super) fn check_way(
     findings.0.push(
         Finding::warning(at.key("compensation").key(spec.kind()), headline)
             .at_key()
-            .label("takes second differences or higher ones from tick to tick: its commands jerk at each target")
-            .beside(time.key("ticks_per_step"), "several ticks a step here")
+            .label("it uses second or higher differences from tick to tick, so its commands jerk at each target")
+            .beside(time.key("ticks_per_step"), "this test has several ticks per step")
             .help(format!(
-                "{first}`polynomial` with nodes = \"delay\" takes differences over its delay and hardly sees them"
+                "{first}`polynomial` with nodes = \"delay\" uses differences over its delay, which are smooth"
             )),
     );
 }

@@ -102,10 +102,10 @@ pub(super) fn host(
 fn check_gear(table: &SpecimenTable, at: &KeyPath) -> Result<(), Box<Finding>> {
     let refuse = |at: KeyPath| {
         Err(Box::new(
-            Finding::error(at, "a gateway passes numbers on as they are")
+            Finding::error(at, "a gateway does not convert numbers")
                 .at_key()
                 .label("no effect here")
-                .help("the gear between structure and specimen belongs into the controller's test file"),
+                .help("give scales and offsets between structure and specimen in the controller's test file"),
         ))
     };
     if table.similitude != Default::default() {

@@ -53,7 +53,7 @@ fn what_was_identified_has_its_ranges() {
         (
             "gain = 0.98, ",
             "",
-            "`gain_std` is the spread of `gain`, which is not given",
+            "`gain_std` is the spread of `gain`, which is missing",
         ),
         (
             "noise_force_n = 2",
@@ -97,15 +97,15 @@ fn what_is_uncertain_is_a_number_of_the_test() {
         (
             key,
             "specimen.1.name",
-            "`specimen[1].name` is not in this test",
+            "this test has no `specimen[1].name`",
         ),
         (key, "specimen.0.name", "is not a number"),
-        (key, "time.duration_s", "all else is a decision"),
+        (key, "time.duration_s", "all others are decisions"),
         (key, "specimen..law", "is no dotted path"),
         (
             "std = 100",
             "std = 100\n[[uncertainty]]\nkey = \"specimen[0].law.bilinear.yield_force_n\"\nstd = 1",
-            "the spread of `uncertainty[0]` would not be drawn",
+            "`uncertainty[0]` would have no effect",
         ),
         ("std = 100", "std = -1", "must be greater than zero"),
         (
@@ -114,12 +114,12 @@ fn what_is_uncertain_is_a_number_of_the_test() {
             "must have exactly one of `std`, `std_share` and `range`",
         ),
         ("std = 100", "std = 100\nrange = [1, 2]", "and so is `std`"),
-        ("std = 100", "range = [2, 1]", "the smaller one comes first"),
         (
             "std = 100",
-            "range = [-2, -1]",
-            "what the file has is not in it",
+            "range = [2, 1]",
+            "the smaller number comes first",
         ),
+        ("std = 100", "range = [-2, -1]", "outside this range"),
     ] {
         shows(&complaint_of(&text, change, to), words);
     }
@@ -127,7 +127,7 @@ fn what_is_uncertain_is_a_number_of_the_test() {
         ("certificate.trials=0", "must be 1 or greater"),
         (
             "certificate.trip_probability=0",
-            "no number of trials shows a probability of 0",
+            "cannot show a probability of 0",
         ),
         ("certificate.response_error=-1", "must be greater than zero"),
     ] {
@@ -156,22 +156,30 @@ fn what_no_trial_feels_is_refused_with_what_is_in_its_place() {
             "stand_in.law.linear.stiffness_n_per_m",
             None,
         ),
-        (with(law), "stiffness_n_per_m", Some("of its law may vary")),
-        (with(law), "reach_disp_m", Some("of its law may vary")),
+        (
+            with(law),
+            "stiffness_n_per_m",
+            Some("vary a parameter of its law"),
+        ),
+        (
+            with(law),
+            "reach_disp_m",
+            Some("vary a parameter of its law"),
+        ),
         (
             with(KNOWN),
             "identified.delay_s",
-            Some("of its `transfer` may vary"),
+            Some("vary a parameter of its `transfer`"),
         ),
         (
             remote(stand_in),
             "stiffness_n_per_m",
-            Some("of its `stand_in` may vary"),
+            Some("vary a parameter of its `stand_in`"),
         ),
         (
             remote(stand_in),
             "damping_n_s_per_m",
-            Some("of its `stand_in` may vary"),
+            Some("vary a parameter of its `stand_in`"),
         ),
         (
             remote(""),
@@ -181,27 +189,27 @@ fn what_no_trial_feels_is_refused_with_what_is_in_its_place() {
         (
             remote(""),
             "identified.stiffness_n_per_m",
-            Some("its `stiffness_n_per_m` may vary"),
+            Some("vary `stiffness_n_per_m`"),
         ),
         (
             remote(""),
             "identified.gain_std",
-            Some("the greatest that it may be"),
+            Some("give the largest spread"),
         ),
         (
             remote(transfer),
             "identified.delay_s",
-            Some("`stand_in_transfer` may vary"),
+            Some("vary a parameter of its `stand_in_transfer`"),
         ),
         (
             remote(""),
             "capacity.force_n",
-            Some("the least that it may have"),
+            Some("the smallest capacity"),
         ),
         (
             remote(""),
             "link.reply_timeout_s",
-            Some("speaks over a link"),
+            Some("trials use no link"),
         ),
     ] {
         let text = format!("{text}[[uncertainty]]\nkey = \"specimen.0.{key}\"\nstd = 0.1\n");
@@ -209,7 +217,10 @@ fn what_no_trial_feels_is_refused_with_what_is_in_its_place() {
             None => drop(accepted(&text, &[])),
             Some(instead) => {
                 let said = read(&text, &[]).unwrap_err().to_string();
-                shows(&said, &format!("feels `specimen[0].{key}`"));
+                shows(
+                    &said,
+                    &format!("`specimen[0].{key}` has no effect on the trials"),
+                );
                 shows(&said, instead);
             }
         }

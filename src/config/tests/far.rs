@@ -35,7 +35,7 @@ fn a_compensator_that_begins_far_from_its_target_is_told_of_and_one_without_its_
         ("model_inverse={coefficients=[3.0,0.1]}", "3"),
     ] {
         let said = said(&format!("specimen.0.compensation={{{compensation}}}")).unwrap();
-        let words = format!("a target that stands at 1 mm begins as a command of {gain} mm");
+        let words = format!("a constant target of 1 mm gives a first command of {gain} mm");
         shows(&said, &words);
     }
     for compensation in ["amb={start=[0,0,0,0]}", "ats={order=1,start=[0.0,0.02]}"] {
@@ -49,7 +49,7 @@ fn a_compensator_that_begins_far_from_its_target_is_told_of_and_one_without_its_
         "recursive_fir={delay_s=0.01}",
     ] {
         let said = said(&format!("specimen.0.compensation={{{compensation}}}")).unwrap();
-        assert!(!said.contains("a target that stands"), "{said}");
+        assert!(!said.contains("a constant target"), "{said}");
     }
 }
 
@@ -57,11 +57,11 @@ fn a_compensator_that_begins_far_from_its_target_is_told_of_and_one_without_its_
 fn an_estimate_that_is_far_from_the_law_beside_it_is_told_of() {
     for (given, ratio) in [("1e8", "1000 times"), ("5e3", "0.05 times")] {
         let said = said(&format!("specimen.0.stiffness_n_per_m={given}")).unwrap();
-        shows(&said, "the estimate of axis 1 is");
+        shows(&said, "the stiffness estimate of axis 1 is");
         shows(&said, ratio);
     }
     let said = said("specimen.0.stiffness_n_per_m=3e5").unwrap();
-    assert!(!said.contains("the estimate of axis"), "{said}");
+    assert!(!said.contains("the stiffness estimate of axis"), "{said}");
 }
 
 #[test]
@@ -87,7 +87,7 @@ fn an_estimate_that_is_far_from_what_stands_in_for_the_specimen_is_told_of() {
         let test = build(&accepted(&linked, &[&set])).unwrap();
         let said = test.warnings.render(false);
         assert_eq!(
-            said.contains("the estimate of axis 1 is 1000 times"),
+            said.contains("the stiffness estimate of axis 1 is 1000 times"),
             told,
             "{said}"
         );

@@ -89,10 +89,15 @@ fn keys_of_a_link_that_wait_for_another_are_told_of() {
         let path = format!("specimen[0].link.{key}");
         idle(LINKED, &[stop, &set], &path, "stops at the first one");
         let lockstep = "specimen.0.link.coupling=lockstep";
-        idle(LINKED, &[lockstep, &set], &path, "waits for every answer");
+        idle(LINKED, &[lockstep, &set], &path, "waits for every reply");
         let openfresco = "specimen.0.link.protocol=openfresco";
         let stands = "specimen.0.link.stands_at_m=[0]";
-        idle(LINKED, &[openfresco, stands, &set], &path, "is lockstep");
+        idle(
+            LINKED,
+            &[openfresco, stands, &set],
+            &path,
+            "OpenFresco's protocols wait",
+        );
     }
     idle(
         LINKED,
@@ -101,13 +106,13 @@ fn keys_of_a_link_that_wait_for_another_are_told_of() {
             "specimen.0.link.on_stale=extrapolate",
         ],
         "specimen[0].link.on_stale",
-        "none is stale",
+        "no measurement is stale",
     );
     idle(
         LINKED,
         &["specimen.0.link.probe_ramp_s=2"],
         "specimen[0].link.probe_ramp_s",
-        "`probe_m` is missing",
+        "`probe_m`, which is missing",
     );
     let openfresco = "specimen.0.link.protocol=openfresco";
     for (key, value) in [
@@ -149,13 +154,13 @@ fn keys_of_safety_that_nothing_follows_from_are_told_of() {
         LINKED,
         &[speed],
         "safety.exit_speed_m_per_s",
-        "\"freeze\" moves nothing",
+        "\"freeze\", which moves nothing",
     );
     idle(
         LINKED,
         &["specimen.0.safe_disp_m=[0.01]"],
         "specimen[0].safe_disp_m",
-        "neither `on_trip` nor `at_end`",
+        "only for `on_trip` or `at_end`",
     );
     idle(
         LINKED,
@@ -177,7 +182,7 @@ fn keys_of_safety_that_nothing_follows_from_are_told_of() {
     ] {
         let set = format!("integrator.{key}={value}");
         let path = format!("integrator.{key}");
-        idle(PRESCRIBED, &[&set], &path, "there is no structure");
+        idle(PRESCRIBED, &[&set], &path, "the test has no structure");
     }
     let audit = "safety.step_audit={warn=1e-9}";
     idle(PRESCRIBED, &[audit], "safety.step_audit", "no structure");
@@ -185,7 +190,7 @@ fn keys_of_safety_that_nothing_follows_from_are_told_of() {
         GOOD,
         &["safety.confirm=true"],
         "safety.confirm",
-        "give `zero_s`",
+        "only with `zero_s`",
     );
     assert_eq!(
         told(GOOD, &["safety.confirm=true", "safety.zero_s=0.1"]),
@@ -228,10 +233,7 @@ fn a_confirmation_of_what_is_not_read_is_refused_or_not_waited_for() {
         assert_eq!(found, [waits; 2], "{sets:?} of {text}");
     }
     let error = read(GOOD, &["safety.confirm=true", "safety.zero_s=0"]).unwrap_err();
-    shows(
-        &error.to_string(),
-        "nothing is read before the test that could be confirmed",
-    );
+    shows(&error.to_string(), "there is nothing to confirm");
 }
 
 #[test]
@@ -247,28 +249,28 @@ fn keys_of_a_specimen_that_need_another_are_told_of() {
         GOOD,
         &[seed],
         "specimen[0].transfer.seed",
-        "no sensor is noisy",
+        "no sensor of this specimen has noise",
     );
     let silent = "specimen.0.transfer={delay_s=0.01,tell_saturation=false}";
     idle(
         GOOD,
         &[silent],
         "specimen[0].transfer.tell_saturation",
-        "nothing ends",
+        "only with `stroke_m`",
     );
     let held = "specimen.0.transfer={delay_s=0.01,between_ticks=\"held\"}";
     idle(
         GOOD,
         &[held],
         "specimen[0].transfer.between_ticks",
-        "follows at once",
+        "an `actuator` with a lag",
     );
     let zero = "specimen.0.axis=[{zero_disp=\"relative\",offset_m=0.01}]";
     idle(
         LINKED,
         &[zero],
         "specimen[0].axis[0].offset_m",
-        "read before the test",
+        "reading before the test",
     );
     let at = "excitation.prescribed_displacement.0.at=actuators";
     idle(
@@ -289,9 +291,9 @@ fn keys_of_a_specimen_that_need_another_are_told_of() {
 #[test]
 fn keys_of_the_integrator_and_the_timing_that_need_another_are_told_of() {
     let bound = ["integrator.gain_bound=3", "integrator.lambda=4"];
-    idle(GOOD, &bound, "integrator.gain_bound", "by number");
+    idle(GOOD, &bound, "integrator.gain_bound", "is a number");
     let ordinary = ["timing.policy=ordinary", "timing.priority=50"];
-    idle(GOOD, &ordinary, "timing.priority", "knows no priority");
+    idle(GOOD, &ordinary, "timing.priority", "has no priority");
     let computed = ["timing.on_miss=catch_up", "timing.max_catch_up_ticks=7"];
     assert_eq!(told(GOOD, &computed), [""; 0]);
     idle(
@@ -362,7 +364,7 @@ fn bounds_of_what_is_never_estimated_are_told_of_by_the_build() {
     assert_eq!(found.len(), 1, "{found:?}");
     shows(
         &found[0],
-        "`specimen[0].limits.damping_ratio` has no effect on axis 1: it can never trip",
+        "`specimen[0].limits.damping_ratio` has no effect on axis 1: it cannot trip",
     );
     let damped = "specimen.0.law={linear={stiffness_n_per_m=1e6,damping_n_s_per_m=100}}";
     assert_eq!(told(GOOD, &[ratio, damped]), [""; 0]);
@@ -391,7 +393,7 @@ fn a_reach_is_told_of_where_the_law_is_bounded_without_it() {
         let set = format!("specimen.0.{key}=0.1");
         let path = format!("specimen[0].{key}");
         for text in [GOOD, PRESCRIBED] {
-            idle(text, &[&set], &path, "has a bound without it");
+            idle(text, &[&set], &path, "is bounded without it");
         }
         idle(LINKED, &[&set], &path, "`hardening_bound`");
     }
@@ -415,7 +417,7 @@ fn a_gain_beside_the_coefficients_that_it_would_make_is_told_of() {
         LINKED,
         &[&ats(",delay_s=0.02")],
         "specimen[0].compensation.ats.delay_s",
-        "`start` gives the coefficients",
+        "`start` already gives the coefficients",
     );
     assert_eq!(told(LINKED, &[&ats("")]), [""; 0]);
 }

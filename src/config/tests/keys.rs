@@ -156,7 +156,7 @@ fn a_missing_key_is_named() {
         "error: missing key `duration_s` in `time`\n --> test.toml:4:1",
     );
     let text = read("", &[]).unwrap_err().to_string();
-    shows(&text, "missing key `time` in the test file");
+    shows(&text, "missing key `time` in this file");
 }
 
 #[test]

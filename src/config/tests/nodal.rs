@@ -39,13 +39,13 @@ fn columns_that_are_named_otherwise_are_told_of_one_by_one() {
 fn times_and_other_units_than_the_newton_are_refused() {
     for header in ["time,F1,F2", "t (ms),F1,F2"] {
         let refused = built(&format!("{header}\n{ROWS}"), &[]).unwrap_err();
-        shows(&refused, "its rows are the steps");
+        shows(&refused, "each row is one step");
     }
     let in_kn = format!("F1 (kN),F2 (kN),F3 (kN)\n{ROWS}");
     let refused = built(&in_kn, &[]).unwrap_err();
     shows(
         &refused,
-        "forces.csv has a column \"F1 (kN)\", but N is wanted",
+        "forces.csv has a column \"F1 (kN)\", but forces must be in N",
     );
     let (peak, told) = built(&in_kn, &["excitation.nodal_table.scale=1000"]).unwrap();
     assert_eq!((peak, told), ((0, 1e6), Vec::new()));
@@ -56,10 +56,10 @@ fn rows_beyond_the_end_of_the_test_are_told_of_and_are_no_peak() {
     let (peak, told) = built(&format!("{ROWS}0,0,5000\n"), &[]).unwrap();
     assert_eq!(peak, (0, 1000.0));
     shows(&told[0], "forces.csv has 4 rows, but the test");
-    shows(&told[0], "has 3 steps: what comes later is left out");
+    shows(&told[0], "has 3 steps: the remaining rows are not used");
     let (_, told) = built("0,0,0\n0,0,0\n0,0,0\n0,0,5000\n", &[]).unwrap();
     assert!(
-        told.iter().any(|one| one.contains("nothing in motion")),
+        told.iter().any(|one| one.contains("moves nothing")),
         "{told:?}"
     );
 }

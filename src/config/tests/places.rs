@@ -47,7 +47,7 @@ fn a_way_out_that_the_rig_cannot_go_is_refused() {
     for choice in ["zero_displacement", "zero_force"] {
         let refused = at("0.21", choice);
         for words in [
-            "would be left at 0.21 m/s, but its rig can give 0.2 m/s",
+            "would move to its end position at 0.21 m/s, but its rig reaches only 0.2 m/s",
             "capacity = { velocity_m_per_s = 0.2",
         ] {
             shows(&refused, words);
@@ -71,8 +71,8 @@ fn a_safe_place_at_which_the_specimen_would_break_its_bounds_is_told_of() {
     };
     let words = "by its initial stiffness";
     for (place, force, why) in [
-        ("-0.03", "-12000.0 N", "`measured_force_n` trips before"),
-        ("-0.026", "-10400.0 N", "`measured_force_n` trips before"),
+        ("-0.03", "-12000.0 N", "this limit trips first"),
+        ("-0.026", "-10400.0 N", "this limit trips first"),
     ] {
         let told = safe(place, &[]);
         for part in [words, force, why] {
@@ -85,7 +85,7 @@ fn a_safe_place_at_which_the_specimen_would_break_its_bounds_is_told_of() {
     }
     let stiffer = "specimen.0.stiffness_n_per_m=5e5";
     let told = safe("0.045", &[stiffer]);
-    for part in ["22500.0 N", "its rig cannot give that"] {
+    for part in ["22500.0 N", "the rig cannot apply this force"] {
         shows(&told, part);
     }
     // d = (−0.03 − 0.001)/−2 = 0.0155 m, which are 6200 N at the structure and −3100 N at the axis.
@@ -107,7 +107,7 @@ fn a_place_to_stand_and_a_probe_beyond_the_bounds_are_refused() {
     };
     let refused = stands("1.0", &[]);
     for words in [
-        "axis 1 stands at 1 m, which may not be commanded",
+        "axis 1 begins at 1 m, which is outside the allowed commands",
         "command_disp_m = { trip = [-0.04, 0.1] }",
     ] {
         shows(&refused, words);
@@ -116,7 +116,7 @@ fn a_place_to_stand_and_a_probe_beyond_the_bounds_are_refused() {
     shows(&stands("0.06", &[]), "which its rig cannot reach");
     assert!(!stands("0.03", &[]).contains("error: "));
     let probe = |metres: &str| format!("specimen.0.link.probe_m={metres}");
-    let no_room = "and there is no room for that";
+    let no_room = "which its limits do not allow";
     for (place, metres, sign, fits) in [
         ("0.03", "0.015", "1", true),
         ("0.03", "0.025", "1", false),
@@ -152,11 +152,11 @@ fn a_level_of_an_axis_is_held_against_the_other_one_of_its_specimen() {
 
 #[test]
 fn an_excitation_that_is_zero_throughout_is_told_of() {
-    let nothing = "sets nothing in motion";
+    let nothing = "moves nothing";
     assert!(!said(&[]).contains(nothing));
     let ground = "excitation.ground_acceleration";
     let zeros = "zero from the start to the end";
-    let factors = "all factors are zero";
+    let factors = "all its factors are zero";
     for (set, why) in [
         (format!("{ground}.signal.sine.amplitude=0"), zeros),
         (format!("{ground}.influence=[0]"), factors),

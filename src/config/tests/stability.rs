@@ -93,7 +93,7 @@ fn inertia_in_a_measured_force_takes_from_the_mass_and_lowers_the_frequency() {
         .replace("200000", "0");
     let refusal = refusal(&soft);
     assert!(
-        refusal.contains("`mass_in_force_kg` takes from the mass"),
+        refusal.contains("`mass_in_force_kg` reduces the effective mass"),
         "{refusal}"
     );
 }
@@ -246,7 +246,7 @@ fn what_is_tied_to_the_inertial_frame_wants_absolute_coordinates() {
     let said = read(&tied, &[]).unwrap_err().to_string();
     for words in [
         "from = \"fixed\"",
-        "tied to the inertial frame",
+        "connected to the inertial frame",
         "relative coordinates",
         "`base_displacement`",
     ] {
@@ -257,7 +257,7 @@ fn what_is_tied_to_the_inertial_frame_wants_absolute_coordinates() {
     let said = read(&chain.replace("MOVED", "ground_acceleration"), &[])
         .unwrap_err()
         .to_string();
-    assert!(said.contains("absolute dampers are tied"), "{said}");
+    assert!(said.contains("absolute dampers are connected"), "{said}");
     accepted(&chain.replace("MOVED", "base_displacement"), &[]);
 }
 
@@ -272,7 +272,7 @@ fn inertia_in_a_force_wants_coordinates_that_move_with_the_ground() {
         .to_string();
     for words in [
         "mass_in_force_kg = 10",
-        "lacks its share of the base",
+        "the acceleration of the base is missing",
         "absolute coordinates",
     ] {
         assert!(said.contains(words), "{said}");
@@ -339,7 +339,7 @@ fn a_law_that_wears_says_which_bound_it_lacks_and_where() {
     let text = format!("{before}{worn}");
     let said = made(&text).unwrap_err().to_string();
     shows(&said, "`bouc_wen.hardening_ratio` must be given");
-    shows(&said, "no bound of its own");
+    shows(&said, "has no bound");
     // At the law, and not at the table that holds it.
     let column = worn.find("{ stiffness").unwrap() + 1;
     shows(&said, &format!(":{column}"));

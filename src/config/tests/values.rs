@@ -137,7 +137,7 @@ fn a_structure_is_of_exactly_one_kind() {
         &text,
         "`structure` must have exactly one of `shear_building`, `matrices` and `chain`",
     );
-    shows(&text, "two of them would be two structures");
+    shows(&text, "a test has one structure");
     let text = complaint(
         "[structure.shear_building]\nmass_kg = [1000, 1000, 1000]\nstiffness_n_per_m = [0, 1e6, 1e6]",
         "",
@@ -245,7 +245,7 @@ fn a_prescribed_test_is_contradicted_by_a_structure_or_its_loads() {
         .to_string();
     shows(
         &text,
-        "`excitation.ground_acceleration` loads a structure, and there is none",
+        "`excitation.ground_acceleration` acts on a structure, and this test has no `[structure]`",
     );
     shows(
         &complaint_of(
@@ -253,7 +253,7 @@ fn a_prescribed_test_is_contradicted_by_a_structure_or_its_loads() {
             "name = \"damper\"",
             "name = \"damper\"\nstorey = 1",
         ),
-        "there is none",
+        "this test has no `[structure]`",
     );
     shows(
         &complaint_of(PRESCRIBED, "specimen = \"damper\"", "specimen = \"dampr\""),
@@ -286,7 +286,7 @@ fn a_prescribed_test_is_contradicted_by_a_structure_or_its_loads() {
 fn relative_and_absolute_coordinates_do_not_mix() {
     let base = "[excitation.base_displacement]\nsignal = { file = { path = 'x' } }\n";
     let text = read(&format!("{GOOD}{base}"), &[]).unwrap_err().to_string();
-    shows(&text, "displacements would mean nothing");
+    shows(&text, "give only one of them");
 }
 
 #[test]
@@ -313,7 +313,7 @@ fn a_structure_that_nothing_moves_is_a_warning() {
     let warnings = accepted(&text, &[]).warnings;
     shows(
         &warnings[0].render(false),
-        "warning: nothing sets the structure in motion",
+        "warning: nothing moves the structure",
     );
     accepted(&text, &["structure.initial_displacement_m=[0.1, 0, 0]"]);
 }

@@ -153,7 +153,9 @@ fn a_text_that_a_terminal_would_obey_is_refused_or_spelt() {
             refused_as(
                 GOOD,
                 &set,
-                &[&format!("`{key}` has a character that cannot be printed")],
+                &[&format!(
+                    "`{key}` contains a character that cannot be printed"
+                )],
             );
         }
     }

@@ -19,6 +19,8 @@ pub use quantity::Quantity;
 pub use spec::{BoundSpec, DIVERGENCE_M, LimitsError, LimitsSpec, RangeSpec};
 pub use watch::{Estimated, Watch};
 
+use crate::units::compared;
+
 /// How bad it is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Level {
@@ -52,36 +54,10 @@ impl std::fmt::Display for Hit {
             bound,
             ..
         } = self;
-        let (words, unit) = (quantity.words(), quantity.unit());
-        let [value, bound] = told_apart(*value, *bound);
-        write!(
-            f,
-            "axis {}: {words} {value} {unit}, allowed {bound} {unit}",
-            axis + 1
-        )
+        let [value, bound] = compared(*value, *bound, quantity.unit());
+        let words = quantity.words();
+        write!(f, "axis {}: {words} {value}, allowed {bound}", axis + 1)
     }
-}
-
-/// Decimals of a value beside its bound, and the most of them.
-const DECIMALS: [usize; 2] = [6, 12];
-
-/// Larger numbers are told by their power of ten: a sensor that is broken may say anything.
-const PLAIN: f64 = 1e12;
-
-/// A value and its bound, with as many decimals as show which of them is larger.
-fn told_apart(value: f64, bound: f64) -> [String; 2] {
-    let differ = (DECIMALS[0]..=DECIMALS[1])
-        .map(|decimals| {
-            [value, bound].map(|number| {
-                if number.is_finite() && number.abs() >= PLAIN {
-                    format!("{number:e}")
-                } else {
-                    format!("{number:.decimals$}")
-                }
-            })
-        })
-        .find(|[value, bound]| value != bound);
-    differ.unwrap_or_else(|| [value, bound].map(|number| format!("{number:e}")))
 }
 
 /// A size that is to be warned of, and one to trip at; infinite where there is none.

@@ -1,7 +1,10 @@
 //! `limits` of a specimen or of one of its axes, in a file.
 
+use std::fmt;
+
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::de::{self, SeqAccess, Unexpected, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
 use thiserror::Error;
 
 use super::{AxisLimits, Bound, Range};
@@ -119,11 +122,47 @@ pub struct BoundSpec {
 #[serde(deny_unknown_fields, default)]
 pub struct RangeSpec {
     /// Outside this range, the controller writes an event.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "range", skip_serializing_if = "Option::is_none")]
     pub warn: Option<[f64; 2]>,
     /// Outside this range, the specimens hold and the test ends.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "range", skip_serializing_if = "Option::is_none")]
     pub trip: Option<[f64; 2]>,
+}
+
+/// Reads a range, and says how one is written where a single number is found.
+fn range<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<[f64; 2]>, D::Error> {
+    struct RangeVisitor;
+
+    impl<'de> Visitor<'de> for RangeVisitor {
+        type Value = [f64; 2];
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            f.write_str("a range `[lowest, highest]`")
+        }
+
+        fn visit_i64<E: de::Error>(self, value: i64) -> Result<[f64; 2], E> {
+            self.visit_f64(value as f64)
+        }
+
+        fn visit_u64<E: de::Error>(self, value: u64) -> Result<[f64; 2], E> {
+            self.visit_f64(value as f64)
+        }
+
+        fn visit_f64<E: de::Error>(self, value: f64) -> Result<[f64; 2], E> {
+            let size = value.abs();
+            let wanted = format!("a range `[lowest, highest]`, such as `[-{size}, {size}]`");
+            Err(E::invalid_type(Unexpected::Float(value), &wanted.as_str()))
+        }
+
+        fn visit_seq<A: SeqAccess<'de>>(self, mut numbers: A) -> Result<[f64; 2], A::Error> {
+            let short = |count: usize| de::Error::invalid_length(count, &self);
+            let low = numbers.next_element()?.ok_or_else(|| short(0))?;
+            let high = numbers.next_element()?.ok_or_else(|| short(1))?;
+            Ok([low, high])
+        }
+    }
+
+    deserializer.deserialize_any(RangeVisitor).map(Some)
 }
 
 /// A bound that cannot be.

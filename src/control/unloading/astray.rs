@@ -44,7 +44,7 @@ impl std::fmt::Display for Astray {
             Self::TooFar => {
                 "it went three times as far as its stiffness says, and there is still a force"
             }
-            Self::Unknown => "without a stiffness nobody knows where its force is zero",
+            Self::Unknown => "without a stiffness the position of zero force is unknown",
             Self::TooLong { seconds } => {
                 return write!(f, "there is still a force after {seconds} s on the way to zero");
             }

@@ -230,7 +230,7 @@ fn happening<'a>(faults: &'a [Fault], happen: &'a [bool]) -> impl Iterator<Item 
 /// What a specimen says that is not where the test believes.
 fn elsewhere(disp_m: f64, axis: Option<usize>) -> String {
     let which = axis.map_or_else(|| "every axis".to_owned(), |axis| format!("axis {axis}"));
-    format!("the specimen is not where the test believes: {which} stands {disp_m} m from there")
+    format!("the specimen is not where the test expects it: {which} is {disp_m} m away")
 }
 
 fn copy(to: &mut [f64], from: &[f64]) {
@@ -529,7 +529,7 @@ mod tests {
             ..certain(Kind::Elsewhere { disp_m: 0.005 })
         };
         let said = go(fault, &[0.0]).unwrap_err();
-        assert!(said.ends_with("axis 1 stands 0.005 m from there"), "{said}");
+        assert!(said.ends_with("axis 1 is 0.005 m away"), "{said}");
     }
 
     const WAY: [f64; 6] = [0.0, 1.0, 2.0, 3.0, 2.0, 0.0];

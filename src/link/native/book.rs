@@ -227,7 +227,7 @@ mod tests {
         ends.take(&frames[0], 0).unwrap();
         ends.take(&frames[2], 2).unwrap();
         assert!(ends.book.has(2));
-        assert_eq!(ends.book.stats.recovered, 1, "1 stood in the history of 2");
+        assert_eq!(ends.book.stats.recovered, 1, "message 2 repeats message 1");
         ends.take(&frames[1], 2).unwrap();
         assert_eq!(ends.held().force, [2.0]);
         assert_eq!(ends.book.stats.late, 1);

@@ -93,7 +93,7 @@ pub(super) fn reason(code: RefuseCode, text: &str) -> &str {
 /// Why a specimen leaves, and its own words.
 pub(super) fn parting(cause: u32, text: &str) -> String {
     let why = Cause::from_code(cause).map_or_else(
-        |_| format!("for a reason of its own, {cause}"),
+        |_| format!("for an unknown reason (code {cause})"),
         |cause| cause.why().to_owned(),
     );
     with_words(why, text)

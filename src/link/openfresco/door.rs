@@ -13,7 +13,7 @@ use rustix::net::sockopt;
 use thiserror::Error;
 
 use crate::link::socket::{
-    ConnectError, SocketOptions, TcpTransport, UdpTransport, beside, resolve,
+    ConnectError, SocketOptions, TcpTransport, UdpTransport, beside, listen_advice, resolve,
 };
 use crate::link::tls::TlsServer;
 use crate::wire::openfresco::Carrier;
@@ -25,7 +25,7 @@ pub enum DoorError {
     #[error(transparent)]
     Address(#[from] ConnectError),
     /// Somebody else has the port, or it is not ours to have.
-    #[error("cannot listen on {address}: {source}")]
+    #[error("cannot listen on {address}: {source}{}", listen_advice(source))]
     Bind {
         /// As given.
         address: String,

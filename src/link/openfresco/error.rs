@@ -72,8 +72,8 @@ pub enum RemoteError {
 fn closing(fault: LinkFault) -> &'static str {
     match fault {
         LinkFault::Closed => {
-            " (a genuine server does that to a second client, to sizes that are not its own, and to what is not its \
-             protocol: compare the number of axes, `protocol` and the port)"
+            " (a server does this with a second client, with other vector sizes, and with another protocol: compare the \
+             number of axes, `protocol` and the port)"
         }
         _ => "",
     }

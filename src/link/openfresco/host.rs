@@ -58,7 +58,7 @@ pub enum HostFault {
     #[error("{holds}{trip}", trip = .0, holds = if matches!(.0, Trip::Lost(_)) { "" } else { "the specimen holds: " })]
     Tripped(#[from] Trip),
     /// The server was told to stop while the specimen's answer was waited for.
-    #[error("the server was told to stop")]
+    #[error("the server was stopped")]
     Unwanted,
     /// The specimen cannot take part in this test; why was told when the sizes came.
     #[error("the specimen cannot take part")]
@@ -686,12 +686,12 @@ mod tests {
         host.end(Close::Completed, "");
         // As genericClient does: it begins at zero, whatever the specimen stands at.
         let told = host.begin(&visitor(), &mut || Ok(())).unwrap();
-        assert!(told.iter().any(|text| text.contains("stands at 0.04 m")));
+        assert!(told.iter().any(|text| text.contains("is at 0.04 m")));
         assert_eq!(host.response().disp, [0.04]);
         let fault = host.trial(Course::First, &at(&[0.0], 0.0), None, &mut || true);
         let text = host.whole(fault.unwrap_err());
         assert!(text.contains("command_step_m"), "{text}");
-        assert!(text.contains("stands at 0.04 m"), "{text}");
+        assert!(text.contains("is at 0.04 m"), "{text}");
         host.end(Close::Failed, "");
         let over = host.begin(&visitor(), &mut || Ok(())).unwrap_err();
         assert!(over.text.contains("command_step_m"), "{}", over.text);

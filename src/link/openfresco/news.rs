@@ -98,7 +98,7 @@ impl std::fmt::Display for End {
                 "refused: it speaks TLS, and plain TCP is served here (--transport tls)",
             ),
             Self::Refused(fault) => write!(f, "refused: {fault}"),
-            Self::Stopped => f.write_str("the server was told to stop"),
+            Self::Stopped => f.write_str("the server was stopped"),
         }
     }
 }

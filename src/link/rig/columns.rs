@@ -52,7 +52,7 @@ pub(super) const AXIS: [(&str, &str); 7] = [
     ("target", "displacement that the controller asks for, in m"),
     (
         "cmd",
-        "the same in the unit of the axis, as the specimen was told: none where the state is 8",
+        "command sent to the specimen, in the unit of the axis; no command was sent where the state is 8",
     ),
     ("meas", "measured displacement, in m"),
     ("force", "measured force, in N"),

@@ -21,7 +21,7 @@ use crate::time::Nanos;
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 
 /// Why a specimen is not commanded whose place nobody knows: any first command might take it anywhere at once.
-const NOBODY_KNOWS: &str = "nobody knows where it stands: it does not say so itself, and no test before led it there; `stands_at_m` \
+const NOBODY_KNOWS: &str = "its position is unknown: it does not report it, and no earlier test moved it; `stands_at_m` \
      in [specimen.link] says it, in m as each axis counts (or `computed = true`, that nothing moves there)";
 
 /// Where a specimen across a link stands, as far as its last tests tell: shared by those who make its connections and those
@@ -91,8 +91,8 @@ impl Whereabouts {
         let differs = is_first && elsewhere(standing, &known.said).is_some();
         differs.then(|| {
             format!(
-                "it says that it stands at {standing:?}, and `stands_at_m` that it stands at {:?} (its own unit): its own word \
-                 counts",
+                "it reports the position {standing:?}, and `stands_at_m` gives {:?} (unit of the axis): the reported \
+                 position is used",
                 known.said
             )
         })

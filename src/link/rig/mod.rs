@@ -104,7 +104,7 @@ pub enum Trip {
     Saturated,
     /// The specimen goes on saying that its own watchdog holds it, although commands come.
     #[error(
-        "the specimen says in {0} answers in a row that it holds by its own watchdog: commands do not move it"
+        "the specimen reported in {0} answers in a row that its own watchdog holds it: commands do not move it"
     )]
     Holds(u64),
     /// The specimen is gone.
@@ -164,7 +164,7 @@ pub(in crate::link) fn elsewhere(standing: &[f64], start: &[f64]) -> Option<Stri
     let axis = apart(standing, start)?;
     let (stands, first) = (standing.get(axis)?, start.get(axis)?);
     Some(format!(
-        "axis {} stands at {stands:?}, but the first command would be at {first:?}: a test begins where the specimen stands",
+        "axis {} is at {stands}, but the first command is {first}: a test must begin at the position of the specimen",
         axis + 1
     ))
 }

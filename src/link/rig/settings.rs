@@ -73,7 +73,7 @@ impl Over {
     pub fn told_to_stop() -> Self {
         Self {
             close: Close::Shutdown,
-            text: "the server was told to stop".to_owned(),
+            text: "the server was stopped".to_owned(),
         }
     }
 }

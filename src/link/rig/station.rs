@@ -293,7 +293,7 @@ impl Station {
                 let mut text = trip.to_string();
                 if let Some(stands) = stands {
                     text.push_str(&format!(
-                        ": the specimen stands at {}, and the first command leads away from there",
+                        ": the specimen is at {}, and the first command leads away from there",
                         self.in_words(stands)
                     ));
                 }

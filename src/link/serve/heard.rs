@@ -92,7 +92,7 @@ impl std::fmt::Display for Heard {
             }
             Self::Armed { peer, test } => write!(f, "{peer}: armed for \"{test}\""),
             Self::Holding { sequence, silent_s } => {
-                write!(f, "HOLDING: nothing heard for {silent_s:.3} s")?;
+                write!(f, "HOLDING: no command received for {silent_s:.3} s")?;
                 sequence.map_or(Ok(()), |k| write!(f, ", last command {k}"))
             }
             Self::Resumed { sequence } => write!(f, "commands come again, from {sequence}"),
@@ -106,7 +106,7 @@ impl std::fmt::Display for Heard {
                 starts_anew,
             } => {
                 let stands = match (is_lost, starts_anew) {
-                    (true, _) => "where the specimen stands only its own end knows",
+                    (true, _) => "only the server of the specimen knows its position",
                     (false, true) => {
                         "the specimen stays where it is until the next test, which finds it as new: it cannot resume this one \
                          (`[serve] remembers`)"

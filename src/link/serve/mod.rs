@@ -64,8 +64,11 @@ pub enum ServeError {
     /// The address means nothing.
     #[error(transparent)]
     Address(#[from] ConnectError),
-    /// The port cannot be had.
-    #[error("cannot listen on {address}: {source}")]
+    /// The port is in use or not allowed.
+    #[error(
+        "cannot listen on {address}: {source}{}",
+        socket::listen_advice(source)
+    )]
     Listen {
         /// Where.
         address: String,

@@ -63,6 +63,24 @@ impl Default for Wait {
     }
 }
 
+/// Advice for a server whose port the system refuses, to follow the system's message.
+#[must_use]
+pub fn listen_advice(error: &io::Error) -> &'static str {
+    match error.kind() {
+        io::ErrorKind::AddrInUse => {
+            "; another `gusset serve` or the live page of a test may be using this port: choose another one with \
+             --listen ADDR:PORT or `serve.listen`"
+        }
+        io::ErrorKind::AddrNotAvailable => {
+            "; this machine has no such address: choose another one with --listen ADDR:PORT or `serve.listen`"
+        }
+        io::ErrorKind::PermissionDenied => {
+            "; ports below 1024 need privileges: choose a higher one"
+        }
+        _ => "",
+    }
+}
+
 /// What is asked of a socket.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SocketOptions {

@@ -31,8 +31,8 @@ pub enum TlsFault {
     Unusable,
     /// A signature is wrong: that of an authority with the trusted one's name, or that of its own key.
     #[error(
-        "a signature of its certificate does not fit: is it of another authority of the same name (certificates made anew \
-         at one end only)?"
+        "the signature of its certificate is wrong: it can be from another authority of this name (if the certificates \
+         were replaced on one side only)"
     )]
     Unproven,
     /// It showed none.
@@ -161,8 +161,8 @@ fn refusal(alert: AlertDescription) -> String {
             "our certificate is not signed by an authority that it trusts".to_owned()
         }
         AlertDescription::DecryptError => {
-            "a signature of our certificate does not fit there: is its authority another one of the same name \
-             (certificates made anew at one end only)?"
+            "it found the signature of our certificate wrong: its authority can be another one of this name (if the \
+             certificates were replaced on one side only)"
                 .to_owned()
         }
         AlertDescription::CertificateRequired | AlertDescription::NoCertificate => {

@@ -75,7 +75,7 @@ pub enum PageError {
 fn advice(error: &io::Error) -> &'static str {
     match error.kind() {
         io::ErrorKind::AddrInUse => {
-            "; another test may be running there: `--live 127.0.0.1:0` takes any free port"
+            "; another test with a live page, or a `gusset serve`, may be using this port: `--live 127.0.0.1:0` takes any free port"
         }
         io::ErrorKind::AddrNotAvailable => "; this machine has no such address",
         _ => "",
@@ -471,7 +471,7 @@ mod tests {
         let began_ns = monotonic_ns();
         while board.known_margin().is_none() {
             let waited_ns = monotonic_ns() - began_ns;
-            assert!(waited_ns < 60_000_000_000, "nobody finds it");
+            assert!(waited_ns < 60_000_000_000, "the margin is not found");
             std::thread::park_timeout(Duration::from_millis(5));
         }
         assert_eq!(board.known_margin().unwrap().lowest, limit);

@@ -257,9 +257,9 @@ fn unheard(request: Operator, seen: Glimpse) -> Option<&'static str> {
             }
             _ => None,
         },
-        Phase::Leaving => {
-            Some("the way out is neither held nor gone on with; STOP freezes it where it is")
-        }
+        Phase::Leaving => Some(
+            "the test is shutting down: HOLD and CONTINUE have no effect; STOP freezes the specimens where they are",
+        ),
         Phase::Tripped => Some("the test has tripped"),
         _ => Some(OVER),
     }

@@ -320,7 +320,7 @@ mod tests {
         for (value, time) in [(named("t"), named("t")), (Column::Number(1), named("t"))] {
             assert_eq!(
                 refused("t,a\n0.00,1\n0.01,2\n", value, Some(time)),
-                "a.csv: column 1 is asked for as the times and as the values"
+                "a.csv: column 1 is chosen for the times and for the values"
             );
         }
     }

@@ -307,7 +307,7 @@ fn warn_of_peak_and_offset(name: &str, channel: &Channel, warnings: &mut Vec<Str
     if rank(channel.unit) == 0 && mean.abs() > NEGLIGIBLE * centred {
         warnings.push(format!(
             "{name}: the acceleration has an offset of {mean:.4} {unit} (its mean) beside a peak of \
-             {centred:.4} {unit}; the file is used as it is: set processing.detrend to remove the offset"
+             {centred:.4} {unit}; the offset stays in the motion: set processing.detrend to remove it"
         ));
     }
 }

@@ -1,20 +1,24 @@
-//! What a line of `events.jsonl` says of an event of the loop, and what the log says of it.
+//! The line of `events.jsonl` for an event of the loop, and the sentence for it in the log.
+//!
+//! The line has numbers in full precision under the names of the contract. The sentence is for people: it names the specimen
+//! and rounds its numbers.
 
 use serde_json::{Map, Value};
 
 use super::super::append::Store;
 use super::super::miss::{Evidence, classify};
 use super::super::utc::rfc3339;
-use super::super::{Event, EventKind};
+use super::super::{Event, EventKind, MissCause};
 use super::names::{fault_name, kind_name};
 use super::{BEARS_A_FORCE, EventLog};
 use crate::substructure::{AGREED, LinkFault};
+use crate::units::{compared, duration, number, unit_of_key};
 
 /// Log lines of one kind before they move to the debug level; the file has them all.
 const LOUD: u64 = 5;
 
 impl<S: Store> EventLog<S> {
-    /// Fills a line, and tells the log.
+    /// Fills a line, and writes the sentence to the log.
     pub(super) fn describe(&mut self, event: &Event, wall_ns: u64, line: &mut Map<String, Value>) {
         let name = kind_name(&event.kind);
         head(
@@ -32,12 +36,15 @@ impl<S: Store> EventLog<S> {
             | EventKind::HoldRequested
             | EventKind::ContinueRequested
             | EventKind::Confirmed => {
-                tracing::info!(tick = event.tick, time = event.time, "{name}");
+                tracing::info!("{}{}", at(event), name.replace('_', " "));
             }
             EventKind::ContinueDropped { hold, latest } => {
                 put(line, "hold", hold);
                 put(line, "latest", latest);
-                tracing::warn!(tick = event.tick, time = event.time, hold, latest, "{name}");
+                tracing::warn!(
+                    "{}`continue` is ignored: it was for hold {hold}, and the latest hold is {latest}",
+                    at(event)
+                );
             }
             EventKind::Grid { of, first_edge_ns } => {
                 put(line, "of", of.word());
@@ -47,10 +54,9 @@ impl<S: Store> EventLog<S> {
                 put(line, "late_ns", late_ns);
                 put(line, "ticks", ticks);
                 tracing::warn!(
-                    tick = event.tick,
-                    time = event.time,
-                    late_ms = late_ns as f64 / 1e6,
-                    "no command left meanwhile"
+                    "{}no command was sent for {}",
+                    at(event),
+                    duration(late_ns as f64 / 1e9)
                 );
             }
             EventKind::Miss {
@@ -84,11 +90,10 @@ impl<S: Store> EventLog<S> {
                 }
                 if loud(&mut self.logged[0]) {
                     tracing::warn!(
-                        tick = event.tick,
-                        time = event.time,
-                        late_us = late_ns as f64 / 1e3,
-                        ?class,
-                        "deadline missed"
+                        "{}deadline missed by {}; cause: {}",
+                        at(event),
+                        duration(late_ns as f64 / 1e9),
+                        cause_words(class)
                     );
                 }
             }
@@ -97,11 +102,9 @@ impl<S: Store> EventLog<S> {
                 put(line, "age", age);
                 if loud(&mut self.logged[1]) {
                     tracing::warn!(
-                        tick = event.tick,
-                        time = event.time,
-                        specimen = port + 1,
-                        age,
-                        "stale measurement"
+                        "{}{}: stale measurement, {age} ticks old",
+                        at(event),
+                        self.of(port)
                     );
                 }
             }
@@ -121,38 +124,28 @@ impl<S: Store> EventLog<S> {
                 put(line, "fault", fault_name(fault));
                 put(line, "message", fault.to_string());
                 let lost = match fault {
-                    LinkFault::Diverged => "computation lost",
-                    _ => "link lost",
+                    LinkFault::Diverged => "the computation failed",
+                    _ => "the link is lost",
                 };
-                tracing::error!(
-                    tick = event.tick,
-                    time = event.time,
-                    specimen = port + 1,
-                    "{lost}: {fault}"
-                );
+                tracing::error!("{}{}: {lost}: {fault}", at(event), self.of(port));
             }
             EventKind::Unacknowledged { port } => {
                 self.specimen(line, port);
                 tracing::warn!(
-                    specimen = port + 1,
-                    "the end of the test was not acknowledged: {AGREED}"
+                    "{}: the server did not acknowledge the end of the test: {AGREED}",
+                    self.of(port)
                 );
             }
             EventKind::Interlock { port } => {
                 self.specimen(line, port);
-                tracing::error!(
-                    tick = event.tick,
-                    time = event.time,
-                    specimen = port + 1,
-                    "interlock open"
-                );
+                tracing::error!("{}{}: the interlock is open", at(event), self.of(port));
             }
             EventKind::Probing { port } => {
                 self.specimen(line, port);
                 // Loud: it moves.
                 tracing::warn!(
-                    specimen = port + 1,
-                    "the specimen is moved a little and back, to see which way round it is wired"
+                    "{}: wiring check: each axis moves a little and back",
+                    self.of(port)
                 );
             }
             EventKind::Direction {
@@ -166,11 +159,10 @@ impl<S: Store> EventLog<S> {
                 put(line, "disp", disp);
                 put(line, "force", force);
                 tracing::info!(
-                    specimen = port + 1,
-                    axis = axis + 1,
-                    disp,
-                    force,
-                    "direction"
+                    "{}: wiring check: displacement {}, force {} (units of the axis)",
+                    self.axis(port, axis),
+                    number(disp),
+                    number(force)
                 );
             }
             EventKind::ForceChanged {
@@ -187,17 +179,14 @@ impl<S: Store> EventLog<S> {
                 put(line, "found", found);
                 put(line, "within", within);
                 put(line, "taken_for_drift", is_taken);
+                let [found, left, within] = [found, left, within].map(number);
                 tracing::warn!(
-                    specimen = port + 1,
-                    axis = axis + 1,
-                    left,
-                    found,
-                    within,
-                    "{}",
+                    "{}: the load cell reads {found}, and {left} ± {within} is expected after the interruption (unit of the axis); {}",
+                    self.axis(port, axis),
                     if is_taken {
-                        "another force than the test was left with: taken for drift of the load cell"
+                        "the difference is taken for drift of its zero"
                     } else {
-                        "another force than the test was left with: the zero of the load cell stays"
+                        "its zero stays unchanged"
                     }
                 );
             }
@@ -205,9 +194,8 @@ impl<S: Store> EventLog<S> {
                 self.specimen(line, port);
                 put(line, "axis", axis + 1);
                 tracing::warn!(
-                    specimen = port + 1,
-                    axis = axis + 1,
-                    "the static load does not show which way round it is wired"
+                    "{}: the static load does not show which way round it is wired",
+                    self.axis(port, axis)
                 );
             }
             EventKind::Stands { port, axis, values } | EventKind::Moved { port, axis, values } => {
@@ -217,19 +205,26 @@ impl<S: Store> EventLog<S> {
                 put(line, "found", found);
                 put(line, "left", left);
                 put(line, "within", within);
-                let (specimen, axis) = (port + 1, axis + 1);
+                let [found, left, within] = [found, left, within].map(number);
+                let text = format!(
+                    "{}: it is at {found}, and was left at {left} ± {within} (unit of the axis)",
+                    self.axis(port, axis)
+                );
                 if matches!(event.kind, EventKind::Stands { .. }) {
-                    tracing::info!(specimen, axis, found, left, within, "stands");
+                    tracing::info!("{text}");
                 } else {
-                    let what = "it does not stand where it was left";
-                    tracing::error!(specimen, axis, found, left, within, "{what}");
+                    tracing::error!("{text}: it has moved since the interruption");
                 }
             }
             EventKind::Misfit { port, axis, what } => {
                 self.specimen(line, port);
                 put(line, "axis", axis + 1);
                 put(line, "what", what);
-                tracing::error!(specimen = port + 1, axis = axis + 1, "not armed: {what}");
+                tracing::error!(
+                    "{}: not armed: the wiring check found {}",
+                    self.axis(port, axis),
+                    what.replace('_', " ")
+                );
             }
             EventKind::Geometry {
                 port,
@@ -242,48 +237,43 @@ impl<S: Store> EventLog<S> {
                 }
                 put(line, "what", what);
                 tracing::error!(
-                    tick = event.tick,
-                    time = event.time,
-                    specimen = port + 1,
-                    "geometry: {what}"
+                    "{}{}: geometry: {}",
+                    at(event),
+                    self.of(port),
+                    what.replace('_', " ")
                 );
             }
             EventKind::Saturated { port } => {
                 self.specimen(line, port);
                 tracing::error!(
-                    tick = event.tick,
-                    time = event.time,
-                    specimen = port + 1,
-                    "a sensor or actuator is at the end of its range"
+                    "{}{}: a sensor or actuator is at the end of its range",
+                    at(event),
+                    self.of(port)
                 );
             }
             EventKind::Holds { port } => {
                 self.specimen(line, port);
                 tracing::warn!(
-                    tick = event.tick,
-                    time = event.time,
-                    specimen = port + 1,
-                    "it says that it holds by its own watchdog: commands do not move it"
+                    "{}{}: it reports that its own watchdog holds it: commands do not move it",
+                    at(event),
+                    self.of(port)
                 );
             }
             EventKind::HoldsOn { port } => {
                 self.specimen(line, port);
                 tracing::error!(
-                    tick = event.tick,
-                    time = event.time,
-                    specimen = port + 1,
-                    "it goes on saying that its own watchdog holds it"
+                    "{}{}: it still reports that its own watchdog holds it",
+                    at(event),
+                    self.of(port)
                 );
             }
             EventKind::Unsettled { port, ticks } => {
                 self.specimen(line, port);
                 put(line, "ticks", ticks);
                 tracing::warn!(
-                    tick = event.tick,
-                    time = event.time,
-                    specimen = port + 1,
-                    ticks,
-                    "the simulated actuator did not come to terms with what it moves"
+                    "{}{}: the actuator–specimen iteration did not converge in {ticks} ticks",
+                    at(event),
+                    self.of(port)
                 );
             }
             EventKind::Pace { from, to, share } => {
@@ -291,7 +281,7 @@ impl<S: Store> EventLog<S> {
                 put(line, "to", to);
                 put(line, "share", share);
                 if loud(&mut self.logged[4]) {
-                    tracing::info!(tick = event.tick, time = event.time, "{from} → {to}");
+                    tracing::info!("{}{from} → {to}", at(event));
                 }
             }
             EventKind::Checkpoint { digest } => put(line, "digest", format!("{digest:016x}")),
@@ -307,7 +297,7 @@ impl<S: Store> EventLog<S> {
                 if let Some(port) = port {
                     self.specimen(line, port);
                 }
-                tracing::info!(tick = event.tick, time = event.time, cause, "{from} → {to}");
+                tracing::info!("{}{from} → {to} ({})", at(event), cause.replace('_', " "));
             }
             EventKind::Limit {
                 port,
@@ -323,15 +313,11 @@ impl<S: Store> EventLog<S> {
                 put(line, "value", value);
                 put(line, "bound", bound);
                 if trip || loud(&mut self.logged[3]) {
-                    let level = if trip { "trips" } else { "warning" };
                     tracing::warn!(
-                        tick = event.tick,
-                        time = event.time,
-                        specimen = port + 1,
-                        axis = axis + 1,
-                        value,
-                        bound,
-                        "{quantity} {level}"
+                        "{}{}: {}",
+                        at(event),
+                        self.axis(port, u32::from(axis)),
+                        limit_words(quantity, trip, value, bound)
                     );
                 }
             }
@@ -350,10 +336,11 @@ impl<S: Store> EventLog<S> {
                 put(line, "value", value);
                 put(line, "bound", bound);
                 if trip || loud(&mut self.logged[3]) {
-                    let level = if trip { "trips" } else { "warning" };
-                    let (tick, time) = (event.tick, event.time);
-                    let specimen = worst.map(|(port, _)| port + 1);
-                    tracing::warn!(tick, time, specimen, value, bound, "{quantity} {level}");
+                    let most = worst.map_or_else(String::new, |(port, axis)| {
+                        format!(", most of it at {}", self.axis(port, axis))
+                    });
+                    let words = limit_words(quantity, trip, value, bound);
+                    tracing::warn!("{}{words}{most}", at(event));
                 }
             }
             EventKind::Readiness {
@@ -369,10 +356,15 @@ impl<S: Store> EventLog<S> {
                 put(line, "in_a_row", in_a_row);
                 put(line, "mean_ns", mean_ns);
                 put(line, "longest_ns", longest_ns);
+                let [mean, longest] = [mean_ns, longest_ns].map(|ns| duration(ns as f64 / 1e9));
+                let text = format!(
+                    "warm-up of {ticks} ticks: {missed} deadlines missed, at most {in_a_row} in a row; a tick took {mean} on \
+                     average and {longest} at most"
+                );
                 if go {
-                    tracing::info!(ticks, missed, in_a_row, mean_ns, longest_ns, "{name}");
+                    tracing::info!("{text}: the test starts");
                 } else {
-                    tracing::error!(ticks, missed, in_a_row, mean_ns, longest_ns, "{name}");
+                    tracing::error!("{text}: the test does not start");
                 }
             }
             EventKind::InitialForce {
@@ -387,8 +379,9 @@ impl<S: Store> EventLog<S> {
                 put(line, "of", of);
                 put(line, "force", force);
                 put(line, "most", most);
-                let (specimen, axis) = (port + 1, axis + 1);
-                tracing::warn!(specimen, axis, force, most, of, "{BEARS_A_FORCE}");
+                let [force, most] = compared(force, most, "N");
+                let axis = self.axis(port, u32::from(axis));
+                tracing::warn!("{axis}: {BEARS_A_FORCE}: {force}, allowed {most}");
             }
             EventKind::Zeroed { port, axis, values } => {
                 self.specimen(line, port);
@@ -398,27 +391,36 @@ impl<S: Store> EventLog<S> {
                 put(line, "force", force);
                 put(line, "disp_noise_rms", disp_noise);
                 put(line, "force_noise_rms", force_noise);
-                tracing::info!(specimen = port + 1, axis = axis + 1, disp, force, "zeroed");
+                tracing::info!(
+                    "{}: zero readings: displacement {}, force {} (units of the axis)",
+                    self.axis(port, u32::from(axis)),
+                    number(disp),
+                    number(force)
+                );
             }
             EventKind::RowLost => {
                 if loud(&mut self.logged[2]) {
-                    tracing::error!(
-                        tick = event.tick,
-                        time = event.time,
-                        "row lost: the queue to the writer is full"
-                    );
+                    tracing::error!("{}row lost: the queue to the writer is full", at(event));
                 }
             }
             EventKind::Diverged { dof } => {
                 put(line, "dof", u64::from(dof) + 1);
-                tracing::error!(
-                    tick = event.tick,
-                    time = event.time,
-                    dof = dof + 1,
-                    "diverged"
-                );
+                tracing::error!("{}the response of DOF {} diverged", at(event), dof + 1);
             }
         }
+    }
+
+    /// A specimen by its name.
+    fn of(&self, port: u32) -> String {
+        match self.specimens.get(port as usize) {
+            Some(name) => format!("specimen \"{name}\""),
+            None => format!("specimen {}", port + 1),
+        }
+    }
+
+    /// An axis of a specimen, by the name of the specimen.
+    fn axis(&self, port: u32, axis: u32) -> String {
+        format!("{}, axis {}", self.of(port), axis + 1)
     }
 
     fn specimen(&self, line: &mut Map<String, Value>, port: u32) {
@@ -426,6 +428,30 @@ impl<S: Store> EventLog<S> {
         if let Some(name) = self.specimens.get(port as usize) {
             put(line, "name", name.as_str());
         }
+    }
+}
+
+/// Class of a miss in words.
+pub(super) const fn cause_words(class: MissCause) -> &'static str {
+    match class {
+        MissCause::Preempted => "preempted (another thread had the processor)",
+        MissCause::TakenAway => "hypervisor or interrupt (the processor was taken away)",
+        MissCause::LateReply => "late reply of a specimen",
+        MissCause::Ours => "own (long computation, page fault or full queue)",
+    }
+}
+
+/// The beginning of a sentence about a moment of the test, to 0.1 ms.
+fn at(event: &Event) -> String {
+    format!("t = {:.4} s: ", event.time)
+}
+
+fn limit_words(limit: &str, trip: bool, value: f64, bound: f64) -> String {
+    let [value, bound] = compared(value, bound, unit_of_key(limit));
+    if trip {
+        format!("TRIP: {limit} is {value}, allowed {bound}")
+    } else {
+        format!("{limit} is {value}, beyond its warning level of {bound}")
     }
 }
 
@@ -452,7 +478,7 @@ fn loud(count: &mut u64) -> bool {
     *count += 1;
     if *count == LOUD + 1 {
         tracing::warn!(
-            "further events of this kind are not shown: a run folder that is kept has them in events.jsonl"
+            "no more events of this kind are shown; events.jsonl in the run folder has all of them"
         );
     }
     *count <= LOUD

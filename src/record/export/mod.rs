@@ -114,7 +114,7 @@ pub enum ExportError {
     Occupied(PathBuf),
     /// The window of time is none.
     #[error(
-        "the window from {from} s to {to} s is none: wanted two numbers, the second not below the first"
+        "the window from {from} s to {to} s is empty: the second time must not be below the first"
     )]
     Window {
         /// Its begin in s of test time.

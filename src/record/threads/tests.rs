@@ -91,7 +91,7 @@ fn what_takes_longer_than_a_record_can_say_is_several_one_behind_the_other() {
             let amount = if at == 70 { most } else { 0 };
             assert_eq!(
                 found.amount, amount,
-                "told once, and the largest stands for more"
+                "written once, with the largest amount"
             );
             at += found.duration_ns;
         }

@@ -104,6 +104,6 @@ fn finding(used: &Used, needs: &Needs, specimen: usize, axis: usize) -> Finding 
         .number("needed", used.needed)
         .number("capacity", used.capacity)
         .help(format!(
-            "found on the simulated clock; what stood for the specimen: {words}"
+            "found in a rehearsal on the simulated clock; the specimen is replaced by {words}"
         ))
 }

@@ -55,8 +55,8 @@ impl Rehearsal {
                 ),
             )
             .help(
-                "an average, with what stood for the specimens and without links; the warm-up of the test decides whether \
-                 it begins. A longer step, `time.scale` or fewer DOFs give more time",
+                "this is an average with stand-ins for the specimens and without links; the warm-up of the test decides whether \
+                 it starts. A longer step, `time.scale` or fewer DOFs give more time",
             )
         })
     }
@@ -226,7 +226,7 @@ fn unsettled(loaded: &Loaded, needs: &Needs, specimen: usize) -> Option<Finding>
         Finding::warning(
             place.unwrap_or(at),
             format!(
-                "the servo-hydraulic actuator and the law of `{}` do not come to terms in {} ticks of the test",
+                "the iteration of the servo-hydraulic actuator and the law of `{}` did not converge in {} ticks of the test",
                 needs.name, needs.unsettled
             ),
         )
@@ -269,7 +269,8 @@ fn finding(need: &Need, needs: &Needs, axis: usize, at: KeyPath) -> Option<Findi
         return None;
     };
     let words = needs.stand_in.words();
-    let help = format!("found on the simulated clock; what stood for the specimen: {words}");
+    let help =
+        format!("found in a rehearsal on the simulated clock; the specimen is replaced by {words}");
     Some(
         stated(finding, levels)
             .label(allowed(levels, unit))

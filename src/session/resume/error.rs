@@ -96,7 +96,7 @@ pub enum ResumeError {
     },
     /// The record is damaged, and specimens that are not made anew would be led once more through what came after its last
     /// checkpoint before that.
-    #[error("{}: {trouble}: the test could go on only after step {step}, and the last {again_s} s would be done once more to {specimens}: say `--back-to-step {step}` if that may be", folder.display())]
+    #[error("{}: {trouble}: the test can resume only after step {step}, which repeats the last {again_s} s with {specimens}; add `--back-to-step {step}` if that is intended", folder.display())]
     Back {
         /// The folder.
         folder: PathBuf,
@@ -110,7 +110,7 @@ pub enum ResumeError {
         specimens: String,
     },
     /// It goes on after another step than the one that was named.
-    #[error("{}: this test goes on after step {step}, not after step {named}", folder.display())]
+    #[error("{}: this test resumes after step {step}, not after step {named}", folder.display())]
     AnotherStep {
         /// The folder.
         folder: PathBuf,

@@ -349,7 +349,7 @@ impl RefuseCode {
             RefuseCode::Axes => "it has other axes",
             RefuseCode::Units => "its units are others",
             RefuseCode::Layout => "it computes another hash of the layout",
-            RefuseCode::Rate => "so many commands per second are too many for it, or no rate",
+            RefuseCode::Rate => "this command rate is too high for it, or is no rate",
             RefuseCode::Limits => "a limit of the test is wider than its own",
             RefuseCode::Watchdog => "it cannot keep the watchdog time",
             RefuseCode::Sampling => "it cannot sample at that moment",

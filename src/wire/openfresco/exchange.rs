@@ -313,7 +313,7 @@ impl Asking {
         let Some(owed) = self.owed else {
             return Err(WireError::Order {
                 expected: "nothing",
-                found: "an answer nobody asked for",
+                found: "a reply without a request",
             });
         };
         let (used, message) = self.inbox.take(bytes)?;

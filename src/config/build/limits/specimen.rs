@@ -47,9 +47,9 @@ pub(super) fn of_specimen(table: &SpecimenTable, port: &Port, time: &Time) -> Sp
         None => SpecimenLimits {
             name,
             geometry,
-            checked_by: "this loop, before a command leaves and with every answer".to_owned(),
+            checked_by: "this loop, before each command and after each reply".to_owned(),
             axes,
-            stale: "cannot be: it is computed here".to_owned(),
+            stale: "not needed: this program simulates it".to_owned(),
             watchdog: None,
             ends: ends(table),
             direction: None,
@@ -57,16 +57,14 @@ pub(super) fn of_specimen(table: &SpecimenTable, port: &Port, time: &Time) -> Sp
         },
         Some(link) => {
             let far = if is_told {
-                "; what is announced in the handshake (*) its own end, too"
+                "; its server also checks the limits that the handshake announces (*)"
             } else {
-                "; its protocol has no limits, so nobody else"
+                "; its protocol has no limits, so its server checks none of them"
             };
             SpecimenLimits {
                 name,
                 geometry,
-                checked_by: format!(
-                    "this loop, before a command leaves and with every fresh answer{far}"
-                ),
+                checked_by: format!("this loop, before each command and after each new reply{far}"),
                 axes,
                 stale: stale(link, port),
                 watchdog: Some(watchdog(link, time)),
@@ -141,18 +139,18 @@ fn judged(quantity: Quantity, axis: &AxisLimits) -> Option<String> {
 fn stale(link: &LinkSpec, port: &Port) -> String {
     let way = match link.on_stale {
         StaleChoice::Hold => "the last force is held",
-        StaleChoice::Extrapolate => "the force goes on along the estimated stiffness",
+        StaleChoice::Extrapolate => "the force is extrapolated with the estimated stiffness",
         StaleChoice::Stop => "the first one trips",
     };
     match link.on_stale {
         _ if port.coupling() == Coupling::Lockstep => format!(
-            "cannot be: an answer is waited for; after {} s without one the link is lost",
+            "not possible: the loop waits for each reply; after {} s without a reply the link is lost",
             link.reply_timeout_s
         ),
         StaleChoice::Stop => way.to_owned(),
         StaleChoice::Hold | StaleChoice::Extrapolate => {
             let most = port.wait.map_or(0, |wait| wait.stale_in_a_row);
-            format!("{way}; more than {most} in a row trip")
+            format!("{way}; more than {most} in a row cause a trip")
         }
     }
 }
@@ -166,11 +164,11 @@ fn watchdog(link: &LinkSpec, time: &Time) -> String {
                 ClockChoice::Simulated => " (by wall time, whatever the clock of the test)",
             };
             format!(
-                "the specimen's end holds, by itself, after {after} s without a command{unwatched}"
+                "the specimen's server holds after {after} s without a command{unwatched}"
             )
         }
         Protocol::OpenFresco | Protocol::OpenFrescoShadow | Protocol::OpenFrescoAdapter => {
-            "none: its protocol has no word for it, and nobody holds the specimen if this program falls silent"
+            "none: this protocol has no watchdog, so nothing holds the specimen if this program stops sending"
                 .to_owned()
         }
     }
@@ -186,13 +184,16 @@ fn direction(link: &LinkSpec, port: &Port) -> String {
                 _ => format!("{} s", link.probe_ramp_s),
             };
             format!(
-                "each axis goes {metres} m and back before the test, {way} each way: wired the wrong way round, it is not armed"
+                "wiring check: each axis moves {metres} m and back before the test, {way} each way; a specimen with wrong wiring is not armed"
             )
         }
         (None, Direction::Settling(_)) => {
-            "shown by the static load: wired the wrong way round, it is not armed".to_owned()
+            "wiring check under the static load; a specimen with wrong wiring is not armed"
+                .to_owned()
         }
-        (None, _) => "not looked at: neither `probe_m` nor a static load shows it".to_owned(),
+        (None, _) => {
+            "no wiring check: set `probe_m` in [specimen.link], or apply a static load".to_owned()
+        }
     }
 }
 
@@ -213,9 +214,9 @@ fn ends(table: &SpecimenTable) -> Option<String> {
         return None;
     }
     let then = if spec.tell_saturation.unwrap_or(true) {
-        "to reach one trips"
+        "reaching one trips"
     } else {
-        "to reach one is not told, and the test goes on (`tell_saturation = false`)"
+        "reaching one is not reported, and the test continues (`tell_saturation = false`)"
     };
     Some(format!("{}; {then}", ends.join(", ")))
 }

@@ -33,11 +33,11 @@ pub(super) fn compensators(
     {
         let finding = Finding::error(
             at.key("newton"),
-            "`newton` takes v and w of the method \"gui\", which makes them of differences",
+            "`newton` needs velocity and acceleration targets, which the method \"gui\" computes as differences",
         )
         .at_key()
-        .label("another kind of velocity")
-        .help("`polynomial` with order = 2 and nodes = \"step\" says the same of any targets");
+        .label("this method has this method has another kind of velocity")
+        .help("use `polynomial` with order = 2 and nodes = \"step\", which is equivalent for all targets");
         return site.refuse(finding);
     }
     let built: Result<Vec<_>, _> = (0..axes).map(|_| spec.build(tick)).collect();
@@ -51,7 +51,7 @@ pub(super) fn compensators(
     Ok(Some(built))
 }
 
-/// The command for a target that stands still must have its sign; one that is far from the target is probably a mistake.
+/// The command for a target that stands still must have its sign; one that is the command is the command is far from the target is probably a mistake.
 fn judge_gain(
     site: &mut Site<'_>,
     at: &KeyPath,
@@ -68,10 +68,11 @@ fn judge_gain(
         _ => "start",
     };
     let place = site.loaded.locator.beneath(at, key);
-    let headline = format!("a target that stands at 1 mm begins as a command of {gain} mm");
+    let headline = format!("a constant target of 1 mm gives a first command of {gain} mm");
     if gain > 0.0 {
-        let finding = Finding::warning(place, headline).label("far from the target");
-        let help = "the first coefficient is 1/A for an actuator that comes to rest at A times its command";
+        let finding = Finding::warning(place, headline)
+            .label("the command is the command is far from the target");
+        let help = "the first coefficient must be 1/A for an actuator whose static gain is A";
         site.warnings.push(finding.help(help));
         return Ok(());
     }
@@ -116,7 +117,7 @@ pub(super) fn slower_time(at: &KeyPath, time: Time) -> Option<Finding> {
     ((step - period).abs() > 1e-9 * period).then(|| {
         Finding::error(
             at.clone(),
-            "a simulated actuator has no time of its own: `time.scale` must be 1",
+            "a simulated actuator runs in test time: `time.scale` must be 1",
         )
         .at_key()
         .label(format!("a tick of {period} s for {step} s of test time"))

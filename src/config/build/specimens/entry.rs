@@ -48,7 +48,7 @@ pub(super) fn entry(
         }
         (None, Some(_)) => None,
         (None, None) => {
-            let text = "nothing stands for the specimen";
+            let text = "the specimen has neither a law nor a link";
             return site.refuse(Finding::error(at.clone(), text));
         }
     };
@@ -80,7 +80,7 @@ pub(super) fn entry(
             let given = seen(table, &loading, estimate(site, &at, given, laws)?);
             if law.is_some() {
                 let own = scaled(&k, |axis| axis.disp_gain);
-                let help = "without this key the law says its own";
+                let help = "without this key the stiffness of the law is used";
                 warn_of_distance(site, at, &given, &own, help);
             }
             given
@@ -146,7 +146,7 @@ pub(super) fn entry(
     if let (Some(law), true) = (&stand_in, table.stiffness_n_per_m.is_some()) {
         law.reference(&mut k, &mut c, &mut m);
         let own = scaled(&k, |axis| axis.disp_gain);
-        let help = "`stand_in` is the law that stands for it in rehearsals";
+        let help = "`stand_in` is its law in rehearsals";
         warn_of_distance(
             site,
             at.key("stiffness_n_per_m"),
@@ -216,11 +216,11 @@ fn warn_of_distance(
     let far = |ratio: &f64| ratio.is_finite() && !(1.0 / FAR..=FAR).contains(ratio);
     if let Some((axis, ratio)) = ratios.enumerate().find(|(_, ratio)| far(ratio)) {
         let text = format!(
-            "the estimate of axis {} is {} times the initial stiffness of the law beside it",
+            "the stiffness estimate of axis {} is {} times the initial stiffness of its law",
             axis + 1,
             number(rest::rounded(ratio))
         );
-        let finding = Finding::warning(at, text).label("K0 of the integrator is made of this");
+        let finding = Finding::warning(at, text).label("K0 of the integrator uses this estimate");
         site.warnings.push(finding.help(help));
     }
 }
@@ -314,7 +314,7 @@ fn rows(
         // Without a structure there is nothing to transform: as many axes as the laws or the axis tables say.
         (_, _, None) => Ok(vec![Vec::new(); table.axes_by_itself()]),
         (None, None, Some(_)) => {
-            let text = "which deformation does the specimen see: `storey` or `rows`";
+            let text = "give `storey` or `rows`: the deformation of the structure that the specimen follows";
             site.refuse(Finding::error(at.clone(), text))
         }
     }
@@ -328,7 +328,7 @@ fn estimate(
 ) -> Result<Rows, Refused> {
     let rows = given.rows();
     if rows.len() != n || rows.iter().any(|row| row.len() != n) {
-        let text = format!("the estimate is not {n} × {n}, one row and column per axis");
+        let text = format!("the estimate must be {n} × {n}, with one row and column per axis");
         return site.refuse(Finding::error(at.clone(), text));
     }
     let matrix = DMatrix::from_fn(n, n, |i, j| rows[i][j]);

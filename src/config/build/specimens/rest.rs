@@ -55,14 +55,14 @@ pub(super) fn says_its_force(
             at.key(key)
         };
         let text = format!(
-            "at rest the law of {:?} gives {} to the structure, where every deformation is zero",
+            "at rest the law of {:?} gives {} to the structure although every deformation is zero",
             table.name,
             newtons_in_words(felt)
         );
         site.warnings.push(
             Finding::warning(place, text)
-                .label("a law in this process is told where its axis stands")
-                .help("without `offset_m` and `offset_n` the law begins at its own zero"),
+                .label("a simulated law receives the absolute position of its axis")
+                .help("without `offset_m` and `offset_n` the law begins at its zero"),
         );
     }
 }

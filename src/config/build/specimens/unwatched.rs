@@ -43,7 +43,7 @@ pub(super) fn unwatched(
                 continue;
             }
             let headline = format!(
-                "`{place}` has no effect on axis {}: it can never trip",
+                "`{place}` has no effect on axis {}: it cannot trip in this test",
                 axis + 1
             );
             told.push(place.clone());

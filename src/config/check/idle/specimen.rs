@@ -25,13 +25,13 @@ pub(in crate::config::check) fn check_idle_specimen(
         "safe_disp_m",
         specimen.safe_disp_m.is_some()
             && !leaves.is_some_and(|both| both.contains(&ExitChoice::SafeDisplacement)),
-        "neither `on_trip` nor `at_end` is \"safe_displacement\"",
+        "only for `on_trip` or `at_end` = \"safe_displacement\"",
     );
     findings.idle(
         at,
         "mass_in_force_kg",
         specimen.mass_in_force_kg > 0.0 && !with_structure,
-        "loads a structure, and there is none",
+        "acts on a structure, and this file has no `[structure]`",
     );
     for (key, transfer) in [
         ("transfer", &specimen.transfer),
@@ -48,7 +48,8 @@ pub(in crate::config::check) fn check_idle_specimen(
             ("offset_m", "zero_disp", axis.offset_m, axis.zero_disp),
             ("offset_n", "zero_force", axis.offset_n, axis.zero_force),
         ] {
-            let why = format!("`{zero} = \"relative\"`: the zero is what is read before the test");
+            let why =
+                format!("`{zero} = \"relative\"` takes the zero from the reading before the test");
             let relative = choice == ZeroChoice::Relative;
             findings.idle(&at, key, given != 0.0 && relative, &why);
         }
@@ -68,13 +69,13 @@ fn check_transfer(spec: &TransferSpec, at: &KeyPath, findings: &mut Findings) {
         at,
         "seed",
         spec.seed != 0 && !spec.is_noisy(),
-        "no sensor is noisy",
+        "no sensor of this specimen has noise",
     );
     findings.idle(
         at,
         "between_ticks",
         spec.between_ticks == BetweenTicks::Held && !spec.lags(),
-        "the actuator follows at once: no `actuator` with a lag",
+        "only for an `actuator` with a lag",
     );
     let ends = [
         spec.stroke_m,
@@ -86,7 +87,7 @@ fn check_transfer(spec: &TransferSpec, at: &KeyPath, findings: &mut Findings) {
         at,
         "tell_saturation",
         spec.tell_saturation.is_some() && ends.iter().all(Option::is_none),
-        "nothing ends: no `stroke_m`, `force_limit_n` or range of a sensor",
+        "only with `stroke_m`, `force_limit_n` or a range of a sensor",
     );
 }
 
@@ -115,7 +116,7 @@ fn check_limits(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings)
                 lacks(|axis| axis.alternating_ticks.is_some()),
             ),
         ] {
-            let why = format!("says how `{bound}` is judged, which is not bounded");
+            let why = format!("only with a limit `{bound}`");
             findings.idle(at, key, value != 0.0 && idle, &why);
         }
     };
@@ -142,7 +143,7 @@ fn check_start(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) 
                 ("delay_s", ats.delay_s.is_some()),
                 ("gain", ats.gain != 1.0),
             ],
-            "`start` gives the coefficients that it would make",
+            "`start` already gives the coefficients",
         );
     }
 }
@@ -154,7 +155,7 @@ fn check_reach(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) 
     let (disp, vel) = match specimen.sources().first() {
         _ if specimen.geometry.is_some() => return,
         None => {
-            let why = "a specimen behind a link has a bound by `hardening_bound`";
+            let why = "for a specimen behind a link use `hardening_bound`";
             (
                 (specimen.link.is_some(), why),
                 (specimen.link.is_some(), why),
@@ -168,7 +169,7 @@ fn check_reach(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) 
                 let (mut k, mut c) = (vec![0.0; axes * axes], vec![0.0; axes * axes]);
                 law.bound(&reach, &mut k, &mut c).is_ok()
             };
-            let why = "the tangent of this law has a bound without it";
+            let why = "the tangent of this law is bounded without it";
             ((is_bounded(None, far), why), (is_bounded(far, None), why))
         }
     };
@@ -182,7 +183,7 @@ fn check_reach(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) 
 
 /// What belongs to the controller's test file, in the file of a server. A gateway refuses its gear by itself.
 fn check_served(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
-    let why = "belongs to the controller's test file: a server answers in the numbers of the axes";
+    let why = "only for the controller's test file: a server uses the numbers of the axes";
     if specimen.link.is_none() {
         findings.idle(
             at,
@@ -209,7 +210,7 @@ fn check_served(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings)
             ("commands", link.commands != CommandPace::default()),
             ("computed", link.computed),
         ];
-        let why = "a gateway passes on each command as it comes, and waits for its answer";
+        let why = "a gateway forwards each command and waits for its reply";
         findings.all_idle(&at.key("link"), &keys, why);
     }
     for (key, given) in [
@@ -240,9 +241,9 @@ pub(in crate::config::check) fn check_idle_link(
         ("max_stale_s", link.max_stale_s.is_some()),
     ];
     let why_lockstep = if native {
-        "`coupling = \"lockstep\"` waits for every answer: none is stale"
+        "`coupling = \"lockstep\"` waits for every reply, so no measurement is stale"
     } else {
-        "a link of OpenFresco's protocols is lockstep: no answer is stale"
+        "OpenFresco's protocols wait for every reply, so no measurement is stale"
     };
     if lockstep {
         let usual = StaleChoice::default();
@@ -255,7 +256,7 @@ pub(in crate::config::check) fn check_idle_link(
         at,
         "probe_ramp_s",
         link.probe_ramp_s != 0.5 && link.probe_m.is_none(),
-        "the time of a motion that is not asked for: `probe_m` is missing",
+        "only with `probe_m`, which is missing",
     );
     let Some(more) = &link.openfresco else { return };
     let at = at.key("openfresco");
@@ -265,22 +266,22 @@ pub(in crate::config::check) fn check_idle_link(
         &at,
         "udp_hello",
         more.udp_hello.is_some() && !over_udp,
-        "for `transport = \"udp\"`",
+        "only for `transport = \"udp\"`",
     );
-    let why = "over UDP, for `protocol = \"openfresco-shadow\"`";
+    let why = "only for `protocol = \"openfresco-shadow\"` over UDP";
     findings.idle(
         &at,
         "udp_endian",
         more.udp_endian && !(over_udp && shadow),
         why,
     );
-    let why = "for `protocol = \"openfresco-shadow\"`";
+    let why = "only for `protocol = \"openfresco-shadow\"`";
     findings.idle(&at, "version", more.version.is_some() && !shadow, why);
     findings.idle(&at, "site", more.site != 0 && !shadow, why);
     findings.idle(
         &at,
         "server",
         more.server != Default::default() && link.protocol != Protocol::OpenFresco,
-        "for `protocol = \"openfresco\"`",
+        "only for `protocol = \"openfresco\"`",
     );
 }

@@ -147,7 +147,7 @@ mod tests {
             "the first three were lost on the way"
         );
         let (trip, _) = told(&[(0, 0.0), (1_000_000_000_000, 45.0)]);
-        assert_eq!(trip, Some(Quantity::CommandVel), "no time for so many");
+        assert_eq!(trip, Some(Quantity::CommandVel), "no time for this many");
         let (trip, _) = told(&[(0, 0.0), (200, 50.1)]);
         assert_eq!(trip, Some(Quantity::CommandDisp));
     }

@@ -39,7 +39,7 @@ impl Station {
         if told.is_some_and(|told| told.contains(&said) || said.ends_with(&told)) {
             return None;
         }
-        let text = format!("the specimen said when the test was over: {said}");
+        let text = format!("the specimen reported after the test: {said}");
         match &mut self.log {
             Some(log) => log.warn("last_words", &text),
             None => self.note(NoteLevel::Warning, "last_words", &text),
@@ -54,7 +54,7 @@ impl Station {
         }
         if self.unsettled > 0 {
             let text = format!(
-                "in {} answers the servo-hydraulic actuator and the law did not come to terms: they are not exact",
+                "the actuator–specimen iteration did not converge in {} answers, which are not exact",
                 self.unsettled
             );
             self.note(NoteLevel::Warning, "unsettled", &text);

@@ -52,7 +52,7 @@ impl Station {
         self.stands = visitor.start.is_empty().then(|| start.clone());
         if visitor.start.is_empty() && start.iter().any(|disp| *disp != 0.0) {
             told.push(format!(
-                "the specimen stands at {}: the first command is judged as a step from there",
+                "the specimen is at {}: the first command is judged as a step from there",
                 self.in_words(&start)
             ));
         }
@@ -299,7 +299,11 @@ impl Station {
         start: &[f64],
         wanted: &mut Wanted<'_>,
     ) -> Result<(), Over> {
-        self.note(NoteLevel::Info, "armed_again", "the controller begins anew");
+        self.note(
+            NoteLevel::Info,
+            "armed_again",
+            "the controller begins again",
+        );
         self.arm(sequence, start, wanted)?;
         self.begins_at(sequence, start);
         Ok(())
@@ -333,7 +337,7 @@ impl Station {
         outcome.map(|_| ()).map_err(|fault| {
             let why = self.rig.complaint().unwrap_or_default();
             let between = if why.is_empty() { "" } else { ": " };
-            Over::failed(format_args!("it is not armed: {fault}{between}{why}"))
+            Over::failed(format_args!("not armed: {fault}{between}{why}"))
         })
     }
 }

@@ -105,7 +105,7 @@ fn a_specimen_whose_place_nobody_knows_is_refused_before_it_is_told_anything() {
     };
     let mut refused = station(&spring, &Whereabouts::default()).probed(probe);
     let over = begin(&mut refused).unwrap_err();
-    for words in ["nobody knows where it stands", "`stands_at_m`"] {
+    for words in ["its position is unknown", "`stands_at_m`"] {
         assert!(over.text.contains(words), "{}", over.text);
     }
     assert!(spring.told.lock().unwrap().is_empty());
@@ -134,7 +134,7 @@ fn of_a_specimen_that_does_not_tell_the_file_says_where_it_stands_and_then_where
     let mut next = station(&spring, &whereabouts);
     let told = begin(&mut next).unwrap();
     assert!(
-        told.iter().any(|text| text.contains("stands at 0.0045 m")),
+        told.iter().any(|text| text.contains("is at 0.0045 m")),
         "{told:?}"
     );
     assert!(goes_to(&mut next, 0, 0.0).is_err(), "too far at once");
@@ -511,7 +511,7 @@ fn a_trip_is_the_specimens_until_its_operator_clears_it_and_a_lost_link_is_none(
     led.station.end(Close::Stopped, "tripped");
     for _ in 0..2 {
         let over = led.station.begin(&led.visitor, &mut || Ok(())).unwrap_err();
-        let told = over.text.contains("command_step_m") && over.text.contains("0.001");
+        let told = over.text.contains("command_step_m") && over.text.contains("allowed 1 mm");
         assert!(told, "{}", over.text);
     }
     let cleared = led.station.latch().clear().unwrap().unwrap();

@@ -46,9 +46,9 @@ const fn close_of(cause: Option<Cause>) -> Close {
 pub(in crate::link::serve) fn said_goodbye(cause: u32, text: &str) -> Over {
     let cause = Cause::from_code(cause).ok();
     let why = match cause {
-        Some(Cause::Orderly) => " in an orderly way",
+        Some(Cause::Orderly) => " at the end of the test",
         Some(cause) => &format!(": {}", cause.why()),
-        None => ": for a reason of its own",
+        None => ": for an unknown reason",
     };
     Over {
         close: close_of(cause),
@@ -59,10 +59,10 @@ pub(in crate::link::serve) fn said_goodbye(cause: u32, text: &str) -> Over {
 impl Stand {
     pub(super) fn retired(&mut self, notice: Notice) -> Over {
         let how = match notice.cause {
-            Cause::Orderly => "in an orderly way",
+            Cause::Orderly => "at the end of the test",
             Cause::Operator => "by the operator",
             Cause::Tripped => "because the test tripped",
-            Cause::Watchdog => "because its controller is gone",
+            Cause::Watchdog => "because its controller is lost",
             Cause::Shutdown => "because the program that commands it ends",
             Cause::Interlock => "because an interlock opened",
         };

@@ -171,7 +171,7 @@ impl Stand {
             .filter(|trip| matches!(trip, Trip::Lost(_)));
         // The log has the trip already, and says it before whatever else is said.
         let what_else = match lost {
-            Some(trip) if self.station.whole(trip) == text => "the controller was told",
+            Some(trip) if self.station.whole(trip) == text => "the controller was informed",
             _ => &text,
         };
         self.station.end(close, what_else);
@@ -388,7 +388,7 @@ fn lost_controller(line: &Line, is_stream: bool, peer: SocketAddr, fault: LinkFa
         )),
         (Some(why), _) => Over::vanished(format_args!("{peer}: TLS: {why}")),
         (None, LinkFault::Closed) if !is_stream => Over::vanished(format_args!(
-            "{peer} left without a goodbye: nobody listens there any more"
+            "{peer} left without a goodbye: its port is closed"
         )),
         (None, LinkFault::Closed) => Over::vanished(format_args!(
             "{peer} closed the connection without a goodbye"

@@ -649,7 +649,7 @@ fn a_controller_that_leaves_without_a_retire_is_told_of_in_its_own_words() {
         controller.ended()
     };
     for (cause, told) in [
-        (Cause::Orderly, " in an orderly way"),
+        (Cause::Orderly, " at the end of the test"),
         (Cause::Operator, ": its operator asked for it"),
         (Cause::Shutdown, ": its program ends"),
         (Cause::Tripped, ": it tripped"),

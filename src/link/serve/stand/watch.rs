@@ -70,7 +70,7 @@ impl Stand {
             self.station.note(
                 NoteLevel::Warning,
                 "holding",
-                "nothing is heard from the controller: the specimen holds",
+                "no command comes from the controller: the specimen holds",
             );
             desk.tell(Heard::Holding {
                 sequence: self.sequence,

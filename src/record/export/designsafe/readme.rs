@@ -70,8 +70,8 @@ pub(super) fn readme(title: &str, run: &Run, notes: &[String]) -> String {
         text.push_str(&format!("| `{folder}` | {category} | {holds} |\n"));
     }
     text.push_str(
-        "\nSI units throughout: m, s, N, kg, rad; channels in the unit of a sensor say so in `analysis/channels.json`. \
-         In the CSV files one row is one step, from t = 0, unless all ticks were asked for; what does not exist is empty. \
+        "\nSI units throughout: m, s, N, kg, rad; `analysis/channels.json` names the channels in other units of a sensor. \
+         In the CSV files one row is one step, from t = 0, or one tick if all ticks were requested; missing values are empty. \
          `project.json` lists every file with its SHA-256.\n",
     );
     if !notes.is_empty() {

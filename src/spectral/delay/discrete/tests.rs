@@ -82,7 +82,7 @@ fn no_shorter_delay_than_the_critical_one_lets_the_recursion_grow() {
             // Eigenvalues of the history: n ε^(1/…) stays far below the growth of 3 % of a delay.
             assert!(
                 found < 1.0 + 1e-10,
-                "case {case}: {told} is told, but at {delay} it grows by {found} (Δt {dt}, λ {lambda})"
+                "case {case}: {told} is reported, but at {delay} it grows by {found} (Δt {dt}, λ {lambda})"
             );
         }
     }

@@ -9,8 +9,8 @@ use crate::link::rig::{LogSettings, Visitor};
 use crate::record::Run;
 use crate::record::summary::{Status as Ended, Summary};
 
-const TITLE: &str = "what goes wrong";
-const SAID: &str = "FAULTS are played: what goes wrong";
+const TITLE: &str = "the fault";
+const SAID: &str = "FAULTS are played: the fault";
 /// The bytes of a script are kept as they are, whatever they say.
 const BYTES: &str = "# a script\n";
 

@@ -1,0 +1,166 @@
+//! Frequent slips in a test file: the finding points at them and shows what to write.
+
+use super::*;
+
+#[test]
+fn one_bracket_in_place_of_two_is_shown_with_the_right_header() {
+    let text = complaint("[[specimen]]", "[specimen]");
+    shows(&text, "`specimen` must be an array");
+    shows(&text, "`[[specimen]]`");
+    assert_eq!(errors(&text), 1, "{text}");
+    let axis = complaint(
+        "law = { bilinear",
+        "axis = { unit_disp = 'mm' }\nlaw = { bilinear",
+    );
+    shows(&axis, "`[[specimen.axis]]`");
+    let text = complaint("[time]", "[[time]]");
+    shows(&text, "write `[time]` with one bracket");
+    // An array of numbers is no table, whatever its brackets are.
+    let text = complaint("mass_kg = [1000, 1000, 1000]", "mass_kg = { first = 1000 }");
+    assert!(!text.contains("[["), "{text}");
+}
+
+#[test]
+fn a_decimal_comma_is_shown_as_a_point_wherever_it_is_certain() {
+    for (line, found) in [
+        ("duration_s = 20,5", "write 20.5"),
+        ("duration_s = 20,5e0 # twenty", "write 20.5e0"),
+        ("duration_s = \"20,5\"", "`20.5`"),
+        ("duration_s = \"20.5\"", "`20.5`"),
+    ] {
+        let text = complaint("duration_s = 20", line);
+        shows(&text, found);
+        shows(&text, "duration_s");
+        shows(&text, "test.toml:6:");
+        assert_eq!(errors(&text), 1, "{text}");
+    }
+    let text = complaint("amplitude = 2.0,", "amplitude = 0,01,");
+    shows(&text, "`amplitude` has a decimal comma");
+    shows(&text, "write 0.01");
+    let text = complaint("[1000, 1000, 1000]", "[1000, 0,05, 1000]");
+    shows(&text, "write 0.05");
+    let text = complaint(
+        "storey = 1",
+        "storey = 1\nlimits.command_disp_m.trip = [-0,5, 0,5]",
+    );
+    shows(&text, "found an array of 4");
+    shows(&text, "decimal number has a point");
+    for (set, found) in [
+        ("time.duration_s=20,5", "`20.5`"),
+        (
+            "specimen[0].limits.command_step_m={trip=0,05}",
+            "write 0.05",
+        ),
+    ] {
+        let text = read(GOOD, &[set]).unwrap_err().to_string();
+        shows(&text, found);
+    }
+}
+
+#[test]
+fn a_comma_that_is_right_is_not_blamed() {
+    for text in [
+        "mass_kg = [1,2, three]",
+        "title = 1,x",
+        "a = [10,20]\nb = = 2",
+    ] {
+        let text = read(text, &[]).unwrap_err().to_string();
+        assert!(!text.contains("decimal"), "{text}");
+    }
+}
+
+#[test]
+fn a_single_number_in_place_of_a_range_is_shown_as_a_range() {
+    let text = complaint(
+        "storey = 1",
+        "storey = 1\nlimits.command_disp_m = { warn = 0.03 }",
+    );
+    shows(
+        &text,
+        "`specimen[0].limits.command_disp_m.warn` must be a range",
+    );
+    shows(&text, "`[-0.03, 0.03]`");
+    shows(&text, "found 0.03");
+    accepted(
+        GOOD,
+        &["specimen[0].limits.command_disp_m={warn=[-1,2],trip=[-2.5,3]}"],
+    );
+}
+
+#[test]
+fn a_key_that_belongs_to_another_table_is_shown_with_that_table() {
+    for (from, to) in [
+        ("signal = {", "scale = 2\nsignal = {"),
+        ("amplitude = 2.0,", "amplitude = 2.0, scale = 2,"),
+    ] {
+        let text = complaint(from, to);
+        shows(&text, "unknown key `scale`");
+        shows(
+            &text,
+            "`excitation.ground_acceleration.processing.scale_factor`",
+        );
+    }
+    let text = complaint("title =", "duration_s = 20\ntitle =");
+    shows(&text, "did you mean `time.duration_s`?");
+}
+
+#[test]
+fn too_many_digits_are_shown_with_a_fraction() {
+    let text = complaint("rate_hz = 1024", "step_s = 0.00333333333333333");
+    shows(&text, "at most 12 digits");
+    shows(&text, "\"1/300\"");
+    let text = complaint("rate_hz = 1024", "rate_hz = 1024.123456789012");
+    shows(&text, "\"1/1024\"");
+    accepted(GOOD, &["time.rate_hz=\"3072/3\""]);
+}
+
+#[test]
+fn an_implicit_method_is_refused_with_those_that_command_a_specimen() {
+    let text = read(GOOD, &["integrator.method=newmark"])
+        .unwrap_err()
+        .to_string();
+    for method in [
+        "`gui`",
+        "`kr_alpha`",
+        "`mkr_alpha`",
+        "`newmark_average`",
+        "implicit",
+    ] {
+        shows(&text, method);
+    }
+}
+
+#[test]
+fn a_file_for_a_server_is_not_read_as_a_test() {
+    let law = "[[specimen]]\nname = 'a'\nlaw = { linear = { stiffness_n_per_m = 1e6 } }\n";
+    for text in [
+        law.to_owned(),
+        format!("[serve]\nlisten = '127.0.0.1:0'\n{law}"),
+    ] {
+        let text = read(&text, &[]).unwrap_err().to_string();
+        shows(&text, "`gusset serve FILE`");
+        shows(&text, "`[time]`");
+        assert_eq!(errors(&text), 1, "{text}");
+    }
+    let text = complaint("[time]", "[serve]\nlisten = '127.0.0.1:0'\n[time]");
+    shows(&text, "a test file has no `[serve]`");
+    assert_eq!(errors(&text), 1, "{text}");
+}
+
+#[test]
+fn two_links_to_one_server_are_refused_with_both_names() {
+    let link = |name: &str, address: &str| {
+        format!(
+            "[[specimen]]\nname = '{name}'\nstorey = 2\nstiffness_n_per_m = 1e6\nlimits.command_disp_m.trip = [-1, 1]\n\
+             link = {{ address = '{address}' }}\n"
+        )
+    };
+    let two = |second: &str| {
+        let first = link("first", "127.0.0.1:4823");
+        read(&format!("{GOOD}{first}{}", link("second", second)), &[])
+    };
+    let text = two("localhost:4823").unwrap_err().to_string();
+    shows(&text, "`first` and `second`");
+    shows(&text, "one server for each specimen");
+    assert!(!two("127.0.0.1:4824").is_err_and(|e| e.to_string().contains("same address")));
+}
