@@ -11,7 +11,7 @@ use crate::config::{ALL_MODES, Facts, Loop, ModeFacts, StructureFacts};
 use crate::integrate::Lambda;
 use crate::spectral::delay::{Critical, DelayError, DiscreteLimit, continuous};
 use crate::stability::{INERTIA, diverging, growing};
-use crate::units::duration;
+use crate::units::{digits, duration, quantity};
 
 /// Modes that are listed.
 const LISTED: usize = 6;
@@ -241,6 +241,54 @@ impl Spectrum {
                 Err(error) => format!("not known by the recursion: {error}"),
             };
             table.row(&name, &format!("{continuous};\n{discrete}"));
+        }
+    }
+
+    /// The critical delay of one specimen in a few words, for each specimen that is not in `judged`.
+    pub(super) fn in_short(&self, judged: &[&str]) -> Vec<(&str, String)> {
+        let delays = self.delays.iter();
+        let delays = delays.filter(|delay| !judged.contains(&delay.specimen.name.as_str()));
+        let each = delays.map(|delay| (delay.specimen.name.as_str(), self.limit_of(delay)));
+        each.collect()
+    }
+
+    /// The smaller of both critical delays, and what follows from it.
+    fn limit_of(&self, delay: &Delay) -> String {
+        if let Some(why) = delay.at_once() {
+            return format!("UNSTABLE without any delay: {why}");
+        }
+        let (continuous, omega) = match &delay.continuous {
+            Ok(Some((_, omega))) if omega.is_infinite() => {
+                return format!("no delay is stable: {INERTIA}");
+            }
+            Ok(Some((tau, omega))) => (Some(*tau), Some(*omega)),
+            _ => (None, None),
+        };
+        let discrete = match &delay.discrete {
+            Some(Ok(DiscreteLimit::At(tau))) => Some(*tau),
+            _ => None,
+        };
+        let smaller = continuous.into_iter().chain(discrete).reduce(f64::min);
+        match (smaller, &delay.continuous) {
+            (Some(tau), _) if tau < 1e-5 * self.dt => {
+                "0: without damping every delay lets the response grow".to_owned()
+            }
+            (Some(tau), _) => {
+                let steps = digits(tau / self.dt);
+                let grows = omega.map(|omega| {
+                    format!(
+                        "; beyond it the response grows at {} Hz",
+                        digits(omega / TAU)
+                    )
+                });
+                format!(
+                    "{} ({steps} steps){}",
+                    quantity(tau, "s"),
+                    grows.unwrap_or_default()
+                )
+            }
+            (None, Ok(_)) => "none: every delay is stable".to_owned(),
+            (None, Err(error)) => format!("not known: {error}"),
         }
     }
 

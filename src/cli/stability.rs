@@ -1,10 +1,12 @@
 //! What is known of the stability of an integration, in words and as JSON: `check`, the certificate and the end of `run` say the
 //! same of it.
 
+use super::run::method_name;
 use super::table::Table;
 use crate::config::{Facts, Stability, StructureFacts};
 use crate::geometry::LawPlace;
 use crate::stability::{grows, is_stable};
+use crate::units::digits;
 
 const NO_BOUND: &str = "no proof: a tangent has no declared bound";
 const NO_PROOF: &str = "no proof is made for this method";
@@ -77,11 +79,61 @@ pub fn brief(structure: &StructureFacts) -> String {
     }
 }
 
+/// Method, λ and stability in one sentence, for the short page of `check`.
+pub fn in_words(structure: &StructureFacts) -> String {
+    let method = method_of(structure);
+    if let Some(why) = grows(structure) {
+        return format!("{method}: UNSTABLE, {why}");
+    }
+    let choice = match &structure.stability {
+        Stability::Limit(choice) => choice,
+        other => return format!("{method}: {}", without_limit(other)),
+    };
+    match choice.limit {
+        None => format!("{method}: stable for every λ, proven"),
+        Some(limit) if choice.is_stable() => {
+            format!("{method}: stable up to λ = {}, proven", digits(limit))
+        }
+        Some(limit) => format!(
+            "{method}: UNSTABLE at this λ, which is stable up to {} only",
+            digits(limit)
+        ),
+    }
+}
+
+/// The method with its λ and the origin of λ.
+fn method_of(structure: &StructureFacts) -> String {
+    /// Elements and modes with a λ of their own that are named.
+    const NAMED: usize = 3;
+    let Some(lambda) = structure.lambda else {
+        return method_name(structure.method);
+    };
+    let origin = if structure.lambda_by_number {
+        "given"
+    } else {
+        "chosen automatically"
+    };
+    let apart = &structure.lambda_apart;
+    let named = apart.iter().take(NAMED);
+    let mut named: Vec<String> = named
+        .map(|(name, own)| format!("{} for {name}", digits(own.value())))
+        .collect();
+    if apart.len() > NAMED {
+        named.push(format!("{} more of their own", apart.len() - NAMED));
+    }
+    let own = if named.is_empty() {
+        String::new()
+    } else {
+        format!(", {}", named.join(", "))
+    };
+    format!("Gui-λ with λ = {} ({origin}){own}", digits(lambda.value()))
+}
+
 /// The same with what a certificate says of it.
 pub fn judged(structure: &StructureFacts) -> (Option<bool>, String) {
     let method = match structure.lambda {
         Some(lambda) => format!("λ = {lambda}"),
-        None => super::run::method_name(structure.method),
+        None => method_name(structure.method),
     };
     if let Some(why) = grows(structure) {
         return (Some(false), why);

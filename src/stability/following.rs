@@ -99,6 +99,12 @@ impl Following {
         judged.collect()
     }
 
+    /// Name of the specimen.
+    #[must_use]
+    pub fn specimen(&self) -> &str {
+        &self.specimen
+    }
+
     /// False if the loop is proven unstable.
     #[must_use]
     pub fn is_possible(&self) -> bool {
