@@ -177,12 +177,12 @@ fn of_delays(checked: &Checked<'_>, table: &mut Table) {
     let following = &checked.judged.following;
     let (listed, more) = following.split_at(following.len().min(LISTED));
     for one in listed {
-        let (what, found) = one.words();
-        table.row(&what, &found.replace('\n', " "));
+        let text = format!("{} {}", one.specimen(), one.in_short());
+        table.row("actuator", &text);
     }
     if !more.is_empty() {
         let text = format!("{} more: --verbose shows them", more.len());
-        table.row("actuators", &text);
+        table.row("actuator", &text);
     }
     let Some(spectrum) = checked.spectrum else {
         return;

@@ -8,192 +8,180 @@ use crate::units::{digits, quantity, quantity_range};
 
 /// Lines that the needs of a usual test may take. Where every quantity would take more, motion and force of an axis take a line each.
 const MOST_LINES: usize = 12;
+/// Axes that are shown at most: of more than six, the four that are nearest to their limits.
+const MOST_AXES: [usize; 2] = [6, 4];
 
 /// One line of the table.
 struct Line {
+    /// Specimen and axis, from 0.
+    axis: (usize, usize),
     what: String,
     needed: String,
     limit: String,
     used: String,
+    /// The need as a share of the limit or of the capacity; beyond 1 the test trips or is not possible.
+    share: f64,
 }
 
 /// Adds the table of a rehearsal.
 pub(super) fn tabulate(rehearsal: &Rehearsal, table: &mut Table) {
     let all = &rehearsal.specimens;
-    let mut blocks: Vec<Vec<Line>> = all.iter().map(each_quantity).collect();
-    if blocks.iter().map(|lines| lines.len() + 1).sum::<usize>() > MOST_LINES {
-        blocks = all.iter().map(grouped).collect();
+    let each = |of: fn(&Needs, usize) -> Vec<Line>| -> Vec<Line> {
+        let lines = all.iter().enumerate();
+        lines.flat_map(|(place, needs)| of(needs, place)).collect()
+    };
+    let mut lines = each(each_quantity);
+    let is_grouped = lines.len() + all.len() > MOST_LINES;
+    if is_grouped {
+        lines = each(grouped);
     }
-    let kept = nearest_to_limits(rehearsal, &mut blocks);
-    let lines = blocks.iter().flatten();
+    let left_out = keep_the_nearest(&mut lines);
+    table.verbatim("");
     let width = |of: fn(&Line) -> &String, heading: &str| {
-        let widths = lines.clone().map(|line| of(line).chars().count());
+        let widths = lines.iter().map(|line| of(line).chars().count());
         widths.chain([heading.len()]).max().unwrap_or(0)
     };
-    let widths = [
-        width(|line| &line.what, "needs"),
+    let [a, b, c] = [
+        width(|line| &line.what, "needs") + 2,
         width(|line| &line.needed, "needed"),
         width(|line| &line.limit, "limit"),
     ];
     let show = |table: &mut Table, [what, needed, limit, used]: [&str; 4]| {
-        let [a, b, c] = widths;
-        let text = format!("{what:<0$}  {needed:<b$}  {limit:<c$}  {used}", a + 2);
+        let text = format!("{what:<a$}  {needed:<b$}  {limit:<c$}  {used}");
         table.line(text.trim_end());
     };
-    table.verbatim("");
     show(table, ["needs", "needed", "limit", "used"]);
-    for (needs, lines) in all.iter().zip(&blocks) {
-        if lines.is_empty() && !kept.is_empty() {
+    let first = all.first().map(|needs| needs.stand_in);
+    let is_flat = is_grouped
+        && all
+            .iter()
+            .all(|needs| Some(needs.stand_in) == first && is_flat(needs));
+    if let (true, Some(stand_in)) = (is_flat, first) {
+        table.line(&format!("all specimens: {}", in_words(stand_in)));
+    }
+    for (place, needs) in all.iter().enumerate() {
+        let mut own = lines.iter().filter(|line| line.axis.0 == place).peekable();
+        if own.peek().is_none() && left_out > 0 {
             continue;
         }
-        table.line(&format!("{}: {}", needs.name, stand_in(needs.stand_in)));
+        if !is_flat {
+            table.line(&format!("{}: {}", needs.name, in_words(needs.stand_in)));
+        }
         if let Some(poses) = &needs.poses {
             table.line(&format!("  platform {}", platform(poses)));
         }
-        for line in lines {
-            let what = format!("  {}", line.what);
-            show(table, [&what, &line.needed, &line.limit, &line.used]);
+        for line in own {
+            let name = if is_flat {
+                format!("  {}, {}", needs.name, line.what)
+            } else {
+                format!("  {}", line.what)
+            };
+            show(table, [&name, &line.needed, &line.limit, &line.used]);
         }
     }
-    if !kept.is_empty() {
-        table.line(&kept);
+    if left_out > 0 {
+        table.line(&format!(
+            "{left_out} more axes are farther from their limits: --verbose shows them"
+        ));
     }
 }
 
-/// Of very many axes keeps the lines that are nearest to their limits, and says how many are left out.
-fn nearest_to_limits(rehearsal: &Rehearsal, blocks: &mut [Vec<Line>]) -> String {
-    let axes: usize = rehearsal
-        .specimens
-        .iter()
-        .map(|needs| needs.axes.len())
-        .sum();
-    let most = MOST_LINES / 2;
-    if axes <= most {
-        return String::new();
+/// True if a specimen has one axis and no platform, so that its name can stand in every line.
+const fn is_flat(needs: &Needs) -> bool {
+    needs.axes.len() == 1 && needs.poses.is_none()
+}
+
+/// Of many axes keeps those that are nearest to their limits, and all that are beyond. Returns the number of the others.
+fn keep_the_nearest(lines: &mut Vec<Line>) -> usize {
+    let mut axes: Vec<((usize, usize), f64)> = Vec::new();
+    for line in lines.iter() {
+        match axes.last_mut() {
+            Some((axis, share)) if *axis == line.axis => *share = share.max(line.share),
+            _ => axes.push((line.axis, line.share)),
+        }
     }
-    let used = |needs: &Needs, axis: usize| {
-        let margins = needs
-            .axes
-            .get(axis)
-            .into_iter()
-            .flatten()
-            .filter_map(Need::margin);
-        let of_limits = margins.map(|margin| 1.0 - margin);
-        let of_rig = needs.used(axis).into_iter().map(|used| used.share());
-        let trips = needs.axes.get(axis).into_iter().flatten().any(Need::trips);
-        let trips = if trips { f64::INFINITY } else { 0.0 };
-        of_limits.chain(of_rig).fold(trips, f64::max)
-    };
-    let each = rehearsal.specimens.iter().enumerate();
-    let mut order: Vec<(f64, usize, usize)> = each
-        .flat_map(|(place, needs)| {
-            (0..needs.axes.len()).map(move |axis| (used(needs, axis), place, axis))
-        })
-        .collect();
-    order.sort_by(|one, other| other.0.total_cmp(&one.0));
-    // An axis beyond a limit or a capacity is never left out.
-    let beyond = order.iter().filter(|(used, ..)| *used > 1.0).count();
-    let kept: Vec<(usize, usize)> = order
-        .iter()
-        .take(most.max(beyond))
-        .map(|(_, place, axis)| (*place, *axis))
-        .collect();
-    for (place, lines) in blocks.iter_mut().enumerate() {
-        let axes = rehearsal
-            .specimens
-            .get(place)
-            .map_or(1, |needs| needs.axes.len());
-        let per_axis = (lines.len() / axes.max(1)).max(1);
-        let mut number = 0;
-        lines.retain(|_| {
-            let axis = number / per_axis;
-            number += 1;
-            kept.contains(&(place, axis))
-        });
+    let [most, kept] = MOST_AXES;
+    if axes.len() <= most {
+        return 0;
     }
-    match axes - kept.len() {
-        0 => String::new(),
-        others => format!("{others} more axes are farther from their limits: --verbose shows them"),
-    }
+    axes.sort_by(|one, other| other.1.total_cmp(&one.1));
+    let beyond = axes.iter().filter(|(_, share)| *share > 1.0).count();
+    let left_out = axes.split_off(kept.max(beyond));
+    lines.retain(|line| axes.iter().any(|(axis, _)| *axis == line.axis));
+    left_out.len()
 }
 
 /// One line per quantity of every axis.
-fn each_quantity(needs: &Needs) -> Vec<Line> {
+fn each_quantity(needs: &Needs, place: usize) -> Vec<Line> {
     let mut lines = Vec::new();
     for (axis, all) in needs.axes.iter().enumerate() {
         let prefix = prefix(needs, axis);
+        let axis_of = (place, axis);
         for need in all {
             lines.push(Line {
+                axis: axis_of,
                 what: format!("{prefix}{}", name(need.quantity)),
                 needed: needed(need),
                 limit: limit(need),
                 used: used(need),
+                share: share(need),
             });
         }
-        let capacities = needs.used(axis);
-        lines.extend(capacities.iter().map(|used| of_rig(used, &prefix)));
+        for used in needs.used(axis) {
+            let word = used.key.split('_').next().unwrap_or(used.key);
+            lines.push(Line {
+                axis: axis_of,
+                what: format!("{prefix}{word} of the rig"),
+                needed: quantity(used.needed, used.unit),
+                limit: quantity(used.capacity, used.unit),
+                used: used_of_rig(&used),
+                share: used.share(),
+            });
+        }
     }
     lines
 }
 
 /// Two lines per axis: motion and force, each with the limit that is used most.
-fn grouped(needs: &Needs) -> Vec<Line> {
+fn grouped(needs: &Needs, place: usize) -> Vec<Line> {
+    let groups = [
+        ("motion", false, ["stroke_m", "velocity_m_per_s"]),
+        ("force", true, ["force_n", "power_w"]),
+    ];
     let mut lines = Vec::new();
     for (axis, all) in needs.axes.iter().enumerate() {
-        let prefix = prefix(needs, axis);
-        let used_of_rig = needs.used(axis);
-        for (word, of_force) in [("motion", false), ("force", true)] {
-            let is_of_group = |quantity| is_of_force(quantity) == of_force;
-            let group: Vec<&Need> = all
+        for (word, of_force, keys) in groups {
+            let group = all
                 .iter()
-                .filter(|need| is_of_group(need.quantity))
-                .collect();
-            let shown = group.iter().filter(|need| is_usual(need.quantity));
-            let shown: Vec<String> = shown.map(|need| needed(need)).collect();
-            let nearest = group.iter().filter(|need| need.margin().is_some());
-            let nearest = nearest.min_by(|one, other| {
-                let of = |need: &Need| need.margin().unwrap_or(f64::INFINITY);
-                of(one).total_cmp(&of(other))
-            });
-            let keys: [&str; 2] = if of_force {
-                ["force_n", "power_w"]
-            } else {
-                ["stroke_m", "velocity_m_per_s"]
-            };
-            let of_rig = used_of_rig.iter().filter(|used| keys.contains(&used.key));
-            let of_rig = of_rig.max_by(|one, other| one.share().total_cmp(&other.share()));
-            let of_limit = nearest.map(|need| {
-                (
-                    limit(need),
-                    used(need),
-                    need.margin().map_or(0.0, |margin| 1.0 - margin),
-                )
-            });
+                .filter(|need| is_of_force(need.quantity) == of_force);
+            let shown = group.clone().filter(|need| is_usual(need.quantity));
+            let shown: Vec<String> = shown.map(needed).collect();
+            let of_limits = group.map(|need| (share(need), limit(need), used(need)));
+            let of_rig = needs.used(axis);
+            let of_rig = of_rig.iter().filter(|used| keys.contains(&used.key));
             let of_rig = of_rig.map(|used| {
-                (
-                    quantity(used.capacity, used.unit) + " of the rig",
-                    share(used),
-                    used.share(),
-                )
+                let capacity = quantity(used.capacity, used.unit);
+                (used.share(), format!("{capacity} (rig)"), used_of_rig(used))
             });
-            let worst = of_limit
-                .into_iter()
+            let worst = of_limits
                 .chain(of_rig)
-                .max_by(|one, other| one.2.total_cmp(&other.2));
-            let (limit, used, _) = worst.unwrap_or_else(|| ("none".to_owned(), String::new(), 0.0));
+                .reduce(|one, other| if other.0 > one.0 { other } else { one });
+            let (share, limit, used) = worst.unwrap_or_default();
             lines.push(Line {
-                what: format!("{prefix}{word}"),
+                axis: (place, axis),
+                what: format!("{}{word}", prefix(needs, axis)),
                 needed: shown.join(", "),
                 limit,
                 used,
+                share,
             });
         }
     }
     lines
 }
 
-/// What stood for a specimen in the rehearsal.
-const fn stand_in(stand_in: StandIn) -> &'static str {
+/// The stand-in of a specimen in the rehearsal.
+const fn in_words(stand_in: StandIn) -> &'static str {
     match stand_in {
         StandIn::Itself => "computed by its own law",
         StandIn::Law => "behind a link; rehearsed with its `stand_in`",
@@ -303,6 +291,15 @@ fn limit(need: &Need) -> String {
         .unwrap_or_else(|| "none".to_owned())
 }
 
+/// The need as a share of the trip level; infinite where it trips.
+fn share(need: &Need) -> f64 {
+    match need.margin() {
+        _ if need.trips() => f64::INFINITY,
+        Some(margin) => 1.0 - margin,
+        None => 0.0,
+    }
+}
+
 fn used(need: &Need) -> String {
     let share = need.margin().map(|margin| per_cent(1.0 - margin));
     let word = if need.trips() {
@@ -316,22 +313,54 @@ fn used(need: &Need) -> String {
     format!("{share} {word}").trim().to_owned()
 }
 
-fn of_rig(used: &Used, prefix: &str) -> Line {
-    let word = used.key.split('_').next().unwrap_or(used.key);
-    Line {
-        what: format!("{prefix}{word} of the rig"),
-        needed: quantity(used.needed, used.unit),
-        limit: quantity(used.capacity, used.unit),
-        used: share(used),
-    }
-}
-
-fn share(used: &Used) -> String {
+fn used_of_rig(used: &Used) -> String {
     let word = if used.is_within() { "" } else { " TOO MUCH" };
     format!("{}{word}", per_cent(used.share()))
 }
 
-/// Rounded up: what is used in full is never shown as less.
+/// Rounded up, so that a share beyond 100 % never reads 100 %.
 fn per_cent(share: f64) -> String {
     format!("{:.0} %", (100.0 * share - 1e-9).ceil().max(0.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line(axis: usize, share: f64) -> Line {
+        Line {
+            axis: (0, axis),
+            what: String::new(),
+            needed: String::new(),
+            limit: String::new(),
+            used: String::new(),
+            share,
+        }
+    }
+
+    #[test]
+    fn of_many_axes_those_nearest_to_their_limits_are_kept_and_all_that_trip() {
+        let mut few: Vec<Line> = (0..6).map(|axis| line(axis, 0.1)).collect();
+        assert_eq!((keep_the_nearest(&mut few), few.len()), (0, 6));
+        let shares = [0.1, 0.9, 0.2, 0.8, 0.3, 0.7, 0.6, 0.0];
+        let lines = |shares: &[f64]| -> Vec<Line> {
+            let lines = shares.iter().enumerate();
+            lines
+                .flat_map(|(axis, share)| [line(axis, *share), line(axis, 0.05)])
+                .collect()
+        };
+        let mut many = lines(&shares);
+        assert_eq!(keep_the_nearest(&mut many), 4);
+        let kept: Vec<usize> = many.iter().map(|line| line.axis.1).collect();
+        assert_eq!(kept, [1, 1, 3, 3, 5, 5, 6, 6]);
+        let mut beyond = lines(&[2.0; 8]);
+        assert_eq!((keep_the_nearest(&mut beyond), beyond.len()), (0, 16));
+    }
+
+    #[test]
+    fn shares_are_rounded_up() {
+        assert_eq!(per_cent(0.5), "50 %");
+        assert_eq!(per_cent(1.0001), "101 %");
+        assert_eq!(per_cent(0.0), "0 %");
+    }
 }

@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use super::os::process_cpus;
 
+pub mod fitness;
 pub mod machine;
 pub mod trial;
 
