@@ -23,6 +23,9 @@ pub fn duration(seconds: f64) -> String {
 pub fn quantity_range(low: f64, high: f64, unit: &str) -> String {
     let (factor, prefix) = prefix_of(low.abs().max(high.abs()));
     let [low, high] = [low, high].map(|end| digits(end / factor));
+    if low == high {
+        return format!("{low} {prefix}{unit}");
+    }
     if low.strip_prefix('-') == Some(high.as_str()) {
         format!("±{high} {prefix}{unit}")
     } else {
@@ -73,7 +76,7 @@ pub fn digits(value: f64) -> String {
     }
 }
 
-/// The frequency of a loop for people: a whole number as it is, another one with four significant digits.
+/// The frequency of a loop for people. A whole number keeps all digits, any other one has four.
 #[must_use]
 pub fn rate(hz: f64) -> String {
     if hz.fract() == 0.0 && hz < 1e7 {
@@ -110,6 +113,6 @@ mod tests {
         assert_eq!(quantity_range(-0.15, 0.15, "m"), "±150 mm");
         assert_eq!(quantity_range(-29.83e-3, 8.5e-3, "m"), "-29.83 to 8.5 mm");
         assert_eq!(quantity_range(-9e-5, 0.0, "m"), "-90 to 0 µm");
-        assert_eq!(quantity_range(0.0, 0.0, "N"), "0 to 0 N");
+        assert_eq!(quantity_range(0.0, 0.0, "N"), "0 N");
     }
 }

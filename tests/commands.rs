@@ -125,7 +125,7 @@ fn a_folder_for_temporary_files_that_is_not_there_is_not_made() {
     assert_eq!(said.status.code(), Some(2));
     let told = String::from_utf8(said.stderr).unwrap();
     assert!(
-        told.contains("TMPDIR names") && told.contains("nowhere"),
+        told.contains("TMPDIR is ") && told.contains("nowhere"),
         "{told}"
     );
     assert!(!nowhere.exists());

@@ -1,5 +1,4 @@
-//! What is known of the stability of an integration, in words and as JSON: `check`, the certificate and the end of `run` say the
-//! same of it.
+//! The stability of the integration in words, for `check`, the certificate and the summary of `run`.
 
 use super::run::method_name;
 use super::table::Table;
@@ -11,7 +10,7 @@ use crate::units::digits;
 const NO_BOUND: &str = "no proof: a tangent has no declared bound";
 const NO_PROOF: &str = "no proof is made for this method";
 
-/// The rows of `check`.
+/// Adds the rows of `check --verbose`.
 pub fn tabulate(table: &mut Table, facts: &Facts, structure: &StructureFacts) {
     if let Some(why) = grows(structure) {
         return table.row("stability", &why);
@@ -39,8 +38,8 @@ pub fn tabulate(table: &mut Table, facts: &Facts, structure: &StructureFacts) {
         exact.is_some_and(|geometry| geometry.law_at == LawPlace::Actuators)
     });
     let worth = if turning {
-        "which is necessary and\nsufficient at the reference pose alone: elsewhere exact actuators with laws of their own \
-         are other springs"
+        "which is necessary and\nsufficient at the reference pose alone: elsewhere exact actuators with separate laws \
+         have other stiffnesses"
     } else {
         "which is necessary and sufficient"
     };
@@ -55,26 +54,26 @@ pub fn tabulate(table: &mut Table, facts: &Facts, structure: &StructureFacts) {
     }
 }
 
-/// Where λ has no limit that is known.
+/// The stability where no limit of λ is known.
 fn without_limit(stability: &Stability) -> String {
     match stability {
         Stability::NoLambda(why) => format!("UNSTABLE: {why}"),
         Stability::NoBound => NO_BOUND.to_owned(),
         Stability::AtBounds(radius) if stability.grows() => format!(
-            "UNSTABLE: with every tangent at its declared bound it grows by a factor {radius:.6} in a step"
+            "UNSTABLE: with every tangent at its declared bound the response grows by a factor {radius:.6} per step"
         ),
         Stability::AtBounds(radius) => format!(
-            "{NO_PROOF}; with every tangent at its declared bound its spectral radius is {radius:.6}, and nothing grows there"
+            "{NO_PROOF}; with every tangent at its declared bound its spectral radius is {radius:.6}, so the response does not grow"
         ),
         Stability::Limit(_) | Stability::NoProof => NO_PROOF.to_owned(),
     }
 }
 
-/// What `run` says beside λ or the method.
+/// The stability in a few words, for the summary of `run`.
 pub fn brief(structure: &StructureFacts) -> String {
     match structure.choice().map(|choice| choice.limit) {
         Some(Some(limit)) => format!("limit {limit:.4}"),
-        Some(None) => "every lambda is stable".to_owned(),
+        Some(None) => "stable for every λ".to_owned(),
         None => without_limit(&structure.stability),
     }
 }
@@ -103,7 +102,7 @@ pub fn in_words(structure: &StructureFacts) -> String {
 
 /// The method with its λ and the origin of λ.
 fn method_of(structure: &StructureFacts) -> String {
-    /// Elements and modes with a λ of their own that are named.
+    /// Elements and modes with a separate λ that are named.
     const NAMED: usize = 3;
     let Some(lambda) = structure.lambda else {
         return method_name(structure.method);
@@ -119,7 +118,7 @@ fn method_of(structure: &StructureFacts) -> String {
         .map(|(name, own)| format!("{} for {name}", digits(own.value())))
         .collect();
     if apart.len() > NAMED {
-        named.push(format!("{} more of their own", apart.len() - NAMED));
+        named.push(format!("{} more with another λ", apart.len() - NAMED));
     }
     let own = if named.is_empty() {
         String::new()
@@ -129,7 +128,7 @@ fn method_of(structure: &StructureFacts) -> String {
     format!("Gui-λ with λ = {} ({origin}){own}", digits(lambda.value()))
 }
 
-/// The same with what a certificate says of it.
+/// The judgement of a certificate on the integration.
 pub fn judged(structure: &StructureFacts) -> (Option<bool>, String) {
     let method = match structure.lambda {
         Some(lambda) => format!("λ = {lambda}"),

@@ -10,7 +10,7 @@ use crate::rt::timing::Quantity;
 
 /// Columns of a terminal that the pages of the commands fit into.
 pub const COLUMNS: usize = 100;
-/// Widest first column of a table that is wrapped. A longer name has a line of its own.
+/// Widest first column of a table that is wrapped. A longer name has a separate line.
 const WIDEST_NAME: usize = 28;
 
 /// One entry of a table.
@@ -95,16 +95,16 @@ impl Table {
         let mut found = summary.deadline_misses.to_string();
         if summary.deadline_misses > 0 {
             let of = &summary.miss_classes;
-            // The loop waits for nobody: of very many misses some are counted, and their causes are lost before they are written.
+            // The loop never waits for the writer. Of very many misses some are counted without their causes.
             let untold = summary.deadline_misses.saturating_sub(of.total());
             let mut causes = vec![
-                ("ours", of.ours),
+                ("own", of.ours),
                 ("preempted", of.preempted),
-                ("taken away", of.taken_away),
+                ("hypervisor", of.taken_away),
                 ("late reply", of.late_reply),
             ];
             if untold > 0 {
-                causes.push(("cause not told", untold));
+                causes.push(("unknown cause", untold));
             }
             let causes = causes
                 .iter()
@@ -167,7 +167,7 @@ fn columns(text: &str) -> usize {
 }
 
 /// `text` in lines of at most `most` columns, broken at spaces. A longer word, such as a path, is broken only
-/// if it does not fit into a line of its own.
+/// if it does not fit into one line.
 fn wrap(text: &str, most: usize) -> Vec<String> {
     let most = most.max(8);
     if columns(text) <= most {

@@ -8,8 +8,8 @@ use crate::motion::{Quantity, RecordFacts, STANDARD_GRAVITY, Signal};
 use crate::session::rehearsal::{Curtain, FullRehearsal, Need};
 use crate::units::{digits, duration, quantity, rate};
 
-/// Specimens whose critical delay has a line of its own. Of more than these the smallest number is shown.
-const LISTED: usize = 3;
+/// Specimens, and records, that have a separate line. The page gives the number of the others.
+const LISTED: usize = 2;
 
 /// Adds all of it to the page.
 pub(super) fn tabulate(checked: &Checked<'_>, table: &mut Table) {
@@ -172,7 +172,7 @@ fn of_record(record: &RecordFacts) -> String {
     )
 }
 
-/// What is known of delays: of a specimen with an actuator the proof with it, of the others the critical delay.
+/// Delays: the proof with the actuator for each specimen that has one, and the critical delay for the others.
 fn of_delays(checked: &Checked<'_>, table: &mut Table) {
     let following = &checked.judged.following;
     let (listed, more) = following.split_at(following.len().min(LISTED));

@@ -36,32 +36,23 @@ pub(super) fn tabulate(rehearsal: &Rehearsal, table: &mut Table) {
         lines = each(grouped);
     }
     let left_out = keep_the_nearest(&mut lines);
-    table.verbatim("");
-    let width = |of: fn(&Line) -> &String, heading: &str| {
-        let widths = lines.iter().map(|line| of(line).chars().count());
-        widths.chain([heading.len()]).max().unwrap_or(0)
-    };
-    let [a, b, c] = [
-        width(|line| &line.what, "needs") + 2,
-        width(|line| &line.needed, "needed"),
-        width(|line| &line.limit, "limit"),
-    ];
-    let show = |table: &mut Table, [what, needed, limit, used]: [&str; 4]| {
-        let text = format!("{what:<a$}  {needed:<b$}  {limit:<c$}  {used}");
-        table.line(text.trim_end());
-    };
-    show(table, ["needs", "needed", "limit", "used"]);
     let first = all.first().map(|needs| needs.stand_in);
-    let is_flat = is_grouped
-        && all
-            .iter()
-            .all(|needs| Some(needs.stand_in) == first && is_flat(needs));
+    let is_uniform = |needs: &Needs| is_flat(needs) && Some(needs.stand_in) == first;
+    let is_flat = is_grouped && all.iter().all(is_uniform);
+    for line in &mut lines {
+        let name = all.get(line.axis.0).filter(|_| is_flat);
+        let name = name.map_or_else(String::new, |needs| format!("{}, ", needs.name));
+        line.what = format!("  {name}{}", line.what);
+    }
+    table.verbatim("");
+    let columns = Columns::of(&lines);
+    columns.show(table, ["needs", "needed", "limit", "used"]);
     if let (true, Some(stand_in)) = (is_flat, first) {
         table.line(&format!("all specimens: {}", in_words(stand_in)));
     }
     for (place, needs) in all.iter().enumerate() {
-        let mut own = lines.iter().filter(|line| line.axis.0 == place).peekable();
-        if own.peek().is_none() && left_out > 0 {
+        let own = lines.iter().filter(|line| line.axis.0 == place);
+        if own.clone().next().is_none() && left_out > 0 {
             continue;
         }
         if !is_flat {
@@ -71,22 +62,38 @@ pub(super) fn tabulate(rehearsal: &Rehearsal, table: &mut Table) {
             table.line(&format!("  platform {}", platform(poses)));
         }
         for line in own {
-            let name = if is_flat {
-                format!("  {}, {}", needs.name, line.what)
-            } else {
-                format!("  {}", line.what)
-            };
-            show(table, [&name, &line.needed, &line.limit, &line.used]);
+            columns.show(table, [&line.what, &line.needed, &line.limit, &line.used]);
         }
     }
     if left_out > 0 {
-        table.line(&format!(
-            "{left_out} more axes are farther from their limits: --verbose shows them"
-        ));
+        table.line(&format!("{left_out} more axes: --verbose shows them"));
     }
 }
 
-/// True if a specimen has one axis and no platform, so that its name can stand in every line.
+/// Widths of the first three columns.
+struct Columns([usize; 3]);
+
+impl Columns {
+    fn of(lines: &[Line]) -> Self {
+        let width = |of: fn(&Line) -> &String, heading: &str| {
+            let widths = lines.iter().map(|line| of(line).chars().count());
+            widths.chain([heading.len()]).max().unwrap_or(0)
+        };
+        Self([
+            width(|line| &line.what, "needs"),
+            width(|line| &line.needed, "needed"),
+            width(|line| &line.limit, "limit"),
+        ])
+    }
+
+    fn show(&self, table: &mut Table, [what, needed, limit, used]: [&str; 4]) {
+        let [a, b, c] = self.0;
+        let text = format!("{what:<a$}  {needed:<b$}  {limit:<c$}  {used}");
+        table.line(text.trim_end());
+    }
+}
+
+/// True if a specimen has one axis and no platform: its name then fits into every line.
 const fn is_flat(needs: &Needs) -> bool {
     needs.axes.len() == 1 && needs.poses.is_none()
 }
@@ -320,7 +327,7 @@ fn used_of_rig(used: &Used) -> String {
 
 /// Rounded up, so that a share beyond 100 % never reads 100 %.
 fn per_cent(share: f64) -> String {
-    format!("{:.0} %", (100.0 * share - 1e-9).ceil().max(0.0))
+    format!("{:.0} %", (100.0 * share - 1e-9).ceil().abs())
 }
 
 #[cfg(test)]

@@ -28,7 +28,7 @@ pub(super) fn tabulate(checked: &Checked<'_>, table: &mut Table) {
     }
 }
 
-/// Each command with its purpose, in the order in which a laboratory goes on.
+/// Each command with its purpose, in the order of use.
 fn steps(checked: &Checked<'_>) -> Vec<(String, String)> {
     let sets = &checked.args.sets;
     let file = quoted(&checked.args.test.to_string_lossy());
@@ -65,7 +65,7 @@ fn steps(checked: &Checked<'_>) -> Vec<(String, String)> {
             };
             steps.push(step("run", clock, "run it as fast as it goes"));
             if !clock.is_empty() {
-                steps.push(step("run", "", "run it in real time: the same numbers"));
+                steps.push(step("run", "", "run it in real time: same results"));
             }
             if !certified && !checked.judged.following.is_empty() {
                 steps.push(step(

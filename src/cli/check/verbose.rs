@@ -66,7 +66,7 @@ fn describe(
     if let Some(condition) = structure.reciprocal_condition {
         table.row(
             "condition",
-            &format!("{condition:.1e} reciprocal, of what is factored for alpha"),
+            &format!("{condition:.1e} reciprocal, of the matrix that is factored for alpha"),
         );
     }
     of_loads(table, structure);

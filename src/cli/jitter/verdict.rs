@@ -14,7 +14,7 @@ const RATES: [f64; 5] = [256.0, 512.0, 1024.0, 2048.0, 4096.0];
 /// A shorter measurement does not meet rare interruptions, s.
 const ENOUGH_S: f64 = 60.0;
 
-/// What was measured.
+/// A measurement.
 pub(super) struct Measured<'a> {
     /// Ticks per second.
     pub rate_hz: f64,
