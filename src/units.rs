@@ -31,7 +31,10 @@ fn prefix(size: f64) -> (f64, &'static str) {
 
 /// A number with so many significant digits, without trailing zeros; with a power of ten where it is very large or small.
 fn significant(value: f64, digits: usize) -> String {
-    if !value.is_finite() || value == 0.0 {
+    if value == 0.0 {
+        return "0".to_owned();
+    }
+    if !value.is_finite() {
         return value.to_string();
     }
     let scientific = format!("{value:.*e}", digits - 1);
@@ -122,6 +125,35 @@ pub fn duration(seconds: f64) -> String {
     }
 }
 
+/// A range for people, both ends with the prefix of the larger one: `-29.83 to 8.5 mm`, `±150 mm` where they are opposite.
+#[must_use]
+pub fn quantity_range(low: f64, high: f64, unit: &str) -> String {
+    let largest = low.abs().max(high.abs());
+    let (factor, prefix) = match largest.is_finite() && largest > 0.0 {
+        true => prefix(largest),
+        false => (1.0, ""),
+    };
+    let [low, high] = [low, high].map(|end| number(end / factor));
+    if low == high {
+        return format!("{low} {prefix}{unit}");
+    }
+    if low.strip_prefix('-') == Some(high.as_str()) {
+        format!("±{high} {prefix}{unit}")
+    } else {
+        format!("{low} to {high} {prefix}{unit}")
+    }
+}
+
+/// The frequency of a loop for people. A whole number keeps all digits, any other one has four.
+#[must_use]
+pub fn rate(hz: f64) -> String {
+    if hz.fract() == 0.0 && hz < 1e7 {
+        format!("{hz:.0} Hz")
+    } else {
+        format!("{} Hz", number(hz))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -133,6 +165,10 @@ mod tests {
         assert_eq!(quantity(-1.011_936_785_625_589_9e3, "m"), "-1.012 km");
         assert_eq!(quantity(0.999_98, "m"), "1 m");
         assert_eq!(quantity(0.0, "m"), "0 m");
+        assert_eq!(quantity(-0.0, "m"), "0 m");
+        assert_eq!(quantity(3e-12, "m"), "0.003 nm");
+        assert_eq!(rate(1024.0), "1024 Hz");
+        assert_eq!(rate(1000.0 / 3.0), "333.3 Hz");
         assert_eq!(quantity(f64::NAN, "m"), "NaN m");
         assert_eq!(quantity(1e300, "N"), "1e291 GN");
         assert_eq!(number(19.990_000_000_000_002), "19.99");
@@ -157,5 +193,13 @@ mod tests {
         assert_eq!(unit_of_key("command_vel_m_per_s"), "m/s");
         assert_eq!(unit_of_key("measured_force_n"), "N");
         assert_eq!(unit_of_key("stuck_ticks"), "");
+    }
+
+    #[test]
+    fn both_ends_of_a_range_share_a_prefix() {
+        assert_eq!(quantity_range(-0.15, 0.15, "m"), "±150 mm");
+        assert_eq!(quantity_range(-29.83e-3, 8.5e-3, "m"), "-29.83 to 8.5 mm");
+        assert_eq!(quantity_range(-9e-5, 0.0, "m"), "-90 to 0 µm");
+        assert_eq!(quantity_range(0.0, 0.0, "N"), "0 N");
     }
 }

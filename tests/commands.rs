@@ -125,7 +125,7 @@ fn a_folder_for_temporary_files_that_is_not_there_is_not_made() {
     assert_eq!(said.status.code(), Some(2));
     let told = String::from_utf8(said.stderr).unwrap();
     assert!(
-        told.contains("TMPDIR names") && told.contains("nowhere"),
+        told.contains("TMPDIR is ") && told.contains("nowhere"),
         "{told}"
     );
     assert!(!nowhere.exists());
@@ -261,6 +261,12 @@ fn doctor_names_every_topic_with_what_was_found_and_what_to_do() {
             "poor without advice: {finding}"
         );
     }
+    // The last entry is the verdict, and the page ends with it.
+    let verdict = findings.last().unwrap();
+    assert_eq!(verdict["topic"], "verdict");
+    let (_, end) = said.stdout.rsplit_once("\nverdict ").unwrap();
+    assert!(end.contains(verdict["found"].as_str().unwrap()), "{end}");
+    assert!(end.contains("first: ") && end.lines().count() <= 4, "{end}");
 }
 
 #[test]
@@ -327,6 +333,16 @@ fn jitter_prints_one_document_with_the_keys_of_the_timing() {
     ] {
         assert!(found.get(key).is_some(), "{key}");
     }
+    let verdict = &found["verdict"];
+    assert_eq!(verdict["rate_hz"], 500.0);
+    assert_eq!(verdict["misses"], found["deadline_misses"]);
+    assert_eq!(verdict["fit"], found["deadline_misses"] == 0);
+    let words = verdict["text"].as_str().unwrap();
+    let word = if verdict["fit"] == true { "yes" } else { "no" };
+    assert!(
+        words.starts_with(&format!("fit for 500 Hz: {word}, ")),
+        "{words}"
+    );
 }
 
 #[test]
@@ -354,6 +370,7 @@ fn jitter_leaves_histograms_numbers_and_a_picture_where_it_is_told() {
         "{}",
         said.stderr
     );
+    assert!(said.stderr.contains("\nverdict "), "{}", said.stderr);
     let found = names(&out);
     for name in [
         "timing.json",

@@ -35,9 +35,65 @@ fn for_each_study(with: impl Fn(&Path, &Path)) {
 #[test]
 fn every_study_passes_the_check() {
     for_each_study(|study, _| {
+        // As an operator types it: tests run in the folder of the crate.
+        let study = study.strip_prefix(env!("CARGO_MANIFEST_DIR")).unwrap();
         let said = say(["check".as_ref(), study.as_os_str()]);
         assert_eq!(said.code, Some(0), "{}", said.stderr);
+        is_short(study, &said.stdout);
     });
+}
+
+#[test]
+fn check_of_a_test_with_a_second_program_is_short_too() {
+    for study in ["config/serve/vrths-case-1.toml"] {
+        let said = say(["check", study]);
+        assert_eq!(said.code, Some(0), "{}", said.stderr);
+        is_short(Path::new(study), &said.stdout);
+        for command in [
+            "gusset check --rehearse ",
+            "gusset identify ",
+            "gusset run ",
+        ] {
+            assert!(
+                said.stdout.contains(&format!("  {command}{study}")),
+                "{}",
+                said.stdout
+            );
+        }
+    }
+}
+
+/// The page fits a terminal of 30 lines and 100 columns; warnings take more lines. It begins with the verdict and ends with
+/// the next commands.
+#[track_caller]
+fn is_short(study: &Path, page: &str) {
+    let lines: Vec<&str> = page.trim_end().lines().collect();
+    let widest = lines.iter().map(|line| line.chars().count()).max();
+    let warnings = lines.iter().position(|line| line.starts_with("test "));
+    let warnings = warnings.expect("no line of the test") - 3;
+    assert!(
+        lines.len() <= 30 + warnings && widest <= Some(100),
+        "{} lines with {warnings} of warnings, {widest:?} columns:\n{page}",
+        lines.len()
+    );
+    assert!(lines[1].ends_with(" — valid"), "{page}");
+    for name in ["test ", "structure ", "excitation ", "rehearsal ", "needs "] {
+        assert!(
+            lines.iter().any(|line| line.starts_with(name)),
+            "no {name}:\n{page}"
+        );
+    }
+    let next = lines.iter().skip_while(|line| **line != "next").skip(1);
+    let next: Vec<_> = next.filter(|line| line.starts_with("  gusset ")).collect();
+    let file = study.file_name().unwrap().to_str().unwrap();
+    assert!(
+        next.len() >= 2 && next.iter().all(|line| line.contains(file)),
+        "{page}"
+    );
+    assert!(
+        next.iter().any(|line| line.contains("gusset run ")),
+        "{page}"
+    );
 }
 
 #[test]

@@ -55,11 +55,17 @@ fn check_reports_what_it_read_of_a_record() {
     near(&found["duration_s"], 0.04);
     near(&found["peak_m_per_s2"], 0.980_665);
     near(&found["peak_g"], 0.1);
-    for options in [&["--no-rehearsal"][..], &["--no-rehearsal", "--verbose"]] {
+    for (options, peak) in [
+        (&["--no-rehearsal"][..], "0.1 g"),
+        (&["--no-rehearsal", "--verbose"], "0.1000 g"),
+    ] {
         let said = check("a.csv", text.as_bytes(), keys, options);
-        let row = said.stdout.lines().find(|line| line.contains("a.csv"));
+        // The short page may break the line once.
+        let row = said.stdout.find("a.csv").map(|at| &said.stdout[at..]);
         let row = row.unwrap_or_else(|| panic!("{}", said.stdout));
-        for part in ["csv", "column 2", "cm/s2", "3 points", "20", "0.1000 g"] {
+        let row = row.lines().take(2).map(str::trim);
+        let row = row.collect::<Vec<_>>().join(" ");
+        for part in ["csv", "column 2", "cm/s2", "3 points", "20", peak] {
             assert!(row.contains(part), "no {part:?} in {row}");
         }
     }

@@ -1,7 +1,7 @@
-//! `gusset check --rehearse`: go or no-go, with its reasons.
+//! `gusset check --rehearse`: go or no-go, with the reasons.
 //!
-//! Each line is a judgement of its own: go, no-go, or not known. It is a no-go if any line is; what is not known does not
-//! forbid, but is said.
+//! Each line is a separate judgement: go, no-go, or not known. One no-go makes the certificate a no-go. A line that is not known
+//! does not forbid the test, but it is shown.
 
 use serde_json::{Value, json};
 
@@ -17,7 +17,7 @@ use crate::work::Work;
 
 /// One judgement.
 struct Line {
-    /// None: not known.
+    /// None if it is not known.
     go: Option<bool>,
     about: String,
     text: String,
@@ -26,7 +26,7 @@ struct Line {
 /// The certificate of a test.
 pub struct Certificate {
     lines: Vec<Line>,
-    /// Why GO cannot be established even if no line is a no-go.
+    /// Reasons why GO is not established although no line is a no-go.
     missing: Vec<String>,
     varied: Vec<String>,
     trials: Trials,
@@ -46,7 +46,7 @@ impl Certificate {
         let seed = seed.unwrap_or(allowed.seed);
         let asked = trials.unwrap_or_else(|| u64::from(allowed.trials));
         let plan = Plan::of(loaded, seed);
-        // Trials that are all the same show no more than one.
+        // Identical trials show no more than one trial.
         let count = if plan.is_certain() { 1 } else { asked };
         let work = Work::begin("certificate", count);
         let trials = carry_out(loaded, &plan, facts.lambda(), count, &|done| {
@@ -64,7 +64,7 @@ impl Certificate {
                 go: Some(words.is_empty()),
                 about: "limits, nominal test".to_owned(),
                 text: if words.is_empty() {
-                    "none is met".to_owned()
+                    "none is reached".to_owned()
                 } else {
                     words.join(";\n")
                 },
@@ -89,12 +89,12 @@ impl Certificate {
         })
     }
 
-    /// True if nothing forbids the test, and all that a GO needs is known.
+    /// True if no line forbids the test, and everything that a GO needs is known.
     pub fn is_go(&self) -> bool {
         self.missing.is_empty() && self.lines.iter().all(|line| line.go != Some(false))
     }
 
-    /// Its lines, and the verdict.
+    /// Adds its lines and the verdict to a table.
     pub fn tabulate(&self, table: &mut Table) {
         let Trials {
             all,
@@ -111,11 +111,12 @@ impl Certificate {
             ),
         );
         let varied = if self.varied.is_empty() {
-            "nothing: no noise, no `[[uncertainty]]`, nothing identified has a spread".to_owned()
+            "nothing: no noise, no `[[uncertainty]]`, no standard deviation in `identified`"
+                .to_owned()
         } else {
             self.varied.join(",\n")
         };
-        table.row("what varies", &varied);
+        table.row("varied", &varied);
         for Line { go, about, text } in &self.lines {
             let word = match go {
                 Some(true) => "go",
@@ -134,7 +135,7 @@ impl Certificate {
         table.row("certificate", &verdict);
     }
 
-    /// The same as JSON.
+    /// The certificate as JSON.
     pub fn as_json(&self) -> Value {
         let band = |band: Option<Band>| {
             band.map(|b| json!({ "p5": b.low, "p50": b.middle, "p95": b.high, "max": b.worst }))
@@ -227,7 +228,7 @@ fn of_integration(facts: &Facts) -> Line {
     }
 }
 
-/// Stroke, velocity, force and power against what the rig can give: in the nominal test without limits, and in 95 % of the
+/// Stroke, velocity, force and power against the capacity of the rig, in the nominal test without limits and in 95 % of the
 /// trials.
 fn of_capacity(
     index: usize,
@@ -285,17 +286,17 @@ fn of_capacity(
     lines
 }
 
-/// Share of draws without a test that a certificate may pass over.
+/// Largest allowed share of draws that give no valid test.
 const MOST_IMPOSSIBLE: f64 = 0.02;
 
-/// What could not be tried: the spread of the file is then not what was tried.
+/// Draws that gave no valid test: the trials then do not have the spread that the file declares.
 fn of_draws(trials: &Trials) -> Option<Line> {
     let share = trials.impossible();
     (share > 0.0).then(|| Line {
         go: Some(share <= MOST_IMPOSSIBLE),
-        about: "what was drawn".to_owned(),
+        about: "draws".to_owned(),
         text: format!(
-            "no test can be made of {:.1} % of the draws, and others were drawn for them; {:.0} % allowed",
+            "{:.1} % of the draws gave no valid test and were replaced; {:.0} % allowed",
             100.0 * share,
             100.0 * MOST_IMPOSSIBLE
         ),
@@ -305,9 +306,9 @@ fn of_draws(trials: &Trials) -> Option<Line> {
 fn of_trips(trials: &Trials, allowed: f64, certain: bool) -> Line {
     let (trips, count) = (trials.trips(), trials.all.len() as u64);
     let mut text = if certain {
-        let all = "nothing is uncertain, so that one trial is all of them";
+        let all = "nothing is uncertain, so one trial stands for all";
         let end = if trips == 0 {
-            "it came to its end"
+            "it was completed"
         } else {
             "it tripped"
         };
@@ -316,7 +317,7 @@ fn of_trips(trials: &Trials, allowed: f64, certain: bool) -> Line {
         let (low, high) = interval(trips, count);
         let text = format!(
             "{trips} of {count} trials; with 95 % confidence the probability is {:.1} to {:.1} %, {:.1} % allowed",
-            // Outwards: an interval that is told is not narrower than the one that is known.
+            // Rounded outwards, so that the printed interval is not narrower than the computed one.
             (1e3 * low).floor() / 10.0,
             (1e3 * high).ceil() / 10.0,
             100.0 * allowed
@@ -359,7 +360,7 @@ fn of_errors(loaded: &Loaded, facts: &Facts, trials: &Trials) -> Vec<Line> {
             };
         };
         let text = format!(
-            "{} to {} in 5 to 95 % of the trials that came to their end, {} in half of them; {} allowed",
+            "{} to {} between the 5th and the 95th percentile of the completed trials, median {}; {} allowed",
             percent(band.low),
             percent(band.high),
             percent(band.middle),
@@ -371,7 +372,7 @@ fn of_errors(loaded: &Loaded, facts: &Facts, trials: &Trials) -> Vec<Line> {
             text,
         }
     };
-    const NONE: &str = "no trial came to its end";
+    const NONE: &str = "no trial was completed";
     let mut lines = Vec::new();
     let mut place = 0;
     let first = trials.all.first();

@@ -4,17 +4,24 @@ use super::answer;
 use super::args::DoctorArgs;
 use super::exit::Exit;
 use super::table::Table;
-use crate::rt::doctor::{Verdict, examine};
+use crate::rt::doctor::{Finding, Verdict, examine, fitness};
 
-/// Says what this machine gives and lacks for real-time work.
+/// Shows the strengths and gaps of this machine for real-time work. The last entry is the verdict.
 pub fn doctor(args: &DoctorArgs) -> anyhow::Result<Exit> {
-    let findings = examine();
+    let mut findings = examine();
+    let verdict = fitness::verdict(&findings);
     if args.json {
+        findings.push(verdict);
         answer(serde_json::to_string_pretty(&findings)?)?;
-        return Ok(Exit::Done);
+    } else {
+        answer(page(&findings, &verdict))?;
     }
-    let mut table = Table::new("This machine, for real-time work");
-    for finding in &findings {
+    Ok(Exit::Done)
+}
+
+fn page(findings: &[Finding], verdict: &Finding) -> Table {
+    let mut table = Table::wrapped("This machine, for real-time work");
+    for finding in findings {
         let mark = match finding.verdict {
             Verdict::Good => "good   ",
             Verdict::Fair => "fair   ",
@@ -23,10 +30,11 @@ pub fn doctor(args: &DoctorArgs) -> anyhow::Result<Exit> {
         };
         let mut text = format!("{mark} {}", finding.found);
         if let Some(advice) = &finding.advice {
-            text.push_str(&format!("\n        {advice}"));
+            text.push_str(&format!("\n-> {advice}"));
         }
         table.row(finding.topic, &text);
     }
-    answer(table)?;
-    Ok(Exit::Done)
+    let first = verdict.advice.as_deref().unwrap_or("nothing");
+    table.row(verdict.topic, &format!("{}; first: {first}", verdict.found));
+    table
 }

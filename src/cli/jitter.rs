@@ -1,5 +1,7 @@
 //! `gusset jitter`: the loop's own timing on this machine.
 
+mod verdict;
+
 use std::path::Path;
 
 use anyhow::Context;
@@ -17,10 +19,11 @@ use crate::rt::TimingSpec;
 use crate::rt::load::{Load, USUAL_BYTES};
 use crate::session::{self, Finish, Finished, Signal, Signals, Watches, bare_loop};
 use crate::time::Ratio;
+use verdict::Measured;
 
-/// Beyond what any machine keeps.
+/// More than any machine keeps.
 const HIGHEST_HZ: f64 = 1e6;
-/// Sixteen weeks and more.
+/// More than sixteen weeks.
 const LONGEST_S: f64 = 1e7;
 
 /// Measures the loop with nothing attached.
@@ -38,7 +41,7 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<Exit> {
     );
     anyhow::ensure!(
         args.duration <= LONGEST_S || !args.duration.is_finite(),
-        "--duration {}: at most {LONGEST_S} s are allowed; Ctrl-C ends a measurement, too, and it is told then",
+        "--duration {}: at most {LONGEST_S} s are allowed. Ctrl-C ends a measurement earlier and prints its result",
         args.duration
     );
     let timing = timing(args)?;
@@ -47,13 +50,13 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<Exit> {
     let temporary = std::env::temp_dir();
     anyhow::ensure!(
         args.out.is_some() || temporary.is_dir(),
-        "TMPDIR names {}, which is no folder: set another one, or keep the measurement with --out",
+        "TMPDIR is {}, which is not a folder: set another one, or name a folder with --out",
         temporary.display()
     );
     let scratch = temporary.join(format!("gusset-jitter-{}", std::process::id()));
     let path = args.out.as_deref().unwrap_or(&scratch);
-    let signals = Signals::listen().context("signals cannot be taken over")?;
-    let folder = RunFolder::create(path).context("the folder cannot be made")?;
+    let signals = Signals::listen().context("signals cannot be handled")?;
+    let folder = RunFolder::create(path).context("the folder cannot be created")?;
     let facts = test.facts.clone();
     let cpu = args
         .cpu
@@ -99,15 +102,27 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<Exit> {
     if args.out.is_some() {
         draw(&facts.title, kept, &bins, 1e6 / facts.rate_hz)?;
     } else {
-        // Ours alone: its name carries this process' number.
+        // No other process uses it: the name contains the number of this one.
         let _ = std::fs::remove_dir_all(&scratch);
     }
+    let summary = &finished.summary;
+    let measured = Measured {
+        rate_hz: summary.rate_hz,
+        seconds: summary.wall_seconds,
+        misses: summary.deadline_misses,
+        causes: summary.miss_classes,
+        bins: &bins,
+        loaded: args.load,
+        granted: finished
+            .granted
+            .as_ref()
+            .is_some_and(|granted| session::missing(granted).is_empty()),
+    };
     if args.json {
-        answer(serde_json::to_string_pretty(&as_json(
-            &finished, &bins, streamed,
-        ))?)?;
+        let found = as_json(&finished, &measured, streamed);
+        answer(serde_json::to_string_pretty(&found)?)?;
     }
-    conclude(&facts.title, args, &finished);
+    conclude(&facts.title, args, &finished, &measured);
     Ok(match (finished.finish, signals.seen()) {
         (Finish::Interrupted, Some(Signal::Terminate)) => Exit::Terminated,
         (Finish::Interrupted, _) => Exit::Interrupted,
@@ -116,7 +131,7 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<Exit> {
     })
 }
 
-/// What is asked of the machine.
+/// The real-time settings that the measurement asks for.
 pub(super) fn timing(args: &JitterArgs) -> anyhow::Result<TimingSpec> {
     let timing = TimingSpec {
         cpu: args.cpu,
@@ -139,7 +154,7 @@ fn read_json(path: &Path) -> serde_json::Value {
 
 fn as_json(
     finished: &Finished,
-    bins: &serde_json::Value,
+    measured: &Measured<'_>,
     load: Option<serde_json::Value>,
 ) -> serde_json::Value {
     let summary = &finished.summary;
@@ -153,7 +168,8 @@ fn as_json(
         "rows_lost": summary.rows_lost,
         "load": load,
         "realtime": summary.realtime,
-        "timing": bins,
+        "timing": measured.bins,
+        "verdict": measured.as_json(),
     })
 }
 
@@ -176,9 +192,9 @@ fn draw(
     Ok(folder.write_extra("jitter.svg", picture.as_bytes())?)
 }
 
-fn conclude(title: &str, args: &JitterArgs, finished: &Finished) {
+fn conclude(title: &str, args: &JitterArgs, finished: &Finished, measured: &Measured<'_>) {
     let summary = &finished.summary;
-    let mut table = Table::new(&format!("{title}, {:.3} s", summary.wall_seconds));
+    let mut table = Table::wrapped(&format!("{title}, {:.3} s", summary.wall_seconds));
     table.timing(&summary.timing);
     table.row("ticks", &(summary.steps + 1).to_string());
     table.misses(summary);
@@ -196,5 +212,6 @@ fn conclude(title: &str, args: &JitterArgs, finished: &Finished) {
             &format!("{} (jitter.svg, *.hgrm, timing.json)", out.display()),
         );
     }
+    table.row("verdict", &measured.words());
     tell(table);
 }

@@ -1,10 +1,10 @@
-//! Limits as `gusset check` shows them: what is allowed, who checks it, what happens then.
+//! Limits as `gusset check --verbose` shows them: the levels, the program that checks them, and the consequences.
 
 use super::table::Table;
 use crate::config::{Limit, LimitFacts, LoadingFacts};
 use crate::geometry::LawPlace;
 
-/// Adds them to the table of a test.
+/// Adds the limits to the table of a test.
 pub fn tabulate(limits: &LimitFacts, table: &mut Table) {
     if let Some(reason) = &limits.unlimited {
         table.row("UNLIMITED", reason);
@@ -26,14 +26,14 @@ pub fn tabulate(limits: &LimitFacts, table: &mut Table) {
                 };
                 table.row(&format!("  {word} {}{of}", index + 1), "");
             } else if axis.is_empty() {
-                table.row("  none", "only what is not a number trips");
+                table.row("  none", "only NaN or infinity trips");
             }
             for limit in axis {
                 line(limit, table);
             }
         }
         for (what, found) in [
-            ("  ends of its own", &specimen.ends),
+            ("  ends of stroke", &specimen.ends),
             ("  watchdog", &specimen.watchdog),
             ("  direction", &specimen.direction),
         ] {
@@ -41,7 +41,7 @@ pub fn tabulate(limits: &LimitFacts, table: &mut Table) {
                 table.row(what, found);
             }
         }
-        table.row("  stale answers", &specimen.stale);
+        table.row("  stale replies", &specimen.stale);
         if let Some(safe) = &specimen.safe_disp_m {
             let each: Vec<String> = safe
                 .iter()
@@ -50,19 +50,19 @@ pub fn tabulate(limits: &LimitFacts, table: &mut Table) {
             table.row("  safe_disp_m", &each.join(", "));
         }
     }
-    table.row("limits, test", "checked by this loop");
+    table.row("limits, test", "checked by the controller");
     for limit in &limits.test {
         line(limit, table);
     }
     table.row("  always", &limits.always.join(";\n"));
     table.row("  late ticks", &limits.on_miss);
-    table.row("a warning", "is an event in the log; the test goes on");
+    table.row("a warning", "is an event in the log; the test continues");
     table.row("a trip", &limits.on_trip);
-    table.row("the way in", &limits.way_in);
-    table.row("the end", &limits.at_end);
+    table.row("startup", &limits.way_in);
+    table.row("shutdown", &limits.at_end);
 }
 
-/// The actuators of a specimen, and what they hold.
+/// The actuators of a loading unit, and the coordinates that they hold.
 fn loading_unit(name: &str, loading: &LoadingFacts, table: &mut Table) {
     let LoadingFacts {
         form,
@@ -136,7 +136,7 @@ fn line(limit: &Limit, table: &mut Table) {
     );
 }
 
-/// Without rows of zeros.
+/// A number without long rows of zeros.
 fn plain(value: f64) -> String {
     if value == 0.0 || (1e-3..1e7).contains(&value.abs()) {
         value.to_string()

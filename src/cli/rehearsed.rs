@@ -21,7 +21,7 @@ pub fn tabulate(full: &FullRehearsal, table: &mut Table) {
     let each = tick_s.map(|tick| format!(", {} a tick", duration(tick)));
     let how = match curtain {
         Curtain::Completed => "",
-        Curtain::OutOfBudget => "; what comes later is beyond the budget",
+        Curtain::OutOfBudget => "; the rest exceeds the rehearsal budget",
         Curtain::Stopped(_) => ", then the test would stop",
     };
     let text = format!(
@@ -135,20 +135,20 @@ pub fn as_json(full: &FullRehearsal) -> Value {
     })
 }
 
-/// What the fastest axis is asked for in a hold there.
+/// The needs of the fastest axis in a hold at its fastest moment.
 fn held(held: &Held) -> Option<String> {
     let (specimen, axis) = held.fastest;
     let name = &held.specimens.get(specimen)?.name;
     let lines: Vec<String> = held.needs().map(line).collect();
     Some(format!(
-        "asked for at {}, where axis {} of `{name}` is fastest, it needs there\n{}",
+        "requested at {}, where axis {} of `{name}` is fastest, needs\n{}",
         duration(held.at),
         axis + 1,
         lines.join("\n")
     ))
 }
 
-/// How far the platform of a loading unit goes.
+/// The range of the platform of a loading unit.
 fn platform(poses: &Poses) -> String {
     let each = poses.range.iter().map(|(coordinate, low, high)| {
         let value = |value: f64| quantity(value, coordinate.unit());
@@ -179,7 +179,7 @@ fn platform_json(poses: &Poses) -> Value {
     })
 }
 
-/// A capacity, and how much of it is used.
+/// A capacity of the rig and the used share.
 fn of_rig(used: &Used) -> String {
     let verdict = if used.is_within() {
         ""

@@ -1,4 +1,4 @@
-//! What `gusset check` says of modes and delays, in words and as JSON; the curves are beside it.
+//! Modes and delays of a test in words and as JSON. The curves are in `figures`.
 
 mod figures;
 
@@ -11,7 +11,7 @@ use crate::config::{ALL_MODES, Facts, Loop, ModeFacts, StructureFacts};
 use crate::integrate::Lambda;
 use crate::spectral::delay::{Critical, DelayError, DiscreteLimit, continuous};
 use crate::stability::{INERTIA, diverging, growing};
-use crate::units::duration;
+use crate::units::{duration, number, quantity};
 
 /// Modes that are listed.
 const LISTED: usize = 6;
@@ -27,7 +27,7 @@ pub(super) fn swing(omega: f64, dt: f64) -> String {
     format!("{hz:>9.4} Hz  {period:>11}  {:>10.6}", omega * dt)
 }
 
-/// A share in per cent, without a sign on what rounds to zero.
+/// A share in per cent. A value that rounds to zero has no sign.
 fn percent(share: f64, signed: bool) -> String {
     let value = 100.0 * share;
     let zero = value.abs() < 0.5e-4;
@@ -38,7 +38,7 @@ fn percent(share: f64, signed: bool) -> String {
     }
 }
 
-/// What can be said of modes and delays: for the family by its λ, for another method of delays in continuous time alone.
+/// Modes and critical delays of a test. For a method outside the Gui-λ family only delays in continuous time are known.
 pub(super) struct Spectrum {
     dt: f64,
     lambda: Option<f64>,
@@ -60,7 +60,7 @@ struct Delay {
 }
 
 impl Delay {
-    /// What makes it unstable with nothing delayed, in words, if anything does.
+    /// The reason why it is unstable without any delay, if it is.
     fn at_once(&self) -> Option<String> {
         let growing = self.growth.map(growing);
         let recursion = self.radius().map(diverging);
@@ -78,7 +78,7 @@ impl Delay {
 }
 
 impl Spectrum {
-    /// None for a structure that is too large.
+    /// Returns none for a structure that is too large.
     pub(super) fn of(facts: &Facts, structure: &StructureFacts) -> Option<Self> {
         let lambda = structure.lambda.map(Lambda::value);
         let analysis = structure.analysis.as_ref()?;
@@ -137,12 +137,12 @@ impl Spectrum {
                 ),
                 _ if mode.ratio >= 1.0 && mode.ratio.is_finite() => {
                     format!(
-                        "{swing}   overdamped, ξ = {:.4}: it does not swing",
+                        "{swing}   overdamped, ξ = {:.4}: no oscillation",
                         mode.ratio
                     )
                 }
                 _ if mode.frequency > 0.0 => {
-                    format!("{swing}   real poles: it does not swing at this step")
+                    format!("{swing}   real poles: no oscillation at this step")
                 }
                 _ => format!("{swing}   a free body"),
             }
@@ -216,7 +216,7 @@ impl Spectrum {
                         Err(error) => error.to_string(),
                     };
                     format!(
-                        "{continuous}\n(at rest; as K0 and C0 have it, with gaps closed and dampers at their reference: {closed})"
+                        "{continuous}\n(at rest; with K0 and C0, that is with closed gaps and dampers at their reference: {closed})"
                     )
                 }
             };
@@ -227,7 +227,7 @@ impl Spectrum {
             };
             let discrete = match discrete {
                 Ok(DiscreteLimit::At(tau)) if vanishes(*tau) => {
-                    "the same by the recursion".to_owned()
+                    "none by the recursion either".to_owned()
                 }
                 Ok(DiscreteLimit::At(tau)) => {
                     format!("{} by the recursion at this Δt and λ", steps(*tau))
@@ -241,6 +241,54 @@ impl Spectrum {
                 Err(error) => format!("not known by the recursion: {error}"),
             };
             table.row(&name, &format!("{continuous};\n{discrete}"));
+        }
+    }
+
+    /// The critical delay of one specimen in a few words, for each specimen that is not in `judged`.
+    pub(super) fn in_short(&self, judged: &[&str]) -> Vec<(&str, String)> {
+        let delays = self.delays.iter();
+        let delays = delays.filter(|delay| !judged.contains(&delay.specimen.name.as_str()));
+        let each = delays.map(|delay| (delay.specimen.name.as_str(), self.limit_of(delay)));
+        each.collect()
+    }
+
+    /// The smaller of both critical delays, and what follows from it.
+    fn limit_of(&self, delay: &Delay) -> String {
+        if let Some(why) = delay.at_once() {
+            return format!("UNSTABLE without any delay: {why}");
+        }
+        let (continuous, omega) = match &delay.continuous {
+            Ok(Some((_, omega))) if omega.is_infinite() => {
+                return format!("no delay is stable: {INERTIA}");
+            }
+            Ok(Some((tau, omega))) => (Some(*tau), Some(*omega)),
+            _ => (None, None),
+        };
+        let discrete = match &delay.discrete {
+            Some(Ok(DiscreteLimit::At(tau))) => Some(*tau),
+            _ => None,
+        };
+        let smaller = continuous.into_iter().chain(discrete).reduce(f64::min);
+        match (smaller, &delay.continuous) {
+            (Some(tau), _) if tau < 1e-5 * self.dt => {
+                "0: without damping every delay lets the response grow".to_owned()
+            }
+            (Some(tau), _) => {
+                let steps = number(tau / self.dt);
+                let grows = omega.map(|omega| {
+                    format!(
+                        "; beyond it the response grows at {} Hz",
+                        number(omega / TAU)
+                    )
+                });
+                format!(
+                    "{} ({steps} steps){}",
+                    quantity(tau, "s"),
+                    grows.unwrap_or_default()
+                )
+            }
+            (None, Ok(_)) => "none: every delay is stable".to_owned(),
+            (None, Err(error)) => format!("not known: {error}"),
         }
     }
 

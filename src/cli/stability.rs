@@ -1,15 +1,16 @@
-//! What is known of the stability of an integration, in words and as JSON: `check`, the certificate and the end of `run` say the
-//! same of it.
+//! The stability of the integration in words, for `check`, the certificate and the summary of `run`.
 
+use super::run::method_name;
 use super::table::Table;
 use crate::config::{Facts, Stability, StructureFacts};
 use crate::geometry::LawPlace;
 use crate::stability::{grows, is_stable};
+use crate::units::number;
 
 const NO_BOUND: &str = "no proof: a tangent has no declared bound";
 const NO_PROOF: &str = "no proof is made for this method";
 
-/// The rows of `check`.
+/// Adds the rows of `check --verbose`.
 pub fn tabulate(table: &mut Table, facts: &Facts, structure: &StructureFacts) {
     if let Some(why) = grows(structure) {
         return table.row("stability", &why);
@@ -37,8 +38,8 @@ pub fn tabulate(table: &mut Table, facts: &Facts, structure: &StructureFacts) {
         exact.is_some_and(|geometry| geometry.law_at == LawPlace::Actuators)
     });
     let worth = if turning {
-        "which is necessary and\nsufficient at the reference pose alone: elsewhere exact actuators with laws of their own \
-         are other springs"
+        "which is necessary and\nsufficient at the reference pose alone: elsewhere exact actuators with separate laws \
+         have other stiffnesses"
     } else {
         "which is necessary and sufficient"
     };
@@ -53,35 +54,85 @@ pub fn tabulate(table: &mut Table, facts: &Facts, structure: &StructureFacts) {
     }
 }
 
-/// Where λ has no limit that is known.
+/// The stability where no limit of λ is known.
 fn without_limit(stability: &Stability) -> String {
     match stability {
         Stability::NoLambda(why) => format!("UNSTABLE: {why}"),
         Stability::NoBound => NO_BOUND.to_owned(),
         Stability::AtBounds(radius) if stability.grows() => format!(
-            "UNSTABLE: with every tangent at its declared bound it grows by a factor {radius:.6} in a step"
+            "UNSTABLE: with every tangent at its declared bound the response grows by a factor {radius:.6} per step"
         ),
         Stability::AtBounds(radius) => format!(
-            "{NO_PROOF}; with every tangent at its declared bound its spectral radius is {radius:.6}, and nothing grows there"
+            "{NO_PROOF}; with every tangent at its declared bound its spectral radius is {radius:.6}, so the response does not grow"
         ),
         Stability::Limit(_) | Stability::NoProof => NO_PROOF.to_owned(),
     }
 }
 
-/// What `run` says beside λ or the method.
+/// The stability in a few words, for the summary of `run`.
 pub fn brief(structure: &StructureFacts) -> String {
     match structure.choice().map(|choice| choice.limit) {
         Some(Some(limit)) => format!("limit {limit:.4}"),
-        Some(None) => "every lambda is stable".to_owned(),
+        Some(None) => "stable for every λ".to_owned(),
         None => without_limit(&structure.stability),
     }
 }
 
-/// The same with what a certificate says of it.
+/// Method, λ and stability in one sentence, for the short page of `check`.
+pub fn in_words(structure: &StructureFacts) -> String {
+    let method = method_of(structure);
+    if let Some(why) = grows(structure) {
+        return format!("{method}: UNSTABLE, {why}");
+    }
+    let choice = match &structure.stability {
+        Stability::Limit(choice) => choice,
+        other => return format!("{method}: {}", without_limit(other)),
+    };
+    match choice.limit {
+        None => format!("{method}: stable for every λ, proven"),
+        Some(limit) if choice.is_stable() => {
+            format!("{method}: stable up to λ = {}, proven", number(limit))
+        }
+        Some(limit) => format!(
+            "{method}: UNSTABLE at this λ, which is stable up to {} only",
+            number(limit)
+        ),
+    }
+}
+
+/// The method with its λ and the origin of λ.
+fn method_of(structure: &StructureFacts) -> String {
+    /// Elements and modes with a separate λ that are named.
+    const NAMED: usize = 3;
+    let Some(lambda) = structure.lambda else {
+        return method_name(structure.method);
+    };
+    let origin = if structure.lambda_by_number {
+        "given"
+    } else {
+        "chosen automatically"
+    };
+    let apart = &structure.lambda_apart;
+    let named = apart.iter().take(NAMED);
+    let mut named: Vec<String> = named
+        .map(|(name, own)| format!("{} for {name}", number(own.value())))
+        .collect();
+    if apart.len() > NAMED {
+        named.push(format!("{} more with another λ", apart.len() - NAMED));
+    }
+    let own = if named.is_empty() {
+        String::new()
+    } else {
+        format!(", {}", named.join(", "))
+    };
+    format!("Gui-λ with λ = {} ({origin}){own}", number(lambda.value()))
+}
+
+/// The judgement of a certificate on the integration.
 pub fn judged(structure: &StructureFacts) -> (Option<bool>, String) {
     let method = match structure.lambda {
         Some(lambda) => format!("λ = {lambda}"),
-        None => super::run::method_name(structure.method),
+        None => method_name(structure.method),
     };
     if let Some(why) = grows(structure) {
         return (Some(false), why);

@@ -100,6 +100,12 @@ impl Following {
         judged.collect()
     }
 
+    /// Name of the specimen.
+    #[must_use]
+    pub fn specimen(&self) -> &str {
+        &self.specimen
+    }
+
     /// False if the loop is proven unstable.
     #[must_use]
     pub fn is_possible(&self) -> bool {
@@ -360,6 +366,32 @@ impl Following {
             format!("actuator, {}", self.specimen),
             format!("{lag};\nwith compensation \"{}\": {verdict}", self.kind),
         )
+    }
+
+    /// Lag, critical delay and stability with the compensation, in one line.
+    #[must_use]
+    pub fn in_short(&self) -> String {
+        let lag = match &self.at_rest.bears {
+            Bears::LessThan { critical, lag, .. } => format!(
+                "lags {}, critical delay {}",
+                duration(*lag),
+                duration(*critical)
+            ),
+            Bears::Every => "stable with every delay".to_owned(),
+            Bears::None(why) => format!("no delay is stable: {why}"),
+            Bears::Unstable(growth) => format!("UNSTABLE without any delay: {}", growing(*growth)),
+            Bears::Unknown(error) => format!("critical delay not known: {error}"),
+        };
+        let verdict = match (self.in_one_only(), self.at_rest.roots) {
+            (Some(text), _) => text,
+            _ if self.is_unstable() => "UNSTABLE".to_owned(),
+            (None, None) => "not proven".to_owned(),
+            (None, Some(_)) => "stable".to_owned(),
+        };
+        match self.kind {
+            "none" => format!("{lag}; without compensation: {verdict}"),
+            kind => format!("{lag}; with \"{kind}\": {verdict}"),
+        }
     }
 
     /// What makes it unstable with nothing delayed, if anything does.

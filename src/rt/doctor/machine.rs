@@ -25,13 +25,13 @@ impl Tree {
         Self { root: root.into() }
     }
 
-    /// Text of a file, given without leading slash, trimmed; none if there is none.
+    /// Trimmed text of a file, if it exists. The path has no leading slash.
     fn text(&self, path: &str) -> Option<String> {
         let bytes = std::fs::read(self.root.join(path)).ok()?;
         Some(String::from_utf8_lossy(&bytes).trim().to_owned())
     }
 
-    /// Names in a directory, sorted; empty if there is none.
+    /// Sorted names in a directory; empty without one.
     fn names(&self, path: &str) -> Vec<String> {
         let Ok(entries) = std::fs::read_dir(self.root.join(path)) else {
             return Vec::new();
@@ -86,7 +86,7 @@ fn kernel(tree: &Tree) -> Finding {
         return Finding::new(TOPIC, format!("{release}, PREEMPT_RT"), Verdict::Good, "");
     }
     if version.contains("PREEMPT_DYNAMIC") {
-        // "none voluntary (full) lazy": the mode in use stands in brackets; debugfs may be closed to us.
+        // "none voluntary (full) lazy": the mode in use is in brackets; debugfs may be unreadable.
         let mode = tree
             .text("sys/kernel/debug/sched/preempt")
             .and_then(|modes| Some(modes.split_once('(')?.1.split_once(')')?.0.to_owned()));
@@ -244,7 +244,7 @@ fn governor(tree: &Tree) -> Finding {
     match governors.as_slice() {
         [] => Finding::new(
             TOPIC,
-            "none visible: the frequency is not ours to choose",
+            "none visible: this machine does not let programs choose the frequency",
             Verdict::Unknown,
             "",
         ),
@@ -329,7 +329,7 @@ fn hypervisor(tree: &Tree) -> Finding {
     match flags.map(|line| line.split_whitespace().any(|flag| flag == "hypervisor")) {
         Some(true) => Finding::new(
             TOPIC,
-            "this is a virtual machine: the core can be taken away for milliseconds, and no program can prevent it",
+            "this is a virtual machine: the hypervisor can stop a core for milliseconds, and no program can prevent it",
             Verdict::Poor,
             "run tests with a real specimen on a physical machine, or have the host pin and isolate this machine's cores",
         ),
@@ -357,7 +357,7 @@ fn steal(tree: &Tree) -> Finding {
                     TOPIC,
                     found,
                     Verdict::Fair,
-                    "misses of that origin are listed as taken away",
+                    "misses of that origin are counted under \"hypervisor\"",
                 )
             } else {
                 Finding::new(
@@ -562,7 +562,7 @@ mod tests {
     fn a_machine_that_says_nothing_is_unknown_and_not_an_error() {
         let (_dir, tree) = machine(&[]);
         for (topic, verdict) in verdicts(&tree) {
-            // No list of tickless processors means that there are none.
+            // Without a list no processor is tickless.
             let expected = if topic == "tickless processors" {
                 Verdict::Fair
             } else {

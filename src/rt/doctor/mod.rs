@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use super::os::process_cpus;
 
+pub mod fitness;
 pub mod machine;
 pub mod trial;
 
@@ -32,7 +33,7 @@ pub enum Verdict {
 pub struct Finding {
     /// Short name, for example "clock source".
     pub topic: &'static str,
-    /// What was found.
+    /// The state of the machine in words.
     pub found: String,
     /// How good that is.
     pub verdict: Verdict,
@@ -66,8 +67,8 @@ pub fn examine() -> Vec<Finding> {
     findings
 }
 
-/// What the machine's own files say, without trying anything: safe at any time. Which processors this process may use is left
-/// out: that of a test has bound itself.
+/// Findings from the machine's files alone, without a trial: safe at any time. The processors that this process may use are left
+/// out, because a running test has bound itself to one.
 #[must_use]
 pub fn read() -> Vec<Finding> {
     machine::findings(&Tree::of_this_machine(), None)
@@ -88,7 +89,7 @@ mod tests {
         assert!(count >= 15, "{topics:?}");
         for finding in &findings {
             assert!(!finding.found.is_empty(), "{finding:?}");
-            // What is poor comes with a way out.
+            // Every poor finding has an advice.
             assert!(
                 finding.verdict != Verdict::Poor || finding.advice.is_some(),
                 "{finding:?}"

@@ -1,0 +1,236 @@
+//! The short page of `gusset check`: the test, its model, its stability and its needs in a few lines.
+
+use super::super::stability;
+use super::super::table::Table;
+use super::{Checked, needs};
+use crate::config::{ClockChoice, Facts, Loaded, StructureFacts};
+use crate::motion::{Quantity, RecordFacts, STANDARD_GRAVITY, Signal};
+use crate::session::rehearsal::{Curtain, FullRehearsal, Need};
+use crate::units::{duration, number, quantity, rate};
+
+/// Specimens, and records, that have a separate line. The page gives the number of the others.
+const LISTED: usize = 2;
+
+/// Adds all of it to the page.
+pub(super) fn tabulate(checked: &Checked<'_>, table: &mut Table) {
+    let facts = &checked.judged.test.facts;
+    table.row("test", &of_test(facts));
+    let first = facts.structure.as_ref().and_then(|structure| {
+        let first = structure.frequencies.first().copied();
+        first.or_else(|| checked.spectrum?.lowest())
+    });
+    let text = match &facts.structure {
+        Some(structure) => of_structure(structure, first),
+        None => "none: the specimens follow a prescribed displacement".to_owned(),
+    };
+    table.row("structure", &text);
+    of_excitation(checked.loaded, facts, table);
+    if let Some(structure) = &facts.structure {
+        table.row("integrator", &stability::in_words(structure));
+    }
+    of_delays(checked, table);
+    match &checked.judged.rehearsed {
+        Some(full) => {
+            table.row("rehearsal", &of_rehearsal(full));
+            needs::tabulate(&full.rehearsal, table);
+        }
+        None => table.row("rehearsal", "none: needs and limits are not compared"),
+    }
+}
+
+fn of_test(facts: &Facts) -> String {
+    let clock = match facts.clock {
+        ClockChoice::Real => "real",
+        ClockChoice::Simulated => "simulated",
+    };
+    let steps = format!(
+        "{} steps of {} = {}, {clock} clock at {}",
+        facts.steps,
+        quantity(facts.dt, "s"),
+        duration(facts.steps as f64 * facts.dt),
+        rate(facts.rate_hz),
+    );
+    match facts.ticks_per_step {
+        0 | 1 => steps,
+        ticks => format!("{steps}, {ticks} ticks per step"),
+    }
+}
+
+fn of_structure(structure: &StructureFacts, first: Option<f64>) -> String {
+    let dofs = match structure.dofs {
+        1 => "1 DOF".to_owned(),
+        dofs => format!("{dofs} DOFs"),
+    };
+    match first {
+        Some(omega) if omega > 0.0 => {
+            let hz = number(omega / std::f64::consts::TAU);
+            format!("{dofs}, first natural frequency {hz} Hz")
+        }
+        _ => dofs,
+    }
+}
+
+/// Every motion and load in one line, then a line for each record file.
+fn of_excitation(loaded: &Loaded, facts: &Facts, table: &mut Table) {
+    let excitation = &loaded.file.excitation;
+    let structure = facts.structure.as_ref();
+    let mut parts = Vec::new();
+    if let Some(ground) = &excitation.ground_acceleration {
+        let peak = structure.and_then(|structure| structure.peak_ground_accel);
+        let peak = peak.map(|peak| format!(", peak {}", acceleration(peak)));
+        let kind = kind(&ground.signal);
+        let peak = peak.unwrap_or_default();
+        parts.push(format!("ground acceleration ({kind}{peak})"));
+    }
+    if let Some(base) = &excitation.base_displacement {
+        parts.push(format!("base displacement ({})", kind(&base.signal)));
+    }
+    match excitation.nodal_force.as_slice() {
+        [] => {}
+        [one] => parts.push(format!("nodal force ({})", kind(&one.signal))),
+        several => parts.push(format!("{} nodal force histories", several.len())),
+    }
+    if let Some(nodal) = &excitation.nodal_table {
+        let peak = structure.and_then(|structure| {
+            let (dof, peak) = structure.peak_nodal_force?;
+            let turns = structure.rotations.contains(&dof);
+            let peak = quantity(peak, if turns { "N m" } else { "N" });
+            Some(format!(", peak {peak} at DOF {}", dof + 1))
+        });
+        let peak = peak.unwrap_or_default();
+        parts.push(format!("nodal forces from {}{peak}", nodal.file));
+    }
+    match excitation.prescribed_displacement.as_slice() {
+        [] => {}
+        [one] => parts.push(format!(
+            "prescribed displacement of {} ({})",
+            one.specimen,
+            kind(&one.signal)
+        )),
+        several => parts.push(format!("{} prescribed displacements", several.len())),
+    }
+    let held = loaded.file.structure.as_ref();
+    if held.is_some_and(|table| table.static_load_n.is_some() || table.gravity.is_some()) {
+        parts.push("static load held throughout".to_owned());
+    }
+    let text = match parts.is_empty() {
+        true => "none".to_owned(),
+        false => parts.join("; "),
+    };
+    table.row("excitation", &text);
+    for record in facts.records.iter().take(LISTED) {
+        table.row("record", &of_record(record));
+    }
+    if let Some(more @ 1..) = facts.records.len().checked_sub(LISTED) {
+        table.row("record", &format!("{more} more: --verbose shows them"));
+    }
+}
+
+/// The kind of a signal in words.
+const fn kind(signal: &Signal) -> &'static str {
+    match signal {
+        Signal::File(_) => "record",
+        Signal::Values(_) => "values of the test file",
+        Signal::Sine(_) => "sine",
+        Signal::Sweep(_) => "sweep",
+        Signal::BandLimitedNoise(_) => "band-limited noise",
+        Signal::KanaiTajimi(_) => "Kanai–Tajimi",
+        Signal::Step(_) => "step",
+        Signal::RampAndHold(_) => "ramp and hold",
+        Signal::Cyclic(_) => "cyclic",
+        Signal::Ricker(_) => "Ricker wavelet",
+        Signal::Constant(_) => "constant",
+    }
+}
+
+fn acceleration(peak: f64) -> String {
+    format!(
+        "{} = {} g",
+        quantity(peak, "m/s²"),
+        number(peak / STANDARD_GRAVITY)
+    )
+}
+
+fn of_record(record: &RecordFacts) -> String {
+    let column = match (&record.column_name, record.column) {
+        (Some(name), Some(number)) => format!("column {number} {name:?}, "),
+        (None, Some(number)) => format!("column {number}, "),
+        _ => String::new(),
+    };
+    let peak = match record.quantity {
+        Quantity::Acceleration => acceleration(record.peak),
+        other => quantity(record.peak, other.si_unit()),
+    };
+    format!(
+        "{}: {}, {column}{} points of {} = {}, unit {}, peak {peak}",
+        record.file,
+        record.format.name(),
+        record.npts,
+        quantity(record.dt_s, "s"),
+        duration(record.duration_s()),
+        record.unit,
+    )
+}
+
+/// Delays: the proof with the actuator for each specimen that has one, and the critical delay for the others.
+fn of_delays(checked: &Checked<'_>, table: &mut Table) {
+    let following = &checked.judged.following;
+    let (listed, more) = following.split_at(following.len().min(LISTED));
+    for one in listed {
+        let text = format!("{} {}", one.specimen(), one.in_short());
+        table.row("actuator", &text);
+    }
+    if !more.is_empty() {
+        let text = format!("{} more: --verbose shows them", more.len());
+        table.row("actuator", &text);
+    }
+    let Some(spectrum) = checked.spectrum else {
+        return;
+    };
+    let names: Vec<&str> = following.iter().map(|one| one.specimen()).collect();
+    let delays = spectrum.in_short(&names);
+    match delays.as_slice() {
+        [] => {}
+        [(_, text)] if following.is_empty() => table.row("critical delay", text),
+        all => {
+            for (name, text) in all.iter().take(LISTED) {
+                table.row("critical delay", &format!("{name}: {text}"));
+            }
+            if let Some(more @ 1..) = all.len().checked_sub(LISTED) {
+                table.row(
+                    "critical delay",
+                    &format!("{more} more: --verbose shows them"),
+                );
+            }
+        }
+    }
+}
+
+/// Whether the whole test was rehearsed, and what it met.
+fn of_rehearsal(full: &FullRehearsal) -> String {
+    let rehearsal = &full.rehearsal;
+    let time = duration(rehearsal.time);
+    let extent = match rehearsal.curtain {
+        Curtain::Completed => format!("all {time} of the test on the simulated clock"),
+        Curtain::OutOfBudget => {
+            format!("the first {time} of the test; the rest takes too long to rehearse")
+        }
+        Curtain::Stopped(stop) => format!("the test would stop after {time}: {stop}"),
+    };
+    let axes = rehearsal.specimens.iter().flat_map(|needs| &needs.axes);
+    let needs: Vec<&Need> = axes.flatten().collect();
+    let trips = needs.iter().filter(|need| need.trips()).count();
+    let limited = needs.iter().any(|need| need.margin().is_some());
+    let limits = match (limited, trips) {
+        (false, 0) => "no trip level is set".to_owned(),
+        (_, 0) => "no trip level is reached".to_owned(),
+        (_, 1) => "ONE LIMIT WOULD TRIP".to_owned(),
+        (_, several) => format!("{several} LIMITS WOULD TRIP"),
+    };
+    let held = full.held.as_ref().map(|held| {
+        let trips = held.needs().any(Need::trips);
+        let trips = if trips { ", WHICH WOULD TRIP" } else { "" };
+        format!("; with a hold at {}{trips}", quantity(held.at, "s"))
+    });
+    format!("{extent}; {limits}{}", held.unwrap_or_default())
+}

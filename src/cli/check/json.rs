@@ -1,0 +1,119 @@
+//! `gusset check --json`.
+
+use serde_json::{Value, json};
+
+use super::super::rehearsed;
+use super::super::spectrum::Spectrum;
+use super::{Checked, commands};
+use crate::config::{Stability, StructureFacts};
+use crate::motion::{Quantity, RecordFacts, STANDARD_GRAVITY};
+
+/// The whole document.
+pub(super) fn document(checked: &Checked<'_>) -> Value {
+    let judged = checked.judged;
+    let facts = &judged.test.facts;
+    let structure = facts.structure.as_ref();
+    let structure = structure.map(|structure| structure_json(structure, checked.spectrum));
+    let following = judged.following.iter().map(|one| one.as_json());
+    let full = judged.rehearsed.as_ref();
+    let mut found = json!({
+        "title": facts.title,
+        "valid": judged.verdict.is_clear(),
+        "verdict": judged.verdict.record(),
+        "steps": facts.steps,
+        "dt": facts.dt,
+        "rate_hz": facts.rate_hz,
+        "ticks_per_step": facts.ticks_per_step,
+        "structure": structure,
+        "specimens": facts.specimens,
+        "commands": commands(checked.loaded)
+            .map(|(name, between_ticks)| json!({"specimen": name, "between_ticks": between_ticks.name()}))
+            .collect::<Vec<_>>(),
+        "rehearsal": full.map(rehearsed::as_json),
+        "record": facts.records.first().map(record_json),
+        "records": facts.records.iter().map(record_json).collect::<Vec<_>>(),
+        "limits": facts.limits,
+        "warnings": facts.warnings,
+    });
+    if let Some(found) = found.as_object_mut() {
+        if !judged.following.is_empty() {
+            found.insert("following".to_owned(), following.collect());
+        }
+        if let Some(certificate) = checked.certificate {
+            found.insert("certificate".to_owned(), certificate.as_json());
+        }
+    }
+    found
+}
+
+/// `structure`.
+fn structure_json(structure: &StructureFacts, spectrum: Option<&Spectrum>) -> Value {
+    let choice = structure.choice();
+    json!({
+        "dofs": structure.dofs,
+        "storage": structure.storage,
+        "reciprocal_condition": structure.reciprocal_condition,
+        "frequencies_rad_per_s": structure.frequencies,
+        "method": structure.method,
+        "lambda": structure.lambda.map(|lambda| number(lambda.value())),
+        "lambda_by_number": structure.lambda_by_number,
+        "lambda_apart": structure.lambda_apart.iter().map(|(name, own)| (name.clone(), number(own.value())))
+            .collect::<serde_json::Map<_, _>>(),
+        "lambda_limit": choice.map(|choice| choice.limit),
+        "criterion": choice.map(|_| "S(lambda) positive semi-definite at the declared bounds"),
+        "margin": choice.map(|choice| number(choice.margin)),
+        "stable": crate::stability::is_stable(structure),
+        "governing": choice.and_then(|c| c.governing.as_ref()).map(ToString::to_string),
+        "gain_bound": structure.gain.is_finite().then_some(structure.gain),
+        "spectral_radius_at_bounds": match structure.stability {
+            Stability::AtBounds(radius) => Some(radius),
+            _ => None,
+        },
+        "modes": spectrum.filter(|spectrum| spectrum.is_of_family()).map(Spectrum::modes_json),
+        "highest_frequency_rad_per_s": spectrum.and_then(Spectrum::highest),
+        "critical_delays": spectrum.map(Spectrum::delays_json),
+        "peak_ground_acceleration_m_per_s2": structure.peak_ground_accel,
+        "peak_nodal_force_n": structure.peak_nodal_force.map(|(_, peak)| peak),
+    })
+}
+
+/// A number, or its name where it is not finite.
+fn number(value: f64) -> Value {
+    if value.is_finite() {
+        json!(value)
+    } else {
+        json!(value.to_string())
+    }
+}
+
+/// One record for `--json`. `column` is the name of the column, or its number where it has no name.
+fn record_json(record: &RecordFacts) -> Value {
+    let peak_key = match record.quantity {
+        Quantity::Acceleration => "peak_m_per_s2",
+        Quantity::Velocity => "peak_m_per_s",
+        Quantity::Displacement => "peak_m",
+        Quantity::Force => "peak_n",
+    };
+    let column = match &record.column_name {
+        Some(name) => json!(name),
+        None => json!(record.column),
+    };
+    let mut found = json!({
+        "file": record.file,
+        "format": record.format,
+        "column": column,
+        "column_number": record.column,
+        "unit": record.unit,
+        "npts": record.npts,
+        "dt_s": record.dt_s,
+        "duration_s": record.duration_s(),
+    });
+    if let Some(found) = found.as_object_mut() {
+        found.insert(peak_key.to_owned(), json!(record.peak));
+        if record.quantity == Quantity::Acceleration {
+            let in_g = record.peak / STANDARD_GRAVITY;
+            found.insert("peak_g".to_owned(), json!(in_g));
+        }
+    }
+    found
+}

@@ -1,0 +1,180 @@
+//! `gusset check --verbose`: everything that is known of a test without a rehearsal.
+
+use super::super::run::method_name;
+use super::super::spectrum::Spectrum;
+use super::super::table::Table;
+use super::super::{limits, spectrum as modes, stability};
+use crate::config::{ClockChoice, Facts, StructureFacts};
+use crate::integrate::Lambda;
+use crate::motion::{Quantity, STANDARD_GRAVITY};
+use crate::units::{duration, quantity};
+
+/// Everything that is known of the test without a rehearsal.
+pub(super) fn tabulate(table: &mut Table, facts: &Facts, spectrum: Option<&Spectrum>) {
+    of_test(table, facts);
+    of_records(table, facts);
+    if facts.ticks_per_step > 1 {
+        let ticks = f64::from(facts.ticks_per_step);
+        table.row(
+            "rates",
+            &format!(
+                "integration {:.6} steps per second of wall time, controller {:.6} ticks per second: {} ticks per step",
+                facts.rate_hz / ticks,
+                facts.rate_hz,
+                facts.ticks_per_step
+            ),
+        );
+    }
+    if let Some(structure) = &facts.structure {
+        describe(table, facts, structure, spectrum);
+    } else {
+        table.row(
+            "structure",
+            "none: the specimens follow a prescribed displacement",
+        );
+    }
+    let specimens = facts.specimens.join(", ");
+    table.row(
+        "specimens",
+        if specimens.is_empty() {
+            "none"
+        } else {
+            &specimens
+        },
+    );
+    limits::tabulate(&facts.limits, table);
+}
+
+fn describe(
+    table: &mut Table,
+    facts: &Facts,
+    structure: &StructureFacts,
+    spectrum: Option<&Spectrum>,
+) {
+    table.row(
+        "structure",
+        &format!(
+            "{} DOFs{}",
+            structure.dofs,
+            structure
+                .storage
+                .as_ref()
+                .map(|storage| format!(", effective mass stored {storage}"))
+                .unwrap_or_default()
+        ),
+    );
+    if let Some(condition) = structure.reciprocal_condition {
+        table.row(
+            "condition",
+            &format!("{condition:.1e} reciprocal, of the matrix that is factored for alpha"),
+        );
+    }
+    of_loads(table, structure);
+    match spectrum.filter(|spectrum| spectrum.is_of_family()) {
+        Some(spectrum) => spectrum.tabulate(table),
+        None => frequencies(table, facts, structure),
+    }
+    match structure.lambda {
+        Some(lambda) => describe_lambda(table, structure, lambda),
+        None => table.row("method", &method_name(structure.method)),
+    }
+    stability::tabulate(table, facts, structure);
+    if let Some(spectrum) = spectrum {
+        spectrum.describe(table);
+    }
+}
+
+fn describe_lambda(table: &mut Table, structure: &StructureFacts, lambda: Lambda) {
+    let how = if structure.lambda_by_number {
+        "asked for by number".to_owned()
+    } else {
+        format!(
+            "automatic: the largest up to 11.5 with gain at most {}",
+            structure.gain
+        )
+    };
+    let own = structure.lambda_apart.iter();
+    let own: Vec<String> = own.map(|(name, own)| format!("{own} for {name}")).collect();
+    if own.is_empty() {
+        table.row("λ", &format!("{lambda} ({how})"));
+    } else {
+        table.row(
+            "λ",
+            &format!("{lambda} for the rest ({how});\n{}", own.join(", ")),
+        );
+    }
+}
+
+/// Natural frequencies alone, where nothing is known of what the method makes of them.
+fn frequencies(table: &mut Table, facts: &Facts, structure: &StructureFacts) {
+    if structure.frequencies.is_empty() {
+        return;
+    }
+    table.row("mode", "   frequency       period    Ω = ω·Δt");
+    for (mode, omega) in structure.frequencies.iter().enumerate() {
+        let text = modes::swing(*omega, facts.dt);
+        table.row(&format!("  {}", mode + 1), &text);
+    }
+}
+
+fn of_test(table: &mut Table, facts: &Facts) {
+    let clock = match facts.clock {
+        ClockChoice::Real => "real",
+        ClockChoice::Simulated => "simulated",
+    };
+    table.row(
+        "test",
+        &format!(
+            "{} steps of {} = {}, {clock} clock at {:.6} Hz",
+            facts.steps,
+            duration(facts.dt),
+            duration(facts.steps as f64 * facts.dt),
+            facts.rate_hz
+        ),
+    );
+}
+
+/// Each record that was read from a file, in a line.
+fn of_records(table: &mut Table, facts: &Facts) {
+    for record in &facts.records {
+        let column = match (&record.column_name, record.column) {
+            (Some(name), Some(number)) => format!("column {number} {name:?}, "),
+            (None, Some(number)) => format!("column {number}, "),
+            _ => String::new(),
+        };
+        let peak = match record.quantity {
+            Quantity::Acceleration => format!(
+                "{} ({:.4} g)",
+                quantity(record.peak, record.quantity.si_unit()),
+                record.peak / STANDARD_GRAVITY
+            ),
+            other => quantity(record.peak, other.si_unit()),
+        };
+        table.row(
+            "record",
+            &format!(
+                "{}: {}, {column}unit {}, {} points of {} = {}, peak {peak}",
+                record.file,
+                record.format.name(),
+                record.unit,
+                record.npts,
+                duration(record.dt_s),
+                duration(record.duration_s())
+            ),
+        );
+    }
+}
+
+fn of_loads(table: &mut Table, structure: &StructureFacts) {
+    if let Some(peak) = structure.peak_ground_accel {
+        table.row(
+            "ground",
+            &format!("peak acceleration {}", quantity(peak, "m/s²")),
+        );
+    }
+    if let Some((dof, peak)) = structure.peak_nodal_force {
+        let turns = structure.rotations.contains(&dof);
+        let peak = quantity(peak, if turns { "N m" } else { "N" });
+        table.row("nodal forces", &format!("peak {peak} at DOF {}", dof + 1));
+    }
+}
