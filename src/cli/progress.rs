@@ -117,7 +117,7 @@ pub fn remaining(done: f64, left: f64, elapsed_s: f64) -> Option<String> {
     is_known.then(|| format!("about {} left", rounded(elapsed_s * left / done)))
 }
 
-/// The same behind a comma, or nothing.
+/// The remaining time behind a comma, or nothing.
 fn and_remaining(done: f64, left: f64, elapsed_s: f64) -> String {
     remaining(done, left, elapsed_s).map_or_else(String::new, |text| format!(", {text}"))
 }
