@@ -301,7 +301,7 @@ fn a_storey_of_a_served_specimen_leads_to_rows() {
     let text = format!("[[specimen]]\nname = \"column\"\nstorey = 1\n{ONE_AXIS_LAW}");
     let path = write(folder.path(), "served.toml", &text);
     let found = load_served(&path, None).unwrap_err().to_string();
-    shows(&found, "`storey` takes a deformation from a structure");
+    shows(&found, "`storey` refers to a structure");
     shows(&found, "`rows`");
     assert!(!found.contains("is prescribed"), "{found}");
 }
