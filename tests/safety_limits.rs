@@ -313,7 +313,7 @@ fn check_says_which_limits_there_are_who_checks_them_and_what_happens_then() {
         "  0.0125 m\n",
         "hold for 0.250000 s while every sensor is read and the operator confirms",
         "a ramp of 3 s or longer",
-        "comes to rest in 0.75 s",
+        "come to rest in 0.75 s",
     ] {
         assert!(table.contains(words), "{words:?} is not in {table}");
     }

@@ -70,8 +70,7 @@ fn judge_gain(
     let place = site.loaded.locator.beneath(at, key);
     let headline = format!("a constant target of 1 mm gives a first command of {gain} mm");
     if gain > 0.0 {
-        let finding = Finding::warning(place, headline)
-            .label("the command is far from the target");
+        let finding = Finding::warning(place, headline).label("the command is far from the target");
         let help = "the first coefficient must be 1/A for an actuator whose static gain is A";
         site.warnings.push(finding.help(help));
         return Ok(());
