@@ -29,7 +29,7 @@ fn prefix(size: f64) -> (f64, &'static str) {
         .unwrap_or((1e-9, "n"))
 }
 
-/// A number with so many significant digits, without trailing zeros; with a power of ten where it is very large or small.
+/// A number rounded to `digits` significant digits, without trailing zeros. Very large and small numbers get a power of ten.
 fn significant(value: f64, digits: usize) -> String {
     if value == 0.0 {
         return "0".to_owned();

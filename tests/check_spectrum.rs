@@ -92,7 +92,7 @@ fn digits_that_a_stiff_part_costs_are_told_where_it_costs_them() {
     }
     let (_, text, complaint) = check(&building("[1e3, 1e17]"), &[]);
     assert!(
-        complaint.contains("a solve keeps about 7 of 16 digits"),
+        complaint.contains("a solution keeps about 7 of 16 digits"),
         "{complaint}"
     );
     assert!(

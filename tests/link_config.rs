@@ -301,7 +301,7 @@ fn a_storey_of_a_served_specimen_leads_to_rows() {
     let text = format!("[[specimen]]\nname = \"column\"\nstorey = 1\n{ONE_AXIS_LAW}");
     let path = write(folder.path(), "served.toml", &text);
     let found = load_served(&path, None).unwrap_err().to_string();
-    shows(&found, "`storey` takes a deformation from a structure");
+    shows(&found, "`storey` refers to a structure");
     shows(&found, "`rows`");
     assert!(!found.contains("is prescribed"), "{found}");
 }
@@ -311,11 +311,7 @@ fn a_live_page_on_the_port_of_a_specimen_is_refused_before_anything_connects() {
     let folder = tempfile::tempdir().unwrap();
     let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap();
-    let text = linked(
-        10,
-        &address.to_string(),
-        "probe = \"none\"\ncomputed = true\n",
-    );
+    let text = linked(10, &address.to_string(), "probe = \"none\"\n");
     let text = text.replace("clock = \"real\"", "clock = \"simulated\"");
     let file = write(folder.path(), "test.toml", &text);
     let mut command = link_common::gusset();
@@ -341,7 +337,8 @@ fn a_server_on_a_port_in_use_is_refused_with_the_flag_that_changes_it() {
     let folder = tempfile::tempdir().unwrap();
     let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
-    let file = format!("[serve]\nlisten = \"{address}\"\n{ONE_AXIS}{ONE_AXIS_LAW}");
+    let file =
+        format!("[serve]\nlisten = \"{address}\"\n[[specimen]]\nname = \"column\"\n{ONE_AXIS_LAW}");
     let path = write(folder.path(), "rig.toml", &file);
     for protocol in ["gusset", "openfresco"] {
         let mut command = link_common::gusset();

@@ -219,7 +219,7 @@ fn far(name: &str) -> String {
         "[[specimen]]\nname = \"{name}\"\nstorey = 2\nstiffness_n_per_m = 1e5\nlink = {{ address = \"127.0.0.1:{}\", coupling \
          = \"lockstep\", commands = \"every_step\" }}\n",
         // Each specimen has a separate server.
-        name.len()
+        1000 + name.bytes().map(u32::from).sum::<u32>()
     )
 }
 

@@ -307,13 +307,13 @@ fn check_says_which_limits_there_are_who_checks_them_and_what_happens_then() {
         "once the command has gone 0.0001 m",
         "of second differences beyond 0.000001 m",
         "in 7 s, not counted in the",
-        "holds, by itself, after 0.5 s without a command",
+        "holds after 0.5 s without a command",
         "no wiring check",
         "every specimen moves to its `safe_disp_m`, at 0.004 m/s at most",
         "  0.0125 m\n",
         "hold for 0.250000 s while every sensor is read and the operator confirms",
         "a ramp of 3 s or longer",
-        "comes to rest in 0.75 s",
+        "come to rest in 0.75 s",
     ] {
         assert!(table.contains(words), "{words:?} is not in {table}");
     }

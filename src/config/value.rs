@@ -11,7 +11,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::time::{RateError, Ratio};
 
-/// What is allowed where a number has too many digits to be kept exactly.
+/// The allowed numbers, for a number with too many digits.
 fn exact(found: Unexpected<'_>) -> String {
     /// A fraction is proposed where the number is as near to it as its own digits can tell.
     const NEAR: f64 = 1e-6;

@@ -1,4 +1,4 @@
-//! Addresses as they are written in a file, compared without asking the network.
+//! Comparison of the addresses in a file, without a look at the network.
 
 /// True if a server at `one` and a server at `other` would need the same port of this machine, or if both name one server.
 ///

@@ -287,7 +287,7 @@ mod tests {
                     show its position \
                     at the end";
         assert!(page.contains(said), "{page}");
-        assert!(!page.contains("last command") && !page.contains("last measured"));
+        assert!(!page.contains("last command") && !page.contains("last measurements"));
     }
 
     /// The same, the specimen itself in other units, at another scale or wired the other way.

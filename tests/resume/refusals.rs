@@ -204,10 +204,14 @@ fn a_test_that_had_tripped_goes_on_only_for_who_names_the_trip() {
     refused(&unsaid, unknown, &[]);
     // It trips at once again, or does not: it is told either way.
     assert!(matches!(said.code, Some(0 | 1)), "{}", said.stderr);
-    assert!(said.stderr.contains("IT HAD TRIPPED"), "{}", said.stderr);
+    assert!(
+        said.stderr.contains("THE TEST HAD TRIPPED"),
+        "{}",
+        said.stderr
+    );
     let summary = common::json(&second, "summary.json");
     let warnings = summary["warnings"].to_string();
-    assert!(warnings.contains("IT HAD TRIPPED"), "{warnings}");
+    assert!(warnings.contains("THE TEST HAD TRIPPED"), "{warnings}");
     // What was done to the specimen in steps without a row is not known.
     let samples = std::fs::File::options()
         .write(true)
@@ -264,7 +268,10 @@ fn where_the_event_of_a_trip_may_be_lost_the_test_goes_on_only_for_who_says_so()
         .facts
         .warnings
         .join("\n");
-    assert!(warnings.contains("IT MAY HAVE TRIPPED: "), "{warnings}");
+    assert!(
+        warnings.contains("THE TEST MAY HAVE TRIPPED: "),
+        "{warnings}"
+    );
     // The operator had ended this one; a trip would have come before.
     let run = with(bent, &|told| told.replace("\"stopped\"", "\"interrupted\""));
     let said = go_on(&run, &at("second"));

@@ -84,9 +84,10 @@ impl Substructure for Rig {
 /// Two storeys, each a rig behind a link. 10 ticks of reading, 4 of warm-up, a ramp of 40 where it is one.
 pub fn two_rigs(home: &Path, safety: &str) -> PathBuf {
     let rig = |name: &str, storey: u32| {
+        let port = 8 + storey;
         format!(
             "[[specimen]]\nname = \"{name}\"\nstorey = {storey}\nstiffness_n_per_m = 3e5\nlink = {{ address = \
-             \"127.0.0.1:9\", coupling = \"lockstep\", probe = \"none\" }}\n"
+             \"127.0.0.1:{port}\", coupling = \"lockstep\", probe = \"none\" }}\n"
         )
     };
     let text = format!(

@@ -99,7 +99,7 @@ fn a_specimen_that_does_not_stand_where_it_was_left_is_refused_and_nothing_moves
     let ended = conclude(again(), 0.05, "moved");
     assert_eq!(ended.finish, Finish::Refused);
     assert!(
-        ended.summary.reason.contains("was left at"),
+        ended.summary.reason.contains("left it at"),
         "{}",
         ended.summary.reason
     );

@@ -199,7 +199,7 @@ fn check_timing(timing: &TimingSpec, at: &KeyPath, findings: &mut Findings) {
         at,
         "max_catch_up_ticks",
         timing.max_catch_up_ticks != usual.max_catch_up_ticks && !catches_up,
-        "only only for `on_miss = \"catch_up\"`",
+        "only for `on_miss = \"catch_up\"`",
     );
 }
 

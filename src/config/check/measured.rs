@@ -12,7 +12,7 @@ use crate::config::specimen::SpecimenTable;
 use crate::control::limits::LimitsSpec;
 use crate::link::openfresco::{Peer, RemoteSettings};
 
-/// Refuses every key of a specimen that it it needs a measured displacement where its link answers with none.
+/// Refuses every key of a specimen that needs a measured displacement where its link answers with none.
 pub(super) fn check_measured(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
     let Some(settings) = specimen.force_only_link() else {
         return;
@@ -20,12 +20,12 @@ pub(super) fn check_measured(specimen: &SpecimenTable, at: &KeyPath, findings: &
     let remedy = remedy(&settings, specimen.axes());
     for (place, key) in needing_measured_disp(specimen, at) {
         let text = format!(
-            "`{key}` it it needs a measured displacement, but this link answers with forces only"
+            "`{key}` needs a measured displacement, but this link answers with forces only"
         );
         findings.0.push(
             Finding::error(place, text)
                 .at_key()
-                .label("it it would compare the command with itself")
+                .label("it would compare the command with itself")
                 .help(remedy.clone()),
         );
     }
@@ -48,15 +48,15 @@ pub(super) fn check_judged(file: &TestFile, findings: &mut Findings) {
         let at = KeyPath::root().key("safety").key(key);
         let finding = if silent.len() == file.specimen.len() {
             let text = format!(
-                "`{key}` it it needs a measured displacement, but all links answer with forces only: {names}"
+                "`{key}` needs a measured displacement, but all links answer with forces only: {names}"
             );
             Finding::error(at, text)
-                .label("it it would compare the commands with themselves")
+                .label("it would compare the commands with themselves")
                 .help(remedy(settings, specimen.axes()))
         } else {
             let text =
                 format!("`{key}` does not check {names}: their links answer with forces only");
-            Finding::warning(at, text).label("it it needs a measured displacement")
+            Finding::warning(at, text).label("it needs a measured displacement")
         };
         findings.0.push(
             finding

@@ -115,7 +115,7 @@ fn check_confirmation(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
                 at.key("confirm"),
                 "the sensors are not read before the test, so there is nothing to confirm",
             )
-            .label("this this waits for the operator")
+            .label("this waits for the operator")
             .beside(at.key("zero_s"), "no sensor is read, because this is 0"),
         ),
         None if !relative && file.specimen.iter().all(|specimen| specimen.link.is_none()) => {

@@ -180,7 +180,7 @@ fn check_time(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
                 .label("runs in test time")
                 .beside(
                     at.key("similitude").key("time"),
-                    "the specimen has another time scale time scale",
+                    "the specimen has another time scale",
                 ),
             );
         }

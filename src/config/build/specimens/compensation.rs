@@ -36,7 +36,7 @@ pub(super) fn compensators(
             "`newton` needs velocity and acceleration targets, which the method \"gui\" computes as differences",
         )
         .at_key()
-        .label("this method has this method has another kind of velocity")
+        .label("this method has another kind of velocity")
         .help("use `polynomial` with order = 2 and nodes = \"step\", which is equivalent for all targets");
         return site.refuse(finding);
     }
@@ -51,7 +51,7 @@ pub(super) fn compensators(
     Ok(Some(built))
 }
 
-/// The command for a target that stands still must have its sign; one that is the command is the command is far from the target is probably a mistake.
+/// The command for a constant target must have the sign of the target. A command far from it is probably a mistake.
 fn judge_gain(
     site: &mut Site<'_>,
     at: &KeyPath,
@@ -70,8 +70,7 @@ fn judge_gain(
     let place = site.loaded.locator.beneath(at, key);
     let headline = format!("a constant target of 1 mm gives a first command of {gain} mm");
     if gain > 0.0 {
-        let finding = Finding::warning(place, headline)
-            .label("the command is the command is far from the target");
+        let finding = Finding::warning(place, headline).label("the command is far from the target");
         let help = "the first coefficient must be 1/A for an actuator whose static gain is A";
         site.warnings.push(finding.help(help));
         return Ok(());
