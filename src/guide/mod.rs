@@ -116,7 +116,16 @@ pages! {
 pub const CONTENTS: &str = include_str!("README.md");
 
 /// Pictures of the pages: their names relative to the guide, and their SVG text.
-pub const PICTURES: &[(&str, &str)] = &[];
+pub const PICTURES: &[(&str, &str)] = &[
+    (
+        "pictures/time-line.svg",
+        include_str!("pictures/time-line.svg"),
+    ),
+    (
+        "pictures/two-substructures.svg",
+        include_str!("pictures/two-substructures.svg"),
+    ),
+];
 
 /// The page with this id.
 #[must_use]
