@@ -89,12 +89,22 @@ struct Collector<'a> {
     events: Vec<Event<'a>>,
     index: Vec<Value>,
     title: String,
-    /// Heading of the part that is open, its anchor, and its text so far.
-    part: (String, String, String),
+    /// The part that is open.
+    part: Part,
     /// Anchors so far: the second one of a name gets a number.
     anchors: Vec<String>,
-    /// Anchor of the last heading, before the keys below it.
-    section: String,
+    /// The last heading and its anchor, for the keys below it.
+    section: (String, String),
+}
+
+/// A heading or a key, as the search shows it.
+#[derive(Debug, Default)]
+struct Part {
+    heading: String,
+    anchor: String,
+    /// The title of the page, or the table of a key.
+    place: String,
+    text: String,
 }
 
 impl Rendered {
@@ -107,7 +117,7 @@ impl Rendered {
             title: String::new(),
             part: Default::default(),
             anchors: Vec::new(),
-            section: String::new(),
+            section: Default::default(),
         };
         let mut rest = events.as_slice();
         while let [event, more @ ..] = rest {
@@ -176,14 +186,15 @@ impl<'a> Collector<'a> {
         if self.title.is_empty() {
             self.title = text.to_owned();
         }
-        self.section.clone_from(&id);
-        self.begin(text.to_owned(), id.clone());
+        self.section = (text.to_owned(), id.clone());
+        self.begin(text, &id, self.title.clone());
         id
     }
 
     fn key(&mut self, key: &str) -> String {
-        let id = self.unique(format!("{}-{}", self.section, anchor(key)));
-        self.begin(key.to_owned(), id.clone());
+        let (heading, section) = self.section.clone();
+        let id = self.unique(format!("{section}-{}", anchor(key)));
+        self.begin(key, &id, heading);
         id
     }
 
@@ -198,19 +209,29 @@ impl<'a> Collector<'a> {
         id
     }
 
-    fn begin(&mut self, heading: String, id: String) {
+    fn begin(&mut self, heading: &str, anchor: &str, place: String) {
         self.close();
-        self.part = (heading, id, String::new());
+        self.part = Part {
+            heading: heading.to_owned(),
+            anchor: anchor.to_owned(),
+            place,
+            text: String::new(),
+        };
     }
 
     /// Puts the part that was open into the index.
     fn close(&mut self) {
-        let (heading, id, text) = std::mem::take(&mut self.part);
+        let Part {
+            heading,
+            anchor,
+            place,
+            text,
+        } = std::mem::take(&mut self.part);
         if !heading.is_empty() {
             let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
             let text = text.strip_prefix(heading.as_str()).unwrap_or(&text).trim();
-            let address = format!("{}#{id}", self.file);
-            self.index.push(json!([address, self.title, heading, text]));
+            let address = format!("{}#{anchor}", self.file);
+            self.index.push(json!([address, place, heading, text]));
         }
     }
 
@@ -218,9 +239,9 @@ impl<'a> Collector<'a> {
     fn other(&mut self, event: Event<'a>) {
         match &event {
             Event::Text(text) | Event::Code(text) => {
-                self.part.2.push_str(text);
+                self.part.text.push_str(text);
             }
-            Event::SoftBreak | Event::HardBreak | Event::End(_) => self.part.2.push(' '),
+            Event::SoftBreak | Event::HardBreak | Event::End(_) => self.part.text.push(' '),
             _ => {}
         }
         self.events.push(match event {
@@ -332,6 +353,7 @@ mod tests {
         );
         let addresses: Vec<_> = rendered.index.iter().map(|entry| &entry[0]).collect();
         assert_eq!(addresses[2], "configuration.html#time-step_s");
+        assert_eq!(rendered.index[2][1], "[time]");
         assert_eq!(rendered.index[2][3], "· s Step.");
     }
 

@@ -1,5 +1,5 @@
 "use strict";
-// The search of the guide. `GUIDE` has one entry per heading and per key: [address, page, heading, text].
+// The search of the guide. `GUIDE` has one entry per heading and per key: [address, page or table, heading, text].
 
 /// The entries in which every word occurs, best first: a word in the heading counts most, then one in the page's title.
 function searched(guide, query) {
