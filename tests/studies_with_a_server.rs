@@ -3,10 +3,9 @@
 mod common;
 mod tls_common;
 
-use std::fs::File;
+use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::Child;
-use std::time::{Duration, Instant};
+use std::process::{Child, Stdio};
 
 use common::{gusset, json, say};
 use tls_common::{Authority, LOCAL, VALID};
@@ -20,28 +19,23 @@ struct Server {
 impl Server {
     /// Serves `column.toml` of a folder at a free port.
     fn start(folder: &Path) -> Self {
-        let output = folder.join("output");
-        let file = File::create(&output).unwrap();
         let mut command = gusset();
         command.arg("serve").arg(folder.join("column.toml"));
         command.args(["--listen", "127.0.0.1:0"]);
-        command.stdout(file.try_clone().unwrap()).stderr(file);
-        let mut server = Self {
-            process: command.spawn().unwrap(),
-            address: String::new(),
-        };
-        let until = Instant::now() + Duration::from_secs(60);
-        while server.address.is_empty() {
-            let text = std::fs::read_to_string(&output).unwrap();
-            assert!(Instant::now() < until, "no address in {text}");
-            let found = text.lines().find_map(|line| {
-                let (_, address) = line.split_once("listening on ")?;
-                Some(address.to_owned())
-            });
-            server.address = found.filter(|_| text.ends_with('\n')).unwrap_or_default();
-            std::thread::sleep(Duration::from_millis(20));
+        command.stdout(Stdio::piped());
+        let mut process = command.spawn().unwrap();
+        let stdout = process.stdout.take().unwrap();
+        let mut lines = BufReader::new(stdout).lines().map_while(Result::ok);
+        let address = lines.find_map(|line| {
+            let (_, address) = line.split_once("listening on ")?;
+            Some(address.to_owned())
+        });
+        // The server never waits for a reader.
+        std::thread::spawn(move || lines.for_each(drop));
+        Self {
+            process,
+            address: address.expect("the server says where it listens"),
         }
-        server
     }
 }
 
