@@ -19,6 +19,31 @@ fn check(folder: &Path, text: &str, more: &[&str]) -> Said {
     say(arguments)
 }
 
+/// The short page of `check` has these words, every finding completely, and the command that comes next.
+#[track_caller]
+fn short_page_shows(folder: &Path, words: &[&str]) {
+    let test = folder.join("test.toml");
+    let page = say(["check".as_ref(), test.as_os_str()]).stdout;
+    let json = say(["check".as_ref(), test.as_os_str(), "--json".as_ref()]).stdout;
+    let json: Value = serde_json::from_str(&json).unwrap();
+    let one_line: Vec<&str> = page.split_whitespace().collect();
+    let one_line = one_line.join(" ");
+    for words in words {
+        assert!(one_line.contains(words), "{words}: {page}");
+    }
+    let findings = json["verdict"]["findings"].as_array().unwrap();
+    assert!(!findings.is_empty());
+    for finding in findings {
+        let text = finding["text"].as_str().unwrap().split_whitespace();
+        let text = text.collect::<Vec<_>>().join(" ");
+        assert!(one_line.contains(&text), "{text}: {page}");
+    }
+    assert!(
+        page.contains("\nnext\n") && page.contains("  gusset "),
+        "{page}"
+    );
+}
+
 /// What the rehearsal found of axis 1 of the only specimen.
 struct Found(Value);
 
@@ -180,6 +205,7 @@ fn a_limit_trips_exactly_where_the_rehearsal_says() {
             }
             assert!(said.stdout.contains("NOT POSSIBLE"), "{}", said.stdout);
             assert!(said.stdout.contains("WOULD TRIP"), "{}", said.stdout);
+            short_page_shows(folder.path(), &["NOT POSSIBLE", quantity, "WOULD TRIP"]);
             assert_eq!(ran.code, Some(1), "{quantity} {}", ran.stderr);
             assert!(ran.stderr.contains(", allowed "), "{}", ran.stderr);
         }
@@ -396,6 +422,7 @@ fn what_the_rig_cannot_give_is_refused_at_its_place_and_shown_beside_the_need() 
             table.contains("NOT POSSIBLE") && table.contains("MORE THAN THE RIG CAN GIVE"),
             "{table}"
         );
+        short_page_shows(folder.path(), &["NOT POSSIBLE", key, "TOO MUCH"]);
     }
     // Nothing is declared, and nothing is said.
     let said = check(folder.path(), &of(""), &[]);

@@ -306,7 +306,7 @@ fn of_draws(trials: &Trials) -> Option<Line> {
 fn of_trips(trials: &Trials, allowed: f64, certain: bool) -> Line {
     let (trips, count) = (trials.trips(), trials.all.len() as u64);
     let mut text = if certain {
-        let all = "nothing is uncertain, so one trial stands for all";
+        let all = "nothing is uncertain, so all trials are equal to this one";
         let end = if trips == 0 {
             "it was completed"
         } else {

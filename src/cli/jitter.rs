@@ -13,6 +13,7 @@ use super::frontier::frontier;
 use super::progress::ProgressLine;
 use super::table::Table;
 use super::{answer, only_with, tell};
+use crate::config::Prepared;
 use crate::record::{Progress, RunFolder, What};
 use crate::report::{Percentiles, jitter_svg};
 use crate::rt::TimingSpec;
@@ -33,20 +34,7 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<Exit> {
     }
     let of_model = [("--rates", !args.rates.is_empty()), ("--quick", args.quick)];
     only_with("--model", of_model).map_err(anyhow::Error::msg)?;
-    let rate = Ratio::parse(&args.rate).with_context(|| format!("--rate {:?}", args.rate))?;
-    anyhow::ensure!(
-        rate.value() <= HIGHEST_HZ,
-        "--rate {}: at most {HIGHEST_HZ} ticks a second are allowed, as in a test file on the real clock",
-        args.rate
-    );
-    anyhow::ensure!(
-        args.duration <= LONGEST_S || !args.duration.is_finite(),
-        "--duration {}: at most {LONGEST_S} s are allowed. Ctrl-C ends a measurement earlier and prints its result",
-        args.duration
-    );
-    let timing = timing(args)?;
-    let test = bare_loop(rate, args.duration, timing)
-        .with_context(|| format!("--duration {}", args.duration))?;
+    let test = bare_test(args)?;
     let temporary = std::env::temp_dir();
     anyhow::ensure!(
         args.out.is_some() || temporary.is_dir(),
@@ -62,17 +50,7 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<Exit> {
         .cpu
         .or_else(|| crate::rt::os::process_cpus().last().copied())
         .unwrap_or(0);
-    let load = if args.load {
-        let (roll, mut stamper) = (signals.roll(), None);
-        let passed = move |began_ns, bytes| {
-            let stamper = stamper.get_or_insert_with(|| roll.enter());
-            stamper.since(What::Load, began_ns, bytes);
-        };
-        let load = Load::start_told(cpu, USUAL_BYTES, passed);
-        Some(load.context("the load cannot be started")?)
-    } else {
-        None
-    };
+    let load = args.load.then(|| start_load(cpu, &signals)).transpose()?;
     let line = ProgressLine::new(&facts, true);
     let watches = Watches {
         roll: Some(signals.roll()),
@@ -129,6 +107,34 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<Exit> {
         (Finish::Panicked, _) => Exit::Panic,
         _ => Exit::Done,
     })
+}
+
+/// A test with nothing attached, at the rate and for the duration of the arguments.
+fn bare_test(args: &JitterArgs) -> anyhow::Result<Prepared> {
+    let rate = Ratio::parse(&args.rate).with_context(|| format!("--rate {:?}", args.rate))?;
+    anyhow::ensure!(
+        rate.value() <= HIGHEST_HZ,
+        "--rate {}: at most {HIGHEST_HZ} ticks a second are allowed, as in a test file on the real clock",
+        args.rate
+    );
+    anyhow::ensure!(
+        args.duration <= LONGEST_S || !args.duration.is_finite(),
+        "--duration {}: at most {LONGEST_S} s are allowed. Ctrl-C ends a measurement earlier and prints its result",
+        args.duration
+    );
+    bare_loop(rate, args.duration, timing(args)?)
+        .with_context(|| format!("--duration {}", args.duration))
+}
+
+/// Starts a load on another core than `cpu`.
+fn start_load(cpu: usize, signals: &Signals) -> anyhow::Result<Load> {
+    let (roll, mut stamper) = (signals.roll(), None);
+    let passed = move |began_ns, bytes| {
+        let stamper = stamper.get_or_insert_with(|| roll.enter());
+        stamper.since(What::Load, began_ns, bytes);
+    };
+    let load = Load::start_told(cpu, USUAL_BYTES, passed);
+    load.context("the load cannot be started")
 }
 
 /// The real-time settings that the measurement asks for.
