@@ -149,7 +149,7 @@ fn resume_by(
     // The wiring check is not repeated.
     let tried = !std::mem::take(&mut next.facts.announced).is_empty();
     let again = went_on.map(|before| {
-        format!("{before}: the specimens are led once more through the steps after step {step}, because of `--back-to-step`")
+        format!("{before}: the specimens repeat the steps after step {step}, because of `--back-to-step`")
     });
     let accepted = allowed.changed.map(|reason| {
         let reason = reason.to_owned();

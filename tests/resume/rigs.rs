@@ -357,7 +357,7 @@ fn a_test_that_ended_on_its_way_in_to_where_it_was_to_go_on_can_go_on() {
         put([5e-3, 0.0]);
         let ended = run_rigs(again(from), rigs(), &at(to), None);
         assert_eq!(ended.finish, Finish::Refused, "{}", ended.summary.reason);
-        assert!(ended.summary.reason.contains("was left at"));
+        assert!(ended.summary.reason.contains("left it at"));
     }
     put([0.0; 2]);
     goes_on("refused-again", "put-back");
@@ -462,7 +462,7 @@ fn the_same_interruption_is_gone_on_with_once() {
     assert!(matches!(other, ResumeError::AnotherStep { .. }), "{other}");
     let next = again(Some(step)).unwrap_or_else(|e| panic!("{e}"));
     let warned = next.facts.warnings.join("; ");
-    assert!(warned.contains("led once more"), "{warned}");
+    assert!(warned.contains("repeat the steps"), "{warned}");
     let ended = run_rigs(next, rigs(), &at("once-more"), None);
     assert_eq!(ended.finish, Finish::Completed, "{}", ended.summary.reason);
     refusal("first", &["once-more, to its end", &allowed]);

@@ -311,7 +311,7 @@ fn two_specimens_whose_noise_has_one_seed_are_told_of() {
     };
     let noise = "force_sensor.noise_rms_n = 2";
     let said = noisy(noise, noise);
-    let words = "the sensors of `bottom` and `top` have the same noise";
+    let words = "the sensors of `bottom` and `top` have identical noise";
     assert!(said.contains(words), "{said}");
     for other in ["delay_s = 0.01", "force_sensor.noise_rms_n = 2, seed = 1"] {
         let said = noisy(noise, other);

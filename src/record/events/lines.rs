@@ -316,7 +316,7 @@ impl<S: Store> EventLog<S> {
                     tracing::warn!(
                         "{}{}: {}",
                         at(event),
-                        self.axis(port, u32::from(axis)),
+                        self.axis(port, axis),
                         limit_words(quantity, trip, value, bound)
                     );
                 }
@@ -380,7 +380,7 @@ impl<S: Store> EventLog<S> {
                 put(line, "force", force);
                 put(line, "most", most);
                 let [force, most] = compared(force, most, "N");
-                let axis = self.axis(port, u32::from(axis));
+                let axis = self.axis(port, axis);
                 tracing::warn!("{axis}: {BEARS_A_FORCE}: {force}, allowed {most}");
             }
             EventKind::Zeroed { port, axis, values } => {
@@ -393,7 +393,7 @@ impl<S: Store> EventLog<S> {
                 put(line, "force_noise_rms", force_noise);
                 tracing::info!(
                     "{}: zero readings: displacement {}, force {} (units of the axis)",
-                    self.axis(port, u32::from(axis)),
+                    self.axis(port, axis),
                     number(disp),
                     number(force)
                 );

@@ -120,7 +120,7 @@ pub enum ResumeError {
         step: u64,
     },
     /// The record is damaged before its first checkpoint.
-    #[error("{}: {trouble}, and no checkpoint before it: there is nothing to go on with", folder.display())]
+    #[error("{}: {trouble}, and no checkpoint is before it: the test cannot resume", folder.display())]
     Damaged {
         /// The folder.
         folder: PathBuf,
@@ -133,14 +133,14 @@ pub enum ResumeError {
 fn what_may_be(before: &WentOn) -> String {
     let folder = before.folder.display();
     let again = format!(
-        "say `--back-to-step {}` if its specimens may be led through those steps once more",
+        "add `--back-to-step {}` if its specimens may repeat those steps",
         before.after
     );
     match before.now {
         Now::Running => "one test at a time moves its specimens".to_owned(),
         Now::Complete => again,
-        Now::Ended => format!("go on with that one (`--resume {folder}`), or {again}"),
-        Now::Gone => format!("put it back and go on with that one, or {again}"),
+        Now::Ended => format!("resume that run (`--resume {folder}`), or {again}"),
+        Now::Gone => format!("put it back and resume it, or {again}"),
     }
 }
 
