@@ -9,7 +9,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
 use common::{FRAME, Said, completed, gusset, say, write};
-use gusset::record::RunFolder;
+use gusset::record::{Run, RunFolder};
 use serde_json::Value;
 
 /// Runs the binary in `folder`.
@@ -60,10 +60,16 @@ struct Server {
 
 impl Server {
     fn start(folder: &Path, file: &str) -> Self {
-        let mut command = gusset();
-        command.current_dir(folder);
-        command.args(["serve", file, "--listen", "127.0.0.1:0"]);
+        Self::of(
+            gusset().args(["serve", file, "--listen", "127.0.0.1:0"]),
+            folder,
+        )
+    }
+
+    /// A program that prints its address in its first line.
+    fn of(command: &mut Command, folder: &Path) -> Self {
         let mut child = command
+            .current_dir(folder)
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
             .spawn()
@@ -128,6 +134,60 @@ fn remote_template_runs_with_its_server() {
         at,
         &["run", "lab.toml", "--set", &address, "--out", "runs/a"],
     );
+}
+
+/// A specimen in Python by a law that the program has, too, gives the same motion.
+#[test]
+fn python_template_is_its_bilinear_law() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    done(at, &["new", "mine", "--template", "python"]);
+    assert_eq!(
+        files(at).into_iter().collect::<Vec<_>>(),
+        [
+            "gusset-schema.json",
+            "gusset_specimen.py",
+            "mine.py",
+            "mine.toml"
+        ]
+    );
+    schema_is_there(at, "mine.toml");
+    let server = Server::of(Command::new("python3").arg("mine.py").arg("0"), at);
+    let address = format!("specimen.0.link.address=\"{}\"", server.address);
+    done(
+        at,
+        &[
+            "run",
+            "mine.toml",
+            "--set",
+            &address,
+            "--out",
+            "runs/python",
+        ],
+    );
+    let text = fs::read_to_string(at.join("mine.toml")).unwrap();
+    let (before, link) = text.split_once("# How the controller reaches").unwrap();
+    let (_, law) = link.split_once("[specimen.stand_in.law.bilinear]").unwrap();
+    write(
+        at,
+        "law.toml",
+        &format!("{before}[specimen.law.bilinear]{law}"),
+    );
+    done(at, &["run", "law.toml", "--out", "runs/law"]);
+    let [python, law] = ["runs/python", "runs/law"].map(|run| {
+        let run = Run::open(&at.join(run)).unwrap();
+        run.columns(&["x1", "x2"]).unwrap()
+    });
+    for (mine, its) in python.iter().zip(&law) {
+        // Rows of the startup come first: a remote specimen has more of them.
+        let mine = &mine[mine.len() - its.len()..];
+        let peak = its.iter().fold(0.0, |peak: f64, x| peak.max(x.abs()));
+        assert!(peak > 0.01, "{peak}");
+        for (a, b) in mine.iter().zip(its) {
+            // Both sum their forces in another order: 3840 steps of rounding.
+            assert!((a - b).abs() <= 1e-9 * peak, "{a} {b}");
+        }
+    }
 }
 
 #[test]

@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 """A specimen that speaks the Gusset wire protocol (tools/PROTOCOL.md) over TCP, complete, in one file.
 
-It is a spring: replace the class `Rig` by yours (`gusset guide network` has an example). One axis, metres and newtons, no key.
+It is a spring: derive your specimen from the class `Rig` and give it to `main` (`gusset new NAME --template python` writes an
+example). One axis, metres and newtons, no key.
 
-    python3 specimen.py PORT [STIFFNESS_N_PER_M]
+    python3 specimen.py [PORT [STIFFNESS_N_PER_M]]
 """
 
 import hashlib
@@ -251,8 +252,10 @@ def attend(connection, peer, rig):
             print(peer, "ended:", reason, file=sys.stderr)
 
 
-def main():
-    port, rig = int(sys.argv[1]), Rig(float(sys.argv[2]) if len(sys.argv) > 2 else 4e5)
+def main(rig=None):
+    """Serves `rig`, or the spring of the command line, until the program is ended."""
+    port = int(sys.argv[1]) if len(sys.argv) > 1 else 4823
+    rig = rig or Rig(float(sys.argv[2]) if len(sys.argv) > 2 else 4e5)
     listener = socket.create_server(("127.0.0.1", port))
     print("listening on 127.0.0.1:%d" % listener.getsockname()[1], flush=True)
     while True:

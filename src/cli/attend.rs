@@ -14,6 +14,7 @@ use crate::control::Reading;
 use crate::engine::{Notice, Operator, PhaseCell};
 use crate::record::{Roll, What};
 use crate::session::pause;
+use crate::units::number;
 
 /// Time between two looks for room on the operator's line.
 const ROOM: Duration = Duration::from_millis(5);
@@ -36,6 +37,8 @@ pub fn can_confirm(facts: &mut Facts, yes: bool) -> anyhow::Result<()> {
 pub struct Attendant {
     /// The specimens'.
     pub names: Vec<String>,
+    /// Units of displacement and force of each of their axes.
+    pub units: Vec<Vec<[&'static str; 2]>>,
     /// The run folder.
     pub run: PathBuf,
     /// Where the test stands.
@@ -76,10 +79,11 @@ impl Attendant {
 
     fn tell(&self, port: usize, axis: usize, reading: Reading) {
         let name = self.names.get(port).map_or("", String::as_str);
+        let units = self.units.get(port).and_then(|axes| axes.get(axis));
         remark(format_args!(
-            "specimen \"{name}\" axis {}: {}, in its own units",
+            "specimen \"{name}\", axis {}, at rest: {}",
             axis + 1,
-            in_words(&reading)
+            in_words(&reading, *units.unwrap_or(&[""; 2]))
         ));
     }
 
@@ -119,21 +123,21 @@ impl Attendant {
     }
 }
 
-fn in_words(reading: &Reading) -> String {
-    let Reading {
-        count, disp, force, ..
-    } = reading;
+fn in_words(reading: &Reading, units: [&str; 2]) -> String {
+    let [disp, force] = [(reading.disp, units[0]), (reading.force, units[1])]
+        .map(|(value, unit)| format!("{} {unit}", number(value)));
     match reading.noise() {
-        Some([of_disp, of_force]) => {
+        Some(noise) => {
+            let [of_disp, of_force] = noise.map(number);
             format!(
-                "displacement {disp:.6} (noise {of_disp:.1e}), force {force:.6} (noise {of_force:.1e})"
+                "displacement {disp} (noise {of_disp} {}), force {force} (noise {of_force} {})",
+                units[0], units[1]
             )
         }
         None => {
-            let readings = if *count == 1 { "reading" } else { "readings" };
-            format!(
-                "displacement {disp:.6}, force {force:.6} (noise not known: {count} {readings})"
-            )
+            let count = reading.count;
+            let readings = if count == 1 { "reading" } else { "readings" };
+            format!("displacement {disp}, force {force} (noise not known: {count} {readings})")
         }
     }
 }
@@ -152,15 +156,15 @@ mod tests {
             ..Reading::default()
         };
         assert_eq!(
-            in_words(&reading),
-            "displacement 0.500000, force -3.250000 (noise not known: 1 reading)"
+            in_words(&reading, ["mm", "kN"]),
+            "displacement 0.5 mm, force -3.25 kN (noise not known: 1 reading)"
         );
         reading.count = 7;
-        assert!(in_words(&reading).contains("noise not known: 7 readings"));
+        assert!(in_words(&reading, ["mm", "kN"]).contains("noise not known: 7 readings"));
         (reading.count, reading.disp_noise) = (8, 2e-6);
         assert_eq!(
-            in_words(&reading),
-            "displacement 0.500000 (noise 2.0e-6), force -3.250000 (noise 0.0e0)"
+            in_words(&reading, ["mm", "kN"]),
+            "displacement 0.5 mm (noise 2e-6 mm), force -3.25 kN (noise 0 kN)"
         );
     }
 
@@ -169,6 +173,7 @@ mod tests {
         let (operator, heard) = crossbeam_channel::bounded(4);
         let attendant = Attendant {
             names: Vec::new(),
+            units: Vec::new(),
             run: PathBuf::from("run"),
             phase: PhaseCell::default(),
             operator,

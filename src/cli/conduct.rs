@@ -37,6 +37,7 @@ pub(super) fn attended(
     let phase = PhaseCell::default();
     let attendant = Attendant {
         names: facts.specimens.clone(),
+        units: facts.units.clone(),
         run: folder.path().to_owned(),
         phase: phase.clone(),
         operator: signals.operator(),

@@ -199,6 +199,17 @@ impl SpecimenTable {
         }
     }
 
+    /// Symbols of the units of displacement and force of each axis.
+    #[must_use]
+    pub fn units(&self) -> Vec<[&'static str; 2]> {
+        let symbols = |axis: &AxisTable| [axis.unit_disp.symbol(), axis.unit_force.symbol()];
+        let default = AxisTable::default();
+        let table = |index: usize| self.axis.get(index).unwrap_or(&default);
+        (0..self.axes())
+            .map(|index| symbols(table(index)))
+            .collect()
+    }
+
     /// The settings of its link where the answers of that are known to hold forces only, and no measured displacement.
     #[must_use]
     pub fn force_only_link(&self) -> Option<RemoteSettings> {

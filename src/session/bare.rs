@@ -74,6 +74,7 @@ pub fn loop_round(
         clock: ClockChoice::Real,
         structure: None,
         specimens: Vec::new(),
+        units: Vec::new(),
         scaled: Vec::new(),
         timing,
         record_required: false,

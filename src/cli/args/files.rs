@@ -34,6 +34,8 @@ pub(in crate::cli) enum TemplateArg {
     Benchmark,
     /// A specimen behind a network, and a second file that serves one.
     Remote,
+    /// A specimen with your own force law, as a program in Python.
+    Python,
     /// A specimen that OpenSees commands, and an OpenSeesPy model.
     Opensees,
 }

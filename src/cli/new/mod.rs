@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 
-use self::template::{SERVE_SCHEMA, Template};
+use self::template::{PYTHON_PROTOCOL, SERVE_SCHEMA, Template};
 use super::args::{NewArgs, TemplateArg};
 use super::exit::{Exit, WithExit};
 use super::{answer, tell};
@@ -33,33 +33,34 @@ pub fn new(args: &NewArgs) -> anyhow::Result<Exit> {
     let folder = Path::new("");
     let mut files = template.files(name);
     let mut kept = Vec::new();
-    for schema in template.schemas {
-        let text = match *schema {
-            SERVE_SCHEMA => config::serve_json_schema(),
-            _ => config::json_schema(),
-        };
-        if folder.join(schema).symlink_metadata().is_ok() {
-            kept.push((*schema, text));
+    for shared in template.shared {
+        if folder.join(shared).symlink_metadata().is_ok() {
+            kept.push(*shared);
         } else {
-            files.push(((*schema).to_owned(), text + "\n"));
+            files.push(((*shared).to_owned(), text_of(shared)));
         }
     }
     write_all(folder, &files).map_err(usage)?;
-    for (schema, text) in kept {
-        let same = fs::read_to_string(folder.join(schema)).is_ok_and(|old| old.trim_end() == text);
+    for shared in kept {
+        let same = fs::read_to_string(folder.join(shared)).is_ok_and(|old| old == text_of(shared));
         if !same {
-            let flag = if schema == SERVE_SCHEMA {
-                " --serve"
-            } else {
-                ""
-            };
             tell(format_args!(
-                "warning: {schema} exists and is of another version; it was kept. Renew it: gusset schema{flag} > {schema}"
+                "warning: {shared} exists and is of another version; it was kept. To renew it, remove it and repeat the command \
+                 with another NAME"
             ));
         }
     }
     answer(told(&template, name, &files))?;
     Ok(Exit::Done)
+}
+
+/// The text of a file that several tests in a folder share.
+fn text_of(shared: &str) -> String {
+    match shared {
+        SERVE_SCHEMA => config::serve_json_schema() + "\n",
+        PYTHON_PROTOCOL => include_str!("../../../tools/specimen.py").to_owned(),
+        _ => config::json_schema() + "\n",
+    }
 }
 
 fn usage(text: String) -> anyhow::Error {
@@ -123,6 +124,7 @@ fn told(template: &Template, name: &str, files: &[(String, String)]) -> String {
     for (index, (file, _)) in files.iter().enumerate() {
         let what = match template.pieces.get(index) {
             Some(piece) => piece.what,
+            None if file == PYTHON_PROTOCOL => "the protocol, used by the specimen",
             None if file == SERVE_SCHEMA => "keys of a served file, for editors",
             None => "keys of a test file, for editors",
         };

@@ -7,6 +7,9 @@ pub const TEST_SCHEMA: &str = "gusset-schema.json";
 /// Schema of a file of `gusset serve`, beside it.
 pub const SERVE_SCHEMA: &str = "gusset-serve-schema.json";
 
+/// The protocol for specimens in Python, beside them.
+pub const PYTHON_PROTOCOL: &str = "gusset_specimen.py";
+
 /// One file of a template.
 #[derive(Debug, Clone, Copy)]
 pub struct Piece {
@@ -25,8 +28,8 @@ pub struct Template {
     pub name: &'static str,
     /// The files that it writes, the test first.
     pub pieces: &'static [Piece],
-    /// The schemas that these refer to.
-    pub schemas: &'static [&'static str],
+    /// Files that these refer to and that several tests in a folder share.
+    pub shared: &'static [&'static str],
     /// The next commands, with NAME in place of the name of the test.
     pub next: &'static [&'static str],
 }
@@ -60,7 +63,7 @@ impl Template {
                         "shear-building.AT2"
                     ),
                 ],
-                schemas: &[TEST_SCHEMA],
+                shared: &[TEST_SCHEMA],
                 next: RUN,
             },
             TemplateArg::Actuator => Self {
@@ -73,19 +76,19 @@ impl Template {
                         "shear-building.AT2"
                     ),
                 ],
-                schemas: &[TEST_SCHEMA],
+                shared: &[TEST_SCHEMA],
                 next: RUN,
             },
             TemplateArg::Prescribed => Self {
                 name: "prescribed",
                 pieces: &[piece!(".toml", "the test", "prescribed.toml")],
-                schemas: &[TEST_SCHEMA],
+                shared: &[TEST_SCHEMA],
                 next: RUN,
             },
             TemplateArg::Benchmark => Self {
                 name: "benchmark",
                 pieces: &[piece!(".toml", "the test", "benchmark.toml")],
-                schemas: &[TEST_SCHEMA],
+                shared: &[TEST_SCHEMA],
                 next: RUN,
             },
             TemplateArg::Remote => Self {
@@ -98,9 +101,22 @@ impl Template {
                         "remote-specimen.toml"
                     ),
                 ],
-                schemas: &[TEST_SCHEMA, SERVE_SCHEMA],
+                shared: &[TEST_SCHEMA, SERVE_SCHEMA],
                 next: &[
                     "gusset serve NAME-specimen.toml          # in another terminal",
+                    "gusset check NAME.toml",
+                    "gusset run NAME.toml --out runs/NAME",
+                ],
+            },
+            TemplateArg::Python => Self {
+                name: "python",
+                pieces: &[
+                    piece!(".toml", "the test", "python.toml"),
+                    piece!(".py", "the specimen: your force law", "python.py"),
+                ],
+                shared: &[TEST_SCHEMA, PYTHON_PROTOCOL],
+                next: &[
+                    "python3 NAME.py                          # in another terminal",
                     "gusset check NAME.toml",
                     "gusset run NAME.toml --out runs/NAME",
                 ],
@@ -111,7 +127,7 @@ impl Template {
                     piece!(".toml", "the served specimen", "opensees.toml"),
                     piece!(".py", "an OpenSeesPy model that commands it", "opensees.py"),
                 ],
-                schemas: &[SERVE_SCHEMA],
+                shared: &[SERVE_SCHEMA],
                 next: &[
                     "gusset serve NAME.toml                   # in another terminal",
                     "python3 NAME.py                          # needs OpenSeesPy",

@@ -28,6 +28,8 @@ pub struct Facts {
     pub structure: Option<StructureFacts>,
     /// Names of the specimens, in order.
     pub specimens: Vec<String>,
+    /// Units of displacement and force of each axis of each specimen.
+    pub units: Vec<Vec<[&'static str; 2]>>,
     /// Those of them whose displacements and forces are others for the structure, units apart.
     pub scaled: Vec<String>,
     /// What is asked of the machine.

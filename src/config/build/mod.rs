@@ -29,7 +29,7 @@ mod trial;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use super::{ConfigError, Diagnostics, Finding, KeyPath, Loaded, TestFile};
+use super::{ConfigError, Diagnostics, Finding, KeyPath, Loaded, SpecimenTable, TestFile};
 use crate::engine::{Experiment, Numerical, Settling, Side, StepAudit, TestQuantity};
 use crate::link::{NativeSetup, Transport};
 use crate::rt;
@@ -218,6 +218,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         clock: time.clock,
         structure,
         specimens: names,
+        units: file.specimen.iter().map(SpecimenTable::units).collect(),
         scaled: (file.specimen.iter())
             .filter(|table| table.is_scaled())
             .map(|table| table.name.clone())
