@@ -43,20 +43,7 @@ pub fn frontier(args: &JitterArgs, model: ModelArg) -> anyhow::Result<Exit> {
         ModelArg::Chain => Scalable::Chain,
         ModelArg::Frame => Scalable::Frame,
     };
-    let given: Vec<&str> = match args.rates.as_slice() {
-        [] => USUAL_RATES.to_vec(),
-        given => given.iter().map(String::as_str).collect(),
-    };
-    let mut rates = Vec::with_capacity(given.len());
-    for text in given {
-        let rate = Ratio::parse(text).with_context(|| format!("--rates {text:?}"))?;
-        if rate.value() > HIGHEST_HZ {
-            let text = format!("--rates {text:?}: wanted at most {HIGHEST_HZ} Hz");
-            return Err(WithExit(Exit::Usage, text).into());
-        }
-        rates.push(rate);
-    }
-    rates.sort_by(|a, b| b.value().total_cmp(&a.value()));
+    let rates = rates(args)?;
     let timing = super::jitter::timing(args)?;
     let folder = folder(args, model)?;
     let signals = Signals::listen().context("signals cannot be taken over")?;
@@ -108,6 +95,25 @@ pub fn frontier(args: &JitterArgs, model: ModelArg) -> anyhow::Result<Exit> {
         None if points.is_empty() => Exit::Stopped,
         None => Exit::Done,
     })
+}
+
+/// The rates to search at, the highest first.
+fn rates(args: &JitterArgs) -> anyhow::Result<Vec<Ratio>> {
+    let given: Vec<&str> = match args.rates.as_slice() {
+        [] => USUAL_RATES.to_vec(),
+        given => given.iter().map(String::as_str).collect(),
+    };
+    let mut rates = Vec::with_capacity(given.len());
+    for text in given {
+        let rate = Ratio::parse(text).with_context(|| format!("--rates {text:?}"))?;
+        if rate.value() > HIGHEST_HZ {
+            let text = format!("--rates {text:?}: wanted at most {HIGHEST_HZ} Hz");
+            return Err(WithExit(Exit::Usage, text).into());
+        }
+        rates.push(rate);
+    }
+    rates.sort_by(|a, b| b.value().total_cmp(&a.value()));
+    Ok(rates)
 }
 
 /// Runs one size at one rate in the loop of a test, on its own thread, recorded as any test.

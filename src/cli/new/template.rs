@@ -49,90 +49,104 @@ const RUN: &[&str] = &[
     "gusset run NAME.toml --out runs/NAME",
 ];
 
+const SHEAR_BUILDING: Template = Template {
+    name: "shear-building",
+    pieces: &[
+        piece!(".toml", "the test", "shear-building.toml"),
+        piece!(
+            ".AT2",
+            "a synthetic earthquake record",
+            "shear-building.AT2"
+        ),
+    ],
+    shared: &[TEST_SCHEMA],
+    next: RUN,
+};
+
+const ACTUATOR: Template = Template {
+    name: "actuator",
+    pieces: &[
+        piece!(".toml", "the test", "actuator.toml"),
+        piece!(
+            ".AT2",
+            "a synthetic earthquake record",
+            "shear-building.AT2"
+        ),
+    ],
+    shared: &[TEST_SCHEMA],
+    next: RUN,
+};
+
+const PRESCRIBED: Template = Template {
+    name: "prescribed",
+    pieces: &[piece!(".toml", "the test", "prescribed.toml")],
+    shared: &[TEST_SCHEMA],
+    next: RUN,
+};
+
+const BENCHMARK: Template = Template {
+    name: "benchmark",
+    pieces: &[piece!(".toml", "the test", "benchmark.toml")],
+    shared: &[TEST_SCHEMA],
+    next: RUN,
+};
+
+const REMOTE: Template = Template {
+    name: "remote",
+    pieces: &[
+        piece!(".toml", "the test", "remote.toml"),
+        piece!(
+            "-specimen.toml",
+            "the served specimen",
+            "remote-specimen.toml"
+        ),
+    ],
+    shared: &[TEST_SCHEMA, SERVE_SCHEMA],
+    next: &[
+        "gusset serve NAME-specimen.toml          # in another terminal",
+        "gusset check NAME.toml",
+        "gusset run NAME.toml --out runs/NAME",
+    ],
+};
+
+const PYTHON: Template = Template {
+    name: "python",
+    pieces: &[
+        piece!(".toml", "the test", "python.toml"),
+        piece!(".py", "the specimen: your force law", "python.py"),
+    ],
+    shared: &[TEST_SCHEMA, PYTHON_PROTOCOL],
+    next: &[
+        "python3 NAME.py                          # in another terminal",
+        "gusset check NAME.toml",
+        "gusset run NAME.toml --out runs/NAME",
+    ],
+};
+
+const OPENSEES: Template = Template {
+    name: "opensees",
+    pieces: &[
+        piece!(".toml", "the served specimen", "opensees.toml"),
+        piece!(".py", "an OpenSeesPy model that commands it", "opensees.py"),
+    ],
+    shared: &[SERVE_SCHEMA],
+    next: &[
+        "gusset serve NAME.toml                   # in another terminal",
+        "python3 NAME.py                          # needs OpenSeesPy",
+    ],
+};
+
 impl Template {
     /// The template of this name.
     pub const fn of(which: TemplateArg) -> Self {
         match which {
-            TemplateArg::ShearBuilding => Self {
-                name: "shear-building",
-                pieces: &[
-                    piece!(".toml", "the test", "shear-building.toml"),
-                    piece!(
-                        ".AT2",
-                        "a synthetic earthquake record",
-                        "shear-building.AT2"
-                    ),
-                ],
-                shared: &[TEST_SCHEMA],
-                next: RUN,
-            },
-            TemplateArg::Actuator => Self {
-                name: "actuator",
-                pieces: &[
-                    piece!(".toml", "the test", "actuator.toml"),
-                    piece!(
-                        ".AT2",
-                        "a synthetic earthquake record",
-                        "shear-building.AT2"
-                    ),
-                ],
-                shared: &[TEST_SCHEMA],
-                next: RUN,
-            },
-            TemplateArg::Prescribed => Self {
-                name: "prescribed",
-                pieces: &[piece!(".toml", "the test", "prescribed.toml")],
-                shared: &[TEST_SCHEMA],
-                next: RUN,
-            },
-            TemplateArg::Benchmark => Self {
-                name: "benchmark",
-                pieces: &[piece!(".toml", "the test", "benchmark.toml")],
-                shared: &[TEST_SCHEMA],
-                next: RUN,
-            },
-            TemplateArg::Remote => Self {
-                name: "remote",
-                pieces: &[
-                    piece!(".toml", "the test", "remote.toml"),
-                    piece!(
-                        "-specimen.toml",
-                        "the served specimen",
-                        "remote-specimen.toml"
-                    ),
-                ],
-                shared: &[TEST_SCHEMA, SERVE_SCHEMA],
-                next: &[
-                    "gusset serve NAME-specimen.toml          # in another terminal",
-                    "gusset check NAME.toml",
-                    "gusset run NAME.toml --out runs/NAME",
-                ],
-            },
-            TemplateArg::Python => Self {
-                name: "python",
-                pieces: &[
-                    piece!(".toml", "the test", "python.toml"),
-                    piece!(".py", "the specimen: your force law", "python.py"),
-                ],
-                shared: &[TEST_SCHEMA, PYTHON_PROTOCOL],
-                next: &[
-                    "python3 NAME.py                          # in another terminal",
-                    "gusset check NAME.toml",
-                    "gusset run NAME.toml --out runs/NAME",
-                ],
-            },
-            TemplateArg::Opensees => Self {
-                name: "opensees",
-                pieces: &[
-                    piece!(".toml", "the served specimen", "opensees.toml"),
-                    piece!(".py", "an OpenSeesPy model that commands it", "opensees.py"),
-                ],
-                shared: &[SERVE_SCHEMA],
-                next: &[
-                    "gusset serve NAME.toml                   # in another terminal",
-                    "python3 NAME.py                          # needs OpenSeesPy",
-                ],
-            },
+            TemplateArg::ShearBuilding => SHEAR_BUILDING,
+            TemplateArg::Actuator => ACTUATOR,
+            TemplateArg::Prescribed => PRESCRIBED,
+            TemplateArg::Benchmark => BENCHMARK,
+            TemplateArg::Remote => REMOTE,
+            TemplateArg::Python => PYTHON,
+            TemplateArg::Opensees => OPENSEES,
         }
     }
 

@@ -9,6 +9,9 @@ use crate::config::specimen::SpecimenTable;
 use crate::control::limits::LimitsSpec;
 use crate::text::is_visible;
 
+/// A range, the place of its key, why a position outside it is impossible, and its label.
+type PlaceBound = ([f64; 2], KeyPath, &'static str, &'static str);
+
 /// Two bounds that say the same in different units may differ by rounding.
 const SAME: f64 = 1.0 + 1e-9;
 /// Stroke in m of the example that is shown where a specimen has no limits and its reach is not declared.
@@ -236,7 +239,7 @@ impl Place<'_> {
         }
     }
 
-    /// Where it is said to stand, to be safe, and to be probed is inside of what may be commanded, and of what the rig can give.
+    /// The start and the safe position are within the allowed commands and the capacity of the rig, and so is the wiring check.
     fn check_places(&self, limits: &LimitsSpec, findings: &mut Findings) {
         let range = limits.command_disp_m.and_then(|range| range.trip);
         let range = range.map(|range| {
@@ -258,7 +261,7 @@ impl Place<'_> {
                 "what it can give",
             )
         });
-        let bounds: Vec<_> = range.into_iter().chain(stroke).collect();
+        let bounds: Vec<PlaceBound> = range.into_iter().chain(stroke).collect();
         let place = |given: Option<&Vec<f64>>| given?.get(self.index).copied();
         let link = self.specimen.link.as_ref();
         let stands = place(link.and_then(|link| link.stands_at_m.as_ref()));
@@ -269,8 +272,7 @@ impl Place<'_> {
             (at.key("stands_at_m"), stands, "begins"),
         ] {
             let Some(place) = place else { continue };
-            let beyond =
-                |([low, high], ..): &&([f64; 2], _, _, _)| !(place >= *low && place <= *high);
+            let beyond = |([low, high], ..): &&PlaceBound| !(place >= *low && place <= *high);
             if let Some((_, bound, why, label)) = bounds.iter().find(beyond) {
                 let text = format!("axis {} {is} at {place} m, {why}", self.index + 1);
                 findings.0.push(
@@ -280,6 +282,18 @@ impl Place<'_> {
                 );
             }
         }
+        self.check_wiring_check(stands, &bounds, findings);
+    }
+
+    /// The motion of the wiring check stays within the bounds.
+    fn check_wiring_check(
+        &self,
+        stands: Option<f64>,
+        bounds: &[PlaceBound],
+        findings: &mut Findings,
+    ) {
+        let link = self.specimen.link.as_ref();
+        let at = self.at.key("link");
         let Some(way) = link.and_then(|link| link.probe_m) else {
             return;
         };
