@@ -106,7 +106,7 @@ pub struct TimingSpec {
     #[schemars(example = 50)]
     pub warn_misses_in_window: Option<u64>,
     /// Number of ticks before t = 0 in which the specimens hold. The test starts only if the second
-    /// half of them meets its deadlines. Default: 200, at most 0.5 s, at least 2 ticks. A larger
+    /// half of them keeps the miss limits. Default: 200, at most 0.5 s, at least 2 ticks. A larger
     /// number must not exceed 600 s.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = 500)]

@@ -86,12 +86,12 @@ pub const TEST_EVENTS: &[EventRow] = &[
     ],
     [
         "go",
-        "The warm-up met its deadlines: the test begins.",
+        "The warm-up kept the limits of `[timing]`: the test begins.",
         "`ticks`: judged; `missed`, `in_a_row`: misses; `mean_ns`, `longest_ns`: duration of a tick",
     ],
     [
         "no_go",
-        "The warm-up did not meet its deadlines: the test does not begin.",
+        "The warm-up did not keep the limits of `[timing]`: the test does not begin.",
         "as `go`",
     ],
     ["started", "The first command of the test is sent.", ""],

@@ -54,7 +54,7 @@ pub const AXIS_LIMITS: [LimitRow; 17] = [
     [
         "measured_force_n",
         "N",
-        "measured force",
+        "measured force; a Gusset server checks 1.25 times the level",
         "range",
         "none",
         BOTH,
@@ -215,7 +215,7 @@ pub const FURTHER_LIMITS: [[&str; 5]; 6] = [
         "divergence_m",
         "m",
         "displacement of every DOF of the structure",
-        "ten times the rehearsed peak, at least 0.1 m, with a specimen behind a link; else 1000 m",
+        "1000 m; with a link on the real clock, a stable loop and a complete rehearsal: ten times the rehearsed peak, at least 0.1 m",
         "safety",
     ],
     [

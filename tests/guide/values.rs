@@ -111,7 +111,8 @@ pub fn range(node: &Value) -> String {
 }
 
 /// Units by the end of a key, the longest first.
-const UNITS: [(&str, &str); 22] = [
+const UNITS: [(&str, &str); 26] = [
+    ("_per_sqrt_m", "1/√m"),
     ("_rad_per_s", "rad/s"),
     ("_n_s_per_m", "N s/m"),
     ("_n_per_m3", "N/m³"),
@@ -121,6 +122,9 @@ const UNITS: [(&str, &str); 22] = [
     ("_n_per_s", "N/s"),
     ("_m_per_s", "m/s"),
     ("_per_s2", "1/s²"),
+    ("_per_s", "1/s"),
+    ("_m2_s", "m² s"),
+    ("_n2_s", "N² s"),
     ("_per_m2", "1/m²"),
     ("_ticks", "ticks"),
     ("_rad", "rad"),

@@ -33,7 +33,7 @@ pub(in crate::cli) struct RunArgs {
     #[arg(long, value_name = "RUN_DIR", conflicts_with_all = ["sets", "clock"])]
     pub resume: Option<PathBuf>,
     /// With --resume: the test may go on although it had tripped. Name each trip: the key of its limit, or interlock,
-    /// saturated, geometry, diverged, not_finite, unknown.
+    /// saturated, geometry, diverged, not_finite, on_miss, specimen_holds_on, unknown.
     #[arg(long, value_name = "TRIP", requires = "resume")]
     pub after_trip: Vec<String>,
     /// With --resume: go back to this step of a damaged or already continued record. Specimens then repeat the later part of

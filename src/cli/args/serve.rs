@@ -49,7 +49,8 @@ pub(in crate::cli) struct ServeArgs {
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Socket where `gusset reset` reaches this server, or a folder for it [default: the folder of --out, else
-    /// FILE.control.sock]. A latched trip is kept in a file beside it.
+    /// FILE.control.sock]. A latched trip is kept in PATH.latch.json, or without --control beside FILE. Always start a server with the
+    /// same --control.
     #[arg(long, value_name = "PATH")]
     pub control: Option<PathBuf>,
     /// Clear a latched trip at the start.
