@@ -96,7 +96,7 @@ fn digits_that_a_stiff_part_costs_are_told_where_it_costs_them() {
         "{complaint}"
     );
     assert!(
-        text.contains("reciprocal, of what is factored for alpha"),
+        text.contains("reciprocal, of the matrix that is factored for alpha"),
         "{text}"
     );
 }

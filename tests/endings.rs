@@ -351,8 +351,8 @@ fn a_law_that_gives_no_finite_force_stops_the_test_with_1_and_says_so() {
     assert_eq!(summary["status"], "stopped");
     let reason = summary["reason"].as_str().unwrap();
     for words in [
-        "specimen 1",
-        "this program simulates it",
+        "specimen \"spring\"",
+        "which is computed here",
         "the computation diverged",
     ] {
         assert!(reason.contains(words), "{words}: {reason}");

@@ -26,7 +26,10 @@ pub fn tabulate(limits: &LimitFacts, table: &mut Table) {
                 };
                 table.row(&format!("  {word} {}{of}", index + 1), "");
             } else if axis.is_empty() {
-                table.row("  none", "only NaN or infinity trips");
+                table.row(
+                    "  none",
+                    "not set; a value that is not a finite number still trips",
+                );
             }
             for limit in axis {
                 line(limit, table);
