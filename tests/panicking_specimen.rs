@@ -194,7 +194,7 @@ fn a_drill_exits_with_5_and_the_specimen_behind_the_link_is_retired() {
         let reason = summary["reason"].as_str().unwrap();
         assert!(
             reason.starts_with(
-                "internal error: a drill: the specimen's code fails on purpose at 0.25 s"
+                "internal error: fault injection: the specimen's code fails on purpose at 0.25 s"
             ),
             "{reason}"
         );

@@ -88,7 +88,7 @@ impl<S: Specimen> InProcess<S> {
 /// The one panic that is meant.
 #[cold]
 fn break_down(time: f64) -> ! {
-    panic!("a drill: the specimen's code breaks down at {time} s")
+    panic!("fault injection: the specimen's code fails on purpose at {time} s")
 }
 
 /// What a specimen says of itself.
