@@ -170,7 +170,9 @@ fn an_open_interlock_trips_the_test_and_stays_tripped() {
         while fake.frame().is_some() {}
     });
     assert!(
-        reason.starts_with("specimen \"column\": its interlock or emergency stop is open"),
+        reason.starts_with(
+            "specimen \"column\": it reports a trip, or its interlock or emergency stop is open"
+        ),
         "{reason}"
     );
 }

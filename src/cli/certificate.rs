@@ -186,10 +186,14 @@ const LEAST_TRIALS: usize = 100;
 /// findings.
 fn missing(loaded: &Loaded, judged: &Judged, trials: usize) -> Vec<String> {
     let mut missing = Vec::new();
-    if trials < LEAST_TRIALS {
+    if trials == 1 {
+        missing.push(
+            "only one trial ran, because nothing is uncertain: add `[[uncertainty]]`, noise of a sensor or `identified`"
+                .to_owned(),
+        );
+    } else if trials < LEAST_TRIALS {
         missing.push(format!(
-            "{trials} of at least {LEAST_TRIALS} trials ran; more run with `--trials`, and if `[[uncertainty]]`, noise or \
-             `identified` makes them differ"
+            "{trials} of at least {LEAST_TRIALS} trials ran: run more with `--trials`"
         ));
     }
     for table in loaded.file.specimen.iter().filter(|s| s.link.is_some()) {

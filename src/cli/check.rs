@@ -137,8 +137,12 @@ fn in_words(verdict: &RecordedVerdict) -> &'static str {
         (Outcome::Clear, _) => "valid",
         (Outcome::Accepted, true) => "valid, UNSTABLE and accepted",
         (Outcome::Accepted, false) => "valid, with accepted findings",
-        (Outcome::Simulated, true) => "NOT POSSIBLE with a specimen: UNSTABLE. Simulated, it runs",
-        (Outcome::Simulated, false) => "NOT POSSIBLE with a specimen. Simulated, it runs",
+        (Outcome::Simulated, true) => {
+            "NOT POSSIBLE with a specimen: UNSTABLE. A simulated run starts with a warning"
+        }
+        (Outcome::Simulated, false) => {
+            "NOT POSSIBLE with a specimen. A simulated run starts with a warning"
+        }
         (Outcome::Refused, true) => "NOT POSSIBLE: UNSTABLE",
         (Outcome::Refused, false) => "NOT POSSIBLE",
     }

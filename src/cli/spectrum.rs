@@ -169,6 +169,11 @@ impl Spectrum {
         }
     }
 
+    /// Period error of the lowest mode, if it is known and the mode oscillates.
+    pub(super) fn period_error(&self) -> Option<f64> {
+        self.modes.first()?.period_error(self.dt)
+    }
+
     /// The lowest natural frequency in rad/s, if it is known.
     pub(super) fn lowest(&self) -> Option<f64> {
         self.modes.first().map(|mode| mode.frequency)

@@ -35,7 +35,7 @@ pub enum Stop {
         ticks: u64,
     },
     /// The interlock or emergency stop at a specimen's end opened. Latched: the test does not go on when it closes.
-    #[error("specimen {}: its interlock or emergency stop is open", port + 1)]
+    #[error("specimen {}: it reports a trip, or its interlock or emergency stop is open", port + 1)]
     Interlock {
         /// Specimen, from 0.
         port: usize,

@@ -78,9 +78,11 @@ impl Trip {
                 ..of_test(quantity, test_words(quantity, value, bound, worst))
             },
             EventKind::Link { port, fault } => of_port(port, "link", &fault.to_string()),
-            EventKind::Interlock { port } => {
-                of_port(port, "interlock", "its interlock or emergency stop is open")
-            }
+            EventKind::Interlock { port } => of_port(
+                port,
+                "interlock",
+                "it reports a trip, or its interlock or emergency stop is open",
+            ),
             EventKind::Saturated { port } => of_port(
                 port,
                 "saturated",

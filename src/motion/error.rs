@@ -300,7 +300,7 @@ pub enum MotionError {
     },
     /// The unit is neither in the file nor in the test file.
     #[error(
-        "{file}: does not state its unit{}: set `unit`, or `--unit` on the command line: {}",
+        "{file}: does not state its unit{}: set its `unit` (with `gusset benchmark`: `--unit`): {}",
         if header.is_empty() {
             String::new()
         } else {

@@ -504,7 +504,7 @@ mod tests {
         assert!(message(file("gone.AT2")).starts_with("gone.AT2: cannot be read: "));
         assert_eq!(
             message(file("a.csv")),
-            "a.csv: does not state its unit in its header \"a\": set `unit`, or `--unit` on the command line: m/s2, g, mg, %g, g/10, gal, cm/s2, mm/s2, in/s2, ft/s2"
+            "a.csv: does not state its unit in its header \"a\": set its `unit` (with `gusset benchmark`: `--unit`): m/s2, g, mg, %g, g/10, gal, cm/s2, mm/s2, in/s2, ft/s2"
         );
         let wrong = FileSignal {
             unit: Some(Unit::Millimetre),

@@ -126,10 +126,18 @@ fn studies() -> String {
     text
 }
 
+/// Text for a cell of a table. Brackets in code stay as they are.
 fn in_cell(text: &str) -> String {
-    text.replace('|', "\\|")
-        .replace('<', "\\<")
-        .replace('[', "\\[")
+    let mut cell = String::with_capacity(text.len());
+    let mut in_code = false;
+    for c in text.chars() {
+        in_code ^= c == '`';
+        if c == '|' || (!in_code && "<[".contains(c)) {
+            cell.push('\\');
+        }
+        cell.push(c);
+    }
+    cell
 }
 
 /// The title of a file, and the first sentence of its first comment.

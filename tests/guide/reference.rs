@@ -333,7 +333,8 @@ impl<'a> Reference<'a> {
         }
         if let Some(all) = choices(resolved) {
             let words = word_choices(resolved);
-            if words.len() == all.len() || (words.len() == 1 && all.len() == 1) {
+            // An alternative may hold several words.
+            if all.iter().all(|one| !words_of(one).is_empty()) {
                 return one_of(&words);
             }
             let mut kinds: Vec<String> = Vec::new();

@@ -26,7 +26,17 @@ pub(super) fn tabulate(checked: &Checked<'_>, table: &mut Table) {
     table.row("structure", &text);
     of_excitation(checked.loaded, facts, table);
     if let Some(structure) = &facts.structure {
-        table.row("integrator", &stability::in_words(structure));
+        let mut text = stability::in_words(structure);
+        if let Some(error) = checked
+            .spectrum
+            .and_then(|spectrum| spectrum.period_error())
+        {
+            text.push_str(&format!(
+                "; period error of mode 1: {} %",
+                number(100.0 * error)
+            ));
+        }
+        table.row("integrator", &text);
     }
     of_delays(checked, table);
     match &checked.judged.rehearsed {

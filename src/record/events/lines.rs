@@ -478,7 +478,7 @@ fn loud(count: &mut u64) -> bool {
     *count += 1;
     if *count == LOUD + 1 {
         tracing::warn!(
-            "no more events of this kind are shown; events.jsonl in the run folder has all of them"
+            "no more events of this kind are shown; events.jsonl of a run folder has all of them"
         );
     }
     *count <= LOUD

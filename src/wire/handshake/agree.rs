@@ -82,7 +82,9 @@ pub fn agree(hello: &Hello, terms: &Terms) -> Result<u16, Refuse> {
             unit,
             ..
         } = wider;
-        let text = format!("{what} is {promised} {unit} there, beyond {own} {unit} here");
+        let text = format!(
+            "{what}: the test allows {promised} {unit}, the specimen's end at most {own} {unit}"
+        );
         return Err(refuse(RefuseCode::Limits, text));
     }
     let period_s = 1.0 / rate_hz;
