@@ -388,7 +388,7 @@ fn serve(file: &Path, options: &[&str]) -> (Option<i32>, String) {
 fn a_gateway_on_the_port_of_its_own_specimen_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, listen: &str, link: &str| {
-        let text = link_common::gateway("127.0.0.1:27998", ONE_AXIS, link);
+        let text = link_common::gateway("127.0.0.1:27998", "stiffness_n_per_m = 4e5\n", link);
         let table = format!("[serve]\nlisten = \"{listen}\"\n[[specimen]]");
         let text = text.replacen("[[specimen]]", &table, 1);
         write(folder.path(), name, &text)
