@@ -387,19 +387,24 @@ fn serve(file: &Path, options: &[&str]) -> (Option<i32>, String) {
 #[test]
 fn a_gateway_on_the_port_of_its_own_specimen_is_refused() {
     let folder = tempfile::tempdir().unwrap();
+    // Two ports that are free.
+    let free = || std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let ports = [free(), free()].map(|listener| listener.local_addr().unwrap().port());
+    let [port, another] = ports.map(|port| format!("localhost:{port}"));
+    let address = port.replace("localhost", "127.0.0.1");
     let write = |name: &str, listen: &str, link: &str| {
-        let text = link_common::gateway("127.0.0.1:27998", "stiffness_n_per_m = 4e5\n", link);
+        let text = link_common::gateway(&address, "stiffness_n_per_m = 4e5\n", link);
         let table = format!("[serve]\nlisten = \"{listen}\"\n[[specimen]]");
         let text = text.replacen("[[specimen]]", &table, 1);
         write(folder.path(), name, &text)
     };
-    let same = write("same.toml", "localhost:27998", "");
-    let other = write("other.toml", "localhost:27997", "");
-    let same_udp = write("udp.toml", "localhost:27998", "transport = \"udp\"\n");
+    let same = write("same.toml", &port, "");
+    let other = write("other.toml", &another, "");
+    let same_udp = write("udp.toml", &port, "transport = \"udp\"\n");
     for (file, options, key) in [
         (&same, &[][..], "listen = "),
         (&same, &["--protocol", "openfresco"], "listen = "),
-        (&other, &["--listen", "127.0.0.1:27998"], "--listen"),
+        (&other, &["--listen", address.as_str()], "--listen"),
         (&same_udp, &["--transport", "udp"], "listen = "),
     ] {
         let (code, said) = serve(file, options);
