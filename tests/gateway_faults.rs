@@ -72,7 +72,7 @@ fn a_specimen_killed_in_mid_test_ends_the_test_and_not_the_gateway() {
         let reason = summary(folder, "killed").reason;
         assert!(reason.contains("the specimen is lost"), "{reason}");
         // The watchdog that was agreed on is the gateway's, which says that it has nothing to hold any more.
-        let stands = "; only the server of specimen ";
+        let stands = "; only the server of specimen \"column\" knows its position";
         assert!(
             reason.contains(stands) && !reason.contains("watchdog"),
             "{reason}"

@@ -312,8 +312,10 @@ fn a_pose_beyond_reach_is_named_before_anything_moves_there() {
     let out = home.join("out");
     let said = common::run(&test, &out, &[]);
     assert_eq!(said.code, Some(1), "{}", said.stderr);
-    let reason = json(&out, "summary.json")["reason"].to_string();
-    assert!(reason.contains(": actuator 1 would need"), "{reason}");
+    let summary = json(&out, "summary.json");
+    let reason = summary["reason"].as_str().unwrap();
+    let words = "specimen \"column\": actuator 1 would need";
+    assert!(reason.contains(words), "{reason}");
     assert!(
         reason.contains("uy = ") && reason.contains("rz = "),
         "{reason}"

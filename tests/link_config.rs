@@ -2,7 +2,9 @@
 
 mod link_common;
 
+use std::io::{BufRead, BufReader};
 use std::path::Path;
+use std::process::Stdio;
 
 use gusset::config::{self, load_served};
 use gusset::link::spec::Offer;
@@ -360,17 +362,64 @@ fn a_server_on_a_port_in_use_is_refused_with_the_flag_that_changes_it() {
     }
 }
 
+/// The exit code of `gusset serve` with these options, or none if it serves, and what it says.
+fn serve(file: &Path, options: &[&str]) -> (Option<i32>, String) {
+    let mut command = link_common::gusset();
+    command.arg("serve").arg(file).args(options);
+    let mut child = command
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut line = String::new();
+    let mut stdout = BufReader::new(child.stdout.take().unwrap());
+    stdout.read_line(&mut line).unwrap();
+    if line.starts_with("listening on ") {
+        child.kill().unwrap();
+        child.wait().unwrap();
+        return (None, line);
+    }
+    let output = child.wait_with_output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    (output.status.code(), said)
+}
+
 #[test]
 fn a_gateway_on_the_port_of_its_own_specimen_is_refused() {
-    let text = link_common::gateway("127.0.0.1:27998", ONE_AXIS, "");
-    let listen = text.replacen(
-        "[[specimen]]",
-        "[serve]\nlisten = \"localhost:27998\"\n[[specimen]]",
-        1,
-    );
     let folder = tempfile::tempdir().unwrap();
-    let path = write(folder.path(), "gateway.toml", &listen);
-    let said = load_served(&path, None).unwrap_err().to_string();
-    shows(&said, "have the same port");
-    shows(&said, "column");
+    // Two ports that are free.
+    let free = || std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let ports = [free(), free()].map(|listener| listener.local_addr().unwrap().port());
+    let [port, another] = ports.map(|port| format!("localhost:{port}"));
+    let address = port.replace("localhost", "127.0.0.1");
+    let write = |name: &str, listen: &str, link: &str| {
+        let text = link_common::gateway(&address, "stiffness_n_per_m = 4e5\n", link);
+        let table = format!("[serve]\nlisten = \"{listen}\"\n[[specimen]]");
+        let text = text.replacen("[[specimen]]", &table, 1);
+        write(folder.path(), name, &text)
+    };
+    let same = write("same.toml", &port, "");
+    let other = write("other.toml", &another, "");
+    let same_udp = write("udp.toml", &port, "transport = \"udp\"\n");
+    for (file, options, key) in [
+        (&same, &[][..], "listen = "),
+        (&same, &["--protocol", "openfresco"], "listen = "),
+        (&other, &["--listen", address.as_str()], "--listen"),
+        (&same_udp, &["--transport", "udp"], "listen = "),
+    ] {
+        let (code, said) = serve(file, options);
+        assert_eq!(code, Some(2), "{said}");
+        for words in ["have the same port", "`column`", key] {
+            shows(&said, words);
+        }
+    }
+    // The option replaces the key of the file. A TCP port is not a UDP port.
+    for (file, options) in [
+        (&same, &["--listen", "127.0.0.1:0"][..]),
+        (&same_udp, &[]),
+        (&same, &["--transport", "udp"]),
+    ] {
+        let (code, said) = serve(file, options);
+        assert_eq!(code, None, "{said}");
+    }
 }

@@ -142,7 +142,7 @@ fn a_specimen_that_does_not_arm_is_not_said_to_be_held() {
         assert_eq!(code, 3, "{said}");
         let reason = summary(folder.path(), "run").reason;
         assert!(reason.contains(told), "{reason}");
-        let never = "was never armed: no command was sent to it";
+        let never = "; specimen \"column\" was never armed: no command was sent to it";
         assert!(reason.ends_with(never), "{reason}");
         assert!(!reason.contains("watchdog"), "{reason}");
     }

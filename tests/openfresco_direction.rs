@@ -54,6 +54,7 @@ fn a_controller_does_not_arm_what_is_wired_wrongly_behind_an_adapter() {
         assert_eq!(code, 3, "{said}");
         let reason = summary(folder, "run").reason;
         assert!(reason.contains(words), "{reason}");
+        assert!(reason.contains("specimen \"column\""), "{reason}");
     }
     let folder = tempfile::tempdir().unwrap();
     let address = adapter::start(|d| (d, K * d));
@@ -261,7 +262,10 @@ fn a_test_that_waits_for_a_gateway_to_be_armed_ends_when_it_is_told_to() {
         assert_eq!(summary.status, Status::Interrupted);
         let reason = summary.reason;
         assert!(reason.contains("stopped by the operator"), "{reason}");
-        assert!(reason.contains("was being armed"), "{reason}");
+        assert!(
+            reason.contains("specimen \"column\" was being armed"),
+            "{reason}"
+        );
     }
 }
 

@@ -84,7 +84,7 @@ fn a_test_that_goes_on_finds_it_where_it_was_left_and_not_where_it_once_stood() 
     assert_eq!(code, 3, "{said}");
     let broken = summary(folder, "run");
     assert!(broken.steps > 10);
-    let left = "no watchdog holds specimen ";
+    let left = "; no watchdog holds specimen \"column\": it is where its own controller leaves it";
     assert!(broken.reason.ends_with(left), "{}", broken.reason);
     let mut command = gusset();
     command.arg("run").arg("--resume").arg(folder.join("run"));

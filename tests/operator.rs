@@ -171,7 +171,7 @@ fn without_a_terminal_nothing_is_confirmed_unless_it_is_said() {
     assert!(done.status.success(), "{done:?}");
     let text = String::from_utf8_lossy(&done.stderr);
     assert!(
-        text.contains("specimen \"rig\" axis 1: displacement 0"),
+        text.contains("specimen \"rig\", axis 1, at rest: displacement 0"),
         "{text}"
     );
     let told = events(&out);

@@ -785,7 +785,7 @@ fn a_summary_with_other_steps_peaks_or_another_trip_is_found() {
         (Some(1), true),
         "{headline}"
     );
-    // The rows end before such a summary does: then no proof of stability.
+    // The rows end before the steps of this summary. The replay fails for the missing rows and lists no key.
     assert_eq!((codes[0], keys.len()), (Some(1), 0));
     let (codes, keys, headline) = judged(&run, |summary| {
         let peak = summary["peak"]["displacement"][1].as_f64().unwrap();

@@ -17,7 +17,7 @@ use crate::config::{ClockChoice, Facts, Prepared, Stability};
 use crate::engine::Operator;
 use crate::engine::PhaseCell;
 #[cfg(feature = "monitor")]
-use crate::link::address::share_a_port;
+use crate::link::spec::Carrier;
 #[cfg(feature = "monitor")]
 use crate::monitor::Ended;
 #[cfg(feature = "monitor")]
@@ -54,7 +54,7 @@ impl Asked {
         let file = test.loaded.as_ref().map(|loaded| &loaded.file);
         for specimen in file.iter().flat_map(|file| &file.specimen) {
             let link = specimen.link.as_ref();
-            if let Some(link) = link.filter(|link| share_a_port(&link.address, address)) {
+            if let Some(link) = link.filter(|link| link.needs_port(address, Carrier::Tcp)) {
                 let text = format!(
                     "--live {address} is also the address of specimen `{}` ([specimen.link] address = \"{}\")\n\
                      choose another port for the live page, for example --live {}",

@@ -58,6 +58,7 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
         Some(TransportArg::Tls) => Carrier::Tls,
         None => served.serve.transport.unwrap_or_default(),
     };
+    let listen = listen_address(args, &served, protocol, carrier)?;
     let mut inputs = Vec::new();
     if let Some(path) = &args.fault {
         let text = config::read_text(path).map_err(refused)?;
@@ -96,8 +97,8 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
     let name = among.map(|specimen| specimen.name.as_str());
     let (host, _control) = latched(served.host, args, name, physical)?;
     served.host = host;
-    if let Some((role, port)) = openfresco {
-        return serve_openfresco::serve(args, &served, role, port, carrier);
+    if let Some((role, _)) = openfresco {
+        return serve_openfresco::serve(args, &served, role, &listen, carrier);
     }
     if served.serve.tls.client_certificate == Some(ClientCertificate::Optional) {
         let text = "client_certificate = \"optional\" is for OpenFresco's protocols only; ours requires one";
@@ -108,9 +109,8 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
     for text in served.host.first_command(false) {
         tell(format_args!("note: {text}"));
     }
-    let listen = args.listen.clone().or(served.serve.listen);
     let options = ServeOptions {
-        listen: listen.unwrap_or_else(|| USUAL_LISTEN.to_owned()),
+        listen,
         carrier,
         key: match &args.key {
             Some(path) => Some(read_key(path)?),
@@ -219,6 +219,26 @@ pub(super) fn misasked(
         None => error.to_string(),
     };
     WithExit(Exit::Usage, text).into()
+}
+
+/// The address of the server: that of the option, of the file, or the usual one of the protocol.
+fn listen_address(
+    args: &ServeArgs,
+    served: &Served,
+    protocol: Offer,
+    carrier: Carrier,
+) -> anyhow::Result<String> {
+    let given = args.listen.as_ref().or(served.serve.listen.as_ref());
+    let listen = match (given, protocol.openfresco()) {
+        (Some(given), _) => given.clone(),
+        (None, Some((_, port))) => format!("127.0.0.1:{port}"),
+        (None, None) => USUAL_LISTEN.to_owned(),
+    };
+    let flag = args.listen.as_ref().map(|_| "--listen");
+    served
+        .check_listen(&listen, carrier, flag)
+        .map_err(refused)?;
+    Ok(listen)
 }
 
 /// Says that the port is open, and waits for the end.

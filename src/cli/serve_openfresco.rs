@@ -21,12 +21,12 @@ use crate::wire::openfresco::Carrier as Bytes;
 /// The budget of a busy loop is judged for this period; a client has none.
 const USUAL_PERIOD_NS: u64 = 1_000_000;
 
-/// Hosts one specimen until a signal ends it. `port` is where the dialect is usually found.
+/// Hosts one specimen at the address `listen` until a signal ends it.
 pub fn serve(
     args: &ServeArgs,
     served: &Served,
     role: Role,
-    port: u16,
+    listen: &str,
     carrier: Carrier,
 ) -> anyhow::Result<Exit> {
     if args.key.is_some() || served.key.is_some() {
@@ -64,8 +64,6 @@ pub fn serve(
         },
     );
     settings.signal_order = wishes.signal_order.map(Into::into);
-    let listen = args.listen.as_ref().or(served.serve.listen.as_ref());
-    let listen = listen.map_or_else(|| format!("127.0.0.1:{port}"), String::clone);
     let clients = match args.client.as_ref().or(wishes.client.as_ref()) {
         Some(host) => resolve_host(host).map_err(|error| {
             let flag = args.client.as_ref().map(|_| "--client");
@@ -84,10 +82,10 @@ pub fn serve(
         args,
         served,
         carrier,
-        !clients.is_empty() || is_loopback(&listen),
+        !clients.is_empty() || is_loopback(listen),
     )? {
-        Some(tls) => Door::bind_tls(&listen, clients, tls),
-        None => Door::bind(bytes, &listen, clients),
+        Some(tls) => Door::bind_tls(listen, clients, tls),
+        None => Door::bind(bytes, listen, clients),
     }
     .map_err(unheard)?;
     let signals = Signals::listen().context("signals cannot be taken over")?;

@@ -17,6 +17,7 @@ use super::document::{KeyPath, SyntaxError};
 use super::echo::plain;
 use super::read::{Kind, Mistake};
 use super::suggest::{listed, nearest};
+use super::words::{NO_COMMA, comma_readings};
 
 /// Whether a diagnostic forbids the test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -351,14 +352,45 @@ pub(crate) fn decimal_comma(text: &str, at: usize) -> Option<Range<usize>> {
         let before = line[..first].trim_ascii_end().last();
         let split = before == Some(&b'=') || begin + comma + 1 == at || begin + comma + 2 == at;
         if digits && split && !line[..first].contains(&b'#') {
-            return Some(begin + first..begin + last);
+            let all = with_groups(line, first..last);
+            let number = line.get(all.clone()).map(String::from_utf8_lossy);
+            let is_one = number.is_some_and(|number| !comma_readings(&number).is_empty());
+            let found = if is_one { all } else { first..last };
+            return Some(begin + found.start..begin + found.end);
         }
     }
     None
 }
 
+/// The number at `found`, which has a comma, with the groups of three digits before and after it.
+fn with_groups(line: &[u8], found: Range<usize>) -> Range<usize> {
+    let Range { mut start, mut end } = found;
+    let digits_from = |at: usize| {
+        line[at..]
+            .iter()
+            .take_while(|byte| byte.is_ascii_digit())
+            .count()
+    };
+    while line.get(end) == Some(&b',') && digits_from(end + 1) == 3 {
+        end += 4;
+    }
+    while start > 1 && line[start - 1] == b',' && digits_from(start) == 3 {
+        let before = line[..start - 1].iter().rev();
+        let count = before.take_while(|byte| byte.is_ascii_digit()).count();
+        if count == 0 {
+            break;
+        }
+        start -= count + 1;
+    }
+    start..end
+}
+
 fn with_comma(source: &Arc<Source>, span: Range<usize>) -> Diagnostic {
-    let number = source.text[span.clone()].replacen(',', ".", 1);
+    let readings = comma_readings(&source.text[span.clone()]);
+    let comma = match readings.as_slice() {
+        [only] if only.contains('.') => "a decimal comma",
+        _ => "a comma",
+    };
     let before = source.text[..span.start].trim_end().trim_end_matches('=');
     let key = before.trim_end().rsplit([' ', '\n', '{', ',', '\t']).next();
     let key =
@@ -370,10 +402,10 @@ fn with_comma(source: &Arc<Source>, span: Range<usize>) -> Diagnostic {
     let subject = key.map_or_else(|| "a number".to_owned(), |key| format!("`{key}`"));
     Diagnostic {
         severity: Severity::Error,
-        place: (place, plain(&format!("write {number}"))),
+        place: (place, plain(&format!("write {}", readings.join(" or ")))),
         beside: None,
-        headline: plain(&format!("{subject} has a decimal comma")),
-        help: vec!["a decimal number has a point".to_owned()],
+        headline: plain(&format!("{subject} has {comma}")),
+        help: vec![NO_COMMA.to_owned()],
     }
 }
 

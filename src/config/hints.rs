@@ -13,6 +13,15 @@ const DEPTH: usize = 2;
 /// References and alternatives in a row that are followed.
 const MOST_HOPS: usize = 16;
 
+/// Tables whose keys have another meaning outside of them: scale factors, and what is assumed of a specimen.
+const OWN_MEANING: [&str; 3] = ["similitude", "stand_in", "stand_in_transfer"];
+/// Keys of one table that exclude each other.
+const EXCLUSIVE: [&[&str]; 3] = [
+    &["law", "laws", "coupled", "link"],
+    &["transfer", "link"],
+    &["shear_building", "matrices", "chain"],
+];
+
 /// The schema of one kind of file.
 pub(super) struct Hints(Value);
 
@@ -29,36 +38,43 @@ impl Hints {
             Kind::UnknownKey { allowed } => {
                 let key = path.last_key().unwrap_or_default();
                 let same_table = nearest(key, allowed).is_some();
-                (!same_table).then(|| self.elsewhere(&path)).flatten()
+                (!same_table).then(|| self.elsewhere(&path, root)).flatten()
             }
             _ => None,
         };
         let brackets = self.brackets(&mistake, root);
         let finding = Finding::from(mistake);
         match (known, brackets, name_help(&path)) {
-            (Some(meant), ..) => finding.label(format!("did you mean `{meant}`?")),
+            (Some(known), ..) => finding.label(table_of(&known)),
             (_, Some(help), _) => finding.help(help),
             (_, _, Some(help)) => finding.help(help),
             _ => finding,
         }
     }
 
-    /// The path of the key that is meant by an unknown key at `path`: below its table, or below a table that holds it.
-    fn elsewhere(&self, path: &KeyPath) -> Option<KeyPath> {
+    /// The path of the known key that has the name of the unknown key at `path`: below its table, or below a table that
+    /// holds it. None if the nearest tables with such a key are several.
+    fn elsewhere(&self, path: &KeyPath, root: &Node) -> Option<KeyPath> {
         let key = path.last_key()?;
         let mut table = path.parent()?;
         loop {
             let mut keys = Vec::new();
-            for node in self.nodes(&table) {
+            for node in self.nodes(&table, false) {
                 self.below(node, &table, DEPTH, &mut keys);
             }
-            let means = |known: &&KeyPath| {
+            keys.retain(|known| {
                 let name = known.last_key().unwrap_or_default();
-                name == key || name.starts_with(&format!("{key}_"))
-            };
-            keys.sort_by_key(|known: &KeyPath| known.segments().len());
-            if let Some(found) = keys.iter().find(means) {
-                return Some(found.clone());
+                let is_named = name == key || name.starts_with(&format!("{key}_"));
+                is_named && is_possible(known, &table, root)
+            });
+            keys.sort_by_cached_key(|known| (known.segments().len(), known.to_string()));
+            keys.dedup();
+            let length = keys.first().map(|known| known.segments().len());
+            let is_near = |known: &KeyPath| Some(known.segments().len()) == length;
+            match keys.as_slice() {
+                [] => {}
+                [_, second, ..] if is_near(second) => return None,
+                [only, ..] => return Some(only.clone()),
             }
             table = table
                 .parent()
@@ -87,7 +103,7 @@ impl Hints {
     }
 
     fn is_array_of_tables(&self, path: &KeyPath) -> bool {
-        self.nodes(path).into_iter().any(|node| {
+        self.nodes(path, true).into_iter().any(|node| {
             let items = node
                 .get("items")
                 .map(|items| self.alternatives(items, true));
@@ -95,10 +111,11 @@ impl Hints {
         })
     }
 
-    /// The schemas that `path` can have.
-    fn nodes(&self, path: &KeyPath) -> Vec<&Value> {
+    /// The schemas that `path` can have. `variants`: also those of a choice by name.
+    fn nodes(&self, path: &KeyPath, variants: bool) -> Vec<&Value> {
         let mut nodes = self.alternatives(&self.0, true);
-        for segment in path.segments() {
+        for (index, segment) in path.segments().iter().enumerate() {
+            let variants = variants || index + 1 < path.segments().len();
             let children: Vec<&Value> = nodes
                 .iter()
                 .filter_map(|node| match segment {
@@ -108,7 +125,7 @@ impl Hints {
                 .collect();
             nodes = children
                 .into_iter()
-                .flat_map(|node| self.alternatives(node, true))
+                .flat_map(|node| self.alternatives(node, variants))
                 .collect();
         }
         nodes
@@ -155,6 +172,37 @@ impl Hints {
             }
         }
     }
+}
+
+/// True if the file can have the key `known`, which is below `table`: nothing that it excludes is given.
+fn is_possible(known: &KeyPath, table: &KeyPath, root: &Node) -> bool {
+    let mut at = table.clone();
+    known.segments()[table.segments().len()..]
+        .iter()
+        .all(|segment| {
+            let Segment::Key(key) = segment else {
+                return true;
+            };
+            let excludes = |group: &&&[&str]| group.contains(&key.as_str());
+            let others = EXCLUSIVE.iter().filter(excludes).copied().flatten();
+            let is_excluded = others
+                .filter(|other| *other != key)
+                .any(|other| root.find(&at.key(other)).is_some());
+            at = at.key(key);
+            !is_excluded && !OWN_MEANING.contains(&key.as_str())
+        })
+}
+
+/// The table that has the key `known`, in words.
+fn table_of(known: &KeyPath) -> String {
+    let table = known.parent().unwrap_or_default();
+    let header = without_indices(&table);
+    let header = match table.segments().last() {
+        Some(Segment::Index(_)) => format!("[[{header}]]"),
+        _ => format!("[{header}]"),
+    };
+    let name = known.last_key().unwrap_or_default();
+    format!("`{name}` is a key of {header}")
 }
 
 /// Help that only this name can have.

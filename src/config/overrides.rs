@@ -13,6 +13,7 @@ use super::diagnose::{Diagnostic, Part, Place, Severity, Source, decimal_comma};
 use super::document::{KeyPath, Node, Segment, parse_segments};
 use super::echo::plain;
 use super::edit::put_in_table;
+use super::words::{NO_COMMA, comma_readings};
 
 /// What stands before the argument when it is shown.
 const FLAG: &str = "--set ";
@@ -98,12 +99,12 @@ impl Override {
                 let at = error.span().map_or(0, |span| span.start);
                 if let Some(number) = decimal_comma(text, at) {
                     let span = start + number.start..start + number.end;
-                    let with_point = text[number].replacen(',', ".", 1);
+                    let readings = comma_readings(&text[number]).join(" or ");
                     return Err(refuse(
-                        "the value of an override has a decimal comma",
-                        &format!("write {with_point}"),
+                        "a number in the value of an override has a comma",
+                        &format!("write {readings}"),
                         span,
-                        "a decimal number has a point",
+                        NO_COMMA,
                     ));
                 }
                 return Err(refuse(

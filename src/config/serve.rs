@@ -145,6 +145,41 @@ impl Served {
         }
         Ok(())
     }
+
+    /// Checks that the server does not need the port of the specimen that it commands. `flag` is the option that gives
+    /// `listen`, if one does.
+    ///
+    /// # Errors
+    /// A gateway and the specimen behind its link have the same port.
+    pub fn check_listen(
+        &self,
+        listen: &str,
+        carrier: Carrier,
+        flag: Option<&str>,
+    ) -> Result<(), ConfigError> {
+        for specimen in &self.file.specimen {
+            let link = specimen.link.as_ref();
+            if link.is_some_and(|link| link.needs_port(listen, carrier)) {
+                let text = format!(
+                    "the gateway and the specimen `{}` have the same port",
+                    specimen.name
+                );
+                let finding = Finding::error(self.place.key("link").key("address"), text)
+                    .label("the server of the specimen");
+                let key = KeyPath::root().key("serve").key("listen");
+                let finding = match flag {
+                    Some(flag) => finding.help(format!("the gateway itself has {flag} {listen}")),
+                    None if self.locator.holds(&key) => finding.beside(key, "the gateway itself"),
+                    None => {
+                        finding.help(format!("without `serve.listen` the gateway has {listen}"))
+                    }
+                };
+                let help = "choose another port for one of the two, for example with --listen";
+                return Err(self.locator.refusal(finding.help(help)));
+            }
+        }
+        Ok(())
+    }
 }
 
 /// Reads a file of specimens, or a test file, and makes the specimen that is called `name` ready (the only one if there is

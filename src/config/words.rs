@@ -3,6 +3,7 @@
 use serde::de::{Expected, Unexpected};
 
 use super::echo::{number, quoted};
+use super::suggest::listed;
 
 /// What was found.
 pub(crate) fn found_in_words(found: Unexpected<'_>) -> String {
@@ -49,6 +50,25 @@ pub(crate) fn wanted_in_words(found: Option<Unexpected<'_>>, wanted: &dyn Expect
 pub(crate) const SPLIT_NUMBERS: &str =
     "a comma starts the next element; a decimal number has a point, as in `0.5`";
 
+/// Help for a number with a comma.
+pub(crate) const NO_COMMA: &str = "a decimal number has a point; thousands have no separator";
+
+/// The numbers that a number with commas can mean: with a decimal point, and without separators of thousands.
+pub(crate) fn comma_readings(number: &str) -> Vec<String> {
+    let mut readings = Vec::new();
+    if number.matches(',').count() == 1 {
+        readings.push(number.replace(',', "."));
+    }
+    let mut groups = number.trim_start_matches(['+', '-']).split(',');
+    let is_number = |group: &str| group.bytes().all(|byte| byte.is_ascii_digit());
+    let first = groups.next().unwrap_or_default();
+    let begins = (1..=3).contains(&first.len()) && is_number(first) && !first.starts_with('0');
+    if begins && groups.all(|group| group.len() == 3 && is_number(group)) {
+        readings.push(number.replace(',', ""));
+    }
+    readings
+}
+
 /// Help for a text that was found in place of a number: the number without quotes and with a decimal point.
 pub(crate) fn number_in_quotes(found: Unexpected<'_>, wanted: &dyn Expected) -> Option<String> {
     let Unexpected::Str(text) = found else {
@@ -63,10 +83,15 @@ pub(crate) fn number_in_quotes(found: Unexpected<'_>, wanted: &dyn Expected) -> 
     if is_number(number) {
         return Some(format!("write the number without quotes: `{number}`"));
     }
-    let (whole, decimals) = number.split_once(',')?;
-    let with_point = format!("{whole}.{decimals}");
-    is_number(&with_point)
-        .then(|| format!("a decimal number has a point and no quotes: `{with_point}`"))
+    if !number.contains(',') {
+        return None;
+    }
+    let readings = comma_readings(number);
+    let all_are = !readings.is_empty() && readings.iter().all(|reading| is_number(reading));
+    all_are.then(|| {
+        let readings = listed(&readings, "or");
+        format!("a decimal number has a point and no quotes: {readings}")
+    })
 }
 
 /// What a whole number may be, where a number was found that is none of them: too large, negative or with a point.

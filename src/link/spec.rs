@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::address::share_a_port;
 use super::openfresco::{OpenFrescoSpec, Role};
 use super::tls::TlsSpec;
 use crate::wire::openfresco::{APPLICATION_PORT, CONTROLLER_PORT, SITE_PORT};
@@ -153,6 +154,14 @@ impl LinkSpec {
     #[must_use]
     pub fn is_per_step(&self) -> bool {
         self.commands == CommandPace::EveryStep
+    }
+
+    /// True if the server of this specimen and a server at `address` need the same port.
+    ///
+    /// A TCP port and a UDP port may have the same number. TLS uses TCP.
+    #[must_use]
+    pub fn needs_port(&self, address: &str, carrier: Carrier) -> bool {
+        self.transport.is_stream() == carrier.is_stream() && share_a_port(&self.address, address)
     }
 
     /// Largest number of successive stale measurements, with ticks of `period` seconds.

@@ -25,6 +25,15 @@ use lines::head;
 pub(super) const BEARS_A_FORCE: &str =
     "it bears a force at the beginning that its displacement does not explain";
 
+/// Words for the reference of the force that is allowed at the beginning.
+pub(super) fn reference_words(of: &str) -> &'static str {
+    match of {
+        "yield_force_n" => "1 % of the yield force of its stand-in",
+        "measured_force_n" => "1 % of its limit `measured_force_n`",
+        _ => "the noise of its load cell; neither a yield force nor a limit is declared",
+    }
+}
+
 /// One moment as the writer's two clocks show it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Moment {

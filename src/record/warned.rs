@@ -2,7 +2,7 @@
 //! before the test moved them.
 
 use super::EventKind;
-use super::events::BEARS_A_FORCE;
+use super::events::{BEARS_A_FORCE, reference_words};
 use crate::units::{compared, unit_of_key};
 
 /// All of them, in the order in which they were first met.
@@ -37,11 +37,7 @@ impl InitialForce {
         } = self;
         let name = specimens.get(*port as usize).map_or("", String::as_str);
         let [force, most] = compared(*force, *most, "N");
-        let of = match *of {
-            "yield_force_n" => "1 % of the yield force of its stand-in",
-            "measured_force_n" => "1 % of its limit `measured_force_n`",
-            _ => "the noise of its load cell; neither a yield force nor a limit is declared",
-        };
+        let of = reference_words(of);
         format!(
             "specimen \"{name}\" axis {}: {BEARS_A_FORCE}: {force}, allowed {most} ({of}); it may have yielded in an \
              earlier test",

@@ -67,7 +67,7 @@ fn what_was_changed_or_is_complete_is_refused_and_damage_goes_back_to_a_checkpoi
     let first = states[0].iter().position(|s| *s == 3.0).unwrap();
     rows[(first + 3) * stride + 20] ^= 1;
     std::fs::write(run.join("samples.bin"), &rows).unwrap();
-    refused(&run, "no checkpoint before it", &[]);
+    refused(&run, "no checkpoint is before it", &[]);
 }
 
 /// Without a summary the events prove that the test went further, as after a disk that filled up: what it did to its specimens

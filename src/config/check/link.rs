@@ -4,10 +4,8 @@ use super::Findings;
 use crate::config::TestFile;
 use crate::config::diagnose::Finding;
 use crate::config::document::KeyPath;
-use crate::config::serve::ServeFile;
 use crate::config::specimen::SpecimenTable;
 use crate::link::LinkSpec;
-use crate::link::address::share_a_port;
 use crate::link::openfresco::RemoteSettings;
 use crate::link::spec::{Carrier, LinkCoupling, Protocol};
 use crate::text::is_hidden;
@@ -128,10 +126,8 @@ pub(super) fn check_shared(specimens: &[SpecimenTable], findings: &mut Findings)
             continue;
         };
         let shares = |other: &&SpecimenTable| {
-            other.link.as_ref().is_some_and(|known| {
-                known.transport.is_stream() == link.transport.is_stream()
-                    && share_a_port(&known.address, &link.address)
-            })
+            let known = other.link.as_ref();
+            known.is_some_and(|known| known.needs_port(&link.address, link.transport))
         };
         if let Some(first) = specimens[..index].iter().position(|known| shares(&known)) {
             let name = |index: usize| &specimens[index].name;
@@ -145,32 +141,6 @@ pub(super) fn check_shared(specimens: &[SpecimenTable], findings: &mut Findings)
                     .label("also here")
                     .beside(at(first), "first here")
                     .help("a server has one specimen and takes one controller: start one server for each specimen"),
-            );
-        }
-    }
-}
-
-/// A gateway whose own port is the address of the specimen that it commands.
-pub(super) fn check_listen(file: &ServeFile, findings: &mut Findings) {
-    let Some(listen) = &file.serve.listen else {
-        return;
-    };
-    for (index, specimen) in file.specimen.iter().enumerate() {
-        let shared = specimen.link.as_ref();
-        if shared.is_some_and(|link| share_a_port(&link.address, listen)) {
-            let at = KeyPath::root().key("specimen").index(index).key("link");
-            let text = format!(
-                "the gateway and the specimen `{}` have the same port",
-                specimen.name
-            );
-            findings.0.push(
-                Finding::error(at.key("address"), text)
-                    .label("the server of the specimen")
-                    .beside(
-                        KeyPath::root().key("serve").key("listen"),
-                        "the gateway itself",
-                    )
-                    .help("choose another port for one of the two"),
             );
         }
     }

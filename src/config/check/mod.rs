@@ -261,7 +261,6 @@ pub(crate) fn check_served(file: &ServeFile) -> Vec<Finding> {
     check_idle_served(file.timing.as_ref(), file.record.as_ref(), &mut findings);
     check_required(&file.specimen, unlimited, &mut findings);
     check_names(&file.specimen, &mut findings);
-    link::check_listen(file, &mut findings);
     findings.0
 }
 

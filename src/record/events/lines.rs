@@ -10,7 +10,7 @@ use super::super::miss::{Evidence, classify};
 use super::super::utc::rfc3339;
 use super::super::{Event, EventKind, MissCause};
 use super::names::{fault_name, kind_name};
-use super::{BEARS_A_FORCE, EventLog};
+use super::{BEARS_A_FORCE, EventLog, reference_words};
 use crate::substructure::{AGREED, LinkFault};
 use crate::units::{compared, duration, number, unit_of_key};
 
@@ -380,8 +380,8 @@ impl<S: Store> EventLog<S> {
                 put(line, "force", force);
                 put(line, "most", most);
                 let [force, most] = compared(force, most, "N");
-                let axis = self.axis(port, axis);
-                tracing::warn!("{axis}: {BEARS_A_FORCE}: {force}, allowed {most}");
+                let (axis, of) = (self.axis(port, axis), reference_words(of));
+                tracing::warn!("{axis}: {BEARS_A_FORCE}: {force}, allowed {most} ({of})");
             }
             EventKind::Zeroed { port, axis, values } => {
                 self.specimen(line, port);
