@@ -254,7 +254,7 @@ fn two_actuators_that_are_tolerated_alone_are_unstable_together() {
         let specimen = |name: &str, storey: u32| {
             format!(
                 "[[specimen]]\nname = \"{name}\"\nstorey = {storey}\nstiffness_n_per_m = 1.5e6\n\
-                 [specimen.link]\naddress = \"127.0.0.1:1\"\n{LIMITS}{}",
+                 [specimen.link]\naddress = \"127.0.0.1:{storey}\"\n{LIMITS}{}",
                 lag("stand_in_transfer", lag_s)
             )
         };
