@@ -102,7 +102,7 @@ pub fn in_words(structure: &StructureFacts) -> String {
     }
 }
 
-/// λ and its limit, with as many digits as show which of them is larger. Empty where there is none.
+/// λ and its limit, with as many digits as show which of them is larger. A missing one is empty.
 fn lambda_and_limit(structure: &StructureFacts) -> [String; 2] {
     let lambda = structure.lambda.map(Lambda::value);
     let limit = structure.choice().and_then(|choice| choice.limit);

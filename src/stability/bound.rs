@@ -7,9 +7,9 @@ use crate::units::duration;
 /// The state of the structure and the calculation to which a critical delay belongs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DelayCondition {
-    /// As it stands at rest, in continuous time.
+    /// At rest, in continuous time.
     AtRest,
-    /// As it stands at rest, by the recursion at Δt and λ.
+    /// At rest, by the recursion at Δt and λ.
     Recursion,
     /// With K0 and C0, in continuous time.
     Closed,

@@ -99,7 +99,7 @@ impl Measured<'_> {
         })
     }
 
-    /// Whether a rate with so many late ticks is kept; none where the measurement cannot tell.
+    /// Whether a rate with `late` late ticks is kept. Returns none where the measurement cannot tell.
     fn fit(&self, late: u64) -> Option<bool> {
         match (self.granted, late) {
             (false, _) => None,
