@@ -7,6 +7,13 @@ const DIGITS: usize = 4;
 /// Most significant digits: those of a double.
 const MOST_DIGITS: usize = 17;
 
+/// Digits of a sensor reading that an operator confirms, whatever its noise.
+const DIGITS_OF_READING: i32 = 6;
+/// Digits of the noise of a reading.
+const DIGITS_OF_NOISE: i32 = 2;
+/// Ratio of two quantities beyond which one prefix does not fit both.
+const ONE_PREFIX: f64 = 1e6;
+
 /// Units that no prefix goes with.
 const COUNTS: [&str; 6] = ["", "1", "×", "%", "ticks", "steps"];
 
@@ -63,25 +70,70 @@ pub fn quantity(value: f64, unit: &str) -> String {
     with_digits(value, unit, prefix(value.abs()), DIGITS)
 }
 
-/// Two quantities that are compared, with one prefix and as many digits as show which of them is larger.
+/// Two quantities that are compared, with as many digits as show which of them is larger. They share a prefix unless one of
+/// them is more than a million times the other.
 #[must_use]
 pub fn compared(value: f64, bound: f64, unit: &str) -> [String; 2] {
-    let largest = [value, bound]
-        .map(f64::abs)
-        .into_iter()
-        .filter(|size| size.is_finite())
-        .fold(0.0, f64::max);
-    let prefix = prefix(bound.abs());
-    let prefix = if bound == 0.0 || !bound.is_finite() || largest > 1e6 * bound.abs() {
-        self::prefix(largest)
-    } else {
-        prefix
+    let [small, large] = {
+        let [value, bound] = [value, bound].map(f64::abs);
+        [value.min(bound), value.max(bound)]
+    };
+    if small > 0.0 && large.is_finite() && large > ONE_PREFIX * small {
+        return [value, bound].map(|number| quantity(number, unit));
+    }
+    let prefix = match bound == 0.0 || !bound.is_finite() {
+        true => prefix(if large.is_finite() { large } else { small }),
+        false => prefix(bound.abs()),
     };
     let both = |digits| [value, bound].map(|number| with_digits(number, unit, prefix, digits));
     (DIGITS..=MOST_DIGITS)
         .map(both)
         .find(|[value, bound]| value != bound)
         .unwrap_or_else(|| both(DIGITS))
+}
+
+/// A value, the expected value and the allowed difference, with as many digits as show whether the difference is allowed.
+/// The difference of the numbers shown is right to a tenth, and values that differ by more than rounding differ as shown.
+#[must_use]
+pub fn compared_within(found: f64, expected: f64, within: f64) -> [String; 3] {
+    /// Share of the larger value below which a difference is rounding.
+    const ROUNDING: f64 = 1e-12;
+    /// Share of the difference, or of the allowed one, by which the difference as shown may be wrong.
+    const CLOSE: f64 = 0.1;
+    let difference = (found - expected).abs();
+    let differ = difference > ROUNDING * found.abs().max(expected.abs());
+    let each = |digits| [found, expected, within].map(|value| significant(value, digits));
+    let tells = |texts: &[String; 3]| {
+        let [found, expected, shown_within] = texts
+            .each_ref()
+            .map(|text| text.parse::<f64>().unwrap_or(f64::NAN));
+        let shown = (found - expected).abs();
+        let close = (shown - difference).abs() <= CLOSE * difference.max(within);
+        (shown <= shown_within) == (difference <= within)
+            && (close || !difference.is_finite())
+            && (!differ || texts[0] != texts[1])
+    };
+    (DIGITS..=MOST_DIGITS)
+        .map(each)
+        .find(tells)
+        .unwrap_or_else(|| each(MOST_DIGITS))
+}
+
+/// A sensor reading and its noise. The noise has two digits. The reading has the digits that the noise resolves, and at least six.
+#[must_use]
+pub fn reading(value: f64, noise: Option<f64>) -> [String; 2] {
+    let place = |size: f64| size.abs().log10().floor() as i32;
+    let resolved = match noise {
+        Some(noise) if value.abs() > 0.0 && noise > 0.0 => {
+            place(value) - place(noise) + DIGITS_OF_NOISE
+        }
+        _ => DIGITS_OF_READING,
+    };
+    let digits = resolved.clamp(DIGITS_OF_READING, MOST_DIGITS as i32);
+    let noise = noise.map_or_else(String::new, |noise| {
+        significant(noise, DIGITS_OF_NOISE as usize)
+    });
+    [significant(value, digits as usize), noise]
 }
 
 fn with_digits(value: f64, unit: &str, prefix: (f64, &str), digits: usize) -> String {
@@ -186,6 +238,52 @@ mod tests {
         assert_eq!(text(f64::NAN, 1e-5, "m"), "NaN m > 10 µm");
         assert_eq!(text(3.0, 2.0, ""), "3 > 2");
         assert_eq!(text(0.5, 0.0, "m"), "500 mm > 0 m");
+        assert_eq!(text(0.0, 0.5, "m"), "0 m > 500 mm");
+        assert_eq!(text(f64::INFINITY, 5e-4, "m"), "inf m > 500 µm");
+    }
+
+    #[test]
+    fn values_a_million_times_apart_have_separate_prefixes() {
+        let text = |value, bound, unit| compared(value, bound, unit).join(", allowed ");
+        assert_eq!(text(1e300, 4e5, "N"), "1e291 GN, allowed 400 kN");
+        assert_eq!(text(-2.5e4, 1e-5, "m"), "-25 km, allowed 10 µm");
+        assert_eq!(text(3e-5, 4e5, "N"), "30 µN, allowed 400 kN");
+        assert_eq!(text(3e8, 4e5, "N"), "300000 kN, allowed 400 kN");
+        assert_eq!(text(1e8, 2.0, "ticks"), "1e8 ticks, allowed 2 ticks");
+    }
+
+    #[test]
+    fn values_beside_a_tolerance_show_whether_it_is_exceeded() {
+        let text = |found, expected, within| compared_within(found, expected, within).join(" ");
+        assert_eq!(text(12.5, 12.0, 0.03), "12.5 12 0.03");
+        assert_eq!(text(-63_464.4, -63_412.2, 10.0), "-63464 -63412 10");
+        assert_eq!(text(12.0301, 12.0, 0.03), "12.0301 12 0.03");
+        assert_eq!(text(1234.56, 1234.52, 0.01), "1234.56 1234.52 0.01");
+        // Within the tolerance, they differ nonetheless.
+        assert_eq!(text(100.001, 100.0, 5.0), "100.001 100 5");
+        // Rounding is no difference, unless nothing is allowed.
+        assert_eq!(text(0.1 + 0.2, 0.3, 0.01), "0.3 0.3 0.01");
+        assert_eq!(
+            text(0.1 + 0.2, 0.3, 0.0),
+            "0.30000000000000004 0.29999999999999999 0"
+        );
+        assert_eq!(text(1.0, 1.0, f64::INFINITY), "1 1 inf");
+        assert_eq!(
+            text(f64::NAN, 1.0, 0.5).split_once(' '),
+            Some(("NaN", "1 0.5"))
+        );
+    }
+
+    #[test]
+    fn a_reading_has_the_digits_that_its_noise_resolves() {
+        let text = |value, noise| reading(value, Some(noise)).join(" ± ");
+        assert_eq!(text(123.456_789, 0.012_34), "123.457 ± 0.012");
+        assert_eq!(text(123.456_789_4, 2.345e-5), "123.456789 ± 2.3e-5");
+        assert_eq!(text(0.5, 0.0), "0.5 ± 0");
+        assert_eq!(text(0.0, 0.001), "0 ± 0.001");
+        assert_eq!(text(-63_464.371, 250.0), "-63464.4 ± 250");
+        assert_eq!(text(1.0 / 3.0, 1e-300), "0.33333333333333331 ± 1e-300");
+        assert_eq!(reading(1.0 / 3.0, None), ["0.333333", ""]);
     }
 
     #[test]

@@ -14,7 +14,7 @@ use crate::control::Reading;
 use crate::engine::{Notice, Operator, PhaseCell};
 use crate::record::{Roll, What};
 use crate::session::pause;
-use crate::units::number;
+use crate::units;
 
 /// Time between two looks for room on the operator's line.
 const ROOM: Duration = Duration::from_millis(5);
@@ -124,21 +124,20 @@ impl Attendant {
 }
 
 fn in_words(reading: &Reading, units: [&str; 2]) -> String {
-    let [disp, force] = [(reading.disp, units[0]), (reading.force, units[1])]
-        .map(|(value, unit)| format!("{} {unit}", number(value)));
-    match reading.noise() {
-        Some(noise) => {
-            let [of_disp, of_force] = noise.map(number);
-            format!(
-                "displacement {disp} (noise {of_disp} {}), force {force} (noise {of_force} {})",
-                units[0], units[1]
-            )
-        }
-        None => {
-            let count = reading.count;
-            let readings = if count == 1 { "reading" } else { "readings" };
-            format!("displacement {disp}, force {force} (noise not known: {count} {readings})")
-        }
+    let [of_disp, of_force] = units;
+    let noise = reading.noise();
+    let [disp, disp_noise] = units::reading(reading.disp, noise.map(|[disp, _]| disp));
+    let [force, force_noise] = units::reading(reading.force, noise.map(|[_, force]| force));
+    if noise.is_some() {
+        format!(
+            "displacement {disp} {of_disp} (noise {disp_noise} {of_disp}), force {force} {of_force} (noise {force_noise} {of_force})"
+        )
+    } else {
+        let count = reading.count;
+        let readings = if count == 1 { "reading" } else { "readings" };
+        format!(
+            "displacement {disp} {of_disp}, force {force} {of_force} (noise not known: {count} {readings})"
+        )
     }
 }
 
@@ -165,6 +164,21 @@ mod tests {
         assert_eq!(
             in_words(&reading, ["mm", "kN"]),
             "displacement 0.5 mm (noise 2e-6 mm), force -3.25 kN (noise 0 kN)"
+        );
+    }
+
+    #[test]
+    fn readings_to_confirm_have_the_digits_that_their_noise_resolves() {
+        let reading = Reading {
+            count: 100,
+            disp: 123.456_789_4,
+            force: -63_464.371,
+            disp_noise: 2.345e-5,
+            force_noise: 251.7,
+        };
+        assert_eq!(
+            in_words(&reading, ["mm", "N"]),
+            "displacement 123.456789 mm (noise 2.3e-5 mm), force -63464.4 N (noise 252 N)"
         );
     }
 

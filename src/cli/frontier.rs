@@ -175,7 +175,7 @@ impl Trials<'_> {
             Length::Long => "proof",
         };
         tell(format_args!(
-            "{:>8} Hz {n:>9} DOFs, {what}: {} of {} deadlines missed, {} more taken away; step {:.1} µs",
+            "{:>8} Hz {n:>9} DOFs, {what}: {} of {} deadlines missed, {} more by the hypervisor or an interrupt; step {:.1} µs",
             rate_hz, trial.missed, trial.ticks, trial.taken_away, trial.compute_us[0],
         ));
         Ok(Some((n, trial)))
@@ -264,7 +264,7 @@ fn conclude(model: Scalable, points: &[Point], refused: &[f64], proof: u64, fold
     let path = folder.display();
     table.row(
         "taken away",
-        "deadlines that stalls of the machine below took: not held against a model",
+        "deadlines missed because of the hypervisor or an interrupt: they do not count against a model",
     );
     table.row("files", &format!("{path} (frontier.svg, frontier.csv)"));
     tell(table);

@@ -95,6 +95,7 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<Exit> {
             .granted
             .as_ref()
             .is_some_and(|granted| session::missing(granted).is_empty()),
+        complete: finished.finish == Finish::Completed,
     };
     if args.json {
         let found = as_json(&finished, &measured, streamed);

@@ -9,8 +9,8 @@ use serde_json::{Value, json};
 use super::table::Table;
 use crate::config::{ALL_MODES, Facts, Loop, ModeFacts, StructureFacts};
 use crate::integrate::Lambda;
-use crate::spectral::delay::{Critical, DelayError, DiscreteLimit, continuous};
-use crate::stability::{INERTIA, diverging, growing};
+use crate::spectral::delay::{Critical, DelayError, Delayed, DiscreteLimit, continuous};
+use crate::stability::{DelayBound, DelayBounds, DelayCondition, INERTIA, diverging, growing};
 use crate::units::{duration, number, quantity};
 
 /// Modes that are listed.
@@ -51,12 +51,13 @@ pub(super) struct Spectrum {
 
 struct Delay {
     specimen: Loop,
-    continuous: Result<Option<(f64, f64)>, String>,
+    continuous: Result<Option<Critical>, DelayError>,
     /// By the recursion of the family.
     discrete: Option<Result<DiscreteLimit, DelayError>>,
     /// In continuous time at K0 and C0, where that is another structure.
     closed: Option<Result<Option<Critical>, DelayError>>,
     growth: Option<f64>,
+    closed_growth: Option<f64>,
 }
 
 impl Delay {
@@ -66,6 +67,30 @@ impl Delay {
         let recursion = self.radius().map(diverging);
         let both: Vec<String> = growing.into_iter().chain(recursion).collect();
         (!both.is_empty()).then(|| both.join("; "))
+    }
+
+    /// The delays that are stable under each condition.
+    fn bounds(&self) -> DelayBounds {
+        let at_rest = DelayBound::continuous(self.growth, &self.continuous);
+        let mut bounds = vec![(DelayCondition::AtRest, at_rest)];
+        if let Some(found) = &self.discrete {
+            bounds.push((DelayCondition::Recursion, DelayBound::recursion(found)));
+        }
+        if let Some(found) = &self.closed {
+            let closed = DelayBound::continuous(self.closed_growth, found);
+            bounds.push((DelayCondition::Closed, closed));
+        }
+        DelayBounds(bounds)
+    }
+
+    /// The frequency in rad/s that the critical delay makes unstable. For the recursion it is that in continuous time.
+    fn grows_at(&self, condition: DelayCondition) -> Option<f64> {
+        let found = match condition {
+            DelayCondition::AtRest | DelayCondition::Recursion => Some(&self.continuous),
+            DelayCondition::Closed => self.closed.as_ref(),
+        };
+        let critical = found?.as_ref().ok()?.as_ref()?;
+        critical.omega.is_finite().then_some(critical.omega)
     }
 
     /// Spectral radius of a recursion that is unstable with nothing delayed.
@@ -83,13 +108,11 @@ impl Spectrum {
         let lambda = structure.lambda.map(Lambda::value);
         let analysis = structure.analysis.as_ref()?;
         let delays = analysis.loops.iter().map(|specimen| Delay {
-            continuous: specimen
-                .continuous()
-                .map(|found| found.map(|critical| (critical.delay, critical.omega)))
-                .map_err(|error| error.to_string()),
+            continuous: specimen.continuous(),
             discrete: lambda.map(|lambda| specimen.discrete(facts.dt, lambda)),
             closed: specimen.closed.as_ref().map(continuous),
             growth: specimen.system.growth(),
+            closed_growth: specimen.closed.as_ref().and_then(Delayed::growth),
             specimen: specimen.clone(),
         });
         let modes = structure
@@ -202,12 +225,12 @@ impl Spectrum {
                 _ if delay.growth.is_some() => {
                     "none: unstable without any in continuous time".to_owned()
                 }
-                Ok(Some((_, omega))) if omega.is_infinite() => format!("none: {INERTIA}"),
-                Ok(Some((tau, _))) if vanishes(*tau) => NO_DAMPING.to_owned(),
-                Ok(Some((tau, omega))) => format!(
+                Ok(Some(found)) if found.omega.is_infinite() => format!("none: {INERTIA}"),
+                Ok(Some(found)) if vanishes(found.delay) => NO_DAMPING.to_owned(),
+                Ok(Some(found)) => format!(
                     "{} in continuous time, then it grows at {:.4} Hz",
-                    steps(*tau),
-                    omega / TAU
+                    steps(found.delay),
+                    found.omega / TAU
                 ),
                 Ok(None) => "none in continuous time: every delay is stable".to_owned(),
                 Err(error) => format!("not known in continuous time: {error}"),
@@ -257,43 +280,30 @@ impl Spectrum {
         each.collect()
     }
 
-    /// The smaller of both critical delays, and what follows from it.
+    /// The smallest critical delay that is known, and what follows from it.
     fn limit_of(&self, delay: &Delay) -> String {
         if let Some(why) = delay.at_once() {
             return format!("UNSTABLE without any delay: {why}");
         }
-        let (continuous, omega) = match &delay.continuous {
-            Ok(Some((_, omega))) if omega.is_infinite() => {
-                return format!("no delay is stable: {INERTIA}");
+        let bounds = delay.bounds();
+        let text = bounds.in_words(|_, tau| match tau < 1e-5 * self.dt {
+            true => "0".to_owned(),
+            false => format!("{} ({} steps)", quantity(tau, "s"), number(tau / self.dt)),
+        });
+        match bounds.smallest() {
+            Some((_, DelayBound::Below(tau))) if *tau < 1e-5 * self.dt => {
+                format!("{text}: without damping every delay lets the response grow")
             }
-            Ok(Some((tau, omega))) => (Some(*tau), Some(*omega)),
-            _ => (None, None),
-        };
-        let discrete = match &delay.discrete {
-            Some(Ok(DiscreteLimit::At(tau))) => Some(*tau),
-            _ => None,
-        };
-        let smaller = continuous.into_iter().chain(discrete).reduce(f64::min);
-        match (smaller, &delay.continuous) {
-            (Some(tau), _) if tau < 1e-5 * self.dt => {
-                "0: without damping every delay lets the response grow".to_owned()
-            }
-            (Some(tau), _) => {
-                let steps = number(tau / self.dt);
-                let grows = omega.map(|omega| {
+            Some((condition, DelayBound::Below(_))) => {
+                let grows = delay.grows_at(condition).map(|omega| {
                     format!(
                         "; beyond it the response grows at {} Hz",
                         number(omega / TAU)
                     )
                 });
-                format!(
-                    "{} ({steps} steps){}",
-                    quantity(tau, "s"),
-                    grows.unwrap_or_default()
-                )
+                format!("{text}{}", grows.unwrap_or_default())
             }
-            (None, Ok(_)) => "none: every delay is stable".to_owned(),
-            (None, Err(error)) => format!("not known: {error}"),
+            _ => text,
         }
     }
 
@@ -317,11 +327,11 @@ impl Spectrum {
         let each = self.delays.iter().map(|delay| {
             let continuous = match &delay.continuous {
                 _ if delay.growth.is_some() => json!({ "growth_per_s": delay.growth }),
-                Ok(Some((tau, omega))) => {
-                    json!({ "delay_s": tau, "omega_rad_per_s": finite(*omega) })
+                Ok(Some(found)) => {
+                    json!({ "delay_s": found.delay, "omega_rad_per_s": finite(found.omega) })
                 }
                 Ok(None) => json!({ "delay_s": null }),
-                Err(error) => json!({ "unknown": error }),
+                Err(error) => json!({ "unknown": error.to_string() }),
             };
             let discrete = delay.discrete.as_ref().map(|found| match found {
                 Ok(DiscreteLimit::At(tau)) => json!({ "delay_s": tau }),

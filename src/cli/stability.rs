@@ -4,8 +4,9 @@ use super::run::method_name;
 use super::table::Table;
 use crate::config::{Facts, Stability, StructureFacts};
 use crate::geometry::LawPlace;
+use crate::integrate::Lambda;
 use crate::stability::{grows, is_stable};
-use crate::units::number;
+use crate::units::{compared, number};
 
 const NO_BOUND: &str = "no proof: a tangent has no declared bound";
 const NO_PROOF: &str = "no proof is made for this method";
@@ -72,7 +73,10 @@ fn without_limit(stability: &Stability) -> String {
 /// The stability in a few words, for the summary of `run`.
 pub fn brief(structure: &StructureFacts) -> String {
     match structure.choice().map(|choice| choice.limit) {
-        Some(Some(limit)) => format!("limit {limit:.4}"),
+        Some(Some(_)) => {
+            let [_, limit] = lambda_and_limit(structure);
+            format!("limit {limit}")
+        }
         Some(None) => "stable for every λ".to_owned(),
         None => without_limit(&structure.stability),
     }
@@ -80,7 +84,8 @@ pub fn brief(structure: &StructureFacts) -> String {
 
 /// Method, λ and stability in one sentence, for the short page of `check`.
 pub fn in_words(structure: &StructureFacts) -> String {
-    let method = method_of(structure);
+    let [lambda, limit] = lambda_and_limit(structure);
+    let method = method_of(structure, &lambda);
     if let Some(why) = grows(structure) {
         return format!("{method}: UNSTABLE, {why}");
     }
@@ -90,23 +95,30 @@ pub fn in_words(structure: &StructureFacts) -> String {
     };
     match choice.limit {
         None => format!("{method}: stable for every λ, proven"),
-        Some(limit) if choice.is_stable() => {
-            format!("{method}: stable up to λ = {}, proven", number(limit))
+        Some(_) if choice.is_stable() => format!("{method}: stable up to λ = {limit}, proven"),
+        Some(_) => {
+            format!("{method}: UNSTABLE at this λ, which is stable up to {limit} only")
         }
-        Some(limit) => format!(
-            "{method}: UNSTABLE at this λ, which is stable up to {} only",
-            number(limit)
-        ),
     }
 }
 
-/// The method with its λ and the origin of λ.
-fn method_of(structure: &StructureFacts) -> String {
+/// λ and its limit, with as many digits as show which of them is larger. A missing one is empty.
+fn lambda_and_limit(structure: &StructureFacts) -> [String; 2] {
+    let lambda = structure.lambda.map(Lambda::value);
+    let limit = structure.choice().and_then(|choice| choice.limit);
+    match (lambda, limit) {
+        (Some(lambda), Some(limit)) => compared(lambda, limit, ""),
+        _ => [lambda, limit].map(|value| value.map_or_else(String::new, number)),
+    }
+}
+
+/// The method with its λ, as `lambda` spells it, and the origin of λ.
+fn method_of(structure: &StructureFacts, lambda: &str) -> String {
     /// Elements and modes with a separate λ that are named.
     const NAMED: usize = 3;
-    let Some(lambda) = structure.lambda else {
+    if structure.lambda.is_none() {
         return method_name(structure.method);
-    };
+    }
     let origin = if structure.lambda_by_number {
         "given"
     } else {
@@ -125,7 +137,7 @@ fn method_of(structure: &StructureFacts) -> String {
     } else {
         format!(", {}", named.join(", "))
     };
-    format!("Gui-λ with λ = {} ({origin}){own}", number(lambda.value()))
+    format!("Gui-λ with λ = {lambda} ({origin}){own}")
 }
 
 /// The judgement of a certificate on the integration.
@@ -145,7 +157,10 @@ pub fn judged(structure: &StructureFacts) -> (Option<bool>, String) {
                 String::new()
             };
             match choice.limit {
-                Some(limit) => format!("{method}, stable up to {limit:.4}{margin}"),
+                Some(_) => {
+                    let [_, limit] = lambda_and_limit(structure);
+                    format!("{method}, stable up to {limit}{margin}")
+                }
                 None => format!("{method}, every λ is stable{margin}"),
             }
         }

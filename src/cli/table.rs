@@ -100,7 +100,7 @@ impl Table {
             let mut causes = vec![
                 ("own", of.ours),
                 ("preempted", of.preempted),
-                ("hypervisor", of.taken_away),
+                ("hypervisor or interrupt", of.taken_away),
                 ("late reply", of.late_reply),
             ];
             if untold > 0 {

@@ -8,7 +8,7 @@ use crate::control::limits::Hit;
 use crate::geometry::Fault;
 use crate::integrate::StepError;
 use crate::substructure::LinkFault;
-use crate::units::{duration, number, quantity};
+use crate::units::{compared, compared_within, duration};
 
 /// Why a test ended before its last step.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
@@ -80,8 +80,8 @@ pub enum Stop {
     #[error(
         "the response diverged: the displacement of DOF {} is {}, and `safety.divergence_m` allows {}",
         dof + 1,
-        quantity(*value, "m"),
-        quantity(*bound, "m")
+        compared(*value, *bound, "m")[0],
+        compared(*value, *bound, "m")[1]
     )]
     Diverged {
         /// Degree of freedom, from 0.
@@ -118,13 +118,11 @@ pub enum Stop {
     TestLimit(TestHit),
     /// A specimen does not stand where an interrupted test left it. Nothing was moved.
     #[error(
-        "specimen {}, axis {}: {} {}, but the interrupted test left it at {} ± {} (unit of the axis)",
+        "specimen {}, axis {}: {} {} (unit of the axis)",
         port + 1,
         axis + 1,
         if *read { "it reads" } else { "it reports the position" },
-        number(*found),
-        number(*left),
-        number(*within)
+        found_and_left(*found, *left, *within)
     )]
     Moved {
         /// Specimen, from 0.
@@ -142,12 +140,10 @@ pub enum Stop {
     },
     /// A load cell reads another force than when the test was interrupted. Nothing was moved.
     #[error(
-        "specimen {}, axis {}: its load cell reads {}, but {} ± {} is expected at the present displacement (unit of the axis)",
+        "specimen {}, axis {}: its load cell reads {} (unit of the axis)",
         port + 1,
         axis + 1,
-        number(*found),
-        number(*left),
-        number(*within)
+        found_and_expected(*found, *left, *within)
     )]
     ForceChanged {
         /// Specimen, from 0.
@@ -190,8 +186,8 @@ pub enum Stop {
          the last commands: the actuator is at its end or switched off, or the sensors are dead",
         port + 1,
         axis + 1,
-        number(*sent),
-        number(*read)
+        compared(*sent, *read, "")[0],
+        compared(*sent, *read, "")[1]
     )]
     DoesNotFollow {
         /// Specimen, from 0.
@@ -276,6 +272,16 @@ impl Stop {
     }
 }
 
+fn found_and_left(found: f64, left: f64, within: f64) -> String {
+    let [found, left, within] = compared_within(found, left, within);
+    format!("{found}, but the interrupted test left it at {left} ± {within}")
+}
+
+fn found_and_expected(found: f64, expected: f64, within: f64) -> String {
+    let [found, expected, within] = compared_within(found, expected, within);
+    format!("{found}, but {expected} ± {within} is expected at the present displacement")
+}
+
 fn farthest(port: Option<usize>) -> String {
     port.map_or_else(String::new, |port| {
         format!("; the last one moved specimen {} most", port + 1)
@@ -301,4 +307,38 @@ pub enum Ending {
     Completed,
     /// Before it.
     Stopped(Stop),
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_of_a_refused_resume_are_told_apart() {
+        let moved = Stop::Moved {
+            port: 0,
+            axis: 0,
+            read: true,
+            found: 12.0301,
+            left: 12.0,
+            within: 0.03,
+        };
+        let text = moved.to_string();
+        assert!(
+            text.contains("12.0301") && text.contains(" 12 ± 0.03"),
+            "{text}"
+        );
+        let changed = Stop::ForceChanged {
+            port: 1,
+            axis: 0,
+            found: -63_464.4,
+            left: -63_461.2,
+            within: 2.0,
+        };
+        let text = changed.to_string();
+        assert!(
+            text.contains("-63464,") && text.contains("-63461 ± 2"),
+            "{text}"
+        );
+    }
 }

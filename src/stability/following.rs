@@ -14,7 +14,7 @@ use serde_json::json;
 use state::{Bears, State};
 pub(super) use state::{Follows, HIGHEST};
 
-use super::{diverging, growing};
+use super::{DelayBound, DelayBounds, DelayCondition, diverging, growing};
 use crate::config::{Facts, Finding, KeyPath, Loaded, SpecimenTable};
 use crate::record::Kind;
 use crate::spectral::delay::{DelayError, DiscreteLimit};
@@ -371,17 +371,14 @@ impl Following {
     /// Lag, critical delay and stability with the compensation, in one line.
     #[must_use]
     pub fn in_short(&self) -> String {
-        let lag = match &self.at_rest.bears {
-            Bears::LessThan { critical, lag, .. } => format!(
-                "lags {}, critical delay {}",
-                duration(*lag),
-                duration(*critical)
-            ),
-            Bears::Every => "stable with every delay".to_owned(),
-            Bears::None(why) => format!("no delay is stable: {why}"),
-            Bears::Unstable(growth) => format!("UNSTABLE without any delay: {}", growing(*growth)),
-            Bears::Unknown(error) => format!("critical delay not known: {error}"),
-        };
+        let bounds = self.bounds();
+        let lag = bounds.in_words(|condition, critical| {
+            let critical = format!("critical delay {}", duration(critical));
+            match self.lag_under(condition) {
+                Some(lag) => format!("lags {}, {critical}", duration(lag)),
+                None => critical,
+            }
+        });
         let verdict = match (self.in_one_only(), self.at_rest.roots) {
             (Some(text), _) => text,
             _ if self.is_unstable() => "UNSTABLE".to_owned(),
@@ -391,6 +388,30 @@ impl Following {
         match self.kind {
             "none" => format!("{lag}; without compensation: {verdict}"),
             kind => format!("{lag}; with \"{kind}\": {verdict}"),
+        }
+    }
+
+    /// The delays that are stable under each condition.
+    fn bounds(&self) -> DelayBounds {
+        let mut bounds = vec![(DelayCondition::AtRest, self.at_rest.bears.bound())];
+        if let Some(found) = &self.discrete {
+            bounds.push((DelayCondition::Recursion, DelayBound::recursion(found)));
+        }
+        if let Some(held) = &self.held {
+            bounds.push((DelayCondition::Closed, held.bears.bound()));
+        }
+        DelayBounds(bounds)
+    }
+
+    /// The lag of the actuator in s at the frequency that its critical delay makes unstable; none where no frequency is known.
+    fn lag_under(&self, condition: DelayCondition) -> Option<f64> {
+        let bears = match (condition, &self.held) {
+            (DelayCondition::Closed, Some(held)) => &held.bears,
+            _ => &self.at_rest.bears,
+        };
+        match bears {
+            Bears::LessThan { lag, .. } => Some(*lag),
+            _ => None,
         }
     }
 

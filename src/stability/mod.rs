@@ -6,11 +6,13 @@
 //! every command that moves a specimen obeys it before anything connects. Nothing here moves, reads a file or knows a clock.
 
 mod axes;
+mod bound;
 mod following;
 mod integration;
 mod together;
 mod verdict;
 
+pub use bound::{DelayBound, DelayBounds, DelayCondition};
 pub use following::Following;
 pub use integration::{grows, is_stable};
 pub use verdict::{Judgement, Verdict};

@@ -187,7 +187,7 @@ fn of_delays(checked: &Checked<'_>, table: &mut Table) {
     let following = &checked.judged.following;
     let (listed, more) = following.split_at(following.len().min(LISTED));
     for one in listed {
-        let text = format!("{} {}", one.specimen(), one.in_short());
+        let text = format!("{}: {}", one.specimen(), one.in_short());
         table.row("actuator", &text);
     }
     if !more.is_empty() {

@@ -3,11 +3,14 @@
 //! The measured rate is judged by its deadline misses. Another rate is judged only as far as the same ticks speak for it.
 //! A lower rate is expected to be kept if no tick took longer than its period. A higher rate is expected to be missed
 //! if a tick took longer than its period; that it is kept is never inferred, because ticks between the measured ones are unknown.
+//!
+//! Without all real-time rights the ticks say nothing about the computer: no rate is judged. A measurement that was interrupted
+//! or is too short can show that a rate is missed, but not that it is kept.
 
 use serde_json::{Value, json};
 
 use crate::record::MissClasses;
-use crate::units::{duration, rate};
+use crate::units::{duration, number, rate};
 
 /// Rates of usual hybrid tests, Hz.
 const RATES: [f64; 5] = [256.0, 512.0, 1024.0, 2048.0, 4096.0];
@@ -30,6 +33,8 @@ pub(super) struct Measured<'a> {
     pub loaded: bool,
     /// Whether all real-time rights were granted.
     pub granted: bool,
+    /// Whether it came to its end.
+    pub complete: bool,
 }
 
 /// An expectation for another rate.
@@ -42,53 +47,97 @@ struct Expected {
 impl Measured<'_> {
     /// The verdict in one line.
     pub(super) fn words(&self) -> String {
-        let time = duration(self.seconds.round().max(0.001));
+        let time = if self.seconds < 1.0 {
+            duration(self.seconds)
+        } else {
+            format!("{} s", number(self.seconds))
+        };
         let load = if self.loaded { "under" } else { "without" };
         let found = match self.misses {
-            0 => format!("yes, no miss in {time} {load} load"),
-            1 => format!("no, 1 miss in {time}, {}", self.causes_in_words()),
-            misses => format!("no, {misses} misses in {time}, {}", self.causes_in_words()),
+            0 => format!("no miss in {time} {load} load"),
+            1 => format!("1 miss in {time}, {}", self.causes_in_words()),
+            misses => format!("{misses} misses in {time}, {}", self.causes_in_words()),
         };
-        let mut parts = vec![format!("fit for {}: {found}", rate(self.rate_hz))];
+        let fit = match self.fit(self.misses) {
+            Some(true) => "yes",
+            Some(false) => "no",
+            None => "not known",
+        };
+        let mut parts = vec![format!("fit for {}: {fit}, {found}", rate(self.rate_hz))];
         let expected = self.expected();
-        for (word, kept) in [("yes", true), ("no", false)] {
-            let rates = expected.iter().filter(|one| (one.late == 0) == kept);
+        for (word, fit) in [("yes", true), ("no", false)] {
+            let rates = expected
+                .iter()
+                .filter(|one| self.fit(one.late) == Some(fit));
             let rates: Vec<String> = rates.map(|one| format!("{:.0}", one.rate_hz)).collect();
             if !rates.is_empty() {
                 parts.push(format!("expected for {} Hz: {word}", rates.join(", ")));
             }
         }
-        if !self.granted {
-            parts.push("not all real-time rights were granted".to_owned());
-        }
-        if self.misses == 0 && self.seconds < ENOUGH_S {
-            parts.push(format!(
-                "measure {ENOUGH_S} s or more before you rely on it"
-            ));
-        }
+        parts.extend(self.reservations());
         parts.join("; ")
     }
 
-    /// The verdict for programs.
+    /// The verdict for programs. `fit` is null where it is not known.
     pub(super) fn as_json(&self) -> Value {
         let expected = self.expected();
-        let expected = expected.iter().map(
-            |one| json!({ "rate_hz": one.rate_hz, "fit": one.late == 0, "late_ticks": one.late }),
-        );
+        let expected = expected.iter().map(|one| {
+            json!({ "rate_hz": one.rate_hz, "fit": self.fit(one.late), "late_ticks": one.late })
+        });
         json!({
             "text": self.words(),
             "rate_hz": self.rate_hz,
-            "fit": self.misses == 0,
+            "fit": self.fit(self.misses),
+            "reservations": self.reservations(),
             "misses": self.misses,
             "seconds": self.seconds,
+            "needed_seconds": ENOUGH_S,
+            "complete": self.complete,
+            "granted": self.granted,
+            "loaded": self.loaded,
             "expected": expected.collect::<Vec<_>>(),
         })
+    }
+
+    /// Whether a rate with `late` late ticks is kept. Returns none where the measurement cannot tell.
+    fn fit(&self, late: u64) -> Option<bool> {
+        match (self.granted, late) {
+            (false, _) => None,
+            (true, 0) => (self.complete && self.is_long_enough()).then_some(true),
+            (true, _) => Some(false),
+        }
+    }
+
+    fn is_long_enough(&self) -> bool {
+        // The last tick begins one period before the end.
+        self.seconds + self.rate_hz.recip() >= ENOUGH_S
+    }
+
+    /// What keeps the measurement from a verdict.
+    fn reservations(&self) -> Vec<String> {
+        let unproven = self.misses == 0;
+        let each = [
+            (
+                !self.granted,
+                "not all real-time rights were granted".to_owned(),
+            ),
+            (
+                !self.complete,
+                "the measurement ended before its time".to_owned(),
+            ),
+            (
+                unproven && !self.is_long_enough(),
+                format!("measure {ENOUGH_S} s or more before you rely on it"),
+            ),
+        ];
+        let each = each.into_iter().filter(|(holds, _)| *holds);
+        each.map(|(_, words)| words).collect()
     }
 
     fn causes_in_words(&self) -> String {
         let known = &self.causes;
         let causes = [
-            (known.taken_away, "by the hypervisor"),
+            (known.taken_away, "by the hypervisor or an interrupt"),
             (known.preempted, "by other threads"),
             (known.late_reply, "by late replies"),
             (known.ours, "by the loop itself"),
@@ -176,6 +225,7 @@ mod tests {
             bins,
             loaded: false,
             granted: true,
+            complete: true,
         }
     }
 
@@ -187,7 +237,7 @@ mod tests {
         let words = found.words();
         assert_eq!(
             words,
-            "fit for 1024 Hz: yes, no miss in 60 s without load; expected for 256, 512 Hz: yes; expected for 4096 Hz: no"
+            "fit for 1024 Hz: yes, no miss in 60.2 s without load; expected for 256, 512 Hz: yes; expected for 4096 Hz: no"
         );
         let json = found.as_json();
         assert_eq!((&json["fit"], &json["text"]), (&true.into(), &words.into()));
@@ -208,7 +258,9 @@ mod tests {
         let found = measured(&bins, 3, causes);
         let words = found.words();
         assert!(
-            words.starts_with("fit for 1024 Hz: no, 3 misses in 60 s, all by the hypervisor; "),
+            words.starts_with(
+                "fit for 1024 Hz: no, 3 misses in 60.2 s, all by the hypervisor or an interrupt; "
+            ),
             "{words}"
         );
         let fit = |hz: f64| {
@@ -229,24 +281,74 @@ mod tests {
         };
         let words = measured(&bins, 3, mixed).words();
         assert!(
-            words.contains("1 by the hypervisor, 1 by the loop itself, 1 of unknown cause"),
+            words.contains(
+                "1 by the hypervisor or an interrupt, 1 by the loop itself, 1 of unknown cause"
+            ),
             "{words}"
         );
     }
 
     #[test]
-    fn short_measurement_and_missing_rights_are_told() {
+    fn verdict_is_not_known_without_rights_or_after_too_short_a_measurement() {
+        let bins = json!({ "slack": { "bins": [[500.0, 501.0, 7], [970.0, 971.0, 300]] } });
+        let whole = || measured(&bins, 0, MissClasses::default());
+        let short = Measured {
+            seconds: 0.2996,
+            loaded: true,
+            ..whole()
+        };
+        let text = short.words();
+        assert!(
+            text.starts_with("fit for 1024 Hz: not known, no miss in 299.6 ms under load; "),
+            "{text}"
+        );
+        // Ticks that are too long for a rate are enough to forbid it.
+        let fits = |found: &Measured<'_>| {
+            let json = found.as_json();
+            let expected = json["expected"].as_array().unwrap();
+            let of = |hz: f64| {
+                let one = expected.iter().find(|one| one["rate_hz"] == hz);
+                one.unwrap()["fit"].as_bool()
+            };
+            (json["fit"].as_bool(), of(256.0), of(4096.0))
+        };
+        assert_eq!(fits(&short), (None, None, Some(false)));
+        let interrupted = Measured {
+            complete: false,
+            ..whole()
+        };
+        assert_eq!(fits(&interrupted), (None, None, Some(false)));
+        let without_rights = Measured {
+            granted: false,
+            misses: 2,
+            ..whole()
+        };
+        assert_eq!(fits(&without_rights), (None, None, None));
+        assert_eq!(fits(&whole()), (Some(true), Some(true), Some(false)));
+        let missed = Measured { misses: 1, ..short };
+        assert_eq!(fits(&missed).0, Some(false));
+        let json = missed.as_json();
+        assert_eq!(json["seconds"], 0.2996);
+        assert_eq!(
+            (&json["granted"], &json["loaded"]),
+            (&true.into(), &true.into())
+        );
+        assert_eq!(
+            without_rights.as_json()["reservations"]
+                .as_array()
+                .unwrap()
+                .len(),
+            1
+        );
+    }
+
+    #[test]
+    fn measurement_of_one_minute_is_long_enough_although_its_last_tick_begins_earlier() {
         let bins = json!({});
         let found = Measured {
-            seconds: 2.0,
-            granted: false,
-            loaded: true,
+            seconds: 60.0 - 0.9 / 1024.0,
             ..measured(&bins, 0, MissClasses::default())
         };
-        assert_eq!(
-            found.words(),
-            "fit for 1024 Hz: yes, no miss in 2 s under load; not all real-time rights were granted; \
-             measure 60 s or more before you rely on it"
-        );
+        assert_eq!(found.as_json()["fit"], true);
     }
 }

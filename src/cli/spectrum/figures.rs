@@ -120,7 +120,8 @@ impl Spectrum {
     /// Spectral radius of the recursion over the delay, to twice the critical one.
     fn growth(&self, delay: &Delay, lambda: f64) -> Figure {
         let critical = match (&delay.discrete, &delay.continuous) {
-            (Some(Ok(DiscreteLimit::At(tau))), _) | (_, Ok(Some((tau, _)))) => *tau,
+            (Some(Ok(DiscreteLimit::At(tau))), _) => *tau,
+            (_, Ok(Some(found))) => found.delay,
             _ => 8.0 * self.dt,
         };
         let last = (2.0 * critical).clamp(self.dt, 96.0 * self.dt);
@@ -136,8 +137,12 @@ impl Spectrum {
             delays,
             growth,
         )];
-        if let Ok(Some((tau, _))) = &delay.continuous {
-            series.push(Series::dots("continuous time", vec![*tau], vec![0.0]));
+        if let Ok(Some(found)) = &delay.continuous {
+            series.push(Series::dots(
+                "continuous time",
+                vec![found.delay],
+                vec![0.0],
+            ));
         }
         if let Some(Ok(DiscreteLimit::At(tau))) = &delay.discrete {
             series.push(Series::dots("recursion", vec![*tau], vec![0.0]));

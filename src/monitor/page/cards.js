@@ -110,7 +110,7 @@ function showTiming(now) {
   const count = make("b", "", String(total));
   const classes = make("span", "", ` missed: `);
   const ours = make("span", misses.ours > 0 ? "ours" : "", `ours ${misses.ours}`);
-  const rest = make("span", "", ` · preempted ${misses.preempted} · taken away ${misses.taken_away} · late reply ${misses.late_reply} · grid moved by ${now.stretched ?? 0} ticks`);
+  const rest = make("span", "", ` · preempted ${misses.preempted} · hypervisor or interrupt ${misses.taken_away} · late reply ${misses.late_reply} · grid moved by ${now.stretched ?? 0} ticks`);
   $("misses").replaceChildren(count, classes, ours, rest);
   const body = $("percentiles").tBodies[0];
   body.replaceChildren(...now.timing.map((view) => {

@@ -12,7 +12,7 @@ use super::super::{Event, EventKind, MissCause};
 use super::names::{fault_name, kind_name};
 use super::{BEARS_A_FORCE, EventLog, reference_words};
 use crate::substructure::{AGREED, LinkFault};
-use crate::units::{compared, duration, number, unit_of_key};
+use crate::units::{compared, compared_within, duration, number, reading, unit_of_key};
 
 /// Log lines of one kind before they move to the debug level; the file has them all.
 const LOUD: u64 = 5;
@@ -179,7 +179,7 @@ impl<S: Store> EventLog<S> {
                 put(line, "found", found);
                 put(line, "within", within);
                 put(line, "taken_for_drift", is_taken);
-                let [found, left, within] = [found, left, within].map(number);
+                let [found, left, within] = compared_within(found, left, within);
                 tracing::warn!(
                     "{}: the load cell reads {found}, and {left} ± {within} is expected after the interruption (unit of the axis); {}",
                     self.axis(port, axis),
@@ -205,7 +205,7 @@ impl<S: Store> EventLog<S> {
                 put(line, "found", found);
                 put(line, "left", left);
                 put(line, "within", within);
-                let [found, left, within] = [found, left, within].map(number);
+                let [found, left, within] = compared_within(found, left, within);
                 let text = format!(
                     "{}: it is at {found}, and was left at {left} ± {within} (unit of the axis)",
                     self.axis(port, axis)
@@ -391,11 +391,11 @@ impl<S: Store> EventLog<S> {
                 put(line, "force", force);
                 put(line, "disp_noise_rms", disp_noise);
                 put(line, "force_noise_rms", force_noise);
+                let [disp, _] = reading(disp, Some(disp_noise));
+                let [force, _] = reading(force, Some(force_noise));
                 tracing::info!(
-                    "{}: zero readings: displacement {}, force {} (units of the axis)",
-                    self.axis(port, axis),
-                    number(disp),
-                    number(force)
+                    "{}: zero readings: displacement {disp}, force {force} (units of the axis)",
+                    self.axis(port, axis)
                 );
             }
             EventKind::RowLost => {

@@ -357,7 +357,7 @@ fn steal(tree: &Tree) -> Finding {
                     TOPIC,
                     found,
                     Verdict::Fair,
-                    "misses of that origin are counted under \"hypervisor\"",
+                    "misses of that origin are counted under \"hypervisor or interrupt\"",
                 )
             } else {
                 Finding::new(

@@ -8,7 +8,7 @@ use nalgebra::{Complex, DMatrix, DVector};
 use crate::config::SpecimenTable;
 use crate::spectral::delay::{Critical, DelayError, Delayed, continuous};
 use crate::spectral::unstable_roots;
-use crate::stability::INERTIA;
+use crate::stability::{DelayBound, INERTIA, growing};
 use crate::transfer::TransferSpec;
 
 /// Frequencies that count are below this share of half the rate.
@@ -45,6 +45,17 @@ impl Bears {
             },
             Ok(Some(_)) => Self::None(INERTIA),
             Err(error) => Self::Unknown(error),
+        }
+    }
+
+    /// The delays that it bears.
+    pub fn bound(&self) -> DelayBound {
+        match self {
+            Self::Every => DelayBound::Every,
+            Self::LessThan { critical, .. } => DelayBound::Below(*critical),
+            Self::None(why) => DelayBound::NoDelay(why),
+            Self::Unstable(growth) => DelayBound::Unstable(growing(*growth)),
+            Self::Unknown(error) => DelayBound::Unknown(error.to_string()),
         }
     }
 }
