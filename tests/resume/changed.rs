@@ -48,6 +48,17 @@ fn resume_refuses_a_computed_specimen_whose_server_does_not_keep_its_state() {
     assert_eq!(column(&at("refused"), "state").len(), 0, "nothing was sent");
     assert!(!at("first/continued.json").exists(), "no run resumed it");
 
+    let said = go_on_with(&first, &at("quiet"), &["--quiet"]);
+    assert_eq!(said.code, Some(2), "{}", said.stderr);
+    let told: Vec<&str> = said.stderr.lines().collect();
+    assert_eq!(told.len(), 1, "{}", said.stderr);
+    let is_error = told[0].starts_with("error: REFUSED: a specimen does not meet the needs");
+    assert!(
+        is_error && told[0].contains("--accept-changed"),
+        "{}",
+        said.stderr
+    );
+
     let reason = "the column was replaced by a new one";
     let said = go_on_with(&first, &at("second"), &["--accept-changed", reason]);
     assert_eq!(said.code, Some(0), "{}", said.stderr);
