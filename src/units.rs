@@ -10,6 +10,9 @@ const MOST_DIGITS: usize = 17;
 /// Units that no prefix goes with.
 const COUNTS: [&str; 6] = ["", "1", "×", "%", "ticks", "steps"];
 
+/// Units that a prefix goes with.
+const PREFIXED: [&str; 9] = ["m", "N", "s", "Hz", "J", "m/s", "m/s²", "m/s2", "rad"];
+
 /// A prefix that leaves one to three digits before the point.
 fn prefix(size: f64) -> (f64, &'static str) {
     let prefixes = [
@@ -61,6 +64,23 @@ pub fn number(value: f64) -> String {
 #[must_use]
 pub fn quantity(value: f64, unit: &str) -> String {
     with_digits(value, unit, prefix(value.abs()), DIGITS)
+}
+
+/// A quantity in the unit of an axis. Only an SI unit gets a prefix: `37.5 mm` of 0.0375 m, `37.5 mm` of 37.5 mm.
+#[must_use]
+pub fn reading(value: f64, unit: &str) -> String {
+    if PREFIXED.contains(&unit) {
+        quantity(value, unit)
+    } else {
+        with_digits(value, unit, (1.0, ""), DIGITS)
+    }
+}
+
+/// A [`reading`] that shows its direction: `+37.5 mm`.
+#[must_use]
+pub fn signed_reading(value: f64, unit: &str) -> String {
+    let sign = if value > 0.0 { "+" } else { "" };
+    format!("{sign}{}", reading(value, unit))
 }
 
 /// Two quantities that are compared, with one prefix and as many digits as show which of them is larger.
@@ -186,6 +206,17 @@ mod tests {
         assert_eq!(text(f64::NAN, 1e-5, "m"), "NaN m > 10 µm");
         assert_eq!(text(3.0, 2.0, ""), "3 > 2");
         assert_eq!(text(0.5, 0.0, "m"), "500 mm > 0 m");
+    }
+
+    #[test]
+    fn a_reading_keeps_the_unit_of_its_axis() {
+        assert_eq!(reading(5.000_000_000_000_001, "mm"), "5 mm");
+        assert_eq!(reading(0.05, "mm"), "0.05 mm");
+        assert_eq!(reading(0.05, "m"), "50 mm");
+        assert_eq!(reading(-7.5, "kN"), "-7.5 kN");
+        assert_eq!(signed_reading(5e-4, "m"), "+500 µm");
+        assert_eq!(signed_reading(-7.5e3, "N"), "-7.5 kN");
+        assert_eq!(signed_reading(0.0, "N"), "0 N");
     }
 
     #[test]

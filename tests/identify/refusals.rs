@@ -190,7 +190,7 @@ fn redundant_actuators_and_strokes_beyond_a_length_are_refused() {
     refused(
         &unit(three),
         &far,
-        &["actuator 1", "length_m", "largest amplitude", "2.9e-2 m"],
+        &["actuator 1", "length_m", "29 mm", "--amplitude 0.029"],
     );
     // The first one says how far it may go, the second one does not.
     refused(

@@ -3,6 +3,7 @@
 
 use crate::control::AxisUnits;
 use crate::control::limits::{AxisLimits, Hit, Level, Quantity, Range};
+use crate::units::reading;
 
 /// Share of the range that `command_disp_m` allows.
 const SHARE: f64 = 0.05;
@@ -77,9 +78,8 @@ pub(in crate::link) fn words(limits: &[AxisLimits], units: &[AxisUnits]) -> Vec<
         };
         Some(format!(
             "axis {number}: neither `command_step_m` nor `command_vel_m_per_s` nor `command_accel_m_per_s2` bounds it: a first \
-             command may take it {} {} from where it stands ({why}), and what follows is not judged by its steps",
-            bound / units.metres,
-            units.disp
+             command may take it {} from where it stands ({why}), and what follows is not judged by its steps",
+            reading(bound / units.metres, units.disp)
         ))
     })
     .collect()

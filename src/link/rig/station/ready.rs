@@ -8,6 +8,7 @@ use crate::link::rig::{Visitor, Wanted, apart, elsewhere};
 use crate::record::NoteLevel;
 use crate::rt::os;
 use crate::substructure::{Command, Introduction, Measurement};
+use crate::units::signed_reading;
 
 const WHILE: &str = "while its direction was tried";
 
@@ -234,12 +235,10 @@ impl Station {
         let axes = found.iter().map(|axis| {
             let units = self.units.get(axis.axis).unwrap_or(&AxisUnits::SI);
             format!(
-                "axis {}: {:+.3e} {} gave {:+.3e} {}",
+                "axis {}: {} gave {}",
                 axis.axis + 1,
-                axis.disp,
-                units.disp,
-                axis.force,
-                units.force
+                signed_reading(axis.disp, units.disp),
+                signed_reading(axis.force, units.force)
             )
         });
         let text = format!("direction: {}", axes.collect::<Vec<_>>().join("; "));
