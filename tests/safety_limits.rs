@@ -304,14 +304,14 @@ fn check_says_which_limits_there_are_who_checks_them_and_what_happens_then() {
         "every specimen holds its last command",
         // How a bound is judged, what the other end does by itself, and how everything begins and ends.
         "in motion 30 ms of it more",
-        "once the command has gone 0.0001 m",
-        "of second differences beyond 0.000001 m",
+        "once the command has gone 100 µm",
+        "of second differences beyond 1 µm",
         "in 7 s, not counted in the",
         "holds after 500 ms without a command",
         "no wiring check",
         "every specimen moves to its `safe_disp_m`, at 0.004 m/s at most",
-        "  0.0125 m\n",
-        "hold for 0.250000 s while every sensor is read and the operator confirms",
+        "  12.5 mm\n",
+        "hold for 250 ms while every sensor is read and the operator confirms",
         "a ramp of 3 s or longer",
         "come to rest in 0.75 s",
     ] {
@@ -326,7 +326,7 @@ fn check_says_which_limits_there_are_who_checks_them_and_what_happens_then() {
     assert_eq!(axis[2]["also_at_the_specimen"], false);
     assert_eq!(axis[2]["judged"], "at rest; in motion 30 ms of it more");
     let specimen = &facts["limits"]["specimens"][0];
-    assert!(specimen["watchdog"].as_str().unwrap().contains("0.5 s"));
+    assert!(specimen["watchdog"].as_str().unwrap().contains("500 ms"));
     assert_eq!(specimen["safe_disp_m"][0], 0.0125);
     for (key, words) in [
         ("at_end", "safe_disp_m"),

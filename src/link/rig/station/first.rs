@@ -99,6 +99,24 @@ mod tests {
     use super::*;
 
     #[test]
+    fn the_note_rounds_the_allowed_distance_in_the_unit_of_the_axis() {
+        let limits = AxisLimits {
+            command_disp: Range {
+                trip: [-0.05, 0.05],
+                ..Range::NONE
+            },
+            ..AxisLimits::NONE
+        };
+        let millimetres = AxisUnits {
+            metres: 1e-3,
+            disp: "mm",
+            ..AxisUnits::SI
+        };
+        assert!(words(&[limits], &[millimetres])[0].contains(" take it 5 mm from"));
+        assert!(words(&[limits], &[AxisUnits::SI])[0].contains(" take it 5 mm from"));
+    }
+
+    #[test]
     fn every_axis_is_judged_by_where_it_stands() {
         let limits = AxisLimits {
             command_disp: Range {
