@@ -17,6 +17,9 @@ const ONE_PREFIX: f64 = 1e6;
 /// Units that no prefix goes with.
 const COUNTS: [&str; 6] = ["", "1", "×", "%", "ticks", "steps"];
 
+/// Units that a prefix goes with.
+const PREFIXED: [&str; 9] = ["m", "N", "s", "Hz", "J", "m/s", "m/s²", "m/s2", "rad"];
+
 /// A prefix that leaves one to three digits before the point.
 fn prefix(size: f64) -> (f64, &'static str) {
     let prefixes = [
@@ -68,6 +71,23 @@ pub fn number(value: f64) -> String {
 #[must_use]
 pub fn quantity(value: f64, unit: &str) -> String {
     with_digits(value, unit, prefix(value.abs()), DIGITS)
+}
+
+/// A quantity in the unit of an axis. Only an SI unit gets a prefix: `37.5 mm` of 0.0375 m, `37.5 mm` of 37.5 mm.
+#[must_use]
+pub fn in_axis_unit(value: f64, unit: &str) -> String {
+    if PREFIXED.contains(&unit) {
+        quantity(value, unit)
+    } else {
+        with_digits(value, unit, (1.0, ""), DIGITS)
+    }
+}
+
+/// A quantity in the unit of an axis that shows its direction: `+37.5 mm`.
+#[must_use]
+pub fn signed_in_axis_unit(value: f64, unit: &str) -> String {
+    let sign = if value > 0.0 { "+" } else { "" };
+    format!("{sign}{}", in_axis_unit(value, unit))
 }
 
 /// Two quantities that are compared, with as many digits as show which of them is larger. They share a prefix unless one of
@@ -284,6 +304,17 @@ mod tests {
         assert_eq!(text(-63_464.371, 250.0), "-63464.4 ± 250");
         assert_eq!(text(1.0 / 3.0, 1e-300), "0.33333333333333331 ± 1e-300");
         assert_eq!(reading(1.0 / 3.0, None), ["0.333333", ""]);
+    }
+
+    #[test]
+    fn a_quantity_keeps_the_unit_of_its_axis() {
+        assert_eq!(in_axis_unit(5.000_000_000_000_001, "mm"), "5 mm");
+        assert_eq!(in_axis_unit(0.05, "mm"), "0.05 mm");
+        assert_eq!(in_axis_unit(0.05, "m"), "50 mm");
+        assert_eq!(in_axis_unit(-7.5, "kN"), "-7.5 kN");
+        assert_eq!(signed_in_axis_unit(5e-4, "m"), "+500 µm");
+        assert_eq!(signed_in_axis_unit(-7.5e3, "N"), "-7.5 kN");
+        assert_eq!(signed_in_axis_unit(0.0, "N"), "0 N");
     }
 
     #[test]

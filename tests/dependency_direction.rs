@@ -24,7 +24,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("spectral", &[]),
     ("integrate", &["linalg", "model"]),
     ("benchmark", &["compensation", "metrics", "transfer"]),
-    ("identify", &["motion"]),
+    ("identify", &["motion", "units"]),
     ("compensation", &[]),
     (
         "control",

@@ -65,6 +65,10 @@ fn refused(wiring: impl FnMut(f64) -> (f64, f64) + Send + 'static, words: &str, 
     assert_eq!(found.code, 3, "{}", found.said);
     assert!(found.reason.contains(words), "{}", found.reason);
     assert!(found.reason.contains("is not armed"), "{}", found.reason);
+    // Rounded, with a prefix.
+    assert!(!found.reason.contains("e-"), "{}", found.reason);
+    let headline = " — FAILED: wiring check\n";
+    assert!(found.said.contains(headline), "{}", found.said);
     assert_eq!(found.told.len(), PROBE_TICKS);
     for disp in found.told {
         assert!((0.0..=1e-4).contains(&disp.expect("it is not armed again")));

@@ -436,8 +436,16 @@ fn a_stiffness_that_differs_is_a_warning_and_a_reversed_one_a_refusal() {
     }
     // A specimen that reports −4e5 N/m.
     let address = Fake::start_with(-4e5, |_| {});
-    let (code, _) = run(folder, "reversed", &linked(STEPS, &address, ""));
+    let (code, said) = run(folder, "reversed", &linked(STEPS, &address, ""));
     assert_eq!(code, 3);
+    let headline = " — FAILED: a specimen could not be connected\n";
+    assert!(said.contains(headline), "{said}");
+    let logged = said.lines().find(|line| line.contains("ERROR")).unwrap();
+    let specimen = "specimen \"column\": could not be connected: ";
+    assert!(
+        logged.contains(specimen) && !logged.contains("message="),
+        "{said}"
+    );
     let reason = summary(folder, "reversed").reason;
     assert!(reason.contains("a channel is reversed"), "{reason}");
 }

@@ -303,15 +303,15 @@ fn check_says_which_limits_there_are_who_checks_them_and_what_happens_then() {
         "an open interlock or emergency stop",
         "every specimen holds its last command",
         // How a bound is judged, what the other end does by itself, and how everything begins and ends.
-        "in motion 0.03 s of it more",
-        "once the command has gone 0.0001 m",
-        "of second differences beyond 0.000001 m",
+        "in motion 30 ms of it more",
+        "once the command has gone 100 µm",
+        "of second differences beyond 1 µm",
         "in 7 s, not counted in the",
-        "holds after 0.5 s without a command",
+        "holds after 500 ms without a command",
         "no wiring check",
         "every specimen moves to its `safe_disp_m`, at 0.004 m/s at most",
-        "  0.0125 m\n",
-        "hold for 0.250000 s while every sensor is read and the operator confirms",
+        "  12.5 mm\n",
+        "hold for 250 ms while every sensor is read and the operator confirms",
         "a ramp of 3 s or longer",
         "come to rest in 0.75 s",
     ] {
@@ -324,9 +324,9 @@ fn check_says_which_limits_there_are_who_checks_them_and_what_happens_then() {
     assert_eq!(axis[0]["also_at_the_specimen"], true);
     assert_eq!(axis[2]["key"], "following_error_m");
     assert_eq!(axis[2]["also_at_the_specimen"], false);
-    assert_eq!(axis[2]["judged"], "at rest; in motion 0.03 s of it more");
+    assert_eq!(axis[2]["judged"], "at rest; in motion 30 ms of it more");
     let specimen = &facts["limits"]["specimens"][0];
-    assert!(specimen["watchdog"].as_str().unwrap().contains("0.5 s"));
+    assert!(specimen["watchdog"].as_str().unwrap().contains("500 ms"));
     assert_eq!(specimen["safe_disp_m"][0], 0.0125);
     for (key, words) in [
         ("at_end", "safe_disp_m"),
@@ -516,7 +516,7 @@ fn what_is_announced_otherwise_than_it_is_kept_is_shown_as_it_is_announced() {
     let said = String::from_utf8(finish(command).stdout).unwrap();
     for (key, words) in [
         ("command_step_m *", "announced as a speed of "),
-        ("measured_force_n *", "announced as 1000000 N either way"),
+        ("measured_force_n *", "announced as 1 MN either way"),
     ] {
         let mut lines = said.lines();
         let line = lines.find(|line| line.contains(key)).unwrap_or_default();

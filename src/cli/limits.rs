@@ -3,6 +3,7 @@
 use super::table::Table;
 use crate::config::{Limit, LimitFacts, LoadingFacts};
 use crate::geometry::LawPlace;
+use crate::units::{number, quantity};
 
 /// Adds the limits to the table of a test.
 pub fn tabulate(limits: &LimitFacts, table: &mut Table) {
@@ -46,10 +47,7 @@ pub fn tabulate(limits: &LimitFacts, table: &mut Table) {
         }
         table.row("  stale replies", &specimen.stale);
         if let Some(safe) = &specimen.safe_disp_m {
-            let each: Vec<String> = safe
-                .iter()
-                .map(|disp| format!("{} m", plain(*disp)))
-                .collect();
+            let each: Vec<String> = safe.iter().map(|disp| quantity(*disp, "m")).collect();
             table.row("  safe_disp_m", &each.join(", "));
         }
     }
@@ -118,8 +116,8 @@ fn loading_unit(name: &str, loading: &LoadingFacts, table: &mut Table) {
 fn line(limit: &Limit, table: &mut Table) {
     let level = |values: &[f64]| match values {
         [] => "-".to_owned(),
-        [low, high] => format!("{} to {}", plain(*low), plain(*high)),
-        sizes => sizes.iter().map(|size| plain(*size)).collect(),
+        [low, high] => format!("{} to {}", number(*low), number(*high)),
+        sizes => sizes.iter().map(|size| number(*size)).collect(),
     };
     let star = if limit.also_at_the_specimen { " *" } else { "" };
     let judged = match (limit.unit, &limit.judged) {
@@ -137,13 +135,4 @@ fn line(limit: &Limit, table: &mut Table) {
         )
         .trim_end(),
     );
-}
-
-/// A number without long rows of zeros.
-fn plain(value: f64) -> String {
-    if value == 0.0 || (1e-3..1e7).contains(&value.abs()) {
-        value.to_string()
-    } else {
-        format!("{value:e}")
-    }
 }

@@ -17,8 +17,7 @@ use crate::config::{self, ConfigError, Facts, Loaded, Method, Prepared};
 use crate::record::{Progress, RecordedVerdict};
 use crate::report::told;
 use crate::session::{
-    self, Allowed, Finish, Finished, Judged, Page, ReplayError, ResumeError, Signal, Signals,
-    Watches,
+    self, Allowed, Finished, Judged, Page, ReplayError, ResumeError, Signals, Watches,
 };
 use crate::units::{duration, number, quantity};
 
@@ -86,15 +85,8 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     if !args.quiet {
         conclude(&facts, &finished, report.ok().as_ref());
     }
-    Ok(match (finished.finish, signals.seen()) {
-        (Finish::Completed, _) => Exit::Done,
-        (Finish::Stopped, _) => Exit::Stopped,
-        (Finish::Refused, _) => Exit::Usage,
-        (Finish::Interrupted, Some(Signal::Terminate)) => Exit::Terminated,
-        (Finish::Interrupted, _) => Exit::Interrupted,
-        (Finish::LinkFailed, _) => Exit::Link,
-        (Finish::Panicked, _) => Exit::Panic,
-    })
+    let exit = conduct::exit_of(finished.finish, signals.seen());
+    conduct::end(&finished, exit, !args.quiet)
 }
 
 /// Shows the findings of the verdict, and refuses the test if it forbids it.
@@ -182,14 +174,7 @@ fn tested(steps: u64, after: Option<u64>, dt: f64) -> String {
 /// What a person wants to know at the end of a test.
 fn conclude(facts: &Facts, finished: &Finished, page: Option<&Page>) {
     let summary = &finished.summary;
-    let verdict = match finished.finish {
-        Finish::Completed => "completed",
-        Finish::Stopped => "STOPPED",
-        Finish::Refused => "REFUSED: a specimen has changed since the interruption",
-        Finish::Interrupted => "interrupted",
-        Finish::LinkFailed => "FAILED: a link was lost",
-        Finish::Panicked => "FAILED: internal error, the specimens were retired",
-    };
+    let verdict = conduct::headline(finished.finish);
     let mut table = Table::new(&format!("{} — {verdict}", facts.title));
     if let Some(headline) = summary.verdict.as_ref().and_then(RecordedVerdict::headline) {
         table.row("verdict", &headline);

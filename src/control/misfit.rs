@@ -1,5 +1,7 @@
 //! Why a specimen must not be armed, in words and with what to do about it.
 
+use crate::units::{in_axis_unit, signed_in_axis_unit};
+
 /// A part of an axis's way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Channel {
@@ -105,8 +107,9 @@ impl std::fmt::Display for Misfit {
                 let axis = axis + 1;
                 write!(
                     f,
-                    "axis {axis}: moved in the positive direction, it reads {disp:+.3e} {metres} and {force:+.3e} \
-                     {newtons}: "
+                    "axis {axis}: moved in the positive direction, it reads {} and {}: ",
+                    signed_in_axis_unit(disp, metres),
+                    signed_in_axis_unit(force, newtons)
                 )?;
                 f.write_str(match channel {
                     Channel::Force => {
@@ -142,7 +145,9 @@ impl std::fmt::Display for Misfit {
                 };
                 write!(
                     f,
-                    "axis {axis}: the {what} changed by {found:.3e} {unit} where {expected:.3e} {unit} was expected: {why}"
+                    "axis {axis}: the {what} changed by {} where {} was expected: {why}",
+                    in_axis_unit(found, unit),
+                    in_axis_unit(expected, unit)
                 )
             }
             Self::Noise {
@@ -159,8 +164,10 @@ impl std::fmt::Display for Misfit {
                 };
                 write!(
                     f,
-                    "axis {axis}: noise of {noise:.3e} {unit} hides the change of {what}, {expected:.3e} {unit}, that shows \
-                     its direction: a larger `probe_m` is needed, or less noise"
+                    "axis {axis}: noise of {} hides the change of {what}, {}, that shows its direction: a larger `probe_m` \
+                     is needed, or less noise",
+                    in_axis_unit(noise, unit),
+                    in_axis_unit(expected, unit)
                 )
             }
         }

@@ -10,7 +10,7 @@ use super::phase::{Cause, Glimpse, Phase};
 use super::tick::Tick;
 use super::{Ending, Engine, OnMiss, Outcome, Stop};
 use crate::control::Port;
-use crate::record::{EventKind, GridOf, MissCause};
+use crate::record::{EventKind, GridOf, MissCause, ON_MISS};
 use crate::rt::timing::{Suspect, TickStamps};
 use crate::substructure::{LISTEN_NS, Retirement};
 use crate::time::Nanos;
@@ -341,7 +341,7 @@ impl Engine {
         let bounds = &self.limits;
         let whole_period = stamps.woke.since(stamps.release).max(late_ns) >= period;
         let beyond = if bounds.on_miss == OnMiss::Stop && whole_period {
-            Some(("on_miss", number(late_ns) * 1e-9, number(period) * 1e-9))
+            Some((ON_MISS, number(late_ns) * 1e-9, number(period) * 1e-9))
         } else if self.misses_in_a_row > bounds.misses_in_a_row {
             let (found, bound) = (self.misses_in_a_row, bounds.misses_in_a_row);
             Some((

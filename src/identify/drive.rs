@@ -12,6 +12,7 @@ use crate::motion::{
     BandLimitedNoise, Grid, Motion, MotionError, Quantity, RampAndHold, RampShape, Signal, Sweep,
     SweepKind,
 };
+use crate::units::rate;
 
 /// What kind of motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -40,7 +41,7 @@ pub enum CourseError {
     },
     /// The ticks do not carry it.
     #[error(
-        "the band ends at {to_hz} Hz, but {rate_hz:.6} ticks per second carry less than {largest:.6} Hz"
+        "the band ends at {to_hz} Hz, but a loop at {} carries less than {}", rate(*rate_hz), rate(*largest)
     )]
     BeyondNyquist {
         /// Upper edge.

@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::subject::Subject;
 use crate::control::limits::{Hit, Level};
 use crate::engine::{Phase, TestHit, TestQuantity};
-use crate::record::{Event, EventKind};
+use crate::record::{Event, EventKind, ON_MISS, late_words};
 
 /// One of the reasons for which a test has tripped.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -172,6 +172,9 @@ fn hit_words(
 
 /// A limit of the test as a whole, in the words of its end.
 fn test_words(key: &str, value: f64, bound: f64, worst: Option<(u32, u32)>) -> String {
+    if key == ON_MISS {
+        return late_words(value, bound);
+    }
     let mut all = TestQuantity::ALL.into_iter();
     match all.find(|quantity| quantity.key() == key) {
         Some(quantity) => TestHit {
@@ -268,6 +271,21 @@ mod tests {
         );
         let worst = format!("\ngusset_limit_used_worst_ratio{labels} 1.2");
         assert!(text.contains(&worst), "{text}");
+    }
+
+    #[test]
+    fn a_tick_late_by_a_period_is_told_with_units_and_its_key() {
+        let late = EventKind::TestLimit {
+            quantity: ON_MISS,
+            trip: true,
+            value: 0.0206,
+            bound: 1.0 / 1024.0,
+            worst: None,
+        };
+        let words = seen(&[late]).latest().trips[0].words.clone();
+        for part in ["20.6 ms", "976.6 µs", "`timing.on_miss"] {
+            assert!(words.contains(part), "no {part:?} in {words}");
+        }
     }
 
     #[test]

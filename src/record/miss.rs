@@ -17,6 +17,20 @@ use std::collections::VecDeque;
 use serde::{Deserialize, Serialize};
 
 use super::MissCause;
+use crate::units::duration;
+
+/// Key of the limit that a tick breaks which is late by a whole period, with `timing.on_miss = "stop"`.
+pub(crate) const ON_MISS: &str = "on_miss";
+
+/// Why a tick ended the test that was late by a whole period, in words. Times in s.
+pub(crate) fn late_words(late_s: f64, period_s: f64) -> String {
+    format!(
+        "a tick was late by {}, and a period is {}; `timing.on_miss = \"stop\"` ends the test for that, \"stretch\" delays the \
+         later ticks instead",
+        duration(late_s),
+        duration(period_s)
+    )
+}
 
 /// What the scheduler had counted for the loop's thread, and the hypervisor for its core, at one moment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -51,6 +51,7 @@ pub use journal::{End, Journal, Row};
 pub use layout::{COMMITS, Layout};
 pub use memory::MemoryRecorder;
 pub use miss::{MissClasses, SchedSample};
+pub(crate) use miss::{ON_MISS, late_words};
 pub use missing::{MissingEnd, ToldBy};
 pub use note::{Note, NoteLevel, Position};
 pub use onlooker::Onlooker;

@@ -125,11 +125,17 @@ pub enum Finish {
     Completed,
     /// Stopped by a limit, divergence, a stale or miss bound.
     Stopped,
-    /// Before it moved anything: a specimen is another than the one of the interrupted test.
+    /// Before it moved anything: a specimen has changed since the interruption of the test.
     Refused,
+    /// Before it moved anything: a specimen lacks something that this test needs.
+    Unfit,
     /// By the operator.
     Interrupted,
-    /// A link or peer failed.
+    /// Before it moved anything: a specimen could not be connected.
+    NotConnected,
+    /// The wiring check of a specimen failed; the specimen was not armed.
+    WiringFault,
+    /// A link failed.
     LinkFailed,
     /// A panic of our own, caught; the specimens are retired.
     Panicked,

@@ -26,6 +26,7 @@ use crate::config::{self, Dial, Facts, Loaded, Prepared};
 use crate::control::Port;
 use crate::record::summary::Status;
 use crate::record::{MissingEnd, Run, ToldBy};
+use crate::units::duration;
 pub use error::ResumeError;
 use places::{Tolerances, places, ticks_lost};
 use trips::Told;
@@ -141,9 +142,9 @@ fn resume_by(
     next.facts.resumed = Some((folder.to_owned(), step));
     next.files.origin = serde_json::to_string_pretty(&origin).ok();
     let resumed = format!(
-        "resumed from {} after step {step} ({} s): {} rows retraced",
+        "resumed from {} after step {step} ({}): {} rows retraced",
         folder.display(),
-        origin.time,
+        duration(origin.time),
         traced.rows
     );
     // The wiring check is not repeated.

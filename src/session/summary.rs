@@ -73,10 +73,10 @@ pub(super) fn summarise(
     let outcome = ended.outcome.as_ref();
     let (finish, reason) = match (&ended.fault, &ended.unconnected, outcome) {
         (None, Some(Unconnected::Refused(text)), _) => {
-            (Finish::LinkFailed, format!("{text}; nothing was moved"))
+            (Finish::NotConnected, format!("{text}; nothing was moved"))
         }
         (None, Some(Unconnected::Unfit(text)), _) => {
-            (Finish::Refused, format!("{text}; nothing was moved"))
+            (Finish::Unfit, format!("{text}; nothing was moved"))
         }
         (None, Some(Unconnected::Stopped), _) => (
             Finish::Interrupted,
@@ -156,9 +156,11 @@ pub(super) fn summarise(
 pub(super) const fn status_of(finish: Finish) -> Status {
     match finish {
         Finish::Completed => Status::Completed,
-        Finish::Stopped | Finish::Refused => Status::Stopped,
+        Finish::Stopped | Finish::Refused | Finish::Unfit => Status::Stopped,
         Finish::Interrupted => Status::Interrupted,
-        Finish::LinkFailed | Finish::Panicked => Status::Failed,
+        Finish::NotConnected | Finish::WiringFault | Finish::LinkFailed | Finish::Panicked => {
+            Status::Failed
+        }
     }
 }
 
@@ -304,8 +306,8 @@ const fn finish_of(stop: &Stop) -> Finish {
             fault: LinkFault::Diverged,
             ..
         } => Finish::Stopped,
-        // A specimen that must not be armed is a peer that failed.
-        Stop::Link { .. } | Stop::Misfit { .. } => Finish::LinkFailed,
+        Stop::Link { .. } => Finish::LinkFailed,
+        Stop::Misfit { .. } => Finish::WiringFault,
         Stop::Internal => Finish::Panicked,
         // The specimen is another than the one of the interrupted test: it was not moved.
         Stop::Moved { .. } | Stop::ForceChanged { .. } => Finish::Refused,

@@ -296,8 +296,8 @@ impl Played {
         let code = match finish {
             Finish::Completed => 0,
             Finish::Stopped => 1,
-            Finish::Refused => 2,
-            Finish::LinkFailed => 3,
+            Finish::Refused | Finish::Unfit => 2,
+            Finish::NotConnected | Finish::WiringFault | Finish::LinkFailed => 3,
             Finish::Panicked => 5,
             Finish::Interrupted => 130,
         };

@@ -48,7 +48,8 @@ fn an_amplitude_beyond_a_limit_is_refused_with_the_largest_one() {
             "command_vel_m_per_s",
             "400 mm/s",
             "largest amplitude",
-            "4.4e-3 m",
+            "4.4 mm",
+            "--amplitude 0.0044",
             "or a band up to about 13.4",
         ],
     );
@@ -91,7 +92,7 @@ fn bands_durations_and_specimens_that_cannot_be_are_refused() {
     refused(
         TEST,
         &["--band", "1,256"],
-        &["256 Hz", "512", "carry less than"],
+        &["256 Hz", "512 Hz", "carries less than"],
     );
     refused(TEST, &["--band", "5,2"], &["from 5 Hz to 2 Hz"]);
     refused(TEST, &["--band", "0,2"], &["from 0 Hz to 2 Hz"]);
@@ -190,7 +191,7 @@ fn redundant_actuators_and_strokes_beyond_a_length_are_refused() {
     refused(
         &unit(three),
         &far,
-        &["actuator 1", "length_m", "largest amplitude", "2.9e-2 m"],
+        &["actuator 1", "length_m", "29 mm", "--amplitude 0.029"],
     );
     // The first one says how far it may go, the second one does not.
     refused(

@@ -48,6 +48,21 @@ fn resume_refuses_a_computed_specimen_whose_server_does_not_keep_its_state() {
     assert_eq!(column(&at("refused"), "state").len(), 0, "nothing was sent");
     assert!(!at("first/continued.json").exists(), "no run resumed it");
 
+    let said = go_on_with(&first, &at("quiet"), &["--quiet"]);
+    assert_eq!(said.code, Some(2), "{}", said.stderr);
+    let errors = said
+        .stderr
+        .lines()
+        .filter(|line| line.starts_with("error: "));
+    let errors: Vec<&str> = errors.collect();
+    assert_eq!(errors.len(), 1, "{}", said.stderr);
+    let is_named = errors[0].contains("REFUSED: a specimen does not meet the needs");
+    assert!(
+        is_named && errors[0].contains("--accept-changed"),
+        "{}",
+        said.stderr
+    );
+
     let reason = "the column was replaced by a new one";
     let said = go_on_with(&first, &at("second"), &["--accept-changed", reason]);
     assert_eq!(said.code, Some(0), "{}", said.stderr);

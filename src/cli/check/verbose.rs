@@ -7,7 +7,7 @@ use super::super::{limits, spectrum as modes, stability};
 use crate::config::{ClockChoice, Facts, StructureFacts};
 use crate::integrate::Lambda;
 use crate::motion::{Quantity, STANDARD_GRAVITY};
-use crate::units::{duration, quantity};
+use crate::units::{duration, quantity, rate};
 
 /// Everything that is known of the test without a rehearsal.
 pub(super) fn tabulate(table: &mut Table, facts: &Facts, spectrum: Option<&Spectrum>) {
@@ -125,11 +125,11 @@ fn of_test(table: &mut Table, facts: &Facts) {
     table.row(
         "test",
         &format!(
-            "{} steps of {} = {}, {clock} clock at {:.6} Hz",
+            "{} steps of {} = {}, {clock} clock at {}",
             facts.steps,
             duration(facts.dt),
             duration(facts.steps as f64 * facts.dt),
-            facts.rate_hz
+            rate(facts.rate_hz)
         ),
     );
 }

@@ -4,7 +4,7 @@ use super::usage;
 use crate::config::SpecimenTable;
 use crate::control::limits::{BoundSpec, LimitsSpec, RangeSpec};
 use crate::identify::{Band, Course};
-use crate::units::quantity;
+use crate::units::{compared, number, quantity};
 
 /// Share of the stroke that is left, and of everything else that is allowed, that a motion takes unless it is told.
 const OF_STROKE: f64 = 0.05;
@@ -92,7 +92,8 @@ pub(super) fn amplitude(
         .min_by(|a, b| (a.trip / a.need).total_cmp(&(b.trip / b.need)));
     match tightest {
         Some(room) if asked * room.need > room.trip => {
-            let largest = room.trip / room.need;
+            let largest = rounded_down(room.trip / room.need);
+            let [needed, allowed] = compared(asked * room.need, room.trip, room.unit);
             let narrower = match room.key {
                 "command_vel_m_per_s" | "command_step_m" => Some(room.trip / (asked * room.need)),
                 "command_accel_m_per_s2" => Some((room.trip / (asked * room.need)).sqrt()),
@@ -103,14 +104,15 @@ pub(super) fn amplitude(
             let or = narrower
                 .filter(|hz| *hz > band.from_hz)
                 .map_or_else(String::new, |hz| {
-                    format!(", or a band up to about {hz:.3} Hz")
+                    format!(", or a band up to about {} Hz", number(hz))
                 });
             Err(usage(format!(
-                "{place}: an amplitude of {asked} m needs {} of `{}`, allowed is {}; largest amplitude for this motion: {:e} m{or}",
-                quantity(asked * room.need, room.unit),
+                "{place}: an amplitude of {} needs {needed} of `{}`, allowed is {allowed}; largest amplitude for this motion: {} \
+                 (`--amplitude {}`){or}",
+                quantity(asked, "m"),
                 room.key,
-                quantity(room.trip, room.unit),
-                rounded_down(largest),
+                quantity(largest, "m"),
+                number(largest)
             )))
         }
         _ => Ok((asked, "as asked for".to_owned())),

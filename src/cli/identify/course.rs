@@ -4,7 +4,7 @@ use super::amplitude::{amplitude, rounded_down};
 use super::{IdentifyArgs, usage};
 use crate::config::{Drive, Loaded, SpecimenTable, TestFile, nearest};
 use crate::identify::{Band, Course, Shape};
-use crate::units::{duration, quantity};
+use crate::units::{duration, quantity, rate};
 
 /// Rest before and after every motion, in s, and in ticks at least.
 const REST_S: f64 = 1.0;
@@ -192,14 +192,14 @@ impl Plan {
             .iter()
             .map(|driven| {
                 format!(
-                    "{}: {word} from {} Hz to {} Hz, {} either way ({}), {} at {:.6} Hz, with rests of {}",
+                    "{}: {word} from {} Hz to {} Hz, {} either way ({}), {} at {}, with rests of {}",
                     driven.words(),
                     self.band.from_hz,
                     self.band.to_hz,
                     quantity(driven.amplitude, "m"),
                     driven.reason,
                     duration(self.ticks as f64 * self.tick),
-                    1.0 / self.tick,
+                    rate(1.0 / self.tick),
                     duration(self.rest as f64 * self.tick),
                 )
             })

@@ -27,7 +27,7 @@ use crate::config::{self, ConfigError, Facts, Loaded, Prepared};
 use crate::identify::Shape;
 use crate::record::{Progress, RunFolder};
 use crate::session::rehearsal::FullRehearsal;
-use crate::session::{self, Finish, Finished, Signal, Signals, Watches};
+use crate::session::{self, Finished, Signals, Watches};
 
 use course::Plan;
 use outcome::Outcome;
@@ -130,34 +130,15 @@ pub fn identify(args: &IdentifyArgs) -> anyhow::Result<Exit> {
     }
     attend::can_confirm(&mut test.facts, args.test_run.yes)?;
     let facts = test.facts.clone();
-    let (mut finished, interrupted) = carry_out(args, test, &facts)?;
+    let (mut finished, exit) = carry_out(args, test, &facts)?;
     let report = session::conclude(&mut finished);
     if let Err(error) = &report {
         tell(format_args!("warning: not written: {error}"));
     }
-    match finished.finish {
-        Finish::Completed => {}
-        Finish::Stopped => {
-            let text = format!(
-                "the motion was stopped, and nothing is identified: {}",
-                finished.summary.reason
-            );
-            return Err(WithExit(Exit::Stopped, text).into());
-        }
-        Finish::Refused => {
-            let text = format!("nothing is identified: {}", finished.summary.reason);
-            return Err(WithExit(Exit::Usage, text).into());
-        }
-        Finish::Interrupted => return Ok(interrupted),
-        Finish::LinkFailed | Finish::Panicked => {
-            let exit = if finished.finish == Finish::Panicked {
-                Exit::Panic
-            } else {
-                Exit::Link
-            };
-            let text = format!("nothing is identified: {}", finished.summary.reason);
-            return Err(WithExit(exit, text).into());
-        }
+    if exit != Exit::Done {
+        let (headline, reason) = (conduct::headline(finished.finish), &finished.summary.reason);
+        let text = format!("nothing is identified: {headline}: {reason}");
+        return Err(WithExit(exit, text).into());
     }
     if !finished.folder.is_there() {
         let text = "the run folder was deleted, and nothing is identified";
@@ -220,7 +201,7 @@ fn allowed(args: &IdentifyArgs, loaded: &Loaded) -> anyhow::Result<(Plan, Loaded
 /// How often an amplitude is halved.
 const MOST_HALVED: i32 = 6;
 
-/// Runs the motion into a folder; the exit code is for an interruption.
+/// Runs the motion into a folder; returns how it ended, and the exit code for that.
 fn carry_out(
     args: &IdentifyArgs,
     test: Prepared,
@@ -243,10 +224,7 @@ fn carry_out(
     );
     line.clear();
     let finished = conduct::finished(finished)?;
-    let exit = match signals.seen() {
-        Some(Signal::Terminate) => Exit::Terminated,
-        _ => Exit::Interrupted,
-    };
+    let exit = conduct::exit_of(finished.finish, signals.seen());
     Ok((finished, exit))
 }
 

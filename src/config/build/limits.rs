@@ -9,6 +9,7 @@ use crate::config::{ClockChoice, ExitChoice, TestFile, Time};
 use crate::control::Port;
 use crate::control::limits::Bound;
 use crate::engine::{Limits, OnMiss, TestQuantity};
+use crate::units::duration;
 
 /// All limits of a test.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
@@ -141,7 +142,10 @@ fn way_in(file: &TestFile, time: &Time) -> String {
         } else {
             ""
         };
-        format!("the specimens hold for {zero:.6} s while every sensor is read{confirmed}")
+        format!(
+            "the specimens hold for {} while every sensor is read{confirmed}",
+            duration(zero)
+        )
     };
     format!(
         "{zeroed};\nthen a ramp of {} s or longer, at half of a velocity limit at most;\nafter a `hold` the specimens come to rest in {} s",

@@ -93,3 +93,36 @@ fn an_estimate_that_is_far_from_what_stands_in_for_the_specimen_is_told_of() {
         );
     }
 }
+
+#[test]
+fn a_specimen_identified_as_stiffer_than_the_proof_assumes_is_warned_of() {
+    let linked = TEST.replace(
+        "law = { linear = { stiffness_n_per_m = 1e5 } }",
+        "stiffness_n_per_m = 1e5\nidentified = { stiffness_n_per_m = 1.3e5 }\nlimits = { command_disp_m = { trip = [-0.1, 0.1] }, \
+         measured_force_n = { trip = [-1e4, 1e4] } }\nlink = { address = \"127.0.0.1:4823\" }",
+    );
+    for (set, is_warned) in [
+        (None, true),
+        (
+            Some("specimen.0.identified.stiffness_std_n_per_m=2e4"),
+            true,
+        ),
+        (
+            Some("specimen.0.identified.stiffness_std_n_per_m=4e4"),
+            false,
+        ),
+        (Some("specimen.0.hardening_bound=1.3"), false),
+        (Some("specimen.0.stiffness_n_per_m=1.4e5"), false),
+        (Some("specimen.0.identified.stiffness_n_per_m=9e4"), false),
+    ] {
+        let test = build(&accepted(&linked, set.as_slice())).unwrap();
+        let said = test.warnings.render(false);
+        let key = "`identified.stiffness_n_per_m`";
+        assert_eq!(said.contains(key), is_warned, "{set:?}: {said}");
+        if is_warned {
+            for part in ["130 kN/m", "100 kN/m", "`hardening_bound`"] {
+                shows(&said, part);
+            }
+        }
+    }
+}

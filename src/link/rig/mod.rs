@@ -30,6 +30,7 @@ pub use station::{GuardStore, Station};
 
 use crate::control::limits::Hit;
 use crate::substructure::{Command, Introduction, LinkFault, LinkStats, Measurement, Retirement};
+use crate::units::compared;
 use crate::wire::handshake::{Limits, Sampling};
 
 /// Who commands a specimen, as far as the protocol tells.
@@ -162,7 +163,7 @@ fn apart(one: &[f64], other: &[f64]) -> Option<usize> {
 /// Why a test cannot begin at `start`, if the specimen stands elsewhere. `standing` is empty if that is not known.
 pub(in crate::link) fn elsewhere(standing: &[f64], start: &[f64]) -> Option<String> {
     let axis = apart(standing, start)?;
-    let (stands, first) = (standing.get(axis)?, start.get(axis)?);
+    let [stands, first] = compared(*standing.get(axis)?, *start.get(axis)?, "");
     Some(format!(
         "axis {} is at {stands}, but the first command is {first}: a test must begin at the position of the specimen",
         axis + 1

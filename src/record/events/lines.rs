@@ -6,7 +6,7 @@
 use serde_json::{Map, Value};
 
 use super::super::append::Store;
-use super::super::miss::{Evidence, classify};
+use super::super::miss::{Evidence, ON_MISS, classify, late_words};
 use super::super::utc::rfc3339;
 use super::super::{Event, EventKind, MissCause};
 use super::names::{fault_name, kind_name};
@@ -447,6 +447,9 @@ fn at(event: &Event) -> String {
 }
 
 fn limit_words(limit: &str, trip: bool, value: f64, bound: f64) -> String {
+    if limit == ON_MISS {
+        return format!("TRIP: {}", late_words(value, bound));
+    }
     let [value, bound] = compared(value, bound, unit_of_key(limit));
     if trip {
         format!("TRIP: {limit} is {value}, allowed {bound}")
@@ -482,4 +485,17 @@ fn loud(count: &mut u64) -> bool {
         );
     }
     *count <= LOUD
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tick_late_by_a_period_is_told_with_units_and_its_key() {
+        let words = limit_words(ON_MISS, true, 0.0206, 1.0 / 1024.0);
+        for part in ["TRIP: ", "20.6 ms", "976.6 µs", "`timing.on_miss"] {
+            assert!(words.contains(part), "no {part:?} in {words}");
+        }
+    }
 }

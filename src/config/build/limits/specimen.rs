@@ -9,6 +9,7 @@ use crate::control::{Direction, Port};
 use crate::link::LinkSpec;
 use crate::link::spec::{Protocol, StaleChoice};
 use crate::substructure::Coupling;
+use crate::units::{self, duration};
 
 /// All of them.
 pub(super) fn of_specimen(table: &SpecimenTable, port: &Port, time: &Time) -> SpecimenLimits {
@@ -82,7 +83,8 @@ fn announced(quantity: Quantity, axis: &AxisLimits, time: &Time) -> Option<Strin
         Quantity::CommandStep => {
             let speed = axis.command_step.trip / time.period.value();
             let speed = speed.min(axis.command_vel.trip);
-            (speed < f64::INFINITY).then(|| format!("announced as a speed of {speed} m/s"))
+            (speed < f64::INFINITY)
+                .then(|| format!("announced as a speed of {}", units::quantity(speed, "m/s")))
         }
         Quantity::MeasuredForce => {
             let [low, high] = axis.measured_force.trip;
@@ -91,7 +93,7 @@ fn announced(quantity: Quantity, axis: &AxisLimits, time: &Time) -> Option<Strin
             (low.is_finite() || high.is_finite())
                 .then_some(either)
                 .filter(|_| low != -high)
-                .map(|either| format!("announced as {either} N either way"))
+                .map(|either| format!("announced as {} either way", units::quantity(either, "N")))
         }
         _ => None,
     }
@@ -101,7 +103,10 @@ fn announced(quantity: Quantity, axis: &AxisLimits, time: &Time) -> Option<Strin
 fn judged(quantity: Quantity, axis: &AxisLimits) -> Option<String> {
     let tangents = || {
         if axis.tangent_step > 0.0 {
-            format!("from motions beyond {} m", axis.tangent_step)
+            format!(
+                "from motions beyond {}",
+                units::quantity(axis.tangent_step, "m")
+            )
         } else {
             "from motions beyond ten times the noise".to_owned()
         }
@@ -109,16 +114,20 @@ fn judged(quantity: Quantity, axis: &AxisLimits) -> Option<String> {
     let over_time = || "over the last seconds of motion, after two periods of it".to_owned();
     match quantity {
         Quantity::FollowingError => Some(if axis.following_time > 0.0 {
-            format!("at rest; in motion {} s of it more", axis.following_time)
+            format!(
+                "at rest; in motion {} of it more",
+                duration(axis.following_time)
+            )
         } else {
             "at rest and in motion alike".to_owned()
         }),
-        Quantity::StuckSensor if axis.stuck_travel > 0.0 => {
-            Some(format!("once the command has gone {} m", axis.stuck_travel))
-        }
+        Quantity::StuckSensor if axis.stuck_travel > 0.0 => Some(format!(
+            "once the command has gone {}",
+            units::quantity(axis.stuck_travel, "m")
+        )),
         Quantity::Alternation if axis.alternating_floor > 0.0 => Some(format!(
-            "of second differences beyond {} m",
-            axis.alternating_floor
+            "of second differences beyond {}",
+            units::quantity(axis.alternating_floor, "m")
         )),
         Quantity::StiffnessRatio | Quantity::DampingRatio => Some(tangents()),
         Quantity::Lag | Quantity::GainError => Some(over_time()),
@@ -144,8 +153,8 @@ fn stale(link: &LinkSpec, port: &Port) -> String {
     };
     match link.on_stale {
         _ if port.coupling() == Coupling::Lockstep => format!(
-            "not possible: the loop waits for each reply; after {} s without a reply the link is lost",
-            link.reply_timeout_s
+            "not possible: the loop waits for each reply; after {} without a reply the link is lost",
+            duration(link.reply_timeout_s)
         ),
         StaleChoice::Stop => way.to_owned(),
         StaleChoice::Hold | StaleChoice::Extrapolate => {
@@ -164,7 +173,8 @@ fn watchdog(link: &LinkSpec, time: &Time) -> String {
                 ClockChoice::Simulated => " (by wall time, whatever the clock of the test)",
             };
             format!(
-                "the specimen's server holds after {after} s without a command{unwatched}"
+                "the specimen's server holds after {} without a command{unwatched}",
+                duration(after)
             )
         }
         Protocol::OpenFresco | Protocol::OpenFrescoShadow | Protocol::OpenFrescoAdapter => {
@@ -181,10 +191,11 @@ fn direction(link: &LinkSpec, port: &Port) -> String {
                 Direction::Probe { pace, .. } if pace.is_shortest() => {
                     format!("{} ticks", pace.ramp)
                 }
-                _ => format!("{} s", link.probe_ramp_s),
+                _ => duration(link.probe_ramp_s),
             };
             format!(
-                "wiring check: each axis moves {metres} m and back before the test, {way} each way; a specimen with wrong wiring is not armed"
+                "wiring check: each axis moves {} and back before the test, {way} each way; a specimen with wrong wiring is not armed",
+                units::quantity(metres, "m")
             )
         }
         (None, Direction::Settling(_)) => {
@@ -208,7 +219,9 @@ fn ends(table: &SpecimenTable) -> Option<String> {
     ];
     let ends: Vec<String> = ends
         .iter()
-        .filter_map(|(what, end, unit)| Some(format!("{what} ± {} {unit}", (*end)?)))
+        .filter_map(|(what, end, unit)| {
+            Some(format!("{what} ± {}", units::quantity((*end)?, unit)))
+        })
         .collect();
     if ends.is_empty() {
         return None;

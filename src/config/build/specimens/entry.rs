@@ -16,6 +16,7 @@ use crate::link::spec::Protocol;
 use crate::model::BuildError;
 use crate::specimen::{Specimen, SpecimenLaw};
 use crate::spectral::delay::Weights;
+use crate::units::{compared, quantity};
 
 /// A ratio of an estimate to what is known, or its inverse, that nobody means.
 const FAR: f64 = 10.0;
@@ -139,6 +140,9 @@ pub(super) fn entry(
             Ok((stiffness.iter().map(times).collect(), damping.clone()))
         }
     };
+    if let Ok((largest, _)) = &bounds {
+        warn_of_identified(site, at, table, largest);
+    }
     let stand_in = match &table.stand_in {
         Some(source) => Some(built(site, at, table, ("stand_in", source), laws)?),
         None => None,
@@ -223,6 +227,45 @@ fn warn_of_distance(
         let finding = Finding::warning(at, text).label("K0 of the integrator uses this estimate");
         site.warnings.push(finding.help(help));
     }
+}
+
+/// Warns of a specimen behind a link that was identified as stiffer than the stability proof assumes. `largest` is the stiffness
+/// that the proof allows. `identified` has the stiffness of the first axis.
+fn warn_of_identified(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable, largest: &Rows) {
+    if site.trial.is_some() || table.link.is_none() {
+        return;
+    }
+    let Some(identified) = &table.identified else {
+        return;
+    };
+    let assumed = largest.first().and_then(|row| row.first());
+    let (Some(found), Some(&assumed)) = (identified.stiffness_n_per_m, assumed) else {
+        return;
+    };
+    let spread = identified.stiffness_std_n_per_m.unwrap_or(0.0);
+    let is_stiffer = found - assumed > spread;
+    if !is_stiffer {
+        return;
+    }
+    let [measured, allowed] = compared(found, assumed, "N/m");
+    let axis = if largest.len() > 1 { " of axis 1" } else { "" };
+    let key = at.key("stiffness_n_per_m");
+    let text = format!(
+        "`identified.stiffness_n_per_m`{axis} is {measured} ± {}, but the stability proof assumes {allowed} at most",
+        quantity(spread, "N/m")
+    );
+    let finding = Finding::warning(at.key("identified").key("stiffness_n_per_m"), text);
+    site.warnings.push(
+        finding
+            .label(format!(
+                "`{key}` times `hardening_bound` is the assumed stiffness"
+            ))
+            .help(format!(
+                "the proof does not hold for so stiff a specimen: increase `stiffness_n_per_m` or `hardening_bound` until their \
+                 product is {} or more, or identify again",
+                quantity(found + spread, "N/m")
+            )),
+    );
 }
 
 /// What the commands of a step are made of, from that at its target back, where every target is known at once. Empty for one that

@@ -3,6 +3,7 @@
 
 use crate::control::AxisUnits;
 use crate::control::limits::{AxisLimits, Hit, Level, Quantity, Range};
+use crate::units::in_axis_unit;
 
 /// Share of the range that `command_disp_m` allows.
 const SHARE: f64 = 0.05;
@@ -77,9 +78,8 @@ pub(in crate::link) fn words(limits: &[AxisLimits], units: &[AxisUnits]) -> Vec<
         };
         Some(format!(
             "axis {number}: neither `command_step_m` nor `command_vel_m_per_s` nor `command_accel_m_per_s2` bounds it: a first \
-             command may take it {} {} from where it stands ({why}), and what follows is not judged by its steps",
-            bound / units.metres,
-            units.disp
+             command may take it {} from where it stands ({why}), and what follows is not judged by its steps",
+            in_axis_unit(bound / units.metres, units.disp)
         ))
     })
     .collect()
@@ -97,6 +97,24 @@ pub(super) fn why(limits: &[AxisLimits], hit: &Hit) -> Option<&'static str> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_note_rounds_the_allowed_distance_in_the_unit_of_the_axis() {
+        let limits = AxisLimits {
+            command_disp: Range {
+                trip: [-0.05, 0.05],
+                ..Range::NONE
+            },
+            ..AxisLimits::NONE
+        };
+        let millimetres = AxisUnits {
+            metres: 1e-3,
+            disp: "mm",
+            ..AxisUnits::SI
+        };
+        assert!(words(&[limits], &[millimetres])[0].contains(" take it 5 mm from"));
+        assert!(words(&[limits], &[AxisUnits::SI])[0].contains(" take it 5 mm from"));
+    }
 
     #[test]
     fn every_axis_is_judged_by_where_it_stands() {

@@ -8,6 +8,7 @@ use crate::link::rig::{Visitor, Wanted, apart, elsewhere};
 use crate::record::NoteLevel;
 use crate::rt::os;
 use crate::substructure::{Command, Introduction, Measurement};
+use crate::units::{in_axis_unit, signed_in_axis_unit};
 
 const WHILE: &str = "while its direction was tried";
 
@@ -126,7 +127,7 @@ impl Station {
     pub(super) fn in_words(&self, place: &[f64]) -> String {
         let axes = place.iter().zip(&self.units);
         let words: Vec<_> = axes
-            .map(|(disp, units)| format!("{disp:?} {}", units.disp))
+            .map(|(disp, units)| in_axis_unit(*disp, units.disp))
             .collect();
         words.join(", ")
     }
@@ -234,12 +235,10 @@ impl Station {
         let axes = found.iter().map(|axis| {
             let units = self.units.get(axis.axis).unwrap_or(&AxisUnits::SI);
             format!(
-                "axis {}: {:+.3e} {} gave {:+.3e} {}",
+                "axis {}: {} gave {}",
                 axis.axis + 1,
-                axis.disp,
-                units.disp,
-                axis.force,
-                units.force
+                signed_in_axis_unit(axis.disp, units.disp),
+                signed_in_axis_unit(axis.force, units.force)
             )
         });
         let text = format!("direction: {}", axes.collect::<Vec<_>>().join("; "));
