@@ -74,6 +74,12 @@ fn main() {
     let folder = tempfile::tempdir().unwrap();
     let key_file = folder.path().join("key");
     std::fs::write(&key_file, [7; 32]).unwrap();
+    // A key that others can read is refused.
+    std::fs::set_permissions(
+        &key_file,
+        std::os::unix::fs::PermissionsExt::from_mode(0o600),
+    )
+    .unwrap();
     let key = read_key(&key_file).unwrap();
     let (mut recorder, reader) = ring(
         COLUMNS,

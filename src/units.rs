@@ -4,6 +4,8 @@
 
 /// Significant digits of a number for people.
 const DIGITS: usize = 4;
+/// Significant digits of a position that an operator may write into a file.
+const POSITION_DIGITS: usize = 7;
 /// Most significant digits: those of a double.
 const MOST_DIGITS: usize = 17;
 
@@ -76,10 +78,20 @@ pub fn quantity(value: f64, unit: &str) -> String {
 /// A quantity in the unit of an axis. Only an SI unit gets a prefix: `37.5 mm` of 0.0375 m, `37.5 mm` of 37.5 mm.
 #[must_use]
 pub fn in_axis_unit(value: f64, unit: &str) -> String {
+    with_digits(value, unit, prefix_of_unit(value, unit), DIGITS)
+}
+
+/// A place of an axis like [`in_axis_unit`], with seven significant digits: an operator may have to write it into a file.
+#[must_use]
+pub fn position(value: f64, unit: &str) -> String {
+    with_digits(value, unit, prefix_of_unit(value, unit), POSITION_DIGITS)
+}
+
+fn prefix_of_unit(value: f64, unit: &str) -> (f64, &'static str) {
     if PREFIXED.contains(&unit) {
-        quantity(value, unit)
+        prefix(value.abs())
     } else {
-        with_digits(value, unit, (1.0, ""), DIGITS)
+        (1.0, "")
     }
 }
 
@@ -315,6 +327,8 @@ mod tests {
         assert_eq!(signed_in_axis_unit(5e-4, "m"), "+500 µm");
         assert_eq!(signed_in_axis_unit(-7.5e3, "N"), "-7.5 kN");
         assert_eq!(signed_in_axis_unit(0.0, "N"), "0 N");
+        assert_eq!(position(0.100_041_400_000_1, "m"), "100.0414 mm");
+        assert_eq!(position(5.000_000_000_000_001, "mm"), "5 mm");
     }
 
     #[test]

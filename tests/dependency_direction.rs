@@ -45,6 +45,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "substructure",
             "text",
             "time",
+            "units",
             "wire",
         ],
     ),
@@ -155,6 +156,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             // The same counter gives noise and draws.
             "transfer",
             "work",
+            "units",
         ],
     ),
 ];

@@ -8,7 +8,7 @@ use crate::link::rig::{Visitor, Wanted, apart, elsewhere};
 use crate::record::NoteLevel;
 use crate::rt::os;
 use crate::substructure::{Command, Introduction, Measurement};
-use crate::units::{in_axis_unit, signed_in_axis_unit};
+use crate::units::{position, signed_in_axis_unit};
 
 const WHILE: &str = "while its direction was tried";
 
@@ -127,7 +127,7 @@ impl Station {
     pub(super) fn in_words(&self, place: &[f64]) -> String {
         let axes = place.iter().zip(&self.units);
         let words: Vec<_> = axes
-            .map(|(disp, units)| in_axis_unit(*disp, units.disp))
+            .map(|(disp, units)| position(*disp, units.disp))
             .collect();
         words.join(", ")
     }

@@ -12,6 +12,7 @@ use crate::substructure::{
     Substructure, Unavailable,
 };
 use crate::time::Nanos;
+use crate::units::position;
 
 const K: f64 = 8000.0;
 
@@ -134,7 +135,7 @@ fn of_a_specimen_that_does_not_tell_the_file_says_where_it_stands_and_then_where
     let mut next = station(&spring, &whereabouts);
     let told = begin(&mut next).unwrap();
     assert!(
-        told.iter().any(|text| text.contains("is at 0.0045 m")),
+        told.iter().any(|text| text.contains("is at 4.5 mm")),
         "{told:?}"
     );
     assert!(goes_to(&mut next, 0, 0.0).is_err(), "too far at once");
@@ -241,7 +242,7 @@ fn a_small_motion_that_is_broken_off_is_told_with_the_place_where_it_ends() {
         let left = spring.told.lock().unwrap().last().copied();
         let left = left.unwrap_or(0.004);
         assert_eq!(left != 0.004, moves);
-        let words = format!("it was led to {left:?} m, from 0.004 m");
+        let words = format!("it was led to {}, from 4 mm", position(left, "m"));
         assert_eq!(over.text.contains(&words), moves, "{}", over.text);
     }
 }
