@@ -126,7 +126,7 @@ fn studies() -> String {
     text
 }
 
-/// Text for a cell of a table. Brackets in code stay as they are.
+/// Text for a cell of a table. Brackets in code are not escaped.
 fn in_cell(text: &str) -> String {
     let mut cell = String::with_capacity(text.len());
     let mut in_code = false;

@@ -7,7 +7,7 @@
 //! | [`Format::Trace`] | all ticks | those of the timing | what the loop and the other threads did when |
 //! | [`Format::DesignSafe`] | the same, and a copy of the log | those of a CSV, and all | a folder in the shape of a hybrid-simulation project |
 //!
-//! Which rows and which columns stands in one place (`plan`); each format is one small writer. An export appears
+//! `plan` chooses the rows and columns; each format is one small writer. An export appears
 //! whole or not at all, takes of an unfinished or damaged run what is sound, and memory that does not grow with the run
 //! (but for one column of it, where a format has columns). The last two of the second line are written by a library and need the
 //! feature `hdf5`. What a reader should know beside it comes back as [`Notice`]s for the caller to say. The log
