@@ -11,8 +11,8 @@ use crate::control::limits::BoundSpec;
 #[serde(deny_unknown_fields, default)]
 pub struct SafetyTable {
     /// Largest displacement of any DOF of the structure. Beyond it the test counts as diverged and
-    /// stops. Default: 1000 m. With `link` on the real clock, a stable loop and a complete rehearsal,
-    /// the default is ten times the peak of the rehearsal, at least 0.1 m.
+    /// stops. Default: 1000 m. With `link` on the real clock it is ten times the peak of the rehearsal,
+    /// at least 0.1 m. This requires a stable loop and a complete rehearsal.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = 0.5)]
     pub divergence_m: Option<f64>,

@@ -386,7 +386,7 @@ impl Following {
             (None, Some(_)) => "stable".to_owned(),
         };
         match self.kind {
-            "none" => format!("{lag}; without compensation: {verdict}"),
+            "none" => format!("{lag}; uncompensated: {verdict}"),
             kind => format!("{lag}; with \"{kind}\": {verdict}"),
         }
     }

@@ -11,6 +11,9 @@ use crate::units::{duration, number, quantity, rate};
 /// Specimens, and records, that have a separate line. The page gives the number of the others.
 const LISTED: usize = 2;
 
+/// Period error of the lowest mode from which on the page shows it.
+const SHOWN_PERIOD_ERROR: f64 = 0.001;
+
 /// Adds all of it to the page.
 pub(super) fn tabulate(checked: &Checked<'_>, table: &mut Table) {
     let facts = &checked.judged.test.facts;
@@ -27,10 +30,10 @@ pub(super) fn tabulate(checked: &Checked<'_>, table: &mut Table) {
     of_excitation(checked.loaded, facts, table);
     if let Some(structure) = &facts.structure {
         let mut text = stability::in_words(structure);
-        if let Some(error) = checked
+        let error = checked
             .spectrum
-            .and_then(|spectrum| spectrum.period_error())
-        {
+            .and_then(|spectrum| spectrum.period_error());
+        if let Some(error) = error.filter(|error| error.abs() >= SHOWN_PERIOD_ERROR) {
             text.push_str(&format!(
                 "; period error of mode 1: {} %",
                 number(100.0 * error)

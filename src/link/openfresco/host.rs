@@ -686,7 +686,7 @@ mod tests {
         host.end(Close::Completed, "");
         // As genericClient does: it begins at zero, whatever the specimen stands at.
         let told = host.begin(&visitor(), &mut || Ok(())).unwrap();
-        assert!(told.iter().any(|text| text.contains("is at 0.04 m")));
+        assert!(told.iter().any(|text| text.contains("is at 40 mm")));
         assert_eq!(host.response().disp, [0.04]);
         let fault = host.trial(Course::First, &at(&[0.0], 0.0), None, &mut || true);
         let text = host.whole(fault.unwrap_err());
