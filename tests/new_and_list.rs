@@ -251,6 +251,7 @@ fn new_lists_every_template() {
         "prescribed",
         "benchmark",
         "remote",
+        "python",
         "opensees",
     ];
     assert_eq!(names, known);

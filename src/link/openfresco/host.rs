@@ -691,7 +691,7 @@ mod tests {
         let fault = host.trial(Course::First, &at(&[0.0], 0.0), None, &mut || true);
         let text = host.whole(fault.unwrap_err());
         assert!(text.contains("command_step_m"), "{text}");
-        assert!(text.contains("is at 0.04 m"), "{text}");
+        assert!(text.contains("is at 40 mm"), "{text}");
         host.end(Close::Failed, "");
         let over = host.begin(&visitor(), &mut || Ok(())).unwrap_err();
         assert!(over.text.contains("command_step_m"), "{}", over.text);

@@ -83,7 +83,7 @@ pub fn agree(hello: &Hello, terms: &Terms) -> Result<u16, Refuse> {
             ..
         } = wider;
         let text = format!(
-            "{what}: the test allows {promised} {unit}, the specimen's end at most {own} {unit}"
+            "{what}: the test allows {promised} {unit}, the specimen's end only {own} {unit}"
         );
         return Err(refuse(RefuseCode::Limits, text));
     }

@@ -43,7 +43,7 @@ fn a_specimen_says_on_what_the_ends_disagree() {
         (
             |h, _| h.axes[0].limits.disp_max = 0.3,
             RefuseCode::Limits,
-            "largest displacement: the test allows 0.3 m, the specimen's end at most 0.2 m",
+            "largest displacement: the test allows 0.3 m, the specimen's end only 0.2 m",
         ),
         (
             |h, _| h.axes[1].limits.disp_min = -1e3,
