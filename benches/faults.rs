@@ -21,6 +21,7 @@ use gusset::link::fault::Script;
 use gusset::link::serve::{Host, Simulated};
 use gusset::link::{NativeSetup, Transport};
 use gusset::record::{Event, FolderImage, Recorder};
+use gusset::setup;
 use gusset::specimen::{Specimen, Uniaxial};
 use gusset::time::SimClock;
 
@@ -156,7 +157,7 @@ fn run(reached: Reached, memory: &mut Vec<u8>) -> Found {
         let host = host(setup, script);
         Box::new(Simulated::new(host, of_wire.clone(), delay_ns, false))
     };
-    let test = config::build_over(&loaded, &mut dial).expect("a test that can be built");
+    let test = setup::build_over(&loaded, &mut dial).expect("a test that can be built");
     let mut experiment = test.experiment;
     for port in &mut experiment.ports {
         port.connect().expect("a far end");

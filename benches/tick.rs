@@ -16,6 +16,7 @@ use gusset::engine::{Control, Engine, Side};
 use gusset::integrate::Integrator;
 use gusset::record::{RingSize, WhenFull, ring};
 use gusset::rt::os::monotonic_ns;
+use gusset::setup;
 use gusset::time::{Clock, Nanos};
 
 /// Real readings and a memory of every one; whoever would sleep is at once where he wants to wake up.
@@ -64,11 +65,11 @@ const ALL_LIMITS: &[&str] = &[
     "specimen[0].limits.added_energy_j={warn=1e9,trip=1e10}",
 ];
 
-fn study(sets: &[&str]) -> config::Prepared {
+fn study(sets: &[&str]) -> setup::Prepared {
     let sets: Vec<String> = sets.iter().map(|set| (*set).to_owned()).collect();
     let loaded =
         config::load(Path::new("config/frame-bouc-wen.toml"), &sets).expect("a valid study");
-    config::build(&loaded).expect("a study that can be built")
+    setup::build(&loaded).expect("a study that can be built")
 }
 
 /// From the decoded reply to the pushed row, and whole ticks, in ns; and rows that were lost.
@@ -214,7 +215,7 @@ fn audit_ns() -> f64 {
 /// The same structure, stepped by hand; the specimen's force is left out.
 fn bare_steps(steps: usize) -> Vec<u64> {
     let loaded = config::load(Path::new("config/frame-bouc-wen.toml"), &[]).expect("a valid study");
-    let test = config::build(&loaded).expect("a study that can be built");
+    let test = setup::build(&loaded).expect("a study that can be built");
     let Side::Structure(mut numerical) = test.experiment.side else {
         return vec![0];
     };

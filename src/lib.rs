@@ -36,7 +36,9 @@
 //! | [`link`] | transports, and specimens across them |
 //! | [`wire`] | codecs: our own frames and handshake, OpenFresco's dialects; bytes in, values out |
 //! | [`rt`] | what is asked of the operating system; the real clock; timing histograms |
-//! | [`config`] | the test file: schema, diagnostics, and the building of an experiment |
+//! | [`catalog`] | the names of limits, events, phases and columns, one table each |
+//! | [`config`] | the test file: schema, reading, diagnostics |
+//! | [`setup`] | from a test file to an experiment |
 //! | [`metrics`] | numbers read off recorded histories |
 //! | [`report`] | the page a run leaves behind |
 //! | [`monitor`] | a running test as people look at it: live page, terminal, Prometheus |
@@ -57,6 +59,7 @@
 
 pub mod assets;
 pub mod benchmark;
+pub mod catalog;
 pub mod cli;
 pub mod compensation;
 pub mod config;
@@ -78,6 +81,7 @@ pub mod record;
 pub mod report;
 pub mod rt;
 pub mod session;
+pub mod setup;
 pub mod specimen;
 pub mod spectral;
 pub mod stability;

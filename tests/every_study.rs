@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use common::{PATIENT, completed, json, same_physics, say};
 use gusset::config;
 use gusset::record::Run;
+use gusset::setup;
 
 fn studies() -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("config");
@@ -133,7 +134,7 @@ fn shortened(study: &Path) -> Vec<String> {
     let steps = (per_second.round() as u64).clamp(2, time.steps.max(2));
     let duration = format!("time.duration_s={}", steps as f64 * time.step.value());
     let all = ["timing.warmup_ticks=20".to_owned(), duration];
-    let valid = config::load(study, &all).is_ok_and(|loaded| config::build(&loaded).is_ok());
+    let valid = config::load(study, &all).is_ok_and(|loaded| setup::build(&loaded).is_ok());
     let [warm_up, duration] = all;
     if valid {
         return vec![warm_up, duration];

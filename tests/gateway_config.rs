@@ -3,6 +3,7 @@
 mod link_common;
 
 use gusset::config::{self, load_served};
+use gusset::setup;
 use link_common::{gateway, linked, write};
 
 const KNOWN: &str = "stiffness_n_per_m = 4e5\n";
@@ -97,7 +98,7 @@ fn limits_of_a_test_are_kept_by_its_loop() {
         "[specimen.limits]\ncommand_step_m = { trip = 1 }\n[specimen.link]",
     );
     let path = std::path::Path::new("test.toml");
-    let built = config::parse(path, text, &[]).and_then(|loaded| config::build(&loaded));
+    let built = config::parse(path, text, &[]).and_then(|loaded| setup::build(&loaded));
     let limits = built.unwrap().experiment.ports[0].limits()[0];
     assert_eq!(limits.command_step.trip, 1.0);
 }

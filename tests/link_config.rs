@@ -8,13 +8,14 @@ use std::process::Stdio;
 
 use gusset::config::{self, load_served};
 use gusset::link::spec::Offer;
+use gusset::setup;
 use link_common::{ONE_AXIS, ONE_AXIS_LAW, linked, test_file, write};
 
 /// What is said of a test with these keys in its link and its specimen.
 fn complaint(text: &str) -> String {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("test.toml");
-    match config::parse(&path, text.to_owned(), &[]).and_then(|loaded| config::build(&loaded)) {
+    match config::parse(&path, text.to_owned(), &[]).and_then(|loaded| setup::build(&loaded)) {
         Ok(_) => String::new(),
         Err(error) => error.to_string(),
     }
@@ -238,7 +239,7 @@ fn a_hardening_bound_enters_the_proof_of_stability() {
             "[integrator]\nlambda = 4\nallow_unstable_lambda = true\n[timing]",
         );
         let loaded = config::parse(Path::new("test.toml"), text, &[]).unwrap();
-        let structure = config::build(&loaded).unwrap().facts.structure.unwrap();
+        let structure = setup::build(&loaded).unwrap().facts.structure.unwrap();
         structure.choice().unwrap().limit
     };
     // Ω² = 4e5 · 20000 / 1000 · 1e-6 = 8 at the bound, above the 4 that even λ = ∞ would bear.

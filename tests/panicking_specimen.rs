@@ -10,11 +10,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use common::{FRAME, PATIENT, json, say, write};
-use gusset::config::{self, Prepared};
+use gusset::config;
 use gusset::control::{Axis, Port};
 use gusset::record::summary::Status;
 use gusset::record::{Run, RunFolder};
 use gusset::session::{self, Finish, Finished, Watches};
+use gusset::setup::{self, Prepared};
 use gusset::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
 };
@@ -58,7 +59,7 @@ impl Substructure for Buggy {
 /// words of each.
 fn run(out: &Path, fails_at: f64, fails_at_the_end: bool) -> (Finished, [usize; 2]) {
     let loaded = config::parse(Path::new("test.toml"), FRAME.to_owned(), &[]).unwrap();
-    let mut test: Prepared = config::build(&loaded).unwrap();
+    let mut test: Prepared = setup::build(&loaded).unwrap();
     let goodbyes = [(); 2].map(|()| Arc::new(AtomicUsize::new(0)));
     let port = |index: usize, fails_at: f64, fails_at_the_end: bool| {
         let specimen = Buggy {

@@ -7,7 +7,7 @@
 mod common;
 
 use common::engine::{distance, prepare, run_with_facts};
-use gusset::config::{Doubt, Facts};
+use gusset::setup::{Doubt, Facts};
 
 const STEP: f64 = 0.05;
 

@@ -6,6 +6,7 @@ use std::path::Path;
 use assert_cmd::Command;
 use gusset::config;
 use gusset::session::Judged;
+use gusset::setup;
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -283,7 +284,7 @@ fn two_actuators_that_are_tolerated_alone_are_unstable_together() {
 /// The divergence bound of a test that is judged, in its loop and in its resolved file.
 fn divergence(text: &str) -> (f64, f64, f64) {
     let loaded = config::parse(Path::new("test.toml"), text.to_owned(), &[]).unwrap();
-    let judged = Judged::of(config::build(&loaded).unwrap()).unwrap();
+    let judged = Judged::of(setup::build(&loaded).unwrap()).unwrap();
     let resolved: toml::Value = toml::from_str(&judged.test.files.resolved).unwrap();
     let written = resolved["safety"]["divergence_m"].as_float().unwrap();
     let peak = judged

@@ -9,11 +9,11 @@ use crossbeam_channel::{Receiver, Sender, TrySendError};
 use super::aside::remark;
 use super::exit::{Exit, WithExit};
 use super::question::{Answered, Question};
-use crate::config::Facts;
 use crate::control::Reading;
 use crate::engine::{Notice, Operator, PhaseCell};
 use crate::record::{Roll, What};
 use crate::session::pause;
+use crate::setup::Facts;
 use crate::units;
 
 /// Time between two looks for room on the operator's line.

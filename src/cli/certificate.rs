@@ -8,10 +8,11 @@ use serde_json::{Value, json};
 use super::run::refused;
 use super::stability;
 use super::table::Table;
-use crate::config::{Facts, Loaded, SpecimenTable, missing_limits};
+use crate::config::{Loaded, SpecimenTable, missing_limits};
 use crate::session::Judged;
 use crate::session::certificate::{Band, Plan, Rehearsed as Trial, Trials, carry_out, interval};
 use crate::session::rehearsal::{AxisNeed, FullRehearsal, NEEDS};
+use crate::setup::Facts;
 use crate::units::{duration, quantity};
 use crate::work::Work;
 

@@ -14,15 +14,16 @@ use super::run::{load, refused};
 use super::spectrum::Spectrum;
 use super::table::Table;
 use super::{answer, tell, warn};
-use crate::config::{self, Loaded};
+use crate::config::Loaded;
 use crate::record::{Outcome, RecordedVerdict};
 use crate::session::Judged;
+use crate::setup;
 use crate::transfer::BetweenTicks;
 
 /// Checks one test.
 pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
     let loaded = load(&args.test, &args.sets)?;
-    let test = config::build(&loaded).map_err(refused)?;
+    let test = setup::build(&loaded).map_err(refused)?;
     warn(&test.warnings);
     for text in &test.facts.announced {
         tell(format_args!("note: {text}"));

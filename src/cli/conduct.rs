@@ -8,11 +8,11 @@ use anyhow::Context;
 use super::attend::Attendant;
 use super::exit::{Exit, WithExit};
 use super::tell;
-use crate::config::Facts;
 use crate::engine::{Control, PhaseCell};
 use crate::record::RunFolder;
 use crate::rt::wall::Wall;
 use crate::session::{Finish, Finished, SessionError, Signal, Signals};
+use crate::setup::Facts;
 
 /// Notices of the loop that may wait to be read.
 const NOTICES: usize = 1024;

@@ -13,12 +13,12 @@ use super::frontier::frontier;
 use super::progress::ProgressLine;
 use super::table::Table;
 use super::{answer, only_with, tell};
-use crate::config::Prepared;
 use crate::record::{Progress, RunFolder, What};
 use crate::report::{Percentiles, jitter_svg};
 use crate::rt::TimingSpec;
 use crate::rt::load::{Load, USUAL_BYTES};
 use crate::session::{self, Finish, Finished, Signal, Signals, Watches, bare_loop};
+use crate::setup::Prepared;
 use crate::time::Ratio;
 use verdict::Measured;
 

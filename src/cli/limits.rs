@@ -1,8 +1,8 @@
 //! Limits as `gusset check --verbose` shows them: the levels, the program that checks them, and the consequences.
 
 use super::table::Table;
-use crate::config::{Limit, LimitFacts, LoadingFacts};
 use crate::geometry::LawPlace;
+use crate::setup::{Limit, LimitFacts, LoadingFacts};
 use crate::units::{number, quantity};
 
 /// Adds the limits to the table of a test.

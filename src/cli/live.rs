@@ -12,7 +12,7 @@ use super::args::RunArgs;
 use super::exit::{Exit, WithExit};
 #[cfg(feature = "monitor")]
 use super::tell;
-use crate::config::{ClockChoice, Facts, Prepared, Stability};
+use crate::config::ClockChoice;
 #[cfg(feature = "monitor")]
 use crate::engine::Operator;
 use crate::engine::PhaseCell;
@@ -30,6 +30,7 @@ use crate::record::{Note, Roll};
 use crate::session::Attendance;
 #[cfg(feature = "monitor")]
 use crate::session::Finished;
+use crate::setup::{Facts, Prepared, Stability};
 
 /// A port that no server of this program takes unless told to.
 #[cfg(feature = "monitor")]

@@ -7,9 +7,9 @@ use std::sync::{Mutex, PoisonError};
 
 use super::drawn::bar;
 use super::screen;
-use crate::config::Facts;
 use crate::record::Progress;
 use crate::rt::os::monotonic_ns;
+use crate::setup::Facts;
 use crate::work::{self, Watcher};
 
 /// Work is shown once it has taken so long, in ns.

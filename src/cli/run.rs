@@ -13,12 +13,13 @@ use super::screen;
 use super::status::Status;
 use super::table::Table;
 use super::{answer, only_with, stability, tell, warn};
-use crate::config::{self, ConfigError, Facts, Loaded, Method, Prepared};
+use crate::config::{self, ConfigError, Loaded, Method};
 use crate::record::{Progress, RecordedVerdict};
 use crate::report::told;
 use crate::session::{
     self, Allowed, Finished, Judged, Page, ReplayError, ResumeError, Signals, Watches,
 };
+use crate::setup::{self, Facts, Prepared};
 use crate::units::{duration, number, quantity};
 
 /// Runs one test.
@@ -134,7 +135,7 @@ fn prepare(args: &RunArgs) -> anyhow::Result<Prepared> {
         .map_err(|text| anyhow::anyhow!("{text}\nnothing was moved"))?;
     let test = args.test.as_deref().context("no test file is given")?;
     let loaded = args.test_run.load(test)?;
-    config::build(&loaded).map_err(refused)
+    setup::build(&loaded).map_err(refused)
 }
 
 /// Reads a test file; its mistakes are shown with file, line and caret.

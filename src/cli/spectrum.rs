@@ -7,8 +7,8 @@ use std::f64::consts::TAU;
 use serde_json::{Value, json};
 
 use super::table::Table;
-use crate::config::{ALL_MODES, Facts, Loop, ModeFacts, StructureFacts};
 use crate::integrate::Lambda;
+use crate::setup::{ALL_MODES, Facts, Loop, ModeFacts, StructureFacts};
 use crate::spectral::delay::{Critical, DelayError, Delayed, DiscreteLimit, continuous};
 use crate::stability::{DelayBound, DelayBounds, DelayCondition, INERTIA, diverging, growing};
 use crate::units::{duration, number, quantity};

@@ -2,9 +2,9 @@
 
 use super::run::method_name;
 use super::table::Table;
-use crate::config::{Facts, Stability, StructureFacts};
 use crate::geometry::LawPlace;
 use crate::integrate::Lambda;
+use crate::setup::{Facts, Stability, StructureFacts};
 use crate::stability::{grows, is_stable};
 use crate::units::{compared, number};
 

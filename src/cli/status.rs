@@ -10,10 +10,10 @@ use super::args::{RunArgs, StatusArg};
 use super::drawn::{bar, cut, gauge, short, width};
 use super::progress::remaining;
 use super::screen;
-use crate::config::Facts;
 use crate::engine::Phase;
 use crate::monitor::{Board, Margin, Mark, Snapshot, share};
 use crate::rt::os::monotonic_ns;
+use crate::setup::Facts;
 
 /// Limits of one axis that are shown at most.
 const MOST_LIMITS: usize = 4;

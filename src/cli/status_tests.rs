@@ -24,7 +24,7 @@ fn board_of(rows: u64, seen: Glimpse, events: &[EventKind]) -> Arc<Board> {
     let path = folder.path().join("test.toml");
     std::fs::write(&path, text).unwrap();
     let loaded = crate::config::load(&path, &[]).unwrap();
-    let prepared = crate::config::build(&loaded).unwrap();
+    let prepared = crate::setup::build(&loaded).unwrap();
     let about = About {
         title: "Frame".into(),
         run: "runs/frame".into(),

@@ -16,13 +16,12 @@
 //! Nothing here moves, computes or knows the meaning of a law; unknown keys are refused, defaults are written down, and
 //! a number that is not finite is refused everywhere but as λ = ∞.
 
-mod build;
 mod certificate;
-mod check;
+pub(crate) mod check;
 mod diagnose;
 mod document;
 mod driven;
-mod echo;
+pub(crate) mod echo;
 mod edit;
 mod excitation;
 mod hints;
@@ -38,7 +37,7 @@ mod schema;
 mod script;
 mod serve;
 mod specimen;
-mod steps;
+pub(crate) mod steps;
 mod suggest;
 mod timetable;
 mod value;
@@ -55,12 +54,6 @@ use toml_edit::DocumentMut;
 
 use crate::link::fault::Script;
 pub use crate::text::printable;
-pub use build::{
-    ALL_MODES, ActuatorFacts, Analysis, DelayedMode, Dial, Doubt, Drawn, Estimate, Facts, Files,
-    Limit, LimitFacts, LoadingFacts, Loop, ModeFacts, Prepared, SpecimenLimits, Stability,
-    StructureFacts, Trial, build, build_over, build_rehearsal, build_trial, estimates,
-    set_divergence,
-};
 pub use certificate::{
     CapacityTable, CertificateTable, IdentifiedTable, Spread, Uncertain, UncertaintyTable,
 };
@@ -260,7 +253,9 @@ pub fn parse(path: &Path, text: String, sets: &[String]) -> Result<Loaded, Confi
             }
             if removed::is_resolved(path) && file.structure.is_some() {
                 // Earlier versions did not write it down, and meant this.
-                file.safety.divergence_m.get_or_insert(build::DIVERGENCE_M);
+                file.safety
+                    .divergence_m
+                    .get_or_insert(crate::setup::DIVERGENCE_M);
             }
             Ok(Loaded {
                 path: path.to_owned(),

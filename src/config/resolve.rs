@@ -7,10 +7,10 @@ use thiserror::Error;
 use toml_edit::visit_mut::{VisitMut, visit_table_like_kv_mut};
 use toml_edit::{DocumentMut, Item, KeyMut, Value};
 
-use super::build::DIVERGENCE_M;
 use super::inputs::Inputs;
 use super::schema::TestFile;
 use super::value::LambdaValue;
+use crate::setup::DIVERGENCE_M;
 
 /// Why the resolved text could not be written; each is a fault of the schema, not of the user.
 #[derive(Debug, Error)]

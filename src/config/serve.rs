@@ -7,8 +7,6 @@ use std::path::Path;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::build::links::{beside, wire_axes};
-use super::build::{behind_actuators, own_offsets};
 use super::document::Node;
 use super::echo::number;
 use super::safety::SafetyTable;
@@ -23,6 +21,8 @@ use crate::link::serve::Host;
 use crate::link::spec::{Carrier, Offer};
 use crate::link::tls::ServeTlsSpec;
 use crate::rt::TimingSpec;
+use crate::setup::links::{beside, wire_axes};
+use crate::setup::{behind_actuators, own_offsets};
 use crate::specimen::{InUnits, Mounted, Specimen};
 use crate::transfer::Transfer;
 use crate::wire::key::PreSharedKey;

@@ -206,7 +206,7 @@ mod tests {
             "name = \"ground-storey\"\nlimits = { command_disp_m = { trip = [-0.1, 0.1] } }",
         );
         let loaded = crate::config::parse(Path::new("test.toml"), text, &[]).unwrap();
-        let experiment = crate::config::build(&loaded).unwrap().experiment;
+        let experiment = crate::setup::build(&loaded).unwrap().experiment;
         let about = About {
             real_clock: true,
             ..About::default()

@@ -3,8 +3,8 @@
 use super::agreement::VERSION;
 use super::lineage::{ORIGIN, Origin};
 use super::retrace::sha256;
-use crate::config::Files;
 use crate::record::{FolderError, Layout, Note, NoteLevel, RunFolder};
+use crate::setup::Files;
 
 /// Keeps all of it.
 pub(super) fn keep(files: &Files, folder: &mut RunFolder) -> Result<(), FolderError> {

@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use crate::config::{ClockChoice, Diagnostics, Facts, Files, LimitFacts, Prepared};
+use crate::config::{ClockChoice, Diagnostics};
 use crate::engine::{Experiment, Limits, OnMiss, Opening, Pacing, Side, TestLimits};
 use crate::rt::TimingSpec;
+use crate::setup::{Facts, Files, LimitFacts, Prepared};
 use crate::time::{RateError, Ratio};
 
 /// Warm-up ticks take this long at the most, in s.

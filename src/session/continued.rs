@@ -14,11 +14,11 @@ use serde::{Deserialize, Serialize};
 
 use super::lineage::{Generation, Lineage, Origin};
 use super::retrace::{places, way_from};
-use crate::config::Files;
 use crate::control::Port;
 use crate::engine::{GIVEN_UP, Phase};
 use crate::record::summary::Status;
 use crate::record::{FolderError, MissingEnd, Run, RunFolder, ToldBy, atomic, is_claimed};
+use crate::setup::Files;
 
 /// Name of the file in the folder of an interrupted test.
 const CONTINUED: &str = "continued.json";

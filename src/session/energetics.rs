@@ -3,13 +3,14 @@
 
 use std::path::Path;
 
-use crate::config::{self, Analysis};
+use crate::config;
 use crate::engine::Side;
 use crate::metrics::energy::Model;
 use crate::metrics::falsified::Mode;
 use crate::model::{Base, Structure};
 use crate::motion::Excitation;
 use crate::record::Column;
+use crate::setup::{self, Analysis};
 
 /// The numerical side of a test without its integrator.
 pub(super) struct Energetics {
@@ -126,7 +127,7 @@ fn structure(
             first_line(e.to_string())
         ))
     })?;
-    let prepared = config::build_rehearsal(&loaded).map_err(|e| {
+    let prepared = setup::build_rehearsal(&loaded).map_err(|e| {
         because(format!(
             "the test cannot be made again of resolved.toml ({})",
             first_line(e.to_string())

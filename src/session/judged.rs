@@ -1,9 +1,10 @@
 //! A test with its verdict: what every command that moves a specimen obeys before anything connects.
 
 use super::rehearsal::FullRehearsal;
-use crate::config::{self, ConfigError, Loaded, Prepared};
+use crate::config::{ConfigError, Loaded};
 use crate::control::limits::DIVERGENCE_M;
 use crate::record::Kind;
+use crate::setup::{self, Prepared};
 use crate::stability::{Following, Verdict};
 
 /// Least default of `safety.divergence_m` in m for a test that moves a specimen behind a link.
@@ -95,7 +96,7 @@ impl Judged {
         let bound = TIMES_PEAK * full.rehearsal.peak_disp;
         let bound = bound.clamp(LEAST_DIVERGENCE_M, DIVERGENCE_M);
         if bound.is_finite() {
-            config::set_divergence(&mut self.test, bound);
+            setup::set_divergence(&mut self.test, bound);
         }
     }
 

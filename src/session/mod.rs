@@ -69,7 +69,7 @@ use desk::Desk;
 use guarded::Ended;
 use ready::{Ready, prepare};
 
-use crate::config::{ConfigError, Facts, Prepared};
+use crate::config::ConfigError;
 use crate::engine::Control;
 use crate::record::summary::Status;
 use crate::record::writer::WriterError;
@@ -79,6 +79,7 @@ use crate::record::{
 };
 use crate::rt::wall::Wall;
 use crate::rt::{Granted, os};
+use crate::setup::{Facts, Prepared};
 
 /// Why a test could not be run at all. Nothing was moved.
 #[derive(Debug, Error)]

@@ -6,7 +6,7 @@ use std::thread::JoinHandle;
 use super::guarded::{Ended, run_retired};
 use super::sampling::spawn_sampler;
 use super::{SessionError, Watches, archive, watches};
-use crate::config::{ClockChoice, Facts, Files};
+use crate::config::ClockChoice;
 use crate::engine::{Control, Engine, Experiment};
 use crate::record::writer::Clocks;
 use crate::record::{
@@ -16,6 +16,7 @@ use crate::record::{
 use crate::rt::sampler::Sampler;
 use crate::rt::wall::Wall;
 use crate::rt::{Granted, RtPlan, apply, os, pin_away};
+use crate::setup::{Facts, Files};
 use crate::time::{Clock, SimClock};
 
 /// A test whose threads stand ready; nothing has moved.

@@ -22,10 +22,11 @@ use super::retrace::{
     Build, Retraced, check_files as check_files_of, prepared_by, read, retrace, rows_sha256,
     sha256, take_over,
 };
-use crate::config::{self, Dial, Facts, Loaded, Prepared};
+use crate::config::Loaded;
 use crate::control::Port;
 use crate::record::summary::Status;
 use crate::record::{MissingEnd, Run, ToldBy};
+use crate::setup::{self, Dial, Facts, Prepared};
 use crate::units::duration;
 pub use error::ResumeError;
 use places::{Tolerances, places, ticks_lost};
@@ -81,7 +82,7 @@ pub fn resume_allowed(
     test: Option<&Path>,
     allowed: Allowed<'_>,
 ) -> Result<Prepared, ResumeError> {
-    resume_by(folder, test, allowed, &mut config::build)
+    resume_by(folder, test, allowed, &mut setup::build)
 }
 
 /// The same with links over transports that are connected already: those that `dial` makes, one after the other.
@@ -93,7 +94,7 @@ pub fn resume_over(
     after: &[String],
     dial: &mut Dial<'_>,
 ) -> Result<Prepared, ResumeError> {
-    let build = &mut |loaded: &Loaded| config::build_over(loaded, dial);
+    let build = &mut |loaded: &Loaded| setup::build_over(loaded, dial);
     let allowed = Allowed {
         after,
         ..Allowed::default()

@@ -17,10 +17,11 @@ use super::lineage::{Ancestor, Origin, ancestors};
 use super::recorded::{Replaced, put_recorded};
 use super::replay::ReplayError;
 use super::tape::{Comparing, Recording, Tape, Verified, with};
-use crate::config::{self, ConfigError, Loaded, Prepared};
+use crate::config::{self, ConfigError, Loaded};
 use crate::control::Port;
 use crate::engine::{Control, Ending, Engine, Experiment, Resumption, Side};
 use crate::record::{Column, FolderError, Run, keeps_waiting};
+use crate::setup::{self, Prepared};
 
 /// Where another folder may be now: where it was from `folder`, beside that one, or where it was then.
 pub(super) fn places(
@@ -96,7 +97,7 @@ pub(super) fn rows_sha256(run: &Run, rows: u64) -> Result<String, ReplayError> {
 
 /// The test of a run folder, as it was built, with the state of its ancestors if it has any. Nobody is connected.
 pub(super) fn prepared(run: &Run, replaced: Replaced, keys: bool) -> Result<Prepared, ReplayError> {
-    prepared_by(run, replaced, keys, &mut config::build)
+    prepared_by(run, replaced, keys, &mut setup::build)
 }
 
 /// The same, built by `build`.
@@ -171,7 +172,7 @@ fn state_of(
     let mut next = 0;
     while let Some(Ancestor { run, rows, origin }) = ancestors.get(next) {
         let before = origin.clone().zip(state.take());
-        let test = prepared_from(run, before, false, &mut config::build)?.experiment;
+        let test = prepared_from(run, before, false, &mut setup::build)?.experiment;
         let traced = follow(run, test, Some(*rows), replaced)?;
         match traced.state {
             Some(reached) => {

@@ -9,7 +9,7 @@ use super::Finish;
 use super::connect::Unconnected;
 use super::guarded::Ended;
 use super::last_words::{last_words, news};
-use crate::config::{ClockChoice, Facts};
+use crate::config::ClockChoice;
 use crate::engine::{Ending, Gaps, Left, Outcome, Stop, Unfinished};
 use crate::record::summary::{ClockKind, Lambda, LinkCounts, Peak, Status};
 use crate::record::{FolderError, Recorded, RunFolder, Summary, times};
@@ -17,6 +17,7 @@ use crate::rt::Granted;
 use crate::rt::timing::export::write_hgrm;
 use crate::rt::timing::{Quantity, Timing};
 use crate::rt::wall::Wall;
+use crate::setup::Facts;
 use crate::substructure::{AGREED, Holder, LinkFault};
 
 /// How the user resumes a test although a specimen has changed.

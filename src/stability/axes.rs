@@ -2,7 +2,8 @@
 //! in a structure that is too large for a proof the stability is not known.
 
 use super::following::{Follows, decides};
-use crate::config::{Analysis, Facts, Finding, KeyPath, Loaded, Loop};
+use crate::config::{Finding, KeyPath, Loaded};
+use crate::setup::{Analysis, Facts, Loop};
 use crate::spectral::delay::{DiscreteLimit, continuous};
 use crate::units::duration;
 

@@ -15,8 +15,9 @@ use state::{Bears, State};
 pub(super) use state::{Follows, HIGHEST};
 
 use super::{DelayBound, DelayBounds, DelayCondition, diverging, growing};
-use crate::config::{Facts, Finding, KeyPath, Loaded, SpecimenTable};
+use crate::config::{Finding, KeyPath, Loaded, SpecimenTable};
 use crate::record::Kind;
+use crate::setup::Facts;
 use crate::spectral::delay::{DelayError, DiscreteLimit};
 use crate::units::duration;
 

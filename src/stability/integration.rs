@@ -1,7 +1,7 @@
 //! Stability of the integration itself, without any delay.
 
 use super::growing;
-use crate::config::{Stability, StructureFacts};
+use crate::setup::{Stability, StructureFacts};
 
 /// What grows in continuous time whatever λ is, in words, if anything does.
 #[must_use]

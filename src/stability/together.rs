@@ -9,8 +9,9 @@ use std::f64::consts::PI;
 use nalgebra::{Complex, DMatrix};
 
 use super::following::{Follows, HIGHEST, decides};
-use crate::config::{Facts, Finding, KeyPath, Loaded, Loop};
+use crate::config::{Finding, KeyPath, Loaded};
 use crate::record::Kind;
+use crate::setup::{Facts, Loop};
 use crate::spectral::delay::Delayed;
 use crate::spectral::unstable_roots;
 use crate::transfer::TransferSpec;

@@ -5,11 +5,9 @@ use std::collections::BTreeMap;
 use super::axes::not_proven;
 use super::together::together;
 use super::{Following, grows};
-use crate::config::{
-    ClockChoice, Diagnostics, Doubt, Facts, Finding, KeyPath, Loaded, Prepared, SafetyTable,
-    Severity,
-};
+use crate::config::{ClockChoice, Diagnostics, Finding, KeyPath, Loaded, SafetyTable, Severity};
 use crate::record::{Kind, Outcome, RecordedFinding, RecordedVerdict};
+use crate::setup::{Doubt, Facts, Prepared};
 
 /// Key of `[safety]` that accepts an error of this kind.
 const fn accepted_by(kind: Kind) -> Option<&'static str> {

@@ -3,9 +3,9 @@
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
-use gusset::config::{Facts, Prepared};
 use gusset::engine::{Control, Engine, Experiment, Outcome, Phase};
 use gusset::record::{Column, Event, MemoryRecorder, Recorder};
+use gusset::setup::{Facts, Prepared};
 use gusset::time::{Clock, SimClock};
 
 /// A recorder whose content can still be read when the engine has taken it.
@@ -63,7 +63,7 @@ impl Run {
 pub fn prepare(text: &str) -> Prepared {
     let read = gusset::config::parse(Path::new("test.toml"), text.to_owned(), &[]);
     let loaded = read.unwrap_or_else(|error| panic!("{error}"));
-    gusset::config::build(&loaded).unwrap_or_else(|error| panic!("{error}"))
+    gusset::setup::build(&loaded).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// Runs a test on the simulated clock.

@@ -8,13 +8,14 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Mutex;
 
-use gusset::config::{Loaded, build_over};
+use gusset::config::Loaded;
 use gusset::engine::{Ending, Phase, Stop};
 use gusset::link::NativeSetup;
 use gusset::link::fault::Script;
 use gusset::link::serve::Host;
 use gusset::record::{Journal, Layout, RunFolder};
 use gusset::session::{ResumeError, replay, resume_over};
+use gusset::setup::build_over;
 use serde_json::json;
 use sha2::{Digest, Sha256};
 

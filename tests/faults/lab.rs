@@ -5,13 +5,14 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
 use crossbeam_channel::{Receiver, Sender};
-use gusset::config::{Files, Loaded, Prepared, build, build_over};
+use gusset::config::Loaded;
 use gusset::engine::{Control, Engine, Notice, Operator, Outcome, Phase};
 use gusset::link::fault::{Script, StallingClock};
 use gusset::link::serve::{Host, Simulated, Tap, Tapped};
 use gusset::link::{NativeSetup, Transport};
 use gusset::record::{Column, Event, EventKind, FolderImage, Layout, Recorder};
 use gusset::session::{Finish, Replay, ending, replay_rows};
+use gusset::setup::{Files, Prepared, build, build_over};
 use gusset::time::{Clock, Nanos, SimClock};
 
 use crate::rig::Seen;

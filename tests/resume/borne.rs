@@ -1,7 +1,7 @@
 //! The state of a test goes back to its last step that counts; what the specimens have borne after it does not.
 
 use super::*;
-use gusset::config::Prepared;
+use gusset::setup::Prepared;
 
 /// Of a test that runs so many ticks.
 fn concluded(test: Prepared, out: &Path, ticks: usize) -> session::Finished {

@@ -3,9 +3,10 @@
 use super::super::stability;
 use super::super::table::Table;
 use super::{Checked, needs};
-use crate::config::{ClockChoice, Facts, Loaded, StructureFacts};
+use crate::config::{ClockChoice, Loaded};
 use crate::motion::{Quantity, RecordFacts, STANDARD_GRAVITY, Signal};
 use crate::session::rehearsal::{Curtain, FullRehearsal, Need};
+use crate::setup::{Facts, StructureFacts};
 use crate::units::{duration, number, quantity, rate};
 
 /// Specimens, and records, that have a separate line. The page gives the number of the others.

@@ -5,8 +5,8 @@ use serde_json::{Value, json};
 use super::super::rehearsed;
 use super::super::spectrum::Spectrum;
 use super::{Checked, commands};
-use crate::config::{Stability, StructureFacts};
 use crate::motion::{Quantity, RecordFacts, STANDARD_GRAVITY};
+use crate::setup::{Stability, StructureFacts};
 
 /// The whole document.
 pub(super) fn document(checked: &Checked<'_>) -> Value {

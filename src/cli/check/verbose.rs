@@ -4,9 +4,10 @@ use super::super::run::method_name;
 use super::super::spectrum::Spectrum;
 use super::super::table::Table;
 use super::super::{limits, spectrum as modes, stability};
-use crate::config::{ClockChoice, Facts, StructureFacts};
+use crate::config::ClockChoice;
 use crate::integrate::Lambda;
 use crate::motion::{Quantity, STANDARD_GRAVITY};
+use crate::setup::{Facts, StructureFacts};
 use crate::units::{duration, quantity, rate};
 
 /// Everything that is known of the test without a rehearsal.

@@ -23,11 +23,12 @@ use super::exit::{Exit, WithExit};
 use super::progress::ProgressLine;
 use super::run::refused;
 use super::{answer, tell, warn};
-use crate::config::{self, ConfigError, Facts, Loaded, Prepared};
+use crate::config::{ConfigError, Loaded};
 use crate::identify::Shape;
 use crate::record::{Progress, RunFolder};
 use crate::session::rehearsal::FullRehearsal;
 use crate::session::{self, Finished, Signals, Watches};
+use crate::setup::{self, Facts, Prepared};
 
 use course::Plan;
 use outcome::Outcome;
@@ -118,7 +119,7 @@ pub fn identify(args: &IdentifyArgs) -> anyhow::Result<Exit> {
     for line in plan.announced(&loaded) {
         tell(line);
     }
-    let mut test = config::build(&driven).map_err(refused)?;
+    let mut test = setup::build(&driven).map_err(refused)?;
     warn(&test.warnings);
     for text in &test.facts.announced {
         tell(format_args!("note: {text}"));

@@ -5,8 +5,8 @@ use std::path::Path;
 use anyhow::Context;
 
 use super::{Delay, Spectrum};
-use crate::config::ModeFacts;
 use crate::record::make_free;
+use crate::setup::ModeFacts;
 use crate::spectral::delay::{DiscreteLimit, recursion};
 use crate::spectral::{Apparent, Locus, spectral_radius};
 use crate::verify::{Figure, Scale, Series};

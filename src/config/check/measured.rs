@@ -68,7 +68,7 @@ pub(super) fn check_judged(file: &TestFile, findings: &mut Findings) {
 
 /// The keys of a specimen that need a measured displacement, each with its place. The check of the file refuses them where the
 /// link is known to answer without one, the controller where that shows only once it has connected.
-pub(in crate::config) fn needing_measured_disp(
+pub(crate) fn needing_measured_disp(
     specimen: &SpecimenTable,
     at: &KeyPath,
 ) -> Vec<(KeyPath, &'static str)> {

@@ -9,7 +9,7 @@ mod geometry;
 mod idle;
 mod limits;
 mod link;
-pub(super) mod measured;
+pub(crate) mod measured;
 mod safety;
 mod specimen;
 mod waits;

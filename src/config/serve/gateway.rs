@@ -7,8 +7,6 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::config::build::at_actuators;
-use crate::config::build::links::{beside, folder, native_setup, tls_client, wire_axes};
 use crate::config::{Finding, KeyPath, SpecimenTable};
 use crate::control::Pace;
 use crate::link::announce::narrower;
@@ -19,6 +17,8 @@ use crate::link::serve::Host;
 use crate::link::spec::Protocol;
 use crate::link::tls::TlsClient;
 use crate::link::{LinkSpec, NativeLink, NativeSetup};
+use crate::setup::at_actuators;
+use crate::setup::links::{beside, folder, native_setup, tls_client, wire_axes};
 use crate::wire::handshake::Sampling;
 
 /// The specimen must hold after this silence where neither the file nor the controller says when, in s.

@@ -1,6 +1,7 @@
 //! Keys without an effect are told of, each with its reason; a file that only writes its defaults down is not.
 
 use super::*;
+use crate::setup::build;
 
 const LINKED: &str = r#"
 [time]
@@ -228,7 +229,7 @@ fn a_confirmation_of_what_is_not_read_is_refused_or_not_waited_for() {
             true,
         ),
     ] {
-        let prepared = crate::config::build(&accepted(text, sets)).unwrap();
+        let prepared = build(&accepted(text, sets)).unwrap();
         let found = [prepared.facts.confirm, prepared.experiment.opening.confirm];
         assert_eq!(found, [waits; 2], "{sets:?} of {text}");
     }

@@ -324,7 +324,7 @@ fn rotations_are_named_once_and_recorded_in_radians() {
     let built = |text: &str, rotations: &str| {
         let loaded = read(text, &[&format!("structure.rotations={rotations}")])
             .expect("a file that can be read");
-        crate::config::build(&loaded).map(|test| (test.experiment.columns(), test.facts))
+        crate::setup::build(&loaded).map(|test| (test.experiment.columns(), test.facts))
     };
     let units = |rotations: &str| {
         let (columns, _) = built(node, rotations).expect("a test");

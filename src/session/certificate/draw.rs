@@ -2,7 +2,8 @@
 //!
 //! Every number is a function of the seed, the trial and its own place, so that a trial is the same whichever thread runs it.
 
-use crate::config::{Drawn, Loaded, Spread, Trial, Uncertain};
+use crate::config::{Loaded, Spread, Uncertain};
+use crate::setup::{Drawn, Trial};
 use crate::transfer::noise::normal_pair;
 
 /// Channel of the numbers of the file, of what was identified (one per specimen), and of seeds.

@@ -20,9 +20,10 @@ pub use proportion::interval;
 use course::{Course, Reference};
 
 use super::rehearsal::{AxisNeed, Staging, staged};
-use crate::config::{self, ConfigError, Finding, KeyPath, LambdaValue, Loaded, Trial};
+use crate::config::{ConfigError, Finding, KeyPath, LambdaValue, Loaded};
 use crate::engine::{Ending, Experiment, Stop, TestLimits};
 use crate::rt::os;
+use crate::setup::{self, Trial};
 
 /// Draws of one trial that the file could not be with, before that is an error.
 const MOST_ATTEMPTS: u64 = 50;
@@ -153,7 +154,7 @@ pub fn carry_out(
     let began = os::monotonic_ns();
     let fixed = Fixed {
         loaded,
-        estimates: config::estimates(loaded)?,
+        estimates: setup::estimates(loaded)?,
         lambda,
     };
     let shared = if plan.has_one_reference() {
@@ -210,7 +211,7 @@ pub fn carry_out(
 struct Fixed<'a> {
     loaded: &'a Loaded,
     /// k̂ and ĉ of every specimen.
-    estimates: Vec<config::Estimate>,
+    estimates: Vec<setup::Estimate>,
     lambda: Option<f64>,
 }
 
@@ -249,7 +250,7 @@ fn trial(
         let (sets, trial) = plan.draw(number, attempt);
         let trial = fixed.unaware(trial);
         let made = fixed.with(&sets).and_then(|drawn| {
-            let prepared = config::build_trial(&drawn, &trial)?;
+            let prepared = setup::build_trial(&drawn, &trial)?;
             Ok((drawn, prepared))
         });
         attempt += 1;
@@ -297,7 +298,7 @@ fn reference(drawn: &Loaded, trial: &Trial) -> Result<Arc<Reference>, ConfigErro
         ideal: true,
         ..trial.clone()
     };
-    let mut experiment: Experiment = config::build_trial(&ideal, &trial)?.experiment;
+    let mut experiment: Experiment = setup::build_trial(&ideal, &trial)?.experiment;
     experiment.opening.confirm = false;
     experiment.limits.divergence = f64::MAX;
     experiment.limits.test = TestLimits::default();

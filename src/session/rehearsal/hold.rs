@@ -3,10 +3,11 @@
 
 use super::prompter::Prompter;
 use super::{Budget, Need, Needs, Rehearsal, Staging, carry_out_with, expected, name_stand_ins};
-use crate::config::{self, ConfigError, Loaded};
+use crate::config::{ConfigError, Loaded};
 use crate::control::limits::Quantity;
 use crate::engine::{Control, Operator};
 use crate::record::{Event, Recorder};
+use crate::setup;
 
 /// A hold that was rehearsed.
 #[derive(Debug, Clone, PartialEq)]
@@ -45,7 +46,7 @@ impl Held {
 /// nothing to compare it with, nothing moves, or the budget does not suffice.
 ///
 /// # Errors
-/// As [`config::build`].
+/// As [`setup::build`].
 pub fn rehearse_hold(
     loaded: &Loaded,
     undisturbed: &Rehearsal,
@@ -54,7 +55,7 @@ pub fn rehearse_hold(
     let Some((fastest, at)) = fastest(undisturbed) else {
         return Ok(None);
     };
-    let mut experiment = config::build_rehearsal(loaded)?.experiment;
+    let mut experiment = setup::build_rehearsal(loaded)?.experiment;
     let columns = experiment.columns();
     let Some(time) = columns.iter().position(|column| column.name == "time") else {
         return Ok(None);

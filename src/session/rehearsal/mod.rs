@@ -34,12 +34,13 @@ pub use whole::FullRehearsal;
 use meter::Meter;
 use prompter::Prompter;
 
-use crate::config::{self, CapacityTable, ConfigError, Loaded, MatrixValue, SpecimenTable};
+use crate::config::{CapacityTable, ConfigError, Loaded, MatrixValue, SpecimenTable};
 use crate::control::Poses;
 use crate::control::limits::{AxisLimits, Bound, Quantity, Range};
 use crate::engine::{Control, Ending, Engine, Experiment, Outcome, Stop};
 use crate::record::Recorder;
 use crate::rt::os;
+use crate::setup;
 use crate::substructure::Substructure;
 use crate::time::SimClock;
 
@@ -195,7 +196,7 @@ pub struct Rehearsal {
 /// built once more without them.
 ///
 /// # Errors
-/// As [`config::build`].
+/// As [`setup::build`].
 pub fn rehearse(
     loaded: &Loaded,
     experiment: Option<Experiment>,
@@ -205,7 +206,7 @@ pub fn rehearse(
     let usable = !loaded.file.specimen.iter().any(only_in_the_test);
     let experiment = match experiment.filter(|_| usable) {
         Some(experiment) => experiment,
-        None => config::build_rehearsal(loaded)?.experiment,
+        None => setup::build_rehearsal(loaded)?.experiment,
     };
     let mut rehearsal = carry_out(experiment, budget);
     name_stand_ins(&mut rehearsal.specimens, loaded);

@@ -3,9 +3,10 @@
 use super::findings::short;
 use super::prompter::Prompter;
 use super::{Budget, Curtain, Need, Rehearsal, Staging, carry_out_with, expected};
-use crate::config::{self, ConfigError, Finding, KeyPath, Loaded};
+use crate::config::{ConfigError, Finding, KeyPath, Loaded};
 use crate::control::limits::AxisLimits;
 use crate::engine::{Control, Stop};
+use crate::setup;
 
 /// Result of a rehearsal with all limits.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,7 +22,7 @@ pub enum Tried {
 /// Rehearses a test whose undisturbed rehearsal is known and met no limit, within `budget`, with its limits.
 ///
 /// # Errors
-/// As [`config::build`].
+/// As [`setup::build`].
 pub fn try_limits(
     loaded: &Loaded,
     undisturbed: &Rehearsal,
@@ -36,7 +37,7 @@ pub fn try_limits(
     if !limits.any(|spec| is_judged_in_the_loop(&spec.limits())) {
         return Ok(Tried::Nothing);
     }
-    let experiment = config::build_rehearsal(loaded)?.experiment;
+    let experiment = setup::build_rehearsal(loaded)?.experiment;
     let (operator, requests) = crossbeam_channel::bounded(1);
     let cost = Budget::cost(&experiment);
     let prompter = Box::new(Prompter::new(

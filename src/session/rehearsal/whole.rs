@@ -22,7 +22,7 @@ impl FullRehearsal {
     /// Rehearses a test.
     ///
     /// # Errors
-    /// As [`crate::config::build`].
+    /// As [`crate::setup::build`].
     pub fn of(loaded: &Loaded) -> Result<Self, ConfigError> {
         let mut budget = Budget::default();
         let rehearsal = rehearse(loaded, None, &mut budget)?;

@@ -2,7 +2,7 @@
 
 mod compensation;
 mod entry;
-pub(in crate::config) mod loading;
+pub(crate) mod loading;
 mod rest;
 mod stand_in;
 mod sums;

@@ -6,21 +6,17 @@ use crate::model::Part;
 
 impl Specimens {
     /// Σ Bᵀ k̂ B.
-    pub(in crate::config::build) fn stiffness(&self, dofs: usize) -> SymMatrix {
+    pub(in crate::setup) fn stiffness(&self, dofs: usize) -> SymMatrix {
         self.gathered(dofs, |entry| Some(&entry.stiffness))
     }
 
     /// Names, in order.
-    pub(in crate::config::build) fn each_name(&self) -> impl Iterator<Item = &str> {
+    pub(in crate::setup) fn each_name(&self) -> impl Iterator<Item = &str> {
         self.0.iter().map(|entry| entry.name.as_str())
     }
 
     /// Bᵀ k̂ B of the specimen that is called `name`.
-    pub(in crate::config::build) fn stiffness_of(
-        &self,
-        name: &str,
-        dofs: usize,
-    ) -> Option<SymMatrix> {
+    pub(in crate::setup) fn stiffness_of(&self, name: &str, dofs: usize) -> Option<SymMatrix> {
         let named = |entry: &&Entry| entry.name == name;
         self.0.iter().find(named)?;
         Some(self.gathered(dofs, |entry| {
@@ -29,12 +25,12 @@ impl Specimens {
     }
 
     /// Σ Bᵀ k B before anything moves.
-    pub(in crate::config::build) fn stiffness_at_rest(&self, dofs: usize) -> SymMatrix {
+    pub(in crate::setup) fn stiffness_at_rest(&self, dofs: usize) -> SymMatrix {
         self.gathered(dofs, |entry| Some(&entry.stiffness_at_rest))
     }
 
     /// Σ Bᵀ m B of the masses that the structure carries for the specimens.
-    pub(in crate::config::build) fn mass(&self, dofs: usize) -> SymMatrix {
+    pub(in crate::setup) fn mass(&self, dofs: usize) -> SymMatrix {
         let weighs = |entry: &&Entry| entry.mass.iter().flatten().any(|m| *m != 0.0);
         self.gathered(dofs, |entry| {
             Some(entry).filter(weighs).map(|entry| &entry.mass)
@@ -42,21 +38,18 @@ impl Specimens {
     }
 
     /// Σ Bᵀ ĉ B.
-    pub(in crate::config::build) fn damping(&self, dofs: usize) -> SymMatrix {
+    pub(in crate::setup) fn damping(&self, dofs: usize) -> SymMatrix {
         self.gathered(dofs, |entry| Some(&entry.damping))
     }
 
     /// Σ Bᵀ c B before anything moves.
-    pub(in crate::config::build) fn damping_at_rest(&self, dofs: usize) -> SymMatrix {
+    pub(in crate::setup) fn damping_at_rest(&self, dofs: usize) -> SymMatrix {
         self.gathered(dofs, |entry| Some(&entry.damping_at_rest))
     }
 
     /// Upper bounds of the tangents, the damping as it counts in a sawtooth; or the specimen (from 0) whose law needs a
     /// declared reach.
-    pub(in crate::config::build) fn bounds(
-        &self,
-        dofs: usize,
-    ) -> Result<(SymMatrix, SymMatrix), usize> {
+    pub(in crate::setup) fn bounds(&self, dofs: usize) -> Result<(SymMatrix, SymMatrix), usize> {
         if let Some(index) = self.0.iter().position(|entry| entry.bounds.is_err()) {
             return Err(index);
         }
@@ -81,7 +74,7 @@ impl Specimens {
     }
 
     /// Named shares of K_max and C_max, one per axis.
-    pub(in crate::config::build) fn parts(&self) -> Vec<Part> {
+    pub(in crate::setup) fn parts(&self) -> Vec<Part> {
         let mut parts = Vec::new();
         for entry in &self.0 {
             let Ok((stiffness, damping)) = &entry.bounds else {
@@ -107,7 +100,7 @@ impl Specimens {
     }
 
     /// The largest number that stability rests on of each specimen.
-    pub(in crate::config::build) fn sizes(&self) -> impl Iterator<Item = f64> {
+    pub(in crate::setup) fn sizes(&self) -> impl Iterator<Item = f64> {
         self.0.iter().map(|entry| {
             let bounds = entry.bounds.iter().flat_map(|(k, c)| [k, c]);
             let all = [&entry.stiffness, &entry.damping, &entry.mass];
@@ -119,14 +112,14 @@ impl Specimens {
     }
 
     /// How much of the damping of each of those counts in a sawtooth.
-    pub(in crate::config::build) fn sawtooths(&self) -> Vec<f64> {
+    pub(in crate::setup) fn sawtooths(&self) -> Vec<f64> {
         let bounded = self.0.iter().filter(|entry| entry.bounds.is_ok());
         let each = bounded.flat_map(|entry| entry.axes.iter().map(|_| entry.sawtooth));
         each.collect()
     }
 
     /// The specimens that are damped and of whose damping more counts, because ticks come between their targets.
-    pub(in crate::config::build) fn overcounted(&self) -> Vec<&str> {
+    pub(in crate::setup) fn overcounted(&self) -> Vec<&str> {
         let damped = |entry: &&Entry| match &entry.bounds {
             Ok((_, damping)) => damping.iter().flatten().any(|c| *c != 0.0),
             Err(_) => true,
@@ -137,13 +130,13 @@ impl Specimens {
     }
 
     /// The first specimen with inertia inside its force.
-    pub(in crate::config::build) fn heavy(&self) -> Option<&str> {
+    pub(in crate::setup) fn heavy(&self) -> Option<&str> {
         let found = self.0.iter().find(|entry| entry.mass_in_force != 0.0);
         found.map(|entry| entry.name.as_str())
     }
 
     /// Σ Bᵀ m B of the masses whose inertia is inside the measured forces.
-    pub(in crate::config::build) fn mass_in_force(&self, dofs: usize) -> SymMatrix {
+    pub(in crate::setup) fn mass_in_force(&self, dofs: usize) -> SymMatrix {
         let masses: Vec<Rows> = self
             .0
             .iter()
@@ -163,7 +156,7 @@ impl Specimens {
     }
 
     /// The same; none where there are no such masses.
-    pub(in crate::config::build) fn late_mass(&self, dofs: usize) -> Option<SymMatrix> {
+    pub(in crate::setup) fn late_mass(&self, dofs: usize) -> Option<SymMatrix> {
         self.heavy().map(|_| self.mass_in_force(dofs))
     }
 

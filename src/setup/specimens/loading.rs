@@ -73,7 +73,7 @@ pub(super) fn offsets(table: &SpecimenTable, axes: usize) -> Vec<(f64, f64)> {
 
 /// The same of a law in this process. It is told where its axes stand, unless it stands at a platform: that is where its
 /// actuators take it.
-pub(in crate::config) fn own_offsets(table: &SpecimenTable, axes: usize) -> Vec<(f64, f64)> {
+pub(crate) fn own_offsets(table: &SpecimenTable, axes: usize) -> Vec<(f64, f64)> {
     let mut offsets = offsets(table, axes);
     let is_at_platform = of_platform(table).is_some();
     for (disp, force) in &mut offsets {
@@ -84,7 +84,7 @@ pub(in crate::config) fn own_offsets(table: &SpecimenTable, axes: usize) -> Vec<
 }
 
 /// The law behind its actuators, if it stands at their platform, by their strokes: not yet off the zero of their axes.
-pub(in crate::config) fn behind_actuators(
+pub(crate) fn behind_actuators(
     table: &SpecimenTable,
     law: Box<dyn Specimen>,
 ) -> Result<Box<dyn Specimen>, GeometryError> {
@@ -106,11 +106,7 @@ pub(in crate::config) fn behind_actuators(
 
 /// An estimate as the actuators see it, one row each: Pᵀ K P with P = J⁺ at the reference pose; `geometry` is at the scale of
 /// the estimate.
-pub(in crate::config) fn at_actuators(
-    table: &SpecimenTable,
-    geometry: &Geometry,
-    estimate: Rows,
-) -> Rows {
+pub(crate) fn at_actuators(table: &SpecimenTable, geometry: &Geometry, estimate: Rows) -> Rows {
     if of_platform(table).is_none() {
         return estimate;
     }
@@ -172,7 +168,7 @@ pub struct ActuatorFacts {
 }
 
 /// The loading unit of a specimen.
-pub(in crate::config::build) fn facts(table: &SpecimenTable) -> Option<LoadingFacts> {
+pub(in crate::setup) fn facts(table: &SpecimenTable) -> Option<LoadingFacts> {
     let spec = table.geometry.as_ref()?;
     let geometry = spec.build(1.0).ok()?;
     let reference = geometry.reference();

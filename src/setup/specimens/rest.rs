@@ -91,7 +91,7 @@ mod tests {
              frequency_hz = 1.0\n[[specimen]]\nname = \"brace\"\nstorey = 1\n{specimen}"
         );
         let loaded = crate::config::parse(Path::new("test.toml"), text, &[]).unwrap();
-        crate::config::build(&loaded).unwrap().warnings.to_string()
+        crate::setup::build(&loaded).unwrap().warnings.to_string()
     }
 
     #[test]

@@ -13,7 +13,7 @@ const REPLY_TIMEOUT_NS: u64 = 5_000_000_000;
 const STALE_IN_A_ROW: u64 = 10;
 
 /// Default of `safety.divergence_m` in m. No structure moves as far as this: such a response is one of the integration.
-pub(in crate::config) use crate::control::limits::DIVERGENCE_M;
+pub(crate) use crate::control::limits::DIVERGENCE_M;
 
 /// Gives a test this divergence bound in m, in the loop, in its list of limits and in its `resolved.toml`.
 pub fn set_divergence(test: &mut Prepared, bound: f64) {

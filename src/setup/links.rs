@@ -114,10 +114,7 @@ fn tls(site: &mut Site<'_>, at: &KeyPath, link: &LinkSpec) -> Result<Option<TlsC
 }
 
 /// The same, with files relative to `folder`.
-pub(in crate::config) fn tls_client(
-    link: &LinkSpec,
-    folder: &Path,
-) -> Result<Option<TlsClient>, FileError> {
+pub(crate) fn tls_client(link: &LinkSpec, folder: &Path) -> Result<Option<TlsClient>, FileError> {
     if link.transport != Carrier::Tls {
         return Ok(None);
     }
@@ -127,7 +124,7 @@ pub(in crate::config) fn tls_client(
 }
 
 /// What the link alone says: a lockstep link of no particular test, 100 commands a second.
-pub(in crate::config) fn native_setup(
+pub(crate) fn native_setup(
     link: &LinkSpec,
     key: Option<PreSharedKey>,
     axes: Vec<Axis>,
@@ -194,11 +191,7 @@ fn rules(link: &LinkSpec, period: f64) -> WaitRules {
 
 /// The axes as our own protocol names them, with the limits that our loop keeps, whose ticks are at least `tick_s` long if
 /// that is known. Units that it has not were refused before.
-pub(in crate::config) fn wire_axes(
-    table: &SpecimenTable,
-    axes: usize,
-    tick_s: Option<f64>,
-) -> Vec<Axis> {
+pub(crate) fn wire_axes(table: &SpecimenTable, axes: usize, tick_s: Option<f64>) -> Vec<Axis> {
     let names = table
         .link
         .as_ref()
@@ -249,12 +242,12 @@ pub(super) fn with_keys_from_anywhere(file: &TestFile, test: &Path) -> TestFile 
     named
 }
 
-pub(in crate::config) fn folder(test: &Path) -> PathBuf {
+pub(crate) fn folder(test: &Path) -> PathBuf {
     test.parent().unwrap_or(Path::new("")).to_owned()
 }
 
 /// A file that is named relative to the test file, and stays where it is.
-pub(in crate::config) fn beside(test: &Path, file: &str) -> PathBuf {
+pub(crate) fn beside(test: &Path, file: &str) -> PathBuf {
     let path = test.parent().unwrap_or(Path::new("")).join(file);
     std::path::absolute(&path).unwrap_or(path)
 }

@@ -12,7 +12,7 @@ mod excitation;
 mod facts;
 mod gear;
 mod limits;
-pub(in crate::config) mod links;
+pub(crate) mod links;
 mod method;
 mod pace;
 mod plausible;
@@ -29,7 +29,7 @@ mod trial;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use super::{ConfigError, Diagnostics, Finding, KeyPath, Loaded, SpecimenTable, TestFile};
+use crate::config::{ConfigError, Diagnostics, Finding, KeyPath, Loaded, SpecimenTable, TestFile};
 use crate::engine::{Experiment, Numerical, Settling, Side, StepAudit, TestQuantity};
 use crate::link::{NativeSetup, Transport};
 use crate::rt;
@@ -38,14 +38,14 @@ pub use analysis::{ALL_MODES, Analysis, DelayedMode, Loop, ModeFacts};
 pub use facts::{Facts, Stability, StructureFacts};
 use gear::Rows;
 pub use limits::{Limit, LimitFacts, SpecimenLimits};
-pub(in crate::config) use pace::DIVERGENCE_M;
+pub(crate) use pace::DIVERGENCE_M;
 pub use pace::set_divergence;
 use recorded::{record_dofs, rotations};
 use settle::settle;
 use site::{Refused, Site, path};
 use specimens::Specimens;
 pub use specimens::loading::{ActuatorFacts, LoadingFacts};
-pub(in crate::config) use specimens::loading::{at_actuators, behind_actuators, own_offsets};
+pub(crate) use specimens::loading::{at_actuators, behind_actuators, own_offsets};
 pub use trial::{Drawn, Trial};
 
 /// A test that is ready to run.
@@ -237,7 +237,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         accepted: BTreeMap::new(),
     };
     let named = links::with_keys_from_anywhere(file, &site.loaded.path);
-    let resolved = match super::resolve(&named, facts.lambda(), &site.inputs) {
+    let resolved = match crate::config::resolve(&named, facts.lambda(), &site.inputs) {
         Ok(resolved) => resolved,
         Err(error) => return site.refuse(Finding::error(KeyPath::root(), error.to_string())),
     };

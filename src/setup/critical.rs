@@ -182,7 +182,7 @@ mod tests {
 
     fn analysis(text: &str) -> Analysis {
         let loaded = crate::config::parse(Path::new("test.toml"), text.to_owned(), &[]).unwrap();
-        let prepared = crate::config::build(&loaded).unwrap();
+        let prepared = crate::setup::build(&loaded).unwrap();
         prepared.facts.structure.unwrap().analysis.unwrap()
     }
 

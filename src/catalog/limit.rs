@@ -1,0 +1,1 @@
+//! What is limited: key, unit, what it is compared with, sentence.
