@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::document::{KeyPath, Segment};
-use super::{ConfigError, Loaded, parse};
+use super::{ConfigError, Loaded, parse, renamed};
 use crate::transfer::{ActuatorSpec, ProportionalSpec, TransferSpec};
 
 /// Measured properties of a specimen with its actuator and sensors, written by `gusset identify`. A
@@ -254,6 +254,7 @@ impl Loaded {
         };
         let each = self.file.uncertainty.iter().filter_map(|one| {
             let key = KeyPath::parse(&one.key).ok()?;
+            let key = renamed::current(&key, None).map_or(key, |(new, _)| new);
             let number = number_at(&complete, &key).ok()?;
             let nominal = number.value();
             let spread = match (one.std, one.std_share, one.range) {

@@ -31,6 +31,7 @@ mod overrides;
 mod read;
 mod reader;
 mod removed;
+mod renamed;
 mod resolve;
 mod safety;
 mod schema;
@@ -186,6 +187,8 @@ struct Opened {
     effective: String,
     root: document::Node,
     locator: Locator,
+    /// Warnings about old names of keys.
+    notes: Vec<Finding>,
 }
 
 fn open(path: &Path, text: String, sets: &[String]) -> Result<Opened, ConfigError> {
@@ -193,12 +196,20 @@ fn open(path: &Path, text: String, sets: &[String]) -> Result<Opened, ConfigErro
         name: plain(&path.display().to_string()),
         text: text.clone(),
     });
-    let original = document::Node::parse(&text)
+    let mut original = document::Node::parse(&text)
         .map_err(|errors| ConfigError::Invalid(Diagnostics(diagnose::syntax(&source, errors))))?;
-    let (overrides, refused) = parse_overrides(sets);
+    let mut moves = renamed::rename(&mut original);
+    let (mut overrides, refused) = parse_overrides(sets);
+    for one in &mut overrides {
+        if let Some((path, moved)) = renamed::current(&one.path(), Some(&original)) {
+            one.moved_to(&path);
+            moves.push(moved);
+        }
+    }
     let mut document: DocumentMut = text.parse().map_err(|error| {
         ConfigError::Invalid(Diagnostics(vec![diagnose::second_parser(&source, &error)]))
     })?;
+    renamed::rename_text(document.as_table_mut(), &moves);
     let refused = [refused, overrides::apply_all(&mut document, &overrides)].concat();
     if !refused.is_empty() {
         return Err(ConfigError::Invalid(Diagnostics(refused)));
@@ -213,12 +224,20 @@ fn open(path: &Path, text: String, sets: &[String]) -> Result<Opened, ConfigErro
         });
         ConfigError::Invalid(Diagnostics(diagnose::syntax(&source, errors)))
     })?;
+    // The value of an override may have old names inside.
+    moves.append(&mut renamed::rename(&mut root));
     removed::pass_over(path, &mut root);
+    let notes = match removed::is_resolved(path) {
+        // Gusset wrote this file, and the user does not change it.
+        true => Vec::new(),
+        false => renamed::notes(&moves),
+    };
     Ok(Opened {
         text,
         effective,
         root,
         locator,
+        notes,
     })
 }
 
@@ -232,6 +251,7 @@ pub fn parse(path: &Path, text: String, sets: &[String]) -> Result<Loaded, Confi
         effective,
         root,
         locator,
+        notes,
     } = open(path, text, sets)?;
     if let Some(finding) = serve::not_a_test(&root) {
         return Err(locator.refusal(finding));
@@ -239,8 +259,9 @@ pub fn parse(path: &Path, text: String, sets: &[String]) -> Result<Loaded, Confi
     let clock = KeyPath::root().key("time").key("clock");
     let clock_is_chosen = locator.overrides(&clock);
     let (file, findings) = judge(&root, |file| check::check(file, clock_is_chosen));
-    let (errors, warnings): (Vec<_>, Vec<_>) = findings
+    let (errors, warnings): (Vec<_>, Vec<_>) = notes
         .into_iter()
+        .chain(findings)
         .map(|f| locator.diagnose(f))
         .partition(|d| d.severity == Severity::Error);
     let accepted = file.and_then(|file| Some((Time::of(&file.time).ok()?, file)));
@@ -299,7 +320,9 @@ fn judge<T: serde::de::DeserializeOwned + schemars::JsonSchema>(
     let hints = std::cell::OnceCell::new();
     let told = |mistake: read::Mistake| {
         let removed = match &mistake.kind {
-            read::Kind::UnknownKey { .. } => removed::finding(&mistake.path),
+            read::Kind::UnknownKey { .. } => {
+                removed::finding(&mistake.path).or_else(|| renamed::finding(&mistake.path))
+            }
             _ => None,
         };
         removed.unwrap_or_else(|| {

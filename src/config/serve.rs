@@ -206,8 +206,10 @@ pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigErro
         (file, vec![])
     } else {
         let (file, findings) = judge::<ServeFile>(&opened.root, check::check_served);
-        let (findings, told): (Vec<_>, Vec<_>) = findings
+        let (findings, told): (Vec<_>, Vec<_>) = opened
+            .notes
             .into_iter()
+            .chain(findings)
             .partition(|finding| finding.severity == Severity::Error);
         match file {
             Some(file) if findings.is_empty() => {
@@ -234,7 +236,8 @@ pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigErro
     if let Some(timing) = &file.timing
         && let Err(error) = timing.check()
     {
-        let at = KeyPath::root().key("timing").key(error.key());
+        let timing = KeyPath::root().key("timing");
+        let at = error.keys().iter().fold(timing, |at, key| at.key(key));
         return Err(refuse(Finding::error(at, error.to_string())));
     }
     for (name, value) in [

@@ -13,6 +13,9 @@ use super::spec::Policy;
 use super::throttle::{Spin, Throttle};
 use super::{Feature, Granted, RtPlan, Want};
 
+/// Stack that is touched before the first tick, in kB.
+const PREFAULT_STACK_KB: u32 = 256;
+
 /// The kernel as the calling thread meets it.
 pub trait System {
     /// Processors the process may use, in rising order.
@@ -148,11 +151,9 @@ pub fn apply_to(plan: &RtPlan, system: &mut dyn System) -> Granted {
         let asked = "all memory locked".into();
         features.push(lock(asked, system, &privileges));
     }
-    if plan.prefault_stack_kb > 0 {
-        system.touch_stack(plan.prefault_stack_kb);
-        let asked = format!("{} kB of stack touched", plan.prefault_stack_kb);
-        features.push(feature(Want::Prefault, asked, Ok(()), String::new));
-    }
+    system.touch_stack(PREFAULT_STACK_KB);
+    let asked = format!("{PREFAULT_STACK_KB} kB of stack touched");
+    features.push(feature(Want::Prefault, asked, Ok(()), String::new));
 
     Granted {
         complete: features.iter().all(|feature| feature.granted),
@@ -452,7 +453,6 @@ mod tests {
             policy: Policy::Ordinary,
             lock_memory: false,
             hold_cpu_awake: false,
-            prefault_stack_kb: 0,
             ..plan()
         };
         let mut system = Told::new(Some(Errno::PERM), false, Some(0), Some(0));

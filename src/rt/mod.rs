@@ -44,7 +44,7 @@ pub mod wall;
 
 pub use apply::{apply, pin_away};
 pub use clock::MonotonicClock;
-pub use spec::{OnMiss, Policy, TimingSpec};
+pub use spec::{CountSpec, MissesSpec, OnMiss, Policy, TimingSpec};
 pub use throttle::Spin;
 
 /// What a run asks of the operating system for its loop's thread.
@@ -60,8 +60,6 @@ pub struct RtPlan {
     pub lock_memory: bool,
     /// Keep idle processors out of deep sleep.
     pub hold_cpu_awake: bool,
-    /// Stack to touch before the first tick, in kB.
-    pub prefault_stack_kb: u32,
     /// Spin before each edge, in nanoseconds.
     pub spin_ns: u64,
     /// Length of a tick in nanoseconds: bounds the spin.
@@ -80,7 +78,6 @@ impl RtPlan {
             cpu: spec.cpu,
             lock_memory: spec.lock_memory,
             hold_cpu_awake: spec.hold_cpu_awake,
-            prefault_stack_kb: spec.prefault_stack_kb,
             spin_ns: spec.spin_ns(),
             period_ns,
             require: spec.require_realtime,

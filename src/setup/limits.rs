@@ -199,7 +199,7 @@ pub(super) fn facts(
         "not counted in the {} ticks of the warm-up; the test starts only if the second half of the warm-up keeps the limits",
         limits.warmup_ticks
     );
-    let window = format!("in {} s, {warm_up}", file.timing.miss_window_s);
+    let window = format!("in {} s, {warm_up}", file.timing.misses.window_s);
     for (quantity, unit, judged) in [
         (TestQuantity::MissesInARow, "in a row", &warm_up),
         (TestQuantity::MissesInWindow, "in a window", &window),

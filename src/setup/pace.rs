@@ -55,7 +55,7 @@ pub(super) fn limits(file: &TestFile, time: Time) -> Limits {
             },
             rt::OnMiss::Stop => OnMiss::Stop,
         },
-        misses_in_a_row: timing.max_consecutive_misses,
+        misses_in_a_row: timing.misses.max_in_a_row(),
         misses_in_total: timing.miss_bound(ticks),
         extrapolate_stale: false,
         stale_in_a_row: STALE_IN_A_ROW,

@@ -130,12 +130,12 @@ pub(super) fn test_limits(file: &TestFile, time: &Time) -> TestLimits {
         ),
         misses: MissLevels {
             warn_in_a_row: half(
-                timing.warn_consecutive_misses,
-                timing.max_consecutive_misses,
+                timing.misses.in_a_row.warn,
+                timing.misses.max_in_a_row(),
             ),
-            warn_in_all: half(timing.warn_total_misses, timing.miss_bound(ticks)),
+            warn_in_all: half(timing.misses.in_total.warn, timing.miss_bound(ticks)),
             window_ticks,
-            warn_in_window: half(timing.warn_misses_in_window, most_in_window),
+            warn_in_window: half(timing.misses.in_window.warn, most_in_window),
             most_in_window,
         },
     }

@@ -4,6 +4,7 @@ use super::Findings;
 use crate::config::certificate::{UncertaintyTable, number_at};
 use crate::config::diagnose::Finding;
 use crate::config::document::{KeyPath, Segment};
+use crate::config::renamed;
 use crate::config::schema::TestFile;
 use crate::config::specimen::SpecimenTable;
 use crate::config::suggest::nearest;
@@ -106,7 +107,7 @@ pub(super) fn check_certificate(file: &TestFile, findings: &mut Findings) {
         }
         let at = at.key("key");
         let path = match KeyPath::parse(&one.key) {
-            Ok(path) => path,
+            Ok(path) => renamed::current(&path, None).map_or(path, |(new, _)| new),
             Err(error) => {
                 let headline = format!("{:?} is no dotted path: {}", one.key, error.message);
                 findings.0.push(Finding::error(at, headline));
