@@ -65,10 +65,10 @@ const RENAMED: &[RenamedKey] = &[
     renamed(TIMING, "max_misses_in_window", "misses.in_window.trip"),
     renamed(TIMING, "warn_misses_in_window", "misses.in_window.warn"),
     renamed(TIMING, "miss_window_s", "misses.window_s"),
-    //stand_in("stand_in.law", "law"),
-    //stand_in("stand_in.laws", "laws"),
-    //stand_in("stand_in.coupled", "coupled"),
-    //stand_in("stand_in_transfer", "transfer"),
+    stand_in("stand_in.law", "law"),
+    stand_in("stand_in.laws", "laws"),
+    stand_in("stand_in.coupled", "coupled"),
+    stand_in("stand_in_transfer", "transfer"),
     RenamedKey {
         implied: PERFECTLY_PLASTIC,
         ..renamed(LAWS, "elastic_plastic", "bilinear")

@@ -44,10 +44,9 @@ pub struct Following {
 
 /// Key of what decides how a specimen follows: the compensation, or else the actuator.
 pub(super) const fn decides(table: &SpecimenTable) -> &'static str {
-    match (&table.compensation, &table.link, &table.stand_in_transfer) {
+    match (&table.compensation, &table.link, &table.transfer) {
         (Some(_), _, _) => "compensation",
-        (None, None, _) => "transfer",
-        (None, Some(_), Some(_)) => "stand_in_transfer",
+        (None, None, _) | (None, Some(_), Some(_)) => "transfer",
         (None, Some(_), None) => "identified",
     }
 }

@@ -1,6 +1,6 @@
 //! The `[timing]` table of a test file: real-time scheduling of the loop, and the response to missed deadlines.
 //!
-//! This module has the keys and their range checks only. [`mod@super::apply`] and the loop apply them.
+//! The keys and their ranges. The module `rt` and the loop apply them.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -297,7 +297,7 @@ impl TimingSpec {
         Ok(())
     }
 
-    /// Checks that the loop's processor is one of `allowed` (see [`super::os::process_cpus`]).
+    /// Checks that the loop's processor is one of `allowed`.
     ///
     /// # Errors
     /// The processor is another one.
@@ -332,10 +332,7 @@ impl TimingSpec {
     /// Number of misses that a window of `ticks` ticks may have before the test stops.
     #[must_use]
     pub fn window_bound(&self, ticks: u64) -> u64 {
-        self.misses
-            .in_window
-            .trip
-            .unwrap_or((ticks / 10).max(100))
+        self.misses.in_window.trip.unwrap_or((ticks / 10).max(100))
     }
 }
 
@@ -392,11 +389,23 @@ mod tests {
         assert_eq!(wrong(|s| s.spin_us = f64::NAN), "spin_us");
         assert_eq!(wrong(|s| s.spin_us = -1.0), "spin_us");
         assert_eq!(wrong(|s| s.max_catch_up_ticks = 0), "max_catch_up_ticks");
-        assert_eq!(wrong(|s| s.misses.in_a_row = trip(0)), "misses.in_a_row.trip");
-        assert_eq!(wrong(|s| s.misses.in_total = trip(0)), "misses.in_total.trip");
-        assert_eq!(wrong(|s| s.misses.in_window = trip(0)), "misses.in_window.trip");
+        assert_eq!(
+            wrong(|s| s.misses.in_a_row = trip(0)),
+            "misses.in_a_row.trip"
+        );
+        assert_eq!(
+            wrong(|s| s.misses.in_total = trip(0)),
+            "misses.in_total.trip"
+        );
+        assert_eq!(
+            wrong(|s| s.misses.in_window = trip(0)),
+            "misses.in_window.trip"
+        );
         assert_eq!(wrong(|s| s.misses.window_s = 0.0), "misses.window_s");
-        assert_eq!(wrong(|s| s.misses.in_a_row.warn = Some(50)), "misses.in_a_row.warn");
+        assert_eq!(
+            wrong(|s| s.misses.in_a_row.warn = Some(50)),
+            "misses.in_a_row.warn"
+        );
         assert_eq!(
             wrong(|s| {
                 s.misses.in_window = CountSpec {
