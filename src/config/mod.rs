@@ -159,6 +159,25 @@ pub fn load(path: &Path, sets: &[String]) -> Result<Loaded, ConfigError> {
     parse(path, read_text(path)?, sets)
 }
 
+/// Reads the `resolved.toml` of a run folder for a report or an export, which move nothing.
+///
+/// A removed key is ignored at any value, and nothing is refused that only a new run must refuse.
+///
+/// # Errors
+/// [`ConfigError`]: the file cannot be read, or it is no test file.
+pub fn load_recorded(path: &Path) -> Result<Loaded, ConfigError> {
+    parse_for(Purpose::View, path, read_text(path)?, &[])
+}
+
+/// What a file is read for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Purpose {
+    /// A test, or a specimen that is served.
+    Run,
+    /// A report or an export of a recorded test.
+    View,
+}
+
 /// A test's matrices may stand in it.
 const LONGEST_TEST_MIB: u64 = 64;
 
@@ -193,7 +212,12 @@ struct Opened {
     notes: Vec<Finding>,
 }
 
-fn open(path: &Path, text: String, sets: &[String]) -> Result<Opened, ConfigError> {
+fn open(
+    purpose: Purpose,
+    path: &Path,
+    text: String,
+    sets: &[String],
+) -> Result<Opened, ConfigError> {
     let source = Arc::new(Source {
         name: plain(&path.display().to_string()),
         text: text.clone(),
@@ -228,7 +252,7 @@ fn open(path: &Path, text: String, sets: &[String]) -> Result<Opened, ConfigErro
     })?;
     // The value of an override may have old names inside.
     moves.append(&mut renamed::rename(&mut root));
-    removed::pass_over(path, &mut root);
+    removed::pass_over(purpose, path, &mut root);
     let notes = match removed::is_resolved(path) {
         // Gusset wrote this file, and the user does not change it.
         true => Vec::new(),
@@ -248,19 +272,31 @@ fn open(path: &Path, text: String, sets: &[String]) -> Result<Opened, ConfigErro
 /// # Errors
 /// [`ConfigError::Invalid`] with everything that is wrong.
 pub fn parse(path: &Path, text: String, sets: &[String]) -> Result<Loaded, ConfigError> {
+    parse_for(Purpose::Run, path, text, sets)
+}
+
+fn parse_for(
+    purpose: Purpose,
+    path: &Path,
+    text: String,
+    sets: &[String],
+) -> Result<Loaded, ConfigError> {
     let Opened {
         text,
         effective,
         root,
         locator,
         notes,
-    } = open(path, text, sets)?;
+    } = open(purpose, path, text, sets)?;
     if let Some(finding) = serve::not_a_test(&root) {
         return Err(locator.refusal(finding));
     }
     let clock = KeyPath::root().key("time").key("clock");
     let clock_is_chosen = locator.overrides(&clock);
-    let (file, findings) = judge(&root, |file| check::check(file, clock_is_chosen));
+    let (file, findings) = judge(&root, |file| match purpose {
+        Purpose::Run => check::check(file, clock_is_chosen),
+        Purpose::View => Vec::new(),
+    });
     let (errors, warnings): (Vec<_>, Vec<_>) = notes
         .into_iter()
         .chain(findings)

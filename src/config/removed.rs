@@ -7,8 +7,8 @@
 
 use std::path::Path;
 
-use super::Finding;
 use super::document::{Datum, KeyPath, Node};
+use super::{Finding, Purpose};
 
 /// A key that was removed.
 struct RemovedKey {
@@ -133,8 +133,9 @@ pub(super) fn is_resolved(path: &Path) -> bool {
     path.file_name().is_some_and(|name| name == "resolved.toml")
 }
 
-/// Takes the removed keys at their defaults out of the resolved configuration of a run folder. Any other file stays unchanged.
-pub(super) fn pass_over(path: &Path, root: &mut Node) {
+/// Takes the removed keys at their defaults out of the resolved configuration of a run folder, for a view at any value. Any
+/// other file stays unchanged.
+pub(super) fn pass_over(purpose: Purpose, path: &Path, root: &mut Node) {
     if !is_resolved(path) {
         return;
     }
@@ -145,7 +146,8 @@ pub(super) fn pass_over(path: &Path, root: &mut Node) {
                 continue;
             }
             let found = node.find(&KeyPath::root().key(removed.key));
-            if found.is_some_and(|found| removed.was_default(found)) {
+            let passes = |found: &Node| purpose == Purpose::View || removed.was_default(found);
+            if found.is_some_and(passes) {
                 node.take(&[removed.key]);
             }
         }

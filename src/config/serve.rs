@@ -13,8 +13,8 @@ use super::safety::SafetyTable;
 use super::schema::RecordTable;
 use super::timing_table::TimingSpec;
 use super::{
-    ConfigError, Finding, KeyPath, Locator, Severity, SpecimenTable, check, judge, open, plain,
-    read_text,
+    ConfigError, Finding, KeyPath, Locator, Purpose, Severity, SpecimenTable, check, judge, open,
+    plain, read_text,
 };
 use crate::link::openfresco::{OpenFrescoServeSpec, Transformation};
 use crate::link::secret::read_key;
@@ -189,7 +189,7 @@ impl Served {
 /// [`ConfigError`]: the file cannot be read, or everything that is wrong with it.
 pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigError> {
     let text = read_text(path)?;
-    let opened = open(path, text.clone(), &[])?;
+    let opened = open(Purpose::Run, path, text.clone(), &[])?;
     let locator = opened.locator.clone();
     let refuse = |finding: Finding| locator.refusal(finding);
     let of_a_test = is_test(&opened.root);
