@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use super::columns::{SERVER_COLUMNS, TEST_COLUMNS};
 use super::events::{SERVER_EVENTS, TEST_EVENTS};
-use super::limits::{AXIS_LIMITS, FURTHER_LIMITS, TEST_LIMITS};
+use super::limits::FURTHER_LIMITS;
 use super::pages::{root, schemas};
 
 /// Names that only one of two sets has.

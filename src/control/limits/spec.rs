@@ -48,14 +48,14 @@ fn keys() -> impl Iterator<Item = &'static str> {
 /// What a key of the file sets.
 enum Key {
     Limit(&'static Row),
-    Setting(Limit, &'static Setting),
+    Setting(Limit),
 }
 
 impl Key {
     fn find(name: &str) -> Option<Self> {
         rows().find_map(|row| match &row.setting {
             _ if row.key == name => Some(Self::Limit(row)),
-            Some(setting) if setting.key == name => Some(Self::Setting(row.limit, setting)),
+            Some(setting) if setting.key == name => Some(Self::Setting(row.limit)),
             _ => None,
         })
     }
@@ -85,7 +85,7 @@ impl<'de> Deserialize<'de> for LimitsSpec {
                             };
                             spec.set(row.limit, levels);
                         }
-                        Some(Key::Setting(limit, _)) => {
+                        Some(Key::Setting(limit)) => {
                             let value = map.next_value()?;
                             if let Some(place) = spec.setting_mut(limit) {
                                 *place = value;

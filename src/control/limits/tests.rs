@@ -412,7 +412,9 @@ fn where_it_was_sent_before_it_left_an_actuator_may_still_go() {
         "on its way back"
     );
 
-    let trips = |disp: f64, force: f64| measure(&mut left(limits.sensor_force), disp, force).trip;
+    let trips = |disp: f64, force: f64| {
+        measure(&mut left(limits.get(Limit::SensorForce)), disp, force).trip
+    };
     assert_eq!(what(trips(1.3, 131.0)), None);
     assert!(trips(1.51, 131.0).is_some(), "farther than it was sent");
     assert!(trips(1.05, 117.0).is_some(), "it has turned");
