@@ -47,7 +47,7 @@ impl<const N: usize> Inner<N> {
         let bounds = self.low.iter().zip(&self.high);
         let mut covers = true;
         for (value, (low, high)) in values.iter().zip(bounds) {
-            covers &= !((value < low) | (value > high));
+            covers &= value.is_nan() | ((value >= low) & (value <= high));
         }
         covers
     }
