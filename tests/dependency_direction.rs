@@ -126,7 +126,6 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "link",
             "model",
             "motion",
-            "rt",
             "setup",
             "specimen",
             "spectral",

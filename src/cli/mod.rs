@@ -68,13 +68,13 @@ pub fn main() -> ExitCode {
     let cli = Cli::parse();
     aside::begin_log(cli.log.into());
     match caught(|| enough_files().and_then(|()| dispatch(cli.command))) {
-        Ok(exit) => exit.into(),
+        Ok(exit) => exit.code().into(),
         Err(error) => {
             match error.downcast_ref::<exit::Mistakes>() {
                 Some(exit::Mistakes(pictures)) => show(pictures),
                 None => tell(format_args!("error: {}", in_one_line(&error))),
             }
-            exit::of(&error).into()
+            exit::of(&error).code().into()
         }
     }
 }
