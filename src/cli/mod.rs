@@ -189,7 +189,7 @@ fn answer(text: impl Display) -> io::Result<()> {
 /// Warnings as pictures; in colour on a terminal.
 fn warn(warnings: &Diagnostics) {
     if !warnings.0.is_empty() {
-        show(warnings.render(in_colour()));
+        show(warnings.render(screen::in_colour()));
     }
 }
 
