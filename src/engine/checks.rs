@@ -74,7 +74,7 @@ fn worst(limit: Limit, ports: &[Port]) -> Option<(usize, usize)> {
 
 /// The limits that are judged at every step of such a test. Each has a column, in this order.
 #[must_use]
-pub fn kept(side: &Side, ports: &[Port]) -> Vec<Limit> {
+pub fn kept_limits(side: &Side, ports: &[Port]) -> Vec<Limit> {
     let mut kept = OF_STEPS.to_vec();
     kept.retain(|limit| is_kept(*limit, side, ports));
     kept

@@ -200,7 +200,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
     let ports = specimens.into_ports(site, dofs, settling.is_some(), gains.unwrap_or_default())?;
     let ports = critical::watched(site, structure.as_mut(), ports)?;
     let time = site.loaded.time;
-    let kept = crate::engine::kept(&side, &ports);
+    let kept = crate::engine::kept_limits(&side, &ports);
     if structure.is_some() && !names.is_empty() {
         safety::unkept(site, &kept);
     }
