@@ -69,20 +69,19 @@ fn open() -> AxisLimits {
         trip: range,
         ..Range::NONE
     };
-    AxisLimits {
-        following_time: 0.002,
-        stuck_travel: 1e-5,
-        ..AxisLimits::NONE
-            .with(Limit::CommandDisp, range)
-            .with(Limit::CommandStep, size)
-            .with(Limit::CommandVel, size)
-            .with(Limit::CommandAccel, size)
-            .with(Limit::MeasuredDisp, range)
-            .with(Limit::MeasuredForce, range)
-            .with(Limit::FollowingError, size)
-            .with(Limit::ForceStep, size)
-            .with(Limit::StuckSensor, size)
-    }
+    let mut limits = AxisLimits::NONE
+        .with(Limit::CommandDisp, range)
+        .with(Limit::CommandStep, size)
+        .with(Limit::CommandVel, size)
+        .with(Limit::CommandAccel, size)
+        .with(Limit::MeasuredDisp, range)
+        .with(Limit::MeasuredForce, range)
+        .with(Limit::FollowingError, size)
+        .with(Limit::ForceStep, size)
+        .with(Limit::StuckSensor, size);
+    limits.following_time = 0.002;
+    limits.stuck_travel = 1e-5;
+    limits
 }
 
 /// The same with a warning of one quantity from `size` on.
