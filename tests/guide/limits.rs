@@ -87,12 +87,13 @@ pub fn limit_table() -> String {
          `gusset serve` with a specimen behind a link. A *Gusset server* is any server of the Gusset protocol: the controller \
          announces these limits to it when a test begins.\n\n\
          ## Limits of the test\n\n\
-         The controller checks them.\n\n\
+         The controller checks them. The limits of deadline misses have these names in events. Their keys are `in_a_row`, \
+         `in_window` and `in_total`.\n\n\
          | key | unit | what is judged | levels | default | table |\n|---|---|---|---|---|---|\n",
     );
     for row in TABLE.iter().filter(|row| row.scope() == Scope::Test) {
         let table = if row.judges == Judges::Misses {
-            "`[timing]`"
+            "`[timing.misses]`"
         } else {
             "`[safety]`"
         };

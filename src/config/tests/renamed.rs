@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::law::LawSpec;
+use crate::specimen::SpecimenLaw;
 
 fn law(text: &str) -> LawSpec {
     toml::from_str(text).unwrap()
