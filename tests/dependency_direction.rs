@@ -12,6 +12,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("catalog", &[]),
     ("time", &[]),
     ("units", &[]),
+    ("finding", &[]),
     ("work", &[]),
     ("assets", &[]),
     ("law", &[]),
@@ -29,11 +30,37 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("benchmark", &["compensation", "metrics", "transfer"]),
     ("identify", &["motion", "units"]),
     ("compensation", &[]),
+    // Every proof and verdict.
+    (
+        "stability",
+        &[
+            "compensation",
+            "finding",
+            "integrate",
+            "linalg",
+            "model",
+            "spectral",
+            "transfer",
+            "units",
+        ],
+    ),
     (
         "control",
-        &["compensation", "geometry", "substructure", "time", "units"],
+        &[
+            "compensation",
+            "geometry",
+            // Tables of critical delays.
+            "stability",
+            "substructure",
+            "time",
+            "units",
+        ],
     ),
-    ("record", &["substructure", "text", "units", "work"]),
+    // A summary repeats the verdict.
+    (
+        "record",
+        &["stability", "substructure", "text", "units", "work"],
+    ),
     ("text", &[]),
     // Pages and their rendering: they describe the program, and no code of it.
     ("guide", &[]),
@@ -56,7 +83,14 @@ const ALLOWED: &[(&str, &[&str])] = &[
     // Substructures say what the bits of a status column mean.
     (
         "report",
-        &["assets", "metrics", "record", "substructure", "text"],
+        &[
+            "assets",
+            "metrics",
+            "record",
+            "stability",
+            "substructure",
+            "text",
+        ],
     ),
     // Looks at what passes and sends an operator's requests; decides nothing.
     (
@@ -68,6 +102,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "integrate",
             "record",
             "rt",
+            "stability",
             "substructure",
             "text",
         ],
@@ -81,6 +116,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "model",
             "report",
             "spectral",
+            "stability",
             "time",
         ],
     ),
@@ -119,6 +155,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "compensation",
             "control",
             "engine",
+            "finding",
             "geometry",
             "integrate",
             "law",
@@ -146,6 +183,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "config",
             "control",
             "engine",
+            "finding",
             "geometry",
             "integrate",
             "law",
@@ -156,17 +194,13 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "rt",
             "specimen",
             "spectral",
+            "stability",
             "substructure",
             "time",
             "transfer",
             "units",
             "wire",
         ],
-    ),
-    // Proofs and verdicts of a test that is built.
-    (
-        "stability",
-        &["config", "record", "setup", "spectral", "transfer", "units"],
     ),
     (
         "session",
@@ -204,6 +238,8 @@ const PURE: &[&str] = &[
     "integrate",
     "specimen",
     "transfer",
+    "stability",
+    "finding",
     "compensation",
     "geometry",
     "guide",

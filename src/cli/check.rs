@@ -15,9 +15,9 @@ use super::spectrum::Spectrum;
 use super::table::Table;
 use super::{answer, tell, warn};
 use crate::config::Loaded;
-use crate::record::{Outcome, RecordedVerdict};
 use crate::session::Judged;
 use crate::setup;
+use crate::stability::{Outcome, RecordedVerdict};
 use crate::transfer::BetweenTicks;
 
 /// Checks one test.
@@ -47,7 +47,7 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
     } else {
         None
     };
-    warn(&judged.verdict.diagnostics(&loaded, true));
+    warn(&loaded.diagnose(judged.verdict.shown(true)));
     let checked = Checked {
         args,
         loaded: &loaded,

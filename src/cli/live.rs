@@ -30,7 +30,8 @@ use crate::record::{Note, Roll};
 use crate::session::Attendance;
 #[cfg(feature = "monitor")]
 use crate::session::Finished;
-use crate::setup::{Facts, Prepared, Stability};
+use crate::setup::{Facts, Prepared};
+use crate::stability::Stability;
 
 /// A port that no server of this program takes unless told to.
 #[cfg(feature = "monitor")]

@@ -14,12 +14,13 @@ use super::status::Status;
 use super::table::Table;
 use super::{answer, only_with, stability, tell, warn};
 use crate::config::{self, ConfigError, Loaded, Method};
-use crate::record::{Progress, RecordedVerdict};
+use crate::record::Progress;
 use crate::report::told;
 use crate::session::{
     self, Allowed, Finished, Judged, Page, ReplayError, ResumeError, Signals, Watches,
 };
 use crate::setup::{self, Facts, Prepared};
+use crate::stability::RecordedVerdict;
 use crate::units::{duration, number, quantity};
 
 /// Runs one test.
@@ -95,7 +96,7 @@ fn obey(judged: &Judged) -> anyhow::Result<()> {
     let Some(loaded) = &judged.test.loaded else {
         return Ok(());
     };
-    let found = judged.verdict.diagnostics(loaded, false);
+    let found = loaded.diagnose(judged.verdict.shown(false));
     if !judged.verdict.forbids() {
         warn(&found);
         return Ok(());

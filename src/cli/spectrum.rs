@@ -8,9 +8,12 @@ use serde_json::{Value, json};
 
 use super::table::Table;
 use crate::integrate::Lambda;
-use crate::setup::{ALL_MODES, Facts, Loop, ModeFacts, StructureFacts};
+use crate::setup::{Facts, StructureFacts};
 use crate::spectral::delay::{Critical, DelayError, Delayed, DiscreteLimit, continuous};
-use crate::stability::{DelayBound, DelayBounds, DelayCondition, INERTIA, diverging, growing};
+use crate::stability::{
+    ALL_MODES, DelayBound, DelayBounds, DelayCondition, INERTIA, Loop, ModeFacts, diverging,
+    growing,
+};
 use crate::units::{duration, number, quantity};
 
 /// Modes that are listed.

@@ -4,8 +4,8 @@ use super::run::method_name;
 use super::table::Table;
 use crate::geometry::LawPlace;
 use crate::integrate::Lambda;
-use crate::setup::{Facts, Stability, StructureFacts};
-use crate::stability::{grows, is_stable};
+use crate::setup::{Facts, StructureFacts};
+use crate::stability::{Stability, grows, is_stable};
 use crate::units::{compared, number};
 
 const NO_BOUND: &str = "no proof: a tangent has no declared bound";
@@ -13,7 +13,7 @@ const NO_PROOF: &str = "no proof is made for this method";
 
 /// Adds the rows of `check --verbose`.
 pub fn tabulate(table: &mut Table, facts: &Facts, structure: &StructureFacts) {
-    if let Some(why) = grows(structure) {
+    if let Some(why) = grows(structure.analysis.as_ref()) {
         return table.row("stability", &why);
     }
     let choice = match &structure.stability {
@@ -86,7 +86,7 @@ pub fn brief(structure: &StructureFacts) -> String {
 pub fn in_words(structure: &StructureFacts) -> String {
     let [lambda, limit] = lambda_and_limit(structure);
     let method = method_of(structure, &lambda);
-    if let Some(why) = grows(structure) {
+    if let Some(why) = grows(structure.analysis.as_ref()) {
         return format!("{method}: UNSTABLE, {why}");
     }
     let choice = match &structure.stability {
@@ -146,7 +146,7 @@ pub fn judged(structure: &StructureFacts) -> (Option<bool>, String) {
         Some(lambda) => format!("λ = {lambda}"),
         None => method_name(structure.method),
     };
-    if let Some(why) = grows(structure) {
+    if let Some(why) = grows(structure.analysis.as_ref()) {
         return (Some(false), why);
     }
     let text = match &structure.stability {
@@ -166,5 +166,8 @@ pub fn judged(structure: &StructureFacts) -> (Option<bool>, String) {
         }
         other => format!("{method}, {}", without_limit(other)),
     };
-    (is_stable(structure), text)
+    (
+        is_stable(&structure.stability, structure.analysis.as_ref()),
+        text,
+    )
 }

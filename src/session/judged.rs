@@ -3,8 +3,8 @@
 use super::rehearsal::FullRehearsal;
 use crate::config::{ConfigError, Loaded};
 use crate::control::limits::DIVERGENCE_M;
-use crate::record::Kind;
 use crate::setup::{self, Prepared};
+use crate::stability::Kind;
 use crate::stability::{Following, Verdict};
 
 /// Least default of `safety.divergence_m` in m for a test that moves a specimen behind a link.
@@ -42,11 +42,14 @@ impl Judged {
     /// Judges what is proven of a test, without a rehearsal.
     #[must_use]
     pub fn without_rehearsal(mut test: Prepared) -> Self {
-        let following = match &test.loaded {
-            Some(loaded) => Following::of(loaded, &test.facts),
-            None => Vec::new(),
+        let (following, verdict) = match test.case() {
+            Some(case) => {
+                let following = Following::of(&case);
+                let verdict = Verdict::of(&case, &following);
+                (following, verdict)
+            }
+            None => Default::default(),
         };
-        let verdict = Verdict::of(&test, &following);
         let told = verdict.headlines().map(str::to_owned);
         test.facts.warnings.extend(told);
         let mut judged = Self {

@@ -74,12 +74,12 @@ use crate::engine::Control;
 use crate::record::summary::Status;
 use crate::record::writer::WriterError;
 use crate::record::{
-    FolderError, Note, NoteLevel, Progress, Recorded, RecordedVerdict, Roll, RunFolder, Summary,
-    What, Writer,
+    FolderError, Note, NoteLevel, Progress, Recorded, Roll, RunFolder, Summary, What, Writer,
 };
 use crate::rt::wall::Wall;
 use crate::rt::{Granted, os};
 use crate::setup::{Facts, Prepared};
+use crate::stability::RecordedVerdict;
 
 /// Why a test could not be run at all. Nothing was moved.
 #[derive(Debug, Error)]

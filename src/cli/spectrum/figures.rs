@@ -6,9 +6,9 @@ use anyhow::Context;
 
 use super::{Delay, Spectrum};
 use crate::record::make_free;
-use crate::setup::ModeFacts;
 use crate::spectral::delay::{DiscreteLimit, recursion};
 use crate::spectral::{Apparent, Locus, spectral_radius};
+use crate::stability::ModeFacts;
 use crate::verify::{Figure, Scale, Series};
 
 impl Spectrum {
