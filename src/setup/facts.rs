@@ -4,10 +4,9 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use super::LimitFacts;
-use crate::config::{ClockChoice, Method};
+use crate::config::{ClockChoice, Method, TimingSpec};
 use crate::integrate::Lambda;
 use crate::motion::RecordFacts;
-use crate::rt::TimingSpec;
 use crate::stability::{Analysis, LambdaChoice, OnlineLimit, Stability};
 
 /// What is known about a test before it runs.

@@ -37,7 +37,7 @@ pub use facts::{Facts, StructureFacts};
 use gear::Rows;
 pub use limits::{Limit, LimitFacts, SpecimenLimits};
 pub(crate) use pace::DIVERGENCE_M;
-pub use pace::set_divergence;
+pub use pace::{rt_plan, set_divergence};
 use recorded::{record_dofs, rotations};
 use settle::settle;
 use site::{Refused, Site, path};
