@@ -68,13 +68,13 @@ pub fn main() -> ExitCode {
     progress::show_long_work();
     let cli = Cli::parse();
     match caught(|| enough_files().and_then(|()| dispatch(cli.command))) {
-        Ok(exit) => exit.into(),
+        Ok(exit) => exit.code().into(),
         Err(error) => {
             match error.downcast_ref::<exit::Mistakes>() {
                 Some(exit::Mistakes(pictures)) => show(pictures),
                 None => tell(format_args!("error: {}", in_one_line(&error))),
             }
-            exit::of(&error).into()
+            exit::of(&error).code().into()
         }
     }
 }
