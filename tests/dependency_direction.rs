@@ -207,6 +207,8 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "config",
             "control",
             "engine",
+            "geometry",
+            "integrate",
             "metrics",
             "model",
             "motion",

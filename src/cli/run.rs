@@ -12,12 +12,12 @@ use super::live;
 use super::screen;
 use super::status::Status;
 use super::table::Table;
-use super::{answer, only_with, stability, tell, warn};
-use crate::config::{self, ConfigError, Loaded, Method};
+use super::{answer, only_with, tell, warn};
+use crate::config::{self, ConfigError, Loaded};
 use crate::record::Progress;
 use crate::report::told;
 use crate::session::{
-    self, Allowed, Finished, Judged, Page, ReplayError, ResumeError, Signals, Watches,
+    self, integration, Allowed, Finished, Judged, Page, ReplayError, ResumeError, Signals, Watches,
 };
 use crate::setup::{self, Facts, Prepared};
 use crate::stability::RecordedVerdict;
@@ -154,14 +154,6 @@ pub fn refused(error: ConfigError) -> anyhow::Error {
     }
 }
 
-/// A method as the test file spells it.
-pub fn method_name(method: Method) -> String {
-    match serde_json::to_value(method) {
-        Ok(serde_json::Value::String(name)) => name,
-        _ => format!("{method:?}"),
-    }
-}
-
 /// Which steps were made, and the test time that they took; `after` is the last step that was made by another test.
 fn tested(steps: u64, after: Option<u64>, dt: f64) -> String {
     let own = steps.saturating_sub(after.unwrap_or(0));
@@ -200,10 +192,10 @@ fn conclude(facts: &Facts, finished: &Finished, page: Option<&Page>) {
     if let Some(structure) = &facts.structure {
         match structure.lambda {
             None => {
-                let limit = stability::brief(structure);
+                let limit = integration::brief(structure);
                 table.row(
                     "method",
-                    &format!("{} ({limit})", method_name(structure.method)),
+                    &format!("{} ({limit})", integration::method_name(structure.method)),
                 );
             }
             Some(lambda) => {
@@ -212,7 +204,7 @@ fn conclude(facts: &Facts, finished: &Finished, page: Option<&Page>) {
                 } else {
                     "automatic"
                 };
-                let limit = stability::brief(structure);
+                let limit = integration::brief(structure);
                 let own = structure.lambda_apart.iter();
                 let own: String = own
                     .map(|(name, own)| format!(", {own} for {name}"))
