@@ -31,7 +31,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
         tell(format_args!("note: {text}"));
     }
     let mut judged = Judged::of(test).map_err(refused)?;
-    obey(&judged)?;
+    conduct::obey(&judged)?;
     let test = &mut judged.test;
     attend::can_confirm(&mut test.facts, args.test_run.yes)?;
     let asked = live::Asked::for_run(args, test)?;
@@ -89,28 +89,6 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     }
     let exit = conduct::exit_of(finished.finish, signals.seen());
     conduct::end(&finished, exit, !args.quiet)
-}
-
-/// Shows the findings of the verdict, and refuses the test if it forbids it.
-fn obey(judged: &Judged) -> anyhow::Result<()> {
-    let Some(loaded) = &judged.test.loaded else {
-        return Ok(());
-    };
-    let found = loaded.diagnose(judged.verdict.shown(false));
-    if !judged.verdict.forbids() {
-        warn(&found);
-        return Ok(());
-    }
-    tell(found.render(screen::in_colour()));
-    let keys = judged.verdict.open_keys();
-    let text = format!(
-        "the verdict forbids this test, because it moves a specimen behind a link; nothing was moved\n\
-         mend it, or give a reason in [safety]: {}",
-        keys.map(|key| format!("{key} = \"…\""))
-            .collect::<Vec<_>>()
-            .join(", ")
-    );
-    Err(WithExit(Exit::Usage, text).into())
 }
 
 /// The test that is asked for: a new one, or an interrupted one that goes on.

@@ -27,8 +27,8 @@ use crate::config::{ConfigError, Loaded};
 use crate::identify::Shape;
 use crate::record::{Progress, RunFolder};
 use crate::session::rehearsal::FullRehearsal;
-use crate::session::{self, Finished, Signals, Watches};
-use crate::setup::{self, Facts, Prepared};
+use crate::session::{self, Finished, Judged, Signals, Watches};
+use crate::setup::{self, Facts};
 
 use course::Plan;
 use outcome::Outcome;
@@ -114,7 +114,7 @@ fn usage(text: String) -> anyhow::Error {
 /// Identifies.
 pub fn identify(args: &IdentifyArgs) -> anyhow::Result<Exit> {
     let loaded = args.test_run.load(&args.test)?;
-    let (plan, driven) = allowed(args, &loaded)?;
+    let (plan, driven, full) = allowed(args, &loaded)?;
     refuse_forces_only(&plan, &driven)?;
     for line in plan.announced(&loaded) {
         tell(line);
@@ -129,9 +129,16 @@ pub fn identify(args: &IdentifyArgs) -> anyhow::Result<Exit> {
             port.needs_measured_disp.own = vec!["`gusset identify`".to_owned()];
         }
     }
-    attend::can_confirm(&mut test.facts, args.test_run.yes)?;
-    let facts = test.facts.clone();
-    let (mut finished, exit) = carry_out(args, test, &facts)?;
+    let mut judged = Judged::without_rehearsal(test);
+    if judged.verdict.behind_link {
+        judged = judged.with(full);
+    } else {
+        warn(&driven.diagnose(full.findings));
+    }
+    conduct::obey(&judged)?;
+    attend::can_confirm(&mut judged.test.facts, args.test_run.yes)?;
+    let facts = judged.test.facts.clone();
+    let (mut finished, exit) = carry_out(args, judged, &facts)?;
     let report = session::conclude(&mut finished);
     if let Err(error) = &report {
         tell(format_args!("warning: not written: {error}"));
@@ -175,9 +182,12 @@ fn refuse_forces_only(plan: &Plan, driven: &Loaded) -> anyhow::Result<()> {
     })
 }
 
-/// The motion, and the test that makes it: no limit of the file would trip in it. An amplitude that was not asked for is halved
+/// The motion, the test that makes it, and its rehearsal: no limit of the file would trip in it. An amplitude that was not asked for is halved
 /// until that is so.
-fn allowed(args: &IdentifyArgs, loaded: &Loaded) -> anyhow::Result<(Plan, Loaded)> {
+fn allowed(
+    args: &IdentifyArgs,
+    loaded: &Loaded,
+) -> anyhow::Result<(Plan, Loaded, FullRehearsal)> {
     let mut halved = 0;
     loop {
         let plan = Plan::of(args, loaded, halved)?;
@@ -188,12 +198,11 @@ fn allowed(args: &IdentifyArgs, loaded: &Loaded) -> anyhow::Result<(Plan, Loaded
         let full = FullRehearsal::of(&driven).map_err(refused)?;
         let possible = full.is_possible();
         if possible || args.amplitude.is_some() || halved == MOST_HALVED {
-            let diagnostics = driven.diagnose(full.findings);
             if !possible {
+                let diagnostics = driven.diagnose(full.findings);
                 return Err(refused(ConfigError::Invalid(diagnostics)));
             }
-            warn(&diagnostics);
-            return Ok((plan, driven));
+            return Ok((plan, driven, full));
         }
         halved += 1;
     }
@@ -205,7 +214,7 @@ const MOST_HALVED: i32 = 6;
 /// Runs the motion into a folder; returns how it ended, and the exit code for that.
 fn carry_out(
     args: &IdentifyArgs,
-    test: Prepared,
+    test: Judged,
     facts: &Facts,
 ) -> anyhow::Result<(Finished, Exit)> {
     let signals = Signals::listen().context("signals cannot be taken over")?;
