@@ -204,11 +204,14 @@ const ALLOWED: &[(&str, &[&str])] = &[
     (
         "session",
         &[
+            "compensation",
             "config",
             "control",
             "engine",
             "geometry",
+            "identify",
             "integrate",
+            "law",
             "metrics",
             "model",
             "motion",
@@ -216,10 +219,10 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "report",
             "rt",
             "setup",
+            "specimen",
             "stability",
             "substructure",
             "time",
-            // The same counter gives noise and draws.
             "transfer",
             "work",
             "units",
