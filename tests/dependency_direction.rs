@@ -27,7 +27,10 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("motion", &["metrics"]),
     ("spectral", &[]),
     ("integrate", &["linalg", "model"]),
-    ("benchmark", &["compensation", "metrics", "transfer"]),
+    (
+        "benchmark",
+        &["compensation", "metrics", "motion", "transfer"],
+    ),
     ("identify", &["motion", "units"]),
     ("compensation", &[]),
     // Every proof and verdict.
@@ -208,6 +211,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "config",
             "control",
             "engine",
+            "frontier",
             "geometry",
             "identify",
             "integrate",

@@ -23,6 +23,7 @@ mod derived;
 mod desk;
 mod energetics;
 pub mod fitness;
+pub mod frontier;
 pub mod identification;
 mod guarded;
 pub mod integration;
