@@ -23,8 +23,7 @@ pub fn tabulate(certificate: &Certificate, table: &mut Table) {
         ),
     );
     let varied = if certificate.varied.is_empty() {
-        "nothing: no noise, no `[[uncertainty]]`, no standard deviation in `identified`"
-            .to_owned()
+        "nothing: no noise, no `[[uncertainty]]`, no standard deviation in `identified`".to_owned()
     } else {
         certificate.varied.join(",\n")
     };
@@ -37,7 +36,10 @@ pub fn tabulate(certificate: &Certificate, table: &mut Table) {
         };
         table.row(about, &format!("{word}: {text}"));
     }
-    let against = certificate.lines.iter().filter(|line| line.go == Some(false));
+    let against = certificate
+        .lines
+        .iter()
+        .filter(|line| line.go == Some(false));
     let against: Vec<&str> = against.map(|line| line.about.as_str()).collect();
     let verdict = match (against.is_empty(), certificate.missing.is_empty()) {
         (true, true) => "GO".to_owned(),
@@ -58,7 +60,8 @@ pub fn as_json(certificate: &Certificate) -> Value {
     let axes = axes.map_or(0, |one| one.errors.tracking.len());
     let tracking = (0..axes).map(|axis| {
         band(
-            certificate.trials
+            certificate
+                .trials
                 .band(|one| one.errors.tracking.get(axis).copied()),
         )
     });

@@ -179,11 +179,7 @@ pub fn identify(args: &IdentifyArgs) -> anyhow::Result<Exit> {
 }
 
 /// Runs the motion into a folder; returns how it ended, and the exit code for that.
-fn carry_out(
-    args: &IdentifyArgs,
-    test: Judged,
-    facts: &Facts,
-) -> anyhow::Result<(Finished, Exit)> {
+fn carry_out(args: &IdentifyArgs, test: Judged, facts: &Facts) -> anyhow::Result<(Finished, Exit)> {
     let signals = Signals::listen().context("signals cannot be taken over")?;
     let folder = conduct::folder(args.test_run.out.as_deref(), &facts.title)?;
     let line = ProgressLine::new(facts, !args.quiet);

@@ -17,7 +17,7 @@ use crate::config::{self, ConfigError, Loaded};
 use crate::record::Progress;
 use crate::report::told;
 use crate::session::{
-    self, integration, Allowed, Finished, Judged, Page, ReplayError, ResumeError, Signals, Watches,
+    self, Allowed, Finished, Judged, Page, ReplayError, ResumeError, Signals, Watches, integration,
 };
 use crate::setup::{self, Facts, Prepared};
 use crate::stability::RecordedVerdict;

@@ -10,9 +10,7 @@ use serde_json::{Value, json};
 use super::table::Table;
 use crate::record::{atomic, make_free};
 use crate::spectral::delay::{DelayError, DiscreteLimit};
-use crate::stability::{
-    CriticalDelays, DelayBound, Diagram, INERTIA, ModeFacts, Spectrum,
-};
+use crate::stability::{CriticalDelays, DelayBound, Diagram, INERTIA, ModeFacts, Spectrum};
 use crate::units::{duration, number, quantity};
 use crate::verify::{Figure, Scale, Series};
 
@@ -74,7 +72,10 @@ pub(super) fn tabulate(spectrum: &Spectrum, table: &mut Table) {
     let count = spectrum.modes.len();
     let (listed, last) = match count {
         0..=LISTED => (count, None),
-        _ => (LISTED - 1, spectrum.modes.last().filter(|_| spectrum.complete)),
+        _ => (
+            LISTED - 1,
+            spectrum.modes.last().filter(|_| spectrum.complete),
+        ),
     };
     let listed = if spectrum.complete {
         listed
@@ -97,7 +98,7 @@ pub(super) fn tabulate(spectrum: &Spectrum, table: &mut Table) {
 pub(super) fn describe(spectrum: &Spectrum, table: &mut Table) {
     const NO_DAMPING: &str =
         "none that is stable: without damping every delay lets the response grow";
-        let vanishes = |tau: f64| spectrum.vanishes(tau);
+    let vanishes = |tau: f64| spectrum.vanishes(tau);
     for delay in &spectrum.delays {
         if let Some(why) = delay.at_once() {
             table.row(
@@ -173,7 +174,11 @@ fn limit_of(spectrum: &Spectrum, delay: &CriticalDelays) -> String {
     let bounds = delay.bounds();
     let text = bounds.in_words(|_, tau| match spectrum.vanishes(tau) {
         true => "0".to_owned(),
-        false => format!("{} ({} steps)", quantity(tau, "s"), number(tau / spectrum.dt)),
+        false => format!(
+            "{} ({} steps)",
+            quantity(tau, "s"),
+            number(tau / spectrum.dt)
+        ),
     });
     match bounds.smallest() {
         Some((_, DelayBound::Below(tau))) if spectrum.vanishes(*tau) => {

@@ -1,5 +1,6 @@
 //! The largest model that keeps its deadlines at a rate: each size runs in the loop of a test on this machine.
 
+use std::fmt;
 use std::path::PathBuf;
 
 use thiserror::Error;
@@ -49,6 +50,14 @@ pub struct Trials<'a> {
     pub signals: &'a Signals,
     /// Receives a line about each trial.
     pub told: &'a dyn Fn(&str),
+}
+
+impl fmt::Debug for Trials<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut all = f.debug_struct("Trials");
+        all.field("model", &self.model).field("proof", &self.proof);
+        all.finish_non_exhaustive()
+    }
 }
 
 impl Trials<'_> {

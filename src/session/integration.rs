@@ -49,7 +49,9 @@ pub fn in_full(facts: &Facts, structure: &StructureFacts) -> Vec<(&'static str, 
     );
     let governing = choice.governing.as_ref();
     let governing = governing.map(|governing| ("governed by", governing.to_string()));
-    std::iter::once(("stability", text)).chain(governing).collect()
+    std::iter::once(("stability", text))
+        .chain(governing)
+        .collect()
 }
 
 /// The stability where no limit of λ is known.

@@ -160,11 +160,7 @@ impl Spectrum {
             growth,
         )];
         if let Ok(Some(found)) = &delay.continuous {
-            series.push(Curve::dots(
-                "continuous time",
-                vec![found.delay],
-                vec![0.0],
-            ));
+            series.push(Curve::dots("continuous time", vec![found.delay], vec![0.0]));
         }
         if let Some(Ok(DiscreteLimit::At(tau))) = &delay.discrete {
             series.push(Curve::dots("recursion", vec![*tau], vec![0.0]));

@@ -5,8 +5,8 @@ use super::super::table::Table;
 use super::{Checked, needs};
 use crate::config::{ClockChoice, Loaded};
 use crate::motion::{Quantity, RecordFacts, STANDARD_GRAVITY, Signal};
-use crate::session::rehearsal::{Curtain, FullRehearsal, Need};
 use crate::session::integration;
+use crate::session::rehearsal::{Curtain, FullRehearsal, Need};
 use crate::setup::{Facts, StructureFacts};
 use crate::units::{duration, number, quantity, rate};
 

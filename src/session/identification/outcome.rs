@@ -4,8 +4,8 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::plan::{Driven, Plan, gear};
 use super::IdentificationError as Error;
+use super::plan::{Driven, Plan, gear};
 use crate::config::Loaded;
 use crate::engine::Phase;
 use crate::identify::{Felt, Identification, IdentifyError, Record, felt, identify};

@@ -1,7 +1,7 @@
 //! Which axes are driven, how, how far, and when: judged before anything moves.
 
-use super::amplitude::{amplitude, rounded_down};
 use super::super::rehearsal::FullRehearsal;
+use super::amplitude::{amplitude, rounded_down};
 use super::{IdentificationError, Request, refusal};
 use crate::config::{Drive, Loaded, SpecimenTable, TestFile, nearest};
 use crate::identify::{Band, Course, Shape};

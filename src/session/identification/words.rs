@@ -53,10 +53,7 @@ pub fn parameters(fit: &Fit) -> String {
 
 /// What the specimen is, in lines.
 #[must_use]
-pub fn of_specimen(
-    specimen: &SpecimenFit,
-    to_structure: (f64, f64),
-) -> Vec<(String, String)> {
+pub fn of_specimen(specimen: &SpecimenFit, to_structure: (f64, f64)) -> Vec<(String, String)> {
     let scaled = |estimate: Estimate, by: f64| Estimate {
         value: estimate.value * by,
         std: estimate.std * by,
