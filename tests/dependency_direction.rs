@@ -27,7 +27,10 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("motion", &["metrics"]),
     ("spectral", &[]),
     ("integrate", &["linalg", "model"]),
-    ("benchmark", &["compensation", "metrics", "transfer"]),
+    (
+        "benchmark",
+        &["compensation", "metrics", "motion", "transfer"],
+    ),
     ("identify", &["motion", "units"]),
     ("compensation", &[]),
     // Every proof and verdict.
@@ -204,9 +207,15 @@ const ALLOWED: &[(&str, &[&str])] = &[
     (
         "session",
         &[
+            "compensation",
             "config",
             "control",
             "engine",
+            "frontier",
+            "geometry",
+            "identify",
+            "integrate",
+            "law",
             "metrics",
             "model",
             "motion",
@@ -214,10 +223,10 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "report",
             "rt",
             "setup",
+            "specimen",
             "stability",
             "substructure",
             "time",
-            // The same counter gives noise and draws.
             "transfer",
             "work",
             "units",

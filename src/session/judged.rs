@@ -1,7 +1,7 @@
 //! A test with its verdict: what every command that moves a specimen obeys before anything connects.
 
 use super::rehearsal::FullRehearsal;
-use crate::config::{ConfigError, Loaded};
+use crate::config::ConfigError;
 use crate::control::limits::DIVERGENCE_M;
 use crate::setup::{self, Prepared};
 use crate::stability::Kind;
@@ -62,33 +62,39 @@ impl Judged {
         judged
     }
 
-    /// Adds the findings of a rehearsal.
+    /// Rehearses the test and adds the findings.
     ///
     /// # Errors
     /// The rehearsal cannot be built.
-    pub fn rehearsed(mut self) -> Result<Self, ConfigError> {
-        let Some(loaded) = self.test.loaded.clone() else {
-            return Ok(self);
-        };
-        if self.test.facts.specimens.is_empty() {
-            return Ok(self);
+    pub fn rehearsed(self) -> Result<Self, ConfigError> {
+        match &self.test.loaded {
+            Some(loaded) if !self.test.facts.specimens.is_empty() => {
+                let full = FullRehearsal::of(loaded)?;
+                Ok(self.with(full))
+            }
+            _ => Ok(self),
         }
-        let full = FullRehearsal::of(&loaded)?;
+    }
+
+    /// Adds the findings of a rehearsal of this test.
+    #[must_use]
+    pub fn with(mut self, full: FullRehearsal) -> Self {
         let found = full.findings.iter().map(|found| (Kind::Rehearsal, found));
         let unknown = full.unknown.iter().map(|found| (Kind::Unknown, found));
         for (kind, finding) in found.chain(unknown) {
             self.test.facts.warnings.push(finding.headline.clone());
             self.verdict.add(kind, finding.clone());
         }
-        self.bound_divergence(&loaded, &full);
+        self.bound_divergence(&full);
         self.rehearsed = Some(full);
         self.write_down();
-        Ok(self)
+        self
     }
 
     /// Bounds the response of a test that moves a specimen behind a link by its rehearsal, unless its file gives a bound.
-    fn bound_divergence(&mut self, loaded: &Loaded, full: &FullRehearsal) {
-        let given = loaded.file.safety.divergence_m.is_some();
+    fn bound_divergence(&mut self, full: &FullRehearsal) {
+        let file = self.test.loaded.as_ref().map(|loaded| &loaded.file);
+        let given = file.is_none_or(|file| file.safety.divergence_m.is_some());
         let trusted = self.verdict.behind_link
             && !self.verdict.is_unstable()
             && full.is_complete()

@@ -416,6 +416,12 @@ impl Analysis {
         }
     }
 
+    /// Degrees of freedom.
+    #[must_use]
+    pub fn dofs(&self) -> usize {
+        self.mass.n()
+    }
+
     /// ½ xᵀ K x in J, K the tangent stiffness of the structure and its specimens at rest.
     #[must_use]
     pub fn strain_energy(&self, disp: &[f64]) -> f64 {

@@ -17,12 +17,14 @@ mod bound;
 mod case;
 mod criterion;
 mod critical;
+mod curves;
 mod following;
 mod integration;
 mod lambda;
 mod online;
 mod recorded;
 mod roots;
+mod spectrum;
 mod state;
 mod tables;
 mod together;
@@ -37,9 +39,11 @@ pub use criterion::{
     StabilityProof,
 };
 pub use critical::CriticalDelay;
+pub use curves::{Curve, Diagram};
 pub use following::Following;
 pub use integration::{Stability, grows, is_stable};
 pub use lambda::{Advice, Proven, Request, SpecimenShare, lambda_path};
 pub use online::{LambdaLimit, OnlineLimit};
 pub use recorded::{Kind, Outcome, RecordedFinding, RecordedVerdict};
+pub use spectrum::{CriticalDelays, Spectrum};
 pub use verdict::{Judgement, Verdict};

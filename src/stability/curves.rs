@@ -1,31 +1,55 @@
-//! The curves of `gusset check --plot`: errors over Ω with the modes on them, growth over the delay of a specimen.
+//! Curves of a test at its Δt and λ: errors over Ω with the modes on them, and growth over the delay of a specimen.
 
-use std::path::Path;
-
-use anyhow::Context;
-
-use super::{Delay, Spectrum};
-use crate::record::make_free;
+use super::analysis::ModeFacts;
+use super::spectrum::{CriticalDelays, Spectrum};
 use crate::spectral::delay::{DiscreteLimit, recursion};
 use crate::spectral::{Apparent, Locus, spectral_radius};
-use crate::stability::ModeFacts;
-use crate::verify::{Figure, Scale, Series};
 
-impl Spectrum {
-    /// Writes the curves into a new folder: errors over Ω with the modes on them, spectral radius over delay.
-    pub(in crate::cli) fn plot(&self, folder: &Path) -> anyhow::Result<()> {
-        make_free(folder).context("--plot")?;
-        for (name, figure) in self.figures() {
-            for (ending, text) in [("svg", figure.svg(false)), ("csv", figure.csv())] {
-                let path = folder.join(format!("{name}.{ending}"));
-                crate::record::atomic::write(&path, text.as_bytes())
-                    .with_context(|| path.display().to_string())?;
-            }
-        }
-        Ok(())
+/// One curve, or the dots on it.
+#[derive(Debug)]
+pub struct Curve {
+    /// What it is.
+    pub label: String,
+    /// Across.
+    pub x: Vec<f64>,
+    /// Up; not a number where there is none.
+    pub y: Vec<f64>,
+    /// Dots instead of a line.
+    pub dots: bool,
+}
+
+/// Curves with common axes.
+#[derive(Debug)]
+pub struct Diagram {
+    /// Short name, for a file.
+    pub name: String,
+    /// Title.
+    pub title: &'static str,
+    /// Quantity and unit across.
+    pub across: (&'static str, &'static str),
+    /// Quantity and unit up.
+    pub up: (&'static str, &'static str),
+    /// The curves.
+    pub curves: Vec<Curve>,
+}
+
+impl Curve {
+    fn line(label: String, x: Vec<f64>, y: Vec<f64>) -> Self {
+        let dots = false;
+        Self { label, x, y, dots }
     }
 
-    fn figures(&self) -> Vec<(String, Figure)> {
+    fn dots(label: &str, x: Vec<f64>, y: Vec<f64>) -> Self {
+        let (label, dots) = (label.to_owned(), true);
+        Self { label, x, y, dots }
+    }
+}
+
+impl Spectrum {
+    /// Errors over Ω with the modes on them, and the spectral radius over the delay of each specimen. Empty for a method outside
+    /// the family.
+    #[must_use]
+    pub fn diagrams(&self) -> Vec<Diagram> {
         let Some(lambda) = self.lambda else {
             return Vec::new();
         };
@@ -57,14 +81,14 @@ impl Spectrum {
             let y = omegas
                 .iter()
                 .map(|&omega| apparent(omega).map_or(f64::NAN, |apparent| of(omega, apparent)));
-            Series::line(
+            Curve::line(
                 format!("λ = {lambda}, ξ = {ratio:.4}"),
                 omegas.clone(),
                 y.collect(),
             )
         };
         let dots = |of: &dyn Fn(&ModeFacts) -> Option<f64>| {
-            Series::dots(
+            Curve::dots(
                 "modes of this structure",
                 swinging
                     .iter()
@@ -76,49 +100,47 @@ impl Spectrum {
                     .collect(),
             )
         };
-        let figure = |title, up, series| Figure {
-            file: "",
+        let diagram = |name: &str, title, up, curves| Diagram {
+            name: name.to_owned(),
             title,
-            claim: "",
-            across: Scale::free("Ω = ω Δt", "1"),
-            up: Scale::free(up, "1"),
-            logarithmic: false,
-            square: false,
-            series,
+            across: ("Ω = ω Δt", "1"),
+            up: (up, "1"),
+            curves,
         };
         let percent = 100.0;
-        let mut figures = vec![
-            (
-                "period-error".to_owned(),
-                figure(
-                    "Period error",
-                    "T̄/T − 1 in %",
-                    vec![
-                        curve(&|omega, found| percent * (omega / found.omega - 1.0)),
-                        dots(&|mode| mode.period_error(self.dt).map(|e| percent * e)),
-                    ],
-                ),
+        let mut all = vec![
+            diagram(
+                "period-error",
+                "Period error",
+                "T̄/T − 1 in %",
+                vec![
+                    curve(&|omega, found| percent * (omega / found.omega - 1.0)),
+                    dots(&|mode| mode.period_error(self.dt).map(|e| percent * e)),
+                ],
             ),
-            (
-                "damping-error".to_owned(),
-                figure(
-                    "Damping error",
-                    "apparent − true damping in % of critical",
-                    vec![
-                        curve(&|_, found| percent * (found.ratio - ratio)),
-                        dots(&|mode| mode.damping_error().map(|e| percent * e)),
-                    ],
-                ),
+            diagram(
+                "damping-error",
+                "Damping error",
+                "apparent − true damping in % of critical",
+                vec![
+                    curve(&|_, found| percent * (found.ratio - ratio)),
+                    dots(&|mode| mode.damping_error().map(|e| percent * e)),
+                ],
             ),
         ];
-        for (index, delay) in self.delays.iter().enumerate() {
-            figures.push((format!("delay-{}", index + 1), self.growth(delay, lambda)));
-        }
-        figures
+        let delays = self.delays.iter().enumerate();
+        all.extend(delays.map(|(index, delay)| Diagram {
+            name: format!("delay-{}", index + 1),
+            title: "Growth per step over the delay of the specimen",
+            across: ("delay", "s"),
+            up: ("spectral radius − 1", "1"),
+            curves: self.growth(delay, lambda),
+        }));
+        all
     }
 
     /// Spectral radius of the recursion over the delay, to twice the critical one.
-    fn growth(&self, delay: &Delay, lambda: f64) -> Figure {
+    fn growth(&self, delay: &CriticalDelays, lambda: f64) -> Vec<Curve> {
         let critical = match (&delay.discrete, &delay.continuous) {
             (Some(Ok(DiscreteLimit::At(tau))), _) => *tau,
             (_, Ok(Some(found))) => found.delay,
@@ -132,30 +154,17 @@ impl Spectrum {
                 .map_or(f64::NAN, |radius| radius - 1.0)
         };
         let growth = delays.iter().map(radius).collect();
-        let mut series = vec![Series::line(
+        let mut series = vec![Curve::line(
             format!("{}, λ = {lambda}", delay.specimen.name),
             delays,
             growth,
         )];
         if let Ok(Some(found)) = &delay.continuous {
-            series.push(Series::dots(
-                "continuous time",
-                vec![found.delay],
-                vec![0.0],
-            ));
+            series.push(Curve::dots("continuous time", vec![found.delay], vec![0.0]));
         }
         if let Some(Ok(DiscreteLimit::At(tau))) = &delay.discrete {
-            series.push(Series::dots("recursion", vec![*tau], vec![0.0]));
+            series.push(Curve::dots("recursion", vec![*tau], vec![0.0]));
         }
-        Figure {
-            file: "",
-            title: "Growth per step over the delay of the specimen",
-            claim: "",
-            across: Scale::free("delay", "s"),
-            up: Scale::free("spectral radius − 1", "1"),
-            logarithmic: false,
-            square: false,
-            series,
-        }
+        series
     }
 }
