@@ -193,7 +193,8 @@ impl Tap {
 
     fn count_timing(&mut self, rows_before: u64, row: &[f64]) {
         // While the specimens are led to where the test begins nobody is promised a deadline.
-        let running = self.seen.state == Phase::Running.code() || self.seen.state > 10.0;
+        let running =
+            self.seen.state == Phase::Running.code() || self.seen.state > Phase::Armed.code();
         // A count, if it is known.
         let tick = rows_before + self.seen.stretched.max(0.0) as u64;
         let subject = &self.board.subject;
