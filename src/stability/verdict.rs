@@ -239,3 +239,122 @@ fn unknown_actuators(case: &Case<'_>) -> Vec<Finding> {
     });
     unknown.collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Actuator, Analysis, AtRest, Attached, Machine, Matrices};
+    use super::*;
+    use crate::integrate::Lambda;
+    use crate::linalg::SymMatrix;
+    use crate::spectral::delay::sdof;
+    use crate::transfer::TransferSpec;
+
+    const MASS: f64 = 1000.0;
+    const DAMPING: f64 = 400.0;
+    /// Of the specimen, and of the whole.
+    const STIFFNESS: [f64; 2] = [2e5, 3e5];
+
+    fn analysis() -> Analysis {
+        let one = |value: f64| SymMatrix::diagonal(&[value]);
+        let matrices = Matrices {
+            mass: one(MASS),
+            at_rest: AtRest {
+                stiffness: one(STIFFNESS[1]),
+                damping: one(DAMPING),
+            },
+            stiffness: one(STIFFNESS[1]),
+            damping: one(DAMPING),
+        };
+        let specimen = Attached {
+            name: "it".to_owned(),
+            rows: vec![vec![(0, 1.0)]],
+            stiffness: vec![vec![STIFFNESS[0]]],
+            stiffness_at_rest: vec![vec![STIFFNESS[0]]],
+            damping: vec![vec![0.0]],
+            damping_at_rest: vec![vec![0.0]],
+            mass_in_force: 0.0,
+            ticks: Vec::new(),
+        };
+        let step = Some((1e-3, Lambda::Finite(4.0)));
+        Analysis::new(matrices, vec![specimen], step, None).unwrap()
+    }
+
+    /// A specimen behind a link with this delay, in s; none: its actuator is not known.
+    fn case(analysis: &Analysis, delay_s: Option<f64>) -> Case<'_> {
+        let transfer = |delay_s| TransferSpec {
+            delay_s,
+            ..TransferSpec::default()
+        };
+        Case {
+            real_clock: true,
+            dt: 1e-3,
+            tick: 1e-5,
+            structure: true,
+            lambda: Some(4.0),
+            analysis: Some(analysis),
+            actuators: vec![Actuator {
+                number: 0,
+                name: "it".to_owned(),
+                key: "identified",
+                transfer: delay_s.map(transfer),
+                compensation: None,
+                delay_std_s: 0.0,
+                link: Some(Machine {
+                    computed: false,
+                    forces_only: false,
+                }),
+            }],
+            doubts: &[],
+            accepts: Accepts::default(),
+        }
+    }
+
+    fn verdict(case: &Case<'_>) -> Verdict {
+        Verdict::of(case, &Following::of(case))
+    }
+
+    #[test]
+    fn delay_beyond_the_critical_one_forbids_a_test_behind_a_link() {
+        let analysis = analysis();
+        let omega = (STIFFNESS[1] / MASS).sqrt();
+        let ratio = DAMPING / (2.0 * MASS * omega);
+        let critical = sdof(ratio, STIFFNESS[0] / STIFFNESS[1], omega).unwrap();
+        let below = verdict(&case(&analysis, Some(0.95 * critical)));
+        assert_eq!(below.outcome(), Outcome::Clear, "{below:?}");
+        let beyond = verdict(&case(&analysis, Some(1.05 * critical)));
+        assert_eq!(beyond.outcome(), Outcome::Refused);
+        assert!(beyond.is_unstable());
+        let found = &beyond.findings[0].finding;
+        assert_eq!(found.path.to_string(), "specimen[0].identified");
+        let number = |name: &str| found.numbers.iter().find(|one| one.0 == name).unwrap().1;
+        assert!((number("critical_delay_s") / critical - 1.0).abs() < 1e-6);
+        assert_eq!(number("unstable_roots"), 2.0);
+        // The same test moves nothing on the simulated clock, and runs where the user accepts it.
+        let simulated = Case {
+            real_clock: false,
+            ..case(&analysis, Some(1.05 * critical))
+        };
+        assert_eq!(verdict(&simulated).outcome(), Outcome::Simulated);
+        let accepted = Case {
+            accepts: Accepts {
+                unstable: Some("a study".to_owned()),
+                trip: None,
+            },
+            ..case(&analysis, Some(1.05 * critical))
+        };
+        assert_eq!(verdict(&accepted).outcome(), Outcome::Accepted);
+    }
+
+    #[test]
+    fn unknown_actuator_behind_a_link_is_a_warning() {
+        let analysis = analysis();
+        let found = verdict(&case(&analysis, None));
+        assert_eq!(found.outcome(), Outcome::Clear);
+        let kinds: Vec<Kind> = found.findings.iter().map(|one| one.kind).collect();
+        assert_eq!(kinds, [Kind::Unknown]);
+        assert_eq!(
+            found.findings[0].finding.path.to_string(),
+            "specimen[0].link"
+        );
+    }
+}
