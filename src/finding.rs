@@ -20,10 +20,10 @@ pub enum Segment {
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct KeyPath(Vec<Segment>);
 
-/// Why a text is not a dotted path, and which of its bytes say so.
+/// Why a text is not a dotted path, and the bytes of the mistake.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct PathError {
-    /// What is wrong.
+    /// The mistake in words.
     pub message: &'static str,
     /// Where in the text.
     pub span: Range<usize>,
@@ -194,7 +194,7 @@ pub struct Finding {
     pub headline: String,
     /// A few words under the caret.
     pub label: String,
-    /// What is allowed, and what to do.
+    /// Allowed values and advice.
     pub help: Vec<String>,
     /// A second place that the mistake is about, with a few words.
     pub beside: Option<(KeyPath, String)>,
@@ -225,21 +225,21 @@ impl Finding {
         }
     }
 
-    /// The same, pointing at the key.
+    /// Points at the key.
     #[must_use]
     pub fn at_key(mut self) -> Self {
         self.part = Part::Key;
         self
     }
 
-    /// The same, with words under the caret.
+    /// Sets the words under the caret.
     #[must_use]
     pub fn label(mut self, label: impl Into<String>) -> Self {
         self.label = label.into();
         self
     }
 
-    /// The same, with one more line of help.
+    /// Adds a line of help.
     #[must_use]
     pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help.push(help.into());
@@ -253,7 +253,7 @@ impl Finding {
         self
     }
 
-    /// The same, showing a second place.
+    /// Shows a second place.
     #[must_use]
     pub fn beside(mut self, path: KeyPath, label: impl Into<String>) -> Self {
         self.beside = Some((path, label.into()));

@@ -5,7 +5,7 @@ use super::{
 };
 use crate::compensation::{CompensationError, CompensationSpec, ModelInverseSpec};
 
-/// Controllers of the table, with what they are tuned to on this plant (lag 24 ms).
+/// Controllers of the table, tuned to this plant (lag 24 ms).
 const CONTROLLERS: [(&str, &str); 11] = [
     ("none", "none = {}"),
     (
@@ -49,9 +49,9 @@ pub struct Line {
     pub controller: String,
     /// How the two sides are joined.
     pub wiring: Wiring,
-    /// Of the nominal plant, or the mean of the drawn ones.
+    /// Criteria of the nominal plant, or the mean over the drawn plants.
     pub criteria: Criteria,
-    /// The largest of each.
+    /// The largest value of each criterion.
     pub worst: Criteria,
     /// Ticks at the limit of force.
     pub saturated: usize,
@@ -162,7 +162,7 @@ fn mean_and_worst(all: &[Criteria]) -> (Criteria, Criteria) {
             };
         }
         criteria.delay_ms += one.delay_ms / count;
-        // A lead is as bad as a lag; one that cannot be told is the worst.
+        // A lead is as bad as a lag. An unknown delay is the worst.
         if one.delay_ms.is_nan() || one.delay_ms.abs() > worst.delay_ms.abs() {
             worst.delay_ms = one.delay_ms;
         }

@@ -14,11 +14,11 @@ use crate::time::Ratio;
 
 /// Share of the deadlines that a model must keep.
 pub const WANTED: f64 = 0.9999;
-/// The least and the most degrees of freedom that are tried; 1 kB each while a model is made.
+/// The largest number of degrees of freedom that is tried. A model takes 1 kB each while it is made.
 const MOST: usize = 4_000_000;
 /// Size to begin with at the highest rate, before anything is known.
 const BEGIN: usize = 1000;
-/// A trial that only looks takes this long, in s, and has so many ticks at least.
+/// Duration of a short trial in s, and its least number of ticks.
 const LOOK_S: f64 = 0.5;
 const LOOK_TICKS: u64 = 200;
 
@@ -40,7 +40,7 @@ pub enum FrontierError {
 pub struct Trials<'a> {
     /// The model.
     pub model: Scalable,
-    /// What is requested of the machine.
+    /// Requested real-time settings.
     pub timing: TimingSpec,
     /// Ticks that judge a size.
     pub proof: u64,

@@ -4,8 +4,8 @@ use super::{Refused, Site, StructureFacts, path};
 use crate::config::Finding;
 use crate::control::Port;
 
-/// The specimens with their tables, as far as their lag is estimated; why there are none stands in the facts of the structure, and is
-/// refused where the test asks for them.
+/// Gives the tables to each port whose lag is estimated. Without tables, the facts of the structure keep the reason. A test that
+/// needs them is then refused.
 pub(super) fn watched(
     site: &mut Site<'_>,
     structure: Option<&mut StructureFacts>,

@@ -79,8 +79,8 @@ pub(super) fn choose(
             site.refuse(Finding::error(at, error.to_string()))
         }
         Err(error) => {
-            // What no λ can mend is no matter of λ. A direction that the smallest share of K0 leaves without effective
-            // mass is without it for every smaller λ too.
+            // Where no λ helps, the structure is at fault. A direction that the smallest share of K0 leaves without effective
+            // mass lacks it for every smaller λ too.
             let lambda = Lambda::Finite(ACCURATE_LAMBDA);
             let (mass, start) = (structure.mass(), Start::Published);
             let (damping, stiffness) = (initial.damping, initial.stiffness);
@@ -128,7 +128,7 @@ pub(super) fn of_alpha(
     method: Method,
     initial: &Initial<'_>,
 ) -> Stability {
-    // What was built with its links has been judged.
+    // A trial is judged already: with its links.
     if site.trial.is_some() {
         return Stability::NoProof;
     }

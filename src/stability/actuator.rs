@@ -26,7 +26,7 @@ pub struct Actuator {
     pub link: Option<Machine>,
 }
 
-/// What is known of the program behind a link.
+/// The program behind a link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Machine {
     /// The specimen is computed: there is no actuator.
@@ -64,7 +64,7 @@ impl Actuator {
     }
 }
 
-/// An actuator, and what makes up for it.
+/// An actuator with its compensation.
 #[derive(Debug, Clone, Copy)]
 pub struct Follows<'a> {
     pub transfer: &'a TransferSpec,
@@ -74,7 +74,7 @@ pub struct Follows<'a> {
 }
 
 impl Follows<'_> {
-    /// H at ω in rad/s for one axis of a system; none of what adapts or feeds back.
+    /// H at ω in rad/s for one axis of a system; none for a compensation that adapts or feeds back.
     pub fn at(&self, omega: f64, system: &Delayed, axis: usize) -> Option<Complex<f64>> {
         let lead = match self.compensation {
             None => Complex::new(1.0, 0.0),
@@ -90,7 +90,7 @@ impl Follows<'_> {
         self.transfer.lag_to_ticks(omega, k, c, self.tick)
     }
 
-    /// What is left of the lag of an axis at ω in rad/s, s.
+    /// The remaining lag of an axis at ω in rad/s, s.
     pub fn left(&self, omega: f64, system: &Delayed, axis: usize) -> Option<f64> {
         self.at(omega, system, axis).map(|h| -h.arg() / omega)
     }

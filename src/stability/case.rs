@@ -5,7 +5,7 @@ use super::analysis::Analysis;
 use super::recorded::Kind;
 use crate::finding::Finding;
 
-/// What the verdict of a test follows from.
+/// The input of a verdict.
 #[derive(Debug, Clone)]
 pub struct Case<'a> {
     /// Whether the test runs on the real clock.

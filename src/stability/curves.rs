@@ -8,11 +8,11 @@ use crate::spectral::{Apparent, Locus, spectral_radius};
 /// One curve, or the dots on it.
 #[derive(Debug)]
 pub struct Curve {
-    /// What it is.
+    /// Its label.
     pub label: String,
     /// Across.
     pub x: Vec<f64>,
-    /// Up; not a number where there is none.
+    /// Up; NaN where the curve has no value.
     pub y: Vec<f64>,
     /// Dots instead of a line.
     pub dots: bool,

@@ -4,7 +4,7 @@ use super::analysis::Analysis;
 use super::bound::growing;
 use super::criterion::LambdaChoice;
 
-/// What is known of the stability of an integration with every tangent up to its declared bound.
+/// The stability of an integration with every tangent up to its declared bound.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Stability {
     /// λ, its limit and what governs it.
@@ -15,13 +15,23 @@ pub enum Stability {
     NoBound,
     /// No proof is made for this method.
     NoProof,
-    /// Nor for this one; but this is its spectral radius where every tangent is at its declared bound.
+    /// No proof is made for this method. This is its spectral radius where every tangent is at its declared bound.
     AtBounds(f64),
 }
 
 impl Stability {
     /// Growth in a step that is no roundoff: where three poles meet they carry its cube root.
     const GROWTH: f64 = 1e-5;
+
+    /// The largest λ that is stable: infinite if every λ is, 0 if none is; none if it is not known.
+    #[must_use]
+    pub fn lambda_limit(&self) -> Option<f64> {
+        match self {
+            Self::Limit(choice) => Some(choice.limit.unwrap_or(f64::INFINITY)),
+            Self::NoLambda(_) => Some(0.0),
+            Self::NoBound | Self::NoProof | Self::AtBounds(_) => None,
+        }
+    }
 
     /// True if the recursion is known to grow at the declared bounds, for a method without a proof.
     #[must_use]
@@ -30,7 +40,7 @@ impl Stability {
     }
 }
 
-/// What grows in continuous time whatever λ is, in words, if anything does.
+/// The growth in continuous time, which no λ changes, in words; none if nothing grows.
 #[must_use]
 pub fn grows(analysis: Option<&Analysis>) -> Option<String> {
     let growth = analysis?.growth()?;

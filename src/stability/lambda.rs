@@ -1,4 +1,4 @@
-//! λ of a test, chosen or requested, with what is proven of it.
+//! λ of a test, chosen or requested, and the proof of its stability.
 
 use super::analysis::Attached;
 use super::criterion::{LambdaChoice, Parts, StabilityError, StabilityProof};
@@ -13,14 +13,14 @@ use crate::model::Part;
 /// Degrees of freedom up to which the limit of λ is found again and again while a test runs: milliseconds each time.
 const MOST_ONLINE: usize = 200;
 
-/// λ and what is known of its stability.
+/// λ and the proof of its stability.
 #[derive(Debug)]
 pub struct Proven {
     /// λ to use.
     pub lambda: Lambda,
     /// Whether it was requested by number.
     pub by_number: bool,
-    /// What is proven.
+    /// The proof.
     pub stability: Stability,
     /// Gain bound g.
     pub gain: f64,
@@ -34,7 +34,7 @@ pub struct Proven {
     pub doubt: Option<(Kind, Finding)>,
 }
 
-/// What the user requests.
+/// The request of the user.
 #[derive(Debug, Clone, Copy)]
 pub struct Request {
     /// λ; none: chosen automatically.
@@ -52,7 +52,7 @@ pub struct SpecimenShare {
     pub parts: Vec<Part>,
     /// How much of the damping of each of these axes counts in a sawtooth.
     pub sawtooths: Vec<f64>,
-    /// What of a specimen counts more than it seems.
+    /// Advice on specimens that burden the proof.
     pub advice: Advice,
 }
 
@@ -66,7 +66,7 @@ pub struct Advice {
 }
 
 impl Advice {
-    /// The finding with what of the specimens counts more than it seems.
+    /// Adds the advice to a finding.
     #[must_use]
     pub fn on(&self, mut finding: Finding) -> Finding {
         if let Some(name) = &self.overcounted {
@@ -86,7 +86,7 @@ impl Advice {
 }
 
 impl Proven {
-    /// A requested λ of which nothing is proven.
+    /// A requested λ without a proof.
     #[must_use]
     pub const fn without_bound(lambda: Lambda, gain: f64) -> Self {
         Self {

@@ -37,7 +37,7 @@ pub struct CriticalDelays {
     pub closed: Option<Result<Option<Critical>, DelayError>>,
     /// Growth at rest without any delay, 1/s.
     pub growth: Option<f64>,
-    /// The same at K0 and C0.
+    /// Growth at K0 and C0 without any delay, 1/s.
     closed_growth: Option<f64>,
 }
 

@@ -251,7 +251,7 @@ mod tests {
 
     const MASS: f64 = 1000.0;
     const DAMPING: f64 = 400.0;
-    /// Of the specimen, and of the whole.
+    /// Stiffness of the specimen, and that of the whole.
     const STIFFNESS: [f64; 2] = [2e5, 3e5];
 
     fn analysis() -> Analysis {
@@ -329,7 +329,7 @@ mod tests {
         let number = |name: &str| found.numbers.iter().find(|one| one.0 == name).unwrap().1;
         assert!((number("critical_delay_s") / critical - 1.0).abs() < 1e-6);
         assert_eq!(number("unstable_roots"), 2.0);
-        // The same test moves nothing on the simulated clock, and runs where the user accepts it.
+        // On the simulated clock nothing can break. The user may accept the finding.
         let simulated = Case {
             real_clock: false,
             ..case(&analysis, Some(1.05 * critical))

@@ -21,7 +21,7 @@ pub struct Line {
     pub go: Option<bool>,
     /// Its subject.
     pub about: String,
-    /// What was found.
+    /// The result in words.
     pub text: String,
 }
 

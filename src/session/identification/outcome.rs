@@ -22,7 +22,7 @@ const MOST_POINTS: usize = 4000;
 pub struct Axis {
     /// The axis and its motion.
     pub driven: Driven,
-    /// What it is.
+    /// The identified properties.
     pub found: Result<Identification, IdentifyError>,
     /// What every other axis of the specimen felt while it was held, by its number from 0; those that felt nothing are not
     /// there.

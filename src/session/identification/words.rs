@@ -1,4 +1,4 @@
-//! What was identified, in words.
+//! Identified properties in words.
 
 use super::outcome::Axis;
 use crate::identify::{Estimate, Felt, Fit, SpecimenFit};
@@ -51,7 +51,7 @@ pub fn parameters(fit: &Fit) -> String {
     each.collect::<Vec<_>>().join(", ")
 }
 
-/// What the specimen is, in lines.
+/// The specimen, in lines.
 #[must_use]
 pub fn of_specimen(specimen: &SpecimenFit, to_structure: (f64, f64)) -> Vec<(String, String)> {
     let scaled = |estimate: Estimate, by: f64| Estimate {

@@ -129,7 +129,7 @@ impl Specimens {
         more.filter(damped).map(|entry| entry.name.as_str()).next()
     }
 
-    /// What of the specimens counts more in a proof than it seems.
+    /// Advice on specimens that burden a proof more than they seem to.
     pub(in crate::setup) fn advice(&self) -> Advice {
         Advice {
             overcounted: self.overcounted().map(str::to_owned),
