@@ -66,7 +66,7 @@ pub(super) fn attended(
         operator: signals.operator(),
         yes,
     };
-    attendant.attend(heard, &signals.roll())?;
+    attendant.attend(heard)?;
     Ok(Control {
         requests: signals.requests(),
         notices,
