@@ -10,7 +10,9 @@ use serde_json::{Value, json};
 use super::table::Table;
 use crate::record::{atomic, make_free};
 use crate::spectral::delay::{DelayError, DiscreteLimit};
-use crate::stability::{CriticalDelays, DelayBound, Diagram, INERTIA, ModeFacts, Spectrum};
+use crate::stability::{
+    CriticalDelays, DelayBound, Diagram, INERTIA, ModeFacts, Spectrum, diagrams,
+};
 use crate::units::{duration, number, quantity};
 use crate::verify::{Figure, Scale, Series};
 
@@ -249,7 +251,7 @@ fn finite(value: f64) -> Option<f64> {
 /// Writes the curves of `check --plot` into a new folder.
 pub(super) fn plot(spectrum: &Spectrum, folder: &Path) -> anyhow::Result<()> {
     make_free(folder).context("--plot")?;
-    for diagram in spectrum.diagrams() {
+    for diagram in diagrams(spectrum) {
         let figure = figure(&diagram);
         for (ending, text) in [("svg", figure.svg(false)), ("csv", figure.csv())] {
             let path = folder.join(format!("{}.{ending}", diagram.name));

@@ -11,7 +11,7 @@ use crate::model::{ModelError, Part, Structure};
 use crate::spectral::Weights;
 use crate::stability::{
     ACCURATE_LAMBDA, GAIN_HYBRID, GAIN_NUMERICAL, Proven, Request, Stability, StabilityError,
-    StabilityProof, lambda_path,
+    StabilityProof, alpha_stability, lambda_path,
 };
 
 /// Upper bounds of the tangents.
@@ -151,7 +151,7 @@ pub(super) fn of_alpha(
         }
     };
     let proof = bounds.proof(structure, initial, specimens.late_mass(structure.dofs()));
-    let (stability, doubt) = Stability::of_alpha(&proof, weighted, &specimens.advice());
+    let (stability, doubt) = alpha_stability(&proof, weighted, &specimens.advice());
     site.doubts.extend(doubt);
     stability
 }

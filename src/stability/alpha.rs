@@ -15,44 +15,42 @@ const LARGEST: usize = 40;
 /// Differences of bound and estimate that are roundoff of their sums.
 const ROUNDOFF: f64 = 1e-9;
 
-impl Stability {
-    /// The stability of the method called `name` with these `weights`, and the finding on it, if there is one. K0, C0 and the
-    /// bounds are those of `proof`.
-    #[must_use]
-    pub fn of_alpha(
-        proof: &StabilityProof,
-        (weights, name): (Weights, &str),
-        advice: &Advice,
-    ) -> (Self, Option<(Kind, Finding)>) {
-        let covered = covers(&proof.stiffness, &proof.stiffness_bound)
-            && covers(&proof.damping, &proof.damping_bound)
-            && proof.late_mass.is_none();
-        if covered {
-            return (Self::NoProof, None);
-        }
-        let at = KeyPath::root().key("integrator").key("method");
-        let Some(radius) = radius(proof, weights) else {
-            let headline = format!(
-                "a tangent stiffness can exceed its estimate, or a force contains delayed inertia; {name} has no proof of \
-                 stability there"
-            );
-            let help = "`method = \"gui\"` has a proof at the declared bounds";
-            let finding = advice.on(Finding::error(at, headline).help(help));
-            return (Self::NoProof, Some((Kind::Unproven, finding)));
-        };
-        let found = Self::AtBounds(radius);
-        let doubt = found.grows().then(|| {
-            let headline = format!(
-                "with every tangent at its declared bound, {name} is unstable: the response grows by a factor of {radius:.6} per step"
-            );
-            let help = "use `method = \"gui\"`, which chooses a stable lambda, or a smaller step, or a larger estimate of a hardening stiffness";
-            let finding = Finding::error(at, headline)
-                .number("spectral_radius", radius)
-                .help(help);
-            (Kind::Unstable, advice.on(finding))
-        });
-        (found, doubt)
+/// The stability of the method called `name` with these `weights`, and the finding on it, if there is one. K0, C0 and the
+/// bounds are those of `proof`.
+#[must_use]
+pub fn alpha_stability(
+    proof: &StabilityProof,
+    (weights, name): (Weights, &str),
+    advice: &Advice,
+) -> (Stability, Option<(Kind, Finding)>) {
+    let covered = covers(&proof.stiffness, &proof.stiffness_bound)
+        && covers(&proof.damping, &proof.damping_bound)
+        && proof.late_mass.is_none();
+    if covered {
+        return (Stability::NoProof, None);
     }
+    let at = KeyPath::root().key("integrator").key("method");
+    let Some(radius) = radius(proof, weights) else {
+        let headline = format!(
+            "a tangent stiffness can exceed its estimate, or a force contains delayed inertia; {name} has no proof of \
+             stability there"
+        );
+        let help = "`method = \"gui\"` has a proof at the declared bounds";
+        let finding = advice.on(Finding::error(at, headline).help(help));
+        return (Stability::NoProof, Some((Kind::Unproven, finding)));
+    };
+    let found = Stability::AtBounds(radius);
+    let doubt = found.grows().then(|| {
+        let headline = format!(
+            "with every tangent at its declared bound, {name} is unstable: the response grows by a factor of {radius:.6} per step"
+        );
+        let help = "use `method = \"gui\"`, which chooses a stable lambda, or a smaller step, or a larger estimate of a hardening stiffness";
+        let finding = Finding::error(at, headline)
+            .number("spectral_radius", radius)
+            .help(help);
+        (Kind::Unstable, advice.on(finding))
+    });
+    (found, doubt)
 }
 
 /// Spectral radius of the recursion at the bounds; none if it is not known.

@@ -31,6 +31,7 @@ mod together;
 mod verdict;
 
 pub use actuator::{Actuator, Machine};
+pub use alpha::alpha_stability;
 pub use analysis::{ALL_MODES, Analysis, AtRest, Attached, DelayedMode, Loop, Matrices, ModeFacts};
 pub use bound::{DelayBound, DelayBounds, DelayCondition, INERTIA, diverging, growing};
 pub use case::{Accepts, Case};
@@ -39,7 +40,7 @@ pub use criterion::{
     StabilityProof,
 };
 pub use critical::CriticalDelay;
-pub use curves::{Curve, Diagram};
+pub use curves::{Curve, Diagram, diagrams};
 pub use following::Following;
 pub use integration::{Stability, grows, is_stable};
 pub use lambda::{Advice, Proven, Request, SpecimenShare, lambda_path};
