@@ -15,9 +15,10 @@ const MOST_HOPS: usize = 16;
 
 /// Tables whose keys have another meaning outside of them: scale factors.
 const OWN_MEANING: [&str; 1] = ["similitude"];
-/// Keys of one table that exclude each other.
-const EXCLUSIVE: [&[&str]; 2] = [
-    &["law", "laws", "coupled"],
+/// Keys of one table of which a file usually has one.
+const EXCLUSIVE: [&[&str]; 3] = [
+    &["law", "laws", "coupled", "link"],
+    &["transfer", "link"],
     &["shear_building", "matrices", "chain"],
 ];
 

@@ -12,7 +12,7 @@ use super::{Finding, Purpose};
 
 /// A key that was removed.
 struct RemovedKey {
-    /// The tables that had it, as [`KeyPath::shape`] writes them.
+    /// The tables that contained it, as [`KeyPath::shape`] writes them.
     tables: &'static [&'static str],
     key: &'static str,
     /// Its default, as TOML; none for a key without one.

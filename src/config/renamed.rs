@@ -16,7 +16,7 @@ use super::edit::put_in_table;
 
 /// A key with a new name.
 struct RenamedKey {
-    /// The tables that have it, as [`KeyPath::shape`] writes them. `*` at the beginning stands for any table above.
+    /// The tables that contain it, as [`KeyPath::shape`] writes them. `*` at the beginning means any table above.
     tables: &'static [&'static str],
     /// Old and new name: dotted paths within the table.
     from: &'static str,
@@ -196,7 +196,7 @@ pub(super) fn rename(root: &mut Node) -> Vec<Move> {
     moves
 }
 
-/// The same moves in the text of the file.
+/// Makes these moves in the text of the file.
 pub(super) fn rename_text(document: &mut dyn TableLike, moves: &[Move]) {
     for Move { key, table } in moves {
         if let Some(table) = table_at(document, table.segments()) {
@@ -241,7 +241,7 @@ pub(super) fn current(path: &KeyPath, root: Option<&Node>) -> Option<(KeyPath, M
                     (None, Segment::Index(index)) => now.index(*index),
                 };
             }
-            // A law inside a stand-in has an old name of its own.
+            // A law inside a stand-in may have an old name, too.
             let now = current(&now, root).map_or(now, |(now, _)| now);
             return Some((now, Move { key, table }));
         }

@@ -210,7 +210,7 @@ pub enum TimingSpecError {
         /// Which bound.
         key: &'static str,
     },
-    /// The same of a number of misses.
+    /// A number of misses of zero would stop every test at once.
     #[error("misses.{key}.trip is 0, wanted at least 1")]
     ZeroTrip {
         /// Which number.

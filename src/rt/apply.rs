@@ -463,7 +463,7 @@ mod tests {
         };
         let mut system = Told::new(Some(Errno::PERM), false, Some(0), Some(0));
         let granted = apply_to(&modest, &mut system);
-        assert_eq!(system.asked, ["pin", "signals", "timers"]);
+        assert_eq!(system.asked, ["pin", "signals", "timers", "stack"]);
         assert!(granted.complete);
     }
 
