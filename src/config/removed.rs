@@ -89,20 +89,6 @@ const REMOVED: &[RemovedKey] = &[
         last: "0.2.0",
         instead: "remove this key: Gusset determines the step from the noise of the sensors",
     },
-    RemovedKey {
-        tables: &["integrator"],
-        key: "lambda_of_element",
-        default: None,
-        last: "0.2.0",
-        instead: "set `lambda`, which is that of all elements",
-    },
-    RemovedKey {
-        tables: &["integrator"],
-        key: "lambda_of_mode",
-        default: None,
-        last: "0.2.0",
-        instead: "set `lambda`, which is that of all modes",
-    },
 ];
 
 impl RemovedKey {
