@@ -21,7 +21,7 @@ fn old(home: &Path, name: &str) -> PathBuf {
 
 fn on(command: &str, run: &Path, more: &[&str]) -> Said {
     let run = run.to_str().unwrap();
-    say([&[command, run], more].concat())
+    say([&[command, run][..], more].concat())
 }
 
 #[test]
@@ -36,7 +36,7 @@ fn old_run_folders_are_reported_exported_and_listed() {
         for further in [&[][..], &["--with", "absolute-acceleration,storey-drift"]] {
             let out = home.path().join(format!("{name}-{}.csv", further.len()));
             let format = ["--format", "csv", "--out", out.to_str().unwrap()];
-            let said = on("export", &run, &[&format, further].concat());
+            let said = on("export", &run, &[&format[..], further].concat());
             assert_eq!(said.code, Some(0), "{name} {further:?}: {}", said.stderr);
             let lines = std::fs::read_to_string(&out).unwrap().lines().count();
             assert!(lines > 20, "{name}: {lines} lines");
@@ -63,10 +63,7 @@ fn a_removed_key_at_another_value_refuses_the_replay_and_names_the_version() {
     let home = tempfile::tempdir().unwrap();
     let run = old(home.path(), "keys");
     let resume = ["--resume", run.to_str().unwrap()];
-    for said in [
-        on("replay", &run, &[]),
-        say([&["run"], &resume[..]].concat()),
-    ] {
+    for said in [on("replay", &run, &[]), say(["run", resume[0], resume[1]])] {
         assert_ne!(said.code, Some(0), "{}", said.stdout);
         for (key, last) in [
             ("timing.catch_up_remote", "0.1.0"),
