@@ -209,20 +209,9 @@ fn capacity_json(used: &[Used]) -> Value {
 }
 
 fn line(need: &Need) -> String {
-    let unit = match need.quantity.unit() {
-        "m/s2" => "m/s²",
-        unit => unit,
-    };
-    let is_range = matches!(
-        need.quantity,
-        Limit::CommandDisp
-            | Limit::MeasuredDisp
-            | Limit::SensorDisp
-            | Limit::MeasuredForce
-            | Limit::SensorForce
-    );
+    let unit = need.quantity.shown_unit();
     let value = |value: f64| quantity(value, unit);
-    let needed = if is_range {
+    let needed = if need.quantity.is_range() {
         format!("{} to {}", value(need.needed.low), value(need.needed.high))
     } else {
         format!("up to {}", value(need.needed.high))
