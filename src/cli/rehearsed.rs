@@ -3,7 +3,6 @@
 use serde_json::{Value, json};
 
 use super::table::Table;
-use crate::catalog::limit::Limit;
 use crate::control::Poses;
 use crate::session::rehearsal::{Curtain, FullRehearsal, Held, Need, Rehearsal, StandIn, Used};
 use crate::units::{duration, quantity};

@@ -7,7 +7,7 @@ use gusset::catalog::phase::{Phase, STATES};
 /// A column: name with placeholders, unit, meaning, origin.
 pub type ColumnRow = [&'static str; 4];
 
-/// Columns of a test. `N` is a DOF, `S` a specimen, `A` an axis and `C` a coordinate, each from 1; `NAME` is a parameter or a limit.
+/// Columns of a test. `N` is a DOF, `S` a specimen, `A` an axis and `C` a coordinate, each from 1; `NAME` is a parameter.
 pub const TEST_COLUMNS: &[ColumnRow] = &[
     ["step", "1", "integration step, 0 at t = 0", "loop"],
     ["sub_tick", "1", "tick within the step, from 0", "loop"],
