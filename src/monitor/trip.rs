@@ -176,8 +176,7 @@ fn test_words(key: &str, value: f64, bound: f64, worst: Option<(u32, u32)>) -> S
     if key == ON_MISS {
         return late_words(value, bound);
     }
-    let mut all = Limit::OF_TEST.into_iter();
-    match all.find(|quantity| quantity.key() == key) {
+    match Limit::of_key(key) {
         Some(quantity) => TestHit {
             quantity,
             value,

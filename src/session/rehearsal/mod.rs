@@ -231,7 +231,7 @@ fn name_stand_ins(specimens: &mut [Needs], loaded: &Loaded) {
         needs.capacity = table.capacity;
         if needs.stand_in == StandIn::Nothing {
             for axis in &mut needs.axes {
-                axis.retain(|need| !is_of_force(need.quantity));
+                axis.retain(|need| !need.quantity.is_of_force());
             }
         }
     }
@@ -362,13 +362,6 @@ fn carry_out_with(
         wall_s: os::monotonic_ns().saturating_sub(began) as f64 * 1e-9,
         tick_s: None,
     }
-}
-
-const fn is_of_force(quantity: Limit) -> bool {
-    matches!(
-        quantity,
-        Limit::MeasuredForce | Limit::SensorForce | Limit::ForceStep
-    )
 }
 
 /// The needs of one axis beside its limits. The readings of sensors are shown only where they are limited by themselves.
