@@ -86,7 +86,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     if !args.quiet {
         conclude(&facts, &finished, report.ok().as_ref());
     }
-    let exit = conduct::exit_of(finished.finish, signals.seen());
+    let exit = finished.exit(signals.seen());
     conduct::end(&finished, exit, !args.quiet)
 }
 
@@ -175,7 +175,7 @@ fn tested(steps: u64, after: Option<u64>, dt: f64) -> String {
 /// What a person wants to know at the end of a test.
 fn conclude(facts: &Facts, finished: &Finished, page: Option<&Page>) {
     let summary = &finished.summary;
-    let verdict = conduct::headline(finished.finish);
+    let verdict = finished.cause.heading();
     let mut table = Table::new(&format!("{} — {verdict}", facts.title));
     if let Some(headline) = summary.verdict.as_ref().and_then(RecordedVerdict::headline) {
         table.row("verdict", &headline);

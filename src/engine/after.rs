@@ -10,7 +10,7 @@
 
 use super::columns::{GIVEN_UP, Word};
 use super::operator::Control;
-use super::phase::{Cause, Phase};
+use super::phase::Phase;
 use super::tick::Tick;
 use super::{Ending, Engine, Stop};
 use crate::control::{Astray, Departure, Port};
@@ -65,7 +65,7 @@ impl Engine {
     /// Test time stands still, the specimens hold the last command, until the operator goes on. A hold ends no step: the
     /// next tick follows as if there had been none.
     pub(super) fn stand(&mut self, after: &Tick, control: &Control) -> Result<(), Stop> {
-        self.enter(Phase::Holding, Cause::Operator);
+        self.enter(Phase::Holding, Ending::Stopped(Stop::Operator));
         for (index, port) in self.ports.iter_mut().enumerate() {
             port.pause()
                 .map_err(|fault| Stop::Link { port: index, fault })?;
@@ -90,7 +90,7 @@ impl Engine {
         self.ride.sub_tick = tick.sub_tick;
         self.prepare_next();
         self.clear_commands()?;
-        self.enter(Phase::Running, Cause::Operator);
+        self.enter(Phase::Running, Ending::Stopped(Stop::Operator));
         Ok(())
     }
 
@@ -121,7 +121,7 @@ impl Engine {
             after: ending,
         });
         if stop != Stop::Operator {
-            self.enter(Phase::Tripped, Cause::Stopped(stop));
+            self.enter(Phase::Tripped, Ending::Stopped(stop));
         }
         match ending {
             Ending::Completed | Ending::Stopped(Stop::Operator) => Ending::Stopped(stop),
@@ -143,7 +143,7 @@ impl Engine {
         );
         self.operator_stopped = matches!(ending, Ending::Stopped(Stop::Operator));
         if tripped {
-            self.enter(Phase::Tripped, Cause::from(*ending));
+            self.enter(Phase::Tripped, *ending);
         }
         if let Ending::Stopped(stop) = ending {
             self.bear_in_mind(stop);
@@ -178,12 +178,12 @@ impl Engine {
         if !moves {
             return Ok(());
         }
-        let cause = if tripped || self.operator_stopped {
-            Cause::from(*ending)
+        let of_test = if tripped || self.operator_stopped {
+            *ending
         } else {
-            Cause::Done
+            Ending::Completed
         };
-        self.enter(Phase::Leaving, cause);
+        self.enter(Phase::Leaving, of_test);
         // Whatever ends it, the specimens stand at their last commands.
         self.all_departures(tripped, &led, control)
     }

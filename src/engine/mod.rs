@@ -39,7 +39,7 @@ pub use misses::{MissLevels, MissWindow};
 pub use numerical::{Numerical, Side};
 pub use operator::{Control, Notice, Operator, Watch};
 pub use peaks::Peaks;
-pub use phase::{Cause, Glimpse, Phase, PhaseCell};
+pub use phase::{Glimpse, Phase, PhaseCell};
 pub use resume::{Borne, Place, Resumption};
 pub use ride::Pacing;
 pub use settle::Settling;

@@ -6,7 +6,7 @@ use super::checks::TestQuantity;
 use super::columns::{Word, number};
 use super::numerical::{Side, aim_along};
 use super::operator::{Control, Operator};
-use super::phase::{Cause, Glimpse, Phase};
+use super::phase::{Glimpse, Phase};
 use super::tick::Tick;
 use super::{Ending, Engine, OnMiss, Outcome, Stop};
 use crate::control::Port;
@@ -26,10 +26,7 @@ const NAP_NS: u64 = 100_000_000;
 impl Engine {
     /// Runs the test to its end, whatever the end is; every specimen is retired on return.
     pub fn run(&mut self, control: &Control) -> Outcome {
-        let ending = match self.course(control) {
-            Ok(()) => Ending::Completed,
-            Err(stop) => Ending::Stopped(stop),
-        };
+        let ending = self.course(control).into();
         let ending = self.leave(ending, control);
         self.conclude(ending)
     }
@@ -44,14 +41,14 @@ impl Engine {
         };
         self.retire(how);
         self.note_unheard();
-        let cause = match ending {
-            Ending::Stopped(Stop::Internal) => Cause::from(ending),
-            // The way out has come to its end, whatever had ended the test.
-            _ if self.phase == Phase::Leaving && self.unfinished.is_none() => Cause::Done,
-            _ if self.phase == Phase::Leaving => Cause::Operator,
-            _ => Cause::from(ending),
+        let of_last_phase = match ending {
+            Ending::Stopped(Stop::Internal) => ending,
+            // The shutdown is complete, whatever had ended the test.
+            _ if self.phase == Phase::Leaving && self.unfinished.is_none() => Ending::Completed,
+            _ if self.phase == Phase::Leaving => Ending::Stopped(Stop::Operator),
+            _ => ending,
         };
-        self.enter(Phase::Safe, cause);
+        self.enter(Phase::Safe, of_last_phase);
         if let Some(stamps) = self.unrecorded.take() {
             self.timing.tick(&stamps);
         }
@@ -79,7 +76,7 @@ impl Engine {
             Some(from) => self.take_up(from, control)?,
             None => self.open(control)?,
         }
-        self.enter(Phase::Running, Cause::Done);
+        self.enter(Phase::Running, Ending::Completed);
         self.ports.iter_mut().for_each(Port::begin_compensation);
         self.report_now(EventKind::Started);
         if let Some(watch) = &mut self.before_first_tick {
@@ -256,8 +253,8 @@ impl Engine {
         });
     }
 
-    /// The next phase of the test's life, for the log. Real-time: yes.
-    pub(super) fn enter(&mut self, phase: Phase, cause: Cause) {
+    /// Enters the next phase; `of_last` is how the phase before it ended. Real-time: yes.
+    pub(super) fn enter(&mut self, phase: Phase, of_last: Ending) {
         let from = self.phase;
         debug_assert!(from.may_become(phase), "{from:?} to {phase:?}");
         self.phase = phase;
@@ -265,8 +262,8 @@ impl Engine {
         self.report_now(EventKind::Phase {
             from: from.word(),
             to: phase.word(),
-            cause: cause.word(),
-            port: cause.port().map(|port| port as u32),
+            cause: of_last.word(),
+            port: of_last.port().map(|port| port as u32),
         });
     }
 

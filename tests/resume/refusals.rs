@@ -120,7 +120,7 @@ fn a_gap_in_the_record_is_gone_back_over_with_a_rig_only_for_who_names_the_step(
     let places: [Arc<Mutex<f64>>; 2] = Default::default();
     let rigs = || places.each_ref().map(|place| Rig::boxed(place, None));
     let whole = run_rigs(built(&test), rigs(), &at("whole"), None);
-    assert_eq!(whole.finish, Finish::Completed);
+    assert_eq!(whole.cause, Cause::Done);
     killed(&at("whole"), &at("first"), 380);
     killed(&at("whole"), &at("gap"), 380);
     without_rows(&at("gap"), 200..260);

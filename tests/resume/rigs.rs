@@ -147,16 +147,16 @@ fn who_is_well_when_a_link_is_lost_stands_where_the_record_ends_and_the_test_can
     let put = |to: [f64; 2]| put(&places, to);
     let rigs = |ends| [Rig::boxed(&places[0], ends), Rig::boxed(&places[1], None)];
     let whole = run_rigs(built(&test), rigs(None), &at("whole"), None);
-    assert_eq!(whole.finish, Finish::Completed);
-    for (end, finish, after) in [
-        (End::Closed, Finish::LinkFailed, None),
-        (End::NotANumber, Finish::LinkFailed, Some("not_finite")),
-        (End::Panic, Finish::Panicked, None),
+    assert_eq!(whole.cause, Cause::Done);
+    for (end, cause, after) in [
+        (End::Closed, Cause::Link, None),
+        (End::NotANumber, Cause::LinkNotFinite, Some("not_finite")),
+        (End::Panic, Cause::Internal, None),
     ] {
         let [first, second] = ["first", "second"].map(|name| at(&format!("{name}-{end:?}")));
         put([0.0; 2]);
         let ended = run_rigs(built(&test), rigs(Some((180, end))), &first, None);
-        assert_eq!(ended.finish, finish, "{}", ended.summary.reason);
+        assert_eq!(ended.cause, cause, "{}", ended.summary.reason);
         assert_eq!(ended.summary.left["other"], "stayed");
         let stands = [0, 1].map(|rig: usize| *places[rig].lock().unwrap());
         let (commands, states) = (column(&first, "cmd_2_1"), column(&first, "state"));
@@ -176,10 +176,10 @@ fn who_is_well_when_a_link_is_lost_stands_where_the_record_ends_and_the_test_can
         // Further than any record can lack.
         put([stands[0], stands[1] + 0.5]);
         let moved = run_rigs(again(), rigs(None), &at(&format!("moved-{end:?}")), None);
-        assert_eq!(moved.finish, Finish::Refused, "{}", moved.summary.reason);
+        assert_eq!(moved.cause, Cause::Moved, "{}", moved.summary.reason);
         put(stands);
         let ended = run_rigs(again(), rigs(None), &second, None);
-        assert_eq!(ended.finish, Finish::Completed, "{}", ended.summary.reason);
+        assert_eq!(ended.cause, Cause::Done, "{}", ended.summary.reason);
         assert_eq!(steps(&[&first, &second]), steps(&[&at("whole")]), "{end:?}");
         let found = replay(&second).unwrap();
         assert!(found.is_exact(), "{end:?}: {found:?}");
@@ -199,7 +199,7 @@ fn a_link_that_is_lost_on_the_way_out_leaves_the_last_commands_on_record() {
         let ends = Some((151 + ticks, End::Closed));
         let rigs = [Rig::boxed(&places[0], ends), Rig::boxed(&places[1], None)];
         let ended = run_rigs(built(&test), rigs, &at(name), Some(150));
-        assert_eq!(ended.finish, Finish::LinkFailed, "{}", ended.summary.reason);
+        assert_eq!(ended.cause, Cause::Link, "{}", ended.summary.reason);
         let leaving = column(&at(name), "state");
         let leaving = leaving
             .iter()
@@ -240,7 +240,7 @@ fn goes_on_within_its_limits(pace: &str) {
     let places: [Arc<Mutex<f64>>; 2] = Default::default();
     let rigs = || places.each_ref().map(Rig::mute);
     let whole = run_rigs(built(&test), rigs(), &at("whole"), None);
-    assert_eq!(whole.finish, Finish::Completed, "{}", whole.summary.reason);
+    assert_eq!(whole.cause, Cause::Done, "{}", whole.summary.reason);
     put(&places, [0.0; 2]);
     let ended = run_rigs(built(&test), rigs(), &at("first"), Some(190));
     assert_eq!(
@@ -258,8 +258,8 @@ fn goes_on_within_its_limits(pace: &str) {
     let again = resume(&at("first"), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
     let went_on = run_rigs(again, rigs(), &at("second"), None);
     assert_eq!(
-        went_on.finish,
-        Finish::Completed,
+        went_on.cause,
+        Cause::Done,
         "{pace}: {}",
         went_on.summary.reason
     );
@@ -282,12 +282,12 @@ fn a_test_that_ended_on_its_way_in_to_where_it_was_to_go_on_can_go_on() {
     let rigs = || places.each_ref().map(|place| Rig::boxed(place, None));
     let again = |from: &str| resume(&at(from), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(
-        run_rigs(built(&test), rigs(), &at("whole"), None).finish,
-        Finish::Completed
+        run_rigs(built(&test), rigs(), &at("whole"), None).cause,
+        Cause::Done
     );
     put([0.0; 2]);
     let ended = run_rigs(built(&test), rigs(), &at("first"), Some(190));
-    assert_eq!(ended.finish, Finish::Interrupted);
+    assert_eq!(ended.cause, Cause::Operator);
     assert_eq!(ended.summary.left["one"], "reached");
     // The same interruption of other specimens, since each goes on once.
     for name in ["same", "third"] {
@@ -295,12 +295,7 @@ fn a_test_that_ended_on_its_way_in_to_where_it_was_to_go_on_can_go_on() {
     }
     let goes_on = |from: &str, to: &str| {
         let ended = run_rigs(again(from), rigs(), &at(to), None);
-        assert_eq!(
-            ended.finish,
-            Finish::Completed,
-            "{from}: {}",
-            ended.summary.reason
-        );
+        assert_eq!(ended.cause, Cause::Done, "{from}: {}", ended.summary.reason);
         assert_eq!(
             steps(&[&at("first"), &at(to)]),
             steps(&[&at("whole")]),
@@ -337,7 +332,7 @@ fn a_test_that_ended_on_its_way_in_to_where_it_was_to_go_on_can_go_on() {
     // The operator ends it there: it is led out, and what goes on after that is killed in its ramp, too.
     put([0.0; 2]);
     let ended = run_rigs(again("same"), rigs(), &at("ended"), Some(35));
-    assert_eq!(ended.finish, Finish::Interrupted);
+    assert_eq!(ended.cause, Cause::Operator);
     assert_eq!(ended.summary.left["one"], "reached");
     let stands = *places[0].lock().unwrap();
     assert_eq!(column(&at("ended"), "cmd_1_1").last(), Some(&stands));
@@ -356,7 +351,7 @@ fn a_test_that_ended_on_its_way_in_to_where_it_was_to_go_on_can_go_on() {
     for (from, to) in [("third", "refused"), ("refused", "refused-again")] {
         put([5e-3, 0.0]);
         let ended = run_rigs(again(from), rigs(), &at(to), None);
-        assert_eq!(ended.finish, Finish::Refused, "{}", ended.summary.reason);
+        assert_eq!(ended.cause, Cause::Moved, "{}", ended.summary.reason);
         assert!(ended.summary.reason.contains("left it at"));
     }
     put([0.0; 2]);
@@ -364,7 +359,7 @@ fn a_test_that_ended_on_its_way_in_to_where_it_was_to_go_on_can_go_on() {
     put([0.5, 0.0]);
     killed(&at("second"), &at("cut-anew"), ramps - 5);
     let ended = run_rigs(again("cut-anew"), rigs(), &at("aside"), None);
-    assert_eq!(ended.finish, Finish::Refused, "{}", ended.summary.reason);
+    assert_eq!(ended.cause, Cause::Moved, "{}", ended.summary.reason);
 }
 
 /// What specimens that remember went through once they do not go through again: neither after an end nor after a kill of the test
@@ -378,7 +373,7 @@ fn the_same_interruption_is_gone_on_with_once() {
     let put = |to: [f64; 2]| put(&places, to);
     let rigs = || places.each_ref().map(|place| Rig::boxed(place, None));
     let ended = run_rigs(built(&test), rigs(), &at("first"), Some(190));
-    assert_eq!(ended.finish, Finish::Interrupted);
+    assert_eq!(ended.cause, Cause::Operator);
     let stands = [0, 1].map(|rig: usize| *places[rig].lock().unwrap());
     let mark = at("first/continued.json");
     let again = |back_to| resume(&at("first"), None, &[], back_to);
@@ -386,7 +381,7 @@ fn the_same_interruption_is_gone_on_with_once() {
 
     put([stands[0], stands[1] + 0.5]);
     let ended = run_rigs(next(), rigs(), &at("refused"), None);
-    assert_eq!(ended.finish, Finish::Refused, "{}", ended.summary.reason);
+    assert_eq!(ended.cause, Cause::Moved, "{}", ended.summary.reason);
     std::fs::remove_dir_all(at("refused")).unwrap();
     assert!(!mark.exists(), "it takes its word back");
     put(stands);
@@ -404,7 +399,7 @@ fn the_same_interruption_is_gone_on_with_once() {
 
     let step = next().experiment.resume.unwrap().step();
     let ended = run_rigs(next(), rigs(), &at("second"), Some(100));
-    assert_eq!(ended.finish, Finish::Interrupted);
+    assert_eq!(ended.cause, Cause::Operator);
     let reached = ended.summary.steps;
     assert!(reached > step + 10);
     put(stands);
@@ -464,6 +459,6 @@ fn the_same_interruption_is_gone_on_with_once() {
     let warned = next.facts.warnings.join("; ");
     assert!(warned.contains("repeat the steps"), "{warned}");
     let ended = run_rigs(next, rigs(), &at("once-more"), None);
-    assert_eq!(ended.finish, Finish::Completed, "{}", ended.summary.reason);
+    assert_eq!(ended.cause, Cause::Done, "{}", ended.summary.reason);
     refusal("first", &["once-more, to its end", &allowed]);
 }

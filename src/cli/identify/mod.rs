@@ -137,7 +137,7 @@ pub fn identify(args: &IdentifyArgs) -> anyhow::Result<Exit> {
         tell(format_args!("warning: not written: {error}"));
     }
     if exit != Exit::Done {
-        let (headline, reason) = (conduct::headline(finished.finish), &finished.summary.reason);
+        let (headline, reason) = (finished.cause.heading(), &finished.summary.reason);
         let text = format!("nothing is identified: {headline}: {reason}");
         return Err(WithExit(exit, text).into());
     }
@@ -225,7 +225,7 @@ fn carry_out(
     );
     line.clear();
     let finished = conduct::finished(finished)?;
-    let exit = conduct::exit_of(finished.finish, signals.seen());
+    let exit = finished.exit(signals.seen());
     Ok((finished, exit))
 }
 
