@@ -209,6 +209,8 @@ causes! {
         "A program was told to end: the server or the controller.";
     Protocol = 34, "protocol", Link, Link, "FAILED: the link broke the protocol",
         "The test could not be served: a refusal, or bytes that the protocol does not allow.";
+    TakenBack = 35, "taken_back", Trip, Stopped, "STOPPED",
+        "The client took a command back, which a physical specimen cannot follow.";
 }
 
 impl Cause {
@@ -295,6 +297,7 @@ mod tests {
         (32, "controller_vanished"),
         (33, "shutdown"),
         (34, "protocol"),
+        (35, "taken_back"),
     ];
 
     #[test]

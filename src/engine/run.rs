@@ -34,12 +34,7 @@ impl Engine {
     /// The one way out: every specimen is retired, then the books are closed. [`Engine::run`] ends with it; after a
     /// panic in there it is for the caller who caught it, with [`Stop::Internal`].
     pub fn conclude(&mut self, ending: Ending) -> Outcome {
-        let how = match ending {
-            Ending::Completed => Retirement::Orderly,
-            Ending::Stopped(Stop::Operator) => Retirement::Operator,
-            Ending::Stopped(_) => Retirement::Tripped,
-        };
-        self.retire(how);
+        self.retire(ending.cause().into());
         self.note_unheard();
         let of_last_phase = match ending {
             Ending::Stopped(Stop::Internal) => ending,
