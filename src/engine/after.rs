@@ -9,7 +9,7 @@
 //! What stops the way out stops it for all, and is part of how the test ended: a test that trips there has tripped.
 
 use super::columns::{GIVEN_UP, Word};
-use super::operator::Control;
+use super::operator::{Control, OperatorCommands};
 use super::phase::{Cause, Phase};
 use super::tick::Tick;
 use super::{Ending, Engine, Stop};
@@ -291,6 +291,7 @@ impl Engine {
                 holds: self.row.word.holds,
                 ..Word::default()
             };
+            self.row.commands = OperatorCommands::GIVE_UP;
             GIVEN_UP
         } else {
             Phase::Tripped.code()

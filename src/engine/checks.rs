@@ -66,7 +66,18 @@ impl TestQuantity {
         }
     }
 
-    /// The key of the test file, and the name of the column.
+    /// The column that has its value.
+    #[must_use]
+    pub const fn column(self) -> &'static str {
+        match self {
+            Self::MissesInARow => "misses_in_a_row",
+            Self::MissesInWindow => "misses_in_window",
+            Self::Misses => "misses_in_total",
+            _ => self.key(),
+        }
+    }
+
+    /// The key of the test file.
     #[must_use]
     pub const fn key(self) -> &'static str {
         match self {
@@ -307,7 +318,7 @@ impl Engine {
     pub(super) fn judge_misses(&mut self, tick: &Tick) -> Result<(), Stop> {
         let missed = Missed {
             in_a_row: self.misses_in_a_row,
-            in_window: self.miss_window.note(self.edge),
+            in_window: self.row.lateness.in_window,
             in_all: self.misses,
         };
         let mut result = Ok(());

@@ -1,6 +1,7 @@
 //! What the loop tells the log: rows, events of a tick, of this moment, and of what ends a test.
 
 use super::columns::NOT_AWAITED;
+use super::operator::OperatorCommands;
 use super::phase::Phase;
 use super::tick::Tick;
 use super::{Engine, Stop};
@@ -15,6 +16,7 @@ impl Engine {
     pub(super) fn keep_row(&mut self) -> bool {
         self.sent_since_row = false;
         let is_kept = self.recorder.row(self.row.values());
+        self.row.commands = OperatorCommands::default();
         self.rows_lost += u64::from(!is_kept);
         is_kept
     }
@@ -36,6 +38,9 @@ impl Engine {
         {
             self.trip_is_recorded = true;
             self.row.stopped = self.stops_on_its_way_out();
+            if is_not_awaited {
+                self.row.commands.add(OperatorCommands::STOP_IN_WAIT);
+            }
             self.keep_warm_up();
             if tick.step == self.ride.step && !is_not_awaited {
                 // Of the test it is the row of its step, as one that is closed is.

@@ -74,11 +74,11 @@ pub(super) fn test_marks(experiment: &Experiment, columns: &[Column]) -> Vec<Tes
             warn,
             trip,
             quantity,
-            place: columns.iter().position(|c| c.name == quantity.key()),
+            place: columns.iter().position(|c| c.name == quantity.column()),
         }
     });
     marks
-        .filter(|mark| mark.place.is_some() || mark.quantity.is_of_misses())
+        .filter(|mark| mark.place.is_some())
         .collect()
 }
 
