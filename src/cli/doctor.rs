@@ -4,11 +4,17 @@ use super::answer;
 use super::args::DoctorArgs;
 use super::exit::Exit;
 use super::table::Table;
+use crate::config::TimingSpec;
 use crate::rt::doctor::{Finding, Verdict, examine, fitness};
+use crate::setup::rt_plan;
+
+/// Length of a tick for which the machine is examined.
+const USUAL_PERIOD_NS: u64 = 1_000_000;
 
 /// Shows the strengths and gaps of this machine for real-time work. The last entry is the verdict.
 pub fn doctor(args: &DoctorArgs) -> anyhow::Result<Exit> {
-    let mut findings = examine();
+    let plan = rt_plan(&TimingSpec::default(), USUAL_PERIOD_NS);
+    let mut findings = examine(plan);
     let verdict = fitness::verdict(&findings);
     if args.json {
         findings.push(verdict);

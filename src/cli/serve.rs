@@ -20,8 +20,8 @@ use crate::link::secret::read_key;
 use crate::link::serve::{Heard, Host, ServeError, ServeOptions, Server, USUAL_LISTEN};
 use crate::link::spec::{Carrier, Offer};
 use crate::link::tls::ClientCertificate;
-use crate::rt::RtPlan;
 use crate::session::{Signal, Taken};
+use crate::setup::rt_plan;
 use anyhow::Context;
 
 /// The budget of the data thread's busy loop is judged for this period; the true one is the controller's.
@@ -118,7 +118,7 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
         },
         plan: served
             .timing
-            .map(|timing| RtPlan::new(&timing, USUAL_PERIOD_NS)),
+            .map(|timing| rt_plan(&timing, USUAL_PERIOD_NS)),
         spin_ns: (args.spin * 1e3) as u64,
     };
     let server = match tls {

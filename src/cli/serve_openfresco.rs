@@ -16,6 +16,7 @@ use crate::link::socket::{resolve, resolve_host};
 use crate::link::spec::Carrier;
 use crate::rt;
 use crate::session::{Signal, Signals, missing};
+use crate::setup::rt_plan;
 use crate::wire::openfresco::Carrier as Bytes;
 
 /// The budget of a busy loop is judged for this period; a client has none.
@@ -91,7 +92,7 @@ pub fn serve(
     let signals = Signals::listen().context("signals cannot be taken over")?;
     let requests = signals.requests();
     if let Some(timing) = &served.timing {
-        let granted = rt::apply(&rt::RtPlan::new(timing, USUAL_PERIOD_NS));
+        let granted = rt::apply(&rt_plan(timing, USUAL_PERIOD_NS));
         host.keep_log_away_from(granted.cpu);
         let missing = missing(&granted);
         if granted.must_refuse() {

@@ -40,6 +40,7 @@ mod specimen;
 pub(crate) mod steps;
 mod suggest;
 mod timetable;
+mod timing_table;
 mod value;
 mod variant;
 mod words;
@@ -80,6 +81,7 @@ pub use specimen::{AxisTable, DispUnit, DrillTable, ForceUnit, SimilitudeTable, 
 pub use steps::Time;
 pub use suggest::nearest;
 pub use timetable::{ClockChoice, TimeTable};
+pub use timing_table::{OnMiss, Policy, TimingSpec, TimingSpecError};
 pub use value::{DofChoice, LambdaValue, MatrixValue, RateValue};
 
 /// Why a test file cannot be used.

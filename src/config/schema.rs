@@ -13,10 +13,10 @@ use super::excitation::ExcitationTable;
 use super::safety::SafetyTable;
 use super::specimen::SpecimenTable;
 use super::timetable::TimeTable;
+use super::timing_table::TimingSpec;
 use super::value::{DofChoice, LambdaValue};
 use super::variant;
 use crate::model::{DampingSpec, ElementSpec, StructureSpec};
-use crate::rt::TimingSpec;
 
 /// One hybrid test: the structure, its excitation, its specimens, its limits and its record. Values
 /// are in SI units unless the key or a unit beside it says otherwise.

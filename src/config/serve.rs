@@ -11,6 +11,7 @@ use super::document::Node;
 use super::echo::number;
 use super::safety::SafetyTable;
 use super::schema::RecordTable;
+use super::timing_table::TimingSpec;
 use super::{
     ConfigError, Finding, KeyPath, Locator, Severity, SpecimenTable, check, judge, open, plain,
     read_text,
@@ -20,7 +21,6 @@ use crate::link::secret::read_key;
 use crate::link::serve::Host;
 use crate::link::spec::{Carrier, Offer};
 use crate::link::tls::ServeTlsSpec;
-use crate::rt::TimingSpec;
 use crate::setup::links::{beside, wire_axes};
 use crate::setup::{behind_actuators, own_offsets};
 use crate::specimen::{InUnits, Mounted, Specimen};

@@ -13,7 +13,8 @@ use super::latency::{KEYS, Latency, Stall};
 use super::specimen::{RowHead, SpecimenTap};
 use super::subject::ChannelKind;
 use super::trip::Trip;
-use crate::engine::{Phase, TestQuantity};
+use crate::catalog::limit::Limit;
+use crate::engine::Phase;
 use crate::record::{Event, EventKind, Note, Onlooker, Progress};
 
 /// Bins a second of wall time at most, on the real clock.
@@ -152,7 +153,7 @@ impl Tap {
         let marks = self.board.subject.test.iter().zip(&self.test);
         marks
             .map(|(mark, values)| match mark.quantity {
-                TestQuantity::Misses => [misses; 2],
+                Limit::Misses => [misses; 2],
                 _ => *values,
             })
             .collect()
@@ -185,8 +186,8 @@ impl Tap {
     }
 
     fn count_timing(&mut self, row: &[f64]) {
-        // Nobody is promised a deadline while the specimens are led to where the test begins.
-        if self.seen.state != Phase::Running.code() && self.seen.state <= 10.0 {
+        // While the specimens are led to where the test begins nobody is promised a deadline.
+        if self.seen.state != Phase::Running.code() && self.seen.state <= Phase::Armed.code() {
             return;
         }
         let subject = &self.board.subject;

@@ -9,7 +9,6 @@ use std::num::NonZeroU64;
 use std::sync::Arc;
 
 use super::os::{self, Errno, Privileges};
-use super::spec::Policy;
 use super::throttle::{Spin, Throttle};
 use super::{Feature, Granted, RtPlan, Want};
 
@@ -121,11 +120,11 @@ pub fn apply_to(plan: &RtPlan, system: &mut dyn System) -> Granted {
         String::new,
     ));
 
-    if plan.policy == Policy::Fifo {
-        let asked = format!("SCHED_FIFO, priority {}", plan.priority);
-        let outcome = system.set_fifo(plan.priority);
+    if let Some(priority) = plan.fifo_priority {
+        let asked = format!("SCHED_FIFO, priority {priority}");
+        let outcome = system.set_fifo(priority);
         features.push(feature(Want::Policy, asked, outcome, || {
-            policy_advice(plan.priority, &privileges)
+            policy_advice(priority, &privileges)
         }));
     }
 
@@ -270,7 +269,6 @@ fn awake_advice() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rt::TimingSpec;
 
     /// A kernel that grants or refuses as told and writes down what it was asked.
     struct Told {
@@ -343,7 +341,16 @@ mod tests {
     }
 
     fn plan() -> RtPlan {
-        RtPlan::new(&TimingSpec::default(), 1_000_000)
+        RtPlan {
+            fifo_priority: Some(90),
+            cpu: None,
+            lock_memory: true,
+            hold_cpu_awake: true,
+            prefault_stack_kb: 256,
+            spin_ns: 60_000,
+            period_ns: 1_000_000,
+            require: false,
+        }
     }
 
     fn of(granted: &Granted, want: Want) -> &Feature {
@@ -449,7 +456,7 @@ mod tests {
     #[test]
     fn what_is_not_wanted_is_not_asked_for() {
         let modest = RtPlan {
-            policy: Policy::Ordinary,
+            fifo_priority: None,
             lock_memory: false,
             hold_cpu_awake: false,
             prefault_stack_kb: 0,

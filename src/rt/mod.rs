@@ -11,7 +11,6 @@
 //! |---|---|
 //! | [`os`] | system calls, the only unsafe code |
 //! | [`mod@apply`] | asking, and the advice on refusal |
-//! | [`spec`] | the `[timing]` table of a test file |
 //! | [`throttle`] | the kernel's budget for real-time threads, and the spin that fits into it |
 //! | [`clock`] | the monotonic clock: sleep, then spin |
 //! | [`control_socket`] | a local socket for programs of the same user |
@@ -37,23 +36,19 @@ pub mod os;
 pub mod proc;
 pub mod sampler;
 pub mod secret_file;
-pub mod spec;
 pub mod throttle;
 pub mod timing;
 pub mod wall;
 
 pub use apply::{apply, pin_away};
 pub use clock::MonotonicClock;
-pub use spec::{OnMiss, Policy, TimingSpec};
 pub use throttle::Spin;
 
 /// What a run asks of the operating system for its loop's thread.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RtPlan {
-    /// Scheduling policy.
-    pub policy: Policy,
-    /// Priority under SCHED_FIFO, 1 to 98.
-    pub priority: u8,
+    /// Priority under SCHED_FIFO, 1 to 98; none for normal scheduling.
+    pub fifo_priority: Option<u8>,
     /// Processor of the loop; none: the last one that the process may use, so that 0 is left to the system.
     pub cpu: Option<usize>,
     /// Keep all memory of the process in RAM.
@@ -68,24 +63,6 @@ pub struct RtPlan {
     pub period_ns: u64,
     /// Refuse to start when anything asked for is refused.
     pub require: bool,
-}
-
-impl RtPlan {
-    /// The plan that a `[timing]` table describes, for ticks of `period_ns`.
-    #[must_use]
-    pub fn new(spec: &TimingSpec, period_ns: u64) -> Self {
-        Self {
-            policy: spec.policy,
-            priority: spec.priority,
-            cpu: spec.cpu,
-            lock_memory: spec.lock_memory,
-            hold_cpu_awake: spec.hold_cpu_awake,
-            prefault_stack_kb: spec.prefault_stack_kb,
-            spin_ns: spec.spin_ns(),
-            period_ns,
-            require: spec.require_realtime,
-        }
-    }
 }
 
 /// One thing that is asked for.

@@ -2,9 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::config::{ClockChoice, Diagnostics};
+use crate::config::{ClockChoice, Diagnostics, TimingSpec};
 use crate::engine::{Experiment, Limits, OnMiss, Opening, Pacing, Side, TestLimits};
-use crate::rt::TimingSpec;
 use crate::setup::{Facts, Files, LimitFacts, Prepared};
 use crate::time::{RateError, Ratio};
 

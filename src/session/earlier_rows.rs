@@ -4,7 +4,8 @@
 //! from the row before. Nothing else in the program knows such rows.
 
 use super::tape::is_a_trip;
-use crate::engine::{GIVEN_UP, NOT_AWAITED, OperatorCommands, Phase};
+use crate::catalog::phase::{GIVEN_UP, NOT_AWAITED, Phase};
+use crate::engine::OperatorCommands;
 use crate::record::{Column, Layout};
 
 /// Physical columns that recordings of earlier versions do not have.

@@ -15,8 +15,8 @@ use crate::record::{
 };
 use crate::rt::sampler::Sampler;
 use crate::rt::wall::Wall;
-use crate::rt::{Granted, RtPlan, apply, os, pin_away};
-use crate::setup::{Facts, Files};
+use crate::rt::{Granted, apply, os, pin_away};
+use crate::setup::{Facts, Files, rt_plan};
 use crate::time::{Clock, SimClock};
 
 /// A test whose threads stand ready; nothing has moved.
@@ -60,7 +60,7 @@ pub(super) fn prepare(
     let (sample_in, sample_out) = crossbeam_channel::bounded(1024);
 
     // The loop's thread first: it says what it was granted before anything else is set up or moved.
-    let plan = real.then(|| RtPlan::new(&facts.timing, period_ns(facts.rate_hz)));
+    let plan = real.then(|| rt_plan(&facts.timing, period_ns(facts.rate_hz)));
     let (onlooker, when_placed) = (watches.onlooker.take(), watches.when_placed.take());
     let (before_first_tick, after_last_tick) = (watches.before_first_tick, watches.after_last_tick);
     let (answer, answered) = mpsc::sync_channel(1);

@@ -13,8 +13,8 @@ use serde_json::Value;
 
 use super::earlier_rows::EarlierRows;
 use super::replay::{Difference, ReplayError};
-use crate::control::Stage;
-use crate::engine::{Experiment, GIVEN_UP, NOT_AWAITED, Operator, OperatorCommands, Phase};
+use crate::catalog::phase::{NOT_AWAITED, Part};
+use crate::engine::{Experiment, Operator, OperatorCommands, Phase};
 use crate::record::{
     Column, Event, EventKind, EventLines, FolderError, Journal, Layout, Recorder, Run, WarmUpRows,
 };
@@ -366,16 +366,12 @@ impl Checkpoints {
 
 /// True of a row of the running test.
 pub(super) fn is_under_way(state: f64) -> bool {
-    let between = [Stage::Correct, Stage::Predict, Stage::SlowDown];
-    [Phase::Running, Phase::Holding]
-        .into_iter()
-        .any(|phase| state == phase.code())
-        || between.into_iter().any(|stage| state == stage.code())
+    Part::of(state) == Some(Part::Test)
 }
 
 /// True of the row that ended a test before its time.
 pub(super) fn is_a_trip(state: f64) -> bool {
-    [Phase::Tripped.code(), GIVEN_UP, NOT_AWAITED].contains(&state)
+    Part::of(state) == Some(Part::Trip)
 }
 
 /// True of that row, and of those of the way out.

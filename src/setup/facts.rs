@@ -4,10 +4,9 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use super::{Analysis, LimitFacts};
-use crate::config::{ClockChoice, Method};
+use crate::config::{ClockChoice, Method, TimingSpec};
 use crate::integrate::{Lambda, LambdaChoice, OnlineLimit};
 use crate::motion::RecordFacts;
-use crate::rt::TimingSpec;
 
 /// What is known about a test before it runs.
 #[derive(Debug, Clone)]

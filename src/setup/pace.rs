@@ -3,9 +3,9 @@
 use toml_edit::{DocumentMut, Item};
 
 use super::Prepared;
-use crate::config::{TestFile, Time};
+use crate::config::{self, Policy, TestFile, Time, TimingSpec};
 use crate::engine::{Limits, OnMiss, Pacing};
-use crate::rt;
+use crate::rt::RtPlan;
 
 /// Longest wait for a partner that owes a reply.
 const REPLY_TIMEOUT_NS: u64 = 5_000_000_000;
@@ -49,11 +49,11 @@ pub(super) fn limits(file: &TestFile, time: Time) -> Limits {
     let ticks = time.steps.saturating_mul(u64::from(time.ticks_per_step));
     Limits {
         on_miss: match timing.on_miss {
-            rt::OnMiss::Stretch => OnMiss::Stretch,
-            rt::OnMiss::CatchUp => OnMiss::CatchUp {
+            config::OnMiss::Stretch => OnMiss::Stretch,
+            config::OnMiss::CatchUp => OnMiss::CatchUp {
                 at_most: timing.max_catch_up_ticks,
             },
-            rt::OnMiss::Stop => OnMiss::Stop,
+            config::OnMiss::Stop => OnMiss::Stop,
         },
         misses_in_a_row: timing.max_consecutive_misses,
         misses_in_total: timing.miss_bound(ticks),
@@ -66,5 +66,20 @@ pub(super) fn limits(file: &TestFile, time: Time) -> Limits {
             None => f64::MAX,
         },
         test: super::safety::test_limits(file, &time),
+    }
+}
+
+/// What a `[timing]` table asks of the operating system, for ticks of `period_ns`.
+#[must_use]
+pub fn rt_plan(spec: &TimingSpec, period_ns: u64) -> RtPlan {
+    RtPlan {
+        fifo_priority: (spec.policy == Policy::Fifo).then_some(spec.priority),
+        cpu: spec.cpu,
+        lock_memory: spec.lock_memory,
+        hold_cpu_awake: spec.hold_cpu_awake,
+        prefault_stack_kb: spec.prefault_stack_kb,
+        spin_ns: spec.spin_ns(),
+        period_ns,
+        require: spec.require_realtime,
     }
 }

@@ -11,13 +11,13 @@ use super::course::Plan;
 use super::matrices::{self, Found, rows};
 use super::outcome::{Axis, Outcome};
 use crate::compensation::{CompensationSpec, ModelInverseSpec};
+use crate::config::TimingSpec;
 use crate::config::{
     ClockChoice, IdentifiedTable, Loaded, MatrixValue, RecordTable, SafetyTable, SimilitudeTable,
     SpecimenTable, TestFile,
 };
 use crate::identify::{Estimate, Fit, Identification, Model};
 use crate::law::{LawSpec, LinearSpec};
-use crate::rt::TimingSpec;
 use crate::specimen::{CoupledSpec, SpecimenLaw};
 use crate::transfer::{
     ActuatorSpec, FirstOrderSpec, ProportionalSpec, SecondOrderSpec, TransferSpec,

@@ -15,8 +15,8 @@ use crate::config::safety::{ExitChoice, SafetyTable, ZeroChoice};
 use crate::config::schema::{IntegratorTable, RecordTable, TestFile};
 use crate::config::specimen::SpecimenTable;
 use crate::config::timetable::{ClockChoice, TimeTable};
+use crate::config::timing_table::{OnMiss, Policy, TimingSpec};
 use crate::config::value::LambdaValue;
-use crate::rt::{OnMiss, Policy, TimingSpec};
 
 impl Findings {
     /// `key` of the table at `at`, if it is given: it has no effect, for this reason.

@@ -30,10 +30,10 @@ use super::serve::ServeFile;
 use super::steps::{Time, not_positive};
 use super::suggest::listed;
 use super::timetable::ClockChoice;
+use super::timing_table::OnMiss;
 use super::value::{DofChoice, LambdaValue};
 pub use limits::missing_limits;
 
-use crate::rt::OnMiss;
 use crate::text::is_hidden;
 
 /// Every number of the document that is not finite, but λ, which may be infinite.

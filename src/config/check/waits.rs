@@ -9,9 +9,9 @@ use crate::config::safety::SafetyTable;
 use crate::config::schema::{RecordTable, TestFile};
 use crate::config::steps::Time;
 use crate::config::timetable::ClockChoice;
+use crate::config::timing_table::TimingSpec;
 use crate::link::LinkSpec;
 use crate::link::spec::WATCHDOG_MAX_S;
-use crate::rt::TimingSpec;
 
 /// Longest time in s in which the specimens hold and nothing happens yet: zeroing, warming up, easing.
 const STANDING_S: f64 = 600.0;

@@ -6,6 +6,7 @@
 
 use serde::Serialize;
 
+use super::RtPlan;
 use super::os::process_cpus;
 
 pub mod fitness;
@@ -56,14 +57,14 @@ impl Finding {
     }
 }
 
-/// Examines the machine this runs on. Takes a few milliseconds; memory is locked and released again meanwhile, so
+/// Examines this machine for a run with `plan`. Takes a few milliseconds; memory is locked and released again meanwhile, so
 /// this is not for a process that is running a test.
 #[must_use]
-pub fn examine() -> Vec<Finding> {
+pub fn examine(plan: RtPlan) -> Vec<Finding> {
     let tree = Tree::of_this_machine();
     // Before anything is tried: that binds the threads it is tried on.
     let mut findings = machine::findings(&tree, Some(&process_cpus()));
-    findings.extend(trial::findings());
+    findings.extend(trial::findings(plan));
     findings
 }
 
@@ -80,7 +81,17 @@ mod tests {
 
     #[test]
     fn this_machine_gets_one_finding_per_topic() {
-        let findings = examine();
+        let plan = RtPlan {
+            fifo_priority: Some(90),
+            cpu: None,
+            lock_memory: true,
+            hold_cpu_awake: true,
+            prefault_stack_kb: 256,
+            spin_ns: 60_000,
+            period_ns: 1_000_000,
+            require: false,
+        };
+        let findings = examine(plan);
         let mut topics: Vec<_> = findings.iter().map(|f| f.topic).collect();
         let count = topics.len();
         topics.sort_unstable();

@@ -4,12 +4,11 @@
 
 use super::{Finding, Verdict};
 use crate::rt::os::{self, Privileges};
-use crate::rt::{Feature, Granted, RtPlan, TimingSpec, Want, apply};
+use crate::rt::{Feature, Granted, RtPlan, Want, apply};
 
-/// Tries everything that a run would ask for, and gives it back.
+/// Tries everything that a run with `plan` would ask for, and gives it back.
 #[must_use]
-pub fn findings() -> Vec<Finding> {
-    let plan = RtPlan::new(&TimingSpec::default(), 1_000_000);
+pub fn findings(plan: RtPlan) -> Vec<Finding> {
     let granted = std::thread::spawn(move || {
         let granted = apply(&plan);
         if granted.has(Want::LockMemory) {

@@ -1,6 +1,6 @@
 //! The `[timing]` table of a test file: real-time scheduling of the loop, and the response to missed deadlines.
 //!
-//! This module has the keys and their range checks only. [`mod@super::apply`] and the loop apply them.
+//! The keys and their ranges. The module `rt` and the loop apply them.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -287,7 +287,7 @@ impl TimingSpec {
         Ok(())
     }
 
-    /// Checks that the loop's processor is one of `allowed` (see [`super::os::process_cpus`]).
+    /// Checks that the loop's processor is one of `allowed`.
     ///
     /// # Errors
     /// The processor is another one.
