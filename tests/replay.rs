@@ -318,7 +318,9 @@ fn a_confirmation_stands_in_the_record() {
             words.push(Stop);
         }
         let run = record_of(&test, &words);
-        let read = Run::open(&run).unwrap().columns(&["state", "hold", "operator"]);
+        let read = Run::open(&run)
+            .unwrap()
+            .columns(&["state", "hold", "operator"]);
         let [states, said, commands] = <[_; 3]>::try_from(read.unwrap()).unwrap();
         let found = replay(&run).unwrap();
         assert!(found.is_exact(), "{waits}, {says:?}: {found:?}");

@@ -13,6 +13,7 @@ use super::operator::{Control, OperatorCommands};
 use super::phase::{Cause, Phase};
 use super::tick::Tick;
 use super::{Ending, Engine, Stop};
+use crate::catalog::ending;
 use crate::catalog::phase::GIVEN_UP;
 use crate::control::{Astray, Departure, Port};
 use crate::record::EventKind;
@@ -62,6 +63,13 @@ pub struct Unfinished {
     pub after: Ending,
 }
 
+fn cause_of(ending: &Ending) -> ending::Cause {
+    match ending {
+        Ending::Completed => ending::Cause::Done,
+        Ending::Stopped(stop) => stop.cause(),
+    }
+}
+
 impl Engine {
     /// Test time stands still, the specimens hold the last command, until the operator goes on. A hold ends no step: the
     /// next tick follows as if there had been none.
@@ -101,6 +109,7 @@ impl Engine {
         if let Ending::Stopped(stop) = &ending {
             self.report_stop(stop);
         }
+        self.row.cause = Some(cause_of(&ending));
         let Err(stop) = self.lead_out(&ending, control) else {
             return ending;
         };
@@ -286,6 +295,7 @@ impl Engine {
             port.note_loss();
         }
         let tick = self.tick_behind_the_last(0.0);
+        self.row.cause = Some(cause_of(ending));
         let state = if ending.is_for_being_late() {
             // What the operator said before the tick that was late stands in its own row.
             self.row.word = Word {
@@ -293,6 +303,7 @@ impl Engine {
                 ..Word::default()
             };
             self.row.commands = OperatorCommands::GIVE_UP;
+            self.row.cause = Some(ending::Cause::Late);
             GIVEN_UP
         } else {
             Phase::Tripped.code()

@@ -10,6 +10,7 @@ use super::operator::OperatorCommands;
 use super::phase::Phase;
 use super::port_columns::{column, port_columns, port_values, width_of_axis};
 use super::tick::Tick;
+use crate::catalog::ending::Cause;
 use crate::catalog::limit::Limit;
 use crate::control::Port;
 use crate::record::Column;
@@ -35,7 +36,6 @@ impl Word {
         let (holds, goes_on) = (u8::from(self.holds), u8::from(self.goes_on));
         f64::from(holds + 2 * goes_on + 4 * u8::from(self.confirms))
     }
-
 }
 
 /// The row of the current tick and the place of each number in it.
@@ -45,6 +45,8 @@ pub struct Row {
     pub word: Word,
     /// What trips does so on the way out that the operator asked for.
     pub stopped: bool,
+    /// What ended the test or its shutdown, once it is known.
+    pub cause: Option<Cause>,
     /// Commands of the operator since the last row that was kept.
     pub commands: OperatorCommands,
     /// Deadline misses and skipped ticks, known when the row is made.
@@ -108,12 +110,19 @@ const BOOKKEEPING: [(&str, &str, &str); 5] = [
 ];
 
 /// What follows the ground.
-const CAUSES: [(&str, &str, &str); 1] = [(
-    "operator",
-    "1",
-    "commands of the operator since the row before, as a sum: 1 hold, 2 continue, 4 confirm, 8 stop, 16 given up for missed \
-     deadlines, 32 stop during a wait for a reply; `continue` comes before `hold`",
-)];
+const CAUSES: [(&str, &str, &str); 2] = [
+    (
+        "operator",
+        "1",
+        "commands of the operator since the row before, as a sum: 1 hold, 2 continue, 4 confirm, 8 stop, 16 given up for missed \
+         deadlines, 32 stop during a wait for a reply; `continue` comes before `hold`",
+    ),
+    (
+        "cause",
+        "1",
+        "code of the cause that ended the test or its shutdown; 0 before the end",
+    ),
+];
 
 const TIMING: [(&str, &str, &str); 13] = [
     (
@@ -262,6 +271,7 @@ impl Row {
             Self {
                 word: Word::default(),
                 stopped: false,
+                cause: None,
                 commands: OperatorCommands::default(),
                 lateness: Lateness::default(),
                 record_before: f64::NAN,
@@ -328,6 +338,7 @@ impl Row {
             tick.time,
             ground,
             self.commands.code(),
+            self.cause.map_or(0.0, |cause| f64::from(cause.code())),
         ];
         if let Some(slots) = self.values.first_chunk_mut() {
             *slots = head;

@@ -4,6 +4,7 @@ use super::operator::OperatorCommands;
 use super::phase::Phase;
 use super::tick::Tick;
 use super::{Engine, Stop};
+use crate::catalog::ending::Cause;
 use crate::catalog::phase::NOT_AWAITED;
 use crate::integrate::StepError;
 use crate::record::{Event, EventKind, GridOf};
@@ -38,6 +39,7 @@ impl Engine {
         {
             self.trip_is_recorded = true;
             self.row.stopped = self.stops_on_its_way_out();
+            self.row.cause = Some(stop.cause());
             if is_not_awaited {
                 self.row.commands.add(OperatorCommands::STOP_IN_WAIT);
             }
@@ -70,6 +72,7 @@ impl Engine {
     /// measurements are those of the step before, and it has no velocities and accelerations.
     #[cold]
     pub(super) fn record_divergence(&mut self, tick: &Tick, stamps: &TickStamps) {
+        self.row.cause = Some(Cause::Diverged);
         let next = Tick {
             step: tick.step + 1,
             sub_tick: 0,

@@ -13,11 +13,13 @@ use serde_json::Value;
 
 use super::earlier_rows::EarlierRows;
 use super::replay::{Difference, ReplayError};
+use crate::catalog::ending::Cause;
 use crate::catalog::phase::{NOT_AWAITED, Part};
 use crate::engine::{Experiment, Operator, OperatorCommands, Phase};
 use crate::record::{
     Column, Event, EventKind, EventLines, FolderError, Journal, Layout, Recorder, Run, WarmUpRows,
 };
+use crate::substructure::LinkFault;
 use crate::work::Work;
 
 /// Columns that say where within a step a row stands.
@@ -77,8 +79,8 @@ pub(super) struct Tape {
     pub row: u64,
     /// Test time of the last of them, s.
     pub time: f64,
-    /// Places of `state`, `operator` and `time`.
-    places: [usize; 3],
+    /// Places of `state`, `operator`, `time` and `cause`.
+    places: [usize; 4],
     /// One step, s.
     dt: f64,
     /// Of a recording without the column `operator`.
@@ -123,7 +125,7 @@ impl Tape {
                 .collect(),
             row: 0,
             time: f64::NAN,
-            places: [place("state"), place("operator"), place("time")],
+            places: ["state", "operator", "time", "cause"].map(place),
             dt: experiment.dt,
             earlier: EarlierRows::of(layout, experiment.steps),
             steps: experiment.steps,
@@ -181,6 +183,15 @@ impl Tape {
     pub fn is_over_next(&self) -> bool {
         let state = at(self.next(), self.places[0]);
         [Phase::Tripped.code(), Phase::Leaving.code(), NOT_AWAITED].contains(&state)
+    }
+
+    /// How a specimen was lost that the row that comes says is lost.
+    pub fn fault_next(&self) -> LinkFault {
+        match Cause::of_column(at(self.next(), self.places[3])) {
+            Some(Cause::LinkNotFinite) => LinkFault::NotFinite,
+            Some(Cause::LinkDiverged) => LinkFault::Diverged,
+            _ => LinkFault::Closed,
+        }
     }
 
     /// Whether the row that comes is that in which the operator ended a wait.
