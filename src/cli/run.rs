@@ -116,8 +116,7 @@ fn obey(judged: &Judged) -> anyhow::Result<()> {
 fn prepare(args: &RunArgs) -> anyhow::Result<Prepared> {
     if let Some(folder) = &args.resume {
         let allowed = Allowed {
-            after: &args.after_trip,
-            back_to: args.back_to_step,
+            after_trip: args.after_trip,
             changed: args.accept_changed.as_deref(),
         };
         let next = session::resume_allowed(folder, args.test.as_deref(), allowed);
@@ -127,8 +126,7 @@ fn prepare(args: &RunArgs) -> anyhow::Result<Prepared> {
         });
     }
     let of_resumed = [
-        ("--after-trip", !args.after_trip.is_empty()),
-        ("--back-to-step", args.back_to_step.is_some()),
+        ("--after-trip", args.after_trip),
         ("--accept-changed", args.accept_changed.is_some()),
     ];
     only_with("--resume", of_resumed)
