@@ -238,6 +238,15 @@ impl Cause {
         Self::ALL.iter().copied().find(|cause| cause.code() == code)
     }
 
+    /// The cause in the column `cause`; none of 0 and of what is no code.
+    #[must_use]
+    pub fn of_column(code: f64) -> Option<Self> {
+        Self::ALL
+            .iter()
+            .copied()
+            .find(|cause| f64::from(cause.code()) == code)
+    }
+
     /// The cause of an event with this word. A word that no row has is the key of a limit. The word `link` alone does not tell
     /// why the link failed: see [`Cause::of_link`].
     #[must_use]

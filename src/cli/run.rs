@@ -92,8 +92,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
 fn prepare(args: &RunArgs) -> anyhow::Result<Prepared> {
     if let Some(folder) = &args.resume {
         let allowed = Allowed {
-            after: &args.after_trip,
-            back_to: args.back_to_step,
+            after_trip: args.after_trip,
             changed: args.accept_changed.as_deref(),
         };
         let next = session::resume_allowed(folder, args.test.as_deref(), allowed);
@@ -103,8 +102,7 @@ fn prepare(args: &RunArgs) -> anyhow::Result<Prepared> {
         });
     }
     let of_resumed = [
-        ("--after-trip", !args.after_trip.is_empty()),
-        ("--back-to-step", args.back_to_step.is_some()),
+        ("--after-trip", args.after_trip),
         ("--accept-changed", args.accept_changed.is_some()),
     ];
     only_with("--resume", of_resumed)

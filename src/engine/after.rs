@@ -9,10 +9,11 @@
 //! What stops the way out stops it for all, and is part of how the test ended: a test that trips there has tripped.
 
 use super::columns::Word;
-use super::operator::Control;
+use super::operator::{Control, OperatorCommands};
 use super::phase::Phase;
 use super::tick::Tick;
 use super::{Ending, Engine, Stop};
+use crate::catalog::ending::Cause;
 use crate::catalog::phase::GIVEN_UP;
 use crate::control::{Astray, Departure, Port};
 use crate::record::EventKind;
@@ -101,6 +102,7 @@ impl Engine {
         if let Ending::Stopped(stop) = &ending {
             self.report_stop(stop);
         }
+        self.row.cause = Some(ending.cause());
         let Err(stop) = self.lead_out(&ending, control) else {
             return ending;
         };
@@ -286,12 +288,15 @@ impl Engine {
             port.note_loss();
         }
         let tick = self.tick_behind_the_last(0.0);
+        self.row.cause = Some(ending.cause());
         let state = if ending.is_for_being_late() {
             // What the operator said before the tick that was late stands in its own row.
             self.row.word = Word {
                 holds: self.row.word.holds,
                 ..Word::default()
             };
+            self.row.commands = OperatorCommands::GIVE_UP;
+            self.row.cause = Some(Cause::Late);
             GIVEN_UP
         } else {
             Phase::Tripped.code()

@@ -3,7 +3,7 @@
 //! Zeroing commands every specimen to where it stands and reads; ramping goes from there to where the test begins along
 //! half a cosine, slower than any speed limit. Nothing jumps.
 
-use super::operator::Control;
+use super::operator::{Control, OperatorCommands};
 use super::phase::Phase;
 use super::ready::Readiness;
 use super::tick::Tick;
@@ -239,6 +239,7 @@ impl Engine {
         if rows == WarmUpRows::IfTheyMatter {
             // Within its capacity.
             self.held_back.extend_from_slice(self.row.values());
+            self.row.commands = OperatorCommands::default();
             self.sent_since_row = false;
         } else {
             self.keep_row();

@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
-use super::columns::{Word, number};
+use super::columns::{Lateness, Word, number};
 use super::numerical::{Side, aim_along};
-use super::operator::{Control, Operator};
+use super::operator::{Control, Operator, OperatorCommands};
 use super::phase::{Glimpse, Phase};
 use super::tick::Tick;
 use super::{Ending, Engine, OnMiss, Outcome, Stop};
@@ -155,6 +155,7 @@ impl Engine {
     ) -> Result<(), Stop> {
         stamps.idle = self.clock_now;
         self.goes_on = false;
+        self.row.commands.begin_tick();
         self.wait_for_somebody(control);
         let was_asked = self.unconfirmed;
         stamps.release = self.schedule.tick(self.edge);
@@ -191,8 +192,12 @@ impl Engine {
     /// What the operator asks for, if anything. Real-time: yes.
     #[inline]
     pub(super) fn hear(&mut self, control: &Control) -> Result<(), Stop> {
+        let commands = &mut self.row.commands;
         match self.asked.take(control) {
-            Some(Operator::Stop) => return Err(Stop::Operator),
+            Some(Operator::Stop) => {
+                commands.add(OperatorCommands::STOP);
+                return Err(Stop::Operator);
+            }
             Some(Operator::GiveUp) => {
                 return Err(Stop::Late {
                     total: self.misses,
@@ -204,6 +209,7 @@ impl Engine {
             Some(_) if !self.phase.can_be_held() => {}
             Some(Operator::Hold) => {
                 if !self.hold_wanted {
+                    commands.add(OperatorCommands::HOLD);
                     self.hold_number = self.hold_number.saturating_add(1);
                     self.report_now(EventKind::HoldRequested);
                 }
@@ -216,13 +222,19 @@ impl Engine {
                 });
             }
             Some(Operator::EndHold(_) | Operator::Continue) => {
+                commands.remove(OperatorCommands::HOLD);
+                commands.add(OperatorCommands::CONTINUE);
                 if self.hold_wanted {
                     self.report_now(EventKind::ContinueRequested);
                 }
                 self.hold_wanted = false;
                 self.goes_on = true;
             }
-            Some(Operator::Confirm) => self.unconfirmed = false,
+            Some(Operator::Confirm) => {
+                if std::mem::take(&mut self.unconfirmed) {
+                    commands.add(OperatorCommands::CONFIRM);
+                }
+            }
             None => {}
         }
         self.show();
@@ -304,6 +316,8 @@ impl Engine {
         if stamps.pushed <= stamps.deadline {
             self.unrecorded = Some(stamps);
             self.misses_in_a_row = 0;
+            self.row.lateness.in_a_row = 0;
+            self.row.lateness.in_window = self.miss_window.at(self.edge);
             return Ok(());
         }
         self.unrecorded = None;
@@ -312,9 +326,19 @@ impl Engine {
         };
         let next_edge = self.schedule.tick(self.edge);
         let period = self.schedule.period_ns();
-        let stretched = stalled + self.stretch_after_stall(stamps.pushed.since(next_edge), period);
+        let overrun_ns = stamps.pushed.since(next_edge);
+        let skipped = self.stretch_after_stall(overrun_ns, period);
+        let stretched = stalled + skipped;
         self.misses += 1;
         self.misses_in_a_row += 1;
+        self.row.lateness = Lateness {
+            in_a_row: self.misses_in_a_row,
+            in_window: self.miss_window.note(self.edge),
+            in_total: self.misses,
+            skipped_by_wakeup: 0,
+            skipped_by_work: skipped,
+            overrun_ns: if skipped > 0 { overrun_ns + period } else { 0 },
+        };
         let cause = match miss.suspect {
             Suspect::LateReply => MissCause::LateReply,
             Suspect::TakenAway => MissCause::TakenAway,

@@ -21,6 +21,7 @@ mod connect;
 mod continued;
 mod derived;
 mod desk;
+mod earlier_rows;
 mod energetics;
 pub mod fitness;
 pub mod frontier;

@@ -226,7 +226,7 @@ fn a_force_may_differ_by_2_percent_of_the_recorded_peak_or_by_what_the_test_file
         let peak = forces
             .iter()
             .fold(0.0, |most: f64, force| most.max(force.abs()));
-        let next = resume(&at("first"), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
+        let next = resume(&at("first"), None, false).unwrap_or_else(|e| panic!("{e}"));
         let ended = run(next, share * peak, "second");
         assert_eq!(
             ended.cause, cause,

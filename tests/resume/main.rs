@@ -30,8 +30,8 @@ use gusset::engine::{Operator, Phase};
 use gusset::record::{Run, RunFolder};
 use gusset::session::{self, ResumeError, Watches, replay, resume};
 use gusset::substructure::{
-    Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Status,
-    Substructure, Unavailable,
+    Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
+    Unavailable,
 };
 use gusset::time::Nanos;
 

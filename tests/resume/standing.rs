@@ -84,7 +84,7 @@ fn a_specimen_that_does_not_stand_where_it_was_left_is_refused_and_nothing_moves
     let whole = gusset::setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(conclude(whole, 0.0, "whole").cause, Cause::Done);
     killed(&at("whole"), &at("first"), 400);
-    let again = || resume(&at("first"), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
+    let again = || resume(&at("first"), None, false).unwrap_or_else(|e| panic!("{e}"));
     let ended = conclude(again(), 0.0, "second");
     assert_eq!(ended.cause, Cause::Done, "{}", ended.summary.reason);
     assert_eq!(
@@ -95,7 +95,7 @@ fn a_specimen_that_does_not_stand_where_it_was_left_is_refused_and_nothing_moves
     assert!(found.is_exact(), "{found:?}");
 
     killed(&at("whole"), &at("other"), 400);
-    let again = || resume(&at("other"), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
+    let again = || resume(&at("other"), None, false).unwrap_or_else(|e| panic!("{e}"));
     let ended = conclude(again(), 0.05, "moved");
     assert_eq!(ended.cause, Cause::Moved);
     assert!(
@@ -122,7 +122,7 @@ fn a_specimen_that_does_not_stand_where_it_was_left_is_refused_and_nothing_moves
     let whole = gusset::setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
     let ended = under(whole, 0.0, "stopped", words);
     assert_eq!(ended.cause, Cause::Operator);
-    let again = || resume(&at("stopped"), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
+    let again = || resume(&at("stopped"), None, false).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(
         conclude(again(), 1e-4, "aside").cause,
         Cause::Moved,
@@ -184,7 +184,7 @@ fn a_force_that_was_lost_at_rest_is_told_and_not_taken_for_drift() {
         let built = damped(home.path(), key, &axis);
         assert_eq!(concluded(built, &at(&whole)).cause, Cause::Done);
         killed(&at(&whole), &at(&first), 400);
-        let next = resume(&at(&first), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
+        let next = resume(&at(&first), None, false).unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(concluded(next, &at(&second)).cause, Cause::Done);
         let same = steps(&[&at(&first), &at(&second)]) == steps(&[&at(&whole)]);
         assert_eq!(same, !takes);
@@ -214,7 +214,7 @@ fn what_is_read_at_rest_is_not_held_against_the_last_measurement_of_the_interrup
     let watched = damped(home.path(), "", &limits);
     assert_eq!(concluded(watched, &at("whole")).cause, Cause::Done);
     killed(&at("whole"), &at("first"), 400);
-    let next = resume(&at("first"), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
+    let next = resume(&at("first"), None, false).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(concluded(next, &at("second")).cause, Cause::Done);
     let events = Run::open(&at("second")).unwrap().events().unwrap().events;
     let changed = events.iter().find(|e| e["event"] == "force_changed");
@@ -255,7 +255,7 @@ fn a_formula_with_relative_zeros_that_was_led_out_goes_on_with_the_same_bits() {
         "it was led out"
     );
 
-    let next = resume(&at("first"), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
+    let next = resume(&at("first"), None, false).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(conclude(next, "second", 0).cause, Cause::Done);
     assert_eq!(
         steps(&[&at("first"), &at("second")]),
