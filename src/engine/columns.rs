@@ -189,7 +189,7 @@ const TIMING: [(&str, &str, &str); 13] = [
     (
         "overrun_s",
         "s",
-        "from the edge of the tick before, as it was moved, to the end of its work; 0 where no tick was skipped by work",
+        "from the moved edge of the tick before to the end of its work; 0 where no tick was skipped by work",
     ),
 ];
 

@@ -71,8 +71,8 @@ const MOST_KEPT: u64 = 1 << 14;
 
 /// The latest misses, one more than are allowed, and how many of them are inside the window.
 ///
-/// Where more than `MOST_KEPT` are allowed, several in a row share an entry and leave the window with the last of them. Up to one
-/// in so many is then counted longer than it should be, never shorter.
+/// Where more than `MOST_KEPT` are allowed, several in a row share an entry and leave the window with the last of them. A miss
+/// may then be counted longer than it should be, never shorter.
 #[derive(Debug)]
 pub(super) struct MissWindow {
     ticks: u64,

@@ -58,9 +58,9 @@ impl OperatorCommands {
     pub const HOLD: Self = Self(1);
     /// The end of a hold.
     pub const CONTINUE: Self = Self(2);
-    /// What was read is confirmed.
+    /// The operator confirms the sensor readings.
     pub const CONFIRM: Self = Self(4);
-    /// An orderly stop, heard between two ticks.
+    /// An orderly stop, received between two ticks.
     pub const STOP: Self = Self(8);
     /// The test was given up for missed deadlines.
     pub const GIVE_UP: Self = Self(16);

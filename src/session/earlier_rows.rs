@@ -10,10 +10,13 @@ use crate::record::{Column, Layout};
 
 /// Physical columns that recordings of earlier versions do not have.
 const NEWER: [&str; 2] = ["operator", "cause"];
+/// Names of columns with the values that limits judge begin so; earlier versions did not record them either.
+const JUDGED: &str = "judged_";
 
 /// Whether a recording of an earlier version may lack this column.
 pub(super) fn may_be_absent(column: &Column) -> bool {
-    column.timing || NEWER.contains(&column.name.as_str())
+    let name = column.name.as_str();
+    column.timing || NEWER.contains(&name) || name.starts_with(JUDGED)
 }
 
 /// A recording without the column `operator`, as far as it was read.

@@ -74,9 +74,9 @@ pub enum ResumeError {
     },
     /// It tripped, or may have tripped, and `--after-trip` is missing.
     #[error(
-        "{}: this test {} tripped ({names}): {reason}\ninspect its specimens; then add `--after-trip` if it may resume",
+        "{}: this test {} ({names}): {reason}\ninspect its specimens; then add `--after-trip` if it may resume",
         folder.display(),
-        if *certain { "had" } else { "may have" }
+        if *certain { "had tripped" } else { "may have tripped" }
     )]
     Tripped {
         /// The folder.
