@@ -284,7 +284,7 @@ mod tests {
     use super::super::Station;
     use super::*;
     use crate::control::AxisUnits;
-    use crate::link::rig::{Over, Rig, Visitor, Wanted};
+    use crate::link::rig::{Rig, TestEnd, Visitor, Wanted};
     use crate::substructure::{Introduction, LinkFault, Retirement};
 
     /// Two springs of 10 N/m; from the command with this number on the load cell of the second says no number.
@@ -297,7 +297,7 @@ mod tests {
         fn axes(&self) -> usize {
             2
         }
-        fn connect(&mut self, _: &Visitor, _: &mut Wanted<'_>) -> Result<Introduction, Over> {
+        fn connect(&mut self, _: &Visitor, _: &mut Wanted<'_>) -> Result<Introduction, TestEnd> {
             Ok(Introduction::default())
         }
         fn arm(
