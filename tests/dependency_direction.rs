@@ -41,6 +41,8 @@ const ALLOWED: &[(&str, &[&str])] = &[
     (
         "link",
         &[
+            // Fault scripts, and names of protocols and transports.
+            "config",
             "control",
             "record",
             "rt",

@@ -24,6 +24,8 @@ mod driven;
 pub(crate) mod echo;
 mod edit;
 mod excitation;
+mod fault_rules;
+pub mod fault_script;
 mod hints;
 mod inputs;
 mod locator;
@@ -53,7 +55,6 @@ use schemars::{JsonSchema, Schema};
 use thiserror::Error;
 use toml_edit::DocumentMut;
 
-use crate::link::fault::Script;
 pub use crate::text::printable;
 pub use certificate::{
     CapacityTable, CertificateTable, IdentifiedTable, Spread, Uncertain, UncertaintyTable,
@@ -66,6 +67,8 @@ use echo::plain;
 pub use excitation::{
     ExcitationTable, GroundTable, NodalFileTable, NodalForceTable, PrescribedPlace, PrescribedTable,
 };
+pub use fault_rules::{ScriptError, check_script};
+use fault_script::Script;
 pub(crate) use inputs::read_input;
 pub use inputs::{INPUTS_FOLDER, Input, InputError, Inputs};
 pub use locator::Locator;

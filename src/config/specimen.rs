@@ -8,13 +8,13 @@ use super::safety::ZeroChoice;
 use super::value::MatrixValue;
 use super::variant;
 use crate::compensation::CompensationSpec;
-use crate::control::AxisUnits;
 use crate::control::limits::LimitsSpec;
 use crate::geometry::{GeometrySpec, LawPlace};
 use crate::link::LinkSpec;
 use crate::link::openfresco::RemoteSettings;
 use crate::specimen::SpecimenLaw;
 use crate::transfer::TransferSpec;
+use crate::units::AxisUnits;
 use crate::wire::handshake::Unit;
 
 /// One specimen. Give exactly one of `law`, `laws`, `coupled` and `link`. In a test with a

@@ -4,8 +4,8 @@
 //! So whatever arrives beyond is a fault, and the specimen's end holds. Forces are the controller's to judge first: it may
 //! lead the specimen home; the specimen's end comes in where that has failed.
 
-use crate::control::AxisUnits;
 use crate::control::limits::{AxisLimits, Bound, Range};
+use crate::units::AxisUnits;
 use crate::wire::handshake::{Axis, Limits, Unit};
 
 /// What the specimen's end adds to an announced bound of commands, for the rounding of units.

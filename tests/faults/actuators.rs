@@ -3,8 +3,8 @@
 
 use std::path::Path;
 
+use gusset::config::fault_script::Script;
 use gusset::config::{Loaded, load_served, parse};
-use gusset::link::fault::Script;
 use gusset::record::Journal;
 
 use crate::invariants;

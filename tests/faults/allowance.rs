@@ -6,7 +6,6 @@
 
 use std::sync::{Arc, Mutex};
 
-use gusset::control::AxisUnits;
 use gusset::control::limits::LimitsSpec;
 use gusset::link::Transport;
 use gusset::link::rig::{Close, FarBuild, Latch, Over, Rig, Station, Visitor, Wanted};
@@ -16,6 +15,7 @@ use gusset::substructure::{
     Unavailable,
 };
 use gusset::time::{Clock, Nanos, SimClock};
+use gusset::units::AxisUnits;
 use gusset::wire::Side;
 use gusset::wire::handshake::{
     self, Arm, Axis, Control, Hello, Limits, Sampling, Unit, Versions, layout_hash,

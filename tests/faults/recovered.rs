@@ -1,8 +1,8 @@
 //! A reply that is lost costs nothing: its force stands in a later one, and comes into the record by an event that tells to which
 //! command it belongs.
 
+use gusset::config::fault_script::Script;
 use gusset::config::{load, load_served};
-use gusset::link::fault::Script;
 use gusset::record::{EventKind, Journal};
 
 use crate::lab::{Extra, play};

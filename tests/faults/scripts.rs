@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use gusset::config::fault_script::Script;
 use gusset::config::{load, load_script, load_served};
-use gusset::link::fault::Script;
 
 use crate::invariants;
 use crate::lab::{Extra, Played, play};

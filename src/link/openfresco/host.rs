@@ -9,10 +9,10 @@ use thiserror::Error;
 
 use super::Transformation;
 use super::remarks::Remark;
-use crate::control::AxisUnits;
 use crate::link::rig::{Close, Law, Over, Rig as _, Station, Trip, Visitor, Wanted};
 use crate::specimen::Specimen;
 use crate::substructure::{Command, Measurement};
+use crate::units::AxisUnits;
 use crate::wire::openfresco::{Course, Matrix, Response};
 
 /// Whether a specimen can go back.

@@ -8,7 +8,6 @@ use std::path::{Path, PathBuf};
 use super::columns::{AXIS, HEAD, columns};
 use super::summary::{self, Counted};
 use super::{Close, Trip, Visitor};
-use crate::control::AxisUnits;
 use crate::record::writer::Clocks;
 use crate::record::{
     FolderError, Layout, Note, NoteLevel, Position, Recorder, RingRecorder, RingSize, RunFolder,
@@ -18,6 +17,7 @@ use crate::rt::timing::Timing;
 use crate::rt::wall::Wall;
 use crate::rt::{os, pin_away};
 use crate::substructure::{Command, LinkStats, Measurement, Status};
+use crate::units::AxisUnits;
 
 /// Where and what a server records.
 #[derive(Debug, Clone)]

@@ -283,9 +283,9 @@ impl Station {
 mod tests {
     use super::super::Station;
     use super::*;
-    use crate::control::AxisUnits;
     use crate::link::rig::{Over, Rig, Visitor, Wanted};
     use crate::substructure::{Introduction, LinkFault, Retirement};
+    use crate::units::AxisUnits;
 
     /// Two springs of 10 N/m; from the command with this number on the load cell of the second says no number.
     #[derive(Debug)]

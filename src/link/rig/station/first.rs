@@ -1,8 +1,8 @@
 //! The first command to what moves, where the file bounds neither step nor speed nor acceleration of an axis: nothing that
 //! was declared says how far a single command may take it, and whoever commands may believe it elsewhere.
 
-use crate::control::AxisUnits;
 use crate::control::limits::{AxisLimits, Hit, Level, Quantity, Range};
+use crate::units::AxisUnits;
 use crate::units::in_axis_unit;
 
 /// Share of the range that `command_disp_m` allows.

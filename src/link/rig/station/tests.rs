@@ -3,8 +3,8 @@
 use std::sync::{Arc, Mutex};
 
 use super::Station;
+use crate::control::Pace;
 use crate::control::limits::{LimitsSpec, Quantity};
-use crate::control::{AxisUnits, Pace};
 use crate::link::rig::settings::{Close, ProbeSettings};
 use crate::link::rig::{Far, Over, Rig, Trip, Visitor, Wanted, Whereabouts};
 use crate::substructure::{
@@ -12,6 +12,7 @@ use crate::substructure::{
     Substructure, Unavailable,
 };
 use crate::time::Nanos;
+use crate::units::AxisUnits;
 use crate::units::position;
 
 const K: f64 = 8000.0;
