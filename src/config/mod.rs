@@ -16,6 +16,8 @@
 //! Nothing here moves, computes or knows the meaning of a law; unknown keys are refused, defaults are written down, and
 //! a number that is not finite is refused everywhere but as λ = ∞.
 
+mod address;
+mod axis_table;
 mod certificate;
 pub(crate) mod check;
 mod diagnose;
@@ -28,7 +30,9 @@ mod fault_rules;
 pub mod fault_script;
 mod hints;
 mod inputs;
+mod link_table;
 mod locator;
+mod openfresco_table;
 mod overrides;
 mod read;
 mod reader;
@@ -43,6 +47,7 @@ pub(crate) mod steps;
 mod suggest;
 mod timetable;
 mod timing_table;
+mod tls_table;
 mod value;
 mod variant;
 mod words;
@@ -56,6 +61,7 @@ use thiserror::Error;
 use toml_edit::DocumentMut;
 
 pub use crate::text::printable;
+pub use axis_table::{AxisTable, DispUnit, ForceUnit};
 pub use certificate::{
     CapacityTable, CertificateTable, IdentifiedTable, Spread, Uncertain, UncertaintyTable,
 };
@@ -71,7 +77,12 @@ pub use fault_rules::{ScriptError, check_script};
 use fault_script::Script;
 pub(crate) use inputs::read_input;
 pub use inputs::{INPUTS_FOLDER, Input, InputError, Inputs};
+pub use link_table::{
+    Carrier, CommandPace, LinkCoupling, LinkSpec, Offer, ProbeChoice, Protocol, StaleChoice,
+    WATCHDOG_MAX_S,
+};
 pub use locator::Locator;
+pub use openfresco_table::{OpenFrescoServeSpec, OpenFrescoSpec, ServerKind, SignalOrderSpec};
 pub use overrides::Override;
 pub use resolve::{ResolveError, resolve};
 pub use safety::{ExitChoice, SafetyTable, ShareSpec, ZeroChoice};
@@ -79,12 +90,13 @@ pub use schema::{
     GravityTable, IntegratorTable, Method, RecordTable, Start, StructureTable, TestFile, Weighting,
 };
 pub use script::{load_script, parse_script};
-pub use serve::{ServeFile, ServeTable, Served, load_served};
-pub use specimen::{AxisTable, DispUnit, DrillTable, ForceUnit, SimilitudeTable, SpecimenTable};
+pub use serve::{ServeFile, ServeTable, ServedFile, load_serve_file};
+pub use specimen::{DrillTable, SimilitudeTable, SpecimenTable};
 pub use steps::Time;
 pub use suggest::nearest;
 pub use timetable::{ClockChoice, TimeTable};
 pub use timing_table::{OnMiss, Policy, TimingSpec, TimingSpecError};
+pub use tls_table::{ClientCertificate, ServeTlsSpec, TlsSpec};
 pub use value::{DofChoice, LambdaValue, MatrixValue, RateValue};
 
 /// Why a test file cannot be used.
@@ -260,7 +272,7 @@ pub fn parse(path: &Path, text: String, sets: &[String]) -> Result<Loaded, Confi
                 // Earlier versions did not write it down, and meant this.
                 file.safety
                     .divergence_m
-                    .get_or_insert(crate::setup::DIVERGENCE_M);
+                    .get_or_insert(crate::control::limits::DIVERGENCE_M);
             }
             Ok(Loaded {
                 path: path.to_owned(),

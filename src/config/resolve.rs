@@ -10,7 +10,7 @@ use toml_edit::{DocumentMut, Item, KeyMut, Value};
 use super::inputs::Inputs;
 use super::schema::TestFile;
 use super::value::LambdaValue;
-use crate::setup::DIVERGENCE_M;
+use crate::control::limits::DIVERGENCE_M;
 
 /// Why the resolved text could not be written; each is a fault of the schema, not of the user.
 #[derive(Debug, Error)]

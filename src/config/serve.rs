@@ -1,7 +1,5 @@
 //! The file of `gusset serve`: specimens and how they are offered. A test file works, too.
 
-mod gateway;
-
 use std::path::Path;
 
 use schemars::JsonSchema;
@@ -9,23 +7,16 @@ use serde::{Deserialize, Serialize};
 
 use super::document::Node;
 use super::echo::number;
+use super::link_table::{Carrier, Offer};
+use super::openfresco_table::OpenFrescoServeSpec;
 use super::safety::SafetyTable;
 use super::schema::RecordTable;
 use super::timing_table::TimingSpec;
+use super::tls_table::ServeTlsSpec;
 use super::{
     ConfigError, Finding, KeyPath, Locator, Severity, SpecimenTable, check, judge, open, plain,
     read_text,
 };
-use crate::link::openfresco::{OpenFrescoServeSpec, Transformation};
-use crate::link::secret::read_key;
-use crate::link::serve::Host;
-use crate::link::spec::{Carrier, Offer};
-use crate::link::tls::ServeTlsSpec;
-use crate::setup::links::{beside, wire_axes};
-use crate::setup::{behind_actuators, own_offsets};
-use crate::specimen::{InUnits, Mounted, Specimen};
-use crate::transfer::Transfer;
-use crate::wire::key::PreSharedKey;
 
 /// Longest silence in s after which a client counts as gone: a day.
 const IDLE_S: f64 = 86_400.0;
@@ -88,34 +79,38 @@ pub struct ServeTable {
     pub openfresco: OpenFrescoServeSpec,
 }
 
-/// A specimen that is ready to be served, with the settings of its file.
+/// The served part of a file that has been read and checked.
 #[derive(Debug)]
-pub struct Served {
-    /// The specimen.
-    pub host: Host,
-    /// Settings of the file; empty for a test file.
-    pub serve: ServeTable,
-    /// The key that the file names.
-    pub key: Option<PreSharedKey>,
-    /// Real-time scheduling of the data thread.
-    pub timing: Option<TimingSpec>,
+pub struct ServedFile {
     /// The file as given, byte for byte.
     pub text: String,
-    /// The part of the file that is served.
+    /// The settings, with the one specimen that is served.
     pub file: ServeFile,
+    /// True if it is a test file, whose `rows` and gear belong to the controller.
+    pub is_test: bool,
     /// The file has other specimens, too.
     pub among_others: bool,
     /// Warnings for the user.
     pub warnings: Vec<String>,
     /// Position of each key in the file.
     pub locator: Locator,
-    /// Path of its table in the file.
+    /// Path of the table of the specimen in the file.
     pub place: KeyPath,
-    /// The `rows` of a served file. A test file has none, because its `rows` are those of its structure.
-    pub transformation: Option<Transformation>,
 }
 
-impl Served {
+impl ServedFile {
+    /// The table of the specimen.
+    #[must_use]
+    pub fn specimen(&self) -> Option<&SpecimenTable> {
+        self.file.specimen.first()
+    }
+
+    /// The rows of the transformation from the client's displacements to the axes. Those of a test file belong to its structure.
+    #[must_use]
+    pub fn rows(&self) -> Option<&Vec<Vec<f64>>> {
+        self.specimen()?.rows.as_ref().filter(|_| !self.is_test)
+    }
+
     /// Refuses what the chosen protocol has no word for.
     ///
     /// # Errors
@@ -124,7 +119,7 @@ impl Served {
         if protocol != Offer::Gusset {
             return Ok(());
         }
-        if self.transformation.is_some() {
+        if self.rows().is_some() {
             let text = "the protocol of Gusset serves axes without `rows`";
             let finding = Finding::error(self.place.key("rows"), text)
                 .at_key()
@@ -182,12 +177,11 @@ impl Served {
     }
 }
 
-/// Reads a file of specimens, or a test file, and makes the specimen that is called `name` ready (the only one if there is
-/// one).
+/// Reads a file of specimens, or a test file, and chooses the specimen that is called `name` (the only one if there is one).
 ///
 /// # Errors
 /// [`ConfigError`]: the file cannot be read, or everything that is wrong with it.
-pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigError> {
+pub fn load_serve_file(path: &Path, name: Option<&str>) -> Result<ServedFile, ConfigError> {
     let text = read_text(path)?;
     let opened = open(path, text.clone(), &[])?;
     let locator = opened.locator.clone();
@@ -230,7 +224,7 @@ pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigErro
             }
         }
     };
-    let serve = file.serve.clone();
+    let serve = &file.serve;
     if let Some(timing) = &file.timing
         && let Err(error) = timing.check()
     {
@@ -259,63 +253,22 @@ pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigErro
     let at = KeyPath::root().key("specimen").index(index);
     let among_others = file.specimen.len() > 1;
     file.specimen = file.specimen.drain(..).skip(index).take(1).collect();
-    let Some(table) = file.specimen.first() else {
+    if file.specimen.is_empty() {
         return Err(refuse(Finding::error(at, "there is no such specimen")));
-    };
-    let key = match &serve.key_file {
-        None => None,
-        Some(file) => Some(read_key(&beside(path, file)).map_err(|error| {
-            let at = KeyPath::root().key("serve").key("key_file");
-            refuse(Finding::error(at, error.to_string()))
-        })?),
-    };
-    let host = match &table.link {
-        Some(link) => {
-            let step_s = serve.openfresco.step_s;
-            gateway::host(table, link, &at, path, step_s, of_a_test).map_err(|f| refuse(*f))?
-        }
-        None => host(table, &at).map_err(|f| refuse(*f))?,
-    };
-    let transformation = match &table.rows {
-        Some(rows) if !of_a_test => {
-            Some(Transformation::new(rows.clone()).map_err(|text| {
-                refuse(Finding::error(at.key("rows"), format!("`rows`: {text}")))
-            })?)
-        }
-        _ => None,
-    };
-    let axes = table.axes();
-    let host = host
-        .in_units(table.units_of(axes))
-        .limited(table.limits_of(axes));
-    let host = match (serve.remembers, host.is_gateway()) {
-        (false, _) => host,
-        (true, false) => host.remembering(),
-        (true, true) => {
-            let at = KeyPath::root().key("serve").key("remembers");
-            let text =
-                "`remembers` is for a specimen that is computed, but this one is behind a link";
-            return Err(refuse(Finding::error(at, text)));
-        }
-    };
-    // A key is never copied into a run folder, so it is named in a way that holds from anywhere.
-    let links = file.specimen.iter_mut().filter_map(|s| s.link.as_mut());
-    let keys = links.filter_map(|link| link.key_file.as_mut());
-    for named in keys.chain(&mut file.serve.key_file) {
-        *named = beside(path, named).display().to_string();
     }
-    Ok(Served {
-        host,
-        serve,
-        key,
-        timing: file.timing.clone(),
+    if file.serve.remembers && file.specimen.iter().any(|table| table.link.is_some()) {
+        let at = KeyPath::root().key("serve").key("remembers");
+        let text = "`remembers` is for a specimen that is computed, but this one is behind a link";
+        return Err(refuse(Finding::error(at, text)));
+    }
+    Ok(ServedFile {
         text,
         file,
+        is_test: of_a_test,
         among_others,
         warnings,
         locator: opened.locator,
         place: at,
-        transformation,
     })
 }
 
@@ -382,38 +335,4 @@ fn choose(tables: &[SpecimenTable], name: Option<&str>) -> Result<usize, Box<Fin
                 Box::new(Finding::error(at, text).help(names()))
             }),
     }
-}
-
-fn host(table: &SpecimenTable, at: &KeyPath) -> Result<Host, Box<Finding>> {
-    let axes = table.axes();
-    let units: Vec<(f64, f64)> = (0..axes)
-        .map(|index| {
-            let gear = table.axis.get(index).cloned().unwrap_or_default();
-            (gear.unit_disp.metres(), gear.unit_force.newtons())
-        })
-        .collect();
-    let Some((key, law)) = table.sources().into_iter().next() else {
-        let text = "the specimen has neither a law nor a link";
-        return Err(Box::new(Finding::error(at.clone(), text)));
-    };
-    let law = law.clone();
-    let transfer = table.transfer.clone();
-    let whole = table.clone();
-    let wire = wire_axes(table, axes, None);
-    let build = move || -> Result<Box<dyn Specimen>, String> {
-        let laws = whole.law_axes();
-        let law = law.build(laws).map_err(|error| error.to_string())?;
-        let law = behind_actuators(&whole, law).map_err(|error| error.to_string())?;
-        let law = Mounted::around(law, &own_offsets(&whole, axes));
-        let law: Box<dyn Specimen> = match &transfer {
-            Some(spec) => {
-                let transfer = Transfer::new(spec, law, None);
-                Box::new(transfer.map_err(|error| format!("[specimen.transfer]: {error}"))?)
-            }
-            None => law,
-        };
-        Ok(InUnits::around(law, &units))
-    };
-    Host::new(table.name.clone(), wire, Box::new(build))
-        .map_err(|text| Box::new(Finding::error(at.key(key), text)))
 }

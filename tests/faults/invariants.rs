@@ -1,10 +1,9 @@
 //! What holds in every test, whatever goes wrong. Each check says what it found.
 
-use gusset::config::Loaded;
+use gusset::config::{CommandPace, Loaded};
 use gusset::control::limits::{AxisLimits, LimitsSpec};
 use gusset::engine::{Ending, Phase, Stop};
 use gusset::link::serve::Tapped;
-use gusset::link::spec::CommandPace;
 use gusset::record::{End, EventKind, Journal};
 use gusset::time::Nanos;
 use gusset::wire::native::Kind;
