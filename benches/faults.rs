@@ -14,8 +14,8 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 use gusset::config;
+use gusset::config::LimitsSpec;
 use gusset::config::fault_script::Script;
-use gusset::control::limits::LimitsSpec;
 use gusset::engine::{Control, Ending, Engine};
 use gusset::law::LawSpec;
 use gusset::link::serve::{Host, Simulated};

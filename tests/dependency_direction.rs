@@ -31,7 +31,15 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("compensation", &[]),
     (
         "control",
-        &["compensation", "geometry", "substructure", "time", "units"],
+        &[
+            "compensation",
+            // The levels of the limits.
+            "config",
+            "geometry",
+            "substructure",
+            "time",
+            "units",
+        ],
     ),
     ("record", &["substructure", "text", "units", "work"]),
     ("text", &[]),
@@ -58,13 +66,21 @@ const ALLOWED: &[(&str, &[&str])] = &[
     // Substructures say what the bits of a status column mean.
     (
         "report",
-        &["assets", "metrics", "record", "substructure", "text"],
+        &[
+            "assets",
+            "config",
+            "metrics",
+            "record",
+            "substructure",
+            "text",
+        ],
     ),
     // Looks at what passes and sends an operator's requests; decides nothing.
     (
         "monitor",
         &[
             "assets",
+            "config",
             "control",
             "engine",
             "integrate",
@@ -114,13 +130,11 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "verify",
         ],
     ),
-    // The schema of a file: it knows no engine. Its edges to `control` and `engine` are to go.
+    // The schema of a file: it knows no engine, and a view may use it.
     (
         "config",
         &[
             "compensation",
-            "control",
-            "engine",
             "geometry",
             "law",
             "model",

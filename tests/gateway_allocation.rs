@@ -1,6 +1,6 @@
 //! What a server does for an exchange allocates nothing: limits, formula, log.
 
-use gusset::control::limits::LimitsSpec;
+use gusset::config::LimitsSpec;
 use gusset::link::rig::{Close, Law, LogSettings, Station, Visitor};
 use gusset::record::Run;
 use gusset::specimen::SpecimenLaw;

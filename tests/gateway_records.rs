@@ -5,7 +5,7 @@ mod link_common;
 
 use std::path::Path;
 
-use gusset::control::limits::LimitsSpec;
+use gusset::config::LimitsSpec;
 use gusset::link::rig::{Close, Law, LogSettings, Station, Visitor};
 use gusset::record::Run;
 use gusset::record::summary::Status;

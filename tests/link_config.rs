@@ -6,7 +6,7 @@ use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::Stdio;
 
-use gusset::config::{self, Offer, load_served};
+use gusset::config::{self, Offer};
 use gusset::setup;
 use link_common::{ONE_AXIS, ONE_AXIS_LAW, linked, test_file, write};
 

@@ -3,8 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::limit_table::LimitsSpec;
 use super::safety::ZeroChoice;
-use crate::control::limits::LimitsSpec;
 use crate::units::AxisUnits;
 use crate::wire::handshake::Unit;
 

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::fault_rules::{ScriptError, check_script};
 use super::fault_script::Script;
 use super::{ConfigError, Finding, KeyPath, judge, open, read_text};
-use crate::engine::Phase;
+use crate::catalog::phase::Phase;
 
 /// Reads the fault script at `path`.
 ///

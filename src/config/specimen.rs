@@ -5,11 +5,11 @@ use serde::{Deserialize, Serialize};
 
 use super::axis_table::AxisTable;
 use super::certificate::{CapacityTable, IdentifiedTable};
+use super::limit_table::LimitsSpec;
 use super::link_table::LinkSpec;
 use super::value::MatrixValue;
 use super::variant;
 use crate::compensation::CompensationSpec;
-use crate::control::limits::LimitsSpec;
 use crate::geometry::{GeometrySpec, LawPlace};
 use crate::specimen::SpecimenLaw;
 use crate::transfer::TransferSpec;

@@ -50,9 +50,11 @@ pub use ramp::UNBOUNDED_RAMP_S;
 pub use rest::Rest;
 pub use stiffness::{Opinion, compare_stiffness};
 pub use tangent::{Point as TangentPoint, Tangent};
-pub use tempo::{HOLD_AT, SLOW_FROM, Stage, Stride, Tempo};
+pub use tempo::{HOLD_AT, SLOW_FROM, Stride, Tempo};
 pub use trend::Trend;
 pub use unloading::Astray;
+
+pub use crate::catalog::phase::Stage;
 
 use crate::substructure::{Measurement, Status, Substructure};
 
@@ -350,7 +352,7 @@ impl Port {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::limits::Quantity;
+    use crate::catalog::limit::Limit;
     use crate::substructure::{Command, Coupling, Freshness, LinkFault, Retirement};
     use crate::time::Nanos;
 
@@ -422,7 +424,7 @@ mod tests {
             let mut port = reversed();
             port.aim(&[0.0, 0.001], &[0.0, vel], 0.0, 0.0);
             let hit = port.clear().trip.unwrap();
-            assert_eq!((hit.axis, hit.quantity), (0, Quantity::CommandVel));
+            assert_eq!((hit.axis, hit.quantity), (0, Limit::CommandVel));
             assert_eq!(port.issue(0, 0.0, 0.0), Err(LinkFault::Refused));
         }
     }
@@ -558,10 +560,8 @@ mod tests {
     /// It was never told anything but to stay where its declared offset says that it stands.
     #[test]
     fn what_stays_at_a_declared_offset_follows_and_a_dead_sensor_does_not() {
-        let limits = limits::AxisLimits {
-            following_error: limits::Bound::trip(1e-3),
-            ..limits::AxisLimits::NONE
-        };
+        let limits =
+            limits::AxisLimits::NONE.with(Limit::FollowingError, limits::Bound::trip(1e-3));
         let read = |disp: Option<f64>| {
             let mut port = reversed().with_limits(vec![limits], vec![(1e-3, 1e3)], 0.01);
             port.stand_still();

@@ -5,20 +5,15 @@
 
 use std::ops::Range;
 
-use super::checks::TestQuantity;
 use super::numerical::Side;
 use super::phase::Phase;
 use super::port_columns::{column, port_columns, port_values, width_of_axis};
 use super::tick::Tick;
+use crate::catalog::limit::Limit;
 use crate::control::Port;
 use crate::record::Column;
 use crate::rt::timing::TickStamps;
 use crate::time::Nanos;
-
-/// State of the row in which a test was given up for being late: only the clock knows why, so the row must say that.
-pub const GIVEN_UP: f64 = 14.0;
-/// State of the row in which the operator ended the test while an answer was waited for.
-pub const NOT_AWAITED: f64 = 15.0;
 
 /// What the operator wants in a tick: one number of its row.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -71,7 +66,7 @@ pub struct Row {
     accel: Range<usize>,
     ports: Vec<PortPlace>,
     checks: Range<usize>,
-    kept: Vec<TestQuantity>,
+    kept: Vec<Limit>,
 }
 
 /// Where the numbers of a port stand.
@@ -196,7 +191,7 @@ impl Row {
             })
             .collect();
         let start = columns.len();
-        let kept = TestQuantity::kept(side, ports_given);
+        let kept = super::checks::kept_limits(side, ports_given);
         for quantity in &kept {
             columns.push(column(quantity.key(), "1", quantity.words(), false));
         }
@@ -227,7 +222,7 @@ impl Row {
     /// A quantity of the test as a whole and its value as it stands in the row, by its place among those that are kept.
     /// Real-time: yes.
     #[inline]
-    pub(super) fn kept_at(&self, place: usize) -> Option<(TestQuantity, f64)> {
+    pub(super) fn kept_at(&self, place: usize) -> Option<(Limit, f64)> {
         let value = self.values.get(self.checks.start + place)?;
         Some((*self.kept.get(place)?, *value))
     }
@@ -284,7 +279,7 @@ impl Row {
         }
         if let Some(slots) = self.values.get_mut(self.checks.clone()) {
             for (to, quantity) in slots.iter_mut().zip(&self.kept) {
-                *to = quantity.value(side, ports);
+                *to = super::checks::value(*quantity, side, ports);
             }
         }
     }

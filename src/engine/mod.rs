@@ -32,8 +32,8 @@ mod waiting;
 pub use after::{Left, Unfinished};
 pub use audit::StepAudit;
 pub use before::{InitialForce, Opening};
-pub use checks::{TestHit, TestLimits, TestQuantity};
-pub use columns::{GIVEN_UP, NOT_AWAITED, Word};
+pub use checks::{TestHit, TestLimits, kept_limits};
+pub use columns::Word;
 pub use intake::Intake;
 pub use misses::{MissLevels, MissWindow};
 pub use numerical::{Numerical, Side};
@@ -46,6 +46,8 @@ pub use settle::Settling;
 pub use stop::{Ending, Stop};
 pub use tick::Tick;
 pub use waiting::Gaps;
+
+pub use crate::catalog::phase::{GIVEN_UP, NOT_AWAITED};
 
 use crate::control::{LinkCount, Port, Poses};
 use crate::record::{Column, Recorder};
@@ -183,7 +185,7 @@ pub struct Engine {
     misses_in_a_row: u64,
     gaps: Gaps,
     miss_window: misses::MissWindow,
-    test_warned: u8,
+    test_warned: u32,
     rows_lost: u64,
     events_lost: u64,
     retired: usize,

@@ -15,7 +15,8 @@ use super::specimen::{RowHead, SpecimenTap};
 use super::subject::ChannelKind;
 use super::swallowed::Swallowed;
 use super::trip::Trip;
-use crate::engine::{Phase, TestQuantity};
+use crate::catalog::limit::Limit;
+use crate::engine::Phase;
 use crate::record::{Event, EventKind, Note, Onlooker, Progress};
 
 /// Bins a second of wall time at most, on the real clock.
@@ -158,7 +159,7 @@ impl Tap {
         let marks = self.board.subject.test.iter().zip(&self.test);
         marks
             .map(|(mark, values)| match mark.quantity {
-                TestQuantity::Misses => [misses; 2],
+                Limit::Misses => [misses; 2],
                 quantity if quantity.is_of_misses() => self.late.of(quantity),
                 _ => *values,
             })
@@ -193,7 +194,8 @@ impl Tap {
 
     fn count_timing(&mut self, rows_before: u64, row: &[f64]) {
         // While the specimens are led to where the test begins nobody is promised a deadline.
-        let running = self.seen.state == Phase::Running.code() || self.seen.state > 10.0;
+        let running =
+            self.seen.state == Phase::Running.code() || self.seen.state > Phase::Armed.code();
         // A count, if it is known.
         let tick = rows_before + self.seen.stretched.max(0.0) as u64;
         let subject = &self.board.subject;

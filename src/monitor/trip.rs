@@ -3,8 +3,9 @@
 use serde::Serialize;
 
 use super::subject::Subject;
+use crate::catalog::limit::Limit;
 use crate::control::limits::{Hit, Level};
-use crate::engine::{Phase, TestHit, TestQuantity};
+use crate::engine::{Phase, TestHit};
 use crate::record::{Event, EventKind, ON_MISS, late_words};
 
 /// One of the reasons for which a test has tripped.
@@ -175,7 +176,7 @@ fn test_words(key: &str, value: f64, bound: f64, worst: Option<(u32, u32)>) -> S
     if key == ON_MISS {
         return late_words(value, bound);
     }
-    let mut all = TestQuantity::ALL.into_iter();
+    let mut all = Limit::OF_TEST.into_iter();
     match all.find(|quantity| quantity.key() == key) {
         Some(quantity) => TestHit {
             quantity,

@@ -14,9 +14,9 @@ use serde_json::Value;
 use super::lineage::Origin;
 use super::summary::{ending, finite, named, status_of, stop_words};
 use super::tape::is_under_way;
+use crate::catalog::limit::Limit;
 use crate::config::{Time, TimeTable};
-use crate::control::limits::Quantity;
-use crate::engine::{Ending, Outcome, Phase, Stop, TestQuantity, Unfinished};
+use crate::engine::{Ending, Outcome, Phase, Stop, Unfinished};
 use crate::record::summary::{Peak, Status};
 use crate::record::{FolderError, Run, Summary};
 use rows::Rows;
@@ -320,9 +320,9 @@ fn another_limit(summary: &Summary, events: &Events, required: bool) -> Option<S
 
 /// A limit in words, as a reason names it; none of another cause.
 fn limit(key: &str) -> Option<&'static str> {
-    let specimens = Quantity::ALL.into_iter();
+    let specimens = Limit::OF_AXIS.into_iter();
     let specimens = specimens.map(|one| (one.key(), one.words()));
-    let tests = TestQuantity::ALL.into_iter();
+    let tests = Limit::OF_TEST.into_iter();
     let tests = tests.map(|one| (one.key(), one.words()));
     let mut all = specimens.chain(tests);
     all.find_map(|(known, words)| (known == key).then_some(words))

@@ -1,8 +1,11 @@
-//! From a test file that has been read and checked to an experiment that can run.
+//! From a file that has been read and checked to something that can run: the experiment of a test, or the specimen of a server.
 //!
-//! Everything that needs more than the file's own words is judged here: files are read, laws and matrices made, λ
-//! chosen and proven, peaks of the excitation known. A mistake becomes a [`Finding`] at its place in the file. Nothing
-//! moves, and nothing is written.
+//! This module judges everything that needs more than the words of the file. It reads the files that the test names, makes laws and
+//! matrices, chooses λ, and translates each table into the settings of the module that uses it. A mistake becomes a [`Finding`]
+//! at its place in the file. Nothing moves here, nothing is connected and nothing is written.
+//!
+//! [`build`] makes the experiment, [`build_rehearsal`] the same experiment without its links. [`load_served`] makes the specimen
+//! that `gusset serve` offers.
 
 mod alpha;
 mod analysis;
@@ -33,14 +36,14 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use crate::config::{ConfigError, Diagnostics, Finding, KeyPath, Loaded, SpecimenTable, TestFile};
-use crate::engine::{Experiment, Numerical, Settling, Side, StepAudit, TestQuantity};
+use crate::engine::{Experiment, Numerical, Settling, Side, StepAudit};
 use crate::link::{NativeSetup, Transport};
 use crate::rt;
 use analysis::AtRest;
 pub use analysis::{ALL_MODES, Analysis, DelayedMode, Loop, ModeFacts};
 pub use facts::{Facts, Stability, StructureFacts};
 use gear::Rows;
-pub use limits::{Limit, LimitFacts, SpecimenLimits};
+pub use limits::{LimitFact, LimitFacts, SpecimenLimits};
 pub use pace::{rt_plan, set_divergence};
 use recorded::{record_dofs, rotations};
 pub use served::{Served, load_served, openfresco_role};
@@ -202,7 +205,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
     let ports = specimens.into_ports(site, dofs, settling.is_some(), gains.unwrap_or_default())?;
     let ports = critical::watched(site, structure.as_mut(), ports)?;
     let time = site.loaded.time;
-    let kept = TestQuantity::kept(&side, &ports);
+    let kept = crate::engine::kept_limits(&side, &ports);
     if structure.is_some() && !names.is_empty() {
         safety::unkept(site, &kept);
     }

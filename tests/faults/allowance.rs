@@ -6,7 +6,7 @@
 
 use std::sync::{Arc, Mutex};
 
-use gusset::control::limits::LimitsSpec;
+use gusset::config::LimitsSpec;
 use gusset::link::Transport;
 use gusset::link::rig::{Close, FarBuild, Latch, Over, Rig, Station, Visitor, Wanted};
 use gusset::link::serve::{Host, Simulated};

@@ -9,7 +9,7 @@ use std::sync::mpsc::{Receiver, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use gusset::control::limits::LimitsSpec;
+use gusset::config::LimitsSpec;
 use gusset::link::openfresco::{
     Door, End, Host, Nature, News, RemoteSettings, Role, ServeSettings, serve_openfresco,
 };

@@ -4,12 +4,12 @@
 //! never trip, and a compensator that adapts to it learns nothing.
 
 use super::Findings;
-use crate::config::TestFile;
 use crate::config::diagnose::Finding;
 use crate::config::document::KeyPath;
+use crate::config::limit_table::LimitsSpec;
 use crate::config::safety::ZeroChoice;
+use crate::config::schema::TestFile;
 use crate::config::specimen::SpecimenTable;
-use crate::control::limits::LimitsSpec;
 use crate::wire::openfresco::Peer;
 
 /// Refuses every key of a specimen that needs a measured displacement where its link answers with none.

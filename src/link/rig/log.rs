@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use super::columns::{AXIS, HEAD, columns};
 use super::summary::{self, Counted};
 use super::{Close, Trip, Visitor};
+use crate::catalog::phase::Phase;
 use crate::record::writer::Clocks;
 use crate::record::{
     FolderError, Layout, Note, NoteLevel, Position, Recorder, RingRecorder, RingSize, RunFolder,
@@ -55,9 +56,9 @@ pub(super) struct Exchange<'a> {
 
 impl Exchange<'_> {
     /// Values of the column `state`, as those of a controller's own record: what is kept back has tripped.
-    pub const PROBING: f64 = 2.0;
-    pub const RUNNING: f64 = 3.0;
-    pub const KEPT_BACK: f64 = 8.0;
+    pub const PROBING: f64 = Phase::Probing.code();
+    pub const RUNNING: f64 = Phase::Running.code();
+    pub const KEPT_BACK: f64 = Phase::Tripped.code();
 }
 
 /// A test that is being recorded.

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use crate::config::fault_script::Script;
-use crate::config::{ScriptError, check_script};
-use crate::control::limits::{AxisLimits, LimitsSpec};
+use crate::config::{LimitsSpec, ScriptError, check_script};
+use crate::control::limits::AxisLimits;
 use crate::link::announce::units_of;
 use crate::link::fault::Bench;
 use crate::link::rig::{
@@ -268,7 +268,7 @@ impl Host {
         let bound = |index| {
             self.limits
                 .get(index)
-                .map_or(AxisLimits::NONE, LimitsSpec::limits)
+                .map_or(AxisLimits::NONE, AxisLimits::of)
         };
         let limits: Vec<AxisLimits> = (0..self.axes.len()).map(bound).collect();
         first_words(&limits, &self.units)
