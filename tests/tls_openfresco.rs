@@ -11,7 +11,7 @@ use gusset::config::{ServeTlsSpec, TlsSpec};
 use gusset::link::openfresco::{
     Door, End, Nature, News, Remote, RemoteSettings, Role, ServeSettings,
 };
-use gusset::link::tls::{TlsClient, TlsFault, TlsServer};
+use gusset::link::tls::{TlsClient, TlsFault, TlsFiles, TlsServer};
 use gusset::substructure::{Command, Measurement, Retirement, Substructure};
 use gusset::time::Nanos;
 use gusset::wire::openfresco::{Carrier, Peer};

@@ -11,7 +11,7 @@ use std::process::{Child, Command, Stdio};
 
 use gusset::config::{ServeTlsSpec, TlsSpec};
 use gusset::link::openfresco::{Door, End, Nature, Remote, RemoteSettings, Role, ServeSettings};
-use gusset::link::tls::{TlsClient, TlsServer};
+use gusset::link::tls::{TlsClient, TlsFiles, TlsServer};
 use gusset::substructure::{Command as Move, Measurement, Retirement, Substructure};
 use gusset::time::Nanos;
 use gusset::wire::openfresco::{Action, Carrier, Counts, Peer, Reading, Sizes, write_action};

@@ -11,7 +11,7 @@ use gusset::config::{Carrier, ServeTlsSpec, TlsSpec};
 use gusset::law::{LawSpec, LinearSpec};
 use gusset::link::native::unlimited_axis;
 use gusset::link::serve::{Host, ServeError, ServeOptions, Server};
-use gusset::link::tls::{TlsClient, TlsServer};
+use gusset::link::tls::{TlsClient, TlsFiles, TlsServer};
 use gusset::link::{NativeLink, NativeSetup, SocketOptions, Transport, Wait};
 use gusset::rt::os::monotonic_ns;
 use gusset::specimen::SpecimenLaw;
