@@ -13,6 +13,7 @@ mod sawtooth;
 mod trips;
 mod watch;
 
+pub use judge::RECORDED;
 pub use watch::{Estimated, Watch};
 
 use crate::catalog::limit::{AXIS_LIMITS, Kind, Limit};
