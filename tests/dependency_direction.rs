@@ -12,6 +12,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("catalog", &[]),
     ("time", &[]),
     ("units", &[]),
+    ("finding", &[]),
     ("work", &[]),
     ("assets", &[]),
     ("law", &[]),
@@ -26,9 +27,26 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("motion", &["metrics"]),
     ("spectral", &[]),
     ("integrate", &["linalg", "model"]),
-    ("benchmark", &["compensation", "metrics", "transfer"]),
+    (
+        "benchmark",
+        &["compensation", "metrics", "motion", "transfer"],
+    ),
     ("identify", &["motion", "units"]),
     ("compensation", &[]),
+    // Every proof and verdict.
+    (
+        "stability",
+        &[
+            "compensation",
+            "finding",
+            "integrate",
+            "linalg",
+            "model",
+            "spectral",
+            "transfer",
+            "units",
+        ],
+    ),
     (
         "control",
         &[
@@ -36,12 +54,18 @@ const ALLOWED: &[(&str, &[&str])] = &[
             // The levels of the limits.
             "config",
             "geometry",
+            // Tables of critical delays.
+            "stability",
             "substructure",
             "time",
             "units",
         ],
     ),
-    ("record", &["substructure", "text", "units", "work"]),
+    // A summary repeats the verdict.
+    (
+        "record",
+        &["stability", "substructure", "text", "units", "work"],
+    ),
     ("text", &[]),
     // Pages and their rendering: they describe the program, and no code of it.
     ("guide", &[]),
@@ -71,6 +95,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "config",
             "metrics",
             "record",
+            "stability",
             "substructure",
             "text",
         ],
@@ -86,6 +111,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "integrate",
             "record",
             "rt",
+            "stability",
             "substructure",
             "text",
         ],
@@ -99,6 +125,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "model",
             "report",
             "spectral",
+            "stability",
             "time",
         ],
     ),
@@ -135,6 +162,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
         "config",
         &[
             "compensation",
+            "finding",
             "geometry",
             "law",
             "model",
@@ -155,6 +183,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "config",
             "control",
             "engine",
+            "finding",
             "geometry",
             "integrate",
             "law",
@@ -165,6 +194,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "rt",
             "specimen",
             "spectral",
+            "stability",
             "substructure",
             "time",
             "transfer",
@@ -172,17 +202,18 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "wire",
         ],
     ),
-    // Proofs and verdicts of a test that is built.
-    (
-        "stability",
-        &["config", "record", "setup", "spectral", "transfer", "units"],
-    ),
     (
         "session",
         &[
+            "compensation",
             "config",
             "control",
             "engine",
+            "frontier",
+            "geometry",
+            "identify",
+            "integrate",
+            "law",
             "metrics",
             "model",
             "motion",
@@ -190,10 +221,10 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "report",
             "rt",
             "setup",
+            "specimen",
             "stability",
             "substructure",
             "time",
-            // The same counter gives noise and draws.
             "transfer",
             "work",
             "units",
@@ -216,6 +247,8 @@ const PURE: &[&str] = &[
     "integrate",
     "specimen",
     "transfer",
+    "stability",
+    "finding",
     "compensation",
     "geometry",
     "guide",
