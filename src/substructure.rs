@@ -6,6 +6,7 @@
 
 use thiserror::Error;
 
+use crate::catalog::ending::Cause;
 use crate::time::Nanos;
 
 /// One command to a substructure. Slices have one entry per axis.
@@ -185,6 +186,19 @@ pub enum Retirement {
     Abandoned,
     /// The program through which it was commanded was told to end.
     Shutdown,
+}
+
+impl From<Cause> for Retirement {
+    /// How a specimen is told of the end.
+    fn from(cause: Cause) -> Self {
+        match cause {
+            Cause::Done => Self::Orderly,
+            Cause::Operator => Self::Operator,
+            Cause::Shutdown => Self::Shutdown,
+            Cause::ControllerVanished => Self::Abandoned,
+            _ => Self::Tripped,
+        }
+    }
 }
 
 /// What went over a link, as the link itself counts it. All zero in process.

@@ -5,10 +5,11 @@ mod common;
 
 use common::engine::{Run, prepare, run_on, run_under};
 use common::rig::{Act, Call, Log, Phase, attach, storey, two_floors};
+use gusset::catalog::ending::Cause;
 use gusset::control::{Axis, Exit};
 use gusset::engine::{Control, Ending, Experiment, Left, Operator, Stop};
 use gusset::record::{EventKind, RunFolder};
-use gusset::session::{self, Finish, Watches};
+use gusset::session::{self, Watches};
 use gusset::substructure::{Coupling, LinkFault, Retirement, Status};
 use gusset::time::SimClock;
 
@@ -386,7 +387,7 @@ fn a_link_that_fails_on_the_way_out_fails_the_test() {
     assert_eq!(run.outcome.ending, Ending::Stopped(lost));
     assert_retired(&log.lock().unwrap(), Retirement::Tripped);
     assert_eq!(run.outcome.left, [Left::NotReached(None), Left::Lost]);
-    assert_eq!(session::ending(&run.outcome).0, Finish::LinkFailed);
+    assert_eq!(session::ending(&run.outcome).0, Cause::Link);
     let told = run.events.iter().any(|event| {
         let kind = &event.kind;
         matches!(kind, EventKind::Link { port: 1, .. })
@@ -430,7 +431,7 @@ fn a_panic_in_the_loop_retires_all() {
         let requests = crossbeam_channel::never();
         let finished =
             session::run(prepared, folder, requests, Watches::default(), &mut |_| {}).unwrap();
-        assert_eq!(finished.finish, Finish::Panicked);
+        assert_eq!(finished.cause, Cause::Internal);
         assert!(
             finished.summary.reason.contains("out of order"),
             "{}",

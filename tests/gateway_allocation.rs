@@ -1,7 +1,8 @@
 //! What a server does for an exchange allocates nothing: limits, formula, log.
 
+use gusset::catalog::ending::Cause;
 use gusset::config::LimitsSpec;
-use gusset::link::rig::{Close, Law, LogSettings, Station, Visitor};
+use gusset::link::rig::{Law, LogSettings, Station, Visitor};
 use gusset::record::Run;
 use gusset::specimen::SpecimenLaw;
 use gusset::substructure::{Command, Measurement};
@@ -54,7 +55,7 @@ fn an_exchange_with_its_limits_and_its_row_allocates_nothing() {
         }
     });
     assert_eq!(count.count_total, 0);
-    station.end(Close::Completed, "end of the test");
+    station.end(Cause::Done, "end of the test");
     let run = Run::open(&folder.path().join("test-0001")).unwrap();
     let steps = run.columns(&["step"]).unwrap().remove(0);
     assert_eq!(steps.len(), 500);

@@ -5,8 +5,9 @@ mod link_common;
 
 use std::path::Path;
 
+use gusset::catalog::ending::Cause;
 use gusset::config::LimitsSpec;
-use gusset::link::rig::{Close, Law, LogSettings, Station, Visitor};
+use gusset::link::rig::{Law, LogSettings, Station, Visitor};
 use gusset::record::Run;
 use gusset::record::summary::Status;
 use gusset::specimen::SpecimenLaw;
@@ -299,7 +300,7 @@ fn an_event_stands_at_the_exchange_it_is_about_and_a_command_that_is_refused_is_
             station.commit();
         }
         assert!(trip.is_some());
-        station.end(Close::Failed, "the end");
+        station.end(Cause::Protocol, "the end");
         let kept = folder.path().join(format!("test-000{number}"));
         let run = Run::open(&kept).unwrap();
         let summary = run.summary().unwrap();

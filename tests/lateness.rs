@@ -159,6 +159,10 @@ fn a_stall_in_the_wait_moves_the_grid_by_whole_ticks() {
     let wanted: Vec<u64> = (0..=10).chain(14..=43).collect();
     assert_eq!(edges(&run), wanted);
     assert_eq!(run.column("stretched")[9..12], [0.0, 3.0, 3.0]);
+    assert_eq!(run.column("skipped_by_wakeup")[9..12], [0.0, 3.0, 0.0]);
+    // A miss is known when its tick is over: the next row has it.
+    assert_eq!(run.column("misses_in_a_row")[10..13], [0.0, 1.0, 0.0]);
+    assert_eq!(run.column("misses_in_total")[10..13], [0.0, 1.0, 1.0]);
     assert_counted(&run, 3);
     // 3.4 of the tick itself, then 2.4, 1.4 and 0.4 of those that were swallowed (3 significant digits).
     let late = run.outcome.timing.histogram(Quantity::WakeupLateness);
@@ -201,6 +205,11 @@ fn several_stalls_add_up() {
     assert_eq!(misses(&run), [(10, 2_200_000, 2), (11, 4_300_000, 5)]);
     assert_eq!(run.outcome.stretched, 7);
     assert_eq!(edges(&run)[9..14], [9, 10, 13, 19, 20]);
+    assert_eq!(run.column("skipped_by_wakeup")[9..13], [0.0, 1.0, 5.0, 0.0]);
+    assert_eq!(run.column("skipped_by_work")[9..13], [0.0, 0.0, 1.0, 0.0]);
+    let overrun = run.column("overrun_s");
+    assert!((overrun[11] - 2.2e-3).abs() < 1e-12 && overrun[12] == 0.0);
+    assert_eq!(run.column("misses_in_a_row")[10..14], [0.0, 1.0, 2.0, 0.0]);
     assert_counted(&run, 7);
 }
 
@@ -456,11 +465,9 @@ fn the_row_behind_tells_how_long_a_tick_took_to_be_recorded() {
     for (k, seconds) in record.iter().enumerate().skip(1) {
         assert!((seconds - 1e-6).abs() < 1e-12, "row {k}: {seconds}");
     }
-    let last = run.columns.last().unwrap();
-    assert_eq!(
-        (last.name.as_str(), last.unit.as_str(), last.timing),
-        ("record_before_s", "s", true)
-    );
+    let column = run.columns.iter().find(|c| c.name == "record_before_s");
+    let column = column.unwrap();
+    assert_eq!((column.unit.as_str(), column.timing), ("s", true));
 }
 
 /// Before the test no tick is missed, but that no command leaves for a quarter of a second is told; less is a matter of ticks.

@@ -8,12 +8,13 @@ use std::sync::{Arc, Mutex};
 use common::engine::{Run, prepare, run_on, run_under};
 use common::rig;
 use common::spring::Spring;
+use gusset::catalog::ending::Cause;
 use gusset::catalog::limit::Limit;
 use gusset::control::limits::{AxisLimits, Bound, Hit, Range};
 use gusset::control::{Astray, Axis, Exit, Exits, Port, Reference, Zero};
 use gusset::engine::{Control, Ending, Experiment, Left, Operator, Phase, Stop};
 use gusset::record::EventKind;
-use gusset::session::{Finish, ending};
+use gusset::session::ending;
 use gusset::substructure::Coupling;
 use gusset::time::SimClock;
 
@@ -354,8 +355,8 @@ fn a_test_that_trips_on_its_way_out_has_tripped() {
     assert_eq!(run.outcome.left, [Left::NotReached(None)]);
     let unfinished = run.outcome.unfinished.unwrap();
     assert_eq!(unfinished.after, Ending::Completed);
-    let (finish, reason) = ending(&run.outcome);
-    assert_eq!(finish, Finish::Stopped);
+    let (cause, reason) = ending(&run.outcome);
+    assert_eq!(cause, Cause::Limit);
     assert!(
         reason.contains("commanded displacement") && reason.contains("during the shutdown"),
         "{reason}"
@@ -386,8 +387,8 @@ fn an_operator_ends_the_way_out_at_once_and_it_is_told() {
         ),
         "{last:?}"
     );
-    let (finish, reason) = ending(&run.outcome);
-    assert_eq!(finish, Finish::Interrupted);
+    let (cause, reason) = ending(&run.outcome);
+    assert_eq!(cause, Cause::Operator);
     assert!(
         reason.contains("during the shutdown (end of the test)"),
         "{reason}"

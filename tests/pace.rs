@@ -303,7 +303,7 @@ fn a_partner_that_fell_silent_is_told_its_target_when_the_test_goes_on() {
             common::copy(&silent, &same);
             same
         };
-        let mut test = session::resume(&silent, None, &[], None).unwrap_or_else(|e| panic!("{e}"));
+        let mut test = session::resume(&silent, None, false).unwrap_or_else(|e| panic!("{e}"));
         test.experiment.ports[1].put_recording(Late::boxed(0.4, 0));
         let on = at(&format!("on-{held}"));
         // He who holds it from its beginning on lets it go; and one that stands for ever is ended.

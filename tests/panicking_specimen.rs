@@ -10,11 +10,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use common::{FRAME, PATIENT, json, say, write};
+use gusset::catalog::ending::Cause;
 use gusset::config;
 use gusset::control::{Axis, Port};
 use gusset::record::summary::Status;
 use gusset::record::{Run, RunFolder};
-use gusset::session::{self, Finish, Finished, Watches};
+use gusset::session::{self, Finished, Watches};
 use gusset::setup::{self, Prepared};
 use gusset::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
@@ -96,8 +97,8 @@ fn a_panic_is_a_failed_test_whose_specimens_are_retired_once_and_whose_folder_is
     let (finished, goodbyes) = run(&out, 0.2499, false);
     assert_eq!(goodbyes, [1, 1]);
     assert_eq!(
-        (finished.finish, finished.summary.status),
-        (Finish::Panicked, Status::Failed)
+        (finished.cause, finished.summary.status),
+        (Cause::Internal, Status::Failed)
     );
     let summary = json(&out, "summary.json");
     assert_eq!(
@@ -140,7 +141,7 @@ fn last_words_that_panic_too_do_not_cost_the_next_specimen_its_own() {
     let folder = tempfile::tempdir().unwrap();
     let (finished, goodbyes) = run(&folder.path().join("out"), 0.2499, true);
     assert_eq!(goodbyes, [1, 1]);
-    assert_eq!(finished.finish, Finish::Panicked);
+    assert_eq!(finished.cause, Cause::Internal);
     let reason = finished.summary.reason;
     assert!(
         reason.contains("the bug of step 50") && reason.contains("the bug at the goodbye"),

@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 use std::path::Path;
 
 use common::{FRAME, Said, run, say, write};
-use gusset::session::rehearsal::{Budget, Curtain, StandIn, rehearse};
+use gusset::session::rehearsal::{Budget, StandIn, rehearse};
 use serde_json::Value;
 
 const LIMITS: &str = "[specimen.limits]\ncommand_disp_m = { trip = [-0.5, 0.5] }\nmeasured_force_n = { trip = [-1e6, 1e6] }\n";
@@ -530,7 +530,7 @@ fn rehearsal_beyond_its_budget_says_how_far_it_came() {
     let loaded = gusset::config::load(&test, &[]).unwrap();
     let built = gusset::setup::build(&loaded).unwrap();
     let found = rehearse(&loaded, Some(built.experiment), &mut Budget::new(64 * 20)).unwrap();
-    assert_eq!(found.curtain, Curtain::OutOfBudget);
+    assert!(found.is_out_of_budget());
     assert_eq!(found.specimens[0].stand_in, StandIn::Itself);
     // 64 DOFs count for a tick at least: 20 ticks of 101 are left.
     assert!(found.time > 0.0 && found.time < 0.4, "{}", found.time);

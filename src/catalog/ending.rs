@@ -209,6 +209,8 @@ causes! {
         "A program was told to end: the server or the controller.";
     Protocol = 34, "protocol", Link, Link, "FAILED: the link broke the protocol",
         "The test could not be served: a refusal, or bytes that the protocol does not allow.";
+    TakenBack = 35, "taken_back", Trip, Stopped, "STOPPED",
+        "The client took a command back, which a physical specimen cannot follow.";
 }
 
 impl Cause {
@@ -234,6 +236,15 @@ impl Cause {
     #[must_use]
     pub fn from_code(code: u8) -> Option<Self> {
         Self::ALL.iter().copied().find(|cause| cause.code() == code)
+    }
+
+    /// The cause in the column `cause`; none of 0 and of what is no code.
+    #[must_use]
+    pub fn of_column(code: f64) -> Option<Self> {
+        Self::ALL
+            .iter()
+            .copied()
+            .find(|cause| f64::from(cause.code()) == code)
     }
 
     /// The cause of an event with this word. A word that no row has is the key of a limit. The word `link` alone does not tell
@@ -295,6 +306,7 @@ mod tests {
         (32, "controller_vanished"),
         (33, "shutdown"),
         (34, "protocol"),
+        (35, "taken_back"),
     ];
 
     #[test]

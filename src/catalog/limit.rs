@@ -558,6 +558,17 @@ impl Limit {
         self.row().key
     }
 
+    /// The column with the value of a limit of the test as a whole.
+    #[must_use]
+    pub const fn column(self) -> &'static str {
+        match self {
+            Self::MissesInARow => "misses_in_a_row",
+            Self::MissesInWindow => "misses_in_window",
+            Self::Misses => "misses_in_total",
+            _ => self.key(),
+        }
+    }
+
     /// In words.
     #[must_use]
     pub const fn words(self) -> &'static str {

@@ -12,7 +12,7 @@ use super::{tell, warn};
 use crate::engine::{Control, PhaseCell};
 use crate::record::RunFolder;
 use crate::rt::wall::Wall;
-use crate::session::{Finish, Finished, Judged, SessionError, Signal, Signals};
+use crate::session::{Finished, Judged, SessionError, Signals};
 use crate::setup::Facts;
 
 /// Notices of the loop that may wait to be read.
@@ -89,63 +89,12 @@ pub(super) fn finished(run: Result<Finished, SessionError>) -> anyhow::Result<Fi
     Ok(finished)
 }
 
-/// The exit code of a test that ended like this; an interruption has the code of its `signal`.
-pub(super) const fn exit_of(finish: Finish, signal: Option<Signal>) -> Exit {
-    match finish {
-        Finish::Completed => Exit::Done,
-        Finish::Stopped => Exit::Stopped,
-        Finish::Refused | Finish::Unfit => Exit::Usage,
-        Finish::Interrupted => match signal {
-            Some(Signal::Terminate) => Exit::Terminated,
-            Some(Signal::Interrupt) | None => Exit::Interrupted,
-        },
-        Finish::NotConnected | Finish::WiringFault | Finish::LinkFailed => Exit::Link,
-        Finish::Panicked => Exit::Panic,
-    }
-}
-
-/// How a test ended, as a heading.
-pub(super) const fn headline(finish: Finish) -> &'static str {
-    match finish {
-        Finish::Completed => "completed",
-        Finish::Stopped => "STOPPED",
-        Finish::Refused => "REFUSED: a specimen has changed since the interruption",
-        Finish::Unfit => "REFUSED: a specimen does not meet the needs of this test",
-        Finish::Interrupted => "interrupted",
-        Finish::NotConnected => "FAILED: a specimen could not be connected",
-        Finish::WiringFault => "FAILED: wiring check",
-        Finish::LinkFailed => "FAILED: a link was lost",
-        Finish::Panicked => "FAILED: internal error, the specimens were retired",
-    }
-}
-
 /// Ends a command whose test ended with `exit`. Every code but 0 has a reason on stderr: the caller's table gave it, or this
 /// error does.
 pub(super) fn end(finished: &Finished, exit: Exit, is_told: bool) -> anyhow::Result<Exit> {
     if is_told || exit == Exit::Done {
         return Ok(exit);
     }
-    let (headline, reason) = (headline(finished.finish), &finished.summary.reason);
-    Err(WithExit(exit, format!("{headline}: {reason}")).into())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn each_failure_has_its_own_headline_and_code() {
-        let failures = [
-            (Finish::Refused, Exit::Usage),
-            (Finish::Unfit, Exit::Usage),
-            (Finish::NotConnected, Exit::Link),
-            (Finish::WiringFault, Exit::Link),
-            (Finish::LinkFailed, Exit::Link),
-        ];
-        for (finish, exit) in failures {
-            assert_eq!(exit_of(finish, None), exit);
-        }
-        let headlines = failures.map(|(finish, _)| headline(finish));
-        assert!((1..headlines.len()).all(|at| !headlines[..at].contains(&headlines[at])));
-    }
+    let (heading, reason) = (finished.cause.heading(), &finished.summary.reason);
+    Err(WithExit(exit, format!("{heading}: {reason}")).into())
 }

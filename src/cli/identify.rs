@@ -156,7 +156,7 @@ pub fn identify(args: &IdentifyArgs) -> anyhow::Result<Exit> {
         tell(format_args!("warning: not written: {error}"));
     }
     if exit != Exit::Done {
-        let (headline, reason) = (conduct::headline(finished.finish), &finished.summary.reason);
+        let (headline, reason) = (finished.cause.heading(), &finished.summary.reason);
         let text = format!("nothing is identified: {headline}: {reason}");
         return Err(WithExit(exit, text).into());
     }
@@ -194,7 +194,7 @@ fn carry_out(args: &IdentifyArgs, test: Judged, facts: &Facts) -> anyhow::Result
     );
     line.clear();
     let finished = conduct::finished(finished)?;
-    let exit = conduct::exit_of(finished.finish, signals.seen());
+    let exit = finished.exit(signals.seen());
     Ok((finished, exit))
 }
 

@@ -11,12 +11,13 @@ use super::frontier::frontier;
 use super::progress::ProgressLine;
 use super::table::Table;
 use super::{answer, only_with, tell};
+use crate::catalog::ending::Cause;
 use crate::config::TimingSpec;
 use crate::record::{Progress, RunFolder};
 use crate::report::{Percentiles, jitter_svg};
 use crate::rt::load::{Load, USUAL_BYTES};
 use crate::session::fitness::Measured;
-use crate::session::{self, Finish, Finished, Signal, Signals, Watches, bare_loop};
+use crate::session::{self, Finished, Signals, Watches, bare_loop};
 use crate::setup::Prepared;
 use crate::time::Ratio;
 
@@ -90,17 +91,15 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<Exit> {
             .granted
             .as_ref()
             .is_some_and(|granted| session::missing(granted).is_empty()),
-        complete: finished.finish == Finish::Completed,
+        complete: finished.cause == Cause::Done,
     };
     if args.json {
         let found = as_json(&finished, &measured, streamed);
         answer(serde_json::to_string_pretty(&found)?)?;
     }
     conclude(&facts.title, args, &finished, &measured);
-    Ok(match (finished.finish, signals.seen()) {
-        (Finish::Interrupted, Some(Signal::Terminate)) => Exit::Terminated,
-        (Finish::Interrupted, _) => Exit::Interrupted,
-        (Finish::Panicked, _) => Exit::Panic,
+    Ok(match finished.cause {
+        Cause::Operator | Cause::Internal => finished.exit(signals.seen()),
         _ => Exit::Done,
     })
 }

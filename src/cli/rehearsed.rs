@@ -5,24 +5,25 @@ use serde_json::{Value, json};
 use super::table::Table;
 use crate::catalog::limit::Limit;
 use crate::control::Poses;
-use crate::session::rehearsal::{Curtain, FullRehearsal, Held, Need, Rehearsal, StandIn, Used};
+use crate::engine::{Ending, Stop};
+use crate::session::rehearsal::{FullRehearsal, Held, Need, Rehearsal, StandIn, Used};
 use crate::units::{duration, quantity};
 
 /// The needs of each axis beside its limits: one line per quantity.
 pub fn tabulate(full: &FullRehearsal, table: &mut Table) {
     let Rehearsal {
         time,
-        curtain,
+        ending,
         wall_s,
         tick_s,
         specimens,
         ..
     } = &full.rehearsal;
     let each = tick_s.map(|tick| format!(", {} a tick", duration(tick)));
-    let how = match curtain {
-        Curtain::Completed => "",
-        Curtain::OutOfBudget => "; the rest exceeds the rehearsal budget",
-        Curtain::Stopped(_) => ", then the test would stop",
+    let how = match ending {
+        Ending::Completed => "",
+        Ending::Stopped(Stop::Operator) => "; the rest exceeds the rehearsal budget",
+        Ending::Stopped(_) => ", then the test would stop",
     };
     let text = format!(
         "{} of test time on the simulated clock in {}{}{how}",
@@ -67,7 +68,7 @@ pub fn tabulate(full: &FullRehearsal, table: &mut Table) {
 pub fn as_json(full: &FullRehearsal) -> Value {
     let Rehearsal {
         time,
-        curtain,
+        ending,
         wall_s,
         tick_s,
         specimens,
@@ -123,11 +124,11 @@ pub fn as_json(full: &FullRehearsal) -> Value {
         "peak_displacement": peak_disp,
         "wall_s": wall_s,
         "tick_s": tick_s,
-        "complete": *curtain == Curtain::Completed,
-        "stopped": match curtain {
-            Curtain::Stopped(stop) => Some(stop.to_string()),
-            Curtain::OutOfBudget => Some("out of budget".to_owned()),
-            Curtain::Completed => None,
+        "complete": *ending == Ending::Completed,
+        "stopped": match ending {
+            Ending::Stopped(Stop::Operator) => Some("out of budget".to_owned()),
+            Ending::Stopped(stop) => Some(stop.to_string()),
+            Ending::Completed => None,
         },
         "specimens": specimens,
         "hold": hold,

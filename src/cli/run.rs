@@ -84,7 +84,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     if !args.quiet {
         conclude(&facts, &finished, report.ok().as_ref());
     }
-    let exit = conduct::exit_of(finished.finish, signals.seen());
+    let exit = finished.exit(signals.seen());
     conduct::end(&finished, exit, !args.quiet)
 }
 
@@ -92,8 +92,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
 fn prepare(args: &RunArgs) -> anyhow::Result<Prepared> {
     if let Some(folder) = &args.resume {
         let allowed = Allowed {
-            after: &args.after_trip,
-            back_to: args.back_to_step,
+            after_trip: args.after_trip,
             changed: args.accept_changed.as_deref(),
         };
         let next = session::resume_allowed(folder, args.test.as_deref(), allowed);
@@ -103,8 +102,7 @@ fn prepare(args: &RunArgs) -> anyhow::Result<Prepared> {
         });
     }
     let of_resumed = [
-        ("--after-trip", !args.after_trip.is_empty()),
-        ("--back-to-step", args.back_to_step.is_some()),
+        ("--after-trip", args.after_trip),
         ("--accept-changed", args.accept_changed.is_some()),
     ];
     only_with("--resume", of_resumed)
@@ -143,7 +141,7 @@ fn tested(steps: u64, after: Option<u64>, dt: f64) -> String {
 /// What a person wants to know at the end of a test.
 fn conclude(facts: &Facts, finished: &Finished, page: Option<&Page>) {
     let summary = &finished.summary;
-    let verdict = conduct::headline(finished.finish);
+    let verdict = finished.cause.heading();
     let mut table = Table::new(&format!("{} — {verdict}", facts.title));
     if let Some(headline) = summary.verdict.as_ref().and_then(RecordedVerdict::headline) {
         table.row("verdict", &headline);

@@ -9,10 +9,11 @@
 //! What stops the way out stops it for all, and is part of how the test ended: a test that trips there has tripped.
 
 use super::columns::Word;
-use super::operator::Control;
-use super::phase::{Cause, Phase};
+use super::operator::{Control, OperatorCommands};
+use super::phase::Phase;
 use super::tick::Tick;
 use super::{Ending, Engine, Stop};
+use crate::catalog::ending::Cause;
 use crate::catalog::phase::GIVEN_UP;
 use crate::control::{Astray, Departure, Port};
 use crate::record::EventKind;
@@ -66,7 +67,7 @@ impl Engine {
     /// Test time stands still, the specimens hold the last command, until the operator goes on. A hold ends no step: the
     /// next tick follows as if there had been none.
     pub(super) fn stand(&mut self, after: &Tick, control: &Control) -> Result<(), Stop> {
-        self.enter(Phase::Holding, Cause::Operator);
+        self.enter(Phase::Holding, Ending::Stopped(Stop::Operator));
         for (index, port) in self.ports.iter_mut().enumerate() {
             port.pause()
                 .map_err(|fault| Stop::Link { port: index, fault })?;
@@ -91,7 +92,7 @@ impl Engine {
         self.ride.sub_tick = tick.sub_tick;
         self.prepare_next();
         self.clear_commands()?;
-        self.enter(Phase::Running, Cause::Operator);
+        self.enter(Phase::Running, Ending::Stopped(Stop::Operator));
         Ok(())
     }
 
@@ -101,6 +102,7 @@ impl Engine {
         if let Ending::Stopped(stop) = &ending {
             self.report_stop(stop);
         }
+        self.row.cause = Some(ending.cause());
         let Err(stop) = self.lead_out(&ending, control) else {
             return ending;
         };
@@ -122,7 +124,7 @@ impl Engine {
             after: ending,
         });
         if stop != Stop::Operator {
-            self.enter(Phase::Tripped, Cause::Stopped(stop));
+            self.enter(Phase::Tripped, Ending::Stopped(stop));
         }
         match ending {
             Ending::Completed | Ending::Stopped(Stop::Operator) => Ending::Stopped(stop),
@@ -144,7 +146,7 @@ impl Engine {
         );
         self.operator_stopped = matches!(ending, Ending::Stopped(Stop::Operator));
         if tripped {
-            self.enter(Phase::Tripped, Cause::from(*ending));
+            self.enter(Phase::Tripped, *ending);
         }
         if let Ending::Stopped(stop) = ending {
             self.bear_in_mind(stop);
@@ -179,12 +181,12 @@ impl Engine {
         if !moves {
             return Ok(());
         }
-        let cause = if tripped || self.operator_stopped {
-            Cause::from(*ending)
+        let of_test = if tripped || self.operator_stopped {
+            *ending
         } else {
-            Cause::Done
+            Ending::Completed
         };
-        self.enter(Phase::Leaving, cause);
+        self.enter(Phase::Leaving, of_test);
         // Whatever ends it, the specimens stand at their last commands.
         self.all_departures(tripped, &led, control)
     }
@@ -286,12 +288,15 @@ impl Engine {
             port.note_loss();
         }
         let tick = self.tick_behind_the_last(0.0);
+        self.row.cause = Some(ending.cause());
         let state = if ending.is_for_being_late() {
             // What the operator said before the tick that was late stands in its own row.
             self.row.word = Word {
                 holds: self.row.word.holds,
                 ..Word::default()
             };
+            self.row.commands = OperatorCommands::GIVE_UP;
+            self.row.cause = Some(Cause::Late);
             GIVEN_UP
         } else {
             Phase::Tripped.code()

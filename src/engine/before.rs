@@ -3,11 +3,11 @@
 //! Zeroing commands every specimen to where it stands and reads; ramping goes from there to where the test begins along
 //! half a cosine, slower than any speed limit. Nothing jumps.
 
-use super::operator::Control;
-use super::phase::{Cause, Phase};
+use super::operator::{Control, OperatorCommands};
+use super::phase::Phase;
 use super::ready::Readiness;
 use super::tick::Tick;
-use super::{Engine, Side, Stop};
+use super::{Ending, Engine, Side, Stop};
 use crate::control::Port;
 use crate::record::{EventKind, WarmUpRows};
 use crate::rt::timing::TickStamps;
@@ -162,7 +162,7 @@ impl Engine {
         if ticks == 0 {
             return Ok(());
         }
-        self.enter(Phase::Ramping, Cause::Done);
+        self.enter(Phase::Ramping, Ending::Completed);
         self.lead(ticks, Phase::Ramping, control)?;
         self.timing.reset();
         Ok(())
@@ -239,6 +239,7 @@ impl Engine {
         if rows == WarmUpRows::IfTheyMatter {
             // Within its capacity.
             self.held_back.extend_from_slice(self.row.values());
+            self.row.commands = OperatorCommands::default();
             self.sent_since_row = false;
         } else {
             self.keep_row();
@@ -248,7 +249,7 @@ impl Engine {
     /// Warm-up ticks: the loop lives, the specimens hold the first command, nothing is counted as a miss. What the last half
     /// of them would miss in the test is judged all the same: a loop that cannot keep its ticks does not begin.
     pub(super) fn warm_up(&mut self, control: &Control) -> Result<(), Stop> {
-        self.enter(Phase::Armed, Cause::Done);
+        self.enter(Phase::Armed, Ending::Completed);
         let rows = match self.recorder.warm_up() {
             // Too many to be held back.
             WarmUpRows::IfTheyMatter if self.limits.warmup_ticks > MOST_HELD_BACK => {

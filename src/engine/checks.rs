@@ -224,7 +224,7 @@ impl Engine {
     pub(super) fn judge_misses(&mut self, tick: &Tick) -> Result<(), Stop> {
         let missed = Missed {
             in_a_row: self.misses_in_a_row,
-            in_window: self.miss_window.note(self.edge),
+            in_window: self.row.lateness.in_window,
             in_all: self.misses,
         };
         let mut result = Ok(());

@@ -6,9 +6,11 @@
 use std::ops::Range;
 
 use super::numerical::Side;
+use super::operator::OperatorCommands;
 use super::phase::Phase;
 use super::port_columns::{column, port_columns, port_values, width_of_axis};
 use super::tick::Tick;
+use crate::catalog::ending::Cause;
 use crate::catalog::limit::Limit;
 use crate::control::Port;
 use crate::record::Column;
@@ -34,18 +36,6 @@ impl Word {
         let (holds, goes_on) = (u8::from(self.holds), u8::from(self.goes_on));
         f64::from(holds + 2 * goes_on + 4 * u8::from(self.confirms))
     }
-
-    /// Of such a column; what is no code of ours is no word.
-    #[must_use]
-    pub fn of(code: f64) -> Self {
-        let bits = code as u8;
-        let has = |bit: u8| f64::from(bits) == code && bits < 8 && bits & bit != 0;
-        Self {
-            holds: has(1),
-            goes_on: has(2),
-            confirms: has(4),
-        }
-    }
 }
 
 /// The row of the current tick and the place of each number in it.
@@ -55,6 +45,12 @@ pub struct Row {
     pub word: Word,
     /// What trips does so on the way out that the operator asked for.
     pub stopped: bool,
+    /// What ended the test or its shutdown, once it is known.
+    pub cause: Option<Cause>,
+    /// Commands of the operator since the last row that was kept.
+    pub commands: OperatorCommands,
+    /// Deadline misses and skipped ticks, known when the row is made.
+    pub lateness: Lateness,
     /// From the ready command of the tick before to its pushed row, in s; known when that row is gone. Not a number where
     /// it was not measured.
     pub record_before: f64,
@@ -67,6 +63,23 @@ pub struct Row {
     ports: Vec<PortPlace>,
     checks: Range<usize>,
     kept: Vec<Limit>,
+}
+
+/// Deadline misses up to the tick before, and ticks that the grid was moved past.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Lateness {
+    /// Misses in a row.
+    pub in_a_row: u64,
+    /// Misses in the window `miss_window_s`.
+    pub in_window: u64,
+    /// Misses in total.
+    pub in_total: u64,
+    /// Ticks skipped because this tick woke late.
+    pub skipped_by_wakeup: u64,
+    /// Ticks skipped because the work of the tick before ended late.
+    pub skipped_by_work: u64,
+    /// Lateness of the first tick skipped by work, plus one period, ns.
+    pub overrun_ns: u64,
 }
 
 /// Where the numbers of a port stand.
@@ -96,36 +109,87 @@ const BOOKKEEPING: [(&str, &str, &str); 5] = [
     ("time", "s", "test time"),
 ];
 
-const TIMING: [(&str, &str); 7] = [
+/// What follows the ground.
+const CAUSES: [(&str, &str, &str); 2] = [
+    (
+        "operator",
+        "1",
+        "commands of the operator since the row before, as a sum: 1 hold, 2 continue, 4 confirm, 8 stop, 16 given up for missed \
+         deadlines, 32 stop during a wait for a reply; `continue` comes before `hold`",
+    ),
+    (
+        "cause",
+        "1",
+        "code of the cause that ended the test or its shutdown; 0 before the end",
+    ),
+];
+
+const TIMING: [(&str, &str, &str); 13] = [
     (
         "release_s",
+        "s",
         "wall time from the first edge to the edge of this tick",
     ),
     (
         "wakeup_lateness_s",
+        "s",
         "from the edge to the first instruction after the wait",
     ),
     (
         "command_lateness_s",
+        "s",
         "from the edge to the end of the last send",
     ),
     (
         "round_trip_s",
+        "s",
         "from the last send to the last decoded reply",
     ),
     (
         "compute_s",
+        "s",
         "from the last decoded reply to the next command ready",
     ),
     (
         "stretched",
+        "1",
         "whole ticks by which the grid has been moved so far",
     ),
-    // The last column: recordings from before it was there are replayed without it.
     (
         "record_before_s",
+        "s",
         "of the tick whose row is the one before: from the next command ready to the row handed over; none in the first row, \
          and where it was not measured",
+    ),
+    (
+        "misses_in_a_row",
+        "1",
+        "deadline misses in a row, up to the tick of the row before",
+    ),
+    (
+        "misses_in_window",
+        "1",
+        "deadline misses within `miss_window_s`, up to the tick of the row before; counted up to one more than allowed",
+    ),
+    (
+        "misses_in_total",
+        "1",
+        "deadline misses in total, up to the tick of the row before",
+    ),
+    (
+        "skipped_by_wakeup",
+        "1",
+        "ticks by which the grid was moved because this tick woke late, by `wakeup_lateness_s`",
+    ),
+    (
+        "skipped_by_work",
+        "1",
+        "ticks by which the grid was moved because the work of the tick before ended late, by `overrun_s`",
+    ),
+    (
+        "overrun_s",
+        "s",
+        "from the edge of the tick before, as it was moved, to the end of its work; 0 where no tick was skipped by work",
     ),
 ];
 
@@ -147,6 +211,9 @@ impl Row {
             ("m/s2", "acceleration of the ground")
         };
         columns.push(column("ground", unit, meaning, false));
+        for (name, unit, meaning) in CAUSES {
+            columns.push(column(name, unit, meaning, false));
+        }
         let block = |columns: &mut Vec<Column>, letter: &str, units: [&str; 2], meaning: &str| {
             let start = columns.len();
             for dof in dofs {
@@ -196,8 +263,7 @@ impl Row {
             columns.push(column(quantity.key(), "1", quantity.words(), false));
         }
         let checks = start..columns.len();
-        for (name, meaning) in TIMING {
-            let unit = if name == "stretched" { "1" } else { "s" };
+        for (name, unit, meaning) in TIMING {
             columns.push(column(name, unit, meaning, true));
         }
         let values = vec![0.0; columns.len()];
@@ -205,6 +271,9 @@ impl Row {
             Self {
                 word: Word::default(),
                 stopped: false,
+                cause: None,
+                commands: OperatorCommands::default(),
+                lateness: Lateness::default(),
                 record_before: f64::NAN,
                 values,
                 dofs: (!are_all(dofs, side)).then(|| dofs.to_vec()),
@@ -268,6 +337,8 @@ impl Row {
             if self.stopped { -1.0 } else { self.word.code() },
             tick.time,
             ground,
+            self.commands.code(),
+            self.cause.map_or(0.0, |cause| f64::from(cause.code())),
         ];
         if let Some(slots) = self.values.first_chunk_mut() {
             *slots = head;
@@ -326,6 +397,7 @@ impl Row {
     #[inline]
     pub fn timing(&mut self, stamps: &TickStamps, first_edge: Nanos, stretched: u64) {
         let seconds = |from: Nanos, to: Nanos| number(to.since(from)) * 1e-9;
+        let late = self.lateness;
         // They are the last: an array of as many as there are names.
         let values: [f64; TIMING.len()] = [
             seconds(first_edge, stamps.release),
@@ -335,7 +407,19 @@ impl Row {
             seconds(stamps.decoded, stamps.ready),
             number(stretched),
             std::mem::replace(&mut self.record_before, f64::NAN),
+            number(late.in_a_row),
+            number(late.in_window),
+            number(late.in_total),
+            number(late.skipped_by_wakeup),
+            number(late.skipped_by_work),
+            number(late.overrun_ns) * 1e-9,
         ];
+        self.lateness = Lateness {
+            skipped_by_wakeup: 0,
+            skipped_by_work: 0,
+            overrun_ns: 0,
+            ..late
+        };
         if let Some(slots) = self.values.last_chunk_mut() {
             *slots = values;
         }

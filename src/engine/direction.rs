@@ -5,9 +5,9 @@
 //! brings it on is listened to instead.
 
 use super::operator::Control;
-use super::phase::{Cause, Phase};
+use super::phase::Phase;
 use super::tick::Tick;
-use super::{Engine, Side, Stop};
+use super::{Ending, Engine, Side, Stop};
 use crate::integrate::State;
 use crate::record::{EventKind, GridOf};
 use crate::rt::timing::TickStamps;
@@ -34,7 +34,7 @@ impl Engine {
         if !self.ports.iter().any(|port| port.probe().is_some()) {
             return Ok(());
         }
-        self.enter(Phase::Probing, Cause::Done);
+        self.enter(Phase::Probing, Ending::Completed);
         self.aim_where_it_stands();
         self.take_their_word();
         self.arm(control)?;

@@ -66,25 +66,30 @@ impl MissLevels {
     }
 }
 
-/// Most entries that a window keeps: looked through at every miss, and there may be a window of an hour at any rate.
+/// Most entries that a window keeps: there may be a window of an hour at any rate.
 const MOST_KEPT: u64 = 1 << 14;
 
-/// The latest misses, one more than are allowed. Where that is more than `MOST_KEPT`, several in a row share an entry and
-/// leave the window together, with the last of them: up to one in so many is counted longer than it should be, never shorter.
+/// The latest misses, one more than are allowed, and how many of them are inside the window.
+///
+/// Where more than `MOST_KEPT` are allowed, several in a row share an entry and leave the window with the last of them. Up to one
+/// in so many is then counted longer than it should be, never shorter.
 #[derive(Debug)]
-pub struct MissWindow {
+pub(super) struct MissWindow {
     ticks: u64,
     /// Misses that share an entry.
     share: u64,
-    /// Tick of the last one of each entry, and how many they are.
+    /// A ring. Tick of the last miss of each entry, and how many there are.
     latest: Vec<(u64, u64)>,
     /// The entry written last.
     last: usize,
+    /// The oldest entry inside the window, if any is.
+    oldest: usize,
+    /// Misses inside the window.
+    inside: u64,
 }
 
 impl MissWindow {
     /// For these levels; remembers nothing where there is no bound.
-    #[must_use]
     pub fn new(levels: &MissLevels) -> Self {
         let kept = if levels.window_ticks == 0 {
             0
@@ -102,43 +107,64 @@ impl MissWindow {
             // One more, for the entry that is being filled.
             latest: Vec::with_capacity((kept.div_ceil(share) + u64::from(share > 1)) as usize),
             last: 0,
+            oldest: 0,
+            inside: 0,
         }
     }
 
-    /// Takes note of a miss in `tick`; how many there are among the last ticks, as far as is remembered. Takes as long as
-    /// the memory is, but there is time: the deadline is missed. Real-time: yes.
+    /// Takes a miss in `tick`, and returns how many there are among the last ticks, as far as is remembered. Real-time: yes.
     pub fn note(&mut self, tick: u64) -> u64 {
-        if self.latest.capacity() == 0 {
-            return 0;
+        if self.at(tick) == 0 {
+            self.begin(tick);
+            return self.inside;
         }
         match self.latest.get_mut(self.last) {
-            Some((at, count)) if *count < self.share => (*at, *count) = (tick, *count + 1),
+            Some((at, count)) if *count < self.share => {
+                (*at, *count) = (tick, *count + 1);
+                self.inside += 1;
+            }
             _ => self.begin(tick),
         }
-        self.at(tick)
+        self.inside
     }
 
-    /// How many there are among the last ticks up to `tick`. Real-time: yes.
-    #[must_use]
-    pub fn at(&self, tick: u64) -> u64 {
-        let ticks = self.ticks;
-        let inside = |(then, _): &&(u64, u64)| tick.saturating_sub(*then) < ticks;
-        let counts = self.latest.iter().filter(inside).map(|(_, count)| count);
-        counts.sum()
+    /// How many misses there are among the last ticks up to `tick`, which never goes back. Real-time: yes.
+    #[inline]
+    pub fn at(&mut self, tick: u64) -> u64 {
+        while self.inside > 0
+            && let Some((then, count)) = self.latest.get(self.oldest)
+            && tick.saturating_sub(*then) >= self.ticks
+        {
+            self.inside -= count;
+            self.oldest = (self.oldest + 1) % self.latest.len();
+        }
+        self.inside
     }
 
     /// A new entry, in place of the oldest where there is no more room. Real-time: yes.
     fn begin(&mut self, tick: u64) {
+        if self.latest.capacity() == 0 {
+            return;
+        }
         if self.latest.len() < self.latest.capacity() {
             self.last = self.latest.len();
             // Within its capacity a push does not allocate.
             self.latest.push((tick, 1));
-            return;
+        } else {
+            self.last = (self.last + 1) % self.latest.len();
+            let overwrites = self.inside > 0 && self.last == self.oldest;
+            if let Some(entry) = self.latest.get_mut(self.last) {
+                self.inside -= if overwrites { entry.1 } else { 0 };
+                *entry = (tick, 1);
+            }
+            if overwrites {
+                self.oldest = (self.oldest + 1) % self.latest.len();
+            }
         }
-        self.last = (self.last + 1) % self.latest.len();
-        if let Some(oldest) = self.latest.get_mut(self.last) {
-            *oldest = (tick, 1);
+        if self.inside == 0 {
+            self.oldest = self.last;
         }
+        self.inside += 1;
     }
 }
 
@@ -164,6 +190,21 @@ mod tests {
         // At 110 the one at 10 is a hundred ticks old and outside; at 120 that at 20 would be.
         assert_eq!(counted, [1, 2, 3, 3, 4, 4, 1]);
         assert_eq!(MissWindow::new(&MissLevels::NONE).note(5), 0);
+    }
+
+    #[test]
+    fn the_count_of_every_tick_is_that_of_the_misses_inside_the_window() {
+        let mut window = MissWindow::new(&LEVELS);
+        let missed = |tick: u64| tick * tick % 101 < 3;
+        for tick in 0..2000_u64 {
+            let found = if missed(tick) {
+                window.note(tick)
+            } else {
+                window.at(tick)
+            };
+            let inside = (tick.saturating_sub(99)..=tick).filter(|tick| missed(*tick));
+            assert_eq!(found, (inside.count() as u64).min(4), "{tick}");
+        }
     }
 
     #[test]

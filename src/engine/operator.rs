@@ -47,6 +47,67 @@ impl Operator {
     }
 }
 
+/// Commands of the operator that took effect between two rows: a set of bits, recorded in the column `operator`.
+///
+/// A recorded test is led by them again. A `continue` in the set comes before a `hold` in it.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct OperatorCommands(u8);
+
+impl OperatorCommands {
+    /// A hold.
+    pub const HOLD: Self = Self(1);
+    /// The end of a hold.
+    pub const CONTINUE: Self = Self(2);
+    /// What was read is confirmed.
+    pub const CONFIRM: Self = Self(4);
+    /// An orderly stop, heard between two ticks.
+    pub const STOP: Self = Self(8);
+    /// The test was given up for missed deadlines.
+    pub const GIVE_UP: Self = Self(16);
+    /// A stop that ended the wait for a reply.
+    pub const STOP_IN_WAIT: Self = Self(32);
+
+    /// In the column `operator`.
+    #[inline]
+    #[must_use]
+    pub fn code(self) -> f64 {
+        f64::from(self.0)
+    }
+
+    /// From that column; any other number is the empty set.
+    #[must_use]
+    pub fn of(code: f64) -> Self {
+        let bits = code as u8;
+        let is_code = f64::from(bits) == code && bits < 64;
+        Self(if is_code { bits } else { 0 })
+    }
+
+    /// Adds commands. Real-time: yes.
+    #[inline]
+    pub const fn add(&mut self, commands: Self) {
+        self.0 |= commands.0;
+    }
+
+    /// Removes commands. Real-time: yes.
+    #[inline]
+    pub const fn remove(&mut self, commands: Self) {
+        self.0 &= !commands.0;
+    }
+
+    /// Commands of a tick without a row lead nothing; a stop stays for the next row. Real-time: yes.
+    #[inline]
+    pub(super) const fn begin_tick(&mut self) {
+        self.0 &= Self::STOP.0 | Self::GIVE_UP.0;
+    }
+
+    /// Whether all of these are in the set.
+    #[inline]
+    #[must_use]
+    pub const fn has(self, commands: Self) -> bool {
+        self.0 & commands.0 == commands.0
+    }
+}
+
 /// What the loop tells whoever attends it, besides rows and events. Never waited on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Notice {

@@ -6,8 +6,6 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use serde::{Deserialize, Serialize};
 
-use super::{Ending, Stop};
-
 pub use crate::catalog::phase::Phase;
 
 /// What can be seen of a test from outside of the loop.
@@ -95,48 +93,6 @@ impl PhaseCell {
     #[must_use]
     pub fn get(&self) -> Phase {
         self.glimpse().phase
-    }
-}
-
-/// Why a phase was left.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Cause {
-    /// The phase before has done its work.
-    Done,
-    /// The operator asked for it.
-    Operator,
-    /// A limit, a fault or an alarm.
-    Stopped(Stop),
-}
-
-impl From<Ending> for Cause {
-    fn from(ending: Ending) -> Self {
-        match ending {
-            Ending::Completed => Cause::Done,
-            Ending::Stopped(Stop::Operator) => Cause::Operator,
-            Ending::Stopped(stop) => Cause::Stopped(stop),
-        }
-    }
-}
-
-impl Cause {
-    /// As the files spell it.
-    #[must_use]
-    pub const fn word(self) -> &'static str {
-        match self {
-            Cause::Done => "done",
-            Cause::Operator => "operator",
-            Cause::Stopped(stop) => stop.word(),
-        }
-    }
-
-    /// The specimen, from 0, that it came from, if from one.
-    #[must_use]
-    pub const fn port(self) -> Option<usize> {
-        match self {
-            Cause::Done | Cause::Operator => None,
-            Cause::Stopped(stop) => stop.port(),
-        }
     }
 }
 

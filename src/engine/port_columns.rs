@@ -12,9 +12,11 @@ use crate::record::Column;
 #[inline]
 pub(super) fn port_values(slots: &mut [f64], width: usize, port: &Port) {
     let raw = port.raw();
-    if let [.., sequence, status] = &mut *slots {
+    if let [.., sequence, status, exchanges, stale] = &mut *slots {
         *sequence = raw.sequence as f64;
         *status = f64::from(raw.status.0);
+        *exchanges = port.link.sent as f64;
+        *stale = port.link.stale as f64;
     }
     let Some((axes, further)) = slots.split_at_mut_checked(width * port.axes()) else {
         return;
@@ -48,8 +50,8 @@ pub(super) fn port_values(slots: &mut [f64], width: usize, port: &Port) {
             *ct = damping;
         }
     }
-    // The last two are written already.
-    let Some((further, _)) = further.split_last_chunk_mut::<2>() else {
+    // The last four are written already.
+    let Some((further, _)) = further.split_last_chunk_mut::<4>() else {
         return;
     };
     if !further.is_empty() {
@@ -200,6 +202,14 @@ pub(super) fn port_columns(columns: &mut Vec<Column>, number: usize, port: &Port
          524288 its answer not waited for, 1048576 beside 2 it held until its last command came"
     );
     columns.push(column(&format!("status_{number}"), "1", &meaning, false));
+    // Whether an answer comes in time depends on the wall clock.
+    for (kind, what) in [
+        ("exchanges", "commands sent so far, repeated ones included"),
+        ("stale", "replies so far that were not there in time"),
+    ] {
+        let meaning = format!("{what}, specimen \"{name}\"");
+        columns.push(column(&format!("{kind}_{number}"), "1", &meaning, true));
+    }
     start..columns.len()
 }
 

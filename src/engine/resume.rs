@@ -8,7 +8,7 @@
 //! `resume_takes_force_drift` is set. The pace is that after a hold.
 
 use super::operator::{Control, Notice};
-use super::phase::{Cause, Phase};
+use super::phase::Phase;
 use super::{Ending, Engine, Peaks, Side, Stop};
 use crate::control::{Port, Reading};
 use crate::record::{EventKind, GridOf};
@@ -110,10 +110,7 @@ impl Engine {
         for port in &mut self.ports {
             port.follow_compensation();
         }
-        match self.course(control) {
-            Ok(()) => Ending::Completed,
-            Err(stop) => Ending::Stopped(stop),
-        }
+        self.course(control).into()
     }
 
     /// What a retraced test came to; none if it ended before its first step.
@@ -369,7 +366,7 @@ impl Engine {
     /// Reads every sensor in so many ticks while the specimens hold where they stand. It takes longer where answers stay away:
     /// bounded by how many of them may do so in a row.
     pub(super) fn read_at_rest(&mut self, ticks: u32, control: &Control) -> Result<(), Stop> {
-        self.enter(Phase::Zeroing, Cause::Done);
+        self.enter(Phase::Zeroing, Ending::Completed);
         for port in &mut self.ports {
             port.stand_still();
         }

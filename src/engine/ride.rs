@@ -165,6 +165,7 @@ impl Engine {
             let mut stamps = TickStamps::default();
             self.wait_for_edge(&mut stamps, control)?;
             let stalled = self.stretch_after_stall(stamps.woke.since(stamps.release), 0);
+            self.row.lateness.skipped_by_wakeup = stalled;
             let tick = self.ride.tick(self.dt);
             self.tick(&tick, &mut stamps, control)?;
             self.close_tick(&tick, stamps, stalled)?;

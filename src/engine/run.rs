@@ -2,10 +2,10 @@
 
 use std::time::Duration;
 
-use super::columns::{Word, number};
+use super::columns::{Lateness, Word, number};
 use super::numerical::{Side, aim_along};
-use super::operator::{Control, Operator};
-use super::phase::{Cause, Glimpse, Phase};
+use super::operator::{Control, Operator, OperatorCommands};
+use super::phase::{Glimpse, Phase};
 use super::tick::Tick;
 use super::{Ending, Engine, OnMiss, Outcome, Stop};
 use crate::catalog::limit::Limit;
@@ -26,10 +26,7 @@ const NAP_NS: u64 = 100_000_000;
 impl Engine {
     /// Runs the test to its end, whatever the end is; every specimen is retired on return.
     pub fn run(&mut self, control: &Control) -> Outcome {
-        let ending = match self.course(control) {
-            Ok(()) => Ending::Completed,
-            Err(stop) => Ending::Stopped(stop),
-        };
+        let ending = self.course(control).into();
         let ending = self.leave(ending, control);
         self.conclude(ending)
     }
@@ -37,21 +34,16 @@ impl Engine {
     /// The one way out: every specimen is retired, then the books are closed. [`Engine::run`] ends with it; after a
     /// panic in there it is for the caller who caught it, with [`Stop::Internal`].
     pub fn conclude(&mut self, ending: Ending) -> Outcome {
-        let how = match ending {
-            Ending::Completed => Retirement::Orderly,
-            Ending::Stopped(Stop::Operator) => Retirement::Operator,
-            Ending::Stopped(_) => Retirement::Tripped,
-        };
-        self.retire(how);
+        self.retire(ending.cause().into());
         self.note_unheard();
-        let cause = match ending {
-            Ending::Stopped(Stop::Internal) => Cause::from(ending),
-            // The way out has come to its end, whatever had ended the test.
-            _ if self.phase == Phase::Leaving && self.unfinished.is_none() => Cause::Done,
-            _ if self.phase == Phase::Leaving => Cause::Operator,
-            _ => Cause::from(ending),
+        let of_last_phase = match ending {
+            Ending::Stopped(Stop::Internal) => ending,
+            // The shutdown is complete, whatever had ended the test.
+            _ if self.phase == Phase::Leaving && self.unfinished.is_none() => Ending::Completed,
+            _ if self.phase == Phase::Leaving => Ending::Stopped(Stop::Operator),
+            _ => ending,
         };
-        self.enter(Phase::Safe, cause);
+        self.enter(Phase::Safe, of_last_phase);
         if let Some(stamps) = self.unrecorded.take() {
             self.timing.tick(&stamps);
         }
@@ -79,7 +71,7 @@ impl Engine {
             Some(from) => self.take_up(from, control)?,
             None => self.open(control)?,
         }
-        self.enter(Phase::Running, Cause::Done);
+        self.enter(Phase::Running, Ending::Completed);
         self.ports.iter_mut().for_each(Port::begin_compensation);
         self.report_now(EventKind::Started);
         if let Some(watch) = &mut self.before_first_tick {
@@ -163,6 +155,7 @@ impl Engine {
     ) -> Result<(), Stop> {
         stamps.idle = self.clock_now;
         self.goes_on = false;
+        self.row.commands.begin_tick();
         self.wait_for_somebody(control);
         let was_asked = self.unconfirmed;
         stamps.release = self.schedule.tick(self.edge);
@@ -199,8 +192,12 @@ impl Engine {
     /// What the operator asks for, if anything. Real-time: yes.
     #[inline]
     pub(super) fn hear(&mut self, control: &Control) -> Result<(), Stop> {
+        let commands = &mut self.row.commands;
         match self.asked.take(control) {
-            Some(Operator::Stop) => return Err(Stop::Operator),
+            Some(Operator::Stop) => {
+                commands.add(OperatorCommands::STOP);
+                return Err(Stop::Operator);
+            }
             Some(Operator::GiveUp) => {
                 return Err(Stop::Late {
                     total: self.misses,
@@ -212,6 +209,7 @@ impl Engine {
             Some(_) if !self.phase.can_be_held() => {}
             Some(Operator::Hold) => {
                 if !self.hold_wanted {
+                    commands.add(OperatorCommands::HOLD);
                     self.hold_number = self.hold_number.saturating_add(1);
                     self.report_now(EventKind::HoldRequested);
                 }
@@ -224,13 +222,19 @@ impl Engine {
                 });
             }
             Some(Operator::EndHold(_) | Operator::Continue) => {
+                commands.remove(OperatorCommands::HOLD);
+                commands.add(OperatorCommands::CONTINUE);
                 if self.hold_wanted {
                     self.report_now(EventKind::ContinueRequested);
                 }
                 self.hold_wanted = false;
                 self.goes_on = true;
             }
-            Some(Operator::Confirm) => self.unconfirmed = false,
+            Some(Operator::Confirm) => {
+                if std::mem::take(&mut self.unconfirmed) {
+                    commands.add(OperatorCommands::CONFIRM);
+                }
+            }
             None => {}
         }
         self.show();
@@ -256,8 +260,8 @@ impl Engine {
         });
     }
 
-    /// The next phase of the test's life, for the log. Real-time: yes.
-    pub(super) fn enter(&mut self, phase: Phase, cause: Cause) {
+    /// Enters the next phase; `of_last` is how the phase before it ended. Real-time: yes.
+    pub(super) fn enter(&mut self, phase: Phase, of_last: Ending) {
         let from = self.phase;
         debug_assert!(from.may_become(phase), "{from:?} to {phase:?}");
         self.phase = phase;
@@ -265,8 +269,8 @@ impl Engine {
         self.report_now(EventKind::Phase {
             from: from.word(),
             to: phase.word(),
-            cause: cause.word(),
-            port: cause.port().map(|port| port as u32),
+            cause: of_last.word(),
+            port: of_last.port().map(|port| port as u32),
         });
     }
 
@@ -312,6 +316,8 @@ impl Engine {
         if stamps.pushed <= stamps.deadline {
             self.unrecorded = Some(stamps);
             self.misses_in_a_row = 0;
+            self.row.lateness.in_a_row = 0;
+            self.row.lateness.in_window = self.miss_window.at(self.edge);
             return Ok(());
         }
         self.unrecorded = None;
@@ -320,9 +326,19 @@ impl Engine {
         };
         let next_edge = self.schedule.tick(self.edge);
         let period = self.schedule.period_ns();
-        let stretched = stalled + self.stretch_after_stall(stamps.pushed.since(next_edge), period);
+        let overrun_ns = stamps.pushed.since(next_edge);
+        let skipped = self.stretch_after_stall(overrun_ns, period);
+        let stretched = stalled + skipped;
         self.misses += 1;
         self.misses_in_a_row += 1;
+        self.row.lateness = Lateness {
+            in_a_row: self.misses_in_a_row,
+            in_window: self.miss_window.note(self.edge),
+            in_total: self.misses,
+            skipped_by_wakeup: 0,
+            skipped_by_work: skipped,
+            overrun_ns: if skipped > 0 { overrun_ns + period } else { 0 },
+        };
         let cause = match miss.suspect {
             Suspect::LateReply => MissCause::LateReply,
             Suspect::TakenAway => MissCause::TakenAway,

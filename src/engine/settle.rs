@@ -12,9 +12,9 @@
 
 use super::numerical::Side;
 use super::operator::Control;
-use super::phase::{Cause, Phase};
+use super::phase::Phase;
 use super::tick::Tick;
-use super::{Engine, Stop};
+use super::{Ending, Engine, Stop};
 use crate::control::{Follows, Port, Rest, UNBOUNDED_RAMP_S};
 use crate::integrate::State;
 use crate::linalg::Spd;
@@ -151,7 +151,7 @@ impl Engine {
         waits.send(&self.ports);
         self.ramp(control)?;
         waits.note_led(&self.ports);
-        self.enter(Phase::Settling, Cause::Done);
+        self.enter(Phase::Settling, Ending::Completed);
         if self.ports.iter().any(Port::is_listened_to) && !waits.rests.iter().all(Rest::rests) {
             self.come_to_rest(&mut waits, control)?;
         }

@@ -300,8 +300,53 @@ fn farthest(port: Option<usize>) -> String {
     })
 }
 
+/// How a test, or a phase of it, ended.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Ending {
+    /// At its last step; a phase, when its work was done.
+    Completed,
+    /// Before it.
+    Stopped(Stop),
+}
+
 impl Ending {
-    /// True if deadlines that were missed ended it: nothing that was measured tells so.
+    /// Its row in the table of causes. Real-time: yes.
+    #[must_use]
+    pub const fn cause(&self) -> Cause {
+        match self {
+            Self::Completed => Cause::Done,
+            Self::Stopped(stop) => stop.cause(),
+        }
+    }
+
+    /// As the files spell it: see [`Stop::word`].
+    #[must_use]
+    pub const fn word(&self) -> &'static str {
+        match self {
+            Self::Completed => Cause::Done.word(),
+            Self::Stopped(stop) => stop.word(),
+        }
+    }
+
+    /// The specimen, from 0, that it came from, if from one.
+    #[must_use]
+    pub const fn port(&self) -> Option<usize> {
+        match self {
+            Self::Completed => None,
+            Self::Stopped(stop) => stop.port(),
+        }
+    }
+
+    /// What stopped it.
+    #[must_use]
+    pub const fn stop(&self) -> Option<Stop> {
+        match self {
+            Self::Completed => None,
+            Self::Stopped(stop) => Some(*stop),
+        }
+    }
+
+    /// True if missed deadlines ended it: no measurement shows that.
     #[must_use]
     pub const fn is_for_being_late(&self) -> bool {
         match self {
@@ -312,13 +357,22 @@ impl Ending {
     }
 }
 
-/// How a test ended.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Ending {
-    /// At its last step.
-    Completed,
-    /// Before it.
-    Stopped(Stop),
+impl From<Result<(), Stop>> for Ending {
+    fn from(result: Result<(), Stop>) -> Self {
+        match result {
+            Ok(()) => Self::Completed,
+            Err(stop) => Self::Stopped(stop),
+        }
+    }
+}
+
+impl std::fmt::Display for Ending {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Completed => f.write_str("end of the test"),
+            Self::Stopped(stop) => stop.fmt(f),
+        }
+    }
 }
 
 #[cfg(test)]

@@ -1,8 +1,10 @@
 //! What the loop tells the log: rows, events of a tick, of this moment, and of what ends a test.
 
+use super::operator::OperatorCommands;
 use super::phase::Phase;
 use super::tick::Tick;
 use super::{Engine, Stop};
+use crate::catalog::ending::Cause;
 use crate::catalog::phase::NOT_AWAITED;
 use crate::integrate::StepError;
 use crate::record::{Event, EventKind, GridOf};
@@ -15,6 +17,7 @@ impl Engine {
     pub(super) fn keep_row(&mut self) -> bool {
         self.sent_since_row = false;
         let is_kept = self.recorder.row(self.row.values());
+        self.row.commands = OperatorCommands::default();
         self.rows_lost += u64::from(!is_kept);
         is_kept
     }
@@ -36,6 +39,10 @@ impl Engine {
         {
             self.trip_is_recorded = true;
             self.row.stopped = self.stops_on_its_way_out();
+            self.row.cause = Some(stop.cause());
+            if is_not_awaited {
+                self.row.commands.add(OperatorCommands::STOP_IN_WAIT);
+            }
             self.keep_warm_up();
             if tick.step == self.ride.step && !is_not_awaited {
                 // Of the test it is the row of its step, as one that is closed is.
@@ -65,6 +72,7 @@ impl Engine {
     /// measurements are those of the step before, and it has no velocities and accelerations.
     #[cold]
     pub(super) fn record_divergence(&mut self, tick: &Tick, stamps: &TickStamps) {
+        self.row.cause = Some(Cause::Diverged);
         let next = Tick {
             step: tick.step + 1,
             sub_tick: 0,

@@ -3,8 +3,6 @@
 use hdrhistogram::Histogram;
 use serde::Serialize;
 
-use super::swallowed::Stall;
-
 /// The timing columns that are counted.
 pub(super) const COLUMNS: [&str; 4] = [
     "wakeup_lateness_s",
@@ -29,6 +27,13 @@ pub const BOUNDS: [f64; 22] = [
 
 /// Values that one stall adds at most.
 const MOST_VALUES: u64 = 1024;
+
+/// Ticks in a row that the grid was moved past: the first is a tick less late than this many s, the next two ticks less, and so on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Stall {
+    pub late_s: f64,
+    pub ticks: u64,
+}
 
 /// Counts of one quantity.
 #[derive(Debug, Clone)]

@@ -75,12 +75,10 @@ pub(super) fn test_marks(experiment: &Experiment, columns: &[Column]) -> Vec<Tes
             warn,
             trip,
             quantity,
-            place: columns.iter().position(|c| c.name == quantity.key()),
+            place: columns.iter().position(|c| c.name == quantity.column()),
         }
     });
-    marks
-        .filter(|mark| mark.place.is_some() || mark.quantity.is_of_misses())
-        .collect()
+    marks.filter(|mark| mark.place.is_some()).collect()
 }
 
 /// A value over the level at which its limit is reached, on its side: more than 1 is beyond. Where both ends are on one side of zero,

@@ -15,7 +15,7 @@
 //! | file | holds |
 //! |---|---|
 //! | `subject`, `marks` | what is watched: names, units, places in a row; limits |
-//! | `tap`, `specimen`, `axis`, `late`, `swallowed`, `latency` | the look at the rows: one row, one specimen, one axis, missed deadlines, ticks that a stall swallowed, the timing columns |
+//! | `tap`, `specimen`, `axis`, `latency` | the look at the rows: one row, one specimen, one axis, the timing columns |
 //! | `trip` | the look at the events: why a test has tripped |
 //! | `history` | the course of the test, thinned without losing a peak |
 //! | `board` | where the writer puts up what he sees |
@@ -26,7 +26,6 @@ mod axis;
 mod board;
 mod exposition;
 mod history;
-mod late;
 mod latency;
 mod marks;
 mod metrics;
@@ -34,7 +33,6 @@ mod metrics;
 pub mod page;
 mod specimen;
 mod subject;
-mod swallowed;
 mod tap;
 mod trip;
 

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::marks::{Mark, TestMark, mark, test_marks};
 use crate::control::{DispZero, Exit};
-use crate::engine::{Experiment, MissLevels};
+use crate::engine::Experiment;
 use crate::record::Column;
 use crate::text::printable;
 
@@ -74,8 +74,6 @@ pub struct Subject {
     /// Where the rest stands in a row.
     #[serde(skip)]
     pub places: Places,
-    #[serde(skip)]
-    pub(super) miss_levels: MissLevels,
 }
 
 /// A specimen that is watched.
@@ -166,8 +164,9 @@ pub struct Places {
     pub dofs: Vec<usize>,
     /// Wake-up lateness, command lateness, round trip, compute.
     pub timing: [Option<usize>; 4],
-    /// From the next command ready to the row handed over, of the tick before.
-    pub record_before: Option<usize>,
+    pub skipped_by_wakeup: Option<usize>,
+    pub skipped_by_work: Option<usize>,
+    pub overrun: Option<usize>,
 }
 
 /// Places in a row of one axis.
@@ -252,7 +251,9 @@ impl Subject {
                 .filter_map(|dof| find(&format!("x{}", dof + 1)))
                 .collect(),
             timing: super::latency::COLUMNS.map(find),
-            record_before: find("record_before_s"),
+            skipped_by_wakeup: find("skipped_by_wakeup"),
+            skipped_by_work: find("skipped_by_work"),
+            overrun: find("overrun_s"),
         };
         Self {
             channels: channels(&dofs, &places, &columns, &specimens),
@@ -266,7 +267,6 @@ impl Subject {
             test: test_marks(experiment, &columns),
             specimens,
             lambda: about.lambda,
-            miss_levels: experiment.limits.test.misses,
             places,
         }
     }

@@ -9,11 +9,9 @@ use crossbeam_channel::Receiver;
 use super::axis::AxisTap;
 use super::board::{Board, Snapshot};
 use super::history::Bin;
-use super::late::Late;
-use super::latency::{KEYS, Latency};
+use super::latency::{KEYS, Latency, Stall};
 use super::specimen::{RowHead, SpecimenTap};
 use super::subject::ChannelKind;
-use super::swallowed::Swallowed;
 use super::trip::Trip;
 use crate::catalog::limit::Limit;
 use crate::engine::Phase;
@@ -42,8 +40,6 @@ pub struct Tap {
     waiting: Vec<Bin>,
     specimens: Vec<SpecimenTap>,
     test: Vec<[f64; 2]>,
-    late: Late,
-    swallowed: Swallowed,
     timing: Vec<Latency>,
     seen: Seen,
     trips: Vec<Trip>,
@@ -91,8 +87,6 @@ impl Tap {
             waiting: Vec::new(),
             specimens: subject.specimens.iter().map(SpecimenTap::new).collect(),
             test: vec![[f64::NAN; 2]; subject.test.len()],
-            late: Late::new(subject.tick_s, &subject.miss_levels),
-            swallowed: Swallowed::new(subject.tick_s),
             timing: if subject.real_clock {
                 KEYS.map(|_| Latency::new()).into()
             } else {
@@ -160,7 +154,6 @@ impl Tap {
         marks
             .map(|(mark, values)| match mark.quantity {
                 Limit::Misses => [misses; 2],
-                quantity if quantity.is_of_misses() => self.late.of(quantity),
                 _ => *values,
             })
             .collect()
@@ -192,27 +185,29 @@ impl Tap {
         }
     }
 
-    fn count_timing(&mut self, rows_before: u64, row: &[f64]) {
+    fn count_timing(&mut self, row: &[f64]) {
         // While the specimens are led to where the test begins nobody is promised a deadline.
-        let running =
-            self.seen.state == Phase::Running.code() || self.seen.state > Phase::Armed.code();
-        // A count, if it is known.
-        let tick = rows_before + self.seen.stretched.max(0.0) as u64;
-        let subject = &self.board.subject;
-        let taken = self.late.row(tick, running, row, &subject.places);
-        let places = subject.places.timing;
-        let (late_s, stretched) = (at(row, places[0]), self.seen.stretched);
-        let stalls = self.swallowed.row(taken, late_s, stretched);
-        if !running {
+        if self.seen.state != Phase::Running.code() && self.seen.state <= Phase::Armed.code() {
             return;
         }
+        let subject = &self.board.subject;
+        let places = &subject.places;
+        let stall = |late_s, ticks| Stall {
+            late_s: at(row, late_s),
+            // No number makes none.
+            ticks: at(row, ticks) as u64,
+        };
+        let stalls = [
+            stall(places.overrun, places.skipped_by_work),
+            stall(places.timing[0], places.skipped_by_wakeup),
+        ];
         // Both kinds of lateness, as the loop counts them.
         for latency in self.timing.iter_mut().take(2) {
             for stall in stalls {
                 latency.swallowed(stall, subject.tick_s);
             }
         }
-        for (latency, place) in self.timing.iter_mut().zip(places) {
+        for (latency, place) in self.timing.iter_mut().zip(places.timing) {
             latency.count(at(row, place));
         }
     }
@@ -262,7 +257,7 @@ impl Onlooker for Tap {
             let value = at(row, mark.place);
             *kept = [value, kept[1].max(value)];
         }
-        self.count_timing(sequence - first, row);
+        self.count_timing(row);
         self.fill(row);
         self.open.rows += 1;
         if self.open.rows >= self.rows_per_bin && self.board.subject.real_clock {

@@ -34,10 +34,7 @@ impl State {
     #[must_use]
     pub const fn word(&self) -> &'static str {
         match self {
-            Self::Ended(Status::Completed) => "completed",
-            Self::Ended(Status::Stopped) => "stopped",
-            Self::Ended(Status::Interrupted) => "interrupted",
-            Self::Ended(Status::Failed) => "failed",
+            Self::Ended(status) => status.word(),
             Self::Running => "running",
             Self::Unfinished => "unfinished",
             Self::Damaged(_) => "damaged",

@@ -12,8 +12,9 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::lineage::Origin;
-use super::summary::{ending, finite, named, status_of, stop_words};
+use super::summary::{finite, named, stop_words};
 use super::tape::is_under_way;
+use crate::catalog::ending::{Cause, Kind};
 use crate::catalog::limit::Limit;
 use crate::config::{Time, TimeTable};
 use crate::engine::{Ending, Outcome, Phase, Stop, Unfinished};
@@ -61,16 +62,6 @@ fn json(value: impl Serialize) -> String {
     serde_json::to_string(&value).unwrap_or_default()
 }
 
-/// As `summary.json` spells it.
-const fn word(status: Status) -> &'static str {
-    match status {
-        Status::Completed => "completed",
-        Status::Stopped => "stopped",
-        Status::Interrupted => "interrupted",
-        Status::Failed => "failed",
-    }
-}
-
 /// Key of the version in the first event, which names the files of the test.
 pub(super) const VERSION: &str = "version";
 
@@ -107,8 +98,8 @@ pub(super) fn with_loop(
     required: bool,
 ) -> Vec<SummaryDifference> {
     let mut all = Vec::new();
-    let (finish, _) = ending(outcome);
-    all.extend(status(summary, Some(status_of(finish)), required));
+    let found = outcome.ending.cause().status();
+    all.extend(status(summary, Some(found), required));
     if !is_stopped_for_its_record(summary, required) {
         let wanted = words_of(outcome);
         let missing = wanted.iter().find(|text| !summary.reason.contains(*text));
@@ -143,7 +134,7 @@ fn too_few(summary: &Summary, made: u64, steps: u64) -> Option<SummaryDifference
     let is_too_few = summary.status == Status::Completed && made < steps;
     is_too_few.then(|| {
         let found = format!("{made} of {steps} steps");
-        SummaryDifference::new("status", word(summary.status), found)
+        SummaryDifference::new("status", summary.status.word(), found)
     })
 }
 
@@ -171,7 +162,7 @@ pub(super) fn may_trip_after_its_rows(run: &Run) -> Result<bool, FolderError> {
 fn status(summary: &Summary, found: Option<Status>, required: bool) -> Option<SummaryDifference> {
     let found = found.filter(|found| *found != summary.status)?;
     (!is_stopped_for_its_record(summary, required))
-        .then(|| SummaryDifference::new("status", word(summary.status), word(found)))
+        .then(|| SummaryDifference::new("status", summary.status.word(), found.word()))
 }
 
 /// Only the writer knows that a record is damaged which the test file requires.
@@ -217,7 +208,7 @@ fn words_of(outcome: &Outcome) -> Vec<String> {
         None => vec![outcome.ending],
     };
     let words = |ending: &Ending| match ending {
-        Ending::Completed => Some("end of the test".to_owned()),
+        Ending::Completed => Some(ending.to_string()),
         // How many deadlines were missed only the clock knows.
         _ if ending.is_for_being_late() => None,
         Ending::Stopped(Stop::Internal) => None,
@@ -388,7 +379,7 @@ struct Events {
 impl Events {
     fn of(run: &Run) -> Result<Self, FolderError> {
         let mut lines = run.event_lines()?;
-        let (mut status, mut last_step, mut diverged) = (None, None, false);
+        let (mut status, mut last_step, mut of_link) = (None, None, Cause::Link);
         let mut limits = Vec::new();
         for event in &mut lines {
             let Some(event) = event? else {
@@ -398,10 +389,13 @@ impl Events {
             match word("event") {
                 "ended" => last_step = event.get("tick").and_then(Value::as_u64),
                 "limit_trip" => limits.push(word("limit").to_owned()),
-                "link" => diverged = word("fault") == "diverged",
+                "link" => of_link = Cause::of_link(word("fault")),
                 "phase" => {
-                    let phase = [word("from"), word("to"), word("cause")];
-                    status = Self::next(status, phase, diverged);
+                    let cause = match Cause::of_word(word("cause")) {
+                        Cause::Link => of_link,
+                        cause => cause,
+                    };
+                    status = Self::next(status, [word("from"), word("to")], cause);
                 }
                 _ => {}
             }
@@ -415,26 +409,18 @@ impl Events {
     }
 
     /// The status after a change of phase: what trips after an orderly end counts, what comes after a trip does not.
-    fn next(
-        before: Option<Status>,
-        [from, to, cause]: [&str; 3],
-        diverged: bool,
-    ) -> Option<Status> {
+    fn next(before: Option<Status>, [from, to]: [&str; 2], cause: Cause) -> Option<Status> {
         let is_orderly = matches!(before, None | Some(Status::Completed | Status::Interrupted));
         let runs = [Phase::Running.word(), Phase::Holding.word()].contains(&from);
         let ends = [Phase::Leaving.word(), Phase::Safe.word()].contains(&to);
         if !is_orderly {
             return before;
         }
-        match cause {
-            "internal_error" => Some(Status::Failed),
-            _ if to == Phase::Tripped.word() => Some(match cause {
-                "link" if diverged => Status::Stopped,
-                "link" | "misfit" => Status::Failed,
-                _ => Status::Stopped,
-            }),
-            "done" if runs && ends => Some(Status::Completed),
-            "operator" if ends => Some(Status::Interrupted),
+        match cause.kind() {
+            Kind::Internal => Some(cause.status()),
+            _ if to == Phase::Tripped.word() => Some(cause.status()),
+            Kind::Completion if runs && ends => Some(cause.status()),
+            Kind::Operator if ends => Some(cause.status()),
             _ => before,
         }
     }

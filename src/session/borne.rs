@@ -48,31 +48,9 @@ pub(super) fn borne(peak: &Peak, ports: &[Port]) -> Borne {
     }
 }
 
-/// Places of the columns of one kind, each with its number from 0.
-pub(super) fn places(run: &Run, letter: char) -> Vec<(usize, usize)> {
-    let columns = run.layout().columns().iter().enumerate();
-    let each = columns.filter_map(|(place, column)| {
-        let number = column.name.strip_prefix(letter)?.parse::<usize>().ok()?;
-        Some((number.checked_sub(1)?, place))
-    });
-    each.collect()
-}
-
-/// Those of the rows of the running test, that which ended it among them, as the loop counts them.
+/// Those of the rows of the running test from the one with this number on.
 fn of_rows(run: &Run, from: u64, ports: &[Port]) -> Result<Peak, FolderError> {
-    let at = |name: String| run.layout().index_of(&name).unwrap_or(usize::MAX);
-    let state = at("state".to_owned());
-    let structure = ['x', 'v', 'a'].map(|letter| places(run, letter));
-    let specimen = |(port, behind): (usize, &Port)| {
-        let number = port + 1;
-        let force = |axis: usize| at(format!("force_{number}_{}", axis + 1));
-        let forces: Vec<usize> = (0..behind.axes()).map(force).collect();
-        (at(format!("status_{number}")), forces)
-    };
-    let specimens: Vec<_> = ports.iter().enumerate().map(specimen).collect();
-    let (mut peaks, mut forces) = (<[Vec<Option<f64>>; 3]>::default(), Vec::new());
-    forces.resize(ports.len(), Vec::new());
-    let mut is_in_test = false;
+    let mut peaks = RowPeaks::of_test(run, ports.len());
     let mut journal = run.journal()?;
     let path = run.path().join("samples.bin");
     let unreadable = |source| FolderError::Io {
@@ -80,22 +58,74 @@ fn of_rows(run: &Run, from: u64, ports: &[Port]) -> Result<Peak, FolderError> {
         source,
     };
     while let Some(row) = journal.next_row().map_err(unreadable)? {
-        let value = |place: usize| row.values.get(place).copied().unwrap_or(f64::NAN);
-        let state = value(state);
+        peaks.take(row.values, row.sequence >= from);
+    }
+    let names = ports.iter().map(|port| port.name.clone());
+    Ok(peaks.finish(names))
+}
+
+/// Largest magnitudes of rows, as the loop counts them. All who need the peaks of a record fold its rows with this.
+pub(super) struct RowPeaks {
+    state: usize,
+    /// Columns of displacements, velocities and accelerations: DOF from 0, and place.
+    structure: [Vec<(usize, usize)>; 3],
+    /// Of each specimen: place of its status, and places of the force of each axis.
+    specimens: Vec<(usize, Vec<usize>)>,
+    /// Rows beside the test and stale measurements count, too.
+    every_row: bool,
+    is_in_test: bool,
+    peaks: [Vec<Option<f64>>; 3],
+    forces: Vec<Vec<Option<f64>>>,
+}
+
+impl RowPeaks {
+    /// Of the rows of the test, and of the one that ended it. A stale measurement was not taken in its tick.
+    pub fn of_test(run: &Run, specimens: usize) -> Self {
+        let layout = run.layout();
+        let at = |name: &str| layout.index_of(name).unwrap_or(usize::MAX);
+        let forces = |number: usize| {
+            let axes = (1..).map(|axis| layout.index_of(&format!("force_{number}_{axis}")));
+            axes.map_while(|place| place).collect()
+        };
+        let each = 1..=specimens;
+        Self {
+            state: at("state"),
+            structure: ['x', 'v', 'a'].map(|letter| places(run, letter)),
+            specimens: each
+                .map(|number| (at(&format!("status_{number}")), forces(number)))
+                .collect(),
+            every_row: false,
+            is_in_test: false,
+            peaks: Default::default(),
+            forces: vec![Vec::new(); specimens],
+        }
+    }
+
+    /// Of all rows, with stale measurements.
+    pub fn of_every_row(run: &Run, specimens: usize) -> Self {
+        Self {
+            every_row: true,
+            ..Self::of_test(run, specimens)
+        }
+    }
+
+    /// Takes the next row; its magnitudes count only if `counts`.
+    pub fn take(&mut self, row: &[f64], counts: bool) {
+        let value = |place: usize| row.get(place).copied().unwrap_or(f64::NAN);
+        let state = value(self.state);
         if !is_a_trip(state) {
-            is_in_test = is_under_way(state);
+            self.is_in_test = is_under_way(state);
         }
-        if !is_in_test || row.sequence < from {
-            continue;
+        if !counts || !(self.is_in_test || self.every_row) {
+            return;
         }
-        for (peaks, places) in peaks.iter_mut().zip(&structure) {
+        for (peaks, places) in self.peaks.iter_mut().zip(&self.structure) {
             for (dof, place) in places {
                 raise(peaks, *dof, value(*place));
             }
         }
-        for (peaks, (status, places)) in forces.iter_mut().zip(&specimens) {
-            // What stands in for an answer that stayed away was not measured.
-            if Status(value(*status) as u32).has(Status::STALE) {
+        for (peaks, (status, places)) in self.forces.iter_mut().zip(&self.specimens) {
+            if !self.every_row && Status(value(*status) as u32).has(Status::STALE) {
                 continue;
             }
             for (axis, place) in places.iter().enumerate() {
@@ -103,15 +133,28 @@ fn of_rows(run: &Run, from: u64, ports: &[Port]) -> Result<Peak, FolderError> {
             }
         }
     }
-    let names = ports.iter().map(|port| port.name.clone());
-    let [displacement, velocity, acceleration] = peaks;
-    Ok(Peak {
-        displacement,
-        velocity,
-        acceleration,
-        force: names.zip(forces).collect(),
-        ..Peak::default()
-    })
+
+    /// The peaks, with the names of the specimens.
+    pub fn finish(self, names: impl Iterator<Item = String>) -> Peak {
+        let [displacement, velocity, acceleration] = self.peaks;
+        Peak {
+            displacement,
+            velocity,
+            acceleration,
+            force: names.zip(self.forces).collect(),
+            ..Peak::default()
+        }
+    }
+}
+
+/// Places of the columns of one kind, each with its number from 0.
+fn places(run: &Run, letter: char) -> Vec<(usize, usize)> {
+    let columns = run.layout().columns().iter().enumerate();
+    let each = columns.filter_map(|(place, column)| {
+        let number = column.name.strip_prefix(letter)?.parse::<usize>().ok()?;
+        Some((number.checked_sub(1)?, place))
+    });
+    each.collect()
 }
 
 pub(super) fn raise_all(peak: &mut Peak, others: &Peak) {
@@ -128,7 +171,7 @@ pub(super) fn raise_all(peak: &mut Peak, others: &Peak) {
     }
 }
 
-pub(super) fn raise(peaks: &mut Vec<Option<f64>>, index: usize, value: f64) {
+fn raise(peaks: &mut Vec<Option<f64>>, index: usize, value: f64) {
     if peaks.len() <= index {
         peaks.resize(index + 1, None);
     }

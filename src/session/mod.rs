@@ -21,6 +21,7 @@ mod connect;
 mod continued;
 mod derived;
 mod desk;
+mod earlier_rows;
 mod energetics;
 pub mod fitness;
 pub mod frontier;
@@ -73,9 +74,9 @@ use desk::Desk;
 use guarded::Ended;
 use ready::{Ready, prepare};
 
+use crate::catalog::ending::{Cause, Exit};
 use crate::config::ConfigError;
 use crate::engine::Control;
-use crate::record::summary::Status;
 use crate::record::writer::WriterError;
 use crate::record::{FolderError, Note, NoteLevel, Progress, Recorded, RunFolder, Summary, Writer};
 use crate::rt::wall::Wall;
@@ -121,34 +122,11 @@ pub enum SessionError {
     },
 }
 
-/// How a session ended, for the exit code.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Finish {
-    /// At its last step, within its limits.
-    Completed,
-    /// Stopped by a limit, divergence, a stale or miss bound.
-    Stopped,
-    /// Before it moved anything: a specimen has changed since the interruption of the test.
-    Refused,
-    /// Before it moved anything: a specimen lacks something that this test needs.
-    Unfit,
-    /// By the operator.
-    Interrupted,
-    /// Before it moved anything: a specimen could not be connected.
-    NotConnected,
-    /// The wiring check of a specimen failed; the specimen was not armed.
-    WiringFault,
-    /// A link failed.
-    LinkFailed,
-    /// A panic of our own, caught; the specimens are retired.
-    Panicked,
-}
-
 /// What a session leaves behind.
 #[derive(Debug)]
 pub struct Finished {
-    /// How it ended.
-    pub finish: Finish,
+    /// How it ended; its row has the exit code and the status.
+    pub cause: Cause,
     /// The run folder. Others may move or delete it at any time: what is added to it is written by itself.
     pub folder: RunFolder,
     /// What stands in summary.json.
@@ -159,6 +137,17 @@ pub struct Finished {
     pub granted: Option<Granted>,
     /// Files that could not be written, each with its reason.
     pub unwritten: Vec<String>,
+}
+
+impl Finished {
+    /// The exit code. An interruption has the code of its `signal`.
+    #[must_use]
+    pub const fn exit(&self, signal: Option<Signal>) -> Exit {
+        match (self.cause.exit(), signal) {
+            (Exit::Interrupted, Some(Signal::Terminate)) => Exit::Terminated,
+            (exit, _) => exit,
+        }
+    }
 }
 
 /// Period of the caller's look at the progress.
@@ -298,7 +287,7 @@ fn carry_out(
     if let Some(outcome) = &ended.outcome {
         summary::write_timing(&folder, &outcome.timing, span, &mut unwritten);
     }
-    let (mut finish, mut summary) = summary::summarise(
+    let (mut cause, mut summary) = summary::summarise(
         &facts,
         &folder,
         &ended,
@@ -308,17 +297,17 @@ fn carry_out(
     );
     summary.verdict = verdict;
     if let Err(error) = folder.write_summary(&summary) {
-        if facts.record_required && finish == Finish::Completed {
-            // To whoever reads it later, such a record is that of a test which was killed.
-            finish = Finish::Stopped;
-            summary.status = Status::Stopped;
+        if facts.record_required && cause == Cause::Done {
+            // A later reader takes such a record for that of a test which was killed.
+            cause = Cause::RecordDamaged;
+            summary.status = cause.status();
             summary.reason = format!("{error}, and [record] required");
         }
         unwritten.push(error.to_string());
     }
     folder.release();
     Finished {
-        finish,
+        cause,
         folder,
         summary,
         recorded,

@@ -28,7 +28,7 @@ impl Recorded {
         with(&self.tape, |tape| {
             let status = Status(at(tape.next(), self.status) as u32);
             if tape.is_over_next() && status.has(mark) {
-                return Err(LinkFault::Closed);
+                return Err(tape.fault_next());
             }
             Ok(())
         })

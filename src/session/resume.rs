@@ -2,10 +2,10 @@
 //!
 //! There is no snapshot of the state to be torn or stale. The record holds what was measured, and the loop makes the same
 //! state of it bit for bit, some hundred times faster than the test ran; digests of the state, written while it ran
-//! (checkpoints), prove that it is the same. Where the record is damaged the last checkpoint that came out again counts;
-//! specimens that are not made anew are led through the steps after it once more, so that further back than a kill can lose
-//! the test goes only for someone who names the step. Files that were changed since are refused. Nothing of the interrupted
-//! test is written to. A trip stays latched: a test that ended with one goes on only for someone who names it.
+//! (checkpoints), prove that it is the same. Where the last rows are damaged, the test resumes after the last checkpoint that came
+//! out again, and specimens behind links repeat the steps after it. If that is more than a kill can lose, the record is damaged and
+//! the resume is refused. Files that were changed since are refused. Nothing of the interrupted test is written to. A trip stays
+//! latched: a test that ended with one resumes only with `--after-trip`.
 
 mod error;
 mod places;
@@ -14,7 +14,7 @@ mod trips;
 use std::path::Path;
 
 use super::borne::{borne, peak_of};
-use super::continued::{self, Now, WentOn};
+use super::continued;
 use super::desk::{Request, Unanswered, ask};
 use super::lineage::Origin;
 use super::recorded::Replaced;
@@ -30,7 +30,7 @@ use crate::setup::{self, Dial, Facts, Prepared};
 use crate::units::duration;
 pub use error::ResumeError;
 use places::{Tolerances, places, ticks_lost};
-use trips::Told;
+use trips::Trips;
 
 /// Name of the override in `accepted` of the summary.
 const CHANGED: &str = "accept_changed";
@@ -38,36 +38,29 @@ const ON_ITS_WAY_IN: &str = "it ended during startup and made no step: its state
     are where it left them";
 const UNTRIED: &str =
     "the wiring check is not repeated: start a new test if the wiring was changed";
-/// Name of a trip whose event is missing.
-const UNKNOWN: &str = "unknown";
 
 /// Permissions of the user for a test that is resumed.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Allowed<'a> {
-    /// The trips after which it may go on, by their names.
-    pub after: &'a [String],
-    /// The step to which it may go back if its record is damaged, or after which another test has continued it already. Specimens
-    /// are then led through the following steps once more.
-    pub back_to: Option<u64>,
+    /// It may resume although it tripped.
+    pub after_trip: bool,
     /// Why it may go on although a specimen changed since the interruption: it stands elsewhere, its force is another one, or it is
     /// computed by a server that does not keep its state.
     pub changed: Option<&'a str>,
 }
 
 /// Prepares the test in `folder` to go on. `test`: the test file, if one was given; it must be the one that was
-/// interrupted. `after` and `back_to`: see [`Allowed`].
+/// interrupted. `after_trip`: see [`Allowed`].
 ///
 /// # Errors
 /// See [`ResumeError`].
 pub fn resume(
     folder: &Path,
     test: Option<&Path>,
-    after: &[String],
-    back_to: Option<u64>,
+    after_trip: bool,
 ) -> Result<Prepared, ResumeError> {
     let allowed = Allowed {
-        after,
-        back_to,
+        after_trip,
         changed: None,
     };
     resume_allowed(folder, test, allowed)
@@ -91,12 +84,12 @@ pub fn resume_allowed(
 /// As [`resume`].
 pub fn resume_over(
     folder: &Path,
-    after: &[String],
+    after_trip: bool,
     dial: &mut Dial<'_>,
 ) -> Result<Prepared, ResumeError> {
     let build = &mut |loaded: &Loaded| setup::build_over(loaded, dial);
     let allowed = Allowed {
-        after,
+        after_trip,
         ..Allowed::default()
     };
     resume_by(folder, None, allowed, build)
@@ -109,11 +102,11 @@ fn resume_by(
     build: &mut Build<'_>,
 ) -> Result<Prepared, ResumeError> {
     let run = Run::open(folder)?;
-    let went_on = may_be_resumed(&run, allowed.back_to)?;
+    may_be_resumed(&run)?;
     let before = Origin::of(folder)?;
     has_its_end(&run, before.as_ref())?;
     check_files(&run, test, before.as_ref())?;
-    let ended = end_before(&run, allowed.after)?;
+    let ended = end_before(&run, allowed.after_trip)?;
     let (mut traced, note) = trace(&run)?;
     let Some((side, ports, mut resumption)) = traced.state.take() else {
         return Err(if traced.completed {
@@ -129,7 +122,7 @@ fn resume_by(
         return Err(ResumeError::Complete(folder.to_owned()));
     }
     let rate_hz = next.facts.rate_hz;
-    check_way_back(&run, &traced, &ports, step, allowed.back_to, rate_hz)?;
+    check_way_back(&run, &traced, &ports, step, rate_hz)?;
     let on_its_way_in = traced.on_its_way_in;
     let origin = origin_of(&run, &traced, &ports, (step, &next.facts), before, allowed)?;
     resumption.left = origin.places();
@@ -150,9 +143,6 @@ fn resume_by(
     );
     // The wiring check is not repeated.
     let tried = !std::mem::take(&mut next.facts.announced).is_empty();
-    let again = went_on.map(|before| {
-        format!("{before}: the specimens repeat the steps after step {step}, because of `--back-to-step`")
-    });
     let accepted = allowed.changed.map(|reason| {
         let reason = reason.to_owned();
         next.facts.accepted.insert(CHANGED.to_owned(), reason.clone());
@@ -161,7 +151,6 @@ fn resume_by(
     let texts = [
         Some(resumed),
         Some(ended),
-        again,
         on_its_way_in.then(|| ON_ITS_WAY_IN.to_owned()),
         tried.then(|| UNTRIED.to_owned()),
         note,
@@ -174,9 +163,8 @@ fn resume_by(
     Ok(next)
 }
 
-/// Refuses a test that runs, may be running, is complete, or was gone on with already, unless `back_to` names a step. Returns the
-/// test that has continued it.
-fn may_be_resumed(run: &Run, back_to: Option<u64>) -> Result<Option<WentOn>, ResumeError> {
+/// Refuses a test that runs, may be running, is complete, or was resumed already.
+fn may_be_resumed(run: &Run) -> Result<(), ResumeError> {
     let folder = run.path();
     match ask(folder, Request::Phase) {
         Ok(_) => return Err(ResumeError::Running(folder.to_owned())),
@@ -189,13 +177,10 @@ fn may_be_resumed(run: &Run, back_to: Option<u64>) -> Result<Option<WentOn>, Res
             });
         }
     }
-    let went_on = continued::last_of(folder)?;
-    if let Some(before) = &went_on
-        && (back_to.is_none() || before.now == Now::Running)
-    {
+    if let Some(before) = continued::last_of(folder)? {
         return Err(ResumeError::WentOn {
             folder: folder.to_owned(),
-            before: before.clone(),
+            before,
         });
     }
     if run.summary().is_some_and(|s| s.status == Status::Completed) {
@@ -207,7 +192,7 @@ fn may_be_resumed(run: &Run, back_to: Option<u64>) -> Result<Option<WentOn>, Res
             fault: fault.to_owned(),
         });
     }
-    Ok(went_on)
+    Ok(())
 }
 
 /// Refuses a record whose last rows are missing.
@@ -266,55 +251,32 @@ fn origin_of(
     Ok(origin)
 }
 
-/// What the test ended with before, to be told. Its trips must be those in `after`.
-fn end_before(run: &Run, after: &[String]) -> Result<String, ResumeError> {
-    let mut reason = run.summary().map_or_else(
+/// How the test ended before, to be reported. A test that tripped, or may have, needs `--after-trip`.
+fn end_before(run: &Run, after_trip: bool) -> Result<String, ResumeError> {
+    let reason = run.summary().map_or_else(
         || "it was killed: there is no summary.json".to_owned(),
         |summary| summary.reason.clone(),
     );
-    let told = Told::of(run)?;
-    let may_hide = told.may_hide(run.summary().map(|summary| summary.status));
-    let unreadable = told.unreadable;
-    let mut trips = told.trips;
-    let has_tripped = !trips.is_empty() || trips::has_a_row_of_one(run)?;
-    if trips.is_empty() && (may_hide || has_tripped) {
-        trips.push(UNKNOWN.to_owned());
-        if may_hide {
-            reason += "; not all of its events can be read, and one of a trip may be among them";
-        }
-    }
-    let folder = || run.path().to_owned();
-    if let Some(named) = after.iter().find(|named| !trips.contains(named)) {
-        return Err(ResumeError::AnotherTrip {
-            folder: folder(),
-            named: named.clone(),
-            reason,
-        });
-    }
-    if trips.iter().any(|trip| !after.contains(trip)) {
-        let wanted: Vec<String> = trips
-            .iter()
-            .map(|trip| format!("`--after-trip {trip}`"))
-            .collect();
-        return Err(ResumeError::Tripped {
-            folder: folder(),
-            has_tripped,
-            reason,
-            wanted: wanted.join(" "),
-        });
-    }
-    let mut text = if trips.is_empty() {
+    let Trips {
+        names,
+        certain,
+        unreadable,
+    } = Trips::of(run)?;
+    let mut text = if names.is_empty() {
         format!("it had ended before: {reason}")
-    } else {
-        let tripped = if has_tripped {
-            "HAD TRIPPED"
-        } else {
-            "MAY HAVE TRIPPED"
-        };
+    } else if after_trip {
+        let tripped = if certain { "HAD" } else { "MAY HAVE" };
+        let names = names.join(", ");
         format!(
-            "THE TEST {tripped}: {reason}; it resumes because of `--after-trip` {}",
-            trips.join(", ")
+            "THE TEST {tripped} TRIPPED ({names}): {reason}; it resumes because of `--after-trip`"
         )
+    } else {
+        return Err(ResumeError::Tripped {
+            folder: run.path().to_owned(),
+            certain,
+            names: names.join(", "),
+            reason,
+        });
     };
     if unreadable > 0 {
         text = format!("{text}; {unreadable} lines of its events cannot be read");
@@ -345,25 +307,14 @@ fn trace(run: &Run) -> Result<(Retraced, Option<String>), ResumeError> {
     Ok((Retraced { trouble, ..again }, Some(note)))
 }
 
-/// No specimen that is not made anew is led through more than a kill can lose once more, unless the step is named after which
-/// that begins.
+/// Refuses a damaged record, where specimens behind links would repeat more than a kill can lose.
 fn check_way_back(
     run: &Run,
     traced: &Retraced,
     ports: &[Port],
     step: u64,
-    named: Option<u64>,
     rate_hz: f64,
 ) -> Result<(), ResumeError> {
-    let folder = run.path().to_owned();
-    if let Some(named) = named {
-        let is_it = named == step;
-        return is_it.then_some(()).ok_or(ResumeError::AnotherStep {
-            folder,
-            named,
-            step,
-        });
-    }
     let Some(trouble) = &traced.trouble else {
         return Ok(());
     };
@@ -377,7 +328,7 @@ fn check_way_back(
         return Ok(());
     }
     Err(ResumeError::Back {
-        folder,
+        folder: run.path().to_owned(),
         trouble: trouble.clone(),
         step,
         again_s: again / rate_hz,

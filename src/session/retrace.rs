@@ -13,6 +13,7 @@ use sha2::{Digest, Sha256};
 
 use super::borne::borne;
 use super::connect::put_standing;
+use super::earlier_rows::may_be_absent;
 use super::lineage::{Ancestor, Origin, ancestors};
 use super::recorded::{Replaced, put_recorded};
 use super::replay::ReplayError;
@@ -336,24 +337,21 @@ pub(super) fn same(path: &Path, wanted: &str) -> Result<(), ReplayError> {
     })
 }
 
+/// The recording has the columns that the loop makes, in any order, but for those that earlier versions did not record.
 pub(super) fn same_columns(found: &[Column], wanted: &[Column]) -> Result<(), ReplayError> {
-    // What depends on wall time is not compared, and stands last: an older recording may have less of it.
-    let missing = wanted.get(found.len()..).unwrap_or_default();
-    let older = !missing.is_empty() && missing.iter().all(|column| column.timing);
-    let longest = if older {
-        found.len()
-    } else {
-        found.len().max(wanted.len())
-    };
-    let name = |columns: &[Column], index: usize| columns.get(index).map(|c| c.name.clone());
-    let differs = (0..longest).find(|&index| name(found, index) != name(wanted, index));
-    match differs {
-        None => Ok(()),
-        Some(index) => Err(ReplayError::Columns {
-            found: name(found, index),
-            wanted: name(wanted, index),
-        }),
+    let lacks = |columns: &[Column], name: &str| columns.iter().all(|column| column.name != name);
+    let missing = wanted
+        .iter()
+        .find(|column| lacks(found, &column.name) && !may_be_absent(column));
+    let unknown = found.iter().find(|column| lacks(wanted, &column.name));
+    if missing.is_none() && unknown.is_none() {
+        return Ok(());
     }
+    let name = |column: Option<&Column>| column.map(|column| column.name.clone());
+    Err(ReplayError::Columns {
+        found: name(unknown),
+        wanted: name(missing),
+    })
 }
 
 #[cfg(test)]
@@ -388,20 +386,19 @@ mod tests {
     }
 
     #[test]
-    fn an_older_recording_may_lack_the_last_columns_that_depend_on_wall_time_and_no_other() {
-        let now = columns(&["step", "x1", "release_s", "record_before_s"]);
+    fn an_older_recording_may_lack_only_columns_that_later_versions_added() {
+        let now = columns(&["step", "operator", "x1", "release_s", "record_before_s"]);
         let same = |names: &[&str]| same_columns(&columns(names), &now).is_ok();
-        assert!(same(&["step", "x1", "release_s", "record_before_s"]));
-        assert!(same(&["step", "x1", "release_s"]));
-        assert!(same(&["step", "x1"]));
-        assert!(!same(&["step"]));
-        assert!(!same(&["step", "x1", "record_before_s"]));
-        assert!(!same(&[
+        assert!(same(&[
             "step",
+            "operator",
             "x1",
             "release_s",
-            "record_before_s",
-            "more_s"
+            "record_before_s"
         ]));
+        assert!(same(&["step", "x1", "release_s"]));
+        assert!(same(&["x1", "step"]));
+        assert!(!same(&["step"]));
+        assert!(!same(&["step", "x1", "x2"]));
     }
 }

@@ -5,20 +5,20 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
-use super::Finish;
 use super::connect::Unconnected;
 use super::guarded::Ended;
 use super::last_words::{last_words, news};
+use crate::catalog::ending::Cause;
 use crate::config::ClockChoice;
 use crate::engine::{Ending, Gaps, Left, Outcome, Stop, Unfinished};
-use crate::record::summary::{ClockKind, Lambda, LinkCounts, Peak, Status};
+use crate::record::summary::{ClockKind, Lambda, LinkCounts, Peak};
 use crate::record::{FolderError, Recorded, RunFolder, Summary, times};
 use crate::rt::Granted;
 use crate::rt::timing::export::write_hgrm;
 use crate::rt::timing::{Quantity, Timing};
 use crate::rt::wall::Wall;
 use crate::setup::Facts;
-use crate::substructure::{AGREED, Holder, LinkFault};
+use crate::substructure::{AGREED, Holder};
 
 /// How the user resumes a test although a specimen has changed.
 pub(super) const ACCEPT: &str = "`--accept-changed \"reason\"` resumes the test all the same";
@@ -70,34 +70,34 @@ pub(super) fn summarise(
     recorded: &Recorded,
     granted: Option<&Granted>,
     unwritten: &[String],
-) -> (Finish, Summary) {
+) -> (Cause, Summary) {
     let outcome = ended.outcome.as_ref();
-    let (finish, reason) = match (&ended.fault, &ended.unconnected, outcome) {
+    let (cause, reason) = match (&ended.fault, &ended.unconnected, outcome) {
         (None, Some(Unconnected::Refused(text)), _) => {
-            (Finish::NotConnected, format!("{text}; nothing was moved"))
+            (Cause::NotConnected, format!("{text}; nothing was moved"))
         }
         (None, Some(Unconnected::Unfit(text)), _) => {
-            (Finish::Unfit, format!("{text}; nothing was moved"))
+            (Cause::Unfit, format!("{text}; nothing was moved"))
         }
         (None, Some(Unconnected::Stopped), _) => (
-            Finish::Interrupted,
+            Cause::Operator,
             "stopped by the operator while the specimens were being connected; nothing was moved"
                 .to_owned(),
         ),
-        (Some(fault), _, _) => (Finish::Panicked, format!("internal error: {fault}")),
+        (Some(fault), _, _) => (Cause::Internal, format!("internal error: {fault}")),
         (None, None, Some(outcome)) => ending(outcome),
-        (None, None, None) => (Finish::Panicked, "internal error".to_owned()),
+        (None, None, None) => (Cause::Internal, "internal error".to_owned()),
     };
-    let (finish, reason) = match finish {
-        Finish::Completed if facts.record_required && recorded.rows_lost() > 0 => (
-            Finish::Stopped,
+    let (cause, reason) = match cause {
+        Cause::Done if facts.record_required && recorded.rows_lost() > 0 => (
+            Cause::RecordDamaged,
             format!("{} rows lost, and [record] required", recorded.rows_lost()),
         ),
-        Finish::Completed if facts.record_required && !recorded.damaged.is_empty() => (
-            Finish::Stopped,
+        Cause::Done if facts.record_required && !recorded.damaged.is_empty() => (
+            Cause::RecordDamaged,
             format!("{}, and [record] required", recorded.damaged.join("; ")),
         ),
-        _ => (finish, reason),
+        _ => (cause, reason),
     };
     let mut warnings = facts.warnings.clone();
     warnings.extend(recorded.warned.iter().cloned());
@@ -116,7 +116,7 @@ pub(super) fn summarise(
     let last_words = outcome.map(last_words).into_iter().flatten();
     warnings.extend(last_words.map(|(_, text)| text));
     let summary = Summary {
-        status: status_of(finish),
+        status: cause.status(),
         reason,
         steps: outcome.map_or(0, |outcome| outcome.steps),
         dt: facts.dt,
@@ -150,19 +150,7 @@ pub(super) fn summarise(
         accepted: facts.accepted.clone(),
         verdict: None,
     };
-    (finish, summary)
-}
-
-/// As the summary spells it.
-pub(super) const fn status_of(finish: Finish) -> Status {
-    match finish {
-        Finish::Completed => Status::Completed,
-        Finish::Stopped | Finish::Refused | Finish::Unfit => Status::Stopped,
-        Finish::Interrupted => Status::Interrupted,
-        Finish::NotConnected | Finish::WiringFault | Finish::LinkFailed | Finish::Panicked => {
-            Status::Failed
-        }
-    }
+    (cause, summary)
 }
 
 /// Specimens whose simulated actuators did not come to terms with what they move, in sentences.
@@ -222,12 +210,8 @@ fn machine() -> Value {
 
 /// How a test ended, and why in words.
 #[must_use]
-pub fn ending(outcome: &Outcome) -> (Finish, String) {
+pub fn ending(outcome: &Outcome) -> (Cause, String) {
     let of = |index: usize| named(index, outcome);
-    let finish = match &outcome.ending {
-        Ending::Completed => Finish::Completed,
-        Ending::Stopped(stop) => finish_of(stop),
-    };
     let mut reason = match &outcome.unfinished {
         None => {
             let mut reason = words(&outcome.ending, outcome);
@@ -290,44 +274,13 @@ pub fn ending(outcome: &Outcome) -> (Finish, String) {
     for (index, text) in news(outcome) {
         reason = format!("{reason}; {} reported after the test: {text}", of(*index));
     }
-    (finish, reason)
+    (outcome.ending.cause(), reason)
 }
 
 /// The specimens that were left so.
 fn left_as(outcome: &Outcome, how: Left) -> impl Iterator<Item = (usize, &Left)> {
     let left = outcome.left.iter().enumerate();
     left.filter(move |(_, left)| **left == how)
-}
-
-const fn finish_of(stop: &Stop) -> Finish {
-    match stop {
-        Stop::Operator => Finish::Interrupted,
-        // There is no link to fail where a law is computed in this process.
-        Stop::Link {
-            fault: LinkFault::Diverged,
-            ..
-        } => Finish::Stopped,
-        Stop::Link { .. } => Finish::LinkFailed,
-        Stop::Misfit { .. } => Finish::WiringFault,
-        Stop::Internal => Finish::Panicked,
-        // The specimen is another than the one of the interrupted test: it was not moved.
-        Stop::Moved { .. } | Stop::ForceChanged { .. } => Finish::Refused,
-        Stop::Interlock { .. }
-        | Stop::Saturated { .. }
-        | Stop::HoldsOn { .. }
-        | Stop::Limit { .. }
-        | Stop::Geometry { .. }
-        | Stop::TestLimit(_)
-        | Stop::Late { .. }
-        | Stop::Stale { .. }
-        | Stop::Diverged { .. }
-        | Stop::NotFinite { .. }
-        | Stop::Step(_)
-        | Stop::CannotCommand
-        | Stop::NotSettled { .. }
-        | Stop::DoesNotFollow { .. }
-        | Stop::NotAtRest { .. } => Finish::Stopped,
-    }
 }
 
 /// Why a test stopped, with the specimen by its name.
@@ -349,7 +302,7 @@ pub(super) fn named(port: usize, outcome: &Outcome) -> String {
 
 pub(super) fn words(ending: &Ending, outcome: &Outcome) -> String {
     let Ending::Stopped(stop) = ending else {
-        return "end of the test".to_owned();
+        return ending.to_string();
     };
     let told = match stop {
         // A gateway says which of its limits opened the interlock.

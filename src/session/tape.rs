@@ -1,7 +1,8 @@
 //! The recorded rows of a test, fed to the loop in place of its specimens, and compared with what the loop makes of them.
 //!
-//! What was decided while the test ran stands in the rows: when the operator wanted a hold, when a measurement was stale,
-//! when a slow partner answered. So all of it happens again where it happened. Checkpoints are compared as they come.
+//! What was decided while the test ran is recorded in the rows: the commands of the operator, stale measurements, and when a slow
+//! specimen answered. So all of it happens again where it happened. Checkpoints are compared as they come. Columns are found by
+//! name; a column that the recording does not have is not compared.
 
 use std::fs::File;
 use std::io::Read;
@@ -10,12 +11,15 @@ use std::sync::{Arc, Mutex};
 use crossbeam_channel::Sender;
 use serde_json::Value;
 
+use super::earlier_rows::EarlierRows;
 use super::replay::{Difference, ReplayError};
-use crate::catalog::phase::{GIVEN_UP, NOT_AWAITED, Part};
-use crate::engine::{Experiment, Operator, Phase, Word};
+use crate::catalog::ending::Cause;
+use crate::catalog::phase::{NOT_AWAITED, Part};
+use crate::engine::{Experiment, Operator, OperatorCommands, Phase};
 use crate::record::{
     Column, Event, EventKind, EventLines, FolderError, Journal, Layout, Recorder, Run, WarmUpRows,
 };
+use crate::substructure::LinkFault;
 use crate::work::Work;
 
 /// Columns that say where within a step a row stands.
@@ -63,7 +67,8 @@ impl Recording {
 /// The recorded rows, as far as the loop has come.
 pub(super) struct Tape {
     journal: Journal<Box<dyn Read + Send>>,
-    columns: Vec<Column>,
+    /// What is compared: name, place in the recording, place in the rows of the loop.
+    compared: Vec<(String, usize, usize)>,
     /// The row that comes; empty if none is left.
     coming: Vec<f64>,
     /// The row before it.
@@ -74,11 +79,12 @@ pub(super) struct Tape {
     pub row: u64,
     /// Test time of the last of them, s.
     pub time: f64,
-    places: [usize; 3],
+    /// Places of `state`, `operator`, `time` and `cause`.
+    places: [usize; 4],
     /// One step, s.
     dt: f64,
-    /// Whether the operator wanted a hold before the row that comes.
-    holding: bool,
+    /// Of a recording without the column `operator`.
+    earlier: Option<EarlierRows>,
     /// Number of steps of the test, and state and step of the row before the one that comes.
     steps: u64,
     before: Option<(f64, f64)>,
@@ -111,7 +117,7 @@ impl Tape {
         let place = |name: &str| layout.index_of(name).unwrap_or(usize::MAX);
         let mut tape = Self {
             journal: recording.journal,
-            columns: experiment.columns(),
+            compared: compared(layout.columns(), &experiment.columns()),
             coming: Vec::new(),
             passed: Vec::new(),
             sequences: (1..=experiment.ports.len())
@@ -119,9 +125,9 @@ impl Tape {
                 .collect(),
             row: 0,
             time: f64::NAN,
-            places: [place("state"), place("hold"), place("time")],
+            places: ["state", "operator", "time", "cause"].map(place),
             dt: experiment.dt,
-            holding: false,
+            earlier: EarlierRows::of(layout, experiment.steps),
             steps: experiment.steps,
             before: None,
             until: until.unwrap_or(u64::MAX),
@@ -179,6 +185,15 @@ impl Tape {
         [Phase::Tripped.code(), Phase::Leaving.code(), NOT_AWAITED].contains(&state)
     }
 
+    /// How a specimen was lost that the row that comes says is lost.
+    pub fn fault_next(&self) -> LinkFault {
+        match Cause::of_column(at(self.next(), self.places[3])) {
+            Some(Cause::LinkNotFinite) => LinkFault::NotFinite,
+            Some(Cause::LinkDiverged) => LinkFault::Diverged,
+            _ => LinkFault::Closed,
+        }
+    }
+
     /// Whether the row that comes is that in which the operator ended a wait.
     pub fn waits_in_vain_next(&self) -> bool {
         at(self.next(), self.places[0]) == NOT_AWAITED
@@ -195,35 +210,12 @@ impl Tape {
         self.coming.get(self.places[0]).copied()
     }
 
-    /// What the operator said before the tick of the row that comes.
-    fn request(&mut self) -> Option<Operator> {
-        let state = self.phase()?;
-        if state == GIVEN_UP {
-            return Some(Operator::GiveUp);
+    /// Commands of the operator before the row that comes.
+    fn commands(&mut self) -> OperatorCommands {
+        match &mut self.earlier {
+            Some(earlier) => earlier.commands(self.before, &self.coming),
+            None => OperatorCommands::of(at(self.next(), self.places[1])),
         }
-        if state == Phase::Leaving.code() {
-            let (before, step) = self.before?;
-            let completed = before == Phase::Running.code() && step >= self.steps as f64;
-            let on_its_way = before == state || is_a_trip(before);
-            return (!completed && !on_its_way).then_some(Operator::Stop);
-        }
-        let hold = at(self.next(), self.places[1]);
-        let on_its_way = self
-            .before
-            .is_some_and(|(before, _)| before == Phase::Leaving.code() || before == NOT_AWAITED);
-        if hold < 0.0 {
-            // Already its first tick on the way out trips.
-            return (!on_its_way).then_some(Operator::Stop);
-        }
-        let word = Word::of(hold);
-        let held = std::mem::replace(&mut self.holding, word.holds);
-        if word.confirms {
-            self.tell(Operator::Confirm);
-        }
-        if word.goes_on {
-            self.tell(Operator::Continue);
-        }
-        (word.holds && (!held || word.goes_on)).then_some(Operator::Hold)
     }
 
     /// True if the loop ends by itself after the row before: it was that of the last step, of the way out, or of a trip.
@@ -236,21 +228,29 @@ impl Tape {
 
     /// Says what the operator said before the row that comes. Nothing left to compare with: the loop may end.
     fn say(&mut self) {
-        let request = if self.difference.is_some() {
-            Some(Operator::Stop)
+        let commands = if self.difference.is_some() {
+            OperatorCommands::STOP
         } else if self.is_over() {
             self.ran_out = !self.ends_by_itself() && !self.goes_on;
-            self.ran_out.then_some(Operator::Stop)
+            if !self.ran_out {
+                return;
+            }
+            OperatorCommands::STOP
         } else {
-            self.request()
+            self.commands()
         };
-        if let Some(request) = request {
-            self.tell(request);
+        // The row itself ends a wait for a reply.
+        for (command, request) in [
+            (OperatorCommands::CONFIRM, Operator::Confirm),
+            (OperatorCommands::CONTINUE, Operator::Continue),
+            (OperatorCommands::HOLD, Operator::Hold),
+            (OperatorCommands::STOP, Operator::Stop),
+            (OperatorCommands::GIVE_UP, Operator::GiveUp),
+        ] {
+            if commands.has(command) {
+                let _ = self.operator.try_send(request);
+            }
         }
-    }
-
-    fn tell(&self, request: Operator) {
-        let _ = self.operator.try_send(request);
     }
 
     /// Older recordings have the rows of a test's end and of its way out at the end of the last step, wherever between two steps
@@ -268,23 +268,24 @@ impl Tape {
             return;
         }
         let stands_at_a_step = self.stands_at_a_step();
-        let pairs = self.columns.iter().zip(&self.coming).zip(made);
-        for ((column, recorded), made) in pairs {
-            let is_moved = || stands_at_a_step && MOMENT.contains(&column.name.as_str());
-            if !column.timing
-                && recorded.to_bits() != made.to_bits()
-                && !is_moved()
-                && self.difference.is_none()
-            {
-                self.difference = Some(Difference {
-                    row: self.row,
-                    step: at(self.next(), 0) as u64,
-                    time: at(self.next(), self.places[2]),
-                    column: column.name.clone(),
-                    recorded: *recorded,
-                    replayed: *made,
-                });
-            }
+        if self.difference.is_none() {
+            let differs = |(name, recorded, made_at): &&(String, usize, usize)| {
+                let [recorded, made] = [
+                    self.coming.get(*recorded).copied(),
+                    made.get(*made_at).copied(),
+                ];
+                let is_moved = stands_at_a_step && MOMENT.contains(&name.as_str());
+                recorded.map(f64::to_bits) != made.map(f64::to_bits) && !is_moved
+            };
+            let column = self.compared.iter().find(differs);
+            self.difference = column.map(|(name, recorded, made_at)| Difference {
+                row: self.row,
+                step: at(self.next(), 0) as u64,
+                time: at(self.next(), self.places[2]),
+                column: name.clone(),
+                recorded: at(self.next(), *recorded),
+                replayed: made.get(*made_at).copied().unwrap_or(f64::NAN),
+            });
         }
         self.time = at(self.next(), self.places[2]);
         if self.difference.is_none() {
@@ -320,6 +321,14 @@ impl Tape {
             self.say();
         }
     }
+}
+
+/// What is compared of a recording with these columns: all that do not depend on wall time and that the loop makes, too.
+fn compared(recorded: &[Column], made: &[Column]) -> Vec<(String, usize, usize)> {
+    let place = |name: &str| made.iter().position(|column| column.name == name);
+    let columns = recorded.iter().enumerate().filter(|(_, c)| !c.timing);
+    let pairs = columns.filter_map(|(at, c)| Some((c.name.clone(), at, place(&c.name)?)));
+    pairs.collect()
 }
 
 /// The checkpoints of a recording, read as the replay comes to them.

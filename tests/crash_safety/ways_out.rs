@@ -2,10 +2,11 @@
 
 use std::path::Path;
 
+use gusset::catalog::ending::Cause;
 use gusset::engine::{Control, Ending, Operator};
 use gusset::record::RunFolder;
 use gusset::record::summary::Status;
-use gusset::session::{self, Finish, Watches};
+use gusset::session::{self, Watches};
 use gusset::substructure::{Coupling, LinkFault};
 use gusset::time::{Clock, Nanos, SimClock};
 
@@ -90,43 +91,43 @@ fn every_way_out_says_goodbye_over_every_link() {
     let ways = [
         (
             Way::LastStep,
-            Finish::Completed,
+            Cause::Done,
             Status::Completed,
             "at the end of the test",
         ),
         (
             Way::Operator,
-            Finish::Interrupted,
+            Cause::Operator,
             Status::Interrupted,
             "by the operator",
         ),
         (
             Way::Limit,
-            Finish::Stopped,
+            Cause::Limit,
             Status::Stopped,
             "because the test tripped",
         ),
         (
             Way::Divergence,
-            Finish::Stopped,
+            Cause::Diverged,
             Status::Stopped,
             "because the test tripped",
         ),
         (
             Way::OtherLink,
-            Finish::LinkFailed,
+            Cause::Link,
             Status::Failed,
             "because the test tripped",
         ),
         (
             Way::Panic,
-            Finish::Panicked,
+            Cause::Internal,
             Status::Failed,
             "because the test tripped",
         ),
         (
             Way::PanicOfLastWords,
-            Finish::Panicked,
+            Cause::Internal,
             Status::Failed,
             "because the test tripped",
         ),
@@ -135,10 +136,10 @@ fn every_way_out_says_goodbye_over_every_link() {
         let folder = tempfile::tempdir().unwrap();
         let law = test_file(STEPS, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
         let served = Served::start(folder.path(), &law, &["--transport", transport]);
-        for (number, (way, finish, status, words)) in ways.into_iter().enumerate() {
+        for (number, (way, cause, status, words)) in ways.into_iter().enumerate() {
             let finished = leave(folder.path(), number, &served.address, transport, way);
             let reason = &finished.summary.reason;
-            assert_eq!(finished.finish, finish, "{way:?}: {reason}");
+            assert_eq!(finished.cause, cause, "{way:?}: {reason}");
             assert_eq!(finished.summary.status, status, "{way:?}");
             let over = served.hears("test over");
             assert!(
@@ -257,7 +258,7 @@ fn a_panic_at_any_command_leaves_as_many_rows_as_there_were_steps() {
         let run = RunFolder::create(&folder.path().join("run")).unwrap();
         let requests = crossbeam_channel::never();
         let finished = session::run(test, run, requests, Watches::default(), &mut |_| {}).unwrap();
-        assert_eq!(finished.finish, Finish::Panicked);
+        assert_eq!(finished.cause, Cause::Internal);
         assert_eq!(finished.recorded.rows_written, at);
         assert_eq!(finished.summary.steps, at.saturating_sub(1));
         assert!(finished.summary.reason.contains("in the middle of a send"));

@@ -6,9 +6,10 @@
 
 use std::sync::{Arc, Mutex};
 
+use gusset::catalog::ending;
 use gusset::config::LimitsSpec;
 use gusset::link::Transport;
-use gusset::link::rig::{Close, FarBuild, Latch, Over, Rig, Station, Visitor, Wanted};
+use gusset::link::rig::{FarBuild, Latch, Rig, Station, TestEnd, Visitor, Wanted};
 use gusset::link::serve::{Host, Simulated};
 use gusset::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
@@ -371,7 +372,7 @@ impl Rig for Standing {
     fn is_remote(&self) -> bool {
         true
     }
-    fn connect(&mut self, _: &Visitor, _: &mut Wanted<'_>) -> Result<Introduction, Over> {
+    fn connect(&mut self, _: &Visitor, _: &mut Wanted<'_>) -> Result<Introduction, TestEnd> {
         Ok(Introduction {
             standing: vec![self.0.place()],
             force: vec![0.0],
@@ -442,13 +443,13 @@ fn no_client_without_a_rate_moves_a_specimen_faster_than_wall_time_and_test_time
                 4 | 5 => now = now.plus(chance.below(40_000_000)),
                 6 => now = now.plus(chance.below(3_000_000_000)),
                 _ => {
-                    station.end(Close::Vanished, "gone");
+                    station.end(ending::Cause::ControllerVanished, "gone");
                     station.begin(&visitor, &mut || Ok(())).unwrap();
                 }
             }
             station.now_is(now);
             if station.tripped().is_some() {
-                station.end(Close::Stopped, "tripped");
+                station.end(ending::Cause::ControllerTripped, "tripped");
                 station.latch().clear().unwrap();
                 station.begin(&visitor, &mut || Ok(())).unwrap();
             }

@@ -102,13 +102,9 @@ impl Course {
         let (loaded, mut seen) = (self.loaded.clone(), Vec::new());
         let mut host = self.far_ends(1, &mut seen);
         let mut wires = Wires::new(&loaded, false, &mut host);
-        let mut prepared = resume_over(from, &[], &mut |setup| wires.dial(setup));
-        if let Err(ResumeError::Tripped { wanted, .. }) = &prepared {
-            let named = wanted
-                .split('`')
-                .filter_map(|word| word.strip_prefix("--after-trip "));
-            let named: Vec<String> = named.map(str::to_owned).collect();
-            prepared = resume_over(from, &named, &mut |setup| wires.dial(setup));
+        let mut prepared = resume_over(from, false, &mut |setup| wires.dial(setup));
+        if matches!(&prepared, Err(ResumeError::Tripped { .. })) {
+            prepared = resume_over(from, true, &mut |setup| wires.dial(setup));
         }
         let prepared = match prepared {
             Ok(prepared) => prepared,

@@ -12,7 +12,7 @@ use gusset::link::fault::StallingClock;
 use gusset::link::serve::{Host, Simulated, Tap, Tapped};
 use gusset::link::{NativeSetup, Transport};
 use gusset::record::{Column, Event, EventKind, FolderImage, Layout, Recorder};
-use gusset::session::{Finish, Replay, ending, replay_rows};
+use gusset::session::{Replay, ending, replay_rows};
 use gusset::setup::{Files, Prepared, build, build_over};
 use gusset::time::{Clock, Nanos, SimClock};
 
@@ -294,16 +294,8 @@ impl Played {
 
     /// The reason for the end, and the exit code of `gusset run`.
     pub fn verdict(&self) -> (String, u8) {
-        let (finish, reason) = ending(&self.outcome);
-        let code = match finish {
-            Finish::Completed => 0,
-            Finish::Stopped => 1,
-            Finish::Refused | Finish::Unfit => 2,
-            Finish::NotConnected | Finish::WiringFault | Finish::LinkFailed => 3,
-            Finish::Panicked => 5,
-            Finish::Interrupted => 130,
-        };
-        (reason, code)
+        let (cause, reason) = ending(&self.outcome);
+        (reason, cause.exit().code())
     }
 
     /// Where a specimen of one axis stood before the test, in the unit of its commands.

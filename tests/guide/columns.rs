@@ -31,6 +31,18 @@ pub const TEST_COLUMNS: &[ColumnRow] = &[
         "excitation",
     ],
     [
+        "operator",
+        "1",
+        "commands of the operator since the row before, by the table below",
+        "operator",
+    ],
+    [
+        "cause",
+        "1",
+        "code of the cause that ended the test or its shutdown; 0 before the end",
+        "loop",
+    ],
+    [
         "xN",
         "m or rad",
         "displacement or rotation of DOF N",
@@ -169,6 +181,18 @@ pub const TEST_COLUMNS: &[ColumnRow] = &[
         "status flags, by the table below",
         "measured",
     ],
+    [
+        "exchanges_S",
+        "1",
+        "commands sent so far, repeated ones included",
+        "clock",
+    ],
+    [
+        "stale_S",
+        "1",
+        "replies so far that were not there in time",
+        "clock",
+    ],
     ["stability_used", "1", "stability margin used", "estimated"],
     [
         "delay_used",
@@ -228,6 +252,42 @@ pub const TEST_COLUMNS: &[ColumnRow] = &[
         "record_before_s",
         "s",
         "for the tick before: from the next command to the row handed over",
+        "clock",
+    ],
+    [
+        "misses_in_a_row",
+        "1",
+        "deadline misses in a row, up to the tick before",
+        "clock",
+    ],
+    [
+        "misses_in_window",
+        "1",
+        "deadline misses within `miss_window_s`, up to the tick before",
+        "clock",
+    ],
+    [
+        "misses_in_total",
+        "1",
+        "deadline misses in total, up to the tick before",
+        "clock",
+    ],
+    [
+        "skipped_by_wakeup",
+        "1",
+        "ticks by which the grid moved because this tick woke late",
+        "clock",
+    ],
+    [
+        "skipped_by_work",
+        "1",
+        "ticks by which the grid moved because the work of the tick before ended late",
+        "clock",
+    ],
+    [
+        "overrun_s",
+        "s",
+        "from the edge of the tick before to the end of its work, where ticks were skipped by work",
         "clock",
     ],
 ];
@@ -324,6 +384,15 @@ const HOLDS: [[&str; 2]; 4] = [
     ],
 ];
 
+const COMMANDS: [[&str; 2]; 6] = [
+    ["1", "hold"],
+    ["2", "continue; before a hold in the same row"],
+    ["4", "confirmation of the sensor readings"],
+    ["8", "stop"],
+    ["16", "the test was given up for missed deadlines"],
+    ["32", "stop while a reply was awaited"],
+];
+
 const FLAGS: [[&str; 3]; 9] = [
     ["1", "specimen", "interlock open"],
     ["2", "specimen", "holding by its own watchdog"],
@@ -366,6 +435,12 @@ pub fn columns() -> String {
         "\n## The column `hold`\n\nThe values add up.\n\n| value | meaning |\n|---|---|\n",
     );
     for [value, meaning] in HOLDS {
+        let _ = writeln!(text, "| {value} | {meaning} |");
+    }
+    text.push_str(
+        "\n## The column `operator`\n\nThe values add up.\n\n| value | command |\n|---|---|\n",
+    );
+    for [value, meaning] in COMMANDS {
         let _ = writeln!(text, "| {value} | {meaning} |");
     }
     text.push_str("\n## The column `status_S`\n\nThe flags add up.\n\n| flag | set by | meaning |\n|---|---|---|\n");

@@ -258,11 +258,15 @@ fn every_limit_of_the_test_as_a_whole_is_shown_and_scraped() {
         assert!(keys.contains(&key), "{key} in {keys:?}");
     }
     let names: Vec<_> = experiment.columns().into_iter().map(|c| c.name).collect();
-    // Handed over 6 ms after the edge of a tick of 5 ms, twice, and then in time.
-    for (k, late) in [6e-3, 6e-3, 1e-3, 1e-3].into_iter().enumerate() {
+    // Two deadlines are missed, and then none. After a while both are outside the window.
+    for (k, misses) in [[0.0; 2], [1.0; 2], [2.0; 2], [0.0, 2.0], [0.0; 2]]
+        .into_iter()
+        .enumerate()
+    {
         let value = |name: &String| match name.as_str() {
             "state" => Phase::Running.code(),
-            "command_lateness_s" => late,
+            "misses_in_a_row" => misses[0],
+            "misses_in_window" => misses[1],
             "added_energy_share" => 0.1,
             _ => 0.0,
         };

@@ -26,12 +26,11 @@ fn the_force_that_tripped_a_test_is_a_peak_of_the_tests_that_went_on_with_it() {
     assert!(tripped > 1.2e3, "{peak}");
 
     // Each is stopped before a step of its own: what it tells of the whole test is what the first has come to.
-    let trip = ["measured_force_n".to_owned()];
     let mut before = "first";
-    for (name, trips) in [("second", &trip[..]), ("third", &[])] {
-        let next = resume(&at(before), None, trips, None).unwrap_or_else(|e| panic!("{e}"));
+    for (name, after_trip) in [("second", true), ("third", false)] {
+        let next = resume(&at(before), None, after_trip).unwrap_or_else(|e| panic!("{e}"));
         let ended = concluded(next, &at(name), 2);
-        assert_eq!(ended.finish, Finish::Interrupted);
+        assert_eq!(ended.cause, Cause::Operator);
         assert_eq!(summary(name)["peak"], peak, "{name}");
         let origin = common::json(&at(name), "resumed.json");
         assert_eq!(origin["peak"], peak, "{name}");
@@ -63,7 +62,7 @@ fn what_was_measured_after_the_checkpoint_that_a_test_goes_back_to_is_a_peak_of_
     completed(&test, &at("whole"), &[]);
     killed(&at("whole"), &at("gap"), 380);
     without_rows(&at("gap"), 200..210);
-    let next = resume(&at("gap"), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
+    let next = resume(&at("gap"), None, false).unwrap_or_else(|e| panic!("{e}"));
     let from = next.experiment.resume.as_ref().unwrap();
     let [state, step] = ["state", "step"].map(|name| column(&at("gap"), name));
     let later = |name: &str| {
@@ -80,7 +79,7 @@ fn what_was_measured_after_the_checkpoint_that_a_test_goes_back_to_is_a_peak_of_
     assert!(later("force_1_1") > 0.0);
 
     let stopped = concluded(next, &at("second"), 12);
-    assert_eq!(stopped.finish, Finish::Interrupted);
+    assert_eq!(stopped.cause, Cause::Operator);
     let peak = common::json(&at("second"), "summary.json")["peak"].clone();
     let all = |name: &str| {
         let rows = column(&at("gap"), name).into_iter().zip(&state);

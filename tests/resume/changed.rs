@@ -194,12 +194,12 @@ impl Substructure for Cell {
 
 #[test]
 fn a_force_may_differ_by_2_percent_of_the_recorded_peak_or_by_what_the_test_file_says() {
-    for (safety, share, finish) in [
-        ("", 0.019, Finish::Completed),
-        ("", 0.021, Finish::Refused),
-        ("", -0.021, Finish::Refused),
-        ("resume_within_n = 1e9\n", 0.5, Finish::Completed),
-        ("resume_within_n = 1e-3\n", 0.001, Finish::Refused),
+    for (safety, share, cause) in [
+        ("", 0.019, Cause::Done),
+        ("", 0.021, Cause::ForceChanged),
+        ("", -0.021, Cause::ForceChanged),
+        ("resume_within_n = 1e9\n", 0.5, Cause::Done),
+        ("resume_within_n = 1e-3\n", 0.001, Cause::ForceChanged),
     ] {
         let home = tempfile::tempdir().unwrap();
         let at = |name: &str| home.path().join(name);
@@ -219,17 +219,17 @@ fn a_force_may_differ_by_2_percent_of_the_recorded_peak_or_by_what_the_test_file
             session::run(test, folder, requests, Watches::default(), &mut |_| {}).unwrap()
         };
         let whole = run(built(&test), 0.0, "whole");
-        assert_eq!(whole.finish, Finish::Completed);
+        assert_eq!(whole.cause, Cause::Done);
         killed(&at("whole"), &at("first"), 300);
         // What counts is the peak up to the kill.
         let forces = column(&at("first"), "raw_force_1_1");
         let peak = forces
             .iter()
             .fold(0.0, |most: f64, force| most.max(force.abs()));
-        let next = resume(&at("first"), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
+        let next = resume(&at("first"), None, false).unwrap_or_else(|e| panic!("{e}"));
         let ended = run(next, share * peak, "second");
         assert_eq!(
-            ended.finish, finish,
+            ended.cause, cause,
             "{safety} {share}: {}",
             ended.summary.reason
         );

@@ -24,13 +24,14 @@ use std::time::{Duration, Instant};
 
 use common::killed::{column, killed};
 use common::{completed, copy, say, write};
+use gusset::catalog::ending::Cause;
 use gusset::control::{Axis, Port};
 use gusset::engine::{Operator, Phase};
 use gusset::record::{Run, RunFolder};
-use gusset::session::{self, Finish, ResumeError, Watches, replay, resume};
+use gusset::session::{self, ResumeError, Watches, replay, resume};
 use gusset::substructure::{
-    Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Status,
-    Substructure, Unavailable,
+    Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
+    Unavailable,
 };
 use gusset::time::Nanos;
 

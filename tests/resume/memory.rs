@@ -22,7 +22,7 @@ fn a_test_goes_on_with_as_much_memory_however_long_its_record_is() {
     let most = |name: &str, row: usize| {
         killed(&at("whole"), &at(name), row);
         let info = allocation_counter::measure(|| {
-            resume(&at(name), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
+            resume(&at(name), None, false).unwrap_or_else(|e| panic!("{e}"));
         });
         info.bytes_max
     };

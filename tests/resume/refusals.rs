@@ -88,7 +88,6 @@ fn a_record_without_a_summary_that_ends_before_its_events_is_refused_and_told_of
     let short = ended("short", 100);
     let missing = "there are events up to 2 s, but the rows end at 1.5 s";
     refused(&short, missing, &[]);
-    refused(&short, missing, &["--back-to-step", "300"]);
     let csv = at("short.csv");
     for (command, code, more) in [
         ("report", 0, None),
@@ -111,39 +110,34 @@ fn a_record_without_a_summary_that_ends_before_its_events_is_refused_and_told_of
     refused(&ended("closing", 0), "this test is complete", &[]);
 }
 
-/// Where rows are missing between others, a formula is made anew from the checkpoint before them. A rig remembers.
+/// Where rows are missing between others, a simulated specimen restarts from the checkpoint before them. A real one remembers.
 #[test]
-fn a_gap_in_the_record_is_gone_back_over_with_a_rig_only_for_who_names_the_step() {
+fn a_gap_in_the_record_is_refused_for_a_specimen_behind_a_link() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     let test = two_rigs(home.path(), "[record]\ncheckpoint_s = 0.1");
     let places: [Arc<Mutex<f64>>; 2] = Default::default();
     let rigs = || places.each_ref().map(|place| Rig::boxed(place, None));
     let whole = run_rigs(built(&test), rigs(), &at("whole"), None);
-    assert_eq!(whole.finish, Finish::Completed);
+    assert_eq!(whole.cause, Cause::Done);
     killed(&at("whole"), &at("first"), 380);
     killed(&at("whole"), &at("gap"), 380);
     without_rows(&at("gap"), 200..260);
-    let again = |from: &str, back_to| resume(&at(from), None, &[], back_to);
-    let refusal = again("gap", None).err().unwrap();
-    let ResumeError::Back { step, again_s, .. } = &refusal else {
+    let again = |from: &str| resume(&at(from), None, false);
+    let refusal = again("gap").err().unwrap();
+    let ResumeError::Back {
+        again_s,
+        trouble,
+        specimens,
+        ..
+    } = &refusal
+    else {
         panic!("{refusal}");
     };
-    let text = refusal.to_string();
-    let named = format!("`--back-to-step {step}`");
-    assert!(text.contains("row 200 was lost"), "{text}");
-    assert!(
-        text.contains(&named) && text.contains("one, other"),
-        "{text}"
-    );
-    assert!((0.9..1.1).contains(again_s), "{text}");
-    for (from, named) in [("gap", step + 1), ("first", *step)] {
-        let other = again(from, Some(named)).err().unwrap();
-        assert!(matches!(other, ResumeError::AnotherStep { .. }), "{other}");
-    }
-    let next = again("gap", Some(*step)).unwrap_or_else(|e| panic!("{e}"));
-    assert_eq!(next.experiment.resume.map(|from| from.step()), Some(*step));
-    assert!(again("first", None).is_ok(), "nothing is missing there");
+    assert!(trouble.contains("row 200 was lost"), "{trouble}");
+    assert_eq!(specimens, "one, other");
+    assert!((0.9..1.1).contains(again_s), "{again_s}");
+    assert!(again("first").is_ok(), "nothing is missing there");
     let said = say([
         "run",
         "--resume",
@@ -152,7 +146,7 @@ fn a_gap_in_the_record_is_gone_back_over_with_a_rig_only_for_who_names_the_step(
         at("out").to_str().unwrap(),
     ]);
     assert_eq!(said.code, Some(2), "{}", said.stderr);
-    assert!(said.stderr.contains(&named), "{}", said.stderr);
+    assert!(said.stderr.contains("cannot be resumed"), "{}", said.stderr);
 
     let test = test_in(home.path(), &frame(200, 1, 2.0, 0.0));
     completed(&test, &at("formula"), &[]);
@@ -165,18 +159,13 @@ fn a_gap_in_the_record_is_gone_back_over_with_a_rig_only_for_who_names_the_step(
 }
 
 #[test]
-fn a_test_that_had_tripped_goes_on_only_for_who_names_the_trip() {
+fn a_test_that_tripped_resumes_only_with_after_trip() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     tripped_in(home.path(), &at("first"));
-    let wanted = "say `--after-trip measured_force_n` if it may go on";
+    let wanted = "this test had tripped (measured_force_n): ";
     refused(&at("first"), wanted, &[]);
     refused(&at("first"), wanted, &["--yes"]);
-    refused(
-        &at("first"),
-        "no \"interlock\" ended this test",
-        &["--after-trip", "interlock"],
-    );
     let (first, second) = (at("first"), at("second"));
     let said = say([
         "run",
@@ -185,7 +174,6 @@ fn a_test_that_had_tripped_goes_on_only_for_who_names_the_trip() {
         "--out",
         second.to_str().unwrap(),
         "--after-trip",
-        "measured_force_n",
     ]);
     // The rows say so, too, should the event have been lost with the process.
     let unsaid = at("unsaid");
@@ -194,14 +182,14 @@ fn a_test_that_had_tripped_goes_on_only_for_who_names_the_trip() {
     let events = std::fs::read_to_string(unsaid.join("events.jsonl")).unwrap();
     let torn = events.find("limit_trip").unwrap();
     std::fs::write(unsaid.join("events.jsonl"), &events[..torn]).unwrap();
-    let unknown = "say `--after-trip unknown` if it may go on";
-    refused(&unsaid, unknown, &[]);
-    refused(&unsaid, "this test had tripped (", &[]);
-    // A measurement that is stale for once ends no test.
-    let rows = Run::open(&unsaid).unwrap().columns(&["state"]).unwrap()[0].len();
-    let stale = f64::from(Status::STALE.0);
-    common::change(&unsaid, rows as u64 - 1, "status_1", stale);
-    refused(&unsaid, unknown, &[]);
+    refused(&unsaid, "this test had tripped (limit): ", &[]);
+    // A record of an earlier version does not have the causes. Nothing explains its last row.
+    let earlier = at("earlier");
+    copy(&unsaid, &earlier);
+    let file = earlier.join("samples.json");
+    let columns = std::fs::read_to_string(&file).unwrap();
+    std::fs::write(&file, columns.replace("\"cause\"", "\"cause_2\"")).unwrap();
+    refused(&earlier, "this test had tripped (unknown): ", &[]);
     // It trips at once again, or does not: it is told either way.
     assert!(matches!(said.code, Some(0 | 1)), "{}", said.stderr);
     assert!(
@@ -219,13 +207,12 @@ fn a_test_that_had_tripped_goes_on_only_for_who_names_the_trip() {
         .unwrap();
     let length = samples.metadata().unwrap().len();
     samples.set_len(length / 2).unwrap();
-    let named = ["--after-trip", "measured_force_n"];
-    refused(&first, "but the rows end at", &named);
+    refused(&first, "but the rows end at", &["--after-trip"]);
 }
 
 /// The commands of a test that froze where it tripped are those of one that was interrupted: only its events tell them apart.
 #[test]
-fn where_the_event_of_a_trip_may_be_lost_the_test_goes_on_only_for_who_says_so() {
+fn where_the_event_of_a_trip_may_be_lost_the_test_resumes_only_with_after_trip() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     let text =
@@ -257,19 +244,16 @@ fn where_the_event_of_a_trip_may_be_lost_the_test_goes_on_only_for_who_says_so()
     let torn: &dyn Fn(&mut Vec<u8>) = &|bytes| bytes.truncate(begins + 20);
     for change in [cut, bent, torn] {
         let run = with(change, &|told| told);
-        refused(&run, "say `--after-trip unknown` if it may go on", &[]);
-        refused(&run, "one of a trip may be among them", &[]);
-        refused(&run, "this test may have tripped (", &[]);
+        refused(&run, "this test may have tripped (unknown): ", &[]);
     }
-    let unknown = ["unknown".to_owned()];
-    let next = resume(&with(bent, &|told| told), None, &unknown, None);
+    let next = resume(&with(bent, &|told| told), None, true);
     let warnings = next
         .unwrap_or_else(|e| panic!("{e}"))
         .facts
         .warnings
         .join("\n");
     assert!(
-        warnings.contains("THE TEST MAY HAVE TRIPPED: "),
+        warnings.contains("THE TEST MAY HAVE TRIPPED (unknown): "),
         "{warnings}"
     );
     // The operator had ended this one; a trip would have come before.
@@ -280,7 +264,7 @@ fn where_the_event_of_a_trip_may_be_lost_the_test_goes_on_only_for_who_says_so()
 
 /// What ceased to be a number is latched as any other trip, whoever computed it.
 #[test]
-fn a_test_that_ended_with_no_finite_number_goes_on_only_for_who_says_so() {
+fn a_test_that_ended_with_no_finite_number_resumes_only_with_after_trip() {
     let home = tempfile::tempdir().unwrap();
     let text = "[time]\nrate_hz = 100\nduration_s = 0.5\nclock = \"simulated\"\n\
         [[excitation.prescribed_displacement]]\nspecimen = \"spring\"\n\
@@ -290,5 +274,5 @@ fn a_test_that_ended_with_no_finite_number_goes_on_only_for_who_says_so() {
     let first = home.path().join("first");
     let said = common::run(&test, &first, &[]);
     assert_eq!(said.code, Some(1), "{}", said.stderr);
-    refused(&first, "say `--after-trip diverged` if it may go on", &[]);
+    refused(&first, "this test had tripped (diverged): ", &[]);
 }

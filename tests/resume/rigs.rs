@@ -147,16 +147,16 @@ fn who_is_well_when_a_link_is_lost_stands_where_the_record_ends_and_the_test_can
     let put = |to: [f64; 2]| put(&places, to);
     let rigs = |ends| [Rig::boxed(&places[0], ends), Rig::boxed(&places[1], None)];
     let whole = run_rigs(built(&test), rigs(None), &at("whole"), None);
-    assert_eq!(whole.finish, Finish::Completed);
-    for (end, finish, after) in [
-        (End::Closed, Finish::LinkFailed, None),
-        (End::NotANumber, Finish::LinkFailed, Some("not_finite")),
-        (End::Panic, Finish::Panicked, None),
+    assert_eq!(whole.cause, Cause::Done);
+    for (end, cause, after) in [
+        (End::Closed, Cause::Link, false),
+        (End::NotANumber, Cause::LinkNotFinite, true),
+        (End::Panic, Cause::Internal, false),
     ] {
         let [first, second] = ["first", "second"].map(|name| at(&format!("{name}-{end:?}")));
         put([0.0; 2]);
         let ended = run_rigs(built(&test), rigs(Some((180, end))), &first, None);
-        assert_eq!(ended.finish, finish, "{}", ended.summary.reason);
+        assert_eq!(ended.cause, cause, "{}", ended.summary.reason);
         assert_eq!(ended.summary.left["other"], "stayed");
         let stands = [0, 1].map(|rig: usize| *places[rig].lock().unwrap());
         let (commands, states) = (column(&first, "cmd_2_1"), column(&first, "state"));
@@ -169,17 +169,15 @@ fn who_is_well_when_a_link_is_lost_stands_where_the_record_ends_and_the_test_can
             assert!(found.is_exact(), "{end:?}: {found:?}");
             assert_eq!(found.rows, states.len() as u64);
         }
-        let again = || {
-            let after: Vec<String> = after.iter().map(|trip: &&str| (*trip).to_owned()).collect();
-            resume(&first, None, &after, None).unwrap_or_else(|e| panic!("{e}"))
-        };
+        let again = || resume(&first, None, after).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(resume(&first, None, false).is_err(), after, "{end:?}");
         // Further than any record can lack.
         put([stands[0], stands[1] + 0.5]);
         let moved = run_rigs(again(), rigs(None), &at(&format!("moved-{end:?}")), None);
-        assert_eq!(moved.finish, Finish::Refused, "{}", moved.summary.reason);
+        assert_eq!(moved.cause, Cause::Moved, "{}", moved.summary.reason);
         put(stands);
         let ended = run_rigs(again(), rigs(None), &second, None);
-        assert_eq!(ended.finish, Finish::Completed, "{}", ended.summary.reason);
+        assert_eq!(ended.cause, Cause::Done, "{}", ended.summary.reason);
         assert_eq!(steps(&[&first, &second]), steps(&[&at("whole")]), "{end:?}");
         let found = replay(&second).unwrap();
         assert!(found.is_exact(), "{end:?}: {found:?}");
@@ -199,7 +197,7 @@ fn a_link_that_is_lost_on_the_way_out_leaves_the_last_commands_on_record() {
         let ends = Some((151 + ticks, End::Closed));
         let rigs = [Rig::boxed(&places[0], ends), Rig::boxed(&places[1], None)];
         let ended = run_rigs(built(&test), rigs, &at(name), Some(150));
-        assert_eq!(ended.finish, Finish::LinkFailed, "{}", ended.summary.reason);
+        assert_eq!(ended.cause, Cause::Link, "{}", ended.summary.reason);
         let leaving = column(&at(name), "state");
         let leaving = leaving
             .iter()
@@ -240,7 +238,7 @@ fn goes_on_within_its_limits(pace: &str) {
     let places: [Arc<Mutex<f64>>; 2] = Default::default();
     let rigs = || places.each_ref().map(Rig::mute);
     let whole = run_rigs(built(&test), rigs(), &at("whole"), None);
-    assert_eq!(whole.finish, Finish::Completed, "{}", whole.summary.reason);
+    assert_eq!(whole.cause, Cause::Done, "{}", whole.summary.reason);
     put(&places, [0.0; 2]);
     let ended = run_rigs(built(&test), rigs(), &at("first"), Some(190));
     assert_eq!(
@@ -255,11 +253,11 @@ fn goes_on_within_its_limits(pace: &str) {
         moved > 0.01,
         "less than a jump of 1.5 m/s in a step: {moved}"
     );
-    let again = resume(&at("first"), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
+    let again = resume(&at("first"), None, false).unwrap_or_else(|e| panic!("{e}"));
     let went_on = run_rigs(again, rigs(), &at("second"), None);
     assert_eq!(
-        went_on.finish,
-        Finish::Completed,
+        went_on.cause,
+        Cause::Done,
         "{pace}: {}",
         went_on.summary.reason
     );
@@ -280,14 +278,14 @@ fn a_test_that_ended_on_its_way_in_to_where_it_was_to_go_on_can_go_on() {
     let places: [Arc<Mutex<f64>>; 2] = Default::default();
     let put = |to: [f64; 2]| put(&places, to);
     let rigs = || places.each_ref().map(|place| Rig::boxed(place, None));
-    let again = |from: &str| resume(&at(from), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
+    let again = |from: &str| resume(&at(from), None, false).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(
-        run_rigs(built(&test), rigs(), &at("whole"), None).finish,
-        Finish::Completed
+        run_rigs(built(&test), rigs(), &at("whole"), None).cause,
+        Cause::Done
     );
     put([0.0; 2]);
     let ended = run_rigs(built(&test), rigs(), &at("first"), Some(190));
-    assert_eq!(ended.finish, Finish::Interrupted);
+    assert_eq!(ended.cause, Cause::Operator);
     assert_eq!(ended.summary.left["one"], "reached");
     // The same interruption of other specimens, since each goes on once.
     for name in ["same", "third"] {
@@ -295,12 +293,7 @@ fn a_test_that_ended_on_its_way_in_to_where_it_was_to_go_on_can_go_on() {
     }
     let goes_on = |from: &str, to: &str| {
         let ended = run_rigs(again(from), rigs(), &at(to), None);
-        assert_eq!(
-            ended.finish,
-            Finish::Completed,
-            "{from}: {}",
-            ended.summary.reason
-        );
+        assert_eq!(ended.cause, Cause::Done, "{from}: {}", ended.summary.reason);
         assert_eq!(
             steps(&[&at("first"), &at(to)]),
             steps(&[&at("whole")]),
@@ -314,7 +307,7 @@ fn a_test_that_ended_on_its_way_in_to_where_it_was_to_go_on_can_go_on() {
             from != "first",
             "{warned}"
         );
-        let again = resume(&at(from), None, &[], None).err().unwrap();
+        let again = resume(&at(from), None, false).err().unwrap();
         assert!(matches!(again, ResumeError::WentOn { .. }), "{again}");
     };
     goes_on("first", "second");
@@ -337,16 +330,13 @@ fn a_test_that_ended_on_its_way_in_to_where_it_was_to_go_on_can_go_on() {
     // The operator ends it there: it is led out, and what goes on after that is killed in its ramp, too.
     put([0.0; 2]);
     let ended = run_rigs(again("same"), rigs(), &at("ended"), Some(35));
-    assert_eq!(ended.finish, Finish::Interrupted);
+    assert_eq!(ended.cause, Cause::Operator);
     assert_eq!(ended.summary.left["one"], "reached");
     let stands = *places[0].lock().unwrap();
     assert_eq!(column(&at("ended"), "cmd_1_1").last(), Some(&stands));
     goes_on("ended", "after-that");
     // By that the test went on with which that one did, too.
-    let went_on = resume(&at("same"), None, &[], None)
-        .err()
-        .unwrap()
-        .to_string();
+    let went_on = resume(&at("same"), None, false).err().unwrap().to_string();
     assert!(went_on.contains("after-that, to its end"), "{went_on}");
     killed(&at("after-that"), &at("cut-again"), ramps + 20);
     put(commands.each_ref().map(|column| column[ramps + 20]));
@@ -356,7 +346,7 @@ fn a_test_that_ended_on_its_way_in_to_where_it_was_to_go_on_can_go_on() {
     for (from, to) in [("third", "refused"), ("refused", "refused-again")] {
         put([5e-3, 0.0]);
         let ended = run_rigs(again(from), rigs(), &at(to), None);
-        assert_eq!(ended.finish, Finish::Refused, "{}", ended.summary.reason);
+        assert_eq!(ended.cause, Cause::Moved, "{}", ended.summary.reason);
         assert!(ended.summary.reason.contains("left it at"));
     }
     put([0.0; 2]);
@@ -364,7 +354,7 @@ fn a_test_that_ended_on_its_way_in_to_where_it_was_to_go_on_can_go_on() {
     put([0.5, 0.0]);
     killed(&at("second"), &at("cut-anew"), ramps - 5);
     let ended = run_rigs(again("cut-anew"), rigs(), &at("aside"), None);
-    assert_eq!(ended.finish, Finish::Refused, "{}", ended.summary.reason);
+    assert_eq!(ended.cause, Cause::Moved, "{}", ended.summary.reason);
 }
 
 /// What specimens that remember went through once they do not go through again: neither after an end nor after a kill of the test
@@ -378,15 +368,15 @@ fn the_same_interruption_is_gone_on_with_once() {
     let put = |to: [f64; 2]| put(&places, to);
     let rigs = || places.each_ref().map(|place| Rig::boxed(place, None));
     let ended = run_rigs(built(&test), rigs(), &at("first"), Some(190));
-    assert_eq!(ended.finish, Finish::Interrupted);
+    assert_eq!(ended.cause, Cause::Operator);
     let stands = [0, 1].map(|rig: usize| *places[rig].lock().unwrap());
     let mark = at("first/continued.json");
-    let again = |back_to| resume(&at("first"), None, &[], back_to);
-    let next = || again(None).unwrap_or_else(|e| panic!("{e}"));
+    let again = || resume(&at("first"), None, false);
+    let next = || again().unwrap_or_else(|e| panic!("{e}"));
 
     put([stands[0], stands[1] + 0.5]);
     let ended = run_rigs(next(), rigs(), &at("refused"), None);
-    assert_eq!(ended.finish, Finish::Refused, "{}", ended.summary.reason);
+    assert_eq!(ended.cause, Cause::Moved, "{}", ended.summary.reason);
     std::fs::remove_dir_all(at("refused")).unwrap();
     assert!(!mark.exists(), "it takes its word back");
     put(stands);
@@ -404,12 +394,12 @@ fn the_same_interruption_is_gone_on_with_once() {
 
     let step = next().experiment.resume.unwrap().step();
     let ended = run_rigs(next(), rigs(), &at("second"), Some(100));
-    assert_eq!(ended.finish, Finish::Interrupted);
+    assert_eq!(ended.cause, Cause::Operator);
     let reached = ended.summary.steps;
     assert!(reached > step + 10);
     put(stands);
     let refusal = |folder: &str, words: &[&str]| {
-        let refused = resume(&at(folder), None, &[], None).err().unwrap();
+        let refused = resume(&at(folder), None, false).err().unwrap();
         assert!(matches!(refused, ResumeError::WentOn { .. }), "{refused}");
         let text = refused.to_string();
         for word in words {
@@ -418,8 +408,7 @@ fn the_same_interruption_is_gone_on_with_once() {
     };
     let after = format!("it was resumed after step {step} in");
     let far = format!("second, as far as step {reached}");
-    let allowed = format!("add `--back-to-step {step}`");
-    refusal("first", &[&after, &far, &allowed, "--resume"]);
+    refusal("first", &[&after, &far, "resume that run (`--resume "]);
     let found = replay(&at("first")).unwrap();
     assert!(found.is_exact(), "{found:?}");
     for command in ["report", "stop"] {
@@ -434,7 +423,7 @@ fn the_same_interruption_is_gone_on_with_once() {
     copy(&at("first"), &at("kept/first"));
     std::fs::rename(at("second"), at("elsewhere")).unwrap();
     let gone = "is not there any more";
-    refusal("first", &[&after, &far, &allowed, gone]);
+    refusal("first", &[&after, &far, gone]);
     // Moved together they find each other.
     copy(&at("elsewhere"), &at("kept/second"));
     refusal("kept/first", &[&after, "kept/"]);
@@ -453,17 +442,14 @@ fn the_same_interruption_is_gone_on_with_once() {
     for (row, has_led) in [(begins - 1, false), (begins, false), (begins + 1, true)] {
         let _ = std::fs::remove_dir_all(at("second"));
         killed(&at("elsewhere"), &at("second"), row);
-        assert_eq!(again(None).is_err(), has_led, "{row}");
+        assert_eq!(again().is_err(), has_led, "{row}");
     }
     refusal("first", &["second, as far as step", "--resume"]);
 
-    // Who names the step leads them through it once more.
-    let other = again(Some(step + 1)).err().unwrap();
-    assert!(matches!(other, ResumeError::AnotherStep { .. }), "{other}");
-    let next = again(Some(step)).unwrap_or_else(|e| panic!("{e}"));
-    let warned = next.facts.warnings.join("; ");
-    assert!(warned.contains("repeat the steps"), "{warned}");
-    let ended = run_rigs(next, rigs(), &at("once-more"), None);
-    assert_eq!(ended.finish, Finish::Completed, "{}", ended.summary.reason);
-    refusal("first", &["once-more, to its end", &allowed]);
+    // One that came to the end of the test.
+    std::fs::remove_file(&mark).unwrap();
+    put(stands);
+    let ended = run_rigs(next(), rigs(), &at("rest"), None);
+    assert_eq!(ended.cause, Cause::Done, "{}", ended.summary.reason);
+    refusal("first", &["rest, to its end", "start a new test"]);
 }

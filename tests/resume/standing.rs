@@ -82,11 +82,11 @@ fn a_specimen_that_does_not_stand_where_it_was_left_is_refused_and_nothing_moves
     let conclude = |test, off, out: &str| under(test, off, out, Vec::new());
     let loaded = gusset::config::load(&test, &[]).unwrap_or_else(|e| panic!("{e}"));
     let whole = gusset::setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
-    assert_eq!(conclude(whole, 0.0, "whole").finish, Finish::Completed);
+    assert_eq!(conclude(whole, 0.0, "whole").cause, Cause::Done);
     killed(&at("whole"), &at("first"), 400);
-    let again = || resume(&at("first"), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
+    let again = || resume(&at("first"), None, false).unwrap_or_else(|e| panic!("{e}"));
     let ended = conclude(again(), 0.0, "second");
-    assert_eq!(ended.finish, Finish::Completed, "{}", ended.summary.reason);
+    assert_eq!(ended.cause, Cause::Done, "{}", ended.summary.reason);
     assert_eq!(
         steps(&[&at("first"), &at("second")]),
         steps(&[&at("whole")])
@@ -95,9 +95,9 @@ fn a_specimen_that_does_not_stand_where_it_was_left_is_refused_and_nothing_moves
     assert!(found.is_exact(), "{found:?}");
 
     killed(&at("whole"), &at("other"), 400);
-    let again = || resume(&at("other"), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
+    let again = || resume(&at("other"), None, false).unwrap_or_else(|e| panic!("{e}"));
     let ended = conclude(again(), 0.05, "moved");
-    assert_eq!(ended.finish, Finish::Refused);
+    assert_eq!(ended.cause, Cause::Moved);
     assert!(
         ended.summary.reason.contains("left it at"),
         "{}",
@@ -121,16 +121,16 @@ fn a_specimen_that_does_not_stand_where_it_was_left_is_refused_and_nothing_moves
     words.push(Operator::Stop);
     let whole = gusset::setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
     let ended = under(whole, 0.0, "stopped", words);
-    assert_eq!(ended.finish, Finish::Interrupted);
-    let again = || resume(&at("stopped"), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(ended.cause, Cause::Operator);
+    let again = || resume(&at("stopped"), None, false).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(
-        conclude(again(), 1e-4, "aside").finish,
-        Finish::Refused,
+        conclude(again(), 1e-4, "aside").cause,
+        Cause::Moved,
         "it was moved by 0.1 mm"
     );
     let told = std::fs::read_to_string(at("aside").join("events.jsonl")).unwrap();
     assert!(told.contains("\"event\":\"stands\"") && told.contains("\"event\":\"moved\""));
-    assert_eq!(conclude(again(), 0.0, "there").finish, Finish::Completed);
+    assert_eq!(conclude(again(), 0.0, "there").cause, Cause::Done);
 }
 
 /// Runs a test with a damper behind its link, to its end.
@@ -182,10 +182,10 @@ fn a_force_that_was_lost_at_rest_is_told_and_not_taken_for_drift() {
             ["whole", "first", "second"].map(|n| format!("{n}-{zero}-{takes}"));
         let axis = format!("[[specimen.axis]]\nzero_force = \"{zero}\"\n");
         let built = damped(home.path(), key, &axis);
-        assert_eq!(concluded(built, &at(&whole)).finish, Finish::Completed);
+        assert_eq!(concluded(built, &at(&whole)).cause, Cause::Done);
         killed(&at(&whole), &at(&first), 400);
-        let next = resume(&at(&first), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
-        assert_eq!(concluded(next, &at(&second)).finish, Finish::Completed);
+        let next = resume(&at(&first), None, false).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(concluded(next, &at(&second)).cause, Cause::Done);
         let same = steps(&[&at(&first), &at(&second)]) == steps(&[&at(&whole)]);
         assert_eq!(same, !takes);
         let events = Run::open(&at(&second)).unwrap().events().unwrap().events;
@@ -205,17 +205,17 @@ fn what_is_read_at_rest_is_not_held_against_the_last_measurement_of_the_interrup
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     let free = damped(home.path(), "", "");
-    assert_eq!(concluded(free, &at("free")).finish, Finish::Completed);
+    assert_eq!(concluded(free, &at("free")).cause, Cause::Done);
     let forces = column(&at("free"), "raw_force_1_1");
     let steps = forces.windows(2).map(|pair| (pair[1] - pair[0]).abs());
     let most = 1.2 * steps.fold(0.0, f64::max);
 
     let limits = format!("[specimen.limits]\nforce_step_n = {{ trip = {most} }}\n");
     let watched = damped(home.path(), "", &limits);
-    assert_eq!(concluded(watched, &at("whole")).finish, Finish::Completed);
+    assert_eq!(concluded(watched, &at("whole")).cause, Cause::Done);
     killed(&at("whole"), &at("first"), 400);
-    let next = resume(&at("first"), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
-    assert_eq!(concluded(next, &at("second")).finish, Finish::Completed);
+    let next = resume(&at("first"), None, false).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(concluded(next, &at("second")).cause, Cause::Done);
     let events = Run::open(&at("second")).unwrap().events().unwrap().events;
     let changed = events.iter().find(|e| e["event"] == "force_changed");
     let [left, found] = ["left", "found"].map(|key| changed.unwrap()[key].as_f64().unwrap());
@@ -245,12 +245,9 @@ fn a_formula_with_relative_zeros_that_was_led_out_goes_on_with_the_same_bits() {
         let folder = RunFolder::create(&at(out)).unwrap();
         session::run(test, folder, requests, Watches::default(), &mut |_| {}).unwrap()
     };
-    assert_eq!(
-        conclude(rigs::built(&test), "whole", 0).finish,
-        Finish::Completed
-    );
+    assert_eq!(conclude(rigs::built(&test), "whole", 0).cause, Cause::Done);
     let ended = conclude(rigs::built(&test), "first", 300);
-    assert_eq!(ended.finish, Finish::Interrupted);
+    assert_eq!(ended.cause, Cause::Operator);
     let way = column(&at("first"), "cmd_1_1");
     let furthest = way.iter().fold(0.0, |most: f64, cmd| most.max(cmd.abs()));
     assert!(
@@ -258,8 +255,8 @@ fn a_formula_with_relative_zeros_that_was_led_out_goes_on_with_the_same_bits() {
         "it was led out"
     );
 
-    let next = resume(&at("first"), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
-    assert_eq!(conclude(next, "second", 0).finish, Finish::Completed);
+    let next = resume(&at("first"), None, false).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(conclude(next, "second", 0).cause, Cause::Done);
     assert_eq!(
         steps(&[&at("first"), &at("second")]),
         steps(&[&at("whole")])

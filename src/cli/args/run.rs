@@ -21,7 +21,7 @@ fn reason(text: &str) -> Result<String, String> {
     gusset run config/frame-bouc-wen.toml --clock simulated --set integrator.lambda=4\n  \
     gusset run config/frame-bouc-wen.toml --live\n  \
     gusset run --resume runs/first --out runs/second\n  \
-    gusset run --resume runs/first --out runs/second --after-trip measured_force_n\n\n\
+    gusset run --resume runs/first --out runs/second --after-trip\n\n\
     More: gusset guide operation (hold, stop, resume), gusset guide limits (endings and exit codes)"
 )]
 pub(in crate::cli) struct RunArgs {
@@ -32,14 +32,10 @@ pub(in crate::cli) struct RunArgs {
     /// changed.
     #[arg(long, value_name = "RUN_DIR", conflicts_with_all = ["sets", "clock"])]
     pub resume: Option<PathBuf>,
-    /// With --resume: the test may go on although it had tripped. Name each trip: the key of its limit, or interlock,
-    /// saturated, geometry, diverged, not_finite, on_miss, specimen_holds_on, unknown.
-    #[arg(long, value_name = "TRIP", requires = "resume")]
-    pub after_trip: Vec<String>,
-    /// With --resume: go back to this step of a damaged or already continued record. Specimens then repeat the later part of
-    /// the motion.
-    #[arg(long, value_name = "STEP", requires = "resume")]
-    pub back_to_step: Option<u64>,
+    /// With --resume: the test may resume although it tripped. Inspect its specimens first; without this flag, the refusal lists
+    /// what tripped.
+    #[arg(long, requires = "resume")]
+    pub after_trip: bool,
     /// With --resume: the test may go on although a specimen has changed, for this reason. Summary and report keep it.
     #[arg(long, value_name = "REASON", requires = "resume", value_parser = reason)]
     pub accept_changed: Option<String>,

@@ -4,9 +4,10 @@ use super::super::spectrum;
 use super::super::table::Table;
 use super::{Checked, needs};
 use crate::config::{ClockChoice, Loaded};
+use crate::engine::{Ending, Stop};
 use crate::motion::{Quantity, RecordFacts, STANDARD_GRAVITY, Signal};
 use crate::session::integration;
-use crate::session::rehearsal::{Curtain, FullRehearsal, Need};
+use crate::session::rehearsal::{FullRehearsal, Need};
 use crate::setup::{Facts, StructureFacts};
 use crate::units::{duration, number, quantity, rate};
 
@@ -225,12 +226,12 @@ fn of_delays(checked: &Checked<'_>, table: &mut Table) {
 fn of_rehearsal(full: &FullRehearsal) -> String {
     let rehearsal = &full.rehearsal;
     let time = duration(rehearsal.time);
-    let extent = match rehearsal.curtain {
-        Curtain::Completed => format!("all {time} of the test on the simulated clock"),
-        Curtain::OutOfBudget => {
+    let extent = match rehearsal.ending {
+        Ending::Completed => format!("all {time} of the test on the simulated clock"),
+        Ending::Stopped(Stop::Operator) => {
             format!("the first {time} of the test; the rest takes too long to rehearse")
         }
-        Curtain::Stopped(stop) => format!("the test would stop after {time}: {stop}"),
+        Ending::Stopped(stop) => format!("the test would stop after {time}: {stop}"),
     };
     let axes = rehearsal.specimens.iter().flat_map(|needs| &needs.axes);
     let needs: Vec<&Need> = axes.flatten().collect();

@@ -6,7 +6,7 @@ use std::collections::VecDeque;
 
 use super::dice::Dice;
 use crate::config::fault_script::{Channel, Fault, Kind, MEMORY, Place, Script};
-use crate::link::rig::{Over, Rig, Visitor, Wanted};
+use crate::link::rig::{Rig, TestEnd, Visitor, Wanted};
 use crate::substructure::{
     Command, Introduction, LinkFault, LinkStats, Measurement, Retirement, Status,
 };
@@ -252,7 +252,7 @@ impl Rig for Bench {
         &mut self,
         visitor: &Visitor,
         wanted: &mut Wanted<'_>,
-    ) -> Result<Introduction, Over> {
+    ) -> Result<Introduction, TestEnd> {
         let rate = visitor.rate.filter(|(commands, _)| *commands > 0);
         self.period = rate.map(|(commands, seconds)| seconds as f64 / commands as f64);
         self.rig.connect(visitor, wanted)

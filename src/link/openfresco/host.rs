@@ -9,7 +9,8 @@ use thiserror::Error;
 
 use super::Transformation;
 use super::remarks::Remark;
-use crate::link::rig::{Close, Law, Over, Rig as _, Station, Trip, Visitor, Wanted};
+use crate::catalog::ending::Cause;
+use crate::link::rig::{Law, Rig as _, Station, TestEnd, Trip, Visitor, Wanted};
 use crate::specimen::Specimen;
 use crate::substructure::{Command, Measurement};
 use crate::units::AxisUnits;
@@ -224,7 +225,7 @@ impl Host {
         &mut self,
         visitor: &Visitor,
         wanted: &mut Wanted<'_>,
-    ) -> Result<Vec<String>, Over> {
+    ) -> Result<Vec<String>, TestEnd> {
         self.tally = Tally::default();
         self.pending = false;
         self.begun = false;
@@ -353,13 +354,13 @@ impl Host {
 
     /// The client has gone or is refused: a formula forgets what was not committed, what moves holds where it was led last, and
     /// the log is closed.
-    pub fn end(&mut self, close: Close, text: &str) {
+    pub fn end(&mut self, cause: Cause, text: &str) {
         self.begun = false;
         if self.nature == Nature::Simulated {
             self.station.revert();
             self.disp.copy_from_slice(&self.committed_disp);
         }
-        self.station.end(close, text);
+        self.station.end(cause, text);
         self.pending = false;
         self.vel.fill(0.0);
     }
@@ -655,7 +656,7 @@ mod tests {
             host.commit();
             host.trial(Course::Step, &at(&[0.01], 0.02), Some(0.01), &mut || true)
                 .unwrap();
-            host.end(Close::Failed, "");
+            host.end(Cause::Protocol, "");
             host.begin(&visitor(), &mut || Ok(())).unwrap();
             assert_eq!(host.response().disp, [stands]);
             assert!((host.response().force[0] - force).abs() < 1e-9);
@@ -683,7 +684,7 @@ mod tests {
                 .unwrap();
             host.commit();
         }
-        host.end(Close::Completed, "");
+        host.end(Cause::Done, "");
         // As genericClient does: it begins at zero, whatever the specimen stands at.
         let told = host.begin(&visitor(), &mut || Ok(())).unwrap();
         assert!(told.iter().any(|text| text.contains("is at 40 mm")));
@@ -692,7 +693,7 @@ mod tests {
         let text = host.whole(fault.unwrap_err());
         assert!(text.contains("command_step_m"), "{text}");
         assert!(text.contains("is at 40 mm"), "{text}");
-        host.end(Close::Failed, "");
+        host.end(Cause::Protocol, "");
         let over = host.begin(&visitor(), &mut || Ok(())).unwrap_err();
         assert!(over.text.contains("command_step_m"), "{}", over.text);
         host.station.latch().clear().unwrap();

@@ -4,7 +4,7 @@ use std::net::SocketAddr;
 
 use super::dialect::ExchangeFault;
 use super::host::{HostFault, Tally};
-use crate::link::rig::{Close, Trip};
+use crate::catalog::ending::Cause;
 use crate::link::tls::TlsFault;
 use crate::substructure::LinkFault;
 use crate::wire::openfresco::Sizes;
@@ -46,24 +46,22 @@ impl End {
         }
     }
 
-    /// As it stands in the summary of the log.
-    pub(super) const fn close(&self) -> Close {
+    /// Its row in the table of causes, for the summary of the log.
+    pub(super) const fn cause(&self) -> Cause {
         match self {
-            Self::Finished => Close::Completed,
-            Self::Stopped => Close::Shutdown,
-            Self::Refused(ExchangeFault::Host(
-                HostFault::Tripped(
-                    Trip::Limit(_) | Trip::NotFinite { .. } | Trip::Interlock | Trip::Saturated,
-                )
-                | HostFault::TakenBack { .. },
-            )) => Close::Stopped,
+            Self::Finished => Cause::Done,
+            Self::Stopped => Cause::Shutdown,
+            Self::Refused(ExchangeFault::Host(HostFault::Tripped(trip))) => trip.cause(),
+            Self::Refused(ExchangeFault::Host(HostFault::TakenBack { .. })) => Cause::TakenBack,
             Self::Vanished
             | Self::CutShort(_)
             | Self::Tls(_)
             | Self::Lost(_)
             | Self::Silent(_)
-            | Self::Replaced(_) => Close::Vanished,
-            Self::SpeaksTls | Self::NoSizes(_) | Self::GaveWay | Self::Refused(_) => Close::Failed,
+            | Self::Replaced(_) => Cause::ControllerVanished,
+            Self::SpeaksTls | Self::NoSizes(_) | Self::GaveWay | Self::Refused(_) => {
+                Cause::Protocol
+            }
         }
     }
 }

@@ -16,7 +16,7 @@ use super::news::{End, News};
 use super::remarks::Remarks;
 use crate::link::Transport;
 use crate::link::quota::{Allowance, Quota};
-use crate::link::rig::{Over, Visitor};
+use crate::link::rig::{TestEnd, Visitor};
 use crate::link::socket::LOOK;
 use crate::rt::os::monotonic_ns;
 use crate::substructure::LinkFault;
@@ -105,7 +105,7 @@ pub fn serve_openfresco(
             End::Refused(ExchangeFault::Host(fault)) => host.whole(fault),
             end => end.to_string(),
         };
-        host.end(end.close(), &whole);
+        host.end(end.cause(), &whole);
         // What is known of the specimen beyond the fault itself.
         let said = end.to_string();
         if !said.contains(&whole) {
@@ -231,8 +231,8 @@ impl Attendance<'_, '_> {
                 }
             };
             unwanted = Some(end);
-            let (close, text) = (end.close(), end.to_string());
-            Err(Over { close, text })
+            let (cause, text) = (end.cause(), end.to_string());
+            Err(TestEnd { cause, text })
         };
         // Only now: a stranger who merely connects must not make a specimen move.
         let begun = host.begin(&Visitor::unnamed(self.peer), &mut wanted);

@@ -9,7 +9,7 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use super::{Over, Rig, Visitor, Wanted, elsewhere};
+use super::{Rig, TestEnd, Visitor, Wanted, elsewhere};
 use crate::rt::os;
 use crate::substructure::{
     Command, Freshness, Introduction, LISTEN_NS, LinkFault, LinkStats, Measurement, Retirement,
@@ -212,7 +212,7 @@ impl Far {
 fn connected(
     mut link: Box<dyn Substructure>,
     wanted: &mut Wanted<'_>,
-) -> Result<(Box<dyn Substructure>, Introduction), Over> {
+) -> Result<(Box<dyn Substructure>, Introduction), TestEnd> {
     let (done, said) = mpsc::channel();
     let work = move || {
         let outcome = link.connect();
@@ -221,16 +221,16 @@ fn connected(
     let thread = std::thread::Builder::new().name("gusset-connect".into());
     thread
         .spawn(work)
-        .map_err(|error| Over::failed(format_args!("no thread to connect it on: {error}")))?;
+        .map_err(|error| TestEnd::failed(format_args!("no thread to connect it on: {error}")))?;
     loop {
         match said.recv_timeout(LOOK_EVERY) {
             Ok((link, outcome)) => {
-                let introduction = outcome.map_err(|error| Over::failed(error.text))?;
+                let introduction = outcome.map_err(|error| TestEnd::failed(error.text))?;
                 return Ok((link, introduction));
             }
             Err(RecvTimeoutError::Timeout) => wanted()?,
             Err(RecvTimeoutError::Disconnected) => {
-                return Err(Over::failed("internal error: its connection panicked"));
+                return Err(TestEnd::failed("internal error: its connection panicked"));
             }
         }
     }
@@ -249,7 +249,7 @@ impl Rig for Far {
         &mut self,
         visitor: &Visitor,
         wanted: &mut Wanted<'_>,
-    ) -> Result<Introduction, Over> {
+    ) -> Result<Introduction, TestEnd> {
         (self.ours, self.theirs, self.unused) = (0, 0, 0);
         let (link, mut introduction) = connected((self.build)(visitor)?, wanted)?;
         self.link = Some(link);
@@ -258,7 +258,7 @@ impl Rig for Far {
             introduction.measured = false;
             let computed = introduction.simulated || self.whereabouts.is_of_a_computation();
             if introduction.standing.is_empty() && !computed {
-                return Err(Over::failed(NOBODY_KNOWS));
+                return Err(TestEnd::failed(NOBODY_KNOWS));
             }
         } else {
             let doubt = self.whereabouts.contradicted_by(&introduction.standing);

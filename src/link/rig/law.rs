@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::{Over, Rig, Visitor, Wanted};
+use super::{Rig, TestEnd, Visitor, Wanted};
 use crate::specimen::{Specimen, status};
 use crate::substructure::{Command, Introduction, LinkFault, Measurement, Retirement};
 
@@ -126,7 +126,7 @@ impl Rig for Law {
         self.disp.len()
     }
 
-    fn connect(&mut self, visitor: &Visitor, _: &mut Wanted<'_>) -> Result<Introduction, Over> {
+    fn connect(&mut self, visitor: &Visitor, _: &mut Wanted<'_>) -> Result<Introduction, TestEnd> {
         let rate = visitor.rate.filter(|(numerator, _)| *numerator > 0);
         let every = rate.map_or(0.0, |(numerator, denominator)| {
             denominator as f64 / numerator as f64

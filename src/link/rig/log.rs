@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 
 use super::columns::{AXIS, HEAD, columns};
 use super::summary::{self, Counted};
-use super::{Close, Trip, Visitor};
+use super::{Trip, Visitor};
+use crate::catalog::ending::{Cause, Status as Ended};
 use crate::catalog::phase::Phase;
 use crate::record::writer::Clocks;
 use crate::record::{
@@ -281,10 +282,10 @@ impl Log {
     }
 
     /// Writes everything down. What cannot be written is told in the program's log.
-    pub fn close(self, close: Close, text: &str, stats: &LinkStats, commits: u64) {
-        let level = match close {
-            Close::Completed | Close::Interrupted | Close::Shutdown => NoteLevel::Info,
-            Close::Stopped | Close::Failed | Close::Vanished => NoteLevel::Error,
+    pub fn close(self, cause: Cause, text: &str, stats: &LinkStats, commits: u64) {
+        let level = match cause.status() {
+            Ended::Completed | Ended::Interrupted => NoteLevel::Info,
+            Ended::Stopped | Ended::Failed => NoteLevel::Error,
         };
         self.note(Note::new(level, "ended").with("text", text));
         let Self {
@@ -302,7 +303,7 @@ impl Log {
         let recorded = writer.finish().unwrap_or_default();
         let summary = summary::summarise(
             summary::End {
-                close,
+                cause,
                 text,
                 wall_seconds,
                 required,

@@ -24,10 +24,11 @@ pub use far::{Far, FarBuild, Whereabouts};
 pub use latch::{Latch, LatchedTrip};
 pub use law::{Law, Memory};
 pub use log::LogSettings;
-pub use settings::{Close, Over, ProbeSettings};
+pub use settings::{ProbeSettings, TestEnd};
 pub(in crate::link) use station::first_words;
 pub use station::{GuardStore, Station};
 
+use crate::catalog::ending::Cause;
 use crate::control::limits::Hit;
 use crate::substructure::{Command, Introduction, LinkFault, LinkStats, Measurement, Retirement};
 use crate::units::compared;
@@ -114,18 +115,27 @@ pub enum Trip {
 }
 
 impl Trip {
-    /// As it stands in events: the key of the limit, or a word of its own.
+    /// Its row in the table of causes. Real-time: yes.
+    #[must_use]
+    pub const fn cause(self) -> Cause {
+        match self {
+            Self::Limit(_) | Self::Announced(_) => Cause::Limit,
+            Self::NotFinite { measured: true, .. } => Cause::MeasuredNotFinite,
+            Self::NotFinite { .. } => Cause::CommandNotFinite,
+            Self::Elsewhere(_) => Cause::FirstCommandElsewhere,
+            Self::Interlock => Cause::Interlock,
+            Self::Saturated => Cause::Saturated,
+            Self::Holds(_) => Cause::HoldsOn,
+            Self::Lost(_) => Cause::SpecimenLost,
+        }
+    }
+
+    /// As events spell it: the key of the limit, or the word of the cause.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Limit(hit) | Self::Announced(hit) => hit.quantity.key(),
-            Self::NotFinite { measured: true, .. } => "measured_not_finite",
-            Self::NotFinite { .. } => "command_not_finite",
-            Self::Elsewhere(_) => "first_command_elsewhere",
-            Self::Interlock => "interlock",
-            Self::Saturated => "saturated",
-            Self::Holds(_) => "specimen_holds_on",
-            Self::Lost(_) => "specimen_lost",
+            _ => self.cause().word(),
         }
     }
 
@@ -146,7 +156,7 @@ impl Trip {
 }
 
 /// Asked while a specimen is waited for or moved before a test: whether that test is still wanted, and why not.
-pub type Wanted<'a> = dyn FnMut() -> Result<(), Over> + 'a;
+pub type Wanted<'a> = dyn FnMut() -> Result<(), TestEnd> + 'a;
 
 /// Positions whose difference is this share of the larger are the same.
 const SAME: f64 = 1e-9;
@@ -193,8 +203,11 @@ pub trait Rig: Send {
     ///
     /// # Errors
     /// The specimen cannot take part, or need not.
-    fn connect(&mut self, visitor: &Visitor, wanted: &mut Wanted<'_>)
-    -> Result<Introduction, Over>;
+    fn connect(
+        &mut self,
+        visitor: &Visitor,
+        wanted: &mut Wanted<'_>,
+    ) -> Result<Introduction, TestEnd>;
 
     /// From here on commands come, from this number and this place on. A formula begins anew. May block, for as long as it is
     /// `wanted`: false if it is not any more.

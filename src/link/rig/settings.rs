@@ -1,5 +1,6 @@
 //! How a station finds out which way round its specimen is wired, and how its tests end.
 
+use crate::catalog::ending::Cause;
 use crate::control::Pace;
 
 /// How it is found out, before a test, which way round a specimen is wired.
@@ -23,62 +24,45 @@ pub enum ProbeSettings {
     },
 }
 
-/// How a test ended, for the summary of its log.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Close {
-    /// The controller brought it to its end.
-    Completed,
-    /// A limit, an interlock, or the controller's own trip.
-    Stopped,
-    /// The controller's operator.
-    Interrupted,
-    /// A program was told to end: our own, or the controller's.
-    Shutdown,
-    /// The controller is gone without a word.
-    Vanished,
-    /// The specimen was lost, or nonsense came.
-    Failed,
-}
-
 /// Why a test is over, or does not begin.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Over {
-    /// How it ended.
-    pub close: Close,
+pub struct TestEnd {
+    /// The row of the table of causes.
+    pub cause: Cause,
     /// In words.
     pub text: String,
 }
 
-impl Over {
-    /// The specimen was lost, or nonsense came.
+impl TestEnd {
+    /// The specimen was lost, or the test cannot be served.
     #[must_use]
     pub fn failed(text: impl ToString) -> Self {
         Self {
-            close: Close::Failed,
+            cause: Cause::Protocol,
             text: text.to_string(),
         }
     }
 
-    /// The controller is gone without a word.
+    /// The controller is lost without a goodbye.
     #[must_use]
     pub fn vanished(text: impl ToString) -> Self {
         Self {
-            close: Close::Vanished,
+            cause: Cause::ControllerVanished,
             text: text.to_string(),
         }
     }
 
-    /// Our own operator ends it.
+    /// The operator of this server ends it.
     #[must_use]
     pub fn told_to_stop() -> Self {
         Self {
-            close: Close::Shutdown,
+            cause: Cause::Shutdown,
             text: "the server was stopped".to_owned(),
         }
     }
 }
 
-impl From<String> for Over {
+impl From<String> for TestEnd {
     fn from(text: String) -> Self {
         Self::failed(text)
     }

@@ -23,7 +23,7 @@ use guard::SpecimenGuard;
 
 use super::latch::Latch;
 use super::log::{Log, LogSettings};
-use super::settings::{Close, Over, ProbeSettings};
+use super::settings::{ProbeSettings, TestEnd};
 use super::{Rig, Trip};
 use crate::catalog::limit::Limit;
 use crate::config::LimitsSpec;

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 
 use serde_json::json;
 
-use super::Close;
 use super::log::Exchange;
-use crate::record::summary::{ClockKind, InputFile, LinkCounts, Peak, Status};
+use crate::catalog::ending::Cause;
+use crate::record::summary::{ClockKind, InputFile, LinkCounts, Peak};
 use crate::record::{MissClasses, Recorded, Summary};
 use crate::rt::timing::Timing;
 use crate::rt::wall::Wall;
@@ -64,7 +64,7 @@ impl Counted {
 
 /// How it ended.
 pub(super) struct End<'a> {
-    pub close: Close,
+    pub cause: Cause,
     pub text: &'a str,
     pub wall_seconds: f64,
     pub required: bool,
@@ -87,12 +87,9 @@ pub(super) fn summarise(
         let cause = cause.unwrap_or("the queue was full");
         warnings.push(format!("{} rows are LOST: {cause}", recorded.rows_lost()));
     }
-    let status = match end.close {
-        Close::Completed if end.required && recorded.rows_lost() > 0 => Status::Stopped,
-        Close::Completed => Status::Completed,
-        Close::Stopped => Status::Stopped,
-        Close::Interrupted | Close::Shutdown => Status::Interrupted,
-        Close::Failed | Close::Vanished => Status::Failed,
+    let cause = match end.cause {
+        Cause::Done if end.required && recorded.rows_lost() > 0 => Cause::RecordDamaged,
+        cause => cause,
     };
     let link = LinkCounts {
         sent: counted.passed_on,
@@ -107,7 +104,7 @@ pub(super) fn summarise(
     };
     let some = |values: &[f64]| values.iter().map(|value| Some(*value)).collect();
     Summary {
-        status,
+        status: cause.status(),
         reason: end.text.to_owned(),
         steps: end.commits,
         dt: counted.dt,

@@ -10,9 +10,10 @@ use super::greet::{self, Greeted};
 use super::line::Line;
 use super::stand::{Stand, gone_silent, hear, said_goodbye};
 use super::{Desk, Heard};
+use crate::catalog::ending::Cause;
 use crate::link::Transport;
 use crate::link::inbox::Inbox;
-use crate::link::rig::{Close, Over, Visitor};
+use crate::link::rig::{TestEnd, Visitor};
 use crate::link::socket::LOOK;
 use crate::rt::throttle::Throttle;
 use crate::rt::{RtPlan, apply};
@@ -135,7 +136,7 @@ pub(super) fn get_ready(
     let armed = session.greeted.armed(session.arm.clone());
     if let Err(fault) = session.line.send(&armed) {
         let text = fault.to_string();
-        station.end(Close::Vanished, &text);
+        station.end(Cause::ControllerVanished, &text);
         return Err(Box::new((Heard::Refused { peer, text }, session.line)));
     }
     desk.tell(Heard::Armed {
@@ -156,16 +157,16 @@ pub(super) fn get_ready(
 impl Session {
     /// While its specimen is got ready: the controller, who waits for that, is still there, and nobody told us to stop. Other
     /// words of his before he is armed are repeated questions and signs of life.
-    fn is_wanted(&mut self, desk: &Desk) -> Result<(), Over> {
+    fn is_wanted(&mut self, desk: &Desk) -> Result<(), TestEnd> {
         if desk.stop.load(Ordering::Acquire) {
-            return Err(Over::told_to_stop());
+            return Err(TestEnd::told_to_stop());
         }
         hear(&mut self.line, &mut self.inbox, self.peer, LOOK)?;
         loop {
             let place = match self.inbox.next() {
                 Ok(Some(place)) => place,
                 Ok(None) => return self.is_heard(),
-                Err(error) if self.inbox.is_stream() => return Err(Over::failed(error)),
+                Err(error) if self.inbox.is_stream() => return Err(TestEnd::failed(error)),
                 // A datagram of anybody's.
                 Err(_) => continue,
             };
@@ -183,22 +184,22 @@ impl Session {
                         _ => None,
                     }
                 }
-                Err(error) if self.inbox.is_stream() => return Err(Over::failed(error)),
+                Err(error) if self.inbox.is_stream() => return Err(TestEnd::failed(error)),
                 Err(_) => None,
             };
             if let Some(over) = parting {
                 // Nothing was completed: it was not armed.
-                let close = match over.close {
-                    Close::Completed => Close::Interrupted,
-                    close => close,
+                let cause = match over.cause {
+                    Cause::Done => Cause::Operator,
+                    cause => cause,
                 };
-                return Err(Over { close, ..over });
+                return Err(TestEnd { cause, ..over });
             }
         }
     }
 
     /// Where no connection tells that a controller is gone, its silence does.
-    fn is_heard(&self) -> Result<(), Over> {
+    fn is_heard(&self) -> Result<(), TestEnd> {
         let silent = self.line.now().since(self.heard_at);
         if self.inbox.is_stream() || silent < SILENT_NS.max(self.greeted.watchdog_ns) {
             return Ok(());

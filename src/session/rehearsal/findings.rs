@@ -1,11 +1,11 @@
 //! A rehearsal judged: which limits of the file the test would meet, and where they stand.
 
 use super::hold::depends_on_pace;
-use super::{Curtain, Held, Need, Needs, Rehearsal};
+use super::{Held, Need, Needs, Rehearsal};
 use crate::catalog::limit::Limit;
 use crate::config::{ClockChoice, Finding, KeyPath, Loaded};
 use crate::control::Poses;
-use crate::engine::Stop;
+use crate::engine::{Ending, Stop};
 
 /// Part of a tick that may be needed for what it computes before a warning: a late one has to be caught up with.
 const MUCH: f64 = 0.5;
@@ -64,7 +64,7 @@ impl Rehearsal {
     /// A warning where the budget ended the rehearsal before the end of the test.
     #[must_use]
     pub fn beyond_budget(&self) -> Option<Finding> {
-        (self.curtain == Curtain::OutOfBudget).then(|| {
+        self.is_out_of_budget().then(|| {
             let text = format!(
                 "only the first {} s of the test were rehearsed: its DOFs times ticks are beyond the budget",
                 short(self.time)
@@ -79,14 +79,14 @@ impl Rehearsal {
     pub(super) fn end(&self, loaded: &Loaded) -> Option<Finding> {
         let at = short(self.time);
         let root = KeyPath::root();
-        match self.curtain {
-            Curtain::Completed | Curtain::OutOfBudget => None,
-            Curtain::Stopped(Stop::Limit { port, hit }) => {
+        match self.ending {
+            Ending::Completed | Ending::Stopped(Stop::Operator) => None,
+            Ending::Stopped(Stop::Limit { port, hit }) => {
                 let text = format!("the test would stop at {at} s: specimen {}, {hit}", port + 1);
                 let place = place(loaded, port, hit.axis, hit.quantity, "trip");
                 Some(Finding::error(place, text).help("found on the simulated clock"))
             }
-            Curtain::Stopped(stop @ Stop::Geometry { port, .. }) => Some(
+            Ending::Stopped(stop @ Stop::Geometry { port, .. }) => Some(
                 Finding::error(
                     root.key("specimen").index(port).key("geometry"),
                     format!("the test would stop at {at} s: {stop}"),
@@ -95,11 +95,11 @@ impl Rehearsal {
                 .label("these actuators")
                 .help("found on the simulated clock: a smaller motion, longer actuators, or other pins"),
             ),
-            Curtain::Stopped(Stop::TestLimit(hit)) => Some(Finding::error(
+            Ending::Stopped(Stop::TestLimit(hit)) => Some(Finding::error(
                 root.key("safety").key(hit.quantity.key()),
                 format!("the test would stop at {at} s: {hit}"),
             )),
-            Curtain::Stopped(stop @ Stop::Diverged { value, .. }) => {
+            Ending::Stopped(stop @ Stop::Diverged { value, .. }) => {
                 let text = format!("the test would stop at {at} s: {stop}");
                 let finding = match loaded.file.safety.divergence_m {
                     Some(_) => Finding::error(root.key("safety").key("divergence_m"), text),
@@ -110,7 +110,7 @@ impl Rehearsal {
                     "found on the simulated clock: the actuators' lag, λ or the structure itself lets it grow, or the motion is that large",
                 ))
             }
-            Curtain::Stopped(stop) => {
+            Ending::Stopped(stop) => {
                 let specimen = |port| root.key("specimen").index(port);
                 Some(Finding::error(
                     stop.port().map_or(root.clone(), specimen),

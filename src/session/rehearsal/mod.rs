@@ -34,11 +34,12 @@ pub use whole::FullRehearsal;
 use meter::Meter;
 use prompter::Prompter;
 
+use crate::catalog::ending::Cause;
 use crate::catalog::limit::Limit;
 use crate::config::{CapacityTable, ConfigError, Loaded, MatrixValue, SpecimenTable};
 use crate::control::Poses;
 use crate::control::limits::{AxisLimits, Range};
-use crate::engine::{Control, Ending, Engine, Experiment, Outcome, Stop};
+use crate::engine::{Control, Ending, Engine, Experiment, Outcome};
 use crate::record::Recorder;
 use crate::rt::os;
 use crate::setup;
@@ -175,24 +176,13 @@ pub struct Needs {
     pub capacity: Option<CapacityTable>,
 }
 
-/// Why a rehearsal ended.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Curtain {
-    /// At the last step.
-    Completed,
-    /// Its budget was used up.
-    OutOfBudget,
-    /// The test would stop here.
-    Stopped(Stop),
-}
-
 /// What a rehearsal came to.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rehearsal {
     /// Test time that was rehearsed, s.
     pub time: f64,
-    /// Why it ended there.
-    pub curtain: Curtain,
+    /// How it ended there. The only operator is the budget: see [`Rehearsal::is_out_of_budget`].
+    pub ending: Ending,
     /// Largest displacement of any DOF of the structure, m or rad; 0 without a structure.
     pub peak_disp: f64,
     /// Wall time that it took, s.
@@ -201,6 +191,14 @@ pub struct Rehearsal {
     pub tick_s: Option<f64>,
     /// One entry per specimen.
     pub specimens: Vec<Needs>,
+}
+
+impl Rehearsal {
+    /// True if its budget was used up before the last step.
+    #[must_use]
+    pub fn is_out_of_budget(&self) -> bool {
+        self.ending.cause() == Cause::Operator
+    }
 }
 
 /// Rehearses a test within `budget`. `experiment` is used if it has neither links nor fault injection; otherwise the test is
@@ -348,11 +346,7 @@ fn carry_out_with(
     );
     Rehearsal {
         time: outcome.steps as f64 * dt,
-        curtain: match outcome.ending {
-            Ending::Completed => Curtain::Completed,
-            Ending::Stopped(Stop::Operator) => Curtain::OutOfBudget,
-            Ending::Stopped(stop) => Curtain::Stopped(stop),
-        },
+        ending: outcome.ending,
         specimens: specimens.collect(),
         peak_disp: outcome
             .peaks

@@ -2,10 +2,10 @@
 
 use super::findings::short;
 use super::prompter::Prompter;
-use super::{Budget, Curtain, Need, Rehearsal, Staging, carry_out_with, expected};
+use super::{Budget, Need, Rehearsal, Staging, carry_out_with, expected};
 use crate::config::{ConfigError, Finding, KeyPath, Loaded};
 use crate::control::limits::AxisLimits;
-use crate::engine::{Control, Stop};
+use crate::engine::{Control, Ending, Stop};
 use crate::setup;
 
 /// Result of a rehearsal with all limits.
@@ -29,7 +29,7 @@ pub fn try_limits(
     budget: &mut Budget,
 ) -> Result<Tried, ConfigError> {
     let needs = undisturbed.specimens.iter().flat_map(|needs| &needs.axes);
-    if undisturbed.curtain != Curtain::Completed || needs.flatten().any(Need::trips) {
+    if undisturbed.ending != Ending::Completed || needs.flatten().any(Need::trips) {
         return Ok(Tried::Nothing);
     }
     let tables = loaded.file.specimen.iter().zip(&undisturbed.specimens);
@@ -49,11 +49,11 @@ pub fn try_limits(
     let control = Control::from(requests);
     let tried = carry_out_with(experiment, prompter, Staging::AsItIs, &control);
     budget.spend(pace.ticks(), cost);
-    Ok(match tried.curtain {
-        Curtain::Stopped(Stop::Limit { hit, .. }) if hit.quantity.is_of_loop() => {
+    Ok(match tried.ending {
+        Ending::Stopped(Stop::Limit { hit, .. }) if hit.quantity.is_of_loop() => {
             tried.end(loaded).map_or(Tried::Nothing, Tried::Trips)
         }
-        Curtain::OutOfBudget => {
+        Ending::Stopped(Stop::Operator) => {
             let text = format!(
                 "limits of following error, stuck sensors, tangents, energy, lag and gain were tried for the first {} s only",
                 short(tried.time)
@@ -66,7 +66,7 @@ pub fn try_limits(
             )
         }
         // Where nothing stands for a specimen it has no force, and a limit may want one.
-        Curtain::Completed | Curtain::Stopped(_) => Tried::Nothing,
+        Ending::Completed | Ending::Stopped(_) => Tried::Nothing,
     })
 }
 

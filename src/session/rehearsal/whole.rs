@@ -1,9 +1,8 @@
 //! Everything that is rehearsed of a test: the test itself, a hold, and the limits that only the loop knows.
 
-use super::{
-    AxisNeed, Budget, Curtain, Held, Rehearsal, Tried, rehearse, rehearse_hold, try_limits,
-};
+use super::{AxisNeed, Budget, Held, Rehearsal, Tried, rehearse, rehearse_hold, try_limits};
 use crate::config::{ConfigError, Finding, Loaded, Severity};
+use crate::engine::Ending;
 
 /// A test's rehearsals, and what they found.
 #[derive(Debug, Clone)]
@@ -55,7 +54,7 @@ impl FullRehearsal {
     /// True if it reached the end of the test.
     #[must_use]
     pub fn is_complete(&self) -> bool {
-        self.rehearsal.curtain == Curtain::Completed
+        self.rehearsal.ending == Ending::Completed
     }
 
     /// True if no limit would trip, and every rig can give what the test needs.

@@ -72,31 +72,28 @@ pub enum ResumeError {
         /// What is missing.
         missing: MissingEnd,
     },
-    /// It had tripped, or may have, and nobody says that it may go on all the same.
-    #[error("{}: this test {} ({reason}): look at its specimens, and say {wanted} if it may go on", folder.display(), if *has_tripped { "had tripped" } else { "may have tripped" })]
+    /// It tripped, or may have tripped, and `--after-trip` is missing.
+    #[error(
+        "{}: this test {} tripped ({names}): {reason}\ninspect its specimens; then add `--after-trip` if it may resume",
+        folder.display(),
+        if *certain { "had" } else { "may have" }
+    )]
     Tripped {
         /// The folder.
         folder: PathBuf,
-        /// That it had is known; otherwise what would say it cannot be read.
-        has_tripped: bool,
-        /// How it ended.
-        reason: String,
-        /// What must be said.
-        wanted: String,
-    },
-    /// A trip that was none.
-    #[error("{}: no \"{named}\" ended this test: {reason}", folder.display())]
-    AnotherTrip {
-        /// The folder.
-        folder: PathBuf,
-        /// As it was named.
-        named: String,
+        /// False where the record does not tell whether it tripped.
+        certain: bool,
+        /// Everything that tripped.
+        names: String,
         /// How it ended.
         reason: String,
     },
-    /// The record is damaged, and specimens that are not made anew would be led once more through what came after its last
-    /// checkpoint before that.
-    #[error("{}: {trouble}: the test can resume only after step {step}, which repeats the last {again_s} s with {specimens}; add `--back-to-step {step}` if that is intended", folder.display())]
+    /// The record is damaged, and specimens behind links would repeat too much of the test.
+    #[error(
+        "{}: {trouble}: the record is damaged and cannot be resumed; the last checkpoint before the damage is step {step}, and {specimens} \
+         would repeat {again_s} s; start a new test",
+        folder.display()
+    )]
     Back {
         /// The folder.
         folder: PathBuf,
@@ -104,20 +101,10 @@ pub enum ResumeError {
         trouble: String,
         /// Step of the checkpoint.
         step: u64,
-        /// Wall time in s that the ticks took which would be made again.
+        /// Wall time in s of the ticks after it.
         again_s: f64,
         /// Names of the specimens.
         specimens: String,
-    },
-    /// It goes on after another step than the one that was named.
-    #[error("{}: this test resumes after step {step}, not after step {named}", folder.display())]
-    AnotherStep {
-        /// The folder.
-        folder: PathBuf,
-        /// As it was named.
-        named: u64,
-        /// Where it goes on.
-        step: u64,
     },
     /// The record is damaged before its first checkpoint.
     #[error("{}: {trouble}, and no checkpoint is before it: the test cannot resume", folder.display())]
@@ -129,18 +116,13 @@ pub enum ResumeError {
     },
 }
 
-/// What is left to whoever finds that a test went on already.
+/// What the user can do with a test that was resumed already.
 fn what_may_be(before: &WentOn) -> String {
-    let folder = before.folder.display();
-    let again = format!(
-        "add `--back-to-step {}` if its specimens may repeat those steps",
-        before.after
-    );
     match before.now {
         Now::Running => "one test at a time moves its specimens".to_owned(),
-        Now::Complete => again,
-        Now::Ended => format!("resume that run (`--resume {folder}`), or {again}"),
-        Now::Gone => format!("put it back and resume it, or {again}"),
+        Now::Complete => "a test is resumed once; start a new test".to_owned(),
+        Now::Ended => format!("resume that run (`--resume {}`)", before.folder.display()),
+        Now::Gone => "put it back and resume it".to_owned(),
     }
 }
 

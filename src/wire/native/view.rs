@@ -4,6 +4,7 @@
 //! cannot fail and allocate nothing.
 
 use super::layout::{NO_SEQUENCE, earlier_words};
+use crate::catalog::ending;
 use crate::substructure::{Measurement, Retirement, Status};
 use crate::wire::WireError;
 use crate::wire::bytes::{Word, copy_words, same_length};
@@ -133,6 +134,19 @@ impl Cause {
             Cause::Watchdog => "its watchdog tripped",
             Cause::Interlock => "its interlock opened",
             Cause::Shutdown => "its program ends",
+        }
+    }
+
+    /// The row of the table of causes for a test that its controller ends so.
+    #[must_use]
+    pub const fn ending(self) -> ending::Cause {
+        match self {
+            Cause::Orderly => ending::Cause::Done,
+            Cause::Operator => ending::Cause::Operator,
+            Cause::Shutdown => ending::Cause::Shutdown,
+            // Of a gateway: its own controller is lost.
+            Cause::Watchdog => ending::Cause::ControllerVanished,
+            Cause::Tripped | Cause::Interlock => ending::Cause::ControllerTripped,
         }
     }
 

@@ -283,7 +283,7 @@ impl Station {
 mod tests {
     use super::super::Station;
     use super::*;
-    use crate::link::rig::{Over, Rig, Visitor, Wanted};
+    use crate::link::rig::{Rig, TestEnd, Visitor, Wanted};
     use crate::substructure::{Introduction, LinkFault, Retirement};
     use crate::units::AxisUnits;
 
@@ -297,7 +297,7 @@ mod tests {
         fn axes(&self) -> usize {
             2
         }
-        fn connect(&mut self, _: &Visitor, _: &mut Wanted<'_>) -> Result<Introduction, Over> {
+        fn connect(&mut self, _: &Visitor, _: &mut Wanted<'_>) -> Result<Introduction, TestEnd> {
             Ok(Introduction::default())
         }
         fn arm(

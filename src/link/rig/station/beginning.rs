@@ -2,7 +2,8 @@
 
 use super::announced::Announced;
 use super::guard::SpecimenGuard;
-use super::{Close, Over, Station};
+use super::{Station, TestEnd};
+use crate::catalog::ending::{Cause, Status};
 use crate::link::rig::log::Log;
 use crate::link::rig::{Visitor, Wanted, with_last_words};
 use crate::record::NoteLevel;
@@ -18,10 +19,10 @@ impl Station {
         &mut self,
         visitor: &Visitor,
         wanted: &mut Wanted<'_>,
-    ) -> Result<Vec<String>, Over> {
-        self.end(Close::Failed, "another controller came");
+    ) -> Result<Vec<String>, TestEnd> {
+        self.end(Cause::Protocol, "another controller came");
         if let Some(refusal) = self.latch.refusal() {
-            return Err(Over::failed(refusal));
+            return Err(TestEnd::failed(refusal));
         }
         self.borrow_guard(visitor)?;
         // The specimen is not connected yet.
@@ -36,21 +37,21 @@ impl Station {
         self.measured = Measurement::zeros(self.units.len());
         self.sound = Measurement::zeros(self.units.len());
         if let Err(text) = self.open_log(visitor) {
-            self.end(Close::Failed, &text);
+            self.end(Cause::Protocol, &text);
             return Err(text.into());
         }
         self.is_dismissed = false;
         match self.get_ready(visitor, wanted) {
             Ok(told) => Ok(told),
-            Err(Over { close, text }) => {
+            Err(TestEnd { cause, text }) => {
                 // Its own reason is one for its controller, too.
-                let said = self.dismiss(close);
+                let said = self.dismiss(cause);
                 let text = with_last_words(text, said);
-                let over = Over { close, text };
-                if matches!(over.close, Close::Failed | Close::Vanished) {
+                let over = TestEnd { cause, text };
+                if over.cause.status() == Status::Failed {
                     self.note(NoteLevel::Error, "link", &over.text);
                 }
-                self.end(over.close, &over.text);
+                self.end(over.cause, &over.text);
                 Err(over)
             }
         }
@@ -70,11 +71,11 @@ impl Station {
     }
 
     /// A session begins with the guard of the specimen, or with a new one where the specimen is new, too.
-    fn borrow_guard(&mut self, visitor: &Visitor) -> Result<(), Over> {
+    fn borrow_guard(&mut self, visitor: &Visitor) -> Result<(), TestEnd> {
         let new = SpecimenGuard::new(self.guard.limits.clone(), self.moves);
         if self.is_lasting() {
             let lent = self.store.lend(|| new);
-            self.guard = lent.ok_or_else(|| Over::failed("another session has the specimen"))?;
+            self.guard = lent.ok_or_else(|| TestEnd::failed("another session has the specimen"))?;
             self.guard.begin(visitor.rate);
         } else {
             self.guard = new;

@@ -1,8 +1,9 @@
 //! How a controller's test at a station ends: its books are closed, and the specimen hears the last word.
 
-use super::{Close, Station, Trip};
+use super::{Station, Trip};
+use crate::catalog::ending::Cause;
 use crate::record::NoteLevel;
-use crate::substructure::{LinkStats, Retirement};
+use crate::substructure::LinkStats;
 
 impl Station {
     /// What came of the controller: commands, those that never arrived, and frames that failed a check.
@@ -20,7 +21,7 @@ impl Station {
 
     /// The specimen hears the last word of this test, once, before the books are closed: what it answers beyond a plain goodbye is
     /// for its controller, too.
-    pub fn dismiss(&mut self, close: Close) -> Option<String> {
+    pub fn dismiss(&mut self, cause: Cause) -> Option<String> {
         if std::mem::replace(&mut self.is_dismissed, true) {
             return None;
         }
@@ -28,13 +29,7 @@ impl Station {
             self.link = self.rig.stats();
         }
         let told = self.tripped.map(|trip| self.whole(trip));
-        let said = self.rig.end(match close {
-            Close::Completed => Retirement::Orderly,
-            Close::Interrupted => Retirement::Operator,
-            Close::Shutdown => Retirement::Shutdown,
-            Close::Vanished => Retirement::Abandoned,
-            Close::Stopped | Close::Failed => Retirement::Tripped,
-        })?;
+        let said = self.rig.end(cause.into())?;
         // The trip said so already, or it says what the trip said.
         if told.is_some_and(|told| told.contains(&said) || said.ends_with(&told)) {
             return None;
@@ -48,7 +43,7 @@ impl Station {
     }
 
     /// The controller's test is over: last words to the specimen, and the log is closed. Nothing if there is no test.
-    pub fn end(&mut self, close: Close, text: &str) {
+    pub fn end(&mut self, cause: Cause, text: &str) {
         if !std::mem::take(&mut self.begun) {
             return;
         }
@@ -60,29 +55,28 @@ impl Station {
             self.note(NoteLevel::Warning, "unsettled", &text);
         }
         // A trip is why it ended, whatever else was said about it, and who says it again says nothing else.
-        let why = match self.tripped {
-            Some(trip @ Trip::Lost(_)) => Some((Close::Failed, self.whole(trip))),
-            Some(trip) => Some((Close::Stopped, trip.to_string())),
-            None => None,
+        let why = self.tripped.map(|trip| match trip {
+            Trip::Lost(_) => self.whole(trip),
+            _ => trip.to_string(),
+        });
+        let cause = self.tripped.map_or(cause, Trip::cause);
+        let text = match why {
+            Some(why) if !text.contains(&why) => format!("{why}; {text}"),
+            _ => text.to_owned(),
         };
-        let (close, text) = match why {
-            Some((close, why)) if !text.contains(&why) => (close, format!("{why}; {text}")),
-            Some((close, _)) => (close, text.to_owned()),
-            None => (close, text.to_owned()),
-        };
-        self.dismiss(close);
+        self.dismiss(cause);
         if self.is_lasting() {
             self.store.take_back(self.guard.clone());
             self.latch.settle();
         }
         if let Some(log) = self.log.take() {
-            log.close(close, &text, &self.link, self.commits);
+            log.close(cause, &text, &self.link, self.commits);
         }
     }
 }
 
 impl Drop for Station {
     fn drop(&mut self) {
-        self.end(Close::Failed, "internal error: the test was dropped");
+        self.end(Cause::Internal, "internal error: the test was dropped");
     }
 }

@@ -3,7 +3,7 @@
 use super::attempt::Origin;
 use super::{Station, USUAL_TICK_S, metres, not_finite};
 use crate::control::{Opinion, Pace, Probe, compare_stiffness};
-use crate::link::rig::settings::{Over, ProbeSettings};
+use crate::link::rig::settings::{ProbeSettings, TestEnd};
 use crate::link::rig::{Visitor, Wanted, apart, elsewhere};
 use crate::record::NoteLevel;
 use crate::rt::os;
@@ -17,7 +17,7 @@ impl Station {
         &mut self,
         visitor: &Visitor,
         wanted: &mut Wanted<'_>,
-    ) -> Result<Vec<String>, Over> {
+    ) -> Result<Vec<String>, TestEnd> {
         let mut told = Vec::new();
         if let Some(log) = &self.log {
             told.push(format!("recording into {}", log.path().display()));
@@ -172,12 +172,12 @@ impl Station {
         amplitude: &[f64],
         pacing: (Pace, bool),
         wanted: &mut Wanted<'_>,
-    ) -> Result<String, Over> {
+    ) -> Result<String, TestEnd> {
         self.passed_on.clear();
         let tried = self.move_a_little(start, amplitude, pacing, wanted);
-        tried.map_err(|Over { close, text }| {
+        tried.map_err(|TestEnd { cause, text }| {
             if apart(&self.passed_on, start).is_none() {
-                return Over { close, text };
+                return TestEnd { cause, text };
             }
             let left = format!(
                 "it was led to {}, from {}",
@@ -186,7 +186,7 @@ impl Station {
             );
             self.warn_once("left_aside", &format!("{WHILE}: {left}"));
             let text = format!("{text}; {left}");
-            Over { close, text }
+            TestEnd { cause, text }
         })
     }
 
@@ -196,7 +196,7 @@ impl Station {
         amplitude: &[f64],
         (pace, forgets): (Pace, bool),
         wanted: &mut Wanted<'_>,
-    ) -> Result<String, Over> {
+    ) -> Result<String, TestEnd> {
         let n = self.units.len();
         let diagonal: Vec<f64> = self.stiffness.iter().step_by(n + 1).copied().collect();
         let mut probe = Probe::new(start, amplitude, &diagonal, &self.units, pace);
@@ -247,7 +247,7 @@ impl Station {
     }
 
     /// The force that one command at the very place where it stands is answered with: nothing moves.
-    fn feel(&mut self, stands: &[f64], wanted: &mut Wanted<'_>) -> Result<Vec<f64>, Over> {
+    fn feel(&mut self, stands: &[f64], wanted: &mut Wanted<'_>) -> Result<Vec<f64>, TestEnd> {
         self.arm(0, stands, wanted)?;
         let command = Command {
             sequence: 0,
@@ -269,7 +269,7 @@ impl Station {
         (command, period_s): (&Command<'_>, f64),
         wanted: &mut Wanted<'_>,
         measured: &mut Measurement,
-    ) -> Result<(), Over> {
+    ) -> Result<(), TestEnd> {
         wanted()?;
         let mut unwanted = None;
         let mut is_wanted = || wanted().map_err(|over| unwanted = Some(over)).is_ok();
@@ -297,7 +297,7 @@ impl Station {
         sequence: u64,
         start: &[f64],
         wanted: &mut Wanted<'_>,
-    ) -> Result<(), Over> {
+    ) -> Result<(), TestEnd> {
         self.note(
             NoteLevel::Info,
             "armed_again",
@@ -318,7 +318,7 @@ impl Station {
         sequence: u64,
         start: &[f64],
         wanted: &mut Wanted<'_>,
-    ) -> Result<(), Over> {
+    ) -> Result<(), TestEnd> {
         if !self.is_lasting() {
             self.guard.forget();
         }
@@ -336,7 +336,7 @@ impl Station {
         outcome.map(|_| ()).map_err(|fault| {
             let why = self.rig.complaint().unwrap_or_default();
             let between = if why.is_empty() { "" } else { ": " };
-            Over::failed(format_args!("not armed: {fault}{between}{why}"))
+            TestEnd::failed(format_args!("not armed: {fault}{between}{why}"))
         })
     }
 }

@@ -3,11 +3,12 @@
 use std::sync::{Arc, Mutex};
 
 use super::Station;
+use crate::catalog::ending::Cause;
 use crate::catalog::limit::Limit;
 use crate::config::LimitsSpec;
 use crate::control::Pace;
-use crate::link::rig::settings::{Close, ProbeSettings};
-use crate::link::rig::{Far, Over, Rig, Trip, Visitor, Wanted, Whereabouts};
+use crate::link::rig::settings::ProbeSettings;
+use crate::link::rig::{Far, Rig, TestEnd, Trip, Visitor, Wanted, Whereabouts};
 use crate::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Status,
     Substructure, Unavailable,
@@ -79,7 +80,7 @@ fn station(spring: &Spring, whereabouts: &Whereabouts) -> Station {
         .probed(ProbeSettings::Unchecked { silent: true })
 }
 
-fn begin(station: &mut Station) -> Result<Vec<String>, Over> {
+fn begin(station: &mut Station) -> Result<Vec<String>, TestEnd> {
     let visitor = Visitor::unnamed(([127, 0, 0, 1], 1).into());
     station.begin(&visitor, &mut || Ok(()))
 }
@@ -236,7 +237,7 @@ fn a_small_motion_that_is_broken_off_is_told_with_the_place_where_it_ends() {
         let mut wanted = || {
             let told = told.lock().unwrap();
             if !moves || told.last().is_some_and(|at| *at != 0.004) {
-                return Err(Over::told_to_stop());
+                return Err(TestEnd::told_to_stop());
             }
             Ok(())
         };
@@ -284,7 +285,7 @@ impl Led {
         if self.visitor.rate.is_some() {
             self.visitor.start = vec![self.disp];
         }
-        self.station.end(Close::Vanished, "gone");
+        self.station.end(Cause::ControllerVanished, "gone");
         self.station.now_is(self.now);
         // The specimen is at its last command.
         self.station.rig = Box::new(Standing {
@@ -348,7 +349,7 @@ impl Rig for Standing {
     fn is_remote(&self) -> bool {
         true
     }
-    fn connect(&mut self, _: &Visitor, _: &mut Wanted<'_>) -> Result<Introduction, Over> {
+    fn connect(&mut self, _: &Visitor, _: &mut Wanted<'_>) -> Result<Introduction, TestEnd> {
         Ok(Introduction {
             standing: vec![self.disp],
             force: vec![0.0],
@@ -476,7 +477,7 @@ fn our_own_small_motion_is_judged_by_its_own_time_and_not_by_the_last_clients() 
             pace: Pace::of(4.0 * own_s, own_s),
             forgets: false,
         };
-        led.station.end(Close::Vanished, "gone");
+        led.station.end(Cause::ControllerVanished, "gone");
         led.station.rig = Box::new(Standing {
             disp: led.disp,
             reads: None,
@@ -511,7 +512,7 @@ fn a_trip_is_the_specimens_until_its_operator_clears_it_and_a_lost_link_is_none(
     let mut led = Led::at("command_step_m = { trip = 0.001 }", Some((1000, 1)));
     assert_eq!(led.goes(0.0), None);
     assert_eq!(led.goes(0.002), Some(Limit::CommandStep));
-    led.station.end(Close::Stopped, "tripped");
+    led.station.end(Cause::ControllerTripped, "tripped");
     for _ in 0..2 {
         let over = led.station.begin(&led.visitor, &mut || Ok(())).unwrap_err();
         let told = over.text.contains("command_step_m") && over.text.contains("allowed 1 mm");

@@ -4,7 +4,7 @@ use std::sync::atomic::Ordering;
 
 use super::Stand;
 use crate::link::Transport;
-use crate::link::rig::{Over, Trip};
+use crate::link::rig::{TestEnd, Trip};
 use crate::link::serve::{Desk, Heard};
 use crate::record::NoteLevel;
 use crate::substructure::Command;
@@ -34,7 +34,7 @@ impl Stand {
         dt: f64,
         now: Nanos,
         desk: &Desk,
-    ) -> Result<(), Over> {
+    ) -> Result<(), TestEnd> {
         if self.sample_at.is_some() {
             // Faster than agreed: what the command before gave is sampled now, not lost.
             self.answer(now)?;
@@ -112,7 +112,7 @@ impl Stand {
     }
 
     /// Sends the measurement of the command in force.
-    pub(super) fn answer(&mut self, now: Nanos) -> Result<(), Over> {
+    pub(super) fn answer(&mut self, now: Nanos) -> Result<(), TestEnd> {
         self.sample_at = None;
         self.measured.sequence = self.sequence.unwrap_or_default();
         self.measured.time = self.own_time(now);

@@ -3,9 +3,10 @@
 use std::sync::atomic::Ordering;
 
 use super::Stand;
+use crate::catalog::ending::{self, Kind};
 use crate::link::Transport;
 use crate::link::native::with_words;
-use crate::link::rig::{Close, Over, Trip, with_last_words};
+use crate::link::rig::{TestEnd, Trip, with_last_words};
 use crate::link::serve::{Desk, greet};
 use crate::text::is_hidden;
 use crate::wire::WireError;
@@ -15,7 +16,7 @@ use crate::wire::native::{Cause, Notice};
 /// What ends a session, or a frame that failed a check.
 pub(super) enum Wrong {
     Wire(WireError),
-    End(Over),
+    End(TestEnd),
 }
 
 impl From<WireError> for Wrong {
@@ -24,40 +25,29 @@ impl From<WireError> for Wrong {
     }
 }
 
-impl From<Over> for Wrong {
-    fn from(end: Over) -> Self {
+impl From<TestEnd> for Wrong {
+    fn from(end: TestEnd) -> Self {
         Wrong::End(end)
     }
 }
 
-/// How a test ends whose controller ends it so; none is a cause that nobody knows.
-const fn close_of(cause: Option<Cause>) -> Close {
-    match cause {
-        Some(Cause::Orderly) => Close::Completed,
-        Some(Cause::Operator) => Close::Interrupted,
-        Some(Cause::Shutdown) => Close::Shutdown,
-        // Of a gateway: its own controller is gone.
-        Some(Cause::Watchdog) => Close::Vanished,
-        Some(Cause::Tripped | Cause::Interlock) | None => Close::Stopped,
-    }
-}
-
 /// The controller leaves, and says so: the code of its cause, and its words, which may be none.
-pub(in crate::link::serve) fn said_goodbye(cause: u32, text: &str) -> Over {
+pub(in crate::link::serve) fn said_goodbye(cause: u32, text: &str) -> TestEnd {
     let cause = Cause::from_code(cause).ok();
     let why = match cause {
         Some(Cause::Orderly) => " at the end of the test",
         Some(cause) => &format!(": {}", cause.why()),
         None => ": for an unknown reason",
     };
-    Over {
-        close: close_of(cause),
+    TestEnd {
+        // The cause of a later version is none that is known: it is taken for a trip.
+        cause: cause.map_or(ending::Cause::ControllerTripped, Cause::ending),
         text: with_words(format!("the controller said goodbye{why}"), text.trim()),
     }
 }
 
 impl Stand {
-    pub(super) fn retired(&mut self, notice: Notice) -> Over {
+    pub(super) fn retired(&mut self, notice: Notice) -> TestEnd {
         let how = match notice.cause {
             Cause::Orderly => "at the end of the test",
             Cause::Operator => "by the operator",
@@ -66,8 +56,8 @@ impl Stand {
             Cause::Shutdown => "because the program that commands it ends",
             Cause::Interlock => "because an interlock opened",
         };
-        let close = close_of(Some(notice.cause));
-        self.commits_what_ends(close);
+        let cause = notice.cause.ending();
+        self.commits_what_ends(cause);
         // Zero is no number where no command was sent.
         if notice.sequence > 0 || self.sequence.is_some() {
             self.misses_up_to(notice.sequence);
@@ -78,29 +68,29 @@ impl Stand {
                 let why = self.station.whole(trip);
                 // At once: a specimen that owes its goodbye must not keep this from a controller that waits only a little.
                 self.say(Cause::Tripped, &why);
-                let said = self.station.dismiss(Close::Stopped);
+                let said = self.station.dismiss(trip.cause());
                 if said.is_some() {
                     self.say(Cause::Tripped, &with_last_words(why, said));
                 }
                 self.say_goodbye(Cause::Tripped);
             }
             None => {
-                if let Some(said) = self.station.dismiss(close) {
+                if let Some(said) = self.station.dismiss(cause) {
                     self.say(Cause::Orderly, &said);
                 }
                 self.say_goodbye(Cause::Orderly);
             }
         }
-        Over {
-            close,
+        TestEnd {
+            cause,
             text: format!("retired {how}"),
         }
     }
 
     /// The controller leaves without a retire.
-    pub(super) fn left(&mut self, cause: u32, text: &str) -> Over {
+    pub(super) fn left(&mut self, cause: u32, text: &str) -> TestEnd {
         let over = said_goodbye(cause, text);
-        self.commits_what_ends(over.close);
+        self.commits_what_ends(over.cause);
         over
     }
 
@@ -115,11 +105,8 @@ impl Stand {
         gap
     }
 
-    fn commits_what_ends(&mut self, close: Close) {
-        let is_orderly = matches!(
-            close,
-            Close::Completed | Close::Interrupted | Close::Shutdown
-        );
+    fn commits_what_ends(&mut self, cause: ending::Cause) {
+        let is_orderly = matches!(cause.kind(), Kind::Completion | Kind::Operator);
         if is_orderly && self.sequence.is_some() {
             self.station.commit();
         }
@@ -141,7 +128,7 @@ impl Stand {
                 }
                 let mut wanted = || {
                     if desk.stop.load(Ordering::Acquire) {
-                        return Err(Over::told_to_stop());
+                        return Err(TestEnd::told_to_stop());
                     }
                     Ok(())
                 };
@@ -149,7 +136,7 @@ impl Stand {
                     .station
                     .begin_again(arm.first_sequence, &arm.disp, &mut wanted);
                 begun.map_err(|over| {
-                    if over == Over::told_to_stop() {
+                    if over == TestEnd::told_to_stop() {
                         self.told_to_stop()
                     } else {
                         over
@@ -168,7 +155,7 @@ impl Stand {
             }
             Control::Bye(bye) => return Err(Wrong::End(self.left(bye.cause, &bye.text))),
             other => {
-                return Err(Wrong::End(Over::failed(format_args!(
+                return Err(Wrong::End(TestEnd::failed(format_args!(
                     "the controller sent {}",
                     other.name()
                 ))));
@@ -179,28 +166,28 @@ impl Stand {
     }
 
     /// The controller hears why it is not armed again, and that this is the end.
-    fn refused(&mut self, refuse: Refuse) -> Over {
+    fn refused(&mut self, refuse: Refuse) -> TestEnd {
         let text = refuse.text.clone();
         if let Ok(message) = handshake::encode(&Control::Refuse(refuse)) {
             let written = self.encoder.control(&message, &mut self.out);
             // Who does not hear it sees the connection close.
             let _ = self.send(written);
         }
-        Over::failed(format_args!("refused: {text}"))
+        TestEnd::failed(format_args!("refused: {text}"))
     }
 
     /// The specimen across the other link is gone: the controller hears why, and that this is the end.
-    pub(super) fn lost_specimen(&mut self, trip: Trip) -> Over {
+    pub(super) fn lost_specimen(&mut self, trip: Trip) -> TestEnd {
         let text = self.station.whole(trip);
         self.say(Cause::Tripped, &text);
         self.say_goodbye(Cause::Tripped);
-        Over::failed(text)
+        TestEnd::failed(text)
     }
 
     /// Our own operator ends the test: the controller hears it.
-    pub(super) fn told_to_stop(&mut self) -> Over {
+    pub(super) fn told_to_stop(&mut self) -> TestEnd {
         self.say_goodbye(Cause::Shutdown);
-        Over::told_to_stop()
+        TestEnd::told_to_stop()
     }
 
     /// Last words for people.

@@ -21,7 +21,7 @@ use super::parted::Parted;
 use super::{Desk, Heard};
 use crate::link::Transport;
 use crate::link::inbox::Inbox;
-use crate::link::rig::{Over, Station, Trip};
+use crate::link::rig::{Station, TestEnd, Trip};
 use crate::substructure::{LinkFault, Measurement, Status};
 use crate::time::Nanos;
 use crate::wire::WireError;
@@ -153,7 +153,7 @@ impl Stand {
     /// The books of a session are closed; what there is to tell, and the line.
     pub(super) fn finish(
         mut self,
-        Over { close, mut text }: Over,
+        TestEnd { cause, mut text }: TestEnd,
         starts_anew: bool,
     ) -> (Heard, Line) {
         let unreachable = self.line.unreachable();
@@ -174,7 +174,7 @@ impl Stand {
             Some(trip) if self.station.whole(trip) == text => "the controller was informed",
             _ => &text,
         };
-        self.station.end(close, what_else);
+        self.station.end(cause, what_else);
         let ended = Heard::Ended {
             text,
             commands: self.commands,
@@ -187,7 +187,7 @@ impl Stand {
         (ended, self.line)
     }
 
-    fn course(&mut self, desk: &Desk) -> Over {
+    fn course(&mut self, desk: &Desk) -> TestEnd {
         loop {
             if desk.stop.load(Ordering::Acquire) {
                 return self.told_to_stop();
@@ -199,7 +199,7 @@ impl Stand {
     }
 
     /// Does everything that is due, and says how long there is to wait.
-    pub(super) fn turn(&mut self, desk: &Desk) -> Result<Nanos, Over> {
+    pub(super) fn turn(&mut self, desk: &Desk) -> Result<Nanos, TestEnd> {
         self.take_frames(desk)?;
         self.pass_on(desk)?;
         let now = self.line.now();
@@ -208,7 +208,7 @@ impl Stand {
     }
 
     /// Waits for bytes.
-    pub(super) fn listen(&mut self, until: Nanos) -> Result<(), Over> {
+    pub(super) fn listen(&mut self, until: Nanos) -> Result<(), TestEnd> {
         hear(&mut self.line, &mut self.inbox, self.peer, until).map(|_| ())
     }
 
@@ -219,7 +219,7 @@ impl Stand {
 
     /// Passes the newest command that is here on to a specimen across another link; those that it overtook count as
     /// missed.
-    fn pass_on(&mut self, desk: &Desk) -> Result<(), Over> {
+    fn pass_on(&mut self, desk: &Desk) -> Result<(), TestEnd> {
         if self.pending.is_none() {
             return Ok(());
         }
@@ -264,7 +264,7 @@ impl Stand {
     }
 
     /// Takes every whole frame that is here; over UDP what fails a check is counted and dropped.
-    fn take_frames(&mut self, desk: &Desk) -> Result<(), Over> {
+    fn take_frames(&mut self, desk: &Desk) -> Result<(), TestEnd> {
         loop {
             let outcome = match self.inbox.next() {
                 Ok(None) => return Ok(()),
@@ -279,7 +279,7 @@ impl Stand {
                         matches!(error, WireError::Replayed { .. } | WireError::TooOld { .. });
                     self.corrupt += u64::from(!overtaken);
                     if self.inbox.is_stream() {
-                        return Err(Over::failed(error));
+                        return Err(TestEnd::failed(error));
                     }
                 }
             }
@@ -348,8 +348,8 @@ impl Stand {
         Ok(())
     }
 
-    fn send(&mut self, written: Result<usize, WireError>) -> Result<(), Over> {
-        let length = written.map_err(Over::failed)?;
+    fn send(&mut self, written: Result<usize, WireError>) -> Result<(), TestEnd> {
+        let length = written.map_err(TestEnd::failed)?;
         let frame = self.out.get(..length).unwrap_or_default();
         let sent = self.line.send(frame);
         let is_stream = self.inbox.is_stream();
@@ -358,9 +358,9 @@ impl Stand {
 }
 
 /// Nothing was heard of the controller for so many ns.
-pub(super) fn gone_silent(peer: SocketAddr, silent_ns: u64) -> Over {
+pub(super) fn gone_silent(peer: SocketAddr, silent_ns: u64) -> TestEnd {
     let seconds = silent_ns / 1_000_000_000;
-    Over::vanished(format_args!("{peer} has been silent for {seconds} s"))
+    TestEnd::vanished(format_args!("{peer} has been silent for {seconds} s"))
 }
 
 /// Takes what comes from the controller until then; false if nothing does.
@@ -369,7 +369,7 @@ pub(super) fn hear(
     inbox: &mut Inbox,
     peer: SocketAddr,
     until: Nanos,
-) -> Result<bool, Over> {
+) -> Result<bool, TestEnd> {
     match line.recv(inbox.space(), until) {
         Ok(Some(count)) => {
             inbox.filled(count);
@@ -381,19 +381,19 @@ pub(super) fn hear(
 }
 
 /// Why nothing more comes from the controller.
-fn lost_controller(line: &Line, is_stream: bool, peer: SocketAddr, fault: LinkFault) -> Over {
+fn lost_controller(line: &Line, is_stream: bool, peer: SocketAddr, fault: LinkFault) -> TestEnd {
     match (line.tls_fault(), fault) {
-        _ if line.is_cut() => Over::vanished(format_args!(
+        _ if line.is_cut() => TestEnd::vanished(format_args!(
             "the connection to {peer} is cut: a fault that is played (closed)"
         )),
-        (Some(why), _) => Over::vanished(format_args!("{peer}: TLS: {why}")),
-        (None, LinkFault::Closed) if !is_stream => Over::vanished(format_args!(
+        (Some(why), _) => TestEnd::vanished(format_args!("{peer}: TLS: {why}")),
+        (None, LinkFault::Closed) if !is_stream => TestEnd::vanished(format_args!(
             "{peer} left without a goodbye: its port is closed"
         )),
-        (None, LinkFault::Closed) => Over::vanished(format_args!(
+        (None, LinkFault::Closed) => TestEnd::vanished(format_args!(
             "{peer} closed the connection without a goodbye"
         )),
-        (None, fault) => Over::vanished(fault),
+        (None, fault) => TestEnd::vanished(fault),
     }
 }
 

@@ -669,8 +669,7 @@ fn a_controller_that_leaves_without_a_retire_is_told_of_in_its_own_words() {
             encoder.control(&message.unwrap(), out).unwrap()
         });
         assert_eq!(bye, format!("the controller said goodbye{told}: lunch"));
-        let close = super::said_goodbye(cause.code(), "").close;
-        let is_failed = close == crate::link::rig::Close::Failed;
-        assert!(!is_failed, "{close:?}");
+        let over = super::said_goodbye(cause.code(), "");
+        assert_eq!(over.cause, cause.ending());
     }
 }

@@ -4,7 +4,7 @@
 
 use super::{Stand, gone_silent};
 use crate::link::Wait;
-use crate::link::rig::Over;
+use crate::link::rig::TestEnd;
 use crate::link::serve::{Desk, Heard};
 use crate::record::NoteLevel;
 use crate::substructure::Status;
@@ -47,7 +47,7 @@ impl Stand {
     }
 
     /// Everything that happens because time passes.
-    pub(super) fn keep_time(&mut self, now: Nanos, desk: &Desk) -> Result<(), Over> {
+    pub(super) fn keep_time(&mut self, now: Nanos, desk: &Desk) -> Result<(), TestEnd> {
         if self.sample_at.is_some_and(|at| now >= at) {
             self.answer(now)?;
         }
@@ -83,7 +83,7 @@ impl Stand {
         self.beat(now)
     }
 
-    fn beat(&mut self, now: Nanos) -> Result<(), Over> {
+    fn beat(&mut self, now: Nanos) -> Result<(), TestEnd> {
         let beat = Heartbeat {
             sequence: self.sequence.unwrap_or_default(),
             time: self.own_time(now),

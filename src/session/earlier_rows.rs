@@ -1,0 +1,80 @@
+//! Rows of recordings that earlier versions made, in the terms of the rows of today.
+//!
+//! Recordings of versions up to 0.2.0 have no column `operator`. The commands of the operator follow from `hold`, from `state` and
+//! from the row before. Nothing else in the program knows such rows.
+
+use super::tape::is_a_trip;
+use crate::catalog::phase::{GIVEN_UP, NOT_AWAITED, Phase};
+use crate::engine::OperatorCommands;
+use crate::record::{Column, Layout};
+
+/// Physical columns that recordings of earlier versions do not have.
+const NEWER: [&str; 2] = ["operator", "cause"];
+
+/// Whether a recording of an earlier version may lack this column.
+pub(super) fn may_be_absent(column: &Column) -> bool {
+    column.timing || NEWER.contains(&column.name.as_str())
+}
+
+/// A recording without the column `operator`, as far as it was read.
+pub(super) struct EarlierRows {
+    /// Places of `state` and `hold`.
+    state: usize,
+    hold: usize,
+    /// Steps of the test.
+    steps: u64,
+    /// Whether the operator wanted a hold in the row before.
+    holding: bool,
+}
+
+impl EarlierRows {
+    /// Of a recording with this layout; none of one that has the column.
+    pub fn of(layout: &Layout, steps: u64) -> Option<Self> {
+        let place = |name: &str| layout.index_of(name).unwrap_or(usize::MAX);
+        let is_earlier = layout.index_of("operator").is_none();
+        is_earlier.then(|| Self {
+            state: place("state"),
+            hold: place("hold"),
+            steps,
+            holding: false,
+        })
+    }
+
+    /// What the column `operator` of the next row would be. `before`: state and step of the row before it.
+    pub fn commands(&mut self, before: Option<(f64, f64)>, row: &[f64]) -> OperatorCommands {
+        let at = |place: usize| row.get(place).copied().unwrap_or(f64::NAN);
+        let (state, hold) = (at(self.state), at(self.hold));
+        let stop_if = |is_stop: bool| {
+            if is_stop {
+                OperatorCommands::STOP
+            } else {
+                OperatorCommands::default()
+            }
+        };
+        if state == GIVEN_UP {
+            return OperatorCommands::GIVE_UP;
+        }
+        let leaving = Phase::Leaving.code();
+        if state == leaving {
+            return stop_if(before.is_some_and(|(before, step)| {
+                let is_complete = before == Phase::Running.code() && step >= self.steps as f64;
+                !is_complete && before != leaving && !is_a_trip(before)
+            }));
+        }
+        if hold < 0.0 {
+            // The first tick of the shutdown tripped.
+            let was_leaving =
+                before.is_some_and(|(before, _)| before == leaving || before == NOT_AWAITED);
+            return stop_if(!was_leaving);
+        }
+        // 1 while a hold is wanted, plus 2 for `continue`, plus 4 for a confirmation.
+        let mut commands = OperatorCommands::of(hold);
+        let wanted = commands.has(OperatorCommands::HOLD);
+        let continued = commands.has(OperatorCommands::CONTINUE);
+        let was_wanted = std::mem::replace(&mut self.holding, wanted);
+        if was_wanted && !continued {
+            commands.remove(OperatorCommands::HOLD);
+        }
+        commands
+    }
+}
