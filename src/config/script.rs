@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::fault_rules::{ScriptError, check_script};
 use super::fault_script::Script;
-use super::{ConfigError, Finding, KeyPath, judge, open, read_text};
+use super::{ConfigError, Finding, KeyPath, Purpose, judge, open, read_text};
 use crate::catalog::phase::Phase;
 
 /// Reads the fault script at `path`.
@@ -20,7 +20,7 @@ pub fn load_script(path: &Path) -> Result<Script, ConfigError> {
 /// # Errors
 /// [`ConfigError::Invalid`] with everything that is wrong.
 pub fn parse_script(path: &Path, text: String) -> Result<Script, ConfigError> {
-    let opened = open(path, text, &[])?;
+    let opened = open(Purpose::Run, path, text, &[])?;
     let (script, findings) = judge::<Script>(&opened.root, check);
     match script {
         Some(script) if findings.is_empty() => Ok(script),

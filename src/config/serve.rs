@@ -8,8 +8,8 @@ use super::link_table::{Carrier, Offer};
 use super::safety::SafetyTable;
 use super::serve_table::{ServeFile, ServeTable};
 use super::{
-    ConfigError, Finding, KeyPath, Locator, Severity, SpecimenTable, check, judge, open, plain,
-    read_text,
+    ConfigError, Finding, KeyPath, Locator, Purpose, Severity, SpecimenTable, check, judge, open,
+    plain, read_text,
 };
 
 /// Longest silence in s after which a client counts as gone: a day.
@@ -119,7 +119,7 @@ impl ServedFile {
 /// [`ConfigError`]: the file cannot be read, or everything that is wrong with it.
 pub fn load_serve_file(path: &Path, name: Option<&str>) -> Result<ServedFile, ConfigError> {
     let text = read_text(path)?;
-    let opened = open(path, text.clone(), &[])?;
+    let opened = open(Purpose::Run, path, text.clone(), &[])?;
     let locator = opened.locator.clone();
     let refuse = |finding: Finding| locator.refusal(finding);
     let of_a_test = is_test(&opened.root);
@@ -136,8 +136,10 @@ pub fn load_serve_file(path: &Path, name: Option<&str>) -> Result<ServedFile, Co
         (file, vec![])
     } else {
         let (file, findings) = judge::<ServeFile>(&opened.root, check::check_served);
-        let (findings, told): (Vec<_>, Vec<_>) = findings
+        let (findings, told): (Vec<_>, Vec<_>) = opened
+            .notes
             .into_iter()
+            .chain(findings)
             .partition(|finding| finding.severity == Severity::Error);
         match file {
             Some(file) if findings.is_empty() => {
@@ -164,7 +166,8 @@ pub fn load_serve_file(path: &Path, name: Option<&str>) -> Result<ServedFile, Co
     if let Some(timing) = &file.timing
         && let Err(error) = timing.check()
     {
-        let at = KeyPath::root().key("timing").key(error.key());
+        let timing = KeyPath::root().key("timing");
+        let at = error.keys().iter().fold(timing, |at, key| at.key(key));
         return Err(refuse(Finding::error(at, error.to_string())));
     }
     for (name, value) in [

@@ -17,7 +17,6 @@ pub(super) fn remote_settings(link: &LinkSpec, axes: usize) -> Option<RemoteSett
     let usual = RemoteSettings::new(link.peer()?, carrier, link.address.clone(), axes);
     let mut greeting = usual.greeting;
     greeting.hello = more.udp_hello.unwrap_or(greeting.hello);
-    greeting.endian = more.udp_endian;
     Some(RemoteSettings {
         ctrl,
         daq,
