@@ -12,7 +12,7 @@ pub struct ScriptError {
     pub fault: Option<usize>,
     /// The key.
     pub key: &'static str,
-    /// What was found, and what is wanted.
+    /// The value found, and the values allowed.
     pub text: String,
 }
 
@@ -89,7 +89,7 @@ fn short(value: f64) -> String {
     }
 }
 
-/// Checks whether `script` can be played on a specimen of so many axes.
+/// Checks whether `script` can be played on a specimen with this number of axes.
 ///
 /// # Errors
 /// The first mistake.

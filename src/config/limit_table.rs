@@ -42,7 +42,7 @@ fn keys() -> impl Iterator<Item = &'static str> {
         .flatten()
 }
 
-/// What a key of the file sets.
+/// Meaning of a key of the file.
 enum Key {
     Limit(&'static Row),
     Setting(Limit),
@@ -210,7 +210,7 @@ impl LimitsSpec {
         }
     }
 
-    /// The same with these levels of a limit.
+    /// The table with these levels of a limit.
     #[must_use]
     pub fn with(mut self, limit: Limit, levels: impl Into<RangeSpec>) -> Self {
         self.set(limit, Some(levels.into()));

@@ -191,8 +191,8 @@ impl LinkSpec {
         ))
     }
 
-    /// True if the specimen reports its position before the first command; none for the protocol of Gusset, in which a server says so
-    /// itself.
+    /// True if the specimen reports its position before the first command; none for the protocol of Gusset, in
+    /// which the server reports it.
     #[must_use]
     pub fn reports_position(&self, axes: usize) -> Option<bool> {
         let (_, answer) = self.signals(axes)?;

@@ -2,7 +2,7 @@
 
 use super::document::KeyPath;
 
-/// A mistake in the shape of the file: what the schema wants and what stands there.
+/// A mistake in the shape of the file: the schema wants one thing, and the file has another.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Mistake {
     /// Where.
@@ -40,7 +40,7 @@ pub(crate) enum Kind {
         wanted: String,
         hint: Option<String>,
     },
-    /// What a type's own reader says.
+    /// Message of the reader of a type.
     Other(String),
     /// Follows from a mistake that is already noted.
     Consequence,

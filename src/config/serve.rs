@@ -22,7 +22,7 @@ pub struct ServedFile {
     pub text: String,
     /// The settings, with the one specimen that is served.
     pub file: ServeFile,
-    /// True if it is a test file, whose `rows` and gear belong to the controller.
+    /// True if it is a test file, whose `rows` and scales belong to the controller.
     pub is_test: bool,
     /// The file has other specimens, too.
     pub among_others: bool,

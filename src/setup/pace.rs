@@ -66,7 +66,7 @@ pub(super) fn limits(file: &TestFile, time: Time) -> Limits {
     }
 }
 
-/// What a `[timing]` table asks of the operating system, for ticks of `period_ns`.
+/// Requests of a `[timing]` table to the operating system, for ticks of `period_ns`.
 #[must_use]
 pub fn rt_plan(spec: &TimingSpec, period_ns: u64) -> RtPlan {
     RtPlan {

@@ -35,7 +35,7 @@ impl Peer {
             // Its displacements, velocities, accelerations and times are always zero.
             Self::Element => (Counts::new(n, n, n, 0, 1), Counts::new(0, 0, 0, n, 0)),
             Self::Site => (Counts::new(n, n, n, 0, 1), Counts::new(n, n, n, n, 1)),
-            // What a bank of uniaxial materials insists on.
+            // A bank of uniaxial materials accepts no other numbers.
             Self::Actor => (Counts::new(n, n, 0, 0, 0), Counts::new(n, n, 0, n, 0)),
             Self::Adapter => (Counts::new(n, 0, 0, 0, 0), Counts::new(n, 0, 0, n, 0)),
         }
