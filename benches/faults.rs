@@ -14,10 +14,10 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 use gusset::config;
-use gusset::control::limits::LimitsSpec;
+use gusset::config::LimitsSpec;
+use gusset::config::fault_script::Script;
 use gusset::engine::{Control, Ending, Engine};
 use gusset::law::LawSpec;
-use gusset::link::fault::Script;
 use gusset::link::serve::{Host, Simulated};
 use gusset::link::{NativeSetup, Transport};
 use gusset::record::{Event, FolderImage, Recorder};

@@ -14,12 +14,13 @@ use std::net::{TcpListener, TcpStream, UdpSocket};
 use std::sync::OnceLock;
 use std::time::Duration;
 
+use gusset::config::Carrier;
 use gusset::law::{LawSpec, LinearSpec};
 use gusset::link::native::unlimited_axis;
 use gusset::link::secret::read_key;
 use gusset::link::serve::{Host, ServeOptions, Server};
 use gusset::link::{
-    Carrier, NativeLink, NativeSetup, SocketOptions, TcpTransport, Transport, UdpTransport, Wait,
+    NativeLink, NativeSetup, SocketOptions, TcpTransport, Transport, UdpTransport, Wait,
 };
 
 use gusset::record::writer::{Clocks, Writer, WriterSettings};

@@ -7,14 +7,14 @@ use std::net::{TcpListener, UdpSocket};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use gusset::link::openfresco::{
-    Door, Host, Nature, Peer, Remote, RemoteSettings, Role, ServeSettings, serve_openfresco,
+    Door, Host, Nature, Remote, RemoteSettings, Role, ServeSettings, serve_openfresco,
 };
 use gusset::link::{SocketOptions, TcpTransport, Transport, UdpTransport};
 use gusset::rt::os::{monotonic_ns, pin_to, process_cpus};
 use gusset::specimen::SpecimenLaw;
 use gusset::substructure::{Command, Measurement, Retirement, Substructure};
 use gusset::time::Nanos;
-use gusset::wire::openfresco::Carrier;
+use gusset::wire::openfresco::{Carrier, Peer};
 
 const STEPS: u64 = 20_000;
 const FAR: Nanos = Nanos(u64::MAX);

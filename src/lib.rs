@@ -37,8 +37,8 @@
 //! | [`wire`] | codecs: our own frames and handshake, OpenFresco's dialects; bytes in, values out |
 //! | [`rt`] | what is asked of the operating system; the real clock; timing histograms |
 //! | [`catalog`] | the names of limits, events, phases and columns, one table each |
-//! | [`config`] | the test file: schema, reading, diagnostics |
-//! | [`setup`] | from a test file to an experiment |
+//! | [`config`] | the files that a user writes: schema, reading, checks, diagnostics; knows no engine |
+//! | [`setup`] | from a file to an experiment, or to the specimen of a server |
 //! | [`metrics`] | numbers read off recorded histories |
 //! | [`report`] | the page a run leaves behind |
 //! | [`monitor`] | a running test as people look at it: live page, terminal, Prometheus |

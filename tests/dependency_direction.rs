@@ -51,6 +51,8 @@ const ALLOWED: &[(&str, &[&str])] = &[
         "control",
         &[
             "compensation",
+            // The levels of the limits.
+            "config",
             "geometry",
             // Tables of critical delays.
             "stability",
@@ -71,6 +73,8 @@ const ALLOWED: &[(&str, &[&str])] = &[
     (
         "link",
         &[
+            // Fault scripts, and names of protocols and transports.
+            "config",
             "control",
             "record",
             "rt",
@@ -88,6 +92,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
         "report",
         &[
             "assets",
+            "config",
             "metrics",
             "record",
             "stability",
@@ -100,6 +105,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
         "monitor",
         &[
             "assets",
+            "config",
             "control",
             "engine",
             "integrate",
@@ -151,25 +157,17 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "verify",
         ],
     ),
-    // The file's own words. Its edges to `control`, `engine`, `link`, `rt` and `setup` are to go.
+    // The schema of a file: it knows no engine, and a view may use it.
     (
         "config",
         &[
             "compensation",
-            "control",
-            "engine",
             "finding",
             "geometry",
-            "integrate",
             "law",
-            "linalg",
-            "link",
             "model",
             "motion",
-            "setup",
             "specimen",
-            "spectral",
-            "substructure",
             "text",
             "time",
             "transfer",

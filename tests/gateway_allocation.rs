@@ -1,12 +1,12 @@
 //! What a server does for an exchange allocates nothing: limits, formula, log.
 
 use gusset::catalog::ending::Cause;
-use gusset::control::AxisUnits;
-use gusset::control::limits::LimitsSpec;
+use gusset::config::LimitsSpec;
 use gusset::link::rig::{Law, LogSettings, Station, Visitor};
 use gusset::record::Run;
 use gusset::specimen::SpecimenLaw;
 use gusset::substructure::{Command, Measurement};
+use gusset::units::AxisUnits;
 
 #[test]
 fn an_exchange_with_its_limits_and_its_row_allocates_nothing() {

@@ -3,7 +3,7 @@
 mod link_common;
 
 use gusset::catalog::limit::Limit;
-use gusset::config::{self, load_served};
+use gusset::config;
 use gusset::setup;
 use link_common::{gateway, linked, write};
 
@@ -12,7 +12,7 @@ const KNOWN: &str = "stiffness_n_per_m = 4e5\n";
 fn served(text: &str) -> Result<(), String> {
     let folder = tempfile::tempdir().unwrap();
     let path = write(folder.path(), "serve.toml", text);
-    load_served(&path, None)
+    setup::load_served(&path, None)
         .map(|_| ())
         .map_err(|error| error.to_string())
 }

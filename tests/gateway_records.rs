@@ -6,13 +6,13 @@ mod link_common;
 use std::path::Path;
 
 use gusset::catalog::ending::Cause;
-use gusset::control::AxisUnits;
-use gusset::control::limits::LimitsSpec;
+use gusset::config::LimitsSpec;
 use gusset::link::rig::{Law, LogSettings, Station, Visitor};
 use gusset::record::Run;
 use gusset::record::summary::Status;
 use gusset::specimen::SpecimenLaw;
 use gusset::substructure::{Command, Measurement};
+use gusset::units::AxisUnits;
 use link_common::{
     COMPUTED, ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, UNLIMITED, finish, gateway,
     gusset, run, summary, test_file,

@@ -5,10 +5,11 @@ use std::net::SocketAddr;
 use std::sync::mpsc;
 use std::time::Duration;
 
+use gusset::config::Carrier;
 use gusset::law::{LawSpec, LinearSpec};
 use gusset::link::native::unlimited_axis;
 use gusset::link::serve::{Host, ServeOptions, Server};
-use gusset::link::{Carrier, NativeLink, NativeSetup, SocketOptions};
+use gusset::link::{NativeLink, NativeSetup, SocketOptions};
 use gusset::rt::os::monotonic_ns;
 use gusset::specimen::SpecimenLaw;
 use gusset::substructure::{Command, Coupling, Freshness, Measurement, Retirement, Substructure};

@@ -6,8 +6,7 @@ use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::Stdio;
 
-use gusset::config::{self, load_served};
-use gusset::link::spec::Offer;
+use gusset::config::{self, Offer};
 use gusset::setup;
 use link_common::{ONE_AXIS, ONE_AXIS_LAW, linked, test_file, write};
 
@@ -248,7 +247,7 @@ fn a_hardening_bound_enters_the_proof_of_stability() {
 fn served(text: &str, name: Option<&str>) -> Result<(), String> {
     let folder = tempfile::tempdir().unwrap();
     let path = write(folder.path(), "serve.toml", text);
-    load_served(&path, name)
+    setup::load_served(&path, name)
         .map(|_| ())
         .map_err(|error| error.to_string())
 }
@@ -289,9 +288,9 @@ fn a_file_of_specimens_or_a_test_can_be_served() {
     );
     let folder = tempfile::tempdir().unwrap();
     let path = write(folder.path(), "serve.toml", &inches);
-    let served = load_served(&path, None).unwrap();
-    assert!(served.check_protocol(Offer::OpenFresco).is_ok());
-    let refused = served.check_protocol(Offer::Gusset).unwrap_err();
+    let served = setup::load_served(&path, None).unwrap();
+    assert!(served.source.check_protocol(Offer::OpenFresco).is_ok());
+    let refused = served.source.check_protocol(Offer::Gusset).unwrap_err();
     shows(&refused.to_string(), "`unit_force`");
 }
 
@@ -301,7 +300,7 @@ fn a_storey_of_a_served_specimen_leads_to_rows() {
     let folder = tempfile::tempdir().unwrap();
     let text = format!("[[specimen]]\nname = \"column\"\nstorey = 1\n{ONE_AXIS_LAW}");
     let path = write(folder.path(), "served.toml", &text);
-    let found = load_served(&path, None).unwrap_err().to_string();
+    let found = setup::load_served(&path, None).unwrap_err().to_string();
     shows(&found, "`storey` refers to a structure");
     shows(&found, "`rows`");
     assert!(!found.contains("is prescribed"), "{found}");

@@ -8,12 +8,10 @@ use std::io::{Read, Write};
 use std::net::{TcpStream, UdpSocket};
 use std::time::Duration;
 
-use gusset::link::openfresco::{
-    Door, End, Nature, Peer, Remote, RemoteSettings, Role, ServeSettings,
-};
+use gusset::link::openfresco::{Door, End, Nature, Remote, RemoteSettings, Role, ServeSettings};
 use gusset::substructure::{Command, Measurement, Retirement, Substructure};
 use gusset::time::Nanos;
-use gusset::wire::openfresco::{Action, Carrier, Counts, Sizes, UdpGreeting, write_action};
+use gusset::wire::openfresco::{Action, Carrier, Counts, Peer, Sizes, UdpGreeting, write_action};
 use openfresco_ends::{LONG, Server, drive, in_process, path, settings};
 
 #[test]

@@ -8,13 +8,13 @@ use std::io::{Read, Write};
 use std::net::{TcpStream, UdpSocket};
 
 use gusset::link::openfresco::{
-    Door, End, ExchangeFault, Host, HostFault, Nature, News, Peer, Remote, RemoteSettings, Role,
+    Door, End, ExchangeFault, Host, HostFault, Nature, News, Remote, RemoteSettings, Role,
     ServeSettings, serve_openfresco,
 };
 use gusset::specimen::SpecimenLaw;
 use gusset::substructure::{Command, LinkFault, Measurement, Retirement, Substructure};
 use gusset::time::Nanos;
-use gusset::wire::openfresco::{Action, Carrier, Counts, Sizes, write_action};
+use gusset::wire::openfresco::{Action, Carrier, Counts, Peer, Sizes, write_action};
 use openfresco_ends::{LONG, Server, drive, in_process, path, settings};
 
 #[test]

@@ -6,12 +6,12 @@ mod link_common;
 use std::sync::mpsc::channel;
 use std::sync::{Arc, Mutex};
 
-use gusset::link::openfresco::{Peer, Remote, RemoteSettings};
+use gusset::link::openfresco::{Remote, RemoteSettings};
 use gusset::record::Run;
 use gusset::substructure::{Command, Measurement, Retirement, Substructure};
 use gusset::time::Nanos;
 use gusset::wire::handshake::{Capabilities, Welcome};
-use gusset::wire::openfresco::Carrier;
+use gusset::wire::openfresco::{Carrier, Peer};
 use link_common::{
     Fake, ONE_AXIS_LAW, Served, adapter, element, finish, gateway, gusset, linked, run, summary,
 };

@@ -5,11 +5,11 @@ mod opensees;
 
 use std::net::{TcpListener, UdpSocket};
 
-use gusset::link::openfresco as of;
 use gusset::link::openfresco::{Remote, RemoteSettings};
 use gusset::specimen::{InProcess, SpecimenLaw};
 use gusset::substructure::{Command, LinkFault, Measurement, Retirement, Substructure};
 use gusset::time::Nanos;
+use gusset::wire::openfresco as of;
 use gusset::wire::openfresco::Carrier;
 use opensees::{Peer, python};
 

@@ -7,22 +7,32 @@ use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
 
+use gusset::config::{ServeTlsSpec, TlsSpec};
 use gusset::link::openfresco::{
-    Door, End, Nature, News, Peer, Remote, RemoteSettings, Role, ServeSettings,
+    Door, End, Nature, News, Remote, RemoteSettings, Role, ServeSettings,
 };
-use gusset::link::tls::{ServeTlsSpec, TlsClient, TlsFault, TlsServer, TlsSpec};
+use gusset::link::tls::{TlsClient, TlsFault, TlsFiles, TlsServer};
 use gusset::substructure::{Command, Measurement, Retirement, Substructure};
 use gusset::time::Nanos;
-use gusset::wire::openfresco::Carrier;
+use gusset::wire::openfresco::{Carrier, Peer};
 use openfresco_ends::{Server, drive, in_process, settings};
 use tls_common::{Authority, EXPIRED, LOCAL, VALID};
 
 fn client(folder: &Path) -> TlsClient {
-    TlsClient::new(&TlsSpec::default().files(folder), None, true).unwrap()
+    TlsClient::new(
+        &TlsFiles::of_client(&TlsSpec::default(), folder),
+        None,
+        true,
+    )
+    .unwrap()
 }
 
 fn server(folder: &Path, required: bool) -> Server {
-    let tls = TlsServer::new(&ServeTlsSpec::default().files(folder), required).unwrap();
+    let tls = TlsServer::new(
+        &TlsFiles::of_server(&ServeTlsSpec::default(), folder),
+        required,
+    )
+    .unwrap();
     let door = Door::bind_tls("127.0.0.1:0", None, tls).unwrap();
     let limits = ServeSettings {
         setup_limit_s: 0.5,
@@ -154,7 +164,7 @@ fn beyond_loopback_certificates_must_be_required_or_one_machine_named() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     tls_common::make(folder);
-    let files = ServeTlsSpec::default().files(folder);
+    let files = TlsFiles::of_server(&ServeTlsSpec::default(), folder);
     let lenient = || TlsServer::new(&files, false).unwrap();
     let refused = Door::bind_tls("0.0.0.0:0", None, lenient()).unwrap_err();
     assert!(

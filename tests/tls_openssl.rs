@@ -9,13 +9,12 @@ use std::net::TcpListener;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
-use gusset::link::openfresco::{
-    Door, End, Nature, Peer, Remote, RemoteSettings, Role, ServeSettings,
-};
-use gusset::link::tls::{ServeTlsSpec, TlsClient, TlsServer, TlsSpec};
+use gusset::config::{ServeTlsSpec, TlsSpec};
+use gusset::link::openfresco::{Door, End, Nature, Remote, RemoteSettings, Role, ServeSettings};
+use gusset::link::tls::{TlsClient, TlsFiles, TlsServer};
 use gusset::substructure::{Command as Move, Measurement, Retirement, Substructure};
 use gusset::time::Nanos;
-use gusset::wire::openfresco::{Action, Carrier, Counts, Reading, Sizes, write_action};
+use gusset::wire::openfresco::{Action, Carrier, Counts, Peer, Reading, Sizes, write_action};
 use link_common::{ONE_AXIS, ONE_AXIS_LAW, Served, linked, run, test_file};
 use openfresco_ends::{Server, in_process, path, settings};
 
@@ -126,7 +125,7 @@ fn double(bytes: &[u8], index: usize) -> f64 {
 fn an_openssl_client_of_either_version_with_and_without_a_certificate_is_served() {
     let Some(folder) = made() else { return };
     let folder = folder.path();
-    let files = ServeTlsSpec::default().files(folder);
+    let files = TlsFiles::of_server(&ServeTlsSpec::default(), folder);
     let tls = TlsServer::new(&files, false).unwrap();
     let door = Door::bind_tls("127.0.0.1:0", None, tls).unwrap();
     let limits = ServeSettings::new(Role::Application, Some(30.0));
@@ -158,7 +157,12 @@ fn an_openssl_client_of_either_version_with_and_without_a_certificate_is_served(
 fn an_openssl_server_that_verifies_our_certificate_is_commanded() {
     let Some(folder) = made() else { return };
     let folder = folder.path();
-    let client = TlsClient::new(&TlsSpec::default().files(folder), None, true).unwrap();
+    let client = TlsClient::new(
+        &TlsFiles::of_client(&TlsSpec::default(), folder),
+        None,
+        true,
+    )
+    .unwrap();
     for version in ["-tls1_2", "-tls1_3"] {
         let port = TcpListener::bind("127.0.0.1:0")
             .unwrap()

@@ -4,12 +4,11 @@ mod link_common;
 mod openfresco_ends;
 mod tls_common;
 
-use gusset::link::openfresco::{
-    Door, End, Nature, Peer, Remote, RemoteSettings, Role, ServeSettings,
-};
-use gusset::link::tls::{ServeTlsSpec, TlsClient, TlsServer, TlsSpec};
+use gusset::config::{ServeTlsSpec, TlsSpec};
+use gusset::link::openfresco::{Door, End, Nature, Remote, RemoteSettings, Role, ServeSettings};
+use gusset::link::tls::{TlsClient, TlsFiles, TlsServer};
 use gusset::substructure::{Retirement, Substructure};
-use gusset::wire::openfresco::Carrier;
+use gusset::wire::openfresco::{Carrier, Peer};
 use link_common::{
     ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, columns, gateway, linked, run, summary,
     test_file,
@@ -93,8 +92,13 @@ fn every_dialect_of_which_both_ends_are_ours_is_the_same_over_tls() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     tls_common::make(folder);
-    let client = TlsClient::new(&TlsSpec::default().files(folder), None, true).unwrap();
-    let files = ServeTlsSpec::default().files(folder);
+    let client = TlsClient::new(
+        &TlsFiles::of_client(&TlsSpec::default(), folder),
+        None,
+        true,
+    )
+    .unwrap();
+    let files = TlsFiles::of_server(&ServeTlsSpec::default(), folder);
     for required in [true, false] {
         let tls = TlsServer::new(&files, required).unwrap();
         for (role, peer) in [

@@ -7,11 +7,12 @@ use std::net::SocketAddr;
 use std::sync::Mutex;
 use std::time::Duration;
 
+use gusset::config::{Carrier, ServeTlsSpec, TlsSpec};
 use gusset::law::{LawSpec, LinearSpec};
 use gusset::link::native::unlimited_axis;
 use gusset::link::serve::{Host, ServeError, ServeOptions, Server};
-use gusset::link::tls::{ServeTlsSpec, TlsClient, TlsServer, TlsSpec};
-use gusset::link::{Carrier, NativeLink, NativeSetup, SocketOptions, Transport, Wait};
+use gusset::link::tls::{TlsClient, TlsFiles, TlsServer};
+use gusset::link::{NativeLink, NativeSetup, SocketOptions, Transport, Wait};
 use gusset::rt::os::monotonic_ns;
 use gusset::specimen::SpecimenLaw;
 use gusset::substructure::{
@@ -55,8 +56,14 @@ impl Ends {
         let folder = folder.path();
         tls_common::make(folder);
         Self {
-            client: TlsClient::new(&TlsSpec::default().files(folder), None, true).unwrap(),
-            server: TlsServer::new(&ServeTlsSpec::default().files(folder), true).unwrap(),
+            client: TlsClient::new(
+                &TlsFiles::of_client(&TlsSpec::default(), folder),
+                None,
+                true,
+            )
+            .unwrap(),
+            server: TlsServer::new(&TlsFiles::of_server(&ServeTlsSpec::default(), folder), true)
+                .unwrap(),
         }
     }
 

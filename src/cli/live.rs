@@ -12,12 +12,11 @@ use super::args::RunArgs;
 use super::exit::{Exit, WithExit};
 #[cfg(feature = "monitor")]
 use super::tell;
-use crate::config::ClockChoice;
+use crate::config::{Carrier, ClockChoice};
 #[cfg(feature = "monitor")]
 use crate::engine::Operator;
 use crate::engine::PhaseCell;
 #[cfg(feature = "monitor")]
-use crate::link::spec::Carrier;
 #[cfg(feature = "monitor")]
 use crate::monitor::Ended;
 #[cfg(feature = "monitor")]

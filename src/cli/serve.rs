@@ -14,15 +14,15 @@ use super::control::latched;
 use super::exit::{Exit, WithExit};
 use super::run::refused;
 use super::{answer, serve_openfresco, serve_tls, tell};
-use crate::config::{self, Finding, KeyPath, Locator, Served};
-use crate::link::openfresco::{Role, SignalOrderSpec};
+use crate::config::{
+    self, Carrier, ClientCertificate, Finding, KeyPath, Locator, Offer, SignalOrderSpec,
+};
+use crate::link::openfresco::Role;
 use crate::link::rig::LogSettings;
 use crate::link::secret::read_key;
 use crate::link::serve::{Heard, Host, ServeError, ServeOptions, Server, USUAL_LISTEN};
-use crate::link::spec::{Carrier, Offer};
-use crate::link::tls::ClientCertificate;
 use crate::session::{Judged, Signal, Taken};
-use crate::setup::{self, rt_plan};
+use crate::setup::{self, Served, load_served, openfresco_role, rt_plan};
 use anyhow::Context;
 
 /// The budget of the data thread's busy loop is judged for this period; the true one is the controller's.
@@ -30,8 +30,8 @@ const USUAL_PERIOD_NS: u64 = 1_000_000;
 
 /// Hosts one specimen until a signal ends it.
 pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
-    let mut served = config::load_served(&args.file, args.specimen.as_deref()).map_err(refused)?;
-    for warning in &served.warnings {
+    let mut served = load_served(&args.file, args.specimen.as_deref()).map_err(refused)?;
+    for warning in &served.source.warnings {
         tell(format_args!("warning: {warning}"));
     }
     anyhow::ensure!(
@@ -45,9 +45,9 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
         Some(ProtocolArg::OpenfrescoActor) => Offer::OpenFrescoActor,
         Some(ProtocolArg::OpenfrescoController) => Offer::OpenFrescoController,
         Some(ProtocolArg::OpenfrescoSimulink) => Offer::OpenFrescoSimulink,
-        None => served.serve.protocol.unwrap_or_default(),
+        None => served.source.file.serve.protocol.unwrap_or_default(),
     };
-    served.check_protocol(protocol).map_err(refused)?;
+    served.source.check_protocol(protocol).map_err(refused)?;
     if protocol == Offer::Gusset && args.client.is_some() {
         let text = "--client is for OpenFresco's protocols; our own knows a key (--key) and certificates (--transport tls)";
         return Err(WithExit(Exit::Usage, text.to_owned()).into());
@@ -57,7 +57,7 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
         Some(TransportArg::Tcp) => Carrier::Tcp,
         Some(TransportArg::Udp) => Carrier::Udp,
         Some(TransportArg::Tls) => Carrier::Tls,
-        None => served.serve.transport.unwrap_or_default(),
+        None => served.source.file.serve.transport.unwrap_or_default(),
     };
     let listen = listen_address(args, &served, protocol, carrier)?;
     let mut inputs = Vec::new();
@@ -67,20 +67,20 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
         served.host = play(path, text, served.host, protocol)?;
     }
     if let Some(root) = &args.out {
-        served.file.serve.protocol = Some(protocol);
-        served.file.serve.transport = Some(carrier);
-        served.file.serve.listen = args.listen.clone().or(served.file.serve.listen);
+        served.source.file.serve.protocol = Some(protocol);
+        served.source.file.serve.transport = Some(carrier);
+        served.source.file.serve.listen = args.listen.clone().or(served.source.file.serve.listen);
         if let (true, Some(specimen)) = (
-            served.file.title.trim().is_empty(),
-            served.file.specimen.first(),
+            served.source.file.title.trim().is_empty(),
+            served.source.file.specimen.first(),
         ) {
-            served.file.title.clone_from(&specimen.name);
+            served.source.file.title.clone_from(&specimen.name);
         }
-        let record = served.file.record.clone().unwrap_or_default();
+        let record = served.source.file.record.clone().unwrap_or_default();
         served.host = served.host.recorded(LogSettings {
             root: root.clone(),
-            file: served.text.clone().into_bytes(),
-            resolved: toml::to_string(&served.file)
+            file: served.source.text.clone().into_bytes(),
+            resolved: toml::to_string(&served.source.file)
                 .context("the configuration cannot be written")?,
             inputs,
             queue_s: record.queue_s,
@@ -90,13 +90,13 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
         std::fs::create_dir_all(root)
             .map_err(|error| WithExit(Exit::Usage, format!("{}: {error}", root.display())))?;
     }
-    let openfresco = protocol.openfresco();
-    let physical =
-        served.host.is_gateway() || (openfresco.is_some() && served.serve.openfresco.physical);
-    let specimen = served.file.specimen.first();
-    let among = specimen.filter(|_| served.among_others);
+    let openfresco = openfresco_role(protocol);
+    let physical = served.host.is_gateway()
+        || (openfresco.is_some() && served.source.file.serve.openfresco.physical);
+    let specimen = served.source.file.specimen.first();
+    let among = specimen.filter(|_| served.source.among_others);
     let name = among.map(|specimen| specimen.name.as_str());
-    if served.of_a_test && served.host.is_gateway() {
+    if served.source.is_test && served.host.is_gateway() {
         judge(&args.file)?;
     }
     let (host, _control) = latched(served.host, args, name, physical)?;
@@ -104,10 +104,10 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
     if let Some((role, _)) = openfresco {
         return serve_openfresco::serve(args, &served, role, &listen, carrier);
     }
-    if served.serve.tls.client_certificate == Some(ClientCertificate::Optional) {
+    if served.source.file.serve.tls.client_certificate == Some(ClientCertificate::Optional) {
         let text = "client_certificate = \"optional\" is for OpenFresco's protocols only; ours requires one";
         let key = ["tls", "client_certificate"];
-        return Err(misasked(&served.locator, None, &key, &text));
+        return Err(misasked(&served.source.locator, None, &key, &text));
     }
     let tls = serve_tls::tls(args, &served, carrier, false)?;
     for text in served.host.first_command(false) {
@@ -121,6 +121,8 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
             None => served.key,
         },
         plan: served
+            .source
+            .file
             .timing
             .map(|timing| rt_plan(&timing, USUAL_PERIOD_NS)),
         spin_ns: (args.spin * 1e3) as u64,
@@ -133,7 +135,7 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
         ServeError::Start(_) => anyhow::Error::new(error),
         other => {
             let flag = args.listen.as_ref().map(|_| "--listen");
-            misasked(&served.locator, flag, &["listen"], &other)
+            misasked(&served.source.locator, flag, &["listen"], &other)
         }
     })?;
     let address = server.local_addr();
@@ -166,15 +168,14 @@ fn judge(file: &Path) -> anyhow::Result<()> {
 /// only one.
 fn take_signal_order(args: &ServeArgs, served: &mut Served, protocol: Offer) -> anyhow::Result<()> {
     let flag = args.signal_order.map(|_| "--signal-order");
-    let key = &mut served.serve.openfresco.signal_order;
+    let key = &mut served.source.file.serve.openfresco.signal_order;
     if let Some(order) = args.signal_order {
         *key = Some(match order {
             SignalOrderArg::ByAxis => SignalOrderSpec::ByAxis,
             SignalOrderArg::ByQuantity => SignalOrderSpec::ByQuantity,
         });
-        served.file.serve.openfresco.signal_order = *key;
     }
-    let role = protocol.openfresco().map(|(role, _)| role);
+    let role = openfresco_role(protocol).map(|(role, _)| role);
     let has_effect = role == Some(Role::Simulink);
     // The file may offer several protocols; only of OpenFresco's it must not promise another order than the one that holds.
     if has_effect || key.is_none() || (role.is_none() && flag.is_none()) {
@@ -183,7 +184,7 @@ fn take_signal_order(args: &ServeArgs, served: &mut Served, protocol: Offer) -> 
     let text = "`signal_order` is for openfresco-simulink only: clients of all other protocols send all displacements first, \
                 then all velocities; leave it out, or serve --protocol openfresco-simulink";
     let key = ["openfresco", "signal_order"];
-    Err(misasked(&served.locator, flag, &key, &text))
+    Err(misasked(&served.source.locator, flag, &key, &text))
 }
 
 /// The host with the faults of the script at `path`, whose text this is.
@@ -239,14 +240,18 @@ fn listen_address(
     protocol: Offer,
     carrier: Carrier,
 ) -> anyhow::Result<String> {
-    let given = args.listen.as_ref().or(served.serve.listen.as_ref());
-    let listen = match (given, protocol.openfresco()) {
+    let given = args
+        .listen
+        .as_ref()
+        .or(served.source.file.serve.listen.as_ref());
+    let listen = match (given, openfresco_role(protocol)) {
         (Some(given), _) => given.clone(),
         (None, Some((_, port))) => format!("127.0.0.1:{port}"),
         (None, None) => USUAL_LISTEN.to_owned(),
     };
     let flag = args.listen.as_ref().map(|_| "--listen");
     served
+        .source
         .check_listen(&listen, carrier, flag)
         .map_err(refused)?;
     Ok(listen)

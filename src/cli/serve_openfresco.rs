@@ -8,15 +8,14 @@ use super::exit::{Exit, WithExit};
 use super::serve::{misasked, say_ready};
 use super::serve_tls;
 use super::tell;
-use crate::config::Served;
+use crate::config::Carrier;
 use crate::link::openfresco::{
     Door, DoorError, Host, Nature, News, Role, ServeSettings, serve_openfresco,
 };
 use crate::link::socket::{resolve, resolve_host};
-use crate::link::spec::Carrier;
 use crate::rt;
 use crate::session::{Signal, Signals, missing};
-use crate::setup::rt_plan;
+use crate::setup::{Served, rt_plan};
 use crate::wire::openfresco::Carrier as Bytes;
 
 /// The budget of a busy loop is judged for this period; a client has none.
@@ -34,9 +33,9 @@ pub fn serve(
         let text =
             "OpenFresco's protocols know no key; name the machine that may command with --client";
         let flag = args.key.as_ref().map(|_| "--key");
-        return Err(misasked(&served.locator, flag, &["key_file"], &text));
+        return Err(misasked(&served.source.locator, flag, &["key_file"], &text));
     }
-    let wishes = &served.serve.openfresco;
+    let wishes = &served.source.file.serve.openfresco;
     let nature = if wishes.physical {
         Nature::Physical
     } else {
@@ -68,13 +67,18 @@ pub fn serve(
     let clients = match args.client.as_ref().or(wishes.client.as_ref()) {
         Some(host) => resolve_host(host).map_err(|error| {
             let flag = args.client.as_ref().map(|_| "--client");
-            misasked(&served.locator, flag, &["openfresco", "client"], &error)
+            misasked(
+                &served.source.locator,
+                flag,
+                &["openfresco", "client"],
+                &error,
+            )
         })?,
         None => Vec::new(),
     };
     let unheard = |error: DoorError| {
         let flag = args.listen.as_ref().map(|_| "--listen");
-        misasked(&served.locator, flag, &["listen"], &error)
+        misasked(&served.source.locator, flag, &["listen"], &error)
     };
     if let Some(text) = order_note(&settings, host.axes()) {
         tell(format_args!("note: {text}"));
@@ -91,7 +95,7 @@ pub fn serve(
     .map_err(unheard)?;
     let signals = Signals::listen().context("signals cannot be taken over")?;
     let requests = signals.requests();
-    if let Some(timing) = &served.timing {
+    if let Some(timing) = &served.source.file.timing {
         let granted = rt::apply(&rt_plan(timing, USUAL_PERIOD_NS));
         host.keep_log_away_from(granted.cpu);
         let missing = missing(&granted);

@@ -6,9 +6,9 @@ use super::args::{ServeArgs, TlsArgs};
 use super::exit::{Exit, WithExit};
 use super::serve::misasked;
 use super::tell;
-use crate::config::Served;
-use crate::link::spec::Carrier;
-use crate::link::tls::{ClientCertificate, TlsServer};
+use crate::config::{Carrier, ClientCertificate};
+use crate::link::tls::{TlsFiles, TlsServer};
+use crate::setup::Served;
 
 /// Who we are and who may command; none without TLS. `open`: the protocol lets everybody in unless told otherwise, as
 /// OpenFresco's do, and nobody else can reach the port or one machine is named.
@@ -35,8 +35,8 @@ pub(super) fn tls(
         }
         return Ok(None);
     }
-    let spec = &served.serve.tls;
-    let mut files = spec.files(args.file.parent().unwrap_or(Path::new("")));
+    let spec = &served.source.file.serve.tls;
+    let mut files = TlsFiles::of_server(spec, args.file.parent().unwrap_or(Path::new("")));
     // What the command line names is relative to the working directory, as everywhere.
     for ((_, path), place) in
         given
@@ -61,7 +61,7 @@ pub(super) fn tls(
         };
         let flag = path.as_ref().map(|_| *argument);
         let text = format!("[serve.tls] `{}` ({argument}): {error}", error.key);
-        misasked(&served.locator, flag, &["tls", error.key], &text)
+        misasked(&served.source.locator, flag, &["tls", error.key], &text)
     })?;
     if !required && !args.quiet {
         tell("TLS: a client without a certificate is let in, as OpenFresco's servers do");

@@ -15,7 +15,7 @@ use annotate_snippets::{
 
 use super::document::SyntaxError;
 use super::echo::plain;
-use super::read::{Kind, Mistake};
+use super::mistake::{Kind, Mistake};
 use super::suggest::{listed, nearest};
 use super::words::{NO_COMMA, comma_readings};
 use crate::finding::KeyPath;

@@ -5,6 +5,7 @@
 //! lag, gain, added energy and tangents. What protects a specimen stays.
 
 use super::document::KeyPath;
+use super::limit_table::LimitsSpec;
 use super::value::RateValue;
 use super::{
     AxisTable, CertificateTable, ConfigError, ExcitationTable, Finding, IntegratorTable, Loaded,
@@ -12,7 +13,6 @@ use super::{
 };
 use crate::catalog::limit::{CheckedBy, Limit};
 use crate::compensation::CompensationSpec;
-use crate::control::limits::LimitsSpec;
 use crate::motion::Motion;
 use crate::time::Ratio;
 

@@ -5,7 +5,7 @@ use serde_json::Value;
 
 use super::Finding;
 use super::document::{Datum, KeyPath, Node, Segment};
-use super::read::{Kind, Mistake};
+use super::mistake::{Kind, Mistake};
 use super::suggest::nearest;
 
 /// Most tables between the one that has the unknown key and the one that knows it.

@@ -1,9 +1,12 @@
-//! The test file: read, overridden, checked and explained.
+//! The files that a user writes: test files, files of `gusset serve` and fault scripts. Schema, reading, checks, diagnostics.
 //!
-//! [`load`] takes a path and the `--set` arguments and gives a [`TestFile`] that has no mistake which can be seen without
-//! building the test, or a [`ConfigError`] that shows every mistake it found with file, line and caret. Later layers point
-//! at the file through [`Loaded::locator`], by path (`specimen[1].storey`). [`resolve()`] writes the complete configuration
-//! of a run, [`json_schema`] what editors complete from. Files that a test names are read by [`Inputs`].
+//! This module knows no engine. It says what a file contains, and the module `setup` builds an experiment from that. A view may
+//! use it too. Each table of a file has a Rust file of its own.
+//!
+//! [`load`] reads a test file with the `--set` arguments. The [`TestFile`] that it returns has no mistake that the file alone can
+//! show. Otherwise a [`ConfigError`] shows every mistake with file, line and caret. Later modules report a mistake by its path,
+//! such as `specimen[1].storey`, with [`Loaded::locator`]. [`resolve()`] writes the complete configuration of a run, and
+//! [`json_schema`] the schema from which editors complete. [`Inputs`] reads the files that a test names.
 //!
 //! ```
 //! use std::path::Path;
@@ -13,9 +16,10 @@
 //! assert!(error.to_string().contains("did you mean `duration_s`?"));
 //! ```
 //!
-//! Nothing here moves, computes or knows the meaning of a law; unknown keys are refused, defaults are written down, and
-//! a number that is not finite is refused everywhere but as λ = ∞.
+//! Unknown keys are refused, and so is every number that is not finite except λ = ∞.
 
+mod address;
+mod axis_table;
 mod certificate;
 pub(crate) mod check;
 mod diagnose;
@@ -24,9 +28,16 @@ mod driven;
 pub(crate) mod echo;
 mod edit;
 mod excitation;
+mod fault_rules;
+pub mod fault_script;
 mod hints;
 mod inputs;
+mod levels;
+mod limit_table;
+mod link_table;
 mod locator;
+mod mistake;
+mod openfresco_table;
 mod overrides;
 mod read;
 mod reader;
@@ -37,11 +48,13 @@ mod safety;
 mod schema;
 mod script;
 mod serve;
+mod serve_table;
 mod specimen;
 pub(crate) mod steps;
 mod suggest;
 mod timetable;
 mod timing_table;
+mod tls_table;
 mod value;
 mod variant;
 mod words;
@@ -54,8 +67,8 @@ use schemars::{JsonSchema, Schema};
 use thiserror::Error;
 use toml_edit::DocumentMut;
 
-use crate::link::fault::Script;
 pub use crate::text::printable;
+pub use axis_table::{AxisTable, DispUnit, ForceUnit};
 pub use certificate::{
     CapacityTable, CertificateTable, IdentifiedTable, Spread, Uncertain, UncertaintyTable,
 };
@@ -67,22 +80,33 @@ use echo::plain;
 pub use excitation::{
     ExcitationTable, GroundTable, NodalFileTable, NodalForceTable, PrescribedPlace, PrescribedTable,
 };
+pub use fault_rules::{ScriptError, check_script};
+use fault_script::Script;
 pub(crate) use inputs::read_input;
 pub use inputs::{INPUTS_FOLDER, Input, InputError, Inputs};
+pub use levels::{BoundSpec, LimitsError, RangeSpec};
+pub use limit_table::LimitsSpec;
+pub use link_table::{
+    Carrier, CommandPace, LinkCoupling, LinkSpec, Offer, ProbeChoice, Protocol, StaleChoice,
+    WATCHDOG_MAX_S,
+};
 pub use locator::Locator;
+pub use openfresco_table::{OpenFrescoServeSpec, OpenFrescoSpec, ServerKind, SignalOrderSpec};
 pub use overrides::Override;
 pub use resolve::{ResolveError, resolve};
-pub use safety::{ExitChoice, SafetyTable, ShareSpec, ZeroChoice};
+pub use safety::{DIVERGENCE_M, ExitChoice, SafetyTable, ShareSpec, ZeroChoice};
 pub use schema::{
     GravityTable, IntegratorTable, Method, RecordTable, Start, StructureTable, TestFile, Weighting,
 };
 pub use script::{load_script, parse_script};
-pub use serve::{ServeFile, ServeTable, Served, load_served};
-pub use specimen::{AxisTable, DispUnit, DrillTable, ForceUnit, SimilitudeTable, SpecimenTable};
+pub use serve::{ServedFile, load_serve_file};
+pub use serve_table::{ServeFile, ServeTable};
+pub use specimen::{DrillTable, SimilitudeTable, SpecimenTable};
 pub use steps::Time;
 pub use suggest::nearest;
 pub use timetable::{ClockChoice, TimeTable};
 pub use timing_table::{CountSpec, MissesSpec, OnMiss, Policy, TimingSpec, TimingSpecError};
+pub use tls_table::{ClientCertificate, ServeTlsSpec, TlsSpec};
 pub use value::{DofChoice, LambdaValue, MatrixValue, RateValue};
 
 /// Why a test file cannot be used.
@@ -312,9 +336,7 @@ fn parse_for(
             }
             if removed::is_resolved(path) && file.structure.is_some() {
                 // Earlier versions did not write it down, and meant this.
-                file.safety
-                    .divergence_m
-                    .get_or_insert(crate::setup::DIVERGENCE_M);
+                file.safety.divergence_m.get_or_insert(DIVERGENCE_M);
             }
             Ok(Loaded {
                 path: path.to_owned(),
@@ -356,9 +378,9 @@ fn judge<T: serde::de::DeserializeOwned + schemars::JsonSchema>(
         .collect();
     // The schema is only needed where there is a mistake.
     let hints = std::cell::OnceCell::new();
-    let told = |mistake: read::Mistake| {
+    let told = |mistake: mistake::Mistake| {
         let removed = match &mistake.kind {
-            read::Kind::UnknownKey { .. } => {
+            mistake::Kind::UnknownKey { .. } => {
                 removed::finding(&mistake.path).or_else(|| renamed::finding(&mistake.path))
             }
             _ => None,

@@ -9,52 +9,9 @@ use serde::de::DeserializeOwned;
 
 use super::diagnose::MOST_SHOWN;
 use super::document::{KeyPath, Node};
+use super::mistake::{Kind, Mistake};
 use super::reader::{Fault, Reader};
 use super::suggest;
-
-/// A mistake in the shape of the file: what the schema wants and what stands there.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Mistake {
-    /// Where.
-    pub path: KeyPath,
-    /// What.
-    pub kind: Kind,
-}
-
-/// Kinds of [`Mistake`].
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Kind {
-    /// `path` ends in a key that its table does not have.
-    UnknownKey { allowed: Vec<&'static str> },
-    /// The table at `path` lacks this key.
-    MissingKey { key: &'static str },
-    /// `path` is, or ends in, a name that is not in the list.
-    UnknownName {
-        found: String,
-        allowed: Vec<&'static str>,
-    },
-    /// The table at `path` must have exactly one of these keys.
-    NotExactlyOne {
-        found: Vec<String>,
-        allowed: Vec<&'static str>,
-    },
-    /// The wrong kind of value. `hint`: what to write instead.
-    WrongType {
-        found: String,
-        wanted: String,
-        hint: Option<String>,
-    },
-    /// The right kind, the wrong value.
-    WrongValue {
-        found: String,
-        wanted: String,
-        hint: Option<String>,
-    },
-    /// What a type's own reader says.
-    Other(String),
-    /// Follows from a mistake that is already noted.
-    Consequence,
-}
 
 /// Outcome of [`read`].
 #[derive(Debug)]

@@ -10,7 +10,7 @@ use serde::de::{
 };
 
 use super::document::{Datum, KeyPath, Node};
-use super::read::Kind;
+use super::mistake::Kind;
 use super::suggest::listed;
 use super::words::{SPLIT_NUMBERS, found_in_words, number_in_quotes, wanted_in_words};
 

@@ -8,9 +8,9 @@ use toml_edit::visit_mut::{VisitMut, visit_table_like_kv_mut};
 use toml_edit::{DocumentMut, Item, KeyMut, Value};
 
 use super::inputs::Inputs;
+use super::safety::DIVERGENCE_M;
 use super::schema::TestFile;
 use super::value::LambdaValue;
-use crate::setup::DIVERGENCE_M;
 
 /// Why the resolved text could not be written; each is a fault of the schema, not of the user.
 #[derive(Debug, Error)]

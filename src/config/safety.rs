@@ -3,7 +3,11 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::control::limits::BoundSpec;
+use super::levels::BoundSpec;
+
+/// Default of `divergence_m` in m, and the trip level of a measured displacement without another one. No structure moves as far as this:
+/// such a response is one of the integration.
+pub const DIVERGENCE_M: f64 = 1e3;
 
 /// Startup of a test, limits of the whole test, and the end position of its specimens. More: guide,
 /// limits.

@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
+use super::fault_rules::{ScriptError, check_script};
+use super::fault_script::Script;
 use super::{ConfigError, Finding, KeyPath, Purpose, judge, open, read_text};
-use crate::engine::Phase;
-use crate::link::fault::{Script, ScriptError};
+use crate::catalog::phase::Phase;
 
 /// Reads the fault script at `path`.
 ///
@@ -34,7 +35,7 @@ pub fn parse_script(path: &Path, text: String) -> Result<Script, ConfigError> {
 
 fn check(script: &Script) -> Vec<Finding> {
     let mut findings = Vec::new();
-    if let Err(error) = script.check(None) {
+    if let Err(error) = check_script(script, None) {
         findings.push(finding(script, &error));
     }
     let Some(expect) = &script.expect else {

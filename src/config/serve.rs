@@ -1,123 +1,52 @@
-//! The file of `gusset serve`: specimens and how they are offered. A test file works, too.
-
-mod gateway;
+//! Reading of the file of `gusset serve`. A test file works, too.
 
 use std::path::Path;
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
 use super::document::Node;
 use super::echo::number;
+use super::link_table::{Carrier, Offer};
 use super::safety::SafetyTable;
-use super::schema::RecordTable;
-use super::timing_table::TimingSpec;
+use super::serve_table::{ServeFile, ServeTable};
 use super::{
     ConfigError, Finding, KeyPath, Locator, Purpose, Severity, SpecimenTable, check, judge, open,
     plain, read_text,
 };
-use crate::link::openfresco::{OpenFrescoServeSpec, Transformation};
-use crate::link::secret::read_key;
-use crate::link::serve::Host;
-use crate::link::spec::{Carrier, Offer};
-use crate::link::tls::ServeTlsSpec;
-use crate::setup::links::{beside, wire_axes};
-use crate::setup::{behind_actuators, own_offsets};
-use crate::specimen::{InUnits, Mounted, Specimen};
-use crate::transfer::Transfer;
-use crate::wire::key::PreSharedKey;
 
 /// Longest silence in s after which a client counts as gone: a day.
 const IDLE_S: f64 = 86_400.0;
 
-/// Specimens for `gusset serve`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct ServeFile {
-    /// Title of the file.
-    #[serde(default)]
-    pub title: String,
-    /// Specimens, one table each. `gusset serve` serves one of them at a time.
-    #[serde(default)]
-    pub specimen: Vec<SpecimenTable>,
-    /// Address, protocol and access.
-    #[serde(default)]
-    pub serve: ServeTable,
-    /// Only `unlimited` has an effect. All other keys need the response of a structure, which a
-    /// server does not have.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub safety: Option<SafetyTable>,
-    /// Real-time scheduling of the data thread. Default: normal scheduling.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub timing: Option<TimingSpec>,
-    /// Recording with `--out`. Only `queue_s` and `required` have an effect.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub record: Option<RecordTable>,
-}
-
-/// Address, protocol and access of `gusset serve`. Options of the command line override these keys.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct ServeTable {
-    /// Address and port of the server, "host:port". Default: "127.0.0.1:4823".
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(example = &"0.0.0.0:4823")]
-    pub listen: Option<String>,
-    /// Protocol of the server. Default: "gusset".
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(example = &"openfresco")]
-    pub protocol: Option<Offer>,
-    /// Transport of the data: TCP, UDP or TLS. Default: "tcp".
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(example = &"tls")]
-    pub transport: Option<Carrier>,
-    /// Certificates for `transport = "tls"`.
-    pub tls: ServeTlsSpec,
-    /// File that contains the pre-shared key, relative to this file. Beyond loopback, the protocol
-    /// of Gusset requires this or TLS. Other users must not have access to it (`chmod 600`).
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(example = &"laboratory.key")]
-    pub key_file: Option<String>,
-    /// If true, a simulated specimen keeps its state, the history of its limits and its trip
-    /// between sessions, as a physical one does. An interrupted test can then be resumed. Default:
-    /// false, each session starts with a new specimen.
-    #[serde(skip_serializing_if = "std::ops::Not::not")]
-    #[schemars(example = true)]
-    pub remembers: bool,
-    /// Settings for `protocol = "openfresco…"`.
-    pub openfresco: OpenFrescoServeSpec,
-}
-
-/// A specimen that is ready to be served, with the settings of its file.
+/// The served part of a file that has been read and checked.
 #[derive(Debug)]
-pub struct Served {
-    /// The specimen.
-    pub host: Host,
-    /// Settings of the file; empty for a test file.
-    pub serve: ServeTable,
-    /// The key that the file names.
-    pub key: Option<PreSharedKey>,
-    /// Real-time scheduling of the data thread.
-    pub timing: Option<TimingSpec>,
+pub struct ServedFile {
     /// The file as given, byte for byte.
     pub text: String,
-    /// The part of the file that is served.
+    /// The settings, with the one specimen that is served.
     pub file: ServeFile,
-    /// The file is a test file.
-    pub of_a_test: bool,
+    /// True if it is a test file, whose `rows` and scales belong to the controller.
+    pub is_test: bool,
     /// The file has other specimens, too.
     pub among_others: bool,
     /// Warnings for the user.
     pub warnings: Vec<String>,
     /// Position of each key in the file.
     pub locator: Locator,
-    /// Path of its table in the file.
+    /// Path of the table of the specimen in the file.
     pub place: KeyPath,
-    /// The `rows` of a served file. A test file has none, because its `rows` are those of its structure.
-    pub transformation: Option<Transformation>,
 }
 
-impl Served {
+impl ServedFile {
+    /// The table of the specimen.
+    #[must_use]
+    pub fn specimen(&self) -> Option<&SpecimenTable> {
+        self.file.specimen.first()
+    }
+
+    /// The rows of the transformation from the client's displacements to the axes. Those of a test file belong to its structure.
+    #[must_use]
+    pub fn rows(&self) -> Option<&Vec<Vec<f64>>> {
+        self.specimen()?.rows.as_ref().filter(|_| !self.is_test)
+    }
+
     /// Refuses what the chosen protocol has no word for.
     ///
     /// # Errors
@@ -126,7 +55,7 @@ impl Served {
         if protocol != Offer::Gusset {
             return Ok(());
         }
-        if self.transformation.is_some() {
+        if self.rows().is_some() {
             let text = "the protocol of Gusset serves axes without `rows`";
             let finding = Finding::error(self.place.key("rows"), text)
                 .at_key()
@@ -184,12 +113,11 @@ impl Served {
     }
 }
 
-/// Reads a file of specimens, or a test file, and makes the specimen that is called `name` ready (the only one if there is
-/// one).
+/// Reads a file of specimens, or a test file, and chooses the specimen that is called `name` (the only one if there is one).
 ///
 /// # Errors
 /// [`ConfigError`]: the file cannot be read, or everything that is wrong with it.
-pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigError> {
+pub fn load_serve_file(path: &Path, name: Option<&str>) -> Result<ServedFile, ConfigError> {
     let text = read_text(path)?;
     let opened = open(Purpose::Run, path, text.clone(), &[])?;
     let locator = opened.locator.clone();
@@ -234,7 +162,7 @@ pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigErro
             }
         }
     };
-    let serve = file.serve.clone();
+    let serve = &file.serve;
     if let Some(timing) = &file.timing
         && let Err(error) = timing.check()
     {
@@ -264,64 +192,22 @@ pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigErro
     let at = KeyPath::root().key("specimen").index(index);
     let among_others = file.specimen.len() > 1;
     file.specimen = file.specimen.drain(..).skip(index).take(1).collect();
-    let Some(table) = file.specimen.first() else {
+    if file.specimen.is_empty() {
         return Err(refuse(Finding::error(at, "there is no such specimen")));
-    };
-    let key = match &serve.key_file {
-        None => None,
-        Some(file) => Some(read_key(&beside(path, file)).map_err(|error| {
-            let at = KeyPath::root().key("serve").key("key_file");
-            refuse(Finding::error(at, error.to_string()))
-        })?),
-    };
-    let host = match &table.link {
-        Some(link) => {
-            let step_s = serve.openfresco.step_s;
-            gateway::host(table, link, &at, path, step_s, of_a_test).map_err(|f| refuse(*f))?
-        }
-        None => host(table, &at).map_err(|f| refuse(*f))?,
-    };
-    let transformation = match &table.rows {
-        Some(rows) if !of_a_test => {
-            Some(Transformation::new(rows.clone()).map_err(|text| {
-                refuse(Finding::error(at.key("rows"), format!("`rows`: {text}")))
-            })?)
-        }
-        _ => None,
-    };
-    let axes = table.axes();
-    let host = host
-        .in_units(table.units_of(axes))
-        .limited(table.limits_of(axes));
-    let host = match (serve.remembers, host.is_gateway()) {
-        (false, _) => host,
-        (true, false) => host.remembering(),
-        (true, true) => {
-            let at = KeyPath::root().key("serve").key("remembers");
-            let text =
-                "`remembers` is for a specimen that is computed, but this one is behind a link";
-            return Err(refuse(Finding::error(at, text)));
-        }
-    };
-    // A key is never copied into a run folder, so it is named in a way that holds from anywhere.
-    let links = file.specimen.iter_mut().filter_map(|s| s.link.as_mut());
-    let keys = links.filter_map(|link| link.key_file.as_mut());
-    for named in keys.chain(&mut file.serve.key_file) {
-        *named = beside(path, named).display().to_string();
     }
-    Ok(Served {
-        host,
-        serve,
-        key,
-        timing: file.timing.clone(),
+    if file.serve.remembers && file.specimen.iter().any(|table| table.link.is_some()) {
+        let at = KeyPath::root().key("serve").key("remembers");
+        let text = "`remembers` is for a specimen that is computed, but this one is behind a link";
+        return Err(refuse(Finding::error(at, text)));
+    }
+    Ok(ServedFile {
         text,
         file,
-        of_a_test,
+        is_test: of_a_test,
         among_others,
         warnings,
         locator: opened.locator,
         place: at,
-        transformation,
     })
 }
 
@@ -388,38 +274,4 @@ fn choose(tables: &[SpecimenTable], name: Option<&str>) -> Result<usize, Box<Fin
                 Box::new(Finding::error(at, text).help(names()))
             }),
     }
-}
-
-fn host(table: &SpecimenTable, at: &KeyPath) -> Result<Host, Box<Finding>> {
-    let axes = table.axes();
-    let units: Vec<(f64, f64)> = (0..axes)
-        .map(|index| {
-            let gear = table.axis.get(index).cloned().unwrap_or_default();
-            (gear.unit_disp.metres(), gear.unit_force.newtons())
-        })
-        .collect();
-    let Some((key, law)) = table.sources().into_iter().next() else {
-        let text = "the specimen has neither a law nor a link";
-        return Err(Box::new(Finding::error(at.clone(), text)));
-    };
-    let law = law.clone();
-    let transfer = table.transfer.clone();
-    let whole = table.clone();
-    let wire = wire_axes(table, axes, None);
-    let build = move || -> Result<Box<dyn Specimen>, String> {
-        let laws = whole.law_axes();
-        let law = law.build(laws).map_err(|error| error.to_string())?;
-        let law = behind_actuators(&whole, law).map_err(|error| error.to_string())?;
-        let law = Mounted::around(law, &own_offsets(&whole, axes));
-        let law: Box<dyn Specimen> = match &transfer {
-            Some(spec) => {
-                let transfer = Transfer::new(spec, law, None);
-                Box::new(transfer.map_err(|error| format!("[specimen.transfer]: {error}"))?)
-            }
-            None => law,
-        };
-        Ok(InUnits::around(law, &units))
-    };
-    Host::new(table.name.clone(), wire, Box::new(build))
-        .map_err(|text| Box::new(Finding::error(at.key(key), text)))
 }

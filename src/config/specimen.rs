@@ -3,19 +3,18 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::axis_table::AxisTable;
 use super::certificate::{CapacityTable, IdentifiedTable};
-use super::safety::ZeroChoice;
+use super::limit_table::LimitsSpec;
+use super::link_table::LinkSpec;
 use super::value::MatrixValue;
 use super::variant;
 use crate::compensation::CompensationSpec;
-use crate::control::AxisUnits;
-use crate::control::limits::LimitsSpec;
 use crate::geometry::{GeometrySpec, LawPlace};
-use crate::link::LinkSpec;
-use crate::link::openfresco::RemoteSettings;
 use crate::specimen::SpecimenLaw;
 use crate::transfer::TransferSpec;
-use crate::wire::handshake::Unit;
+use crate::units::AxisUnits;
+use crate::wire::openfresco::Peer;
 
 /// One specimen: simulated by exactly one of `law`, `laws` and `coupled`, or reached by a `link`. In a
 /// test with a structure, also give exactly one of `storey` and `rows`.
@@ -221,13 +220,12 @@ impl SpecimenTable {
             .collect()
     }
 
-    /// The settings of its link where the answers of that are known to hold forces only, and no measured displacement.
+    /// The server of its link, if that is known to answer with forces only, without a measured displacement.
     #[must_use]
-    pub fn force_only_link(&self) -> Option<RemoteSettings> {
+    pub fn force_only_link(&self) -> Option<Peer> {
         let link = self.link.as_ref()?;
-        // A mistake in the settings is reported where the link is built.
-        let settings = RemoteSettings::from_spec(link, self.axes()).ok()??;
-        (!settings.measures_disp()).then_some(settings)
+        let (_, answer) = link.signals(self.axes())?;
+        link.peer().filter(|_| answer.disp == 0)
     }
 
     /// Number of axes of its laws and estimates: those of the specimen, or the coordinates of its platform.
@@ -259,15 +257,8 @@ impl SpecimenTable {
     /// Units of each of `axes` axes.
     #[must_use]
     pub fn units_of(&self, axes: usize) -> Vec<AxisUnits> {
-        let units = |index: usize| {
-            let axis = self.axis.get(index).cloned().unwrap_or_default();
-            AxisUnits {
-                metres: axis.unit_disp.metres(),
-                newtons: axis.unit_force.newtons(),
-                disp: axis.unit_disp.symbol(),
-                force: axis.unit_force.symbol(),
-            }
-        };
+        let default = AxisTable::default();
+        let units = |index: usize| self.axis.get(index).unwrap_or(&default).units();
         (0..axes).map(units).collect()
     }
 
@@ -306,187 +297,6 @@ impl Default for SimilitudeTable {
             length: 1.0,
             force: 1.0,
             time: 1.0,
-        }
-    }
-}
-
-/// Conversion between the deformation and the command and measurement of one axis.
-///
-/// The command is sign · scale · deformation + offset, in `unit_disp`. The force is sign · scale ·
-/// (measured − offset), with the measurement in `unit_force`. The equal factors conserve work.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct AxisTable {
-    /// Motion of the axis for a unit deformation, for example the ratio of a lever. It must be
-    /// greater than 0.
-    #[schemars(example = 0.5)]
-    pub scale: f64,
-    /// Sign between the axis and the deformation: 1, or −1 if the axis is positive in the opposite
-    /// direction.
-    #[schemars(extend("enum" = [-1, 1]))]
-    #[schemars(example = -1)]
-    pub sign: i8,
-    /// Position of the axis at zero deformation. A simulated `law` has its own zero at axis
-    /// position zero. The stand-in of a rehearsal has its zero at this offset.
-    #[schemars(example = 0.012)]
-    pub offset_m: f64,
-    /// Reading of the load cell at zero force. It is also subtracted from the force of a simulated
-    /// `law`.
-    #[schemars(example = 150.0)]
-    pub offset_n: f64,
-    /// Unit of the displacements on a link. Velocities, stiffnesses, dampings and masses on the
-    /// link use it too. "in" needs an OpenFresco protocol. Limits stay in SI units.
-    pub unit_disp: DispUnit,
-    /// Unit of the forces on a link. Stiffnesses, dampings and masses on the link use it too. "lbf"
-    /// and "kip" need an OpenFresco protocol. Limits stay in SI units.
-    pub unit_force: ForceUnit,
-    /// Limits of this axis. Each `warn` and `trip` level that is absent here is taken from `limits`
-    /// of the specimen.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub limits: Option<LimitsSpec>,
-    /// Zero of the displacement. With "relative", the deformation is zero at the position before
-    /// the test, and `offset_m` is not needed.
-    #[schemars(example = &"relative")]
-    pub zero_disp: ZeroChoice,
-    /// Zero of the force. With "relative", the force is zero at the reading before the test, and
-    /// `offset_n` is not needed.
-    #[schemars(example = &"relative")]
-    pub zero_force: ZeroChoice,
-}
-
-impl AxisTable {
-    /// Each unit that the protocol of Gusset has no word for, by its key, with the units that it has.
-    pub(super) fn foreign_units(&self) -> impl Iterator<Item = (&'static str, &'static str)> {
-        [
-            ("unit_disp", "m or mm", self.unit_disp.on_the_wire()),
-            ("unit_force", "N or kN", self.unit_force.on_the_wire()),
-        ]
-        .into_iter()
-        .filter_map(|(key, known, unit)| unit.is_none().then_some((key, known)))
-    }
-
-    /// The keys that convert a deformation to the axis, and whether each is given.
-    pub(super) fn gear(&self) -> [(&'static str, bool); 4] {
-        [
-            ("scale", self.scale != 1.0),
-            ("sign", self.sign != 1),
-            ("offset_m", self.offset_m != 0.0),
-            ("offset_n", self.offset_n != 0.0),
-        ]
-    }
-}
-
-impl Default for AxisTable {
-    fn default() -> Self {
-        Self {
-            scale: 1.0,
-            sign: 1,
-            offset_m: 0.0,
-            offset_n: 0.0,
-            unit_disp: DispUnit::Metre,
-            unit_force: ForceUnit::Newton,
-            limits: None,
-            zero_disp: ZeroChoice::Absolute,
-            zero_force: ZeroChoice::Absolute,
-        }
-    }
-}
-
-/// Unit of displacement.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-pub enum DispUnit {
-    /// Metre.
-    #[default]
-    #[serde(rename = "m")]
-    Metre,
-    /// Millimetre.
-    #[serde(rename = "mm")]
-    Millimetre,
-    /// Inch, 25.4 mm.
-    #[serde(rename = "in")]
-    Inch,
-}
-
-impl DispUnit {
-    /// The unit in the protocol of Gusset; `None` if it has none.
-    #[must_use]
-    pub const fn on_the_wire(self) -> Option<Unit> {
-        match self {
-            Self::Metre => Some(Unit::Metre),
-            Self::Millimetre => Some(Unit::Millimetre),
-            Self::Inch => None,
-        }
-    }
-
-    /// As people write it.
-    #[must_use]
-    pub const fn symbol(self) -> &'static str {
-        match self {
-            Self::Metre => "m",
-            Self::Millimetre => "mm",
-            Self::Inch => "in",
-        }
-    }
-
-    /// Metres in one unit.
-    #[must_use]
-    pub const fn metres(self) -> f64 {
-        match self {
-            Self::Metre => 1.0,
-            Self::Millimetre => 1e-3,
-            Self::Inch => 0.0254,
-        }
-    }
-}
-
-/// Unit of force.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-pub enum ForceUnit {
-    /// Newton.
-    #[default]
-    #[serde(rename = "N")]
-    Newton,
-    /// Kilonewton.
-    #[serde(rename = "kN")]
-    Kilonewton,
-    /// Pound-force, 4.4482216152605 N.
-    #[serde(rename = "lbf")]
-    PoundForce,
-    /// Kip (1000 lbf), 4448.2216152605 N.
-    #[serde(rename = "kip")]
-    Kip,
-}
-
-impl ForceUnit {
-    /// The unit in the protocol of Gusset; `None` if it has none.
-    #[must_use]
-    pub const fn on_the_wire(self) -> Option<Unit> {
-        match self {
-            Self::Newton => Some(Unit::Newton),
-            Self::Kilonewton => Some(Unit::Kilonewton),
-            Self::PoundForce | Self::Kip => None,
-        }
-    }
-
-    /// As people write it.
-    #[must_use]
-    pub const fn symbol(self) -> &'static str {
-        match self {
-            Self::Newton => "N",
-            Self::Kilonewton => "kN",
-            Self::PoundForce => "lbf",
-            Self::Kip => "kip",
-        }
-    }
-
-    /// Newtons in one unit.
-    #[must_use]
-    pub const fn newtons(self) -> f64 {
-        match self {
-            Self::Newton => 1.0,
-            Self::Kilonewton => 1e3,
-            Self::PoundForce => 4.448_221_615_260_5,
-            Self::Kip => 4_448.221_615_260_5,
         }
     }
 }

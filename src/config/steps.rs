@@ -3,8 +3,8 @@
 use super::diagnose::Finding;
 use super::document::KeyPath;
 use super::echo;
+use super::link_table::LinkSpec;
 use super::timetable::{ClockChoice, TimeTable};
-use crate::link::LinkSpec;
 use crate::time::Ratio;
 
 /// Step and length of a test, exact.

@@ -1,7 +1,7 @@
 //! How a port finds out which way round its specimen is wired, before the test.
 
 use super::{Misfit, Pace, Port, Probe, Trend};
-use crate::control::AxisUnits;
+use crate::units::AxisUnits;
 
 /// How it is found out.
 #[derive(Debug, Clone, Default)]

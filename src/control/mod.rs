@@ -31,7 +31,6 @@ mod tangent;
 mod tempo;
 mod tracking;
 mod trend;
-mod units;
 mod unloading;
 
 pub use believed::Believed;
@@ -52,7 +51,6 @@ pub use stiffness::{Opinion, compare_stiffness};
 pub use tangent::{Point as TangentPoint, Tangent};
 pub use tempo::{HOLD_AT, SLOW_FROM, Stride, Tempo};
 pub use trend::Trend;
-pub use units::AxisUnits;
 pub use unloading::Astray;
 
 pub use crate::catalog::phase::Stage;

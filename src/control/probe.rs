@@ -7,7 +7,7 @@
 //! no direction that this could show.
 
 use super::misfit::{Channel, Misfit};
-use super::units::AxisUnits;
+use crate::units::AxisUnits;
 
 /// A difference of two averages below so many of its own standard deviations may be noise.
 pub(super) const SIGMAS: f64 = 5.0;

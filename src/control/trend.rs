@@ -6,7 +6,7 @@
 
 use super::misfit::{Channel, Misfit};
 use super::probe::{Average, SIGMAS};
-use super::units::AxisUnits;
+use crate::units::AxisUnits;
 
 /// A reading that goes the other way by this part of what is expected is no accident.
 const CLEARLY: f64 = 0.25;

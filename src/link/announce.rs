@@ -5,8 +5,8 @@
 //! lead the specimen home; the specimen's end comes in where that has failed.
 
 use crate::catalog::limit::Limit;
-use crate::control::AxisUnits;
 use crate::control::limits::{AxisLimits, Bound, Range};
+use crate::units::AxisUnits;
 use crate::wire::handshake::{Axis, Limits, Unit};
 
 /// What the specimen's end adds to an announced bound of commands, for the rounding of units.

@@ -5,7 +5,6 @@
 //! are plain non-blocking sockets and a wait with a deadline; an asynchronous runtime serves only what is not on
 //! the deadline.
 
-pub mod address;
 pub mod announce;
 pub mod fault;
 mod inbox;
@@ -16,13 +15,11 @@ pub mod rig;
 pub mod secret;
 pub mod serve;
 pub mod socket;
-pub mod spec;
 pub mod tls;
 
 pub use native::{NativeLink, NativeSetup};
 pub use serve::Simulated;
 pub use socket::{ConnectError, SocketOptions, TcpTransport, UdpTransport, Wait};
-pub use spec::{Carrier, LinkSpec};
 
 use self::tls::TlsFault;
 use crate::rt::os;

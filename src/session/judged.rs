@@ -1,8 +1,7 @@
 //! A test with its verdict: what every command that moves a specimen obeys before anything connects.
 
 use super::rehearsal::FullRehearsal;
-use crate::config::ConfigError;
-use crate::control::limits::DIVERGENCE_M;
+use crate::config::{ConfigError, DIVERGENCE_M};
 use crate::setup::{self, Prepared};
 use crate::stability::Kind;
 use crate::stability::{Following, Verdict};

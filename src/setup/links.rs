@@ -3,16 +3,19 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use super::remote::remote_settings;
 use super::{Refused, Site};
-use crate::config::{ClockChoice, Finding, KeyPath, SpecimenTable, TestFile};
+use crate::config::{
+    Carrier, ClockChoice, Finding, KeyPath, LinkCoupling, LinkSpec, SpecimenTable, StaleChoice,
+    TestFile, TlsSpec, WATCHDOG_MAX_S,
+};
 use crate::control::limits::AxisLimits;
 use crate::control::{OnStale, WaitRules};
 use crate::link::announce::announce;
 use crate::link::openfresco::{Remote, RemoteSettings};
 use crate::link::secret::read_key;
-use crate::link::spec::{Carrier, LinkCoupling, StaleChoice, WATCHDOG_MAX_S};
-use crate::link::tls::{FileError, TlsClient, TlsSpec};
-use crate::link::{LinkSpec, NativeLink, NativeSetup, SocketOptions, Wait};
+use crate::link::tls::{FileError, TlsClient, TlsFiles};
+use crate::link::{NativeLink, NativeSetup, SocketOptions, Wait};
 use crate::rt::throttle::Throttle;
 use crate::substructure::Coupling;
 use crate::time::Ratio;
@@ -115,17 +118,17 @@ fn tls(site: &mut Site<'_>, at: &KeyPath, link: &LinkSpec) -> Result<Option<TlsC
 }
 
 /// The same, with files relative to `folder`.
-pub(crate) fn tls_client(link: &LinkSpec, folder: &Path) -> Result<Option<TlsClient>, FileError> {
+pub(super) fn tls_client(link: &LinkSpec, folder: &Path) -> Result<Option<TlsClient>, FileError> {
     if link.transport != Carrier::Tls {
         return Ok(None);
     }
     let spec = link.tls.clone().unwrap_or_default();
-    let files = spec.files(folder);
+    let files = TlsFiles::of_client(&spec, folder);
     TlsClient::new(&files, spec.server_name.as_deref(), spec.check_name).map(Some)
 }
 
 /// What the link alone says: a lockstep link of no particular test, 100 commands a second.
-pub(crate) fn native_setup(
+pub(super) fn native_setup(
     link: &LinkSpec,
     key: Option<PreSharedKey>,
     axes: Vec<Axis>,
@@ -163,17 +166,12 @@ pub(super) fn openfresco(
 ) -> Result<(Remote, WaitRules), Refused> {
     let tls = tls(site, at, link)?;
     let tls = tls.map(|tls| tls.with_record_limit(seconds(link.reply_timeout_s)));
-    let remote = RemoteSettings::from_spec(link, axes).and_then(|settings| {
-        settings
-            .map(|settings| Remote::new(RemoteSettings { tls, ..settings }))
-            .transpose()
-    });
-    match remote {
-        Ok(Some(remote)) => Ok((remote, rules(link, site.loaded.time.period.value()))),
-        Ok(None) => {
-            let text = "the protocol of Gusset has no OpenFresco settings";
-            site.refuse(Finding::error(at.key("link").key("protocol"), text))
-        }
+    let Some(settings) = remote_settings(link, axes) else {
+        let text = "the protocol of Gusset has no OpenFresco settings";
+        return site.refuse(Finding::error(at.key("link").key("protocol"), text));
+    };
+    match Remote::new(RemoteSettings { tls, ..settings }) {
+        Ok(remote) => Ok((remote, rules(link, site.loaded.time.period.value()))),
         Err(error) => site.refuse_key(&at.key("link"), error.key(), &error),
     }
 }
@@ -192,7 +190,7 @@ fn rules(link: &LinkSpec, period: f64) -> WaitRules {
 
 /// The axes as our own protocol names them, with the limits that our loop keeps, whose ticks are at least `tick_s` long if
 /// that is known. Units that it has not were refused before.
-pub(crate) fn wire_axes(table: &SpecimenTable, axes: usize, tick_s: Option<f64>) -> Vec<Axis> {
+pub(super) fn wire_axes(table: &SpecimenTable, axes: usize, tick_s: Option<f64>) -> Vec<Axis> {
     let names = table
         .link
         .as_ref()
@@ -231,7 +229,7 @@ pub(super) fn with_keys_from_anywhere(file: &TestFile, test: &Path) -> TestFile 
         }
         if link.transport == Carrier::Tls {
             let spec = link.tls.take().unwrap_or_default();
-            let files = spec.files(&folder(test));
+            let files = TlsFiles::of_client(&spec, &folder(test));
             link.tls = Some(TlsSpec {
                 certificate_file: Some(files.certificate.display().to_string()),
                 key_file: Some(files.key.display().to_string()),
@@ -243,12 +241,12 @@ pub(super) fn with_keys_from_anywhere(file: &TestFile, test: &Path) -> TestFile 
     named
 }
 
-pub(crate) fn folder(test: &Path) -> PathBuf {
+pub(super) fn folder(test: &Path) -> PathBuf {
     test.parent().unwrap_or(Path::new("")).to_owned()
 }
 
 /// A file that is named relative to the test file, and stays where it is.
-pub(crate) fn beside(test: &Path, file: &str) -> PathBuf {
+pub(super) fn beside(test: &Path, file: &str) -> PathBuf {
     let path = test.parent().unwrap_or(Path::new("")).join(file);
     std::path::absolute(&path).unwrap_or(path)
 }

@@ -1,16 +1,20 @@
-//! From a test file that has been read and checked to an experiment that can run.
+//! From a file that has been read and checked to something that can run: the experiment of a test, or the specimen of a server.
 //!
-//! Everything that needs more than the file's own words is judged here: files are read, laws and matrices made, λ
-//! chosen and proven, peaks of the excitation known. A mistake becomes a [`Finding`] at its place in the file. Nothing
-//! moves, and nothing is written.
+//! This module judges everything that needs more than the words of the file. It reads the files that the test names, makes laws and
+//! matrices, chooses λ, and translates each table into the settings of the module that uses it. A mistake becomes a [`Finding`]
+//! at its place in the file. Nothing moves here, nothing is connected and nothing is written.
+//!
+//! [`build`] makes the experiment, [`build_rehearsal`] the same experiment without its links. [`load_served`] makes the specimen
+//! that `gusset serve` offers.
 
 mod apart;
 mod case;
 mod excitation;
 mod facts;
+mod gateway;
 mod gear;
 mod limits;
-pub(crate) mod links;
+mod links;
 mod margin;
 mod method;
 mod pace;
@@ -18,7 +22,9 @@ mod plausible;
 mod prescribed;
 mod proof;
 mod recorded;
+mod remote;
 mod safety;
+mod served;
 mod settle;
 mod site;
 mod specimens;
@@ -36,14 +42,13 @@ use crate::stability::{Analysis, AtRest, Kind, Matrices, Stability};
 pub use facts::{Facts, StructureFacts};
 use gear::Rows;
 pub use limits::{LimitFact, LimitFacts, SpecimenLimits};
-pub(crate) use pace::DIVERGENCE_M;
 pub use pace::{rt_plan, set_divergence};
 use recorded::{record_dofs, rotations};
+pub use served::{Served, load_served, openfresco_role};
 use settle::settle;
 use site::{Refused, Site, path};
 use specimens::Specimens;
 pub use specimens::loading::{ActuatorFacts, LoadingFacts};
-pub(crate) use specimens::loading::{at_actuators, behind_actuators, own_offsets};
 pub use trial::{Drawn, Trial};
 
 /// A test that is ready to run.

@@ -3,7 +3,7 @@
 use toml_edit::{DocumentMut, Item};
 
 use super::Prepared;
-use crate::config::{self, Policy, TestFile, Time, TimingSpec};
+use crate::config::{self, DIVERGENCE_M, Policy, TestFile, Time, TimingSpec};
 use crate::engine::{Limits, OnMiss, Pacing};
 use crate::rt::RtPlan;
 
@@ -11,9 +11,6 @@ use crate::rt::RtPlan;
 const REPLY_TIMEOUT_NS: u64 = 5_000_000_000;
 /// Stale measurements in a row after which a test stops.
 const STALE_IN_A_ROW: u64 = 10;
-
-/// Default of `safety.divergence_m` in m. No structure moves as far as this: such a response is one of the integration.
-pub(crate) use crate::control::limits::DIVERGENCE_M;
 
 /// Gives a test this divergence bound in m, in the loop, in its list of limits and in its `resolved.toml`.
 pub fn set_divergence(test: &mut Prepared, bound: f64) {
@@ -69,7 +66,7 @@ pub(super) fn limits(file: &TestFile, time: Time) -> Limits {
     }
 }
 
-/// What a `[timing]` table asks of the operating system, for ticks of `period_ns`.
+/// Requests of a `[timing]` table to the operating system, for ticks of `period_ns`.
 #[must_use]
 pub fn rt_plan(spec: &TimingSpec, period_ns: u64) -> RtPlan {
     RtPlan {

@@ -4,9 +4,10 @@ use super::gear::Rows;
 use super::{Refused, Site, path};
 use crate::catalog::limit::Limit;
 use crate::config::{
-    AxisTable, ExitChoice, Finding, ShareSpec, SpecimenTable, TestFile, Time, ZeroChoice,
+    AxisTable, BoundSpec, ExitChoice, Finding, LimitsSpec, ShareSpec, SpecimenTable, TestFile,
+    Time, ZeroChoice,
 };
-use crate::control::limits::{Bound, BoundSpec, LimitsSpec};
+use crate::control::limits::Bound;
 use crate::control::{Axis, Exit, Exits, Reference, Zero};
 use crate::engine::{InitialForce, Intake, MissLevels, Numerical, Opening, TestLimits};
 

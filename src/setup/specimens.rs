@@ -11,16 +11,14 @@ mod unwatched;
 use super::gear::Rows;
 use super::{Refused, Site, path, safety};
 use crate::config::check::measured::needing_measured_disp;
-use crate::config::{Finding, Loaded};
+use crate::config::{Finding, LinkSpec, Loaded, ProbeChoice};
 use crate::control::limits::AxisLimits;
 use crate::control::{
     Axis, Believed, Declared, Direction, NeedsMeasuredDisp, Order, Pace, Port, Trend, WaitRules,
 };
 use crate::geometry::Geometry;
-use crate::link::LinkSpec;
 use crate::link::NativeLink;
-use crate::link::openfresco::{Remote, RemoteSettings};
-use crate::link::spec::ProbeChoice;
+use crate::link::openfresco::Remote;
 use crate::model::StructureSpec;
 use crate::specimen::{InProcess, InUnits, Specimen};
 use crate::spectral::delay::Weights;
@@ -59,12 +57,7 @@ struct Entry {
 /// True if where it stands is known before its first command: from the file, or from its far end, as our own protocol lets it
 /// tell, and some of OpenFresco's.
 fn is_known_to_stand(link: &LinkSpec, axes: usize) -> bool {
-    let cannot_tell = match RemoteSettings::from_spec(link, axes) {
-        Ok(Some(settings)) => !settings.tells_where_it_stands(),
-        // Of a mistake it is told where the link is built.
-        Ok(None) | Err(_) => false,
-    };
-    link.stands_at_m.is_some() || !cannot_tell
+    link.stands_at_m.is_some() || link.reports_position(axes) != Some(false)
 }
 
 /// What stands for a specimen.

@@ -3,8 +3,8 @@
 
 use std::path::Path;
 
-use gusset::config::{Loaded, load_served, parse};
-use gusset::link::fault::Script;
+use gusset::config::fault_script::Script;
+use gusset::config::{Loaded, parse};
 use gusset::record::Journal;
 
 use crate::invariants;
@@ -65,7 +65,7 @@ fn played(compensation: &str, rig: &str, script: &Script) -> (Loaded, Played) {
         ..Extra::default()
     };
     let played = play(&loaded, extra, |_, _| {
-        let host = load_served(&file, None)
+        let host = gusset::setup::load_served(&file, None)
             .unwrap_or_else(|error| panic!("{error}"))
             .host;
         host.faulty(script.clone()).unwrap()

@@ -7,8 +7,7 @@
 use std::sync::{Arc, Mutex};
 
 use gusset::catalog::ending;
-use gusset::control::AxisUnits;
-use gusset::control::limits::LimitsSpec;
+use gusset::config::LimitsSpec;
 use gusset::link::Transport;
 use gusset::link::rig::{FarBuild, Latch, Rig, Station, TestEnd, Visitor, Wanted};
 use gusset::link::serve::{Host, Simulated};
@@ -17,6 +16,7 @@ use gusset::substructure::{
     Unavailable,
 };
 use gusset::time::{Clock, Nanos, SimClock};
+use gusset::units::AxisUnits;
 use gusset::wire::Side;
 use gusset::wire::handshake::{
     self, Arm, Axis, Control, Hello, Limits, Sampling, Unit, Versions, layout_hash,

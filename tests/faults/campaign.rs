@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
+use gusset::config::fault_script::{Channel, Fault, Kind, Script, Way};
 use gusset::config::{Loaded, load};
 use gusset::engine::Operator;
-use gusset::link::fault::{Channel, Fault, Kind, Script, Way};
 
 use crate::invariants;
 use crate::lab::{Extra, Played, play};
@@ -211,7 +211,11 @@ pub fn script(seed: u64, chance: &mut Chance) -> Script {
         fault: (0..faults).map(|_| a_fault(chance)).collect(),
         ..Script::default()
     };
-    assert_eq!(script.check(Some(1)), Ok(()), "{script:?}");
+    assert_eq!(
+        gusset::config::check_script(&script, Some(1)),
+        Ok(()),
+        "{script:?}"
+    );
     script
 }
 

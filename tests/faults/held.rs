@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
+use gusset::config::fault_script::{Fault, Kind, Script};
 use gusset::config::{load, parse};
 use gusset::engine::{GIVEN_UP, Operator, Phase};
-use gusset::link::fault::{Fault, Kind, Script};
 use gusset::record::Journal;
 
 use crate::lab::{Extra, play};

@@ -9,9 +9,9 @@ use std::path::Path;
 use std::sync::Mutex;
 
 use gusset::config::Loaded;
+use gusset::config::fault_script::Script;
 use gusset::engine::{Ending, Phase, Stop};
 use gusset::link::NativeSetup;
-use gusset::link::fault::Script;
 use gusset::link::serve::Host;
 use gusset::record::{Journal, Layout, RunFolder};
 use gusset::session::{ResumeError, replay, resume_over};

@@ -1,11 +1,10 @@
 //! What holds in every test, whatever goes wrong. Each check says what it found.
 
 use gusset::catalog::limit::Limit;
-use gusset::config::Loaded;
+use gusset::config::{CommandPace, Loaded};
 use gusset::control::limits::AxisLimits;
 use gusset::engine::{Ending, Phase, Stop};
 use gusset::link::serve::Tapped;
-use gusset::link::spec::CommandPace;
 use gusset::record::{End, EventKind, Journal};
 use gusset::time::Nanos;
 use gusset::wire::native::Kind;

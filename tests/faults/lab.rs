@@ -6,8 +6,9 @@ use std::sync::{Arc, Mutex};
 
 use crossbeam_channel::{Receiver, Sender};
 use gusset::config::Loaded;
+use gusset::config::fault_script::Script;
 use gusset::engine::{Control, Engine, Notice, Operator, Outcome, Phase};
-use gusset::link::fault::{Script, StallingClock};
+use gusset::link::fault::StallingClock;
 use gusset::link::serve::{Host, Simulated, Tap, Tapped};
 use gusset::link::{NativeSetup, Transport};
 use gusset::record::{Column, Event, EventKind, FolderImage, Layout, Recorder};

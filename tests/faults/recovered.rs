@@ -1,8 +1,8 @@
 //! A reply that is lost costs nothing: its force stands in a later one, and comes into the record by an event that tells to which
 //! command it belongs.
 
-use gusset::config::{load, load_served};
-use gusset::link::fault::Script;
+use gusset::config::fault_script::Script;
+use gusset::config::load;
 use gusset::record::{EventKind, Journal};
 
 use crate::lab::{Extra, play};
@@ -31,7 +31,7 @@ fn the_forces_of_lost_replies_are_those_of_their_commands() {
     );
     std::fs::write(&rig, text).unwrap();
     let played = play(&loaded, Extra::default(), |_, _| {
-        let host = load_served(&rig, None).unwrap().host;
+        let host = gusset::setup::load_served(&rig, None).unwrap().host;
         host.faulty(script.clone()).unwrap()
     });
     let played = played.unwrap();

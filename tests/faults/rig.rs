@@ -6,8 +6,9 @@
 use std::sync::{Arc, Mutex, MutexGuard};
 
 use gusset::catalog::limit::Limit;
-use gusset::config::{AxisTable, DispUnit, ExitChoice, ForceUnit, Loaded, ZeroChoice};
-use gusset::control::limits::{LimitsSpec, RangeSpec};
+use gusset::config::{
+    AxisTable, DispUnit, ExitChoice, ForceUnit, LimitsSpec, Loaded, RangeSpec, ZeroChoice,
+};
 use gusset::law::{LawSpec, Reach};
 use gusset::link::NativeSetup;
 use gusset::link::serve::Host;

@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use gusset::config::{load, load_script, load_served};
-use gusset::link::fault::Script;
+use gusset::config::fault_script::Script;
+use gusset::config::{load, load_script};
 
 use crate::invariants;
 use crate::lab::{Extra, Played, play};
@@ -21,7 +21,9 @@ fn play_script(script: &Script) -> Result<(Played, gusset::config::Loaded), Stri
         ..Extra::default()
     };
     let played = play(&loaded, extra, |_, _| {
-        let host = load_served(&folder.join("rig.toml"), None).unwrap().host;
+        let host = gusset::setup::load_served(&folder.join("rig.toml"), None)
+            .unwrap()
+            .host;
         host.faulty(script.clone()).unwrap()
     })?;
     Ok((played, loaded))

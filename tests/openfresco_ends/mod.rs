@@ -9,16 +9,16 @@ use std::sync::mpsc::{Receiver, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use gusset::control::AxisUnits;
-use gusset::control::limits::LimitsSpec;
+use gusset::config::LimitsSpec;
 use gusset::link::openfresco::{
-    Door, End, Host, Nature, News, Peer, RemoteSettings, Role, ServeSettings, serve_openfresco,
+    Door, End, Host, Nature, News, RemoteSettings, Role, ServeSettings, serve_openfresco,
 };
 use gusset::link::rig::{Law, Station};
 use gusset::specimen::SpecimenLaw;
 use gusset::substructure::{Command, Measurement, Substructure};
 use gusset::time::Nanos;
-use gusset::wire::openfresco::Carrier;
+use gusset::units::AxisUnits;
+use gusset::wire::openfresco::{Carrier, Peer};
 
 pub const BILINEAR: &str = "law = { bilinear = { stiffness_n_per_m = 8000.0, yield_force_n = 60.0, post_yield_ratio = 0.05 } }";
 /// Nothing here takes longer unless it hangs.

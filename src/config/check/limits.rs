@@ -5,9 +5,9 @@ use super::Findings;
 use crate::catalog::limit::Limit;
 use crate::config::diagnose::Finding;
 use crate::config::document::KeyPath;
+use crate::config::limit_table::LimitsSpec;
 use crate::config::safety::{ExitChoice, SafetyTable};
 use crate::config::specimen::SpecimenTable;
-use crate::control::limits::LimitsSpec;
 use crate::text::is_visible;
 
 /// A range, the place of its key, why a position outside it is impossible, and its label.

@@ -1,13 +1,11 @@
 //! `[specimen.link]`: numbers inside their ranges, and what our own protocol cannot say.
 
 use super::Findings;
-use crate::config::TestFile;
 use crate::config::diagnose::Finding;
 use crate::config::document::KeyPath;
+use crate::config::link_table::{Carrier, LinkCoupling, LinkSpec, Protocol};
+use crate::config::schema::TestFile;
 use crate::config::specimen::SpecimenTable;
-use crate::link::LinkSpec;
-use crate::link::openfresco::RemoteSettings;
-use crate::link::spec::{Carrier, LinkCoupling, Protocol};
 use crate::text::is_hidden;
 
 /// The link of one specimen.
@@ -85,7 +83,7 @@ pub(super) fn check_link(
         check_names(names, specimen, &here.key("axis_names"), findings);
     }
     if link.protocol != Protocol::Gusset {
-        check_openfresco(link, &here, findings);
+        check_openfresco(link, specimen.axes(), &here, findings);
         return;
     }
     if link.openfresco.is_some() {
@@ -239,15 +237,10 @@ pub(super) fn check_standing(specimen: &SpecimenTable, at: &KeyPath, findings: &
         return;
     };
     let (at, axes) = (at.key("link"), specimen.axes());
-    let tells = match RemoteSettings::from_spec(link, axes) {
-        Ok(Some(settings)) => Some(settings.tells_where_it_stands()),
-        Ok(None) => None,
-        // Told where the link is built.
-        Err(_) => return,
-    };
+    let reports = link.reports_position(axes);
     let here = at.key("stands_at_m");
     match &link.stands_at_m {
-        None if tells != Some(false) || link.computed => {}
+        None if reports != Some(false) || link.computed => {}
         None => findings.0.push(
             Finding::error(at.clone(), "the position of this specimen before the test is unknown")
                 .label("this protocol cannot report the position before the first command")
@@ -257,7 +250,7 @@ pub(super) fn check_standing(specimen: &SpecimenTable, at: &KeyPath, findings: &
                 ))
                 .help("or set `computed = true` if the server only simulates"),
         ),
-        Some(_) if tells == Some(true) => {
+        Some(_) if reports == Some(true) => {
             let finding = Finding::error(here, "the specimen reports its position, so `stands_at_m` is not needed").at_key();
             let chosen = link.openfresco.as_ref();
             let given = chosen.is_some_and(|given| given.answer_signals.is_some());
@@ -288,7 +281,13 @@ pub(super) fn check_standing(specimen: &SpecimenTable, at: &KeyPath, findings: &
 }
 
 /// What OpenFresco's protocols have no place for.
-fn check_openfresco(link: &LinkSpec, at: &KeyPath, findings: &mut Findings) {
+fn check_openfresco(link: &LinkSpec, axes: usize, at: &KeyPath, findings: &mut Findings) {
+    let more = link.openfresco.iter();
+    for (key, found, allowed) in more.flat_map(|more| more.out_of_range(axes)) {
+        let text = format!("`{key}` is {found}, but must be {allowed}");
+        let at = at.key("openfresco").key(key);
+        findings.0.push(Finding::error(at, text));
+    }
     for (key, given, why) in [
         ("key_file", link.key_file.is_some(), "they know no key"),
         (

@@ -4,20 +4,20 @@
 //! never trip, and a compensator that adapts to it learns nothing.
 
 use super::Findings;
-use crate::config::TestFile;
 use crate::config::diagnose::Finding;
 use crate::config::document::KeyPath;
+use crate::config::limit_table::LimitsSpec;
 use crate::config::safety::ZeroChoice;
+use crate::config::schema::TestFile;
 use crate::config::specimen::SpecimenTable;
-use crate::control::limits::LimitsSpec;
-use crate::link::openfresco::{Peer, RemoteSettings};
+use crate::wire::openfresco::Peer;
 
 /// Refuses every key of a specimen that needs a measured displacement where its link answers with none.
 pub(super) fn check_measured(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
-    let Some(settings) = specimen.force_only_link() else {
+    let Some(peer) = specimen.force_only_link() else {
         return;
     };
-    let remedy = remedy(&settings, specimen.axes());
+    let remedy = remedy(peer, specimen.axes());
     for (place, key) in needing_measured_disp(specimen, at) {
         let text = format!(
             "`{key}` needs a measured displacement, but this link answers with forces only"
@@ -38,7 +38,7 @@ pub(super) fn check_judged(file: &TestFile, findings: &mut Findings) {
     let silent: Vec<_> = silent
         .filter_map(|(index, specimen)| Some((index, specimen, specimen.force_only_link()?)))
         .collect();
-    let Some((first, specimen, settings)) = silent.first() else {
+    let Some((first, specimen, peer)) = silent.first() else {
         return;
     };
     let names = silent.iter().map(|(_, of, _)| format!("\"{}\"", of.name));
@@ -52,7 +52,7 @@ pub(super) fn check_judged(file: &TestFile, findings: &mut Findings) {
             );
             Finding::error(at, text)
                 .label("it would compare the commands with themselves")
-                .help(remedy(settings, specimen.axes()))
+                .help(remedy(*peer, specimen.axes()))
         } else {
             let text =
                 format!("`{key}` does not check {names}: their links answer with forces only");
@@ -99,10 +99,10 @@ pub(crate) fn needing_measured_disp(
     keys
 }
 
-fn remedy(settings: &RemoteSettings, n: usize) -> String {
+fn remedy(peer: Peer, n: usize) -> String {
     let signals =
         format!("`openfresco.answer_signals = [{n}, {n}, {n}, {n}, 1]` in [specimen.link]");
-    match settings.peer {
+    match peer {
         Peer::Element => format!(
             "an element server of OpenFresco always answers displacement 0; if the server measures it, as `gusset serve` \
              does, set {signals}"

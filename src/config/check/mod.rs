@@ -26,7 +26,7 @@ use way::check_way;
 use super::diagnose::Finding;
 use super::document::{Datum, KeyPath, Node};
 use super::schema::{Method, Start, StructureTable, TestFile};
-use super::serve::ServeFile;
+use super::serve_table::ServeFile;
 use super::steps::{Time, not_positive};
 use super::suggest::listed;
 use super::timetable::ClockChoice;

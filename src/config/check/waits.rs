@@ -5,13 +5,12 @@ use super::Findings;
 use crate::config::diagnose::Finding;
 use crate::config::document::KeyPath;
 use crate::config::echo::number;
+use crate::config::link_table::{LinkSpec, WATCHDOG_MAX_S};
 use crate::config::safety::SafetyTable;
 use crate::config::schema::{RecordTable, TestFile};
 use crate::config::steps::Time;
 use crate::config::timetable::ClockChoice;
 use crate::config::timing_table::TimingSpec;
-use crate::link::LinkSpec;
-use crate::link::spec::WATCHDOG_MAX_S;
 
 /// Longest time in s in which the specimens hold and nothing happens yet: zeroing, warming up, easing.
 const STANDING_S: f64 = 600.0;

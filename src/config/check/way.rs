@@ -3,9 +3,9 @@
 use super::Findings;
 use crate::config::diagnose::Finding;
 use crate::config::document::KeyPath;
+use crate::config::link_table::LinkSpec;
 use crate::config::schema::TestFile;
 use crate::config::specimen::SpecimenTable;
-use crate::link::LinkSpec;
 
 /// Value and slope of the way are continuous, its curvature is not: what takes it from tick to tick hands its jumps on.
 pub(super) fn check_way(

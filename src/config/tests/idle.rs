@@ -314,7 +314,7 @@ fn what_belongs_to_the_controller_is_told_of_in_the_file_of_a_server() {
     let path = folder.path().join("rig.toml");
     let served = |text: &str| {
         std::fs::write(&path, text).unwrap();
-        load_served(&path, None).unwrap().warnings
+        load_serve_file(&path, None).unwrap().warnings
     };
     let usual = "[[specimen]]\nname = \"a\"\nlaw = { linear = { stiffness_n_per_m = 1e5 } }\n";
     assert_eq!(served(usual), [""; 0]);

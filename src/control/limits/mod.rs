@@ -10,15 +10,14 @@ mod judge;
 mod lately;
 mod past;
 mod sawtooth;
-mod spec;
 mod trips;
 mod watch;
 
 pub use judge::RECORDED;
-pub use spec::{BoundSpec, DIVERGENCE_M, LimitsError, LimitsSpec, RangeSpec};
 pub use watch::{Estimated, Watch};
 
 use crate::catalog::limit::{AXIS_LIMITS, Kind, Limit};
+use crate::config::{BoundSpec, DIVERGENCE_M, LimitsSpec, RangeSpec};
 use crate::units::compared;
 
 /// How bad it is.

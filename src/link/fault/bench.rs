@@ -5,12 +5,12 @@
 use std::collections::VecDeque;
 
 use super::dice::Dice;
-use super::spec::{Channel, Fault, Kind, MEMORY, Place, Script};
-use crate::control::AxisUnits;
+use crate::config::fault_script::{Channel, Fault, Kind, MEMORY, Place, Script};
 use crate::link::rig::{Rig, TestEnd, Visitor, Wanted};
 use crate::substructure::{
     Command, Introduction, LinkFault, LinkStats, Measurement, Retirement, Status,
 };
+use crate::units::AxisUnits;
 
 /// The stream of chance at the bench.
 const STREAM: u64 = 2;
@@ -411,7 +411,7 @@ mod tests {
             fault: kinds.iter().map(fault).collect(),
             ..Script::default()
         };
-        script.check(Some(1)).unwrap();
+        crate::config::check_script(&script, Some(1)).unwrap();
         let units = AxisUnits {
             metres: 1e-3,
             ..AxisUnits::SI
@@ -443,7 +443,7 @@ mod tests {
             fault: vec![fault],
             ..Script::default()
         };
-        script.check(Some(1)).unwrap();
+        crate::config::check_script(&script, Some(1)).unwrap();
         let rig = Box::new(Law::new(Box::new(law), false));
         let mut bench = Bench::around(rig, &script, vec![AxisUnits::SI]);
         let visitor = Visitor {

@@ -15,8 +15,8 @@ pub(super) use refused::with_words;
 pub use setup::{NativeSetup, unlimited_axis};
 pub(in crate::link) use setup::{SOFTWARE, fit};
 
+use crate::config::Carrier;
 use crate::link::Transport;
-use crate::link::spec::Carrier;
 use crate::link::tls::TlsClient;
 use crate::substructure::{
     Command, Coupling, Freshness, Holder, Introduction, LinkFault, LinkStats, Measurement,

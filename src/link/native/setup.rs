@@ -4,10 +4,10 @@ use std::time::Duration;
 
 use super::live::Live;
 use super::refused::{SetupError, parting};
+use crate::config::Carrier;
 use crate::link::announce;
 use crate::link::inbox::Inbox;
 use crate::link::secret::random;
-use crate::link::spec::Carrier;
 use crate::link::tls::{TlsClient, is_alert};
 use crate::link::{ConnectError, SocketOptions, TcpTransport, Transport, UdpTransport};
 use crate::substructure::{Coupling, Introduction, LISTEN_NS, LinkFault};

@@ -3,13 +3,14 @@
 use std::time::Duration;
 
 use super::error::{Lost, RemoteError};
-use super::settings::{Peer, RemoteSettings};
+use super::settings::RemoteSettings;
 use crate::link::Transport;
 use crate::link::socket::{ConnectError, SocketOptions, TcpTransport, UdpTransport};
 use crate::rt::os;
 use crate::substructure::{Command, LinkFault, Measurement};
 use crate::time::Nanos;
 use crate::wire::WireError;
+use crate::wire::openfresco::Peer;
 use crate::wire::openfresco::{
     Asked, Carrier, Client, ClientDialect, ClientEvent, ClientSettings, DATAGRAM_LIMIT, Shadow,
     ShadowEvent, ShadowSettings, datagrams,

@@ -12,7 +12,7 @@ mod opening;
 use super::asking::{Asking, Came, Echo, machine, send, transport};
 use super::below::Below;
 use super::error::{Lost, RemoteError};
-use super::settings::{Peer, RemoteSettings};
+use super::settings::RemoteSettings;
 use crate::link::Transport;
 use crate::link::socket::LOOK;
 use crate::rt::os;
@@ -22,6 +22,7 @@ use crate::substructure::{
 };
 use crate::time::Nanos;
 use crate::wire::not_foreign;
+use crate::wire::openfresco::Peer;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Phase {
@@ -120,7 +121,7 @@ impl Remote {
         if done.is_ok() && self.settings.peer == Peer::Element {
             done = self.ask_stiffness(until);
         }
-        if done.is_ok() && self.settings.tells_where_it_stands() {
+        if done.is_ok() && self.settings.reports_position() {
             done = self.ask_standing(until);
         }
         self.below.ask(self.link.as_deref());

@@ -10,10 +10,10 @@ use thiserror::Error;
 use super::Transformation;
 use super::remarks::Remark;
 use crate::catalog::ending::Cause;
-use crate::control::AxisUnits;
 use crate::link::rig::{Law, Rig as _, Station, TestEnd, Trip, Visitor, Wanted};
 use crate::specimen::Specimen;
 use crate::substructure::{Command, Measurement};
+use crate::units::AxisUnits;
 use crate::wire::openfresco::{Course, Matrix, Response};
 
 /// Whether a specimen can go back.

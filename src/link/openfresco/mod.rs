@@ -6,9 +6,9 @@
 //! | [`serve_openfresco`], [`Role::Actor`] | B | OpenFresco `expSite ShadowSite` |
 //! | [`serve_openfresco`], [`Role::Controller`] | D | OpenFresco `expControl GenericTCP` or `SimFEAdapter` |
 //! | [`serve_openfresco`], [`Role::Simulink`] | D | OpenFresco `expControl SimSimulink` |
-//! | [`Remote`], [`Peer::Element`], [`Peer::Site`] | A | `startSimAppElemServer`, `startSimAppSiteServer` |
-//! | [`Remote`], [`Peer::Actor`] | B | `expSite ActorSite` |
-//! | [`Remote`], [`Peer::Adapter`] | C | OpenSees `adapter`, `actuator`, `corotActuator` |
+//! | [`Remote`], `Peer::Element`, `Peer::Site` | A | `startSimAppElemServer`, `startSimAppSiteServer` |
+//! | [`Remote`], `Peer::Actor` | B | `expSite ActorSite` |
+//! | [`Remote`], `Peer::Adapter` | C | OpenSees `adapter`, `actuator`, `corotActuator` |
 //!
 //! Run against the real OpenSees: dialect A as a server, dialect C as a client, TCP and UDP. Dialects B and D and the
 //! client of dialect A were not run against the real program here, nor was TLS: recorded exchanges and our own two
@@ -31,7 +31,6 @@ mod news;
 mod remarks;
 mod server;
 mod settings;
-mod spec;
 mod transformation;
 
 pub use client::Remote;
@@ -41,6 +40,5 @@ pub use error::RemoteError;
 pub use host::{Host, HostFault, Nature, Tally};
 pub use news::{End, News};
 pub use server::{ServeSettings, serve_openfresco};
-pub use settings::{Peer, RemoteSettings};
-pub use spec::{Far, OpenFrescoServeSpec, OpenFrescoSpec, SignalOrderSpec};
+pub use settings::RemoteSettings;
 pub use transformation::Transformation;

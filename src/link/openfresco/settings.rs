@@ -3,33 +3,7 @@
 use crate::link::socket::Wait;
 use crate::link::tls::TlsClient;
 use crate::wire::WireError;
-use crate::wire::openfresco::{
-    Carrier, Counts, DEFAULT_DATA_SIZE, Peer as Program, Sizes, UdpGreeting,
-};
-
-/// What listens at the other end.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Peer {
-    /// A: OpenFresco's `startSimAppElemServer`, or a server of ours. Answers requests for matrices.
-    Element,
-    /// A: OpenFresco's `startSimAppSiteServer`. Knows no matrices.
-    Site,
-    /// B: OpenFresco's `expSite ActorSite` with `startLabServer`.
-    Actor,
-    /// C: an OpenSees `adapter`, `actuator` or `corotActuator`.
-    Adapter,
-}
-
-impl std::fmt::Display for Peer {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Element => "OpenFresco element server",
-            Self::Site => "OpenFresco site server",
-            Self::Actor => "OpenFresco actor site",
-            Self::Adapter => "OpenSees adapter",
-        })
-    }
-}
+use crate::wire::openfresco::{Carrier, Counts, DEFAULT_DATA_SIZE, Peer, Sizes, UdpGreeting};
 
 /// How to reach a specimen behind OpenFresco or OpenSees.
 #[derive(Debug, Clone, PartialEq)]
@@ -69,31 +43,7 @@ impl RemoteSettings {
     /// The usual settings for a peer.
     #[must_use]
     pub fn new(peer: Peer, carrier: Carrier, address: impl Into<String>, axes: usize) -> Self {
-        let n = axes;
-        let (ctrl, daq, program) = match peer {
-            // Its displacements, velocities, accelerations and times are always zero.
-            Peer::Element => (
-                Counts::new(n, n, n, 0, 1),
-                Counts::new(0, 0, 0, n, 0),
-                Program::OpenFrescoServer,
-            ),
-            Peer::Site => (
-                Counts::new(n, n, n, 0, 1),
-                Counts::new(n, n, n, n, 1),
-                Program::OpenFrescoServer,
-            ),
-            // What a bank of uniaxial materials insists on.
-            Peer::Actor => (
-                Counts::new(n, n, 0, 0, 0),
-                Counts::new(n, n, 0, n, 0),
-                Program::OpenFrescoSite,
-            ),
-            Peer::Adapter => (
-                Counts::new(n, 0, 0, 0, 0),
-                Counts::new(n, 0, 0, n, 0),
-                Program::OpenSees,
-            ),
-        };
+        let (ctrl, daq) = peer.usual_signals(axes);
         Self {
             peer,
             carrier,
@@ -102,7 +52,7 @@ impl RemoteSettings {
             ctrl,
             daq,
             data_size: DEFAULT_DATA_SIZE,
-            greeting: UdpGreeting::expected_by(program),
+            greeting: UdpGreeting::expected_by(peer.program()),
             site: 0.0,
             version: 2.8,
             connect_limit_s: 10.0,
@@ -126,12 +76,10 @@ impl RemoteSettings {
         self.daq.disp > 0
     }
 
-    /// True of a force server that measures when it is asked. An actor only gives back what it measured after a command, and
-    /// an adapter takes no request before one.
+    /// True if the server reports the position of the specimen before the first command.
     #[must_use]
-    pub fn tells_where_it_stands(&self) -> bool {
-        let can = matches!(self.peer, Peer::Element | Peer::Site);
-        can && self.daq.disp == self.axes && self.daq.force == self.axes
+    pub fn reports_position(&self) -> bool {
+        self.peer.reports_position(self.daq, self.axes)
     }
 
     pub(super) fn sizes(&self) -> Result<Sizes, WireError> {

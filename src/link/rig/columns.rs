@@ -1,7 +1,7 @@
 //! The columns of a server's rows: one row per exchange. Those that `gusset export` and `gusset report` know have their names.
 
-use crate::control::AxisUnits;
 use crate::record::{COMMITS, Column};
+use crate::units::AxisUnits;
 
 pub(super) const HEAD: [(&str, &str, &str, bool); 10] = [
     ("step", "1", "number of the exchange, from 0", false),

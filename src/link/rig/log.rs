@@ -10,7 +10,6 @@ use super::summary::{self, Counted};
 use super::{Trip, Visitor};
 use crate::catalog::ending::{Cause, Status as Ended};
 use crate::catalog::phase::Phase;
-use crate::control::AxisUnits;
 use crate::record::writer::Clocks;
 use crate::record::{
     FolderError, Layout, Note, NoteLevel, Position, Recorder, RingRecorder, RingSize, RunFolder,
@@ -20,6 +19,7 @@ use crate::rt::timing::Timing;
 use crate::rt::wall::Wall;
 use crate::rt::{os, pin_away};
 use crate::substructure::{Command, LinkStats, Measurement, Status};
+use crate::units::AxisUnits;
 
 /// Where and what a server records.
 #[derive(Debug, Clone)]

@@ -26,13 +26,14 @@ use super::log::{Log, LogSettings};
 use super::settings::{ProbeSettings, TestEnd};
 use super::{Rig, Trip};
 use crate::catalog::limit::Limit;
-use crate::control::AxisUnits;
-use crate::control::limits::{AxisLimits, LimitsSpec, Watch};
+use crate::config::LimitsSpec;
+use crate::control::limits::{AxisLimits, Watch};
 use crate::link::quota::Allowance;
 use crate::record::{Note, NoteLevel};
 use crate::rt::os;
 use crate::substructure::{Command, LinkStats, Measurement};
 use crate::time::Nanos;
+use crate::units::AxisUnits;
 
 /// From one command to the next in s, until it is known.
 const USUAL_TICK_S: f64 = 0.01;

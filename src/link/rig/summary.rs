@@ -6,12 +6,12 @@ use serde_json::json;
 
 use super::log::Exchange;
 use crate::catalog::ending::Cause;
-use crate::control::AxisUnits;
 use crate::record::summary::{ClockKind, InputFile, LinkCounts, Peak};
 use crate::record::{MissClasses, Recorded, Summary};
 use crate::rt::timing::Timing;
 use crate::rt::wall::Wall;
 use crate::substructure::LinkStats;
+use crate::units::AxisUnits;
 
 /// What is counted while a test runs.
 pub(super) struct Counted {

@@ -1,10 +1,10 @@
 //! The judgement on a Hello and on an Arm: the same over TCP and UDP.
 
 use super::Desk;
+use crate::config::WATCHDOG_MAX_S;
 use crate::link::native::{SOFTWARE, fit};
 use crate::link::rig::elsewhere;
 use crate::link::secret::random;
-use crate::link::spec::WATCHDOG_MAX_S;
 use crate::text::is_hidden;
 use crate::wire::handshake::{
     self, Arm, Control, Hello, Limits, Refuse, RefuseCode, Sampling, TEXT_LIMIT, Terms, Versions,

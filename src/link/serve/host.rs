@@ -2,15 +2,17 @@
 
 use std::sync::Arc;
 
-use crate::control::AxisUnits;
-use crate::control::limits::{AxisLimits, LimitsSpec};
+use crate::config::fault_script::Script;
+use crate::config::{LimitsSpec, ScriptError, check_script};
+use crate::control::limits::AxisLimits;
 use crate::link::announce::units_of;
-use crate::link::fault::{Bench, Script, ScriptError};
+use crate::link::fault::Bench;
 use crate::link::rig::{
     Far, FarBuild, GuardStore, Latch, Law, LogSettings, Memory, ProbeSettings, Station,
     Whereabouts, first_words,
 };
 use crate::specimen::Specimen;
+use crate::units::AxisUnits;
 use crate::wire::handshake::{Axis, Capabilities};
 
 /// A specimen to be hosted, and how to make it anew for each test.
@@ -237,7 +239,7 @@ impl Host {
     /// # Errors
     /// The script cannot be played, or the specimen is no formula: a real one is not to be played with.
     pub fn faulty(mut self, script: Script) -> Result<Self, ScriptError> {
-        script.check(Some(self.axes.len()))?;
+        check_script(&script, Some(self.axes.len()))?;
         if self.is_gateway() {
             return Err(ScriptError {
                 fault: None,

@@ -1,7 +1,8 @@
 //! What a session's bytes go over, with the faults that are played on it.
 
 use super::far::FarEnd;
-use crate::link::fault::{FaultyWire, Script};
+use crate::config::fault_script::Script;
+use crate::link::fault::FaultyWire;
 use crate::link::tls::{TlsFault, TlsStream};
 use crate::link::{TcpTransport, Transport, UdpTransport, Wait};
 use crate::rt::os;

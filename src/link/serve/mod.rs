@@ -33,9 +33,9 @@ use thiserror::Error;
 use tokio::sync::mpsc::UnboundedSender;
 
 use super::quota::{Allowance, Quota};
-use super::spec::Carrier;
 use super::tls::TlsServer;
 use super::{ConnectError, socket};
+use crate::config::Carrier;
 use crate::rt::{RtPlan, os};
 use crate::wire::key::PreSharedKey;
 

@@ -1,4 +1,4 @@
-//! `[specimen.link.tls]` and `[serve.tls]`: certificates, keys and authorities from PEM files.
+//! Certificates, keys and authorities from PEM files.
 //!
 //! The names that are not given are those that OpenFresco looks for: `server.crt`, `server.key` and `server_ca.crt` at a
 //! server, `client.crt`, `client.key` and `client_ca.crt` at a client; each `…_ca.crt` verifies the other end.
@@ -11,96 +11,14 @@ use std::path::{Path, PathBuf};
 use rustls::pki_types::pem::PemObject;
 use rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use rustls::{Error, InconsistentKeys, RootCertStore};
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 use thiserror::Error as Thiserror;
 
 use super::fault::TlsFault;
+use crate::config::{ServeTlsSpec, TlsSpec};
 use crate::rt::secret_file::{SecretError, open_secret};
 
 /// No PEM file of use is longer.
 const LONGEST: u64 = 1 << 20;
-
-/// Certificates for `transport = "tls"`. Both ends present a certificate. A separate thread
-/// encrypts the data, so there is no real-time guarantee. For real time, use the protocol of Gusset
-/// with `key_file` instead.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct TlsSpec {
-    /// File (PEM) with the certificate of this end and all intermediate certificates. Default:
-    /// `client.crt` beside the test file, otherwise in the working directory.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(example = &"client.pem")]
-    pub certificate_file: Option<String>,
-    /// File (PEM) with the private key of the certificate, not encrypted. Other users must not have
-    /// access to it (`chmod 600`). It is never copied into the run folder. Default: `client.key`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(example = &"client.key")]
-    pub key_file: Option<String>,
-    /// File (PEM) with the authorities that may sign the certificate of the other end. Default:
-    /// `client_ca.crt`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(example = &"laboratory-ca.pem")]
-    pub ca_file: Option<String>,
-    /// Name or address for which the certificate of the other end must be valid. Default: the host
-    /// in `address`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(example = &"rig.lab")]
-    pub server_name: Option<String>,
-    /// If false, any certificate of the authority is accepted, whatever its name, as in OpenFresco.
-    /// Every owner of such a certificate can then act as the specimen.
-    #[schemars(example = false)]
-    pub check_name: bool,
-}
-
-impl Default for TlsSpec {
-    fn default() -> Self {
-        Self {
-            certificate_file: None,
-            key_file: None,
-            ca_file: None,
-            server_name: None,
-            check_name: true,
-        }
-    }
-}
-
-/// Certificates for `transport = "tls"`.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct ServeTlsSpec {
-    /// File (PEM) with the certificate of this server and all intermediate certificates. Default:
-    /// `server.crt` beside this file, otherwise in the working directory.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(example = &"server.pem")]
-    pub certificate_file: Option<String>,
-    /// File (PEM) with the private key of the certificate, not encrypted. Other users must not have
-    /// access to it (`chmod 600`). Default: `server.key`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(example = &"server.key")]
-    pub key_file: Option<String>,
-    /// File (PEM) with the authorities that may sign the certificate of a client. Default:
-    /// `server_ca.crt`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(example = &"laboratory-ca.pem")]
-    pub ca_file: Option<String>,
-    /// Whether a client must present a certificate. The protocol of Gusset always requires it.
-    /// Default for OpenFresco: optional on loopback or if `openfresco.client` is given, otherwise
-    /// required.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(example = &"required")]
-    pub client_certificate: Option<ClientCertificate>,
-}
-
-/// Whether a client must present a certificate.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum ClientCertificate {
-    /// A client without a valid certificate is refused.
-    Required,
-    /// A client without a certificate is accepted. A certificate that is presented must be valid.
-    Optional,
-}
 
 /// Which end of a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -138,25 +56,21 @@ pub(super) struct Identity {
     pub(super) key: PrivateKeyDer<'static>,
 }
 
-impl TlsSpec {
-    /// The files, for a test file in `folder`.
-    #[must_use]
-    pub fn files(&self, folder: &Path) -> TlsFiles {
-        let given = [&self.certificate_file, &self.key_file, &self.ca_file];
-        TlsFiles::locate(given.map(Option::as_deref), End::Client, folder)
-    }
-}
-
-impl ServeTlsSpec {
-    /// The files, for a file of specimens in `folder`.
-    #[must_use]
-    pub fn files(&self, folder: &Path) -> TlsFiles {
-        let given = [&self.certificate_file, &self.key_file, &self.ca_file];
-        TlsFiles::locate(given.map(Option::as_deref), End::Server, folder)
-    }
-}
-
 impl TlsFiles {
+    /// The files of a controller, for a test file in `folder`.
+    #[must_use]
+    pub fn of_client(spec: &TlsSpec, folder: &Path) -> Self {
+        let given = [&spec.certificate_file, &spec.key_file, &spec.ca_file];
+        Self::locate(given.map(Option::as_deref), End::Client, folder)
+    }
+
+    /// The files of a server, for a file of specimens in `folder`.
+    #[must_use]
+    pub fn of_server(spec: &ServeTlsSpec, folder: &Path) -> Self {
+        let given = [&spec.certificate_file, &spec.key_file, &spec.ca_file];
+        Self::locate(given.map(Option::as_deref), End::Server, folder)
+    }
+
     /// Certificate, key and authorities as `given`, relative to `folder`. Those that are not given have OpenFresco's names,
     /// in `folder` or, if none of them is there, in the working directory.
     #[must_use]
@@ -303,12 +217,12 @@ mod tests {
     fn names_that_are_not_given_are_those_of_openfresco_beside_the_file() {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
-        let files = ServeTlsSpec::default().files(folder);
+        let files = TlsFiles::of_server(&ServeTlsSpec::default(), folder);
         assert_eq!(files.certificate, folder.join("server.crt"));
         assert_eq!(files.key, folder.join("server.key"));
         assert_eq!(files.ca, folder.join("server_ca.crt"));
         let spec: TlsSpec = toml::from_str("key_file = \"keys/mine.pem\"").unwrap();
-        let files = spec.files(folder);
+        let files = TlsFiles::of_client(&spec, folder);
         assert_eq!(files.certificate, folder.join("client.crt"));
         assert_eq!(files.key, folder.join("keys/mine.pem"));
         assert!(spec.check_name);
@@ -318,7 +232,7 @@ mod tests {
     fn a_file_that_is_missing_empty_or_another_is_named_with_its_key() {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
-        let files = TlsSpec::default().files(folder);
+        let files = TlsFiles::of_client(&TlsSpec::default(), folder);
         let said = |files: &TlsFiles| match files.identity() {
             Ok(_) => panic!("it is none"),
             Err(error) => (error.key, error.text),

@@ -35,7 +35,7 @@ mod thread;
 
 pub use client::TlsClient;
 pub use fault::TlsFault;
-pub use files::{ClientCertificate, End, FileError, ServeTlsSpec, TlsFiles, TlsSpec};
+pub use files::{End, FileError, TlsFiles};
 pub(in crate::link) use greeting::Greeting;
 pub use server::TlsServer;
 pub use stream::TlsStream;

@@ -2,8 +2,7 @@
 
 use super::{IdentificationError, refusal};
 use crate::catalog::limit::Limit;
-use crate::config::SpecimenTable;
-use crate::control::limits::{LimitsSpec, RangeSpec};
+use crate::config::{LimitsSpec, RangeSpec, SpecimenTable};
 use crate::identify::{Band, Course};
 use crate::units::{compared, number, quantity};
 

@@ -4,11 +4,9 @@ use super::super::links;
 use super::super::specimens::loading;
 use super::{LimitFact, SpecimenLimits};
 use crate::catalog::limit::Limit;
-use crate::config::{ClockChoice, SpecimenTable, Time};
+use crate::config::{ClockChoice, LinkSpec, Protocol, SpecimenTable, StaleChoice, Time};
 use crate::control::limits::{AxisLimits, listed};
 use crate::control::{Direction, Port};
-use crate::link::LinkSpec;
-use crate::link::spec::{Protocol, StaleChoice};
 use crate::substructure::Coupling;
 use crate::units::{self, duration};
 

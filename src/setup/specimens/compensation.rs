@@ -4,8 +4,7 @@ use super::super::{Refused, Site, path};
 use crate::catalog::limit::Limit;
 use crate::compensation::{CompensationSpec, Compensator};
 use crate::config::steps::Time;
-use crate::config::{Finding, KeyPath, Method, SpecimenTable, TestFile};
-use crate::control::limits::LimitsSpec;
+use crate::config::{Finding, KeyPath, LimitsSpec, Method, SpecimenTable, TestFile};
 use crate::integrate::{AlphaWeights, MethodError};
 
 /// Commands over a target at rest that no sound actuator needs to leave.

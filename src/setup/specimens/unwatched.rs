@@ -2,9 +2,8 @@
 
 use super::super::{Site, path};
 use crate::catalog::limit::Limit;
-use crate::config::{Finding, KeyPath};
+use crate::config::{Finding, KeyPath, LimitsSpec};
 use crate::control::Declared;
-use crate::control::limits::LimitsSpec;
 
 /// Warns of each such limit of one specimen.
 pub(super) fn unwatched(

@@ -21,7 +21,7 @@ pub struct UdpGreeting {
 
 /// The listening program of a UDP connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Peer {
+pub enum Program {
     /// OpenSees `adapter`, `actuator`, `corotActuator` (3.7.1).
     OpenSees,
     /// OpenFresco 2.8 `startSimAppSiteServer`, `startSimAppElemServer`.
@@ -43,16 +43,16 @@ impl UdpGreeting {
         endian: false,
     };
 
-    /// What `peer` expects, from the table in section 4 of the protocol notes.
+    /// What `program` expects, from the table in section 4 of the protocol notes.
     #[must_use]
-    pub const fn expected_by(peer: Peer) -> Self {
-        match peer {
-            Peer::OpenSees | Peer::OpenFrescoSite | Peer::OldOpenFrescoServer => Self {
+    pub const fn expected_by(program: Program) -> Self {
+        match program {
+            Program::OpenSees | Program::OpenFrescoSite | Program::OldOpenFrescoServer => Self {
                 hello: true,
                 endian: false,
             },
-            Peer::OpenFrescoServer | Peer::CLibrary => Self::NONE,
-            Peer::OldOpenFrescoSite => Self {
+            Program::OpenFrescoServer | Program::CLibrary => Self::NONE,
+            Program::OldOpenFrescoSite => Self {
                 hello: true,
                 endian: true,
             },

@@ -4,12 +4,13 @@ use super::Findings;
 use crate::catalog::limit::Limit;
 use crate::compensation::CompensationSpec;
 use crate::config::document::KeyPath;
+use crate::config::limit_table::LimitsSpec;
+use crate::config::link_table::{
+    Carrier, CommandPace, LinkCoupling, LinkSpec, Protocol, StaleChoice,
+};
 use crate::config::safety::{ExitChoice, SafetyTable, ZeroChoice};
 use crate::config::specimen::SpecimenTable;
-use crate::control::limits::LimitsSpec;
 use crate::law::Reach;
-use crate::link::LinkSpec;
-use crate::link::spec::{Carrier, CommandPace, LinkCoupling, Protocol, StaleChoice};
 use crate::transfer::{BetweenTicks, TransferSpec};
 
 /// One specimen; `safety` is that of the test, and absent where the file is only served.

@@ -283,9 +283,9 @@ impl Station {
 mod tests {
     use super::super::Station;
     use super::*;
-    use crate::control::AxisUnits;
     use crate::link::rig::{Rig, TestEnd, Visitor, Wanted};
     use crate::substructure::{Introduction, LinkFault, Retirement};
+    use crate::units::AxisUnits;
 
     /// Two springs of 10 N/m; from the command with this number on the load cell of the second says no number.
     #[derive(Debug)]
@@ -376,7 +376,7 @@ mod tests {
     /// Stands for three commands at test time `from`, and then goes on by 0.1 m in each 0.01 s, with a limit that bounds any change
     /// of that speed. Whether it trips, and where.
     fn goes_on(from: f64, vel: f64, steps: &[f64]) -> Option<u64> {
-        let limits: crate::control::limits::LimitsSpec =
+        let limits: crate::config::LimitsSpec =
             toml::from_str("command_accel_m_per_s2 = { trip = 50.0 }").unwrap();
         let units = vec![AxisUnits::SI; 2];
         let rig = Box::new(Broken { from: u64::MAX });

@@ -2,8 +2,8 @@
 //! was declared says how far a single command may take it, and whoever commands may believe it elsewhere.
 
 use crate::catalog::limit::Limit;
-use crate::control::AxisUnits;
 use crate::control::limits::{AxisLimits, Hit, Level};
+use crate::units::AxisUnits;
 use crate::units::in_axis_unit;
 
 /// Share of the range that `command_disp_m` allows.

@@ -2,13 +2,13 @@
 
 use super::attempt::Origin;
 use super::{Station, USUAL_TICK_S, metres, not_finite};
-use crate::control::{AxisUnits, Opinion, Pace, Probe, compare_stiffness};
+use crate::control::{Opinion, Pace, Probe, compare_stiffness};
 use crate::link::rig::settings::{ProbeSettings, TestEnd};
 use crate::link::rig::{Visitor, Wanted, apart, elsewhere};
 use crate::record::NoteLevel;
 use crate::rt::os;
 use crate::substructure::{Command, Introduction, Measurement};
-use crate::units::{position, signed_in_axis_unit};
+use crate::units::{AxisUnits, position, signed_in_axis_unit};
 
 const WHILE: &str = "while its direction was tried";
 

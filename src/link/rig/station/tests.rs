@@ -5,8 +5,8 @@ use std::sync::{Arc, Mutex};
 use super::Station;
 use crate::catalog::ending::Cause;
 use crate::catalog::limit::Limit;
-use crate::control::limits::LimitsSpec;
-use crate::control::{AxisUnits, Pace};
+use crate::config::LimitsSpec;
+use crate::control::Pace;
 use crate::link::rig::settings::ProbeSettings;
 use crate::link::rig::{Far, Rig, TestEnd, Trip, Visitor, Wanted, Whereabouts};
 use crate::substructure::{
@@ -14,6 +14,7 @@ use crate::substructure::{
     Substructure, Unavailable,
 };
 use crate::time::Nanos;
+use crate::units::AxisUnits;
 use crate::units::position;
 
 const K: f64 = 8000.0;

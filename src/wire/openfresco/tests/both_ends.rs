@@ -19,7 +19,10 @@ fn deliver(server: &mut Server, bytes: &[u8], message: usize) -> Vec<Event> {
 #[test]
 fn our_client_and_our_server_understand_each_other_at_the_smallest_n() {
     for carrier in [Carrier::Stream, Carrier::Datagrams] {
-        for greeting in [UdpGreeting::NONE, UdpGreeting::expected_by(Peer::OpenSees)] {
+        for greeting in [
+            UdpGreeting::NONE,
+            UdpGreeting::expected_by(Program::OpenSees),
+        ] {
             let sizes = Sizes::generic_client(2, 1).unwrap();
             let settings = ClientSettings {
                 dialect: ClientDialect::Application,
@@ -200,8 +203,8 @@ fn an_adapter_gets_commands_and_force_requests_and_nothing_else() {
 #[test]
 fn our_shadow_and_our_actor_understand_each_other() {
     let none = UdpGreeting::NONE;
-    let both = UdpGreeting::expected_by(Peer::OldOpenFrescoSite);
-    let hello = UdpGreeting::expected_by(Peer::OpenFrescoSite);
+    let both = UdpGreeting::expected_by(Program::OldOpenFrescoSite);
+    let hello = UdpGreeting::expected_by(Program::OpenFrescoSite);
     for (carrier, greeting) in [
         (Carrier::Stream, none),
         (Carrier::Datagrams, none),

@@ -280,10 +280,10 @@ fn the_table_of_udp_greetings() {
         hello: true,
         endian: true,
     };
-    assert_eq!(greeting(Peer::OpenSees), hello);
-    assert_eq!(greeting(Peer::OpenFrescoServer), UdpGreeting::NONE);
-    assert_eq!(greeting(Peer::OpenFrescoSite), hello);
-    assert_eq!(greeting(Peer::OldOpenFrescoServer), hello);
-    assert_eq!(greeting(Peer::OldOpenFrescoSite), both);
-    assert_eq!(greeting(Peer::CLibrary), UdpGreeting::NONE);
+    assert_eq!(greeting(Program::OpenSees), hello);
+    assert_eq!(greeting(Program::OpenFrescoServer), UdpGreeting::NONE);
+    assert_eq!(greeting(Program::OpenFrescoSite), hello);
+    assert_eq!(greeting(Program::OldOpenFrescoServer), hello);
+    assert_eq!(greeting(Program::OldOpenFrescoSite), both);
+    assert_eq!(greeting(Program::CLibrary), UdpGreeting::NONE);
 }

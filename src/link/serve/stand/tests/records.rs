@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use super::*;
-use crate::link::fault::Script;
+use crate::config::fault_script::Script;
 use crate::link::rig::{LogSettings, Visitor};
 use crate::record::Run;
 use crate::record::summary::{Status as Ended, Summary};

@@ -1,4 +1,4 @@
-//! A fault script in a file.
+//! A fault script: deliberate faults for a test of the controller or of a server.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -251,7 +251,7 @@ pub struct Expect {
 
 /// Where in the laboratory a fault happens.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Place {
+pub enum Place {
     /// Frames on their way.
     Frames,
     /// The connection as a whole.
@@ -263,10 +263,12 @@ pub(super) enum Place {
 }
 
 /// Longest memory of a fault, in commands or frames.
-pub(super) const MEMORY: usize = 64;
+pub const MEMORY: usize = 64;
 
 impl Kind {
-    pub(super) const fn place(self) -> Place {
+    /// Where it happens.
+    #[must_use]
+    pub const fn place(self) -> Place {
         match self {
             Self::Lost
             | Self::Late { .. }
@@ -321,7 +323,8 @@ impl Kind {
 
 impl Fault {
     /// True if it concerns command `number` since arming. Real-time: yes.
-    pub(super) fn concerns(&self, number: u64) -> bool {
+    #[must_use]
+    pub fn concerns(&self, number: u64) -> bool {
         let at = self.at.unwrap_or(0);
         number >= at && self.lasts.is_none_or(|lasts| number - at < lasts)
     }
@@ -352,7 +355,8 @@ impl Script {
     }
 
     /// Its faults at one place.
-    pub(super) fn faults_at(&self, place: Place) -> Vec<Fault> {
+    #[must_use]
+    pub fn faults_at(&self, place: Place) -> Vec<Fault> {
         let all = self.fault.iter();
         all.filter(|fault| fault.kind.place() == place)
             .cloned()

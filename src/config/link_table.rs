@@ -4,9 +4,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::address::share_a_port;
-use super::openfresco::{OpenFrescoSpec, Role};
-use super::tls::TlsSpec;
-use crate::wire::openfresco::{APPLICATION_PORT, CONTROLLER_PORT, SITE_PORT};
+use super::openfresco_table::{OpenFrescoSpec, ServerKind};
+use super::tls_table::TlsSpec;
+use crate::wire::openfresco::{Counts, Peer};
 
 /// Longest allowed `watchdog_s`, for every server and client.
 pub const WATCHDOG_MAX_S: f64 = 3600.0;
@@ -159,6 +159,46 @@ impl LinkSpec {
         self.transport.is_stream() == carrier.is_stream() && share_a_port(&self.address, address)
     }
 
+    /// The server at the other end of an OpenFresco protocol; none for the protocol of Gusset.
+    #[must_use]
+    pub fn peer(&self) -> Option<Peer> {
+        let server = self.openfresco.as_ref().map(|more| more.server);
+        match (self.protocol, server.unwrap_or_default()) {
+            (Protocol::Gusset, _) => None,
+            (Protocol::OpenFresco, ServerKind::Element) => Some(Peer::Element),
+            (Protocol::OpenFresco, ServerKind::Site) => Some(Peer::Site),
+            (Protocol::OpenFrescoShadow, _) => Some(Peer::Actor),
+            (Protocol::OpenFrescoAdapter, _) => Some(Peer::Adapter),
+        }
+    }
+
+    /// Numbers of signals of a command and of an answer over an OpenFresco protocol, for a specimen of `axes` axes; none if
+    /// the file gives numbers out of range.
+    #[must_use]
+    pub fn signals(&self, axes: usize) -> Option<(Counts, Counts)> {
+        let (command, answer) = self.peer()?.usual_signals(axes);
+        let more = self.openfresco.as_ref();
+        if more.is_some_and(|more| !more.out_of_range(axes).is_empty()) {
+            return None;
+        }
+        let given = |key: fn(&OpenFrescoSpec) -> Option<[usize; 5]>| {
+            let [d, v, a, f, t] = key(more?)?;
+            Some(Counts::new(d, v, a, f, t))
+        };
+        Some((
+            given(|more| more.command_signals).unwrap_or(command),
+            given(|more| more.answer_signals).unwrap_or(answer),
+        ))
+    }
+
+    /// True if the specimen reports its position before the first command; none for the protocol of Gusset, in
+    /// which the server reports it.
+    #[must_use]
+    pub fn reports_position(&self, axes: usize) -> Option<bool> {
+        let (_, answer) = self.signals(axes)?;
+        Some(self.peer()?.reports_position(answer, axes))
+    }
+
     /// Largest number of successive stale measurements, with ticks of `period` seconds.
     #[must_use]
     pub fn stale_bound(&self, period: f64) -> u64 {
@@ -194,20 +234,6 @@ pub enum Offer {
     /// Model for `SimSimulink` of OpenFresco.
     #[serde(rename = "openfresco-simulink")]
     OpenFrescoSimulink,
-}
-
-impl Offer {
-    /// The role that is played and its usual port; `None` for our own protocol.
-    #[must_use]
-    pub const fn openfresco(self) -> Option<(Role, u16)> {
-        match self {
-            Self::Gusset => None,
-            Self::OpenFresco => Some((Role::Application, APPLICATION_PORT)),
-            Self::OpenFrescoActor => Some((Role::Actor, SITE_PORT)),
-            Self::OpenFrescoController => Some((Role::Controller, CONTROLLER_PORT)),
-            Self::OpenFrescoSimulink => Some((Role::Simulink, CONTROLLER_PORT)),
-        }
-    }
 }
 
 /// Transport of the data.

@@ -7,18 +7,18 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::config::{Finding, KeyPath, SpecimenTable};
+use super::links::{beside, folder, native_setup, tls_client, wire_axes};
+use super::remote::remote_settings;
+use super::specimens::loading::at_actuators;
+use crate::config::{Finding, KeyPath, LinkSpec, Protocol, SpecimenTable};
 use crate::control::Pace;
 use crate::link::announce::narrower;
 use crate::link::openfresco::{Remote, RemoteSettings};
 use crate::link::rig::{FarBuild, ProbeSettings, Visitor};
 use crate::link::secret::read_key;
 use crate::link::serve::Host;
-use crate::link::spec::Protocol;
 use crate::link::tls::TlsClient;
-use crate::link::{LinkSpec, NativeLink, NativeSetup};
-use crate::setup::at_actuators;
-use crate::setup::links::{beside, folder, native_setup, tls_client, wire_axes};
+use crate::link::{NativeLink, NativeSetup};
 use crate::wire::handshake::Sampling;
 
 /// The specimen must hold after this silence where neither the file nor the controller says when, in s.
@@ -192,11 +192,8 @@ fn openfresco(
 ) -> Result<FarBuild, Box<Finding>> {
     let tls = tls_or(link, at, path)?;
     let at = at.key("link");
-    let refuse = |error: crate::link::openfresco::RemoteError| {
-        Box::new(Finding::error(at.key(error.key()), error.to_string()))
-    };
-    let Some(settings) = RemoteSettings::from_spec(link, axes).map_err(refuse)? else {
-        let text = "our own protocol is no OpenFresco link";
+    let Some(settings) = remote_settings(link, axes) else {
+        let text = "the protocol of Gusset has no OpenFresco settings";
         return Err(Box::new(Finding::error(at.key("protocol"), text)));
     };
     let limit = Duration::try_from_secs_f64(link.reply_timeout_s).unwrap_or(Duration::MAX);
@@ -204,8 +201,9 @@ fn openfresco(
         tls: tls.map(|tls| tls.with_record_limit(limit)),
         ..settings
     };
-    // Whatever is wrong with the settings shows now.
-    Remote::new(settings.clone()).map_err(refuse)?;
+    // Mistakes in the settings show now.
+    Remote::new(settings.clone())
+        .map_err(|error| Box::new(Finding::error(at.key(error.key()), error.to_string())))?;
     Ok(Arc::new(move |_: &Visitor| {
         let remote = Remote::new(settings.clone()).map_err(|error| error.to_string())?;
         Ok(Box::new(remote))

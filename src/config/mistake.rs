@@ -1,0 +1,47 @@
+//! A mistake in the shape of a file, as data: what the schema wants and what the file has.
+
+use super::document::KeyPath;
+
+/// A mistake in the shape of the file: the schema wants one thing, and the file has another.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Mistake {
+    /// Where.
+    pub path: KeyPath,
+    /// What.
+    pub kind: Kind,
+}
+
+/// Kinds of [`Mistake`].
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Kind {
+    /// `path` ends in a key that its table does not have.
+    UnknownKey { allowed: Vec<&'static str> },
+    /// The table at `path` lacks this key.
+    MissingKey { key: &'static str },
+    /// `path` is, or ends in, a name that is not in the list.
+    UnknownName {
+        found: String,
+        allowed: Vec<&'static str>,
+    },
+    /// The table at `path` must have exactly one of these keys.
+    NotExactlyOne {
+        found: Vec<String>,
+        allowed: Vec<&'static str>,
+    },
+    /// The wrong kind of value. `hint`: what to write instead.
+    WrongType {
+        found: String,
+        wanted: String,
+        hint: Option<String>,
+    },
+    /// The right kind, the wrong value.
+    WrongValue {
+        found: String,
+        wanted: String,
+        hint: Option<String>,
+    },
+    /// Message of the reader of a type.
+    Other(String),
+    /// Follows from a mistake that is already noted.
+    Consequence,
+}

@@ -1,0 +1,70 @@
+//! The file of `gusset serve`: specimens and how they are offered.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::link_table::{Carrier, Offer};
+use super::openfresco_table::OpenFrescoServeSpec;
+use super::safety::SafetyTable;
+use super::schema::RecordTable;
+use super::specimen::SpecimenTable;
+use super::timing_table::TimingSpec;
+use super::tls_table::ServeTlsSpec;
+
+/// Specimens for `gusset serve`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ServeFile {
+    /// Title of the file.
+    #[serde(default)]
+    pub title: String,
+    /// Specimens, one table each. `gusset serve` serves one of them at a time.
+    #[serde(default)]
+    pub specimen: Vec<SpecimenTable>,
+    /// Address, protocol and access.
+    #[serde(default)]
+    pub serve: ServeTable,
+    /// Only `unlimited` has an effect. All other keys need the response of a structure, which a
+    /// server does not have.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub safety: Option<SafetyTable>,
+    /// Real-time scheduling of the data thread. Default: normal scheduling.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub timing: Option<TimingSpec>,
+    /// Recording with `--out`. Only `queue_s` and `required` have an effect.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub record: Option<RecordTable>,
+}
+
+/// Address, protocol and access of `gusset serve`. Options of the command line override these keys.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ServeTable {
+    /// Address and port of the server, "host:port". Default: "127.0.0.1:4823".
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"0.0.0.0:4823")]
+    pub listen: Option<String>,
+    /// Protocol of the server. Default: "gusset".
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"openfresco")]
+    pub protocol: Option<Offer>,
+    /// Transport of the data: TCP, UDP or TLS. Default: "tcp".
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"tls")]
+    pub transport: Option<Carrier>,
+    /// Certificates for `transport = "tls"`.
+    pub tls: ServeTlsSpec,
+    /// File that contains the pre-shared key, relative to this file. Beyond loopback, the protocol
+    /// of Gusset requires this or TLS. Other users must not have access to it (`chmod 600`).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"laboratory.key")]
+    pub key_file: Option<String>,
+    /// If true, a simulated specimen keeps its state, the history of its limits and its trip
+    /// between sessions, as a physical one does. An interrupted test can then be resumed. Default:
+    /// false, each session starts with a new specimen.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    #[schemars(example = true)]
+    pub remembers: bool,
+    /// Settings for `protocol = "openfresco…"`.
+    pub openfresco: OpenFrescoServeSpec,
+}
