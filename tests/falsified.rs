@@ -6,7 +6,7 @@ use common::engine::prepare;
 use common::{FRAME, completed, json, write};
 use gusset::control::limits::Quantity;
 use gusset::engine::{Ending, Phase, Stop, TestQuantity};
-use gusset::record::{EventKind, Run};
+use gusset::record::{Event, Run};
 use gusset::spectral::delay::sdof;
 use nalgebra::{Complex, DMatrix};
 
@@ -399,7 +399,7 @@ fn the_margin_of_a_late_specimen_is_what_it_lags_less_than_the_critical_delay_an
         let told = run.events.iter().filter(|event| {
             matches!(
                 event.kind,
-                EventKind::TestLimit {
+                Event::TestLimit {
                     quantity: "delay_used",
                     trip: false,
                     ..
@@ -443,7 +443,7 @@ fn a_share_of_the_critical_delay_is_warned_of_and_trips_at_its_levels() {
     let warned = run.events.iter().filter(|event| {
         matches!(
             event.kind,
-            EventKind::TestLimit {
+            Event::TestLimit {
                 quantity: "delay_used",
                 trip: false,
                 ..

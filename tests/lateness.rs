@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use common::engine::{Run, run_on};
 use common::rig::{Act, Call, Log, Phase, attach, storey, two_floors};
 use gusset::engine::{Ending, Gaps, OnMiss, Stop, TestHit, TestQuantity};
-use gusset::record::EventKind;
+use gusset::record::Event;
 use gusset::rt::timing::Quantity;
 use gusset::substructure::{Coupling, Retirement};
 use gusset::time::{Clock, Nanos, SimClock};
@@ -97,7 +97,7 @@ fn run(on_miss: OnMiss, stalls: &[Stall]) -> Run {
 /// (tick, size, ticks by which the grid was moved) of every miss.
 fn misses(run: &Run) -> Vec<(u64, u64, u64)> {
     let found = run.events.iter().filter_map(|event| match event.kind {
-        EventKind::Miss {
+        Event::Miss {
             late_ns, stretched, ..
         } => Some((event.tick, late_ns, stretched)),
         _ => None,
@@ -289,7 +289,7 @@ fn misses_have_bounds_in_a_row_and_in_all() {
     let ending =
         |stalls: &[Stall], in_a_row, in_total| run(stalls, in_a_row, in_total).outcome.ending;
     let trip = |run: &Run| match run.events.iter().rev().find_map(|event| match event.kind {
-        gusset::record::EventKind::TestLimit {
+        gusset::record::Event::TestLimit {
             quantity,
             trip: true,
             value,
@@ -323,7 +323,7 @@ fn misses_in_a_row_are_warned_of_once_each_time() {
     let (run, _) = run_warm(0, OnMiss::Stretch, &stalls, levels);
     assert_eq!(run.outcome.ending, Ending::Completed);
     let warned = run.events.iter().filter_map(|event| match event.kind {
-        EventKind::TestLimit {
+        Event::TestLimit {
             quantity: "max_consecutive_misses",
             trip: false,
             value,
@@ -349,7 +349,7 @@ fn a_warm_up_that_misses_its_deadlines_in_a_row_ends_before_the_test() {
         };
         let (run, log) = run_warm(WARMUP, OnMiss::Stretch, &stalls, bounds);
         let told = run.events.iter().find_map(|event| match event.kind {
-            EventKind::Readiness {
+            Event::Readiness {
                 go,
                 ticks,
                 missed,
@@ -363,7 +363,7 @@ fn a_warm_up_that_misses_its_deadlines_in_a_row_ends_before_the_test() {
             .unwrap()
             .iter()
             .any(|call| matches!(call.1, Call::Issue { sequence, .. } if sequence >= WARMUP));
-        let started = run.events.iter().any(|e| e.kind == EventKind::Started);
+        let started = run.events.iter().any(|e| e.kind == Event::Started);
         assert_eq!((went, started), (told.unwrap().0, told.unwrap().0));
         (run.outcome.ending, told.unwrap())
     };
@@ -468,11 +468,11 @@ fn what_stands_still_outside_of_the_test_is_told_as_a_gap() {
     let stalls = [Waiting(3, 250 * T), Waiting(6, 50 * T)];
     let (run, _) = run_warm(20, OnMiss::Stretch, &stalls, |_| {});
     assert_eq!(run.outcome.ending, Ending::Completed);
-    let gaps: Vec<EventKind> = (run.events.iter())
+    let gaps: Vec<Event> = (run.events.iter())
         .map(|event| event.kind)
-        .filter(|kind| matches!(kind, EventKind::Gap { .. }))
+        .filter(|kind| matches!(kind, Event::Gap { .. }))
         .collect();
-    let gap = EventKind::Gap {
+    let gap = Event::Gap {
         late_ns: 250 * T,
         ticks: 249,
     };

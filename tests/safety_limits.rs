@@ -12,7 +12,7 @@ use common::engine::run_on;
 use gusset::config;
 use gusset::control::limits::{AxisLimits, Bound};
 use gusset::engine::{Ending, Stop, TestQuantity};
-use gusset::record::EventKind;
+use gusset::record::Event;
 use gusset::substructure::Status;
 use gusset::time::{Clock, Nanos, SimClock};
 use gusset::wire::handshake::Limits;
@@ -471,7 +471,7 @@ fn misses_in_a_window_end_a_test_that_is_late_too_often() {
     let warned = often.events.iter().filter(|event| {
         matches!(
             event.kind,
-            EventKind::TestLimit {
+            Event::TestLimit {
                 trip: false,
                 quantity: "max_misses_in_window",
                 ..
@@ -565,7 +565,7 @@ fn what_an_actuator_still_does_behind_its_last_command_does_not_end_the_way_out(
 /// Quantity and specimen of every limit of a specimen that was told, warnings or trips, with the tick.
 fn told(run: &common::engine::Run, wanted: bool) -> Vec<(&'static str, u32, u32, u64)> {
     let hits = run.events.iter().filter_map(|event| match event.kind {
-        EventKind::Limit {
+        Event::Limit {
             port,
             axis,
             quantity,
@@ -692,7 +692,7 @@ fn all_that_trips_of_the_test_as_a_whole_in_one_step_is_told() {
     };
     assert_eq!(hit.quantity, TestQuantity::DelayUsed);
     let trips = run.events.iter().filter_map(|event| match event.kind {
-        EventKind::TestLimit {
+        Event::TestLimit {
             quantity,
             trip: true,
             ..

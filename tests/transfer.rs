@@ -7,7 +7,7 @@ use gusset::benchmark::{FORCE_LIMIT_N, Frame, Plant, RATE_HZ, Setup, Wiring, run
 use gusset::compensation::CompensationSpec;
 use gusset::engine::{Ending, Stop, TestQuantity};
 use gusset::motion::{Grid, Motion, Quantity};
-use gusset::record::{EventKind, Run};
+use gusset::record::{Event, Run};
 use gusset::session::replay;
 use gusset::transfer::BetweenTicks;
 use link_common::{ONE_AXIS, ONE_AXIS_LAW, Served, columns, test_file};
@@ -618,7 +618,7 @@ fn a_late_actuator_that_adds_too_large_a_share_of_the_input_energy_ends_the_test
     // So late an actuator is beyond its critical delay, too, which is told by itself.
     let warned = |event: &&gusset::record::Event| {
         let quantity = "added_energy_share";
-        matches!(event.kind, EventKind::TestLimit { trip: false, quantity: of, .. } if of == quantity)
+        matches!(event.kind, Event::TestLimit { trip: false, quantity: of, .. } if of == quantity)
     };
     assert_eq!(bounded.events.iter().filter(warned).count(), 1);
     // Against more than will ever be taken in, the same energy is nothing.

@@ -11,7 +11,7 @@ use common::spring::Spring;
 use gusset::control::limits::{AxisLimits, Bound, Quantity};
 use gusset::control::{Axis, Direction, Exit, Exits, Order, Pace, Port, Reference, Zero};
 use gusset::engine::{Control, Ending, Left, Operator, Stop};
-use gusset::record::EventKind;
+use gusset::record::Event;
 use gusset::substructure::Coupling;
 use gusset::time::SimClock;
 
@@ -291,7 +291,7 @@ fn a_hold_while_it_is_tried_how_a_specimen_is_wired_stands_there() {
         }
         let found = |run: &Run| {
             let mut found = run.events.iter().filter_map(|event| match event.kind {
-                EventKind::Direction { disp, force, .. } => Some((disp, force)),
+                Event::Direction { disp, force, .. } => Some((disp, force)),
                 _ => None,
             });
             found.next().unwrap()

@@ -6,7 +6,8 @@ use super::tick::Tick;
 use super::{Engine, Limits, Stop};
 use crate::control::Port;
 use crate::control::limits::{Bound, Level};
-use crate::record::EventKind;
+use crate::record::LimitReached;
+use super::telling::limit_event;
 
 /// What is limited.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -350,13 +351,16 @@ impl Engine {
             self.test_warned |= bit;
             self.report(
                 tick,
-                EventKind::TestLimit {
-                    quantity: quantity.key(),
+                limit_event(
                     trip,
-                    value,
-                    bound,
-                    worst: worst.map(|(port, axis)| (port as u32, axis as u32)),
-                },
+                    LimitReached {
+                        port: worst.map(|(port, _)| port as u32),
+                        axis: worst.map(|(_, axis)| axis as u32),
+                        limit: quantity.key().into(),
+                        value,
+                        bound,
+                    },
+                ),
             );
         }
         if trip {

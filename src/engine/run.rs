@@ -10,7 +10,7 @@ use super::phase::{Cause, Glimpse, Phase};
 use super::tick::Tick;
 use super::{Ending, Engine, OnMiss, Outcome, Stop};
 use crate::control::Port;
-use crate::record::{EventKind, GridOf, MissCause, ON_MISS};
+use crate::record::{Event, GridOf, LimitReached, MissCause, ON_MISS};
 use crate::rt::timing::{Suspect, TickStamps};
 use crate::substructure::{LISTEN_NS, Retirement};
 use crate::time::Nanos;
@@ -55,7 +55,7 @@ impl Engine {
         if let Some(stamps) = self.unrecorded.take() {
             self.timing.tick(&stamps);
         }
-        self.report_now(EventKind::Ended);
+        self.report_now(Event::Ended);
         self.outcome(ending)
     }
 
@@ -81,7 +81,7 @@ impl Engine {
         }
         self.enter(Phase::Running, Cause::Done);
         self.ports.iter_mut().for_each(Port::begin_compensation);
-        self.report_now(EventKind::Started);
+        self.report_now(Event::Started);
         if let Some(watch) = &mut self.before_first_tick {
             watch();
         }
@@ -213,19 +213,19 @@ impl Engine {
             Some(Operator::Hold) => {
                 if !self.hold_wanted {
                     self.hold_number = self.hold_number.saturating_add(1);
-                    self.report_now(EventKind::HoldRequested);
+                    self.report_now(Event::HoldRequested);
                 }
                 self.hold_wanted = true;
             }
             Some(Operator::EndHold(hold)) if hold != self.hold_number => {
-                self.report_now(EventKind::ContinueDropped {
+                self.report_now(Event::ContinueDropped {
                     hold,
                     latest: self.hold_number,
                 });
             }
             Some(Operator::EndHold(_) | Operator::Continue) => {
                 if self.hold_wanted {
-                    self.report_now(EventKind::ContinueRequested);
+                    self.report_now(Event::ContinueRequested);
                 }
                 self.hold_wanted = false;
                 self.goes_on = true;
@@ -262,10 +262,10 @@ impl Engine {
         debug_assert!(from.may_become(phase), "{from:?} to {phase:?}");
         self.phase = phase;
         self.show();
-        self.report_now(EventKind::Phase {
-            from: from.word(),
-            to: phase.word(),
-            cause: cause.word(),
+        self.report_now(Event::Phase {
+            from: from.word().into(),
+            to: phase.word().into(),
+            cause: cause.word().into(),
             port: cause.port().map(|port| port as u32),
         });
     }
@@ -323,7 +323,7 @@ impl Engine {
         let stretched = stalled + self.stretch_after_stall(stamps.pushed.since(next_edge), period);
         self.misses += 1;
         self.misses_in_a_row += 1;
-        let cause = match miss.suspect {
+        let class = match miss.suspect {
             Suspect::LateReply => MissCause::LateReply,
             Suspect::TakenAway => MissCause::TakenAway,
             Suspect::Ours => MissCause::Ours,
@@ -331,10 +331,11 @@ impl Engine {
         let late_ns = miss.late_ns;
         self.report(
             tick,
-            EventKind::Miss {
+            Event::Miss {
+                class,
                 late_ns,
                 stretched,
-                cause,
+                evidence: None,
             },
         );
         self.judge_misses(tick)?;
@@ -355,17 +356,16 @@ impl Engine {
         } else {
             None
         };
-        if let Some((quantity, value, bound)) = beyond {
-            let trip = true;
+        if let Some((limit, value, bound)) = beyond {
             self.report(
                 tick,
-                EventKind::TestLimit {
-                    quantity,
-                    trip,
+                Event::LimitTrip(LimitReached {
+                    port: None,
+                    axis: None,
+                    limit: limit.into(),
                     value,
                     bound,
-                    worst: None,
-                },
+                }),
             );
             let Engine {
                 misses: total,

@@ -14,8 +14,8 @@ use super::summary::ACCEPT;
 use crate::config::ClockChoice;
 use crate::control::Port;
 use crate::engine::{Control, Experiment, Operator};
-use crate::record::{FolderError, Note, NoteLevel, Roll, Run, What, Writer};
-use crate::report::MEASURES_DISP;
+use crate::catalog::event::Remark;
+use crate::record::{Event, FolderError, Roll, Run, What, Writer};
 use crate::substructure::{Introduction, LinkFault, Retirement, Unavailable};
 
 /// Where a specimen said that it stands, in the note on its connection: numbers in its own unit, one per axis, in words,
@@ -89,24 +89,18 @@ pub(super) fn connect(
     let (mut refusals, mut unfit, mut without_disp) = (Vec::new(), Vec::new(), Vec::new());
     let resumed = experiment.resume.as_ref();
     let must_keep_state = resumed.is_some_and(|resumed| !resumed.accepts_changed);
-    for (number, (name, said)) in (1u64..).zip(names.iter().zip(all)) {
+    for (number, (name, said)) in (0u32..).zip(names.iter().zip(all)) {
         let Some((port, outcome)) = said else {
             let text =
                 "internal error: its connection panicked, or the system gives no thread for it";
             refusals.push(format!("specimen \"{name}\": {text}"));
             continue;
         };
-        let about = |level, event| {
-            Note::new(level, event)
-                .with("specimen", number)
-                .with("name", port.name.as_str())
-        };
         let outcome = outcome.and_then(|found| fit_for(clock, &port, found));
         match outcome {
             Ok(introduction) => {
                 for warning in &introduction.warnings {
-                    let note = Note::new(NoteLevel::Warning, "warning");
-                    writer.note(note.with("text", warning.as_str()));
+                    writer.note(Event::said(Remark::Warning, warning.as_str()));
                 }
                 unfit.extend(port.lacks_measured_disp(&introduction));
                 if introduction.repeats_the_command {
@@ -123,22 +117,21 @@ pub(super) fn connect(
                 }
                 warnings.extend(introduction.warnings);
                 if port.is_remote() {
-                    let note = about(NoteLevel::Info, "connected");
-                    let note = note.with("peer", introduction.peer.as_str());
-                    let note = match introduction.repeats_the_command {
-                        true => note.with(MEASURES_DISP, false),
-                        false => note,
-                    };
-                    writer.note(match port.standing() {
-                        Some(standing) => note.with(STANDING, in_words(standing).as_str()),
-                        None => note,
+                    writer.note(Event::Connected {
+                        port: number,
+                        peer: introduction.peer.clone(),
+                        measures_disp: introduction.repeats_the_command.then_some(false),
+                        standing: port.standing().map(in_words),
                     });
                 }
             }
             Err(error) => {
                 refusals.push(format!("specimen \"{}\": {error}", port.name));
-                let note = about(NoteLevel::Error, "link");
-                writer.note(note.with("message", error.text.as_str()));
+                writer.note(Event::Link {
+                    port: number,
+                    fault: None,
+                    message: error.text.into(),
+                });
             }
         }
         experiment.ports.push(port);
@@ -146,7 +139,7 @@ pub(super) fn connect(
     match unjudged(&experiment.ports, &without_disp) {
         Some((text, true)) => unfit.push(text),
         Some((text, false)) => {
-            writer.note(Note::new(NoteLevel::Warning, "warning").with("text", text.as_str()));
+            writer.note(Event::said(Remark::Warning, text.as_str()));
             warnings.push(text);
         }
         None => {}

@@ -8,9 +8,10 @@ use super::sampling::spawn_sampler;
 use super::{SessionError, Watches, archive, watches};
 use crate::config::ClockChoice;
 use crate::engine::{Control, Engine, Experiment};
+use crate::catalog::event::{Remark, Severity};
 use crate::record::writer::Clocks;
 use crate::record::{
-    Beside, Layout, Note, NoteLevel, RingSize, Roll, RunFolder, ThreadLog, WhenFull, Writer,
+    Beside, Event, Layout, Note, RingSize, Roll, RunFolder, ThreadLog, WhenFull, Writer,
     WriterSettings, ring,
 };
 use crate::rt::sampler::Sampler;
@@ -143,11 +144,12 @@ pub(super) fn prepare(
     writer.note(archive::note(files, &layout, folder));
     for warning in &facts.warnings {
         // For the file only: whoever built the test has heard of it, with its place in the test file.
-        writer.note(Note::new(NoteLevel::Info, "warning").with("text", warning.as_str()));
+        let event = Event::said(Remark::Warning, warning.as_str());
+        writer.note(Note::new(event).at(Severity::Info));
     }
     if let Some(granted) = &granted {
         for text in missing(granted) {
-            writer.note(Note::new(NoteLevel::Warning, "not_granted").with("text", text));
+            writer.note(Event::said(Remark::NotGranted, text));
         }
     }
     Ok(Ready {

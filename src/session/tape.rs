@@ -14,7 +14,7 @@ use super::replay::{Difference, ReplayError};
 use crate::control::Stage;
 use crate::engine::{Experiment, GIVEN_UP, NOT_AWAITED, Operator, Phase, Word};
 use crate::record::{
-    Column, Event, EventKind, EventLines, FolderError, Journal, Layout, Recorder, Run, WarmUpRows,
+    Column, TimedEvent, Event, EventLines, FolderError, Journal, Layout, Recorder, Run, WarmUpRows,
 };
 use crate::work::Work;
 
@@ -419,8 +419,8 @@ impl Recorder for Comparing {
         true
     }
 
-    fn event(&mut self, event: Event) -> bool {
-        if let EventKind::Checkpoint { digest } = event.kind {
+    fn event(&mut self, event: TimedEvent) -> bool {
+        if let Event::Checkpoint { digest } = event.kind {
             with(&self.0, |tape| tape.check(event.tick, digest));
         }
         true

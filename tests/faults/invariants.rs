@@ -5,7 +5,7 @@ use gusset::control::limits::{AxisLimits, LimitsSpec};
 use gusset::engine::{Ending, Phase, Stop};
 use gusset::link::serve::Tapped;
 use gusset::link::spec::CommandPace;
-use gusset::record::{End, EventKind, Journal};
+use gusset::record::{End, Event, Journal};
 use gusset::time::Nanos;
 use gusset::wire::native::Kind;
 
@@ -72,7 +72,7 @@ fn ends_as_planned(played: &Played) -> Result<(), String> {
         && tripped
     {
         let told = played.events.iter().find_map(|event| match event.kind {
-            EventKind::Phase {
+            Event::Phase {
                 to: "tripped",
                 cause,
                 port,

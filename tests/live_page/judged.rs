@@ -6,7 +6,7 @@ use gusset::control::limits::{AxisLimits, Bound, Quantity, Range};
 use gusset::control::{Axis, Order, Port, Reference, Zero};
 use gusset::engine::{Experiment, Glimpse, Opening, Phase, PhaseCell};
 use gusset::monitor::{About, Board, Snapshot, Subject, Tap, metrics};
-use gusset::record::{EventKind, Onlooker, Progress};
+use gusset::record::{Event, Onlooker, Progress};
 use gusset::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
 };
@@ -197,7 +197,7 @@ fn shown(per_step: bool, limits: AxisLimits) -> (Arc<Board>, Arc<Snapshot>, Vec<
     }
     tap.finish(1, &Progress::default());
     let warnings = run.events.iter().filter_map(|event| match event.kind {
-        EventKind::Limit {
+        Event::Limit {
             quantity, value, ..
         } => Some((quantity.to_owned(), value)),
         _ => None,

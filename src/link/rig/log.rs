@@ -8,10 +8,11 @@ use std::path::{Path, PathBuf};
 use super::columns::{AXIS, HEAD, columns};
 use super::summary::{self, Counted};
 use super::{Close, Trip, Visitor};
+use crate::catalog::event::{Remark, Severity};
 use crate::control::AxisUnits;
 use crate::record::writer::Clocks;
 use crate::record::{
-    FolderError, Layout, Note, NoteLevel, Position, Recorder, RingRecorder, RingSize, RunFolder,
+    Event, FolderError, Layout, Note, Position, Recorder, RingRecorder, RingSize, RunFolder, TripValue,
     WhenFull, Writer, WriterSettings, ring,
 };
 use crate::rt::timing::Timing;
@@ -115,10 +116,12 @@ impl Log {
             folder,
         };
         log.note(
-            Note::new(NoteLevel::Info, "controller")
-                .with("peer", visitor.peer.to_string())
-                .with("test", visitor.test.as_str())
-                .with("software", visitor.software.as_str()),
+            Event::Controller {
+                peer: visitor.peer.to_string(),
+                test: visitor.test.clone(),
+                software: visitor.software.clone(),
+            }
+            .into(),
         );
         Ok(log)
     }
@@ -193,12 +196,12 @@ impl Log {
     /// Something that is no exchange, at the newest one.
     pub fn note(&self, note: Note) {
         self.writer
-            .note(note.made(self.position, os::monotonic_ns()));
+            .note(note.made_at(self.position, os::monotonic_ns()));
     }
 
     /// Something that whoever reads the summary must know.
-    pub fn warn(&mut self, event: &str, text: &str) {
-        self.note(Note::new(NoteLevel::Warning, event).with("text", text));
+    pub fn warn(&mut self, event: Remark, text: &str) {
+        self.note(Event::said(event, text).into());
         self.warnings.push(text.to_owned());
     }
 
@@ -209,18 +212,24 @@ impl Log {
 
     /// The specimen holds from here on.
     pub fn tripped(&self, trip: Trip, text: &str) {
-        let mut note = Note::new(NoteLevel::Error, "trip")
-            .with("text", text)
-            .with("what", trip.name())
-            .with("code", trip.code());
-        if let Trip::Limit(hit) = trip {
-            note = note
-                .with("axis", hit.axis as u64 + 1)
-                .with("unit", hit.quantity.unit())
-                .with("value", hit.value)
-                .with("bound", hit.bound);
-        }
-        self.note(note);
+        let limit = match trip {
+            Trip::Limit(hit) => Some(TripValue {
+                axis: hit.axis as u32,
+                unit: hit.quantity.unit().into(),
+                value: hit.value,
+                bound: hit.bound,
+            }),
+            _ => None,
+        };
+        self.note(
+            Event::Trip {
+                text: text.to_owned(),
+                what: trip.name().into(),
+                code: trip.code(),
+                limit,
+            }
+            .into(),
+        );
     }
 
     /// One row. Real-time: yes.
@@ -281,11 +290,11 @@ impl Log {
 
     /// Writes everything down. What cannot be written is told in the program's log.
     pub fn close(self, close: Close, text: &str, stats: &LinkStats, commits: u64) {
-        let level = match close {
-            Close::Completed | Close::Interrupted | Close::Shutdown => NoteLevel::Info,
-            Close::Stopped | Close::Failed | Close::Vanished => NoteLevel::Error,
+        let severity = match close {
+            Close::Completed | Close::Interrupted | Close::Shutdown => Severity::Info,
+            Close::Stopped | Close::Failed | Close::Vanished => Severity::Error,
         };
-        self.note(Note::new(level, "ended").with("text", text));
+        self.note(Note::new(Event::said(Remark::Ended, text)).at(severity));
         let Self {
             folder,
             name,

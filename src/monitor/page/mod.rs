@@ -32,7 +32,7 @@ pub use gate::{Token, TokenError};
 
 use super::board::{Board, Ended, MARGIN_EVERY_NS};
 use crate::engine::Operator;
-use crate::record::{Note, NoteLevel, Roll};
+use crate::record::{Event, Note, Roll};
 use crate::rt::os::monotonic_ns;
 use door::Door;
 use feed::Feed;
@@ -207,8 +207,8 @@ impl LivePage {
         notes: Sender<Note>,
         roll: Roll,
     ) -> io::Result<Serving> {
-        let note = Note::new(NoteLevel::Info, "live_page");
-        let _full = notes.try_send(note.with("address", self.address.to_string()));
+        let address = self.address.to_string();
+        let _full = notes.try_send(Event::LivePage { address }.into());
         let (work, asleep, awake) = Work::shared();
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_io()

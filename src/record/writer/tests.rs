@@ -7,7 +7,7 @@ use crate::record::journal::{End, Journal};
 use crate::record::layout::stride;
 use crate::record::threads::{Roll, ThreadEnd, ThreadReader, ThreadRecord, What};
 use crate::record::{
-    Event, EventKind, MissCause, NoteLevel, Recorder, RingRecorder, RingSize, WhenFull, ring,
+    TimedEvent, Event, MissCause, NoteLevel, Recorder, RingRecorder, RingSize, WhenFull, ring,
 };
 use serde_json::Value;
 
@@ -104,11 +104,11 @@ fn an_event_or_a_note_is_in_its_file_no_earlier_than_the_rows_before_it() {
     );
     drain.turn(at(1000 * MS));
     push(&mut recorder, 0..3);
-    recorder.event(Event {
+    recorder.event(TimedEvent {
         tick: 2,
         time: 0.5,
         clock_ns: 1002 * MS,
-        kind: EventKind::HoldRequested,
+        kind: Event::HoldRequested,
     });
     drain.turn(at(1002 * MS));
     let seen = || (numbers(&samples.bytes()).0.len(), lines(&events).len());
@@ -229,11 +229,11 @@ fn a_disk_that_stays_full_loses_what_waits_and_says_so_at_the_end() {
         WriterSettings::default(),
     );
     push(&mut recorder, 0..10);
-    recorder.event(Event {
+    recorder.event(TimedEvent {
         tick: 1,
         time: 0.0,
         clock_ns: 1,
-        kind: EventKind::Started,
+        kind: Event::Started,
     });
     drain.turn(at(50 * MS));
     let recorded = drain.finish(at(60 * MS));
@@ -252,11 +252,11 @@ fn progress_shows_the_latest_row_and_the_counts() {
     let (mut recorder, reader) = small(64);
     let (mut drain, _notes) = drain(reader, Vec::new(), Vec::new(), WriterSettings::default());
     push(&mut recorder, 0..5);
-    recorder.event(Event {
+    recorder.event(TimedEvent {
         tick: 4,
         time: 0.0,
         clock_ns: 30 * MS,
-        kind: EventKind::Miss {
+        kind: Event::Miss {
             late_ns: 1,
             stretched: 0,
             cause: MissCause::LateReply,
@@ -352,11 +352,11 @@ fn end_to_end_every_row_and_event_is_in_the_files_after_finish() {
     let count = 20_000;
     let pushed = std::thread::spawn(move || {
         let pushed = push(&mut recorder, 0..count);
-        recorder.event(Event {
+        recorder.event(TimedEvent {
             tick: count,
             time: 1.0,
             clock_ns: 5,
-            kind: EventKind::Ended,
+            kind: Event::Ended,
         });
         pushed as u64
     });
@@ -410,11 +410,11 @@ fn a_note_of_the_set_up_stands_before_the_events_of_a_test_that_is_over_in_the_s
         WriterSettings::default(),
     );
     notes.send(Note::new(NoteLevel::Info, "connected")).unwrap();
-    let ended = Event {
+    let ended = TimedEvent {
         tick: 0,
         time: 0.0,
         clock_ns: 0,
-        kind: EventKind::Ended,
+        kind: Event::Ended,
     };
     assert!(recorder.event(ended));
     drain.turn(at(1000 * MS));

@@ -5,7 +5,7 @@ use super::guard::SpecimenGuard;
 use super::{Close, Over, Station};
 use crate::link::rig::log::Log;
 use crate::link::rig::{Visitor, Wanted, with_last_words};
-use crate::record::NoteLevel;
+use crate::catalog::event::Remark;
 use crate::substructure::{LinkStats, Measurement};
 
 impl Station {
@@ -48,7 +48,7 @@ impl Station {
                 let text = with_last_words(text, said);
                 let over = Over { close, text };
                 if matches!(over.close, Close::Failed | Close::Vanished) {
-                    self.note(NoteLevel::Error, "link", &over.text);
+                    self.note(Remark::Link, &over.text);
                 }
                 self.end(over.close, &over.text);
                 Err(over)
@@ -63,7 +63,7 @@ impl Station {
         let log = Log::open(settings, &self.name, &self.units, visitor, self.away_from);
         let mut log = log.map_err(|text| format!("the log cannot be kept: {text}"))?;
         if let Some(words) = &self.played {
-            log.warn("faults", words);
+            log.warn(Remark::Faults, words);
         }
         self.log = Some(log);
         Ok(())

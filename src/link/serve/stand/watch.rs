@@ -6,7 +6,7 @@ use super::{Stand, gone_silent};
 use crate::link::Wait;
 use crate::link::rig::Over;
 use crate::link::serve::{Desk, Heard};
-use crate::record::NoteLevel;
+use crate::catalog::event::Remark;
 use crate::substructure::Status;
 use crate::time::Nanos;
 use crate::wire::native::{Cause, Heartbeat};
@@ -68,8 +68,7 @@ impl Stand {
         if !self.holding {
             self.holding = true;
             self.station.note(
-                NoteLevel::Warning,
-                "holding",
+                Remark::Holding,
                 "no command comes from the controller: the specimen holds",
             );
             desk.tell(Heard::Holding {

@@ -1,7 +1,7 @@
 //! Where rows stand on the clock. A run has up to three grids of ticks: for trying directions, for what comes before t = 0,
 //! for the test; rows count from the first edge of theirs. Events of the kind `grid` say when that was on the loop's clock.
 
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use super::stamps::Stamped;
 use crate::record::GridOf;
@@ -28,7 +28,7 @@ impl Grid {
     pub fn of(told: &[Value]) -> Self {
         let edge = |of: GridOf| {
             let mut lines = told.iter().rev();
-            let line = lines.find(|line| line["event"] == "grid" && line["of"] == of.word())?;
+            let line = lines.find(|line| line["event"] == "grid" && line["of"] == json!(of))?;
             line["first_edge_ns"].as_u64()
         };
         Self {
