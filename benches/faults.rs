@@ -20,7 +20,7 @@ use gusset::law::LawSpec;
 use gusset::link::fault::Script;
 use gusset::link::serve::{Host, Simulated};
 use gusset::link::{NativeSetup, Transport};
-use gusset::record::{TimedEvent, FolderImage, Recorder};
+use gusset::record::{FolderImage, Recorder, TimedEvent};
 use gusset::setup;
 use gusset::specimen::{Specimen, Uniaxial};
 use gusset::time::SimClock;

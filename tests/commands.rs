@@ -498,3 +498,31 @@ fn what_is_said_of_a_record_needs_one() {
     assert_eq!(said.code, Some(2), "{}", said.stderr);
     assert!(said.stderr.contains("a finite number"), "{}", said.stderr);
 }
+
+#[test]
+fn log_level_decides_which_messages_reach_stderr() {
+    let folder = tempfile::tempdir().unwrap();
+    let test = write(folder.path(), "test.toml", FRAME);
+    let test = test.to_str().unwrap();
+    let run = |out: &str, before: &[&str], variable: Option<&str>| {
+        let mut command = gusset();
+        let out = folder.path().join(out);
+        command.args(before).args(["run", test, "--json"]);
+        command.args(["--set", "time.duration_s=0.05", "--out"]);
+        command.arg(out).env_remove("GUSSET_LOG");
+        if let Some(level) = variable {
+            command.env("GUSSET_LOG", level);
+        }
+        let said = common::Said::from(command.output().unwrap());
+        assert_eq!(said.code, Some(0), "{}", said.stderr);
+        let summary: Value = serde_json::from_str(&said.stdout).unwrap();
+        assert_eq!(summary["status"], "completed");
+        said.stderr.contains(" INFO ")
+    };
+    assert!(!run("default", &[], None));
+    assert!(run("option", &["--log", "info"], None));
+    assert!(run("variable", &[], Some("info")));
+    assert!(!run("both", &["--log", "error"], Some("info")));
+    let wrong = say(["--log", "loud", "schema"]);
+    assert_eq!(wrong.code, Some(2));
+}

@@ -305,7 +305,7 @@ fn a_command_that_is_no_number_is_not_sent() {
             assert_eq!(run.outcome.steps, hit);
             // It is told as the trip of the limit of that command.
             let told = run.events.iter().any(|event| {
-                matches!(event.kind, Event::Limit { port: 1, trip: true, value, .. } if !value.is_finite())
+                matches!(&event.kind, Event::LimitTrip(reached) if reached.port == Some(1) && !reached.value.is_finite())
             });
             assert!(told, "{:?}", run.events);
         }

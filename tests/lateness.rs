@@ -288,14 +288,10 @@ fn misses_have_bounds_in_a_row_and_in_all() {
     };
     let ending =
         |stalls: &[Stall], in_a_row, in_total| run(stalls, in_a_row, in_total).outcome.ending;
-    let trip = |run: &Run| match run.events.iter().rev().find_map(|event| match event.kind {
-        gusset::record::Event::TestLimit {
-            quantity,
-            trip: true,
-            value,
-            bound,
-            ..
-        } => Some((quantity, value, bound)),
+    let trip = |run: &Run| match run.events.iter().rev().find_map(|event| match &event.kind {
+        Event::LimitTrip(reached) => {
+            Some((reached.limit.to_string(), reached.value, reached.bound))
+        }
         _ => None,
     }) {
         Some(trip) => trip,
@@ -311,9 +307,9 @@ fn misses_have_bounds_in_a_row_and_in_all() {
     assert_eq!(ending(&apart, 3, 100), Ending::Completed);
     assert_eq!(late(ending(&apart, 3, 6)), (7, 1));
     let in_a_row = trip(&run(&every, 3, 100));
-    assert_eq!(in_a_row, ("max_consecutive_misses", 4.0, 3.0));
+    assert_eq!(in_a_row, ("max_consecutive_misses".to_owned(), 4.0, 3.0));
     let in_all = trip(&run(&apart, 3, 6));
-    assert_eq!(in_all, ("max_total_misses", 7.0, 6.0));
+    assert_eq!(in_all, ("max_total_misses".to_owned(), 7.0, 6.0));
 }
 
 #[test]
@@ -322,13 +318,10 @@ fn misses_in_a_row_are_warned_of_once_each_time() {
     let levels = |limits: &mut gusset::engine::Limits| limits.test.misses.warn_in_a_row = 1;
     let (run, _) = run_warm(0, OnMiss::Stretch, &stalls, levels);
     assert_eq!(run.outcome.ending, Ending::Completed);
-    let warned = run.events.iter().filter_map(|event| match event.kind {
-        Event::TestLimit {
-            quantity: "max_consecutive_misses",
-            trip: false,
-            value,
-            ..
-        } => Some((event.tick, value)),
+    let warned = run.events.iter().filter_map(|event| match &event.kind {
+        Event::LimitWarning(reached) if reached.limit == "max_consecutive_misses" => {
+            Some((event.tick, reached.value))
+        }
         _ => None,
     });
     assert_eq!(warned.collect::<Vec<_>>(), [(11, 2.0), (21, 2.0)]);
@@ -349,13 +342,8 @@ fn a_warm_up_that_misses_its_deadlines_in_a_row_ends_before_the_test() {
         };
         let (run, log) = run_warm(WARMUP, OnMiss::Stretch, &stalls, bounds);
         let told = run.events.iter().find_map(|event| match event.kind {
-            Event::Readiness {
-                go,
-                ticks,
-                missed,
-                in_a_row,
-                ..
-            } => Some((go, ticks, missed, in_a_row)),
+            Event::Go(found) => Some((true, found.ticks, found.missed, found.in_a_row)),
+            Event::NoGo(found) => Some((false, found.ticks, found.missed, found.in_a_row)),
             _ => None,
         });
         let went = log
@@ -469,7 +457,7 @@ fn what_stands_still_outside_of_the_test_is_told_as_a_gap() {
     let (run, _) = run_warm(20, OnMiss::Stretch, &stalls, |_| {});
     assert_eq!(run.outcome.ending, Ending::Completed);
     let gaps: Vec<Event> = (run.events.iter())
-        .map(|event| event.kind)
+        .map(|event| event.kind.clone())
         .filter(|kind| matches!(kind, Event::Gap { .. }))
         .collect();
     let gap = Event::Gap {

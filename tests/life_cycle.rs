@@ -11,7 +11,7 @@ use common::spring::Spring;
 use gusset::control::limits::{AxisLimits, Bound, Hit, Quantity, Range};
 use gusset::control::{Astray, Axis, Exit, Exits, Port, Reference, Zero};
 use gusset::engine::{Control, Ending, Experiment, Left, Operator, Phase, Stop};
-use gusset::record::Event;
+use gusset::record::{Event, Word};
 use gusset::session::{Finish, ending};
 use gusset::substructure::Coupling;
 use gusset::time::SimClock;
@@ -95,7 +95,7 @@ const SHORT: &str = "timing.warmup_ticks = 3\nsafety.zero_s = 0.005\nsafety.ease
 /// The phases that were entered, in order.
 fn phases(run: &Run) -> Vec<&'static str> {
     let events = run.events.iter().filter_map(|event| match event.kind {
-        Event::Phase { to, .. } => Some(to),
+        Event::Phase { to, .. } => Some(to.word()),
         _ => None,
     });
     events.collect()
@@ -213,7 +213,7 @@ fn a_command_beyond_a_limit_never_leaves() {
     let warned = run
         .events
         .iter()
-        .any(|event| matches!(event.kind, Event::Limit { trip: false, .. }));
+        .any(|event| matches!(event.kind, Event::LimitWarning(_)));
     assert!(warned, "the warning came first");
 }
 
@@ -296,7 +296,7 @@ fn the_ways_out_are_slow_and_end_where_they_should() {
 #[test]
 fn no_event_goes_back_in_test_time() {
     let (run, _) = after_a_trip(Exit::ZeroDisp);
-    let is_trip = |kind: &Event| matches!(kind, Event::Limit { trip: true, .. });
+    let is_trip = |kind: &Event| matches!(kind, Event::LimitTrip(_));
     let trip = run.events.iter().position(|event| is_trip(&event.kind));
     let follows = &run.events[trip.unwrap()..];
     let place = (run.outcome.steps + 1, follows[0].time);
@@ -362,9 +362,9 @@ fn an_operator_ends_the_way_out_at_once_and_it_is_told() {
             [
                 Event::StopRequested,
                 Event::Phase {
-                    from: "leaving",
-                    to: "safe",
-                    cause: "operator",
+                    from: Phase::Leaving,
+                    to: Phase::Safe,
+                    cause: Word::Borrowed("operator"),
                     ..
                 },
                 Event::Ended
@@ -403,10 +403,10 @@ fn a_relative_zero_takes_position_and_force_for_zero() {
         }
     }
     let reading = run.events.iter().find_map(|event| match event.kind {
-        Event::Zeroed { values, .. } => Some(values),
+        Event::Zeroed { disp, force, .. } => Some([disp, force]),
         _ => None,
     });
-    let [disp, force, ..] = reading.unwrap();
+    let [disp, force] = reading.unwrap();
     assert!((disp - 0.054).abs() < 1e-15 && force == 321.0);
 }
 
@@ -680,8 +680,8 @@ fn a_stop_is_told_when_it_is_heard() {
         matches!(
             kind,
             Event::Phase {
-                to: "leaving",
-                cause: "operator",
+                to: Phase::Leaving,
+                cause: Word::Borrowed("operator"),
                 ..
             }
         )
@@ -690,8 +690,8 @@ fn a_stop_is_told_when_it_is_heard() {
         matches!(
             kind,
             Event::Phase {
-                to: "safe",
-                cause: "done",
+                to: Phase::Safe,
+                cause: Word::Borrowed("done"),
                 ..
             }
         )
@@ -914,14 +914,11 @@ fn who_comes_behind_within_its_limit_does_so_on_the_way_out() {
 }
 
 /// The limits that trip in a run, with the tick of each.
-fn trips(run: &Run) -> Vec<(u64, u32, &'static str)> {
-    let events = run.events.iter().filter_map(|event| match event.kind {
-        Event::Limit {
-            trip: true,
-            axis,
-            quantity,
-            ..
-        } => Some((event.tick, axis, quantity)),
+fn trips(run: &Run) -> Vec<(u64, u32, &str)> {
+    let events = run.events.iter().filter_map(|event| match &event.kind {
+        Event::LimitTrip(reached) if !reached.is_of_test() => {
+            Some((event.tick, reached.axis?, reached.limit.as_ref()))
+        }
         _ => None,
     });
     events.collect()

@@ -146,7 +146,7 @@ fn a_slow_partner_is_told_once_a_step_and_holds_up_nobody() {
     // here (0.2 N), and what is left of a step after it, a fifth, is made up for in 5 or so.
     assert!(smooth < 2e-4 && eased < 0.3 * 0.02, "{eased} {smooth}");
     let pace =
-        |e: &&gusset::record::Event| matches!(e.kind, gusset::record::Event::Pace { .. });
+        |e: &&gusset::record::TimedEvent| matches!(e.kind, gusset::record::Event::Pace { .. });
     assert!(slow.events.iter().filter(pace).count() > 20);
     assert_eq!(within.events.iter().filter(pace).count(), 0);
 }

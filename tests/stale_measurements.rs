@@ -173,10 +173,10 @@ fn ends_at_the_third(script: &[(u64, Act)]) {
     };
     assert_eq!(stopped.outcome.ending, Ending::Stopped(wanted));
     assert_eq!(holds(&stopped), [20]);
-    let last = stopped.events.iter().map(|event| event.kind);
+    let last = stopped.events.iter().map(|event| &event.kind);
     assert!(
         last.clone()
-            .any(|kind| kind == Event::SpecimenHoldsOn { port: 0 })
+            .any(|kind| *kind == Event::SpecimenHoldsOn { port: 0 })
     );
     assert!(
         !calls
@@ -341,7 +341,13 @@ fn a_zero_is_taken_of_answers_and_of_as_many_as_were_asked_for() {
         let (run, issued) = begins_late(20, 3, lost);
         assert_eq!(run.outcome.ending, Ending::Completed, "{lost}");
         let zeroed = run.events.iter().find_map(|event| match event.kind {
-            Event::Zeroed { values, .. } => Some(values),
+            Event::Zeroed {
+                disp,
+                force,
+                disp_noise_rms,
+                force_noise_rms,
+                ..
+            } => Some([disp, force, disp_noise_rms, force_noise_rms]),
             _ => None,
         });
         assert_eq!(zeroed, Some([0.0, 3e4, 0.0, 0.0]), "{lost}");

@@ -11,7 +11,8 @@ mod machine;
 mod run;
 mod serve;
 
-use clap::{Parser, Subcommand};
+use clap::{Parser, Subcommand, ValueEnum};
+use tracing::level_filters::LevelFilter;
 
 pub(super) use check::{CheckArgs, VerifyArgs};
 pub(super) use files::{
@@ -35,12 +36,51 @@ use super::{benchmark, identify};
     version,
     about,
     max_term_width = 100,
-    after_help = "Examples:\n  gusset new first\n  gusset check first.toml\n  gusset run first.toml --out runs/first\n\n\
+    after_help = "Examples:\n  gusset new first\n  gusset check first.toml\n  gusset run first.toml --out runs/first\n  \
+                  gusset --log info run first.toml --out runs/second\n\n\
                   More: gusset guide first-test"
 )]
 pub(super) struct Cli {
+    /// Least severe messages to log on stderr.
+    #[arg(
+        long,
+        global = true,
+        value_enum,
+        value_name = "LEVEL",
+        env = "GUSSET_LOG",
+        hide_env_values = true,
+        default_value_t = LogArg::Warn
+    )]
+    pub log: LogArg,
     #[command(subcommand)]
     pub command: Command,
+}
+
+/// Severity of a message of the log.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum LogArg {
+    /// Errors only.
+    Error,
+    /// Warnings too.
+    Warn,
+    /// Events of a normal test too.
+    Info,
+    /// Messages for developers too.
+    Debug,
+    /// All messages.
+    Trace,
+}
+
+impl From<LogArg> for LevelFilter {
+    fn from(log: LogArg) -> Self {
+        match log {
+            LogArg::Error => LevelFilter::ERROR,
+            LogArg::Warn => LevelFilter::WARN,
+            LogArg::Info => LevelFilter::INFO,
+            LogArg::Debug => LevelFilter::DEBUG,
+            LogArg::Trace => LevelFilter::TRACE,
+        }
+    }
 }
 
 #[derive(Debug, Subcommand)]

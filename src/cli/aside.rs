@@ -15,6 +15,7 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::OFlags;
 use rustix::net::SendFlags;
+use tracing::level_filters::LevelFilter;
 
 use crate::text::printable;
 
@@ -152,9 +153,22 @@ pub fn remark(text: impl Display) {
     write(printable(&format!("{text}\n")).as_bytes());
 }
 
+/// Begins the log: messages of this level and of graver ones go to stderr. Called once, before the command begins.
+pub fn begin_log(level: LevelFilter) {
+    // A log that cannot be written ends nothing: the subscriber would report the failure with a macro that panics, on the
+    // thread that writes the rows.
+    tracing_subscriber::fmt()
+        .with_max_level(level)
+        .with_writer(|| Log)
+        .with_ansi(super::screen::in_colour())
+        .log_internal_errors(false)
+        .with_target(false)
+        .init();
+}
+
 /// The program's log, below what stands on the terminal and changes.
 #[derive(Debug)]
-pub struct Log;
+struct Log;
 
 impl Write for Log {
     fn write(&mut self, line: &[u8]) -> io::Result<usize> {

@@ -50,9 +50,8 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser};
 
-pub use aside::{Log, tell_panics};
+pub use aside::tell_panics;
 pub use exit::Exit;
-pub use screen::in_colour;
 
 use args::{Cli, Command};
 
@@ -67,14 +66,15 @@ pub fn main() -> ExitCode {
     os::ignore_file_size_signal();
     progress::show_long_work();
     let cli = Cli::parse();
+    aside::begin_log(cli.log.into());
     match caught(|| enough_files().and_then(|()| dispatch(cli.command))) {
-        Ok(exit) => exit.into(),
+        Ok(exit) => exit.code().into(),
         Err(error) => {
             match error.downcast_ref::<exit::Mistakes>() {
                 Some(exit::Mistakes(pictures)) => show(pictures),
                 None => tell(format_args!("error: {}", in_one_line(&error))),
             }
-            exit::of(&error).into()
+            exit::of(&error).code().into()
         }
     }
 }
@@ -189,7 +189,7 @@ fn answer(text: impl Display) -> io::Result<()> {
 /// Warnings as pictures; in colour on a terminal.
 fn warn(warnings: &Diagnostics) {
     if !warnings.0.is_empty() {
-        show(warnings.render(in_colour()));
+        show(warnings.render(screen::in_colour()));
     }
 }
 

@@ -3,7 +3,7 @@
 use super::*;
 use crate::engine::{Glimpse, Phase, PhaseCell};
 use crate::monitor::{About, LambdaUse, Subject, Tap};
-use crate::record::{TimedEvent, Event, Onlooker, Progress};
+use crate::record::{Event, LimitReached, Onlooker, Progress, TimedEvent};
 
 /// A frame of two storeys with limits on its specimen, watched for `rows` rows.
 fn board(rows: u64) -> Arc<Board> {
@@ -67,7 +67,7 @@ fn board_of(rows: u64, seen: Glimpse, events: &[Event]) -> Arc<Board> {
             tick: rows,
             time: 0.0,
             clock_ns: 0,
-            kind: *kind,
+            kind: kind.clone(),
         });
     }
     tap.turn(now, &Progress::default());
@@ -146,14 +146,13 @@ fn a_test_that_has_tripped_says_so_and_why_to_its_end() {
     let board = board_of(
         8,
         Glimpse::of(Phase::Leaving),
-        &[Event::Limit {
-            port: 0,
-            axis: 0,
-            quantity: "command_disp_m",
-            trip: true,
+        &[Event::LimitTrip(LimitReached {
+            port: Some(0),
+            axis: Some(0),
+            limit: "command_disp_m".into(),
             value: 0.12,
             bound: 0.1,
-        }],
+        })],
     );
     let sight = Sight::of(&board, 1024.0);
     let line = sight.line(200);

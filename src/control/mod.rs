@@ -51,10 +51,12 @@ pub use ramp::UNBOUNDED_RAMP_S;
 pub use rest::Rest;
 pub use stiffness::{Opinion, compare_stiffness};
 pub use tangent::{Point as TangentPoint, Tangent};
-pub use tempo::{HOLD_AT, SLOW_FROM, Stage, Stride, Tempo};
+pub use tempo::{HOLD_AT, SLOW_FROM, Stride, Tempo};
 pub use trend::Trend;
 pub use units::AxisUnits;
 pub use unloading::Astray;
+
+pub use crate::catalog::phase::Stage;
 
 use crate::substructure::{Measurement, Status, Substructure};
 

@@ -24,6 +24,8 @@
 //! Invariants: i never passes N, nor 0.8 N while the target is unknown; with ρ = 1 and the target known at once, N
 //! increments of exactly 1. No input or output, no clock: ticks are counted by the caller's calls.
 
+use crate::catalog::phase::Stage;
+
 /// Share of the step at which an unknown target slows the command down.
 pub const SLOW_FROM: f64 = 0.6;
 /// Share of the step that is not passed without a target.
@@ -36,39 +38,6 @@ const CREEP: f64 = 0.001;
 const SAME: f64 = 1e-12;
 /// Share of a tick within which a tick ends where one of full pace would.
 const ON_GRID: f64 = 1e-9;
-
-/// What is known, and what follows from it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stage {
-    /// The next target is known: the command goes there.
-    Correct,
-    /// It is not: the command goes on as it went.
-    Predict,
-    /// It is still not, or the operator wants a hold: the command comes to rest.
-    SlowDown,
-}
-
-impl Stage {
-    /// As the column `state` has it; [`crate::control`] knows nothing of the test's phases, which have the smaller numbers.
-    #[must_use]
-    pub const fn code(self) -> f64 {
-        match self {
-            Stage::Correct => 11.0,
-            Stage::Predict => 12.0,
-            Stage::SlowDown => 13.0,
-        }
-    }
-
-    /// As the files spell it.
-    #[must_use]
-    pub const fn word(self) -> &'static str {
-        match self {
-            Stage::Correct => "correct",
-            Stage::Predict => "predict",
-            Stage::SlowDown => "slow_down",
-        }
-    }
-}
 
 /// The way that one tick makes.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -8,11 +8,12 @@
 //! wired, where their zeros are and that they stand where they should, none is moved: their exits would be anywhere.
 //! What stops the way out stops it for all, and is part of how the test ended: a test that trips there has tripped.
 
-use super::columns::{GIVEN_UP, Word};
+use super::columns::Word;
 use super::operator::Control;
 use super::phase::{Cause, Phase};
 use super::tick::Tick;
 use super::{Ending, Engine, Stop};
+use crate::catalog::phase::GIVEN_UP;
 use crate::control::{Astray, Departure, Port};
 use crate::record::Event;
 use crate::rt::timing::TickStamps;

@@ -2,12 +2,12 @@
 
 use super::misses::{MissLevels, Missed};
 use super::numerical::Side;
+use super::telling::limit_event;
 use super::tick::Tick;
 use super::{Engine, Limits, Stop};
 use crate::control::Port;
 use crate::control::limits::{Bound, Level};
 use crate::record::LimitReached;
-use super::telling::limit_event;
 
 /// What is limited.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

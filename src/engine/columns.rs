@@ -15,11 +15,6 @@ use crate::record::Column;
 use crate::rt::timing::TickStamps;
 use crate::time::Nanos;
 
-/// State of the row in which a test was given up for being late: only the clock knows why, so the row must say that.
-pub const GIVEN_UP: f64 = 14.0;
-/// State of the row in which the operator ended the test while an answer was waited for.
-pub const NOT_AWAITED: f64 = 15.0;
-
 /// What the operator wants in a tick: one number of its row.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Word {

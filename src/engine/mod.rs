@@ -33,7 +33,7 @@ pub use after::{Left, Unfinished};
 pub use audit::StepAudit;
 pub use before::{InitialForce, Opening};
 pub use checks::{TestHit, TestLimits, TestQuantity};
-pub use columns::{GIVEN_UP, NOT_AWAITED, Word};
+pub use columns::Word;
 pub use intake::Intake;
 pub use misses::{MissLevels, MissWindow};
 pub use numerical::{Numerical, Side};
@@ -46,6 +46,8 @@ pub use settle::Settling;
 pub use stop::{Ending, Stop};
 pub use tick::Tick;
 pub use waiting::Gaps;
+
+pub use crate::catalog::phase::{GIVEN_UP, NOT_AWAITED};
 
 use crate::control::{LinkCount, Port, Poses};
 use crate::record::{Column, Recorder};

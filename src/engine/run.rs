@@ -263,8 +263,8 @@ impl Engine {
         self.phase = phase;
         self.show();
         self.report_now(Event::Phase {
-            from: from.word().into(),
-            to: phase.word().into(),
+            from,
+            to: phase,
             cause: cause.word().into(),
             port: cause.port().map(|port| port as u32),
         });

@@ -3,6 +3,7 @@
 use thiserror::Error;
 
 use super::TestHit;
+use crate::catalog::ending::Cause;
 use crate::control::Misfit;
 use crate::control::limits::Hit;
 use crate::geometry::Fault;
@@ -213,33 +214,44 @@ pub enum Stop {
 }
 
 impl Stop {
+    /// Its row in the table of causes. Real-time: yes.
+    #[must_use]
+    pub const fn cause(&self) -> Cause {
+        match self {
+            Self::Operator => Cause::Operator,
+            Self::Late { .. } => Cause::Late,
+            Self::Stale { .. } => Cause::Stale,
+            Self::Interlock { .. } => Cause::Interlock,
+            Self::Misfit { .. } => Cause::Misfit,
+            Self::Saturated { .. } => Cause::Saturated,
+            Self::HoldsOn { .. } => Cause::HoldsOn,
+            Self::Link { fault, .. } => match fault {
+                LinkFault::NotFinite => Cause::LinkNotFinite,
+                LinkFault::Diverged => Cause::LinkDiverged,
+                _ => Cause::Link,
+            },
+            Self::Diverged { .. } | Self::Step(StepError::NotConverged { .. }) => Cause::Diverged,
+            Self::NotFinite { .. } => Cause::NotFinite,
+            Self::Geometry { .. } => Cause::Geometry,
+            Self::TestLimit(hit) if hit.in_warm_up => Cause::NoGo,
+            Self::Limit { .. } | Self::TestLimit(_) => Cause::Limit,
+            Self::Moved { .. } => Cause::Moved,
+            Self::ForceChanged { .. } => Cause::ForceChanged,
+            Self::Internal => Cause::Internal,
+            Self::CannotCommand => Cause::CannotCommand,
+            Self::NotSettled { .. } => Cause::NotSettled,
+            Self::DoesNotFollow { .. } => Cause::DoesNotFollow,
+            Self::NotAtRest { .. } => Cause::NotAtRest,
+        }
+    }
+
     /// As the files spell it, where it is the cause of a phase: of a limit its key in the test file.
     #[must_use]
     pub const fn word(&self) -> &'static str {
         match self {
-            Self::Operator => "operator",
-            Self::Late { .. } => "late",
-            Self::Stale { .. } => "stale",
-            Self::Interlock { .. } => "interlock",
-            Self::Misfit { .. } => "misfit",
-            Self::Saturated { .. } => "saturated",
-            Self::HoldsOn { .. } => "specimen_holds_on",
-            Self::Link { .. } => "link",
-            Self::Diverged { .. } | Self::Step(StepError::NotConverged { .. }) => "diverged",
-            Self::NotFinite { .. } => "not_finite",
             Self::Limit { hit, .. } => hit.quantity.key(),
-            Self::Geometry { .. } => "geometry",
-            Self::TestLimit(TestHit {
-                in_warm_up: true, ..
-            }) => "no_go",
-            Self::TestLimit(hit) => hit.quantity.key(),
-            Self::Moved { .. } => "moved",
-            Self::ForceChanged { .. } => "force_changed",
-            Self::Internal => "internal_error",
-            Self::CannotCommand => "cannot_command",
-            Self::NotSettled { .. } => "not_settled",
-            Self::DoesNotFollow { .. } => "does_not_follow",
-            Self::NotAtRest { .. } => "not_at_rest",
+            Self::TestLimit(hit) if !hit.in_warm_up => hit.quantity.key(),
+            _ => self.cause().word(),
         }
     }
 

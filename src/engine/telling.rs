@@ -1,9 +1,9 @@
 //! What the loop tells the log: rows, events of a tick, of this moment, and of what ends a test.
 
-use super::columns::NOT_AWAITED;
 use super::phase::Phase;
 use super::tick::Tick;
 use super::{Engine, Stop};
+use crate::catalog::phase::NOT_AWAITED;
 use crate::integrate::StepError;
 use crate::record::{Event, GridOf, LimitReached, Standing, TimedEvent};
 use crate::rt::timing::TickStamps;

@@ -2,12 +2,12 @@
 //! in place of a missing one, or the end of the test. Everything here is on the real-time path, and out of its way where nothing was
 //! found.
 
+use super::telling::limit_event;
 use super::tick::Tick;
 use super::{Engine, Limits, Stop};
 use crate::control::limits::{Found, Hit, Level};
 use crate::control::{OnStale, Port};
 use crate::record::{Event, LimitReached};
-use super::telling::limit_event;
 use crate::substructure::{Freshness, Status};
 
 impl Engine {

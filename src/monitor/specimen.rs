@@ -7,8 +7,8 @@ use super::axis::{AxisTap, Told};
 use super::board::SpecimenView;
 use super::subject::WatchedSpecimen;
 use super::tap::at;
+use crate::catalog::phase::Part;
 use crate::control::limits::Watch;
-use crate::engine::{GIVEN_UP, NOT_AWAITED, Phase};
 use crate::substructure::Status;
 
 /// Where in the life of a test a row stands.
@@ -27,15 +27,11 @@ pub(super) enum Course {
 impl Course {
     /// By the column `state`.
     pub fn of(state: f64) -> Self {
-        let is = |phases: &[Phase]| phases.iter().any(|phase| phase.code() == state);
-        if is(&[Phase::Tripped]) || state == GIVEN_UP || state == NOT_AWAITED {
-            Self::Cut
-        } else if is(&[Phase::Running, Phase::Holding]) || state > Phase::Armed.code() {
-            Self::Test
-        } else if is(&[Phase::Leaving, Phase::Safe]) {
-            Self::Leaving
-        } else {
-            Self::Opening
+        match Part::of(state) {
+            Some(Part::Trip) => Self::Cut,
+            Some(Part::Test) => Self::Test,
+            Some(Part::Shutdown) => Self::Leaving,
+            Some(Part::Startup) | None => Self::Opening,
         }
     }
 }

@@ -16,7 +16,7 @@ use super::subject::ChannelKind;
 use super::swallowed::Swallowed;
 use super::trip::Trip;
 use crate::engine::{Phase, TestQuantity};
-use crate::record::{TimedEvent, Event, Note, Onlooker, Progress};
+use crate::record::{Event, Note, Onlooker, Progress, TimedEvent};
 
 /// Bins a second of wall time at most, on the real clock.
 const BINS_HZ: f64 = 60.0;
@@ -193,7 +193,8 @@ impl Tap {
 
     fn count_timing(&mut self, rows_before: u64, row: &[f64]) {
         // While the specimens are led to where the test begins nobody is promised a deadline.
-        let running = self.seen.state == Phase::Running.code() || self.seen.state > 10.0;
+        let running =
+            self.seen.state == Phase::Running.code() || self.seen.state > Phase::Armed.code();
         // A count, if it is known.
         let tick = rows_before + self.seen.stretched.max(0.0) as u64;
         let subject = &self.board.subject;

@@ -36,9 +36,17 @@ impl Trip {
         let (limit, words, [value, bound]) = match &event.kind {
             Event::LimitTrip(reached) => {
                 let numbers = [reached.value, reached.bound];
-                (reached.limit.clone(), limit_words(subject, reached), numbers)
+                (
+                    reached.limit.clone(),
+                    limit_words(subject, reached),
+                    numbers,
+                )
             }
-            Event::Phase { to, cause, .. } if to == Phase::Tripped.word() => {
+            Event::Phase {
+                to: Phase::Tripped,
+                cause,
+                ..
+            } => {
                 let specimen = place("specimen").and_then(|place| names.get(place));
                 let of = specimen.map_or_else(String::new, |name| format!("{name}: "));
                 let words = format!("{of}{}", cause_words(cause));
@@ -172,16 +180,16 @@ mod tests {
 
     const TRIPPED: Event = tripped("stale", Some(0));
     const LEAVING: Event = Event::Phase {
-        from: Word::Borrowed("tripped"),
-        to: Word::Borrowed("leaving"),
+        from: Phase::Tripped,
+        to: Phase::Leaving,
         cause: Word::Borrowed("stale"),
         port: Some(0),
     };
 
     const fn tripped(cause: &'static str, port: Option<u32>) -> Event {
         Event::Phase {
-            from: Word::Borrowed("running"),
-            to: Word::Borrowed("tripped"),
+            from: Phase::Running,
+            to: Phase::Tripped,
             cause: Word::Borrowed(cause),
             port,
         }

@@ -311,9 +311,9 @@ impl<S: Store> EventLog<S> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::{MissCause, NoteLevel};
+    use crate::record::MissCause;
     use crate::substructure::LinkFault;
-    use serde_json::Value;
+    use serde_json::{Value, json};
 
     const SECOND: u64 = 1_000_000_000;
 
@@ -324,8 +324,8 @@ mod tests {
         }
     }
 
-    fn event(tick: u64, clock_ns: u64, kind: Event) -> Event {
-        Event {
+    fn event(tick: u64, clock_ns: u64, kind: Event) -> TimedEvent {
+        TimedEvent {
             tick,
             time: tick as f64 / 1024.0,
             clock_ns,
@@ -334,9 +334,10 @@ mod tests {
     }
 
     const MISS: Event = Event::Miss {
+        class: MissCause::TakenAway,
         late_ns: 5_000_000,
         stretched: 2,
-        cause: MissCause::TakenAway,
+        evidence: None,
     };
 
     fn context(sampler: Option<Receiver<SchedSample>>) -> EventContext {
@@ -369,10 +370,7 @@ mod tests {
                 age: 3,
                 force: 2.5,
             },
-            Event::Link {
-                port: 1,
-                fault: LinkFault::Timeout,
-            },
+            Event::link_lost(1, LinkFault::Timeout),
             Event::RowLost,
             Event::Diverged { dof: 4 },
             Event::StopRequested,
@@ -475,9 +473,11 @@ mod tests {
     #[test]
     fn a_note_cannot_forge_the_keys_of_the_line_and_a_time_that_is_no_number_is_null() {
         let mut log = EventLog::new(Vec::new(), context(None));
-        let note = Note::new(NoteLevel::Warning, "realtime_refused")
-            .with("asked", "fifo 80\n")
-            .with("tick", 99);
+        let fields = json!({"asked": "fifo 80\n", "tick": 99});
+        let note = Note::new(Event::Other {
+            event: "realtime_refused".to_owned(),
+            fields: fields.as_object().unwrap().clone(),
+        });
         let position = Position {
             tick: Some(7),
             time: Some(f64::NAN),

@@ -44,6 +44,7 @@ mod warned;
 mod whereabouts;
 pub mod writer;
 
+pub use events::{Event, EventLine, LimitReached, Standing, TripValue, WarmUp, Word};
 pub use folder::{FolderError, RunFolder, make_free};
 pub use image::FolderImage;
 pub use intact::{Extent, Meddled, is_same_file};
@@ -53,7 +54,6 @@ pub use memory::MemoryRecorder;
 pub use miss::{MissClasses, SchedSample};
 pub(crate) use miss::{ON_MISS, late_words};
 pub use missing::{MissingEnd, ToldBy};
-pub use events::{Event, EventLine, LimitReached, Standing, TripValue, WarmUp, Word};
 pub use note::{Note, Position};
 pub use onlooker::Onlooker;
 pub use ring::{RingReader, RingRecorder, RingSize, WhenFull, ring};

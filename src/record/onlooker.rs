@@ -9,8 +9,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use super::TimedEvent;
 use super::events::Event;
 use super::note::Note;
-use crate::catalog::event::Remark;
 use super::writer::Progress;
+use crate::catalog::event::Remark;
 
 /// Looks at the rows of a running test, on the writer's thread. Nothing here may wait.
 pub trait Onlooker: Send {

@@ -7,20 +7,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::Value;
 
 use super::{MissClasses, RecordedVerdict};
-
-/// How a run ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Status {
-    /// Done and within its limits.
-    Completed,
-    /// Stopped by a limit, divergence, a stale or miss bound.
-    Stopped,
-    /// Stopped by the operator or a signal.
-    Interrupted,
-    /// A link, a peer or we ourselves failed.
-    Failed,
-}
+pub use crate::catalog::ending::Status;
 
 /// Which clock a run used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

@@ -30,8 +30,9 @@ impl Warned {
             Event::LimitWarning(reached) => reached,
             Event::InitialForce { .. } => {
                 let sentence = line.sentence();
-                self.initial
-                    .push(format!("{sentence}; it may have yielded in an earlier test"));
+                self.initial.push(format!(
+                    "{sentence}; it may have yielded in an earlier test"
+                ));
                 return;
             }
             _ => return,
@@ -101,30 +102,37 @@ pub(crate) fn times(count: u64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::record::TimedEvent;
 
     #[test]
     fn each_limit_is_told_once_with_its_number_and_how_it_began() {
         let mut warned = Warned::default();
-        let limit = |axis, value, bound, trip| Event::Limit {
-            port: 0,
-            axis,
-            quantity: "measured_force_n",
-            trip,
+        let reached = |axis, value, bound| LimitReached {
+            port: Some(0),
+            axis: Some(axis),
+            limit: "measured_force_n".into(),
             value,
             bound,
         };
+        let specimens = ["brace".to_owned()];
         for kind in [
-            limit(0, 51.0, 50.0, false),
-            limit(0, -62.0, -50.0, false),
-            limit(0, 55.0, 50.0, false),
-            limit(1, 1.5, 1.0, false),
-            limit(1, 100.0, 10.0, true),
+            Event::LimitWarning(reached(0, 51.0, 50.0)),
+            Event::LimitWarning(reached(0, -62.0, -50.0)),
+            Event::LimitWarning(reached(0, 55.0, 50.0)),
+            Event::LimitWarning(reached(1, 1.5, 1.0)),
+            Event::LimitTrip(reached(1, 100.0, 10.0)),
             Event::RowLost,
         ] {
-            warned.count(&kind);
+            let event = TimedEvent {
+                tick: 0,
+                time: 0.0,
+                clock_ns: 0,
+                kind,
+            };
+            warned.count(&EventLine::of_loop(&event, &specimens));
         }
         assert_eq!(
-            warned.sentences(&["brace".to_owned()]),
+            warned.sentences(&specimens),
             [
                 "specimen \"brace\" axis 1 passed the warning level of measured_force_n 3 times, first with 51 N, allowed 50 N",
                 "specimen \"brace\" axis 2 passed the warning level of measured_force_n once, first with 1.5 N, allowed 1 N",

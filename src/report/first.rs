@@ -7,12 +7,13 @@ use super::digest::{
 };
 use super::left::Ends;
 use super::response::{MOST_LINES, TAIL};
-use super::sieve::{Sieve, Stretch, ZEROING};
+use super::sieve::{Sieve, Stretch};
 use super::source::Source;
 use super::specimens::ERROR;
 use super::stale::Stale;
 use super::table::{Table, Thinner};
 use super::worst::Worst;
+use crate::catalog::phase::Phase;
 use crate::metrics::energy::{Balance, Energies, Model};
 use crate::metrics::tracking::Noise;
 use crate::record::Column;
@@ -260,7 +261,10 @@ impl<'a> First<'a> {
         self.recorded += rows as u64;
         // Equilibrium, at the ends of steps, is of what the loop used; all else of what was measured.
         let measured = &*self.stale.left_out(block);
-        let is_zeroing = |row: &usize| self.state.is_some_and(|at| block[at][*row] == ZEROING);
+        let is_zeroing = |row: &usize| {
+            self.state
+                .is_some_and(|at| block[at][*row] == Phase::Zeroing.code())
+        };
         for row in (0..rows).filter(is_zeroing) {
             for read in &mut self.readings {
                 if read.disp.len() < MOST_READINGS {

@@ -8,19 +8,17 @@
 //! rows of state 8 are commands that were not passed on. Rows that are missing part what stands before
 //! from what stands behind.
 
-/// States of rows, as the engine numbers its phases.
-const SETTLING: f64 = 1.0;
-const PROBING: f64 = 2.0;
-pub(super) const RUNNING: f64 = 3.0;
-pub(super) const ZEROING: f64 = 4.0;
-const RAMPING: f64 = 5.0;
-pub(super) const HOLDING: f64 = 6.0;
-const LEAVING: f64 = 7.0;
-pub(super) const TRIPPED: f64 = 8.0;
-const WARMING_UP: f64 = 10.0;
-pub(super) const BETWEEN: [f64; 3] = [11.0, 12.0, 13.0];
-/// Before the test.
-const BEFORE: [f64; 5] = [SETTLING, PROBING, ZEROING, RAMPING, WARMING_UP];
+use crate::catalog::phase::{Part, Phase, Stage};
+
+pub(super) const RUNNING: f64 = Phase::Running.code();
+pub(super) const HOLDING: f64 = Phase::Holding.code();
+const LEAVING: f64 = Phase::Leaving.code();
+pub(super) const TRIPPED: f64 = Phase::Tripped.code();
+pub(super) const BETWEEN: [f64; 3] = [
+    Stage::Correct.code(),
+    Stage::Predict.code(),
+    Stage::SlowDown.code(),
+];
 
 /// Where rows are missing.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -212,7 +210,8 @@ impl Sieve {
             let is_step = state == RUNNING || cuts_short;
             let is_tick = is_step || is_trip || state == HOLDING || BETWEEN.contains(&state);
             self.is_on = is_tick && !is_trip;
-            if BEFORE.contains(&state) || (state == TRIPPED && self.ticks.rows == 0) {
+            let is_startup = Part::of(state) == Some(Part::Startup);
+            if is_startup || (state == TRIPPED && self.ticks.rows == 0) {
                 self.early.push(row);
                 self.before += 1;
             } else if state == LEAVING || (state == TRIPPED && !is_tick) {
@@ -297,7 +296,7 @@ mod tests {
     #[test]
     fn ticks_of_the_test_are_told_from_ends_of_steps_and_from_all_else() {
         let rows = [
-            (0.0, 0.0, ZEROING),
+            (0.0, 0.0, Phase::Zeroing.code()),
             (0.0, 0.0, TRIPPED),
             (0.0, 0.0, RUNNING),
             (0.0, 0.5, 11.0),

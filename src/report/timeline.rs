@@ -8,6 +8,7 @@ use super::canvas::{Anchor, Ink, Lettering, fitted};
 use super::charts::{Area, LABEL, Quantity, linear, title};
 use super::html::figure;
 use super::outcome;
+use crate::catalog::phase::Phase;
 use crate::record::utc;
 
 /// Rows of the timeline: words, names of the events in it, colour.
@@ -177,9 +178,9 @@ pub(super) fn timeline(run: &RunData) -> String {
             let to = phases.get(i + 1).map_or(end, |next| next.0);
             let (x0, x1) = (across(*from), across(to));
             let ink = match *phase {
-                "running" => Ink::Series(2),
-                "holding" => Ink::Series(1),
-                "tripped" => Ink::Alarm,
+                word if word == Phase::Running.word() => Ink::Series(2),
+                word if word == Phase::Holding.word() => Ink::Series(1),
+                word if word == Phase::Tripped.word() => Ink::Alarm,
                 _ => Ink::Series(5),
             };
             canvas.block(

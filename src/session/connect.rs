@@ -11,10 +11,10 @@ use crossbeam_channel::{Receiver, Sender};
 use serde_json::Value;
 
 use super::summary::ACCEPT;
+use crate::catalog::event::Remark;
 use crate::config::ClockChoice;
 use crate::control::Port;
 use crate::engine::{Control, Experiment, Operator};
-use crate::catalog::event::Remark;
 use crate::record::{Event, FolderError, Roll, Run, What, Writer};
 use crate::substructure::{Introduction, LinkFault, Retirement, Unavailable};
 

@@ -14,27 +14,14 @@ use serde::{Deserialize, Serialize};
 
 use super::lineage::{Generation, Lineage, Origin};
 use super::retrace::{places, way_from};
+use crate::catalog::phase::{NOT_AWAITED, Part};
 use crate::control::Port;
-use crate::engine::{GIVEN_UP, Phase};
 use crate::record::summary::Status;
 use crate::record::{FolderError, MissingEnd, Run, RunFolder, ToldBy, atomic, is_claimed};
 use crate::setup::Files;
 
 /// Name of the file in the folder of an interrupted test.
 const CONTINUED: &str = "continued.json";
-
-/// Phases in which nothing moves as part of the test.
-const BESIDE: [Phase; 9] = [
-    Phase::Connected,
-    Phase::Probing,
-    Phase::Zeroing,
-    Phase::Ramping,
-    Phase::Settling,
-    Phase::Armed,
-    Phase::Leaving,
-    Phase::Tripped,
-    Phase::Safe,
-];
 
 /// A test that went on with an interrupted one.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -180,8 +167,8 @@ fn last_step_of(run: &Run) -> Result<Option<u64>, FolderError> {
         place.ok_or_else(|| FolderError::NoColumn(name.to_owned()))
     };
     let places = [place("state")?, place("step")?];
-    let is_beside =
-        |state: f64| state == GIVEN_UP || BESIDE.iter().any(|phase| state == phase.code());
+    // The operator ended the test in the second one, with a command of the test on its way.
+    let is_of_test = |state: f64| Part::of(state) == Some(Part::Test) || state == NOT_AWAITED;
     let path = run.path().join("samples.bin");
     let io = |source| FolderError::Io {
         path: path.clone(),
@@ -191,7 +178,7 @@ fn last_step_of(run: &Run) -> Result<Option<u64>, FolderError> {
     while let Some(row) = journal.next_row().map_err(io)? {
         let [state, step] = places.map(|place| row.values.get(place).copied());
         if let (Some(state), Some(step)) = (state, step)
-            && !is_beside(state)
+            && is_of_test(state)
         {
             last = Some(step as u64);
         }

@@ -69,14 +69,13 @@ use desk::Desk;
 use guarded::Ended;
 use ready::{Ready, prepare};
 
+use crate::catalog::event::Remark;
 use crate::config::ConfigError;
 use crate::engine::Control;
-use crate::catalog::event::Remark;
 use crate::record::summary::Status;
 use crate::record::writer::WriterError;
 use crate::record::{
-    Event, FolderError, Progress, Recorded, RecordedVerdict, Roll, RunFolder, Summary,
-    What, Writer,
+    Event, FolderError, Progress, Recorded, RecordedVerdict, Roll, RunFolder, Summary, What, Writer,
 };
 use crate::rt::wall::Wall;
 use crate::rt::{Granted, os};

@@ -6,9 +6,9 @@ use std::thread::JoinHandle;
 use super::guarded::{Ended, run_retired};
 use super::sampling::spawn_sampler;
 use super::{SessionError, Watches, archive, watches};
+use crate::catalog::event::{Remark, Severity};
 use crate::config::ClockChoice;
 use crate::engine::{Control, Engine, Experiment};
-use crate::catalog::event::{Remark, Severity};
 use crate::record::writer::Clocks;
 use crate::record::{
     Beside, Event, Layout, Note, RingSize, Roll, RunFolder, ThreadLog, WhenFull, Writer,

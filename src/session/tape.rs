@@ -11,10 +11,10 @@ use crossbeam_channel::Sender;
 use serde_json::Value;
 
 use super::replay::{Difference, ReplayError};
-use crate::control::Stage;
-use crate::engine::{Experiment, GIVEN_UP, NOT_AWAITED, Operator, Phase, Word};
+use crate::catalog::phase::{GIVEN_UP, NOT_AWAITED, Part};
+use crate::engine::{Experiment, Operator, Phase, Word};
 use crate::record::{
-    Column, TimedEvent, Event, EventLines, FolderError, Journal, Layout, Recorder, Run, WarmUpRows,
+    Column, Event, EventLines, FolderError, Journal, Layout, Recorder, Run, TimedEvent, WarmUpRows,
 };
 use crate::work::Work;
 
@@ -368,16 +368,12 @@ impl Checkpoints {
 
 /// True of a row of the running test.
 pub(super) fn is_under_way(state: f64) -> bool {
-    let between = [Stage::Correct, Stage::Predict, Stage::SlowDown];
-    [Phase::Running, Phase::Holding]
-        .into_iter()
-        .any(|phase| state == phase.code())
-        || between.into_iter().any(|stage| state == stage.code())
+    Part::of(state) == Some(Part::Test)
 }
 
 /// True of the row that ended a test before its time.
 pub(super) fn is_a_trip(state: f64) -> bool {
-    [Phase::Tripped.code(), GIVEN_UP, NOT_AWAITED].contains(&state)
+    Part::of(state) == Some(Part::Trip)
 }
 
 /// True of that row, and of those of the way out.

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 use gusset::engine::{Control, Engine, Experiment, Outcome, Phase};
-use gusset::record::{Column, TimedEvent, MemoryRecorder, Recorder};
+use gusset::record::{Column, MemoryRecorder, Recorder, TimedEvent};
 use gusset::setup::{Facts, Prepared};
 use gusset::time::{Clock, SimClock};
 

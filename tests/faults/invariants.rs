@@ -71,13 +71,13 @@ fn ends_as_planned(played: &Played) -> Result<(), String> {
     if let Ending::Stopped(stop) = played.outcome.ending
         && tripped
     {
-        let told = played.events.iter().find_map(|event| match event.kind {
+        let told = played.events.iter().find_map(|event| match &event.kind {
             Event::Phase {
-                to: "tripped",
+                to: Phase::Tripped,
                 cause,
                 port,
                 ..
-            } => Some((cause, port)),
+            } => Some((cause.as_ref(), *port)),
             _ => None,
         });
         let found = (stop.word(), stop.port().map(|port| port as u32));

@@ -10,7 +10,7 @@ use gusset::engine::{Control, Engine, Notice, Operator, Outcome, Phase};
 use gusset::link::fault::{Script, StallingClock};
 use gusset::link::serve::{Host, Simulated, Tap, Tapped};
 use gusset::link::{NativeSetup, Transport};
-use gusset::record::{Column, TimedEvent, Event, FolderImage, Layout, Recorder};
+use gusset::record::{Column, Event, FolderImage, Layout, Recorder, TimedEvent};
 use gusset::session::{Finish, Replay, ending, replay_rows};
 use gusset::setup::{Files, Prepared, build, build_over};
 use gusset::time::{Clock, Nanos, SimClock};
@@ -286,7 +286,7 @@ impl Played {
     /// When each phase was entered.
     pub fn entries(&self) -> impl Iterator<Item = (u64, &'static str)> + '_ {
         self.events.iter().filter_map(|event| match event.kind {
-            Event::Phase { to, .. } => Some((event.clock_ns, to)),
+            Event::Phase { to, .. } => Some((event.clock_ns, to.word())),
             _ => None,
         })
     }

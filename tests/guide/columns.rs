@@ -2,6 +2,8 @@
 
 use std::fmt::Write as _;
 
+use gusset::catalog::phase::{Phase, STATES};
+
 /// A column: name with placeholders, unit, meaning, origin.
 pub type ColumnRow = [&'static str; 4];
 
@@ -306,23 +308,6 @@ pub const SERVER_COLUMNS: &[ColumnRow] = &[
     ],
 ];
 
-const STATES: [[&str; 2]; 14] = [
-    ["1", "static load: settling"],
-    ["2", "wiring check"],
-    ["3", "running"],
-    ["4", "zeroing"],
-    ["5", "ramp to the start position"],
-    ["6", "hold"],
-    ["7", "return move at the end"],
-    ["8", "tripped"],
-    ["10", "warm-up, recorded where needed"],
-    ["11", "between two steps: towards a known target"],
-    ["12", "between two steps: along the prediction"],
-    ["13", "between two steps: slowing down"],
-    ["14", "ended because a tick was too late"],
-    ["15", "ended by the operator while a reply was awaited"],
-];
-
 const HOLDS: [[&str; 2]; 4] = [
     ["1", "the operator asks for a hold"],
     ["2", "the operator lets the test go on"],
@@ -366,8 +351,10 @@ pub fn columns() -> String {
         let _ = writeln!(text, "| `{name}` | {unit} | {meaning} | {origin} |");
     }
     text.push_str("\n## The column `state`\n\n| value | phase |\n|---|---|\n");
-    for [value, meaning] in STATES {
-        let _ = writeln!(text, "| {value} | {meaning} |");
+    // A row never has the first phase and the last one.
+    let never = [Phase::Connected, Phase::Safe].map(Phase::state);
+    for state in STATES.iter().filter(|state| !never.contains(state)) {
+        let _ = writeln!(text, "| {} | {} |", state.code, state.sentence);
     }
     text.push_str(
         "\n## The column `hold`\n\nThe values add up.\n\n| value | meaning |\n|---|---|\n",

@@ -58,6 +58,7 @@ fn judged(words: &[&str], program: &clap::Command) -> Option<String> {
             .unwrap_or_default();
         let is_known = command
             .get_arguments()
+            .chain(program.get_arguments().filter(|one| one.is_global_set()))
             .any(|one| one.get_long() == Some(flag));
         if !is_known && !["help", "version"].contains(&flag) {
             return Some(format!("`{}` has no option `--{flag}`", command.get_name()));

@@ -196,10 +196,10 @@ fn shown(per_step: bool, limits: AxisLimits) -> (Arc<Board>, Arc<Snapshot>, Vec<
         tap.row(number, row);
     }
     tap.finish(1, &Progress::default());
-    let warnings = run.events.iter().filter_map(|event| match event.kind {
-        Event::Limit {
-            quantity, value, ..
-        } => Some((quantity.to_owned(), value)),
+    let warnings = run.events.iter().filter_map(|event| match &event.kind {
+        Event::LimitWarning(reached) | Event::LimitTrip(reached) if !reached.is_of_test() => {
+            Some((reached.limit.to_string(), reached.value))
+        }
         _ => None,
     });
     let warnings = warnings.collect();

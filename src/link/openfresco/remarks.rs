@@ -2,8 +2,8 @@
 //! no message for them.
 
 use super::dialect::Role;
-use crate::catalog::event as catalog;
 use super::host::{Nature, Tally};
+use crate::catalog::event as catalog;
 use crate::wire::openfresco::Sizes;
 
 /// A warning about a client.

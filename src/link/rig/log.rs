@@ -9,11 +9,12 @@ use super::columns::{AXIS, HEAD, columns};
 use super::summary::{self, Counted};
 use super::{Close, Trip, Visitor};
 use crate::catalog::event::{Remark, Severity};
+use crate::catalog::phase::Phase;
 use crate::control::AxisUnits;
 use crate::record::writer::Clocks;
 use crate::record::{
-    Event, FolderError, Layout, Note, Position, Recorder, RingRecorder, RingSize, RunFolder, TripValue,
-    WhenFull, Writer, WriterSettings, ring,
+    Event, FolderError, Layout, Note, Position, Recorder, RingRecorder, RingSize, RunFolder,
+    TripValue, WhenFull, Writer, WriterSettings, ring,
 };
 use crate::rt::timing::Timing;
 use crate::rt::wall::Wall;
@@ -56,9 +57,9 @@ pub(super) struct Exchange<'a> {
 
 impl Exchange<'_> {
     /// Values of the column `state`, as those of a controller's own record: what is kept back has tripped.
-    pub const PROBING: f64 = 2.0;
-    pub const RUNNING: f64 = 3.0;
-    pub const KEPT_BACK: f64 = 8.0;
+    pub const PROBING: f64 = Phase::Probing.code();
+    pub const RUNNING: f64 = Phase::Running.code();
+    pub const KEPT_BACK: f64 = Phase::Tripped.code();
 }
 
 /// A test that is being recorded.

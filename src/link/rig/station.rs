@@ -25,10 +25,10 @@ use super::latch::Latch;
 use super::log::{Log, LogSettings};
 use super::settings::{Close, Over, ProbeSettings};
 use super::{Rig, Trip};
+use crate::catalog::event::{Remark, Severity};
 use crate::control::AxisUnits;
 use crate::control::limits::{AxisLimits, LimitsSpec, Quantity, Watch};
 use crate::link::quota::Allowance;
-use crate::catalog::event::{Remark, Severity};
 use crate::record::Event;
 use crate::rt::os;
 use crate::substructure::{Command, LinkStats, Measurement};
@@ -396,7 +396,9 @@ impl Station {
     /// Something for the log.
     pub fn note(&self, event: Remark, text: &str) {
         let event = Event::said(event, text);
-        let is_warning = event.row().is_some_and(|row| row.severity == Severity::Warning);
+        let is_warning = event
+            .row()
+            .is_some_and(|row| row.severity == Severity::Warning);
         match &self.log {
             Some(log) => log.note(event.into()),
             None if is_warning => {

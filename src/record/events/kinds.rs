@@ -13,6 +13,7 @@ use serde_json::{Map, Value};
 use super::super::miss::Evidence;
 use super::super::{GridOf, MissCause};
 use crate::catalog::event::{self, EventRow, Remark};
+use crate::catalog::phase::Phase;
 use crate::substructure::LinkFault;
 
 /// A word of the program: a constant where the program writes it, a text where it reads a file.
@@ -249,10 +250,9 @@ pub enum Event {
     /// The test enters another phase.
     Phase {
         /// From here.
-        #[serde(default)]
-        from: Word,
+        from: Phase,
         /// To here.
-        to: Word,
+        to: Phase,
         /// Why: `done`, `operator`, or what stopped it.
         #[serde(default)]
         cause: Word,

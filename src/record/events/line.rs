@@ -71,7 +71,13 @@ impl EventLine {
     #[must_use]
     pub fn of_loop(event: &TimedEvent, specimens: &[String]) -> Self {
         let position = (Some(event.tick), Some(event.time));
-        let line = Self::new(event.kind.clone(), position, 0, Some(event.clock_ns), specimens);
+        let line = Self::new(
+            event.kind.clone(),
+            position,
+            0,
+            Some(event.clock_ns),
+            specimens,
+        );
         Self { wall: None, ..line }
     }
 

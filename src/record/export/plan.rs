@@ -15,6 +15,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 
 use super::ExportError;
+use crate::catalog::phase::Phase;
 use crate::record::Column;
 use crate::record::journal::Journal;
 use crate::record::layout::Layout;
@@ -144,11 +145,11 @@ pub(super) struct Plan {
 }
 
 /// State of a row in which a step is made.
-const RUNNING: f64 = 3.0;
-/// State of a row in which the loop only runs warm: nothing of the test is in it.
-pub(super) const WARMING_UP: f64 = 10.0;
+const RUNNING: f64 = Phase::Running.code();
+/// State of a row of the warm-up, which holds nothing of the test.
+pub(super) const WARMING_UP: f64 = Phase::Armed.code();
 /// State of the row that ends a test, whose step is not made.
-const TRIPPED: f64 = 8.0;
+const TRIPPED: f64 = Phase::Tripped.code();
 
 const DOF: [(&str, &str); 3] = [("x", "m"), ("v", "m/s"), ("a", "m/s2")];
 const AXIS: [(&str, &str); 4] = [

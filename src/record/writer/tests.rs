@@ -7,11 +7,18 @@ use crate::record::journal::{End, Journal};
 use crate::record::layout::stride;
 use crate::record::threads::{Roll, ThreadEnd, ThreadReader, ThreadRecord, What};
 use crate::record::{
-    TimedEvent, Event, MissCause, NoteLevel, Recorder, RingRecorder, RingSize, WhenFull, ring,
+    Event, MissCause, Recorder, RingRecorder, RingSize, TimedEvent, WhenFull, ring,
 };
-use serde_json::Value;
+use serde_json::{Map, Value};
 
 const MS: u64 = 1_000_000;
+
+/// A note of an event that no version knows.
+fn told(event: &str) -> Note {
+    let event = event.to_owned();
+    let fields = Map::new();
+    Event::Other { event, fields }.into()
+}
 
 fn at(monotonic_ns: u64) -> Moment {
     Moment {
@@ -114,7 +121,7 @@ fn an_event_or_a_note_is_in_its_file_no_earlier_than_the_rows_before_it() {
     let seen = || (numbers(&samples.bytes()).0.len(), lines(&events).len());
     assert_eq!(seen(), (3, 1));
     push(&mut recorder, 3..5);
-    notes.send(Note::new(NoteLevel::Info, "told")).unwrap();
+    notes.send(told("told")).unwrap();
     drain.turn(at(1004 * MS));
     assert_eq!(seen(), (5, 2));
 }
@@ -259,7 +266,8 @@ fn progress_shows_the_latest_row_and_the_counts() {
         kind: Event::Miss {
             late_ns: 1,
             stretched: 0,
-            cause: MissCause::LateReply,
+            class: MissCause::LateReply,
+            evidence: None,
         },
     });
     drain.turn(at(30 * MS));
@@ -318,7 +326,7 @@ fn what_the_writer_notes_stands_at_the_step_of_the_row_before_it_and_not_at_its_
     );
     recorder.row(&[799.0, 0.5]);
     recorder.row(&[800.0, 0.75]);
-    notes.send(Note::new(NoteLevel::Info, "asked")).unwrap();
+    notes.send(told("asked")).unwrap();
     drain.turn(at(MS));
     drain.finish(at(2 * MS));
     let line = &lines(&events)[0];
@@ -348,7 +356,12 @@ fn end_to_end_every_row_and_event_is_in_the_files_after_finish() {
     };
     let (samples, events) = (open("samples.bin"), open("events.jsonl"));
     let writer = Writer::spawn(reader, samples, events, None, TICKING, settings).unwrap();
-    writer.note(Note::new(NoteLevel::Info, "granted").with("policy", "fifo"));
+    let mut fields = Map::new();
+    fields.insert("policy".to_owned(), "fifo".into());
+    writer.note(Event::Other {
+        event: "granted".to_owned(),
+        fields,
+    });
     let count = 20_000;
     let pushed = std::thread::spawn(move || {
         let pushed = push(&mut recorder, 0..count);
@@ -409,7 +422,7 @@ fn a_note_of_the_set_up_stands_before_the_events_of_a_test_that_is_over_in_the_s
         events.clone(),
         WriterSettings::default(),
     );
-    notes.send(Note::new(NoteLevel::Info, "connected")).unwrap();
+    notes.send(told("connected")).unwrap();
     let ended = TimedEvent {
         tick: 0,
         time: 0.0,
@@ -441,7 +454,7 @@ impl crate::record::Onlooker for Keeper {
 
     fn note(&mut self) -> Option<Note> {
         self.notes = self.notes.checked_sub(1)?;
-        Some(Note::new(NoteLevel::Info, "seen"))
+        Some(told("seen"))
     }
 
     fn finish(&mut self, _now_ns: u64, progress: &Progress) {
@@ -525,7 +538,7 @@ fn the_writer_stamps_what_it_does_and_nothing_while_it_only_looks() {
         drain.turn(at((1000 + 2 * k) * MS));
     });
     other.since(What::Look, 0, 0);
-    notes.send(Note::new(NoteLevel::Info, "granted")).unwrap();
+    notes.send(told("granted")).unwrap();
     drain.turn(at(1019 * MS));
     // As after a kill: what is in the file without a last word.
     assert_eq!(stamps_in(&disk.bytes()).0, [(0, What::WriteRows)]);

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::engine::{GIVEN_UP, Phase};
+use crate::catalog::phase::{GIVEN_UP, Phase};
 use crate::record::summary::Peak;
 use crate::record::{FolderError, Run};
 use crate::session::tape::{is_a_trip, is_under_way};

@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::engine::{Experiment, Phase};
-use crate::record::{TimedEvent, Recorder};
+use crate::record::{Recorder, TimedEvent};
 
 /// Most numbers of a reference that are kept; of a longer one every second, third, … row.
 const MOST: usize = 4_000_000;

@@ -6,7 +6,7 @@ use super::{Budget, Need, Needs, Rehearsal, Staging, carry_out_with, expected, n
 use crate::config::{ConfigError, Loaded};
 use crate::control::limits::Quantity;
 use crate::engine::{Control, Operator};
-use crate::record::{TimedEvent, Recorder};
+use crate::record::{Recorder, TimedEvent};
 use crate::setup;
 
 /// A hold that was rehearsed.

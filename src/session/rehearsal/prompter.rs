@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use crossbeam_channel::Sender;
 
 use crate::engine::Operator;
-use crate::record::{TimedEvent, Recorder};
+use crate::record::{Recorder, TimedEvent};
 use crate::rt::os;
 use crate::work::Work;
 

@@ -2,10 +2,10 @@
 
 use super::allowed::Times;
 use super::{Station, USUAL_TICK_S, first, metres, not_finite};
+use crate::catalog::event::Remark;
 use crate::control::limits::{Found, Level};
 use crate::link::rig::Trip;
 use crate::link::rig::log::Exchange;
-use crate::catalog::event::Remark;
 use crate::rt::os;
 use crate::substructure::{Command, Measurement, Status};
 use crate::time::Nanos;

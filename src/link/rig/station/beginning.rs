@@ -3,9 +3,9 @@
 use super::announced::Announced;
 use super::guard::SpecimenGuard;
 use super::{Close, Over, Station};
+use crate::catalog::event::Remark;
 use crate::link::rig::log::Log;
 use crate::link::rig::{Visitor, Wanted, with_last_words};
-use crate::catalog::event::Remark;
 use crate::substructure::{LinkStats, Measurement};
 
 impl Station {

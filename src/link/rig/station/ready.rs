@@ -2,10 +2,10 @@
 
 use super::attempt::Origin;
 use super::{Station, USUAL_TICK_S, metres, not_finite};
+use crate::catalog::event::Remark;
 use crate::control::{AxisUnits, Opinion, Pace, Probe, compare_stiffness};
 use crate::link::rig::settings::{Over, ProbeSettings};
 use crate::link::rig::{Visitor, Wanted, apart, elsewhere};
-use crate::catalog::event::Remark;
 use crate::rt::os;
 use crate::substructure::{Command, Introduction, Measurement};
 use crate::units::{position, signed_in_axis_unit};
@@ -200,10 +200,7 @@ impl Station {
         let n = self.units.len();
         let diagonal: Vec<f64> = self.stiffness.iter().step_by(n + 1).copied().collect();
         let mut probe = Probe::new(start, amplitude, &diagonal, &self.units, pace);
-        self.note(
-            Remark::Probing,
-            "a small motion and back, axis after axis",
-        );
+        self.note(Remark::Probing, "a small motion and back, axis after axis");
         self.arm(0, start, wanted)?;
         let (mut disp, mut vel) = (start.to_vec(), vec![0.0; n]);
         let mut edge = os::monotonic_ns();

@@ -3,10 +3,10 @@
 use std::sync::atomic::Ordering;
 
 use super::Stand;
+use crate::catalog::event::Remark;
 use crate::link::Transport;
 use crate::link::rig::{Over, Trip};
 use crate::link::serve::{Desk, Heard};
-use crate::catalog::event::Remark;
 use crate::substructure::Command;
 use crate::time::Nanos;
 use crate::wire::WireError;

@@ -3,10 +3,10 @@
 //! The thread sleeps until shortly before the next command is expected, then reads in a busy loop until shortly after.
 
 use super::{Stand, gone_silent};
+use crate::catalog::event::Remark;
 use crate::link::Wait;
 use crate::link::rig::Over;
 use crate::link::serve::{Desk, Heard};
-use crate::catalog::event::Remark;
 use crate::substructure::Status;
 use crate::time::Nanos;
 use crate::wire::native::{Cause, Heartbeat};

@@ -4,12 +4,8 @@
 use serde_json::{Value, json};
 
 use super::stamps::Stamped;
+use crate::catalog::phase::{Part, Phase};
 use crate::record::GridOf;
-
-/// States of rows: trying directions; the test itself. The rest is before it, or on the way out.
-const PROBING: f64 = 2.0;
-const RUNNING: [f64; 5] = [3.0, 6.0, 11.0, 12.0, 13.0];
-const WAY_OUT: [f64; 3] = [7.0, 8.0, 14.0];
 
 /// Places row after row, from the first of the file on.
 pub(super) struct Grid {
@@ -48,11 +44,14 @@ impl Grid {
 
     /// The row in µs from zero.
     pub fn place(&mut self, row: &Stamped) -> Stamped {
-        self.begun |= RUNNING.contains(&row.state) || row.state.is_nan();
+        let part = Part::of(row.state);
+        self.begun |= part == Some(Part::Test) || row.state.is_nan();
         let [directions, opening, test] = self.edges;
-        let edge = if row.state == PROBING {
+        let edge = if row.state == Phase::Probing.code() {
             directions.or(opening)
-        } else if RUNNING.contains(&row.state) || (self.begun && WAY_OUT.contains(&row.state)) {
+        } else if part == Some(Part::Test)
+            || (self.begun && matches!(part, Some(Part::Trip | Part::Shutdown)))
+        {
             test
         } else if self.begun {
             test.or(opening)
