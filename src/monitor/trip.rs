@@ -240,28 +240,28 @@ mod tests {
 
     #[test]
     fn what_has_no_event_of_its_own_is_told_by_the_phase_and_an_orderly_end_by_nothing() {
-        let stale = Event::Stale { port: 0, age: 4 };
+        let stale = || Event::Stale { port: 0, age: 4 };
         let of = |kinds: &[Event]| {
             let trips = seen(kinds).latest().trips.clone();
             trips.into_iter().map(|trip| trip.limit).collect::<Vec<_>>()
         };
-        assert_eq!(of(&[stale, TRIPPED, LEAVING]), ["stale"]);
-        assert_eq!(of(&[stale, tripped("late", None)]), ["late"]);
-        let interlock = Event::Interlock { port: 0 };
+        assert_eq!(of(&[stale(), TRIPPED, LEAVING]), ["stale"]);
+        assert_eq!(of(&[stale(), tripped("late", None)]), ["late"]);
+        let interlock = || Event::Interlock { port: 0 };
         assert_eq!(
-            of(&[interlock, tripped("interlock", Some(0))]),
+            of(&[interlock(), tripped("interlock", Some(0))]),
             ["interlock"]
         );
         // A second one on the way out, with an event of its own and without.
         assert_eq!(
-            of(&[interlock, tripped("interlock", Some(0)), LEAVING, TRIPPED]),
+            of(&[interlock(), tripped("interlock", Some(0)), LEAVING, TRIPPED]),
             ["interlock", "stale"]
         );
         assert_eq!(
-            of(&[TRIPPED, LEAVING, interlock, TRIPPED]),
+            of(&[TRIPPED, LEAVING, interlock(), TRIPPED]),
             ["stale", "interlock"]
         );
-        assert!(of(&[stale, Event::StopRequested, LEAVING]).is_empty());
+        assert!(of(&[stale(), Event::StopRequested, LEAVING]).is_empty());
         let board = seen(&[LEAVING]);
         assert!(!metrics(&board, 1, 0).contains("gusset_tripped{"));
     }

@@ -427,13 +427,14 @@ mod tests {
         ]);
         let _waits = say("continue?hold=3");
         let serving = page.serve(board, operator, notes, roll()).unwrap();
-        let told = written
-            .iter()
-            .filter(|note| note.event == "control_request");
-        let accepted = told.take(5).filter(|note| note.fields["accepted"] == true);
-        let mut accepted: Vec<String> = accepted
-            .map(|note| note.fields["request"].as_str().unwrap().to_owned())
-            .collect();
+        let told = written.iter().filter_map(|note| match note.event {
+            Event::ControlRequest {
+                request, accepted, ..
+            } => Some((request, accepted)),
+            _ => None,
+        });
+        let accepted = told.take(5).filter(|(_, accepted)| *accepted);
+        let mut accepted: Vec<String> = accepted.map(|(request, _)| request).collect();
         accepted.sort_unstable();
         assert_eq!(accepted, ["continue", "hold", "stop"]);
         let heard: Vec<Operator> = asked.try_iter().collect();
