@@ -9,7 +9,6 @@ mod rows;
 use std::fmt::{Display, Formatter};
 
 use serde::Serialize;
-use serde_json::Value;
 
 use super::lineage::Origin;
 use super::summary::{ending, finite, named, status_of, stop_words};
@@ -18,7 +17,8 @@ use crate::config::{Time, TimeTable};
 use crate::control::limits::Quantity;
 use crate::engine::{Ending, Outcome, Phase, Stop, TestQuantity, Unfinished};
 use crate::record::summary::{Peak, Status};
-use crate::record::{FolderError, Run, Summary};
+use crate::record::{Event, EventLine, FolderError, Run, Summary};
+use crate::substructure::LinkFault;
 use rows::Rows;
 
 /// A key of `summary.json` that is not what the record shows.
@@ -71,18 +71,16 @@ const fn word(status: Status) -> &'static str {
     }
 }
 
-/// Key of the version in the first event, which names the files of the test.
-pub(super) const VERSION: &str = "version";
-
 /// Whether this version wrote the run, if the event says that.
-fn is_of_this_version(event: &Value) -> Option<bool> {
-    let name = event.get("event").and_then(Value::as_str)?;
-    let version = || event.get(VERSION).and_then(Value::as_str);
-    (name == "files").then(|| version() == Some(env!("CARGO_PKG_VERSION")))
+fn is_of_this_version(line: &EventLine) -> Option<bool> {
+    match &line.event {
+        Event::Files { version, .. } => Some(version == env!("CARGO_PKG_VERSION")),
+        _ => None,
+    }
 }
 
 /// True if an earlier version wrote the run of these events: its summary may differ for other reasons than that it was edited.
-pub(super) fn is_of_an_earlier_version<'a>(mut events: impl Iterator<Item = &'a Value>) -> bool {
+pub(super) fn is_of_an_earlier_version<'a>(mut events: impl Iterator<Item = &'a EventLine>) -> bool {
     events.find_map(is_of_this_version) == Some(false)
 }
 
@@ -394,15 +392,13 @@ impl Events {
             let Some(event) = event? else {
                 continue;
             };
-            let word = |key: &str| event.get(key).and_then(Value::as_str).unwrap_or_default();
-            match word("event") {
-                "ended" => last_step = event.get("tick").and_then(Value::as_u64),
-                "limit_trip" => limits.push(word("limit").to_owned()),
-                "link" => diverged = word("fault") == "diverged",
-                "phase" => {
-                    let phase = [word("from"), word("to"), word("cause")];
-                    status = Self::next(status, phase, diverged);
-                }
+            match &event.event {
+                Event::Ended => last_step = event.tick,
+                Event::LimitTrip(reached) => limits.push(reached.limit.to_string()),
+                Event::Link { fault, .. } => diverged = *fault == Some(LinkFault::Diverged),
+                Event::Phase {
+                    from, to, cause, ..
+                } => status = Self::next(status, [*from, *to], cause, diverged),
                 _ => {}
             }
         }
@@ -417,18 +413,19 @@ impl Events {
     /// The status after a change of phase: what trips after an orderly end counts, what comes after a trip does not.
     fn next(
         before: Option<Status>,
-        [from, to, cause]: [&str; 3],
+        [from, to]: [Phase; 2],
+        cause: &str,
         diverged: bool,
     ) -> Option<Status> {
         let is_orderly = matches!(before, None | Some(Status::Completed | Status::Interrupted));
-        let runs = [Phase::Running.word(), Phase::Holding.word()].contains(&from);
-        let ends = [Phase::Leaving.word(), Phase::Safe.word()].contains(&to);
+        let runs = [Phase::Running, Phase::Holding].contains(&from);
+        let ends = [Phase::Leaving, Phase::Safe].contains(&to);
         if !is_orderly {
             return before;
         }
         match cause {
             "internal_error" => Some(Status::Failed),
-            _ if to == Phase::Tripped.word() => Some(match cause {
+            _ if to == Phase::Tripped => Some(match cause {
                 "link" if diverged => Status::Stopped,
                 "link" | "misfit" => Status::Failed,
                 _ => Status::Stopped,

@@ -8,7 +8,6 @@ use std::sync::mpsc;
 use std::time::Duration;
 
 use crossbeam_channel::{Receiver, Sender};
-use serde_json::Value;
 
 use super::summary::ACCEPT;
 use crate::catalog::event::Remark;
@@ -20,7 +19,6 @@ use crate::substructure::{Introduction, LinkFault, Retirement, Unavailable};
 
 /// Where a specimen said that it stands, in the note on its connection: numbers in its own unit, one per axis, in words,
 /// since JSON's numbers need not come back to the last bit.
-const STANDING: &str = "standing";
 
 /// How often the operator's line is looked at meanwhile.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
@@ -40,14 +38,16 @@ pub(super) fn put_standing(run: &Run, ports: &mut [Port]) -> Result<(), FolderEr
         let Some(event) = event? else {
             continue;
         };
-        let said = event.get(STANDING).and_then(Value::as_str);
-        let number = event.get("specimen").and_then(Value::as_u64);
-        let (Some(said), Some(number)) = (said, number) else {
+        let Event::Connected {
+            port,
+            standing: Some(said),
+            ..
+        } = event.event
+        else {
             continue;
         };
         let standing: Result<Vec<f64>, _> = said.split(' ').map(str::parse).collect();
-        let index = usize::try_from(number).ok().and_then(|n| n.checked_sub(1));
-        if let (Ok(standing), Some(port)) = (standing, index.and_then(|i| ports.get_mut(i))) {
+        if let (Ok(standing), Some(port)) = (standing, ports.get_mut(port as usize)) {
             port.says_it_stands_at(&standing);
         }
     }

@@ -8,13 +8,12 @@ use std::io::Read;
 use std::sync::{Arc, Mutex};
 
 use crossbeam_channel::Sender;
-use serde_json::Value;
 
 use super::replay::{Difference, ReplayError};
 use crate::catalog::phase::{GIVEN_UP, NOT_AWAITED, Part};
 use crate::engine::{Experiment, Operator, Phase, Word};
 use crate::record::{
-    Column, Event, EventLines, FolderError, Journal, Layout, Recorder, Run, TimedEvent, WarmUpRows,
+    Column, Event, EventLine, EventLines, FolderError, Journal, Layout, Recorder, Run, TimedEvent, WarmUpRows,
 };
 use crate::work::Work;
 
@@ -303,7 +302,7 @@ impl Tape {
         let Some(recorded) = checkpoints.and_then(|checkpoints| checkpoints.of_step(step)) else {
             return;
         };
-        if recorded == format!("{digest:016x}") {
+        if recorded == digest {
             self.verified = Some(Verified {
                 step,
                 rows: self.row,
@@ -326,7 +325,7 @@ impl Tape {
 struct Checkpoints {
     events: EventLines,
     /// The next one: its step and digest.
-    coming: Option<(u64, String)>,
+    coming: Option<(u64, u64)>,
 }
 
 impl Checkpoints {
@@ -340,29 +339,27 @@ impl Checkpoints {
     }
 
     fn read(&mut self) -> Result<(), FolderError> {
-        let one = |event: &Value| {
-            let is_one = event.get("event")?.as_str()? == "checkpoint";
-            let step = event.get("tick")?.as_u64()?;
-            let digest = event.get("digest")?.as_str()?.to_owned();
-            is_one.then_some((step, digest))
+        let one = |line: EventLine| match line.event {
+            Event::Checkpoint { digest } => Some((line.tick?, digest)),
+            _ => None,
         };
         self.coming = None;
         while self.coming.is_none()
             && let Some(event) = self.events.next()
         {
-            self.coming = event?.as_ref().and_then(one);
+            self.coming = event?.and_then(one);
         }
         Ok(())
     }
 
     /// The recorded digest of the checkpoint of this step, if it has one. Steps are asked for in their order.
-    fn of_step(&mut self, step: u64) -> Option<String> {
+    fn of_step(&mut self, step: u64) -> Option<u64> {
         while self.coming.as_ref().is_some_and(|(at, _)| *at < step) {
             // What cannot be read any more proves nothing.
             self.read().ok()?;
         }
         let (_, digest) = self.coming.as_ref().filter(|(at, _)| *at == step)?;
-        Some(digest.clone())
+        Some(*digest)
     }
 }
 

@@ -1,12 +1,10 @@
 //! What tripped an interrupted test: by its events, and where those were lost by its rows.
 
-use serde_json::Value;
-
 use super::ResumeError;
 use crate::control::OnStale;
 use crate::engine::{Experiment, Phase};
 use crate::record::summary::Status as Ended;
-use crate::record::{FolderError, Run};
+use crate::record::{Event, EventLine, FolderError, Run};
 use crate::session::recorded::Replaced;
 use crate::session::retrace::{prepared, unreadable};
 use crate::substructure::Status;
@@ -38,23 +36,9 @@ impl Told {
         Ok(told)
     }
 
-    fn take(&mut self, event: &Value) {
-        let word = |key: &str| event.get(key).and_then(Value::as_str);
-        let trip = match word("event") {
-            Some("limit_trip") => word("limit"),
-            Some(
-                alarm @ ("interlock" | "saturated" | "specimen_holds_on" | "geometry" | "diverged"),
-            ) => Some(alarm),
-            Some("link") => {
-                word("fault").filter(|fault| ["not_finite", "diverged"].contains(fault))
-            }
-            Some("ended") => {
-                self.have_end = true;
-                None
-            }
-            _ => None,
-        };
-        let trip = trip.map(str::to_owned);
+    fn take(&mut self, line: &EventLine) {
+        self.have_end |= line.event == Event::Ended;
+        let trip = line.event.latched().map(|trip| trip.into_owned());
         self.trips
             .extend(trip.filter(|trip| !self.trips.contains(trip)));
     }
@@ -167,7 +151,7 @@ mod tests {
 
     #[test]
     fn a_force_that_is_no_number_is_a_trip_and_a_link_that_is_lost_is_none() {
-        let link = |fault: &str| json!({"event": "link", "specimen": 1, "fault": fault});
+        let link = |fault: &str| EventLine::from(json!({"event": "link", "specimen": 1, "fault": fault}));
         let all = ["closed", "timeout", "not_finite", "malformed", "diverged"].map(link);
         let mut told = Told::default();
         all.iter().for_each(|event| told.take(event));
