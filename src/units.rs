@@ -2,6 +2,8 @@
 //!
 //! Full precision belongs in files and in `--json`.
 
+use crate::catalog::limit::Limit;
+
 /// Significant digits of a number for people.
 const DIGITS: usize = 4;
 /// Significant digits of a position that an operator may write into a file.
@@ -181,9 +183,14 @@ fn with_digits(value: f64, unit: &str, prefix: (f64, &str), digits: usize) -> St
     }
 }
 
-/// The unit that ends a key of the test file: `N` of `measured_force_n`. Empty for a key without one.
+/// The unit of a key of the test file: that of its limit, or the one at its end. Empty for a key without one.
 #[must_use]
 pub fn unit_of_key(key: &str) -> &'static str {
+    match Limit::of_key(key).map(Limit::unit) {
+        Some("m/s2") => return "m/s²",
+        Some(unit) => return unit,
+        None => {}
+    }
     let ends = [
         ("_m_per_s2", "m/s²"),
         ("_m_per_s", "m/s"),
@@ -335,7 +342,10 @@ mod tests {
     fn a_key_of_the_test_file_ends_with_its_unit() {
         assert_eq!(unit_of_key("command_vel_m_per_s"), "m/s");
         assert_eq!(unit_of_key("measured_force_n"), "N");
-        assert_eq!(unit_of_key("stuck_ticks"), "");
+        assert_eq!(unit_of_key("stuck_ticks"), "ticks");
+        assert_eq!(unit_of_key("added_energy_j"), "J");
+        assert_eq!(unit_of_key("command_accel_m_per_s2"), "m/s²");
+        assert_eq!(unit_of_key("period_s"), "s");
     }
 
     #[test]

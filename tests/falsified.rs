@@ -4,8 +4,8 @@ mod common;
 
 use common::engine::prepare;
 use common::{FRAME, completed, json, write};
-use gusset::control::limits::Quantity;
-use gusset::engine::{Ending, Phase, Stop, TestQuantity};
+use gusset::catalog::limit::Limit;
+use gusset::engine::{Ending, Phase, Stop};
 use gusset::record::{Event, Run};
 use gusset::spectral::delay::sdof;
 use nalgebra::{Complex, DMatrix};
@@ -334,18 +334,18 @@ fn on_the_way_out_lag_and_gain_stay_those_of_the_test() {
 fn a_lag_and_a_gain_beyond_their_limits_end_the_test() {
     let limits = "[specimen.limits]\nlag_s = { trip = 0.004 }\ngain_error = { trip = 0.08 }\n";
     for (transfer, quantity, value) in [
-        ("delay_s = 0.005", Quantity::Lag, 0.005),
+        ("delay_s = 0.005", Limit::Lag, 0.005),
         (
             "actuator.proportional = { gain = 0.9 }",
-            Quantity::GainError,
+            Limit::GainError,
             0.1,
         ),
         (
             "actuator.proportional = { gain = 1.1 }",
-            Quantity::GainError,
+            Limit::GainError,
             0.1,
         ),
-        ("delay_s = 0.003", Quantity::StuckSensor, 0.0),
+        ("delay_s = 0.003", Limit::StuckSensor, 0.0),
     ] {
         let text = one_floor(&format!("[specimen.transfer]\n{transfer}\n{limits}"));
         let ending = common::engine::run(&text).outcome.ending;
@@ -427,7 +427,7 @@ fn a_share_of_the_critical_delay_is_warned_of_and_trips_at_its_levels() {
     let Ending::Stopped(Stop::TestLimit(hit)) = run.outcome.ending else {
         panic!("{:?}", run.outcome.ending);
     };
-    assert_eq!((hit.quantity, hit.bound), (TestQuantity::DelayUsed, 0.6));
+    assert_eq!((hit.quantity, hit.bound), (Limit::DelayUsed, 0.6));
     assert_eq!(hit.worst, Some((0, 0)));
     let used = run.column("delay_used");
     assert_eq!(*used.last().unwrap(), hit.value);

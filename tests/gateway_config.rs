@@ -2,6 +2,7 @@
 
 mod link_common;
 
+use gusset::catalog::limit::Limit;
 use gusset::config::{self, load_served};
 use gusset::setup;
 use link_common::{gateway, linked, write};
@@ -100,5 +101,5 @@ fn limits_of_a_test_are_kept_by_its_loop() {
     let path = std::path::Path::new("test.toml");
     let built = config::parse(path, text, &[]).and_then(|loaded| setup::build(&loaded));
     let limits = built.unwrap().experiment.ports[0].limits()[0];
-    assert_eq!(limits.command_step.trip, 1.0);
+    assert_eq!(limits.size(Limit::CommandStep).trip, 1.0);
 }

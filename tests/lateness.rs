@@ -10,7 +10,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use common::engine::{Run, run_on};
 use common::rig::{Act, Call, Log, Phase, attach, storey, two_floors};
-use gusset::engine::{Ending, Gaps, OnMiss, Stop, TestHit, TestQuantity};
+use gusset::catalog::limit::Limit;
+use gusset::engine::{Ending, Gaps, OnMiss, Stop, TestHit};
 use gusset::record::Event;
 use gusset::rt::timing::Quantity;
 use gusset::substructure::{Coupling, Retirement};
@@ -365,7 +366,7 @@ fn a_warm_up_that_misses_its_deadlines_in_a_row_ends_before_the_test() {
         }))
     };
     let (ending, told) = late(&|_| true);
-    assert_eq!(ending, of(TestQuantity::MissesInARow, 30.0, 10.0));
+    assert_eq!(ending, of(Limit::MissesInARow, 30.0, 10.0));
     assert_eq!(told, (false, 30, 30, 30));
     let Ending::Stopped(stop) = ending else {
         unreachable!()
@@ -383,7 +384,7 @@ fn a_warm_up_that_misses_its_deadlines_in_a_row_ends_before_the_test() {
     let hiccup = late(&|k| (40..50).contains(&k));
     assert_eq!(hiccup, (Ending::Completed, (true, 30, 10, 10)));
     let longer = late(&|k| (40..51).contains(&k));
-    assert_eq!(longer.0, of(TestQuantity::MissesInARow, 11.0, 10.0));
+    assert_eq!(longer.0, of(Limit::MissesInARow, 11.0, 10.0));
 }
 
 /// Before t = 0 nothing is integrated: a stall there moves the grid, whatever the policy, is no miss, and the first command of

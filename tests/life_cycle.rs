@@ -8,7 +8,8 @@ use std::sync::{Arc, Mutex};
 use common::engine::{Run, prepare, run_on, run_under};
 use common::rig;
 use common::spring::Spring;
-use gusset::control::limits::{AxisLimits, Bound, Hit, Quantity, Range};
+use gusset::catalog::limit::Limit;
+use gusset::control::limits::{AxisLimits, Bound, Hit, Range};
 use gusset::control::{Astray, Axis, Exit, Exits, Port, Reference, Zero};
 use gusset::engine::{Control, Ending, Experiment, Left, Operator, Phase, Stop};
 use gusset::record::{Event, Word};
@@ -141,10 +142,13 @@ fn a_ramp_is_slower_than_half_the_velocity_limit() {
     let mut lab = Lab::new(&format!(
         "{SHORT}\nstructure.initial_displacement_m = [0.1]"
     ));
-    lab.limits.command_vel = Bound {
-        warn: 0.1,
-        trip: 20.0,
-    };
+    lab.limits.set(
+        Limit::CommandVel,
+        Bound {
+            warn: 0.1,
+            trip: 20.0,
+        },
+    );
     let (_, way) = lab.run();
     let start = way.iter().position(|disp| *disp == 0.1).unwrap();
     let fastest = largest_step(&way[..=start]) / PERIOD;
@@ -195,16 +199,19 @@ fn a_command_beyond_a_limit_never_leaves() {
     let peak = way.iter().fold(0.0f64, |peak, disp| peak.max(disp.abs()));
     let mut lab = Lab::new(SHORT);
     let bound = 0.5 * peak;
-    lab.limits.command_disp = Range {
-        warn: [-0.4 * peak, 0.4 * peak],
-        trip: [-bound, bound],
-    };
+    lab.limits.set(
+        Limit::CommandDisp,
+        Range {
+            warn: [-0.4 * peak, 0.4 * peak],
+            trip: [-bound, bound],
+        },
+    );
     let (run, way) = lab.run();
     assert!(way.iter().all(|disp| disp.abs() <= bound));
     let Ending::Stopped(Stop::Limit { port: 0, hit }) = run.outcome.ending else {
         panic!("{:?}", run.outcome.ending);
     };
-    assert_eq!(hit.quantity, Quantity::CommandDisp);
+    assert_eq!(hit.quantity, Limit::CommandDisp);
     // The very next step of the free run is the first beyond it.
     let steps = run.column("x1").len();
     let beyond = free.column("x1")[steps];
@@ -220,10 +227,13 @@ fn a_command_beyond_a_limit_never_leaves() {
 #[test]
 fn a_measured_limit_trips_in_the_tick_in_which_it_is_reached() {
     let mut lab = Lab::new(SHORT);
-    lab.limits.measured_force = Range {
-        trip: [-1500.0, 1500.0],
-        ..Range::NONE
-    };
+    lab.limits.set(
+        Limit::MeasuredForce,
+        Range {
+            trip: [-1500.0, 1500.0],
+            ..Range::NONE
+        },
+    );
     let (run, _) = lab.run();
     let hit = limit_hit(&run);
     assert!(hit.value.abs() > 1500.0);
@@ -242,10 +252,13 @@ fn a_measured_limit_trips_in_the_tick_in_which_it_is_reached() {
 /// Trips at 2 kN and leaves as it is told; the way after the trip, and the force at its end.
 fn after_a_trip(on_trip: Exit) -> (Run, Vec<f64>) {
     let mut lab = Lab::new(SHORT);
-    lab.limits.measured_force = Range {
-        trip: [-2000.0, 2000.0],
-        ..Range::NONE
-    };
+    lab.limits.set(
+        Limit::MeasuredForce,
+        Range {
+            trip: [-2000.0, 2000.0],
+            ..Range::NONE
+        },
+    );
     lab.exits = Exits {
         on_trip,
         at_end: Exit::Freeze,
@@ -313,7 +326,8 @@ fn no_event_goes_back_in_test_time() {
 /// Ends at its last step and is then led to 0.3 m, which may not be commanded where `bound` is smaller.
 fn led_after_its_end(bound: f64) -> Lab {
     let mut lab = Lab::new(SHORT);
-    lab.limits.command_disp.trip = [-bound, bound];
+    lab.limits
+        .set(Limit::CommandDisp, Range::trip([-bound, bound]));
     lab.exits = Exits {
         on_trip: Exit::Freeze,
         at_end: Exit::Safe(vec![0.3]),
@@ -334,7 +348,7 @@ fn a_test_that_trips_on_its_way_out_has_tripped() {
 
     let (run, way) = led_after_its_end(0.2).run();
     let hit = limit_hit(&run);
-    assert_eq!(hit.quantity, Quantity::CommandDisp);
+    assert_eq!(hit.quantity, Limit::CommandDisp);
     assert!(way.iter().all(|disp| *disp <= 0.2), "frozen where it was");
     assert_eq!(phases(&run)[2..], ["running", "leaving", "tripped", "safe"]);
     assert_eq!(run.outcome.left, [Left::NotReached(None)]);
@@ -545,8 +559,9 @@ fn where_its_zero_is_not_known_yet_nobody_is_led_anywhere() {
 fn a_way_out_keeps_its_own_limits() {
     for exit in [Exit::ZeroDisp, Exit::ZeroForce, Exit::Safe(vec![0.01])] {
         let mut lab = Lab::new(SHORT);
-        lab.limits.measured_force.trip = [-2000.0, 2000.0];
-        lab.limits.command_accel.trip = 12.0;
+        lab.limits
+            .set(Limit::MeasuredForce, Range::trip([-2000.0, 2000.0]));
+        lab.limits.set(Limit::CommandAccel, Bound::trip(12.0));
         lab.exits = Exits {
             on_trip: exit.clone(),
             at_end: Exit::Freeze,
@@ -572,7 +587,7 @@ fn a_way_out_keeps_its_own_limits() {
 #[test]
 fn nothing_is_estimated_on_the_way_out() {
     let mut lab = Lab::new(SHORT);
-    lab.limits.added_energy.trip = 1.0;
+    lab.limits.set(Limit::AddedEnergy, Bound::trip(1.0));
     lab.exits = Exits {
         on_trip: Exit::Freeze,
         at_end: Exit::Safe(vec![0.05]),
@@ -643,12 +658,14 @@ fn zero_force_is_refused_where_no_stiffness_says_how_far_it_is() {
 fn what_trips_stands_in_a_row_wherever_it_trips() {
     let mut lab = Lab::new(SHORT);
     lab.bias = [0.0, 3000.0];
-    lab.limits.measured_force.trip = [-2000.0, 2000.0];
+    lab.limits
+        .set(Limit::MeasuredForce, Range::trip([-2000.0, 2000.0]));
     let (zeroing, _) = lab.run();
     assert_eq!(phases(&zeroing), ["zeroing", "tripped", "safe"]);
 
     let mut lab = led_after_its_end(0.5);
-    lab.limits.measured_force.trip = [-5e4, 5e4];
+    lab.limits
+        .set(Limit::MeasuredForce, Range::trip([-5e4, 5e4]));
     let (leaving, _) = lab.run();
     assert_eq!(
         phases(&leaving)[3..],
@@ -792,17 +809,14 @@ fn the_way_to_zero_force_does_not_end_at_a_glitch() {
 /// One false sample of any size trips the test: the way out is judged by what was measured before it and after it.
 #[test]
 fn the_sample_that_tripped_says_nothing_of_what_force_is_small() {
-    let bounded = AxisLimits {
-        measured_force: Range {
+    let bounded = AxisLimits::NONE.with(
+        Limit::MeasuredForce,
+        Range {
             trip: [-1e5, 1e5],
             ..Range::NONE
         },
-        ..AxisLimits::NONE
-    };
-    let jumping = AxisLimits {
-        force_step: Bound::trip(1e4),
-        ..AxisLimits::NONE
-    };
+    );
+    let jumping = AxisLimits::NONE.with(Limit::ForceStep, Bound::trip(1e4));
     for limits in [bounded, jumping] {
         for glitch in [2e5, 1e7] {
             let (way, run) = led_to_zero_force(limits, reads(glitch, 1));
@@ -818,13 +832,13 @@ fn the_sample_that_tripped_says_nothing_of_what_force_is_small() {
 /// A load cell that has gone wild and stays so: the way out is no longer than the largest force that was allowed would make it.
 #[test]
 fn a_load_cell_that_stays_wild_leads_no_further_than_its_bound() {
-    let limits = AxisLimits {
-        measured_force: Range {
+    let limits = AxisLimits::NONE.with(
+        Limit::MeasuredForce,
+        Range {
             trip: [-1e4, 1e4],
             ..Range::NONE
         },
-        ..AxisLimits::NONE
-    };
+    );
     let (way, run) = led_to_zero_force(limits, reads(1e7, u64::MAX));
     let left = Left::NotReached(Some(Astray::DoesNotFollow));
     assert_eq!(run.outcome.left, [left]);
@@ -837,20 +851,20 @@ fn a_load_cell_that_stays_wild_leads_no_further_than_its_bound() {
 /// A load cell that jumps and stays there would lead its specimen to a force of its own; one that comes back is listened to.
 #[test]
 fn a_force_that_has_jumped_leads_its_specimen_only_if_it_comes_back() {
-    let limits = AxisLimits {
-        force_step: Bound {
+    let limits = AxisLimits::NONE.with(
+        Limit::ForceStep,
+        Bound {
             trip: 5e4,
             ..Bound::NONE
         },
-        ..AxisLimits::NONE
-    };
+    );
     for (lasts, left) in [
         (2, Left::Reached),
         (u64::MAX, Left::NotReached(Some(Astray::Jumped))),
     ] {
         let (way, run) = led_to_zero_force(limits, reads(2e5, lasts));
         let hit = limit_hit(&run);
-        assert_eq!(hit.quantity, Quantity::ForceStep);
+        assert_eq!(hit.quantity, Limit::ForceStep);
         assert_eq!(run.outcome.left, [left], "{lasts}");
         let moved = way.iter().any(|disp| *disp != way[0]);
         assert_eq!(moved, left == Left::Reached, "{lasts}");
@@ -863,13 +877,13 @@ fn a_force_that_has_jumped_leads_its_specimen_only_if_it_comes_back() {
 /// What a load cell reads beyond its range leads nobody, whether it stays there or not. To a displacement no force is needed.
 #[test]
 fn a_load_cell_out_of_its_range_leads_its_specimen_nowhere() {
-    let limits = AxisLimits {
-        sensor_force: Range {
+    let limits = AxisLimits::NONE.with(
+        Limit::SensorForce,
+        Range {
             trip: [-1e5, 1e5],
             ..Range::NONE
         },
-        ..AxisLimits::NONE
-    };
+    );
     for lasts in [1, u64::MAX] {
         for (exit, left) in [
             (Exit::ZeroForce, Left::NotReached(Some(Astray::Unfelt))),
@@ -877,7 +891,7 @@ fn a_load_cell_out_of_its_range_leads_its_specimen_nowhere() {
         ] {
             let (way, run) = led_to(exit, limits, reads(2e5, lasts));
             let hit = limit_hit(&run);
-            assert_eq!(hit.quantity, Quantity::SensorForce);
+            assert_eq!(hit.quantity, Limit::SensorForce);
             assert_eq!(run.outcome.left, [left], "{lasts}");
             let (_, reason) = ending(&run.outcome);
             let told = "did not reach its end position: its load cell is out of its range";
@@ -995,7 +1009,7 @@ fn an_actuator_that_lags_is_led_home_from_where_its_last_command_has_sent_it() {
                 let Ending::Stopped(Stop::Limit { hit, .. }) = run.outcome.ending else {
                     panic!("{place}: {:?}", run.outcome.ending);
                 };
-                assert_eq!(hit.quantity, Quantity::MeasuredForce);
+                assert_eq!(hit.quantity, Limit::MeasuredForce);
                 // The second is a tenth farther, 9 ms later.
                 let count = if delay < 0.01 { 1 } else { count };
                 assert_eq!(trips(&run).len(), count, "{place}");

@@ -9,9 +9,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use common::engine::run_on;
+use gusset::catalog::limit::Limit;
 use gusset::config;
 use gusset::control::limits::{AxisLimits, Bound};
-use gusset::engine::{Ending, Stop, TestQuantity};
+use gusset::engine::{Ending, Stop};
 use gusset::record::Event;
 use gusset::substructure::Status;
 use gusset::time::{Clock, Nanos, SimClock};
@@ -269,7 +270,7 @@ fn an_end_that_keeps_narrower_limits_than_the_test_and_welcomes_it_is_refused() 
 fn check_says_which_limits_there_are_who_checks_them_and_what_happens_then() {
     let folder = tempfile::tempdir().unwrap();
     let more = "following_error_m = { warn = 0.001, trip = 0.002 }\nfollowing_time_s = 0.03\n\
-                stuck_ticks = { trip = 20 }\nstuck_travel_m = 1e-4\nalternating_ticks = { trip = 9 }\nalternating_m = 1e-6\n";
+                stuck_ticks = { trip = 20 }\nstuck_travel_m = 1e-4\nalternating_ticks = { trip = 9 }\n";
     let text = bare("127.0.0.1:1", "watchdog_s = 0.5").replace(
         "[specimen.link]",
         &format!("safe_disp_m = [0.0125]\n{LIMITS}{more}[specimen.link]"),
@@ -464,10 +465,7 @@ fn misses_in_a_window_end_a_test_that_is_late_too_often() {
     let Ending::Stopped(Stop::TestLimit(hit)) = often.outcome.ending else {
         panic!("{:?}", often.outcome.ending);
     };
-    assert_eq!(
-        (hit.quantity, hit.value),
-        (TestQuantity::MissesInWindow, 10.0)
-    );
+    assert_eq!((hit.quantity, hit.value), (Limit::MissesInWindow, 10.0));
     let warned = often.events.iter().filter(|event| {
         matches!(
             &event.kind,
@@ -647,10 +645,7 @@ fn a_force_beyond_its_limit_is_told_beside_what_the_specimen_says_and_that_ends_
             script,
         );
         let port = experiment.ports.pop().unwrap();
-        let limits = AxisLimits {
-            force_step: Bound::trip(1e3),
-            ..AxisLimits::NONE
-        };
+        let limits = AxisLimits::NONE.with(Limit::ForceStep, Bound::trip(1e3));
         let port = port.with_limits(vec![limits], vec![(1.0, 1.0)], 1e-3);
         experiment.ports.push(port);
         let run = run_on(experiment, SimClock::new());
@@ -686,7 +681,7 @@ fn all_that_trips_of_the_test_as_a_whole_in_one_step_is_told() {
     let Ending::Stopped(Stop::TestLimit(hit)) = run.outcome.ending else {
         panic!("{:?}", run.outcome.ending);
     };
-    assert_eq!(hit.quantity, TestQuantity::DelayUsed);
+    assert_eq!(hit.quantity, Limit::DelayUsed);
     let trips = run.events.iter().filter_map(|event| match &event.kind {
         Event::LimitTrip(reached) if reached.is_of_test() => {
             Some((reached.limit.as_ref(), event.tick))

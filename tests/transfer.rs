@@ -4,8 +4,9 @@ mod common;
 mod link_common;
 
 use gusset::benchmark::{FORCE_LIMIT_N, Frame, Plant, RATE_HZ, Setup, Wiring, run};
+use gusset::catalog::limit::Limit;
 use gusset::compensation::CompensationSpec;
-use gusset::engine::{Ending, Stop, TestQuantity};
+use gusset::engine::{Ending, Stop};
 use gusset::motion::{Grid, Motion, Quantity};
 use gusset::record::{Event, Run};
 use gusset::session::replay;
@@ -611,7 +612,7 @@ fn a_late_actuator_that_adds_too_large_a_share_of_the_input_energy_ends_the_test
     let Ending::Stopped(Stop::TestLimit(hit)) = bounded.outcome.ending else {
         panic!("{:?}", bounded.outcome.ending);
     };
-    assert_eq!(hit.quantity, TestQuantity::AddedEnergyShare);
+    assert_eq!(hit.quantity, Limit::AddedEnergyShare);
     let first = share.iter().position(|share| *share > trip).unwrap();
     assert_eq!((hit.value, hit.bound), (share[first], trip));
     assert_eq!(bounded.column("x1").len(), first + 1);
@@ -638,7 +639,7 @@ fn the_benchmarks_test_without_its_compensator_ends_before_it_is_seen_to_be_unst
     let Ending::Stopped(Stop::TestLimit(hit)) = run.outcome.ending else {
         panic!("{:?}", run.outcome.ending);
     };
-    assert_eq!(hit.quantity, TestQuantity::AddedEnergyShare);
+    assert_eq!(hit.quantity, Limit::AddedEnergyShare);
     // With its compensator the third floor moves by 5 mm.
     let largest = run
         .column("x3")

@@ -8,7 +8,8 @@ use std::sync::{Arc, Mutex};
 use common::engine::{Run, prepare, run_on, run_under};
 use common::rig;
 use common::spring::Spring;
-use gusset::control::limits::{AxisLimits, Bound, Quantity};
+use gusset::catalog::limit::Limit;
+use gusset::control::limits::{AxisLimits, Bound};
 use gusset::control::{Axis, Direction, Exit, Exits, Order, Pace, Port, Reference, Zero};
 use gusset::engine::{Control, Ending, Left, Operator, Stop};
 use gusset::record::Event;
@@ -61,10 +62,13 @@ fn largest_step(way: &[f64]) -> f64 {
 /// At most 0.1 m/s, which is tripped at.
 fn slowly(port: Port) -> Port {
     let mut limits = AxisLimits::NONE;
-    limits.command_vel = Bound {
-        warn: 0.1,
-        trip: 0.1,
-    };
+    limits.set(
+        Limit::CommandVel,
+        Bound {
+            warn: 0.1,
+            trip: 0.1,
+        },
+    );
     port.with_limits(vec![limits], vec![(1.0, 1.0)], PERIOD)
 }
 
@@ -171,23 +175,17 @@ fn the_ramp_keeps_every_bound_of_a_command() {
         way[..=way.iter().position(|disp| *disp == 0.02).unwrap()].to_vec()
     };
     let (step, speed, accel) = (5e-4, 5e-4 / PERIOD, 40.0);
-    let by_step = ramp(AxisLimits {
-        command_step: Bound::trip(step),
-        ..AxisLimits::NONE
-    });
+    let by_step = ramp(AxisLimits::NONE.with(Limit::CommandStep, Bound::trip(step)));
     assert!(largest_step(&by_step) <= 0.5 * step);
-    let by_speed = ramp(AxisLimits {
-        command_vel: Bound::trip(speed),
-        ..AxisLimits::NONE
-    });
+    let by_speed = ramp(AxisLimits::NONE.with(Limit::CommandVel, Bound::trip(speed)));
     assert_eq!(by_step, by_speed, "the same bound in other units");
-    let by_accel = ramp(AxisLimits {
-        command_accel: Bound {
+    let by_accel = ramp(AxisLimits::NONE.with(
+        Limit::CommandAccel,
+        Bound {
             warn: accel,
             trip: 2.0 * accel,
         },
-        ..AxisLimits::NONE
-    });
+    ));
     let bend = |three: &[f64]| (three[0] - 2.0 * three[1] + three[2]).abs();
     let most = by_accel.windows(3).map(bend).fold(0.0, f64::max);
     assert!(most <= 0.5 * accel * PERIOD * PERIOD, "{most}");
@@ -314,10 +312,13 @@ fn what_a_sensor_reads_beyond_its_zero_is_no_error_of_following() {
     let ended = |reference: Reference, bias: f64| {
         let ready = |port: Port| {
             let mut limits = AxisLimits::NONE;
-            limits.following_error = Bound {
-                warn: 0.001,
-                trip: 0.001,
-            };
+            limits.set(
+                Limit::FollowingError,
+                Bound {
+                    warn: 0.001,
+                    trip: 0.001,
+                },
+            );
             let port = port.with_limits(vec![limits], vec![(1.0, 1.0)], PERIOD);
             port.with_references(vec![reference])
         };
@@ -354,7 +355,7 @@ fn what_is_told_once_a_step_is_judged_by_the_tick_where_it_is_told_every_tick() 
     let Ending::Stopped(Stop::Limit { hit, .. }) = run.outcome.ending else {
         panic!("{:?}", run.outcome.ending);
     };
-    assert_eq!(hit.quantity, Quantity::CommandVel);
+    assert_eq!(hit.quantity, Limit::CommandVel);
     assert!(largest_step(&way) <= 0.1 * PERIOD);
 }
 
@@ -363,10 +364,7 @@ fn what_is_told_once_a_step_is_judged_by_the_tick_where_it_is_told_every_tick() 
 #[test]
 fn what_is_told_once_a_step_has_the_step_for_it_in_the_test_and_the_tick_on_its_way_out() {
     let (run, way) = led(EASED, |port| {
-        let limits = AxisLimits {
-            command_vel: Bound::trip(0.02),
-            ..AxisLimits::NONE
-        };
+        let limits = AxisLimits::NONE.with(Limit::CommandVel, Bound::trip(0.02));
         let port = port.with_limits(vec![limits], vec![(1.0, 1.0)], PERIOD);
         let mut port = port
             .told_every(PERIOD, 10.0 * PERIOD)
@@ -382,7 +380,7 @@ fn what_is_told_once_a_step_has_the_step_for_it_in_the_test_and_the_tick_on_its_
     let Stop::Limit { hit, .. } = unfinished.stop else {
         panic!("{:?}", unfinished.stop);
     };
-    assert_eq!(hit.quantity, Quantity::CommandVel);
+    assert_eq!(hit.quantity, Limit::CommandVel);
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use super::table::Table;
 use crate::geometry::LawPlace;
-use crate::setup::{Limit, LimitFacts, LoadingFacts};
+use crate::setup::{LimitFact, LimitFacts, LoadingFacts};
 use crate::units::{number, quantity};
 
 /// Adds the limits to the table of a test.
@@ -113,7 +113,7 @@ fn loading_unit(name: &str, loading: &LoadingFacts, table: &mut Table) {
     }
 }
 
-fn line(limit: &Limit, table: &mut Table) {
+fn line(limit: &LimitFact, table: &mut Table) {
     let level = |values: &[f64]| match values {
         [] => "-".to_owned(),
         [low, high] => format!("{} to {}", number(*low), number(*high)),

@@ -3,8 +3,8 @@
 use serde_json::{Value, json};
 
 use super::table::Table;
+use crate::catalog::limit::Limit;
 use crate::control::Poses;
-use crate::control::limits::Quantity;
 use crate::session::rehearsal::{Curtain, FullRehearsal, Held, Need, Rehearsal, StandIn, Used};
 use crate::units::{duration, quantity};
 
@@ -215,11 +215,11 @@ fn line(need: &Need) -> String {
     };
     let is_range = matches!(
         need.quantity,
-        Quantity::CommandDisp
-            | Quantity::MeasuredDisp
-            | Quantity::SensorDisp
-            | Quantity::MeasuredForce
-            | Quantity::SensorForce
+        Limit::CommandDisp
+            | Limit::MeasuredDisp
+            | Limit::SensorDisp
+            | Limit::MeasuredForce
+            | Limit::SensorForce
     );
     let value = |value: f64| quantity(value, unit);
     let needed = if is_range {

@@ -10,6 +10,7 @@ use super::{
     AxisTable, CertificateTable, ConfigError, ExcitationTable, Finding, IntegratorTable, Loaded,
     PrescribedPlace, PrescribedTable, TestFile, Time, TimeTable, parse,
 };
+use crate::catalog::limit::{CheckedBy, Limit};
 use crate::compensation::CompensationSpec;
 use crate::control::limits::LimitsSpec;
 use crate::motion::Motion;
@@ -128,17 +129,15 @@ impl Loaded {
     }
 }
 
-/// The bounds that a specimen needs, whatever the test.
+/// The limits that a specimen needs in every test: those that a gateway checks too.
 fn protecting(limits: &LimitsSpec) -> LimitsSpec {
-    LimitsSpec {
-        lag_s: None,
-        gain_error: None,
-        added_energy_j: None,
-        stiffness_ratio: None,
-        damping_ratio: None,
-        alternating_ticks: None,
-        ..*limits
+    let mut kept = *limits;
+    for limit in Limit::OF_AXIS {
+        if limit.row().checked_by == CheckedBy::Controller {
+            kept.set(limit, None);
+        }
     }
+    kept
 }
 
 impl Time {

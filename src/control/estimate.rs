@@ -187,15 +187,16 @@ impl Estimate {
             damping_bound,
             ..
         } = self.declared;
-        Estimated {
-            stiffness_ratio: self.tangent.stiffness() / stiffness_bound,
-            damping_ratio: if self.tangent.with_damping() {
-                self.tangent.damping() / damping_bound
-            } else {
-                f64::NAN
-            },
-            added_energy: self.added_energy,
-        }
+        let damping = if self.tangent.with_damping() {
+            self.tangent.damping() / damping_bound
+        } else {
+            f64::NAN
+        };
+        [
+            self.tangent.stiffness() / stiffness_bound,
+            damping,
+            self.added_energy,
+        ]
     }
 }
 
@@ -206,11 +207,8 @@ impl Port {
         let estimates = &mut self.estimates;
         let n = estimates.axes.len();
         let axes = estimates.axes.iter_mut().zip(declared);
-        for ((axis, declared), limits) in axes.zip(self.guard.watch.limits()) {
-            axis.declared = Declared {
-                step: limits.tangent_step,
-                ..*declared
-            };
+        for (axis, declared) in axes {
+            axis.declared = *declared;
             let with_damping = declared.damping_bound > 0.0;
             let stiffness = axis.tangent.stiffness();
             axis.tangent = Tangent::new(stiffness, declared.damping, with_damping);
@@ -380,8 +378,9 @@ impl Port {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::catalog::limit::Limit;
     use crate::control::Axis;
-    use crate::control::limits::{AxisLimits, Bound, Quantity};
+    use crate::control::limits::{AxisLimits, Bound};
     use crate::substructure::{
         Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
     };
@@ -646,11 +645,9 @@ mod tests {
             stiffness_bound: 2e5,
             ..Declared::NONE
         };
-        let limits = AxisLimits {
-            stiffness_ratio: Bound::trip(1.5),
-            added_energy: Bound::trip(100.0),
-            ..AxisLimits::NONE
-        };
+        let limits = AxisLimits::NONE
+            .with(Limit::StiffnessRatio, Bound::trip(1.5))
+            .with(Limit::AddedEnergy, Bound::trip(100.0));
         let tripped = |stiffness, ticks| {
             let mut port = port(spring(stiffness, ticks), declared, limits, DT);
             port.begin_test();
@@ -658,9 +655,9 @@ mod tests {
             found.trip.map(|hit| hit.quantity)
         };
         assert_eq!(tripped(2.99e5, 0), None);
-        assert_eq!(tripped(3.01e5, 0), Some(Quantity::StiffnessRatio));
+        assert_eq!(tripped(3.01e5, 0), Some(Limit::StiffnessRatio));
         // 2 π 1e5 · 4e-4 sin φ = 100 at φ = 0.409, 32.6 ticks; the delay line fills over a part of the first ellipse.
         assert_eq!(tripped(1e5, 25), None);
-        assert_eq!(tripped(1e5, 45), Some(Quantity::AddedEnergy));
+        assert_eq!(tripped(1e5, 45), Some(Limit::AddedEnergy));
     }
 }

@@ -1,8 +1,9 @@
 //! The limits of a port: no command leaves that was not judged, and every fresh measurement is.
 
-use super::limits::{AxisLimits, Found, Hit, Level, Quantity, Watch};
+use super::limits::{AxisLimits, Found, Hit, Level, Watch};
 use super::posed::Posed;
 use super::{Axis, Port};
+use crate::catalog::limit::Limit;
 use crate::substructure::Substructure;
 
 /// What a port knows about its limits.
@@ -211,7 +212,7 @@ impl Port {
             if !vel.is_finite() {
                 found.trip.get_or_insert(Hit {
                     axis,
-                    quantity: Quantity::CommandVel,
+                    quantity: Limit::CommandVel,
                     level: Level::Trip,
                     value: f64::NAN,
                     bound: f64::MAX,
@@ -230,7 +231,7 @@ impl Port {
         let opening = &self.opening;
         let noise = units.iter().enumerate();
         watch.excuse(noise.map(|(axis, (metres, _))| opening.reading(axis).disp_noise * metres));
-        self.partner.unfelt |= self.guard.watch.has_tripped(Quantity::SensorForce);
+        self.partner.unfelt |= self.guard.watch.has_tripped(Limit::SensorForce);
     }
 
     /// The next of the trips and warnings that were found beside the first. Real-time: yes.

@@ -9,6 +9,7 @@
 //! The way out keeps the limits of the commands, or it would end itself where it began: it starts from rest, since nobody
 //! judges the stop, and takes as long as half of `command_accel_m_per_s2` wants. What is estimated of a running test rests.
 
+use crate::catalog::limit::Limit;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use super::Port;
@@ -110,9 +111,9 @@ impl Port {
 
     /// Acceleration in m/s² that a way in or out may use on an axis.
     fn exit_accel(&self, axis: usize) -> f64 {
-        let limit = self.limits().get(axis).map(|limits| limits.command_accel);
-        limit.map_or(f64::INFINITY, |limit| {
-            SHARE_OF_ACCEL * limit.warn.min(limit.trip)
+        let limit = self.limits().get(axis);
+        limit.map_or(f64::INFINITY, |limits| {
+            SHARE_OF_ACCEL * limits.size(Limit::CommandAccel).lower()
         })
     }
 
@@ -193,7 +194,7 @@ impl Port {
         let disp = 1.0 / (metres * axis.disp_gain.abs());
         let limits = self.limits().get(index);
         let meant = limits.map_or([f64::NEG_INFINITY, f64::INFINITY], |limits| {
-            limits.measured_force.trip
+            limits.get(Limit::MeasuredForce).trip
         });
         let [one, other] = meant.map(force);
         let jump = self.guard.watch.jump(index);

@@ -354,7 +354,7 @@ impl Port {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::limits::Quantity;
+    use crate::catalog::limit::Limit;
     use crate::substructure::{Command, Coupling, Freshness, LinkFault, Retirement};
     use crate::time::Nanos;
 
@@ -426,7 +426,7 @@ mod tests {
             let mut port = reversed();
             port.aim(&[0.0, 0.001], &[0.0, vel], 0.0, 0.0);
             let hit = port.clear().trip.unwrap();
-            assert_eq!((hit.axis, hit.quantity), (0, Quantity::CommandVel));
+            assert_eq!((hit.axis, hit.quantity), (0, Limit::CommandVel));
             assert_eq!(port.issue(0, 0.0, 0.0), Err(LinkFault::Refused));
         }
     }
@@ -562,10 +562,8 @@ mod tests {
     /// It was never told anything but to stay where its declared offset says that it stands.
     #[test]
     fn what_stays_at_a_declared_offset_follows_and_a_dead_sensor_does_not() {
-        let limits = limits::AxisLimits {
-            following_error: limits::Bound::trip(1e-3),
-            ..limits::AxisLimits::NONE
-        };
+        let limits =
+            limits::AxisLimits::NONE.with(Limit::FollowingError, limits::Bound::trip(1e-3));
         let read = |disp: Option<f64>| {
             let mut port = reversed().with_limits(vec![limits], vec![(1e-3, 1e3)], 0.01);
             port.stand_still();

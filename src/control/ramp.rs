@@ -1,5 +1,6 @@
 //! The ramp of a port before and after the test: along half a cosine from where it was sent last to the command that stands ready.
 
+use crate::catalog::limit::Limit;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use super::Port;
@@ -60,9 +61,9 @@ impl Port {
                 // Both bound the same.
                 let speed = share
                     * limits
-                        .command_vel
+                        .size(Limit::CommandVel)
                         .lower()
-                        .min(limits.command_step.lower() / tick);
+                        .min(limits.size(Limit::CommandStep).lower() / tick);
                 let shortest = if speed < f64::INFINITY {
                     shortest
                 } else {

@@ -212,7 +212,7 @@ impl Port {
             follow.take(*target, (*vel, age), (*measured, own), ticks);
         }
         let judged = self.tracking.axes.iter();
-        let judged = judged.map(|follow| (follow.lag.abs(), (follow.gain - 1.0).abs()));
+        let judged = judged.map(|follow| [follow.lag.abs(), (follow.gain - 1.0).abs()]);
         self.guard.watch.tracked(judged, found);
     }
 

@@ -5,174 +5,92 @@ use super::numerical::Side;
 use super::telling::limit_event;
 use super::tick::Tick;
 use super::{Engine, Limits, Stop};
+use crate::catalog::limit::{Judges, Limit};
 use crate::control::Port;
 use crate::control::limits::{Bound, Level};
 use crate::record::LimitReached;
 
-/// What is limited.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u8)]
-pub enum TestQuantity {
-    /// Share of the room for stability that tangents beyond their declared bounds use up.
-    StabilityUsed,
-    /// The largest share of its critical delay that the lag of a specimen uses up.
-    DelayUsed,
-    /// What the exact audit of the steps leaves over, in parts of the energy that was turned over.
-    StepAudit,
-    /// Energy that the transfer systems have added, in parts of what the test has taken in.
-    AddedEnergyShare,
-    /// Deadline misses in a row.
-    MissesInARow,
-    /// Deadline misses in a stretch of time.
-    MissesInWindow,
-    /// Deadline misses in all.
-    Misses,
+/// Limits of the test that are judged at every step, in the order of their columns.
+const OF_STEPS: [Limit; 4] = Limit::judging(&[Judges::Step]);
+
+/// Whether a limit is judged in such a test.
+fn is_kept(limit: Limit, side: &Side, ports: &[Port]) -> bool {
+    match (limit, side) {
+        (Limit::StabilityUsed, Side::Structure(_)) => {
+            !ports.is_empty() && ports.iter().all(Port::knows_stability)
+        }
+        (Limit::DelayUsed, Side::Structure(_)) => ports.iter().any(Port::knows_margin),
+        (Limit::StepAudit, Side::Structure(numerical)) => numerical.audit().is_some(),
+        (Limit::AddedEnergyShare, Side::Structure(numerical)) => {
+            numerical.intake().is_some() && !ports.is_empty()
+        }
+        _ => false,
+    }
 }
 
-impl TestQuantity {
-    /// All of them.
-    pub const ALL: [Self; 7] = [
-        Self::StabilityUsed,
-        Self::DelayUsed,
-        Self::StepAudit,
-        Self::AddedEnergyShare,
-        Self::MissesInARow,
-        Self::MissesInWindow,
-        Self::Misses,
-    ];
-
-    /// Those that stand in the row.
-    const RECORDED: [Self; 4] = [
-        Self::StabilityUsed,
-        Self::DelayUsed,
-        Self::StepAudit,
-        Self::AddedEnergyShare,
-    ];
-
-    /// In words.
-    #[must_use]
-    pub const fn words(self) -> &'static str {
-        match self {
-            Self::StabilityUsed => "stability margin used by tangents beyond their declared bounds",
-            Self::DelayUsed => {
-                "lag in parts of the critical delay at the stiffness of the last seconds"
-            }
-            Self::StepAudit => "energy that the exact audit of the steps leaves over, relative",
-            Self::AddedEnergyShare => {
-                "energy that the transfer systems have added, in parts of what the test has taken in"
-            }
-            Self::MissesInARow => "deadlines missed in a row",
-            Self::MissesInWindow => "deadlines missed in the last while",
-            Self::Misses => "deadlines missed",
+/// The value that a limit judges. Real-time: yes.
+#[inline]
+pub(super) fn value(limit: Limit, side: &Side, ports: &[Port]) -> f64 {
+    match (limit, side) {
+        (Limit::StabilityUsed, _) => {
+            let used = |port: &Port| port.stability_used().unwrap_or(f64::NAN);
+            ports.iter().fold(-0.0, |sum, port| sum + used(port))
         }
-    }
-
-    /// The key of the test file, and the name of the column.
-    #[must_use]
-    pub const fn key(self) -> &'static str {
-        match self {
-            Self::StabilityUsed => "stability_used",
-            Self::DelayUsed => "delay_used",
-            Self::StepAudit => "step_audit",
-            Self::AddedEnergyShare => "added_energy_share",
-            Self::MissesInARow => "max_consecutive_misses",
-            Self::MissesInWindow => "max_misses_in_window",
-            Self::Misses => "max_total_misses",
+        (Limit::DelayUsed, _) => {
+            let ports = ports.iter().map(Port::delay_used);
+            // A number wins against none.
+            ports.fold(f64::NAN, f64::max)
         }
-    }
-
-    const fn bit(self) -> u8 {
-        1 << self as u8
-    }
-
-    /// Whether it counts deadlines that were missed.
-    #[must_use]
-    pub const fn is_of_misses(self) -> bool {
-        matches!(
-            self,
-            Self::MissesInARow | Self::MissesInWindow | Self::Misses
-        )
-    }
-
-    /// Whether it is kept in such a test.
-    fn is_kept(self, side: &Side, ports: &[Port]) -> bool {
-        match (self, side) {
-            (Self::StabilityUsed, Side::Structure(_)) => {
-                !ports.is_empty() && ports.iter().all(Port::knows_stability)
-            }
-            (Self::DelayUsed, Side::Structure(_)) => ports.iter().any(Port::knows_margin),
-            (Self::StepAudit, Side::Structure(numerical)) => numerical.audit().is_some(),
-            (Self::AddedEnergyShare, Side::Structure(numerical)) => {
-                numerical.intake().is_some() && !ports.is_empty()
-            }
-            _ => false,
+        (Limit::StepAudit, Side::Structure(numerical)) => numerical
+            .audit()
+            .map_or(f64::NAN, super::audit::StepAudit::relative),
+        (Limit::AddedEnergyShare, Side::Structure(numerical)) => {
+            let added = ports.iter().fold(0.0, |sum, port| port.added_energy(sum));
+            let intake = numerical.intake();
+            intake.map_or(f64::NAN, |intake| intake.share(added))
         }
+        _ => f64::NAN,
     }
+}
 
-    /// Its value. Real-time: yes.
-    #[inline]
-    pub(super) fn value(self, side: &Side, ports: &[Port]) -> f64 {
-        match (self, side) {
-            (Self::StabilityUsed, _) => {
-                let used = |port: &Port| port.stability_used().unwrap_or(f64::NAN);
-                ports.iter().fold(-0.0, |sum, port| sum + used(port))
-            }
-            (Self::DelayUsed, _) => {
-                let ports = ports.iter().map(Port::delay_used);
-                // A number wins against none.
-                ports.fold(f64::NAN, f64::max)
-            }
-            (Self::StepAudit, Side::Structure(numerical)) => numerical
-                .audit()
-                .map_or(f64::NAN, super::audit::StepAudit::relative),
-            (Self::AddedEnergyShare, Side::Structure(numerical)) => {
-                let added = ports.iter().fold(0.0, |sum, port| port.added_energy(sum));
-                let intake = numerical.intake();
-                intake.map_or(f64::NAN, |intake| intake.share(added))
-            }
-            _ => f64::NAN,
-        }
-    }
-
-    /// Specimen and axis, from 0, that have the most of it, where it is made of what each of them has.
-    fn worst(self, ports: &[Port]) -> Option<(usize, usize)> {
-        let mut worst: Option<(f64, usize, usize)> = None;
-        let mut note = |port: usize, shares: &mut dyn Iterator<Item = f64>| {
-            for (axis, share) in shares.enumerate() {
-                if share > worst.map_or(0.0, |(most, ..)| most) {
-                    worst = Some((share, port, axis));
-                }
-            }
-        };
-        for (index, port) in ports.iter().enumerate() {
-            match self {
-                Self::StabilityUsed => note(index, &mut port.stability_used_by_axis()),
-                Self::DelayUsed => note(index, &mut port.delay_used_by_axis()),
-                _ => {}
+/// Specimen and axis, from 0, with the largest part of the value, where it is a sum or a maximum over them.
+fn worst(limit: Limit, ports: &[Port]) -> Option<(usize, usize)> {
+    let mut worst: Option<(f64, usize, usize)> = None;
+    let mut note = |port: usize, shares: &mut dyn Iterator<Item = f64>| {
+        for (axis, share) in shares.enumerate() {
+            if share > worst.map_or(0.0, |(most, ..)| most) {
+                worst = Some((share, port, axis));
             }
         }
-        worst.map(|(_, port, axis)| (port, axis))
+    };
+    for (index, port) in ports.iter().enumerate() {
+        match limit {
+            Limit::StabilityUsed => note(index, &mut port.stability_used_by_axis()),
+            Limit::DelayUsed => note(index, &mut port.delay_used_by_axis()),
+            _ => {}
+        }
     }
+    worst.map(|(_, port, axis)| (port, axis))
+}
 
-    /// What is kept, of what belongs to no specimen alone and is judged at every step: it stands in the row, in this order.
-    #[must_use]
-    pub fn kept(side: &Side, ports: &[Port]) -> Vec<Self> {
-        let mut kept = Self::RECORDED.to_vec();
-        kept.retain(|quantity| quantity.is_kept(side, ports));
-        kept
-    }
+/// The limits that are judged at every step of such a test. Each has a column, in this order.
+#[must_use]
+pub fn kept_limits(side: &Side, ports: &[Port]) -> Vec<Limit> {
+    let mut kept = OF_STEPS.to_vec();
+    kept.retain(|limit| is_kept(*limit, side, ports));
+    kept
 }
 
 /// Levels of all that belongs to the test as a whole.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TestLimits {
-    /// Of [`TestQuantity::StabilityUsed`].
+    /// Of [`Limit::StabilityUsed`].
     pub stability_used: Bound,
-    /// Of [`TestQuantity::DelayUsed`].
+    /// Of [`Limit::DelayUsed`].
     pub delay_used: Bound,
-    /// Of [`TestQuantity::StepAudit`].
+    /// Of [`Limit::StepAudit`].
     pub step_audit: Bound,
-    /// Of [`TestQuantity::AddedEnergyShare`].
+    /// Of [`Limit::AddedEnergyShare`].
     pub added_energy_share: Bound,
     /// Of misses, beside those that [`super::Limits`] has.
     pub misses: MissLevels,
@@ -193,7 +111,7 @@ impl Default for TestLimits {
 impl Limits {
     /// The levels of what belongs to the test as a whole, infinite where there is none.
     #[must_use]
-    pub fn of_test(&self, quantity: TestQuantity) -> Bound {
+    pub fn of_test(&self, quantity: Limit) -> Bound {
         let test = &self.test;
         let counts = |warn: u64, trip: u64| {
             let level = |count: u64| match count {
@@ -206,15 +124,14 @@ impl Limits {
             }
         };
         match quantity {
-            TestQuantity::StabilityUsed => test.stability_used,
-            TestQuantity::DelayUsed => test.delay_used,
-            TestQuantity::StepAudit => test.step_audit,
-            TestQuantity::AddedEnergyShare => test.added_energy_share,
-            TestQuantity::MissesInARow => counts(test.misses.warn_in_a_row, self.misses_in_a_row),
-            TestQuantity::MissesInWindow => {
-                counts(test.misses.warn_in_window, test.misses.most_in_window)
-            }
-            TestQuantity::Misses => counts(test.misses.warn_in_all, self.misses_in_total),
+            Limit::StabilityUsed => test.stability_used,
+            Limit::DelayUsed => test.delay_used,
+            Limit::StepAudit => test.step_audit,
+            Limit::AddedEnergyShare => test.added_energy_share,
+            Limit::MissesInARow => counts(test.misses.warn_in_a_row, self.misses_in_a_row),
+            Limit::MissesInWindow => counts(test.misses.warn_in_window, test.misses.most_in_window),
+            Limit::Misses => counts(test.misses.warn_in_all, self.misses_in_total),
+            _ => Bound::NONE,
         }
     }
 }
@@ -223,7 +140,7 @@ impl Limits {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TestHit {
     /// Of what.
-    pub quantity: TestQuantity,
+    pub quantity: Limit,
     /// What was found.
     pub value: f64,
     /// What is allowed.
@@ -245,18 +162,18 @@ impl std::fmt::Display for TestHit {
         } = self;
         let (words, key) = (quantity.words(), quantity.key());
         match quantity {
-            TestQuantity::MissesInARow if *in_warm_up => write!(
+            Limit::MissesInARow if *in_warm_up => write!(
                 f,
                 "not ready: the warm-up ends with {value} {words}, allowed {bound} ({key}); the test was not begun"
             ),
-            TestQuantity::MissesInWindow | TestQuantity::Misses if *in_warm_up => write!(
+            Limit::MissesInWindow | Limit::Misses if *in_warm_up => write!(
                 f,
                 "not ready: the warm-up lets expect {value} {words}, allowed {bound} ({key}); the test was not begun"
             ),
-            TestQuantity::StabilityUsed
-            | TestQuantity::DelayUsed
-            | TestQuantity::StepAudit
-            | TestQuantity::AddedEnergyShare => {
+            Limit::StabilityUsed
+            | Limit::DelayUsed
+            | Limit::StepAudit
+            | Limit::AddedEnergyShare => {
                 write!(f, "{words}: {value:.3e}, allowed {bound:.3e} ({key})")?;
                 worst.map_or(Ok(()), |(port, axis)| {
                     write!(
@@ -283,16 +200,16 @@ impl Engine {
             let limits = &self.limits.test;
             // What cannot be estimated is no finding; a step that leaves no number is one.
             let (bound, is_estimate) = match quantity {
-                TestQuantity::StabilityUsed => (limits.stability_used, true),
-                TestQuantity::DelayUsed => (limits.delay_used, true),
-                TestQuantity::AddedEnergyShare => (limits.added_energy_share, false),
+                Limit::StabilityUsed => (limits.stability_used, true),
+                Limit::DelayUsed => (limits.delay_used, true),
+                Limit::AddedEnergyShare => (limits.added_energy_share, false),
                 _ => (limits.step_audit, false),
             };
             // Estimates are made of measurements only: nothing has changed since the row. The others know of the step.
             let value = if is_estimate {
                 in_row
             } else {
-                quantity.value(&self.side, &self.ports)
+                value(quantity, &self.side, &self.ports)
             };
             let judged = if value.is_nan() && is_estimate {
                 None
@@ -323,7 +240,7 @@ impl Engine {
     fn heed(
         &mut self,
         tick: &Tick,
-        quantity: TestQuantity,
+        quantity: Limit,
         value: f64,
         judged: Option<(Level, f64)>,
     ) -> Result<(), Stop> {
@@ -340,13 +257,13 @@ impl Engine {
     fn heed_hit(
         &mut self,
         tick: &Tick,
-        quantity: TestQuantity,
+        quantity: Limit,
         value: f64,
         (level, bound): (Level, f64),
     ) -> Result<(), Stop> {
         let bit = quantity.bit();
         let trip = level == Level::Trip;
-        let worst = quantity.worst(&self.ports);
+        let worst = worst(quantity, &self.ports);
         if trip || self.test_warned & bit == 0 {
             self.test_warned |= bit;
             self.report(

@@ -5,11 +5,11 @@
 
 use std::ops::Range;
 
-use super::checks::TestQuantity;
 use super::numerical::Side;
 use super::phase::Phase;
 use super::port_columns::{column, port_columns, port_values, width_of_axis};
 use super::tick::Tick;
+use crate::catalog::limit::Limit;
 use crate::control::Port;
 use crate::record::Column;
 use crate::rt::timing::TickStamps;
@@ -66,7 +66,7 @@ pub struct Row {
     accel: Range<usize>,
     ports: Vec<PortPlace>,
     checks: Range<usize>,
-    kept: Vec<TestQuantity>,
+    kept: Vec<Limit>,
 }
 
 /// Where the numbers of a port stand.
@@ -191,7 +191,7 @@ impl Row {
             })
             .collect();
         let start = columns.len();
-        let kept = TestQuantity::kept(side, ports_given);
+        let kept = super::checks::kept_limits(side, ports_given);
         for quantity in &kept {
             columns.push(column(quantity.key(), "1", quantity.words(), false));
         }
@@ -222,7 +222,7 @@ impl Row {
     /// A quantity of the test as a whole and its value as it stands in the row, by its place among those that are kept.
     /// Real-time: yes.
     #[inline]
-    pub(super) fn kept_at(&self, place: usize) -> Option<(TestQuantity, f64)> {
+    pub(super) fn kept_at(&self, place: usize) -> Option<(Limit, f64)> {
         let value = self.values.get(self.checks.start + place)?;
         Some((*self.kept.get(place)?, *value))
     }
@@ -279,7 +279,7 @@ impl Row {
         }
         if let Some(slots) = self.values.get_mut(self.checks.clone()) {
             for (to, quantity) in slots.iter_mut().zip(&self.kept) {
-                *to = quantity.value(side, ports);
+                *to = super::checks::value(*quantity, side, ports);
             }
         }
     }

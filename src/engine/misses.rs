@@ -1,6 +1,6 @@
 //! Deadline misses in a stretch of time, and when they are warned of.
 
-use super::checks::TestQuantity;
+use crate::catalog::limit::Limit;
 use crate::control::limits::{Bound, Level};
 
 /// Levels of misses; the trip levels in a row and in all are in [`super::Limits`], where the loop looks at them first.
@@ -19,7 +19,7 @@ pub struct MissLevels {
 }
 
 /// What was judged, its value, and what it is beyond.
-pub(super) type Judged = (TestQuantity, f64, Option<(Level, f64)>);
+pub(super) type Judged = (Limit, f64, Option<(Level, f64)>);
 
 /// Misses so far.
 #[derive(Debug, Clone, Copy)]
@@ -50,23 +50,18 @@ impl MissLevels {
         };
         [
             at(
-                TestQuantity::MissesInARow,
+                Limit::MissesInARow,
                 missed.in_a_row,
                 self.warn_in_a_row,
                 u64::MAX,
             ),
             at(
-                TestQuantity::MissesInWindow,
+                Limit::MissesInWindow,
                 missed.in_window,
                 self.warn_in_window,
                 self.most_in_window,
             ),
-            at(
-                TestQuantity::Misses,
-                missed.in_all,
-                self.warn_in_all,
-                u64::MAX,
-            ),
+            at(Limit::Misses, missed.in_all, self.warn_in_all, u64::MAX),
         ]
     }
 }

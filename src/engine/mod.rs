@@ -32,7 +32,7 @@ mod waiting;
 pub use after::{Left, Unfinished};
 pub use audit::StepAudit;
 pub use before::{InitialForce, Opening};
-pub use checks::{TestHit, TestLimits, TestQuantity};
+pub use checks::{TestHit, TestLimits, kept_limits};
 pub use columns::Word;
 pub use intake::Intake;
 pub use misses::{MissLevels, MissWindow};
@@ -185,7 +185,7 @@ pub struct Engine {
     misses_in_a_row: u64,
     gaps: Gaps,
     miss_window: misses::MissWindow,
-    test_warned: u8,
+    test_warned: u32,
     rows_lost: u64,
     events_lost: u64,
     retired: usize,

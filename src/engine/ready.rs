@@ -5,8 +5,9 @@
 //! test's own bounds. A share of misses is believed less three standard deviations of their count, so that a hiccup stops
 //! nothing.
 
-use super::checks::{TestHit, TestQuantity};
+use super::checks::TestHit;
 use super::{Engine, Stop};
+use crate::catalog::limit::Limit;
 use crate::record::{Event, WarmUp};
 use crate::rt::timing::TickStamps;
 
@@ -79,16 +80,16 @@ impl Engine {
             [misses.window_ticks, left as u64].map(|ticks| found.expected(ticks));
         [
             (
-                TestQuantity::MissesInARow,
+                Limit::MissesInARow,
                 found.most_in_a_row as f64,
                 limits.misses_in_a_row,
             ),
             (
-                TestQuantity::MissesInWindow,
+                Limit::MissesInWindow,
                 in_window.min(in_all).floor(),
                 misses.most_in_window,
             ),
-            (TestQuantity::Misses, in_all.floor(), limits.misses_in_total),
+            (Limit::Misses, in_all.floor(), limits.misses_in_total),
         ]
         .into_iter()
         .find(|(_, value, most)| *value > *most as f64)

@@ -2,13 +2,13 @@
 
 use std::time::Duration;
 
-use super::checks::TestQuantity;
 use super::columns::{Word, number};
 use super::numerical::{Side, aim_along};
 use super::operator::{Control, Operator};
 use super::phase::{Cause, Glimpse, Phase};
 use super::tick::Tick;
 use super::{Ending, Engine, OnMiss, Outcome, Stop};
+use crate::catalog::limit::Limit;
 use crate::control::Port;
 use crate::record::{Event, GridOf, LimitReached, MissCause, ON_MISS};
 use crate::rt::timing::{Suspect, TickStamps};
@@ -345,14 +345,10 @@ impl Engine {
             Some((ON_MISS, number(late_ns) * 1e-9, number(period) * 1e-9))
         } else if self.misses_in_a_row > bounds.misses_in_a_row {
             let (found, bound) = (self.misses_in_a_row, bounds.misses_in_a_row);
-            Some((
-                TestQuantity::MissesInARow.key(),
-                number(found),
-                number(bound),
-            ))
+            Some((Limit::MissesInARow.key(), number(found), number(bound)))
         } else if self.misses > bounds.misses_in_total {
             let (found, bound) = (self.misses, bounds.misses_in_total);
-            Some((TestQuantity::Misses.key(), number(found), number(bound)))
+            Some((Limit::Misses.key(), number(found), number(bound)))
         } else {
             None
         };

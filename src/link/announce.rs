@@ -4,6 +4,7 @@
 //! So whatever arrives beyond is a fault, and the specimen's end holds. Forces are the controller's to judge first: it may
 //! lead the specimen home; the specimen's end comes in where that has failed.
 
+use crate::catalog::limit::Limit;
 use crate::control::AxisUnits;
 use crate::control::limits::{AxisLimits, Bound, Range};
 use crate::wire::handshake::{Axis, Limits, Unit};
@@ -33,13 +34,15 @@ pub fn units_of(axis: &Axis) -> AxisUnits {
 /// the next, if it is known: what bounds the change of the command in that time bounds its speed.
 #[must_use]
 pub fn announce(limits: &AxisLimits, units: &AxisUnits, tick_s: Option<f64>) -> Limits {
-    let by_step = tick_s.map_or(f64::INFINITY, |tick_s| limits.command_step.trip / tick_s);
-    let [low, high] = limits.command_disp.trip;
-    let [pull, push] = limits.measured_force.trip;
+    let by_step = tick_s.map_or(f64::INFINITY, |tick_s| {
+        limits.size(Limit::CommandStep).trip / tick_s
+    });
+    let [low, high] = limits.get(Limit::CommandDisp).trip;
+    let [pull, push] = limits.get(Limit::MeasuredForce).trip;
     Limits {
         disp_min: low / units.metres,
         disp_max: high / units.metres,
-        speed_max: limits.command_vel.trip.min(by_step) / units.metres,
+        speed_max: limits.size(Limit::CommandVel).trip.min(by_step) / units.metres,
         force_max: pull.abs().max(push.abs()) / units.newtons,
     }
 }
@@ -55,21 +58,15 @@ pub fn kept(limits: &Limits, units: &AxisUnits) -> AxisLimits {
     };
     let slack = if slack.is_finite() { slack } else { 0.0 };
     let force = LAST_RESORT * limits.force_max * units.newtons;
-    AxisLimits {
-        command_disp: Range {
-            trip: [
-                (limits.disp_min - slack) * units.metres,
-                (limits.disp_max + slack) * units.metres,
-            ],
-            ..Range::NONE
-        },
-        command_vel: Bound::trip(limits.speed_max * (1.0 + ROUNDING) * units.metres),
-        measured_force: Range {
-            trip: [-force, force],
-            ..Range::NONE
-        },
-        ..AxisLimits::NONE
-    }
+    let disp = [
+        (limits.disp_min - slack) * units.metres,
+        (limits.disp_max + slack) * units.metres,
+    ];
+    let speed = limits.speed_max * (1.0 + ROUNDING) * units.metres;
+    AxisLimits::NONE
+        .with(Limit::CommandDisp, Range::trip(disp))
+        .with(Limit::CommandVel, Bound::trip(speed))
+        .with(Limit::MeasuredForce, Range::trip([-force, force]))
 }
 
 /// The narrower of two bounds on every side.
@@ -120,18 +117,10 @@ mod tests {
     };
 
     fn limits() -> AxisLimits {
-        AxisLimits {
-            command_disp: Range {
-                trip: [-0.05, 0.07],
-                ..Range::NONE
-            },
-            command_vel: Bound::trip(0.3),
-            measured_force: Range {
-                trip: [-90e3, 120e3],
-                ..Range::NONE
-            },
-            ..AxisLimits::NONE
-        }
+        AxisLimits::NONE
+            .with(Limit::CommandDisp, Range::trip([-0.05, 0.07]))
+            .with(Limit::CommandVel, Bound::trip(0.3))
+            .with(Limit::MeasuredForce, Range::trip([-90e3, 120e3]))
     }
 
     #[test]
@@ -146,11 +135,9 @@ mod tests {
     #[test]
     fn a_bound_of_the_change_in_one_tick_is_announced_as_the_speed_that_it_is() {
         let speed_max = |step: f64, vel: f64| {
-            let limits = AxisLimits {
-                command_step: Bound::trip(step),
-                command_vel: Bound::trip(vel),
-                ..AxisLimits::NONE
-            };
+            let limits = AxisLimits::NONE
+                .with(Limit::CommandStep, Bound::trip(step))
+                .with(Limit::CommandVel, Bound::trip(vel));
             announce(&limits, &MM_KN, Some(0.01)).speed_max
         };
         assert_eq!(speed_max(1e-3, f64::INFINITY), 100.0);
@@ -177,13 +164,7 @@ mod tests {
         assert_eq!(tripped(0.070_001, 0.0), (true, false));
         assert_eq!(tripped(-0.050_001, 151e3), (true, true));
         // 1 s from one command to the next.
-        let mut watch = Watch::new(
-            vec![AxisLimits {
-                command_disp: Range::NONE,
-                ..kept
-            }],
-            1.0,
-        );
+        let mut watch = Watch::new(vec![kept.with(Limit::CommandDisp, Range::NONE)], 1.0);
         watch.stands_at(std::iter::once(0.0));
         assert_eq!(watch.command(std::iter::once(0.3)).trip, None);
         assert!(watch.command(std::iter::once(0.300_001)).trip.is_some());

@@ -7,7 +7,7 @@ use super::board::AxisView;
 use super::specimen::Course;
 use super::subject::WatchedAxis;
 use super::tap::at;
-use crate::control::limits::{Asked, Quantity, Seen};
+use crate::catalog::limit::Limit;
 use crate::engine::Phase;
 
 /// What one row says of an axis, SI at the specimen's own scale.
@@ -51,9 +51,9 @@ pub(super) struct AxisTap {
     /// The same, not a number where nothing was measured.
     pub drawn: Now,
     /// What the last command was judged by.
-    pub asked: Option<Asked>,
+    pub asked: Option<[f64; 5]>,
     /// What the last measurement was judged by.
-    pub seen: Option<Seen>,
+    pub seen: Option<[f64; 7]>,
     zero: SensorZero,
     stiffness: f64,
     tangent_damping: f64,
@@ -211,26 +211,26 @@ impl AxisTap {
     }
 
     /// What a limit is held against.
-    fn value(&self, quantity: Quantity, axis: &WatchedAxis) -> f64 {
-        let asked = |of: fn(&Asked) -> f64| self.asked.as_ref().map_or(f64::NAN, of);
-        let seen = |of: fn(&Seen) -> f64| self.seen.as_ref().map_or(f64::NAN, of);
+    fn value(&self, quantity: Limit, axis: &WatchedAxis) -> f64 {
+        let asked = |place: usize| self.asked.map_or(f64::NAN, |asked| asked[place]);
+        let seen = |place: usize| self.seen.map_or(f64::NAN, |seen| seen[place]);
         match quantity {
-            Quantity::CommandDisp => asked(|asked| asked.disp),
-            Quantity::CommandStep => asked(|asked| asked.step),
-            Quantity::CommandVel => asked(|asked| asked.vel),
-            Quantity::CommandAccel => asked(|asked| asked.accel),
-            Quantity::MeasuredDisp | Quantity::SensorDisp => seen(|seen| seen.disp),
-            Quantity::MeasuredForce | Quantity::SensorForce => seen(|seen| seen.force),
+            Limit::CommandDisp => asked(0),
+            Limit::CommandStep => asked(1),
+            Limit::CommandVel => asked(2),
+            Limit::CommandAccel => asked(3),
+            Limit::MeasuredDisp | Limit::SensorDisp => seen(0),
+            Limit::MeasuredForce | Limit::SensorForce => seen(1),
             // Within the share of motion there is none.
-            Quantity::FollowingError => seen(|seen| seen.error.max(0.0)),
-            Quantity::ForceStep => seen(|seen| seen.jump),
-            Quantity::StuckSensor => seen(|seen| seen.stuck),
-            Quantity::StiffnessRatio => self.stiffness / axis.stiffness_bound,
-            Quantity::DampingRatio => self.tangent_damping / axis.damping_bound,
-            Quantity::AddedEnergy => self.added,
-            Quantity::Lag => self.lag,
-            Quantity::GainError => self.gain_error,
-            Quantity::Alternation => f64::NAN,
+            Limit::FollowingError => seen(4).max(0.0),
+            Limit::ForceStep => seen(5),
+            Limit::StuckSensor => seen(6),
+            Limit::StiffnessRatio => self.stiffness / axis.stiffness_bound,
+            Limit::DampingRatio => self.tangent_damping / axis.damping_bound,
+            Limit::AddedEnergy => self.added,
+            Limit::Lag => self.lag,
+            Limit::GainError => self.gain_error,
+            _ => f64::NAN,
         }
     }
 

@@ -4,7 +4,8 @@
 
 use super::subject::Places;
 use super::tap::at;
-use crate::engine::{MissLevels, MissWindow, TestQuantity};
+use crate::catalog::limit::Limit;
+use crate::engine::{MissLevels, MissWindow};
 
 /// Counts of one test.
 #[derive(Debug)]
@@ -55,12 +56,12 @@ impl Late {
     }
 
     /// Present value and largest of one quantity; not a number of what is not counted here.
-    pub fn of(&self, quantity: TestQuantity) -> [f64; 2] {
+    pub fn of(&self, quantity: Limit) -> [f64; 2] {
         let [in_a_row, in_window] = self.most;
         let pair = |now: u64, most: u64| [now as f64, most as f64];
         match quantity {
-            TestQuantity::MissesInARow => pair(self.in_a_row, in_a_row),
-            TestQuantity::MissesInWindow => pair(self.window.at(self.last), in_window),
+            Limit::MissesInARow => pair(self.in_a_row, in_a_row),
+            Limit::MissesInWindow => pair(self.window.at(self.last), in_window),
             _ => [f64::NAN; 2],
         }
     }

@@ -2,8 +2,9 @@
 
 use serde::Serialize;
 
-use crate::control::limits::{Bound, Levels, Quantity};
-use crate::engine::{Experiment, TestQuantity};
+use crate::catalog::limit::{Kind, Limit};
+use crate::control::limits::{Bound, Range};
+use crate::engine::Experiment;
 use crate::record::Column;
 
 /// One limit with its levels, SI.
@@ -22,7 +23,7 @@ pub struct Mark {
     /// Whether it is a size, from 0 up.
     pub size: bool,
     #[serde(skip)]
-    pub(super) quantity: Quantity,
+    pub(super) quantity: Limit,
 }
 
 /// A limit of the test as a whole.
@@ -37,23 +38,16 @@ pub struct TestMark {
     /// Trips beyond; null: never.
     pub trip: f64,
     #[serde(skip)]
-    pub(super) quantity: TestQuantity,
+    pub(super) quantity: Limit,
     #[serde(skip)]
     pub(super) place: Option<usize>,
 }
 
 /// A limit, if it has a level.
-pub(super) fn mark((quantity, levels): (Quantity, Levels)) -> Option<Mark> {
-    let (warn, trip, size) = match levels {
-        Levels::Size(bound) => (
-            [f64::NEG_INFINITY, bound.warn],
-            [f64::NEG_INFINITY, bound.trip],
-            true,
-        ),
-        Levels::Range(range) => (range.warn, range.trip, false),
-    };
-    let limited = warn.iter().chain(&trip).any(|level| level.is_finite());
-    limited.then(|| Mark {
+pub(super) fn mark((quantity, levels): (Limit, Range)) -> Option<Mark> {
+    let Range { warn, trip } = levels;
+    let size = quantity.row().kind != Kind::Range;
+    levels.is_some().then(|| Mark {
         key: quantity.key(),
         words: quantity.words(),
         unit: quantity.unit(),
@@ -66,7 +60,7 @@ pub(super) fn mark((quantity, levels): (Quantity, Levels)) -> Option<Mark> {
 
 /// Every limit of the test as a whole that is judged in it.
 pub(super) fn test_marks(experiment: &Experiment, columns: &[Column]) -> Vec<TestMark> {
-    let marks = TestQuantity::ALL.into_iter().map(|quantity| {
+    let marks = Limit::OF_TEST.into_iter().map(|quantity| {
         let Bound { warn, trip } = experiment.limits.of_test(quantity);
         TestMark {
             key: quantity.key(),

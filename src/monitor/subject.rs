@@ -227,7 +227,7 @@ impl Subject {
                     .map(|(axis, (((limits, (metres, newtons)), bounds), zero))| {
                         let place = |kind: &str| find(&format!("{kind}_{number}_{axis}"));
                         WatchedAxis {
-                            marks: limits.levels().into_iter().filter_map(mark).collect(),
+                            marks: limits.levels().filter_map(mark).collect(),
                             has_margin: place("margin").is_some(),
                             metres: *metres,
                             newtons: *newtons,

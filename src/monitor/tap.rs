@@ -15,7 +15,8 @@ use super::specimen::{RowHead, SpecimenTap};
 use super::subject::ChannelKind;
 use super::swallowed::Swallowed;
 use super::trip::Trip;
-use crate::engine::{Phase, TestQuantity};
+use crate::catalog::limit::Limit;
+use crate::engine::Phase;
 use crate::record::{Event, Note, Onlooker, Progress, TimedEvent};
 
 /// Bins a second of wall time at most, on the real clock.
@@ -158,7 +159,7 @@ impl Tap {
         let marks = self.board.subject.test.iter().zip(&self.test);
         marks
             .map(|(mark, values)| match mark.quantity {
-                TestQuantity::Misses => [misses; 2],
+                Limit::Misses => [misses; 2],
                 quantity if quantity.is_of_misses() => self.late.of(quantity),
                 _ => *values,
             })

@@ -3,8 +3,10 @@
 use serde::Serialize;
 
 use super::subject::Subject;
+use crate::catalog::ending::Cause;
+use crate::catalog::limit::Limit;
 use crate::control::limits::{Hit, Level};
-use crate::engine::{Phase, TestHit, TestQuantity};
+use crate::engine::{Phase, TestHit};
 use crate::record::{Event, EventLine, LimitReached, ON_MISS, TimedEvent, Word, late_words};
 
 /// One of the reasons for which a test has tripped.
@@ -36,11 +38,7 @@ impl Trip {
         let (limit, words, [value, bound]) = match &event.kind {
             Event::LimitTrip(reached) => {
                 let numbers = [reached.value, reached.bound];
-                (
-                    reached.limit.clone(),
-                    limit_words(subject, reached),
-                    numbers,
-                )
+                (reached.limit.clone(), limit_words(&names, reached), numbers)
             }
             Event::Phase {
                 to: Phase::Tripped,
@@ -49,7 +47,7 @@ impl Trip {
             } => {
                 let specimen = place("specimen").and_then(|place| names.get(place));
                 let of = specimen.map_or_else(String::new, |name| format!("{name}: "));
-                let words = format!("{of}{}", cause_words(cause));
+                let words = format!("{of}{}", Cause::of_word(cause).sentence());
                 (cause.clone(), words, [f64::NAN; 2])
             }
             kind => (kind.trip_row()?.name.into(), line.sentence(), [f64::NAN; 2]),
@@ -67,76 +65,45 @@ impl Trip {
 }
 
 /// A limit in the words of the end of the test.
-fn limit_words(subject: &Subject, reached: &LimitReached) -> String {
-    let place = |index: Option<u32>| index.and_then(|index| usize::try_from(index).ok());
-    let (port, axis) = (place(reached.port), place(reached.axis));
-    let [value, bound] = [reached.value, reached.bound];
-    match port.zip(axis).filter(|_| !reached.is_of_test()) {
-        Some(at) => hit_words(subject, at, &reached.limit, [value, bound]),
-        None => test_words(&reached.limit, value, bound, port.zip(axis)),
+fn limit_words(names: &[String], reached: &LimitReached) -> String {
+    let LimitReached {
+        limit: key,
+        value,
+        bound,
+        ..
+    } = reached;
+    let (value, bound) = (*value, *bound);
+    let index = |index: Option<u32>| index.and_then(|index| usize::try_from(index).ok());
+    let place = index(reached.port).zip(index(reached.axis));
+    if key == ON_MISS {
+        return late_words(value, bound);
     }
-}
-
-/// What has no event of its own, in words.
-fn cause_words(cause: &str) -> String {
-    match cause {
-        "stale" => "no fresh measurement for longer than is allowed".to_owned(),
-        "late" => "deadlines were missed, and the test is to stop for that".to_owned(),
-        "not_settled" => "the static load found no equilibrium".to_owned(),
-        "not_at_rest" => "it did not come to rest under the static load".to_owned(),
-        "does_not_follow" => "it has not followed its commands under the static load".to_owned(),
-        other => other.replace('_', " "),
-    }
-}
-
-/// A limit of an axis, in the words of the end of the test.
-fn hit_words(
-    subject: &Subject,
-    (port, axis): (usize, usize),
-    quantity: &str,
-    [value, bound]: [f64; 2],
-) -> String {
-    let specimen = subject.specimens.get(port);
-    let name = specimen.map_or("", |specimen| specimen.name.as_str());
-    if !value.is_finite() {
-        return format!("{name}: the next command is not a finite number; it was not sent");
-    }
-    let watched = specimen.and_then(|specimen| specimen.axes.get(axis));
-    let mark = watched.and_then(|axis| axis.marks.iter().find(|mark| mark.key == quantity));
-    match mark {
-        Some(mark) => {
+    let Some(limit) = Limit::of_key(key) else {
+        return format!("{key}: {value}, allowed {bound}");
+    };
+    match place.filter(|_| !reached.is_of_test()) {
+        Some((port, axis)) => {
+            let name = names.get(port).map_or("", String::as_str);
+            if !value.is_finite() {
+                return format!("{name}: the next command is not a finite number; it was not sent");
+            }
             let hit = Hit {
                 axis,
-                quantity: mark.quantity,
+                quantity: limit,
                 level: Level::Trip,
                 value,
                 bound,
             };
             format!("{name}, {hit}")
         }
-        None => format!(
-            "{name}, axis {}: {quantity} {value}, allowed {bound}",
-            axis + 1
-        ),
-    }
-}
-
-/// A limit of the test as a whole, in the words of its end.
-fn test_words(key: &str, value: f64, bound: f64, worst: Option<(usize, usize)>) -> String {
-    if key == ON_MISS {
-        return late_words(value, bound);
-    }
-    let mut all = TestQuantity::ALL.into_iter();
-    match all.find(|quantity| quantity.key() == key) {
-        Some(quantity) => TestHit {
-            quantity,
+        None => TestHit {
+            quantity: limit,
             value,
             bound,
-            worst,
+            worst: place,
             in_warm_up: false,
         }
         .to_string(),
-        None => format!("{key}: {value}, allowed {bound}"),
     }
 }
 

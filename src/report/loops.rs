@@ -338,14 +338,15 @@ fn event(line: &EventLine, start: f64) -> Vec<String> {
     };
     let known = |text: Option<String>| text.unwrap_or_else(|| NOTHING.to_owned());
     let clock = loop_seconds(line).map(|seconds| format!("{:.4}\u{a0}s", seconds - start));
-    let details = line.fields().iter().map(|(key, value)| {
-        match (key.strip_suffix("_ns"), value.as_f64()) {
-            (Some(key), Some(ns)) => {
-                format!("{} {}", key.replace('_', " "), quantity(ns * 1e-9, "s"))
-            }
-            _ => format!("{} {}", key.replace('_', " "), plain(value)),
-        }
-    });
+    let details =
+        line.fields().iter().map(
+            |(key, value)| match (key.strip_suffix("_ns"), value.as_f64()) {
+                (Some(key), Some(ns)) => {
+                    format!("{} {}", key.replace('_', " "), quantity(ns * 1e-9, "s"))
+                }
+                _ => format!("{} {}", key.replace('_', " "), plain(value)),
+            },
+        );
     let details = details.collect::<Vec<_>>().join(", ");
     vec![
         match line.name() {

@@ -147,7 +147,11 @@ pub(super) fn timeline(run: &RunData) -> String {
         for (row, &group) in used.iter().enumerate() {
             let y = inner.y + 34.0 + 24.0 * row as f64;
             let ink = ink(group);
-            canvas.text(group.title(), (left - 10.0, y), soft.anchored(Anchor::Right));
+            canvas.text(
+                group.title(),
+                (left - 10.0, y),
+                soft.anchored(Anchor::Right),
+            );
             let mut last = f64::NEG_INFINITY;
             for (t, _) in placed.iter().filter(|(_, line)| is_of(group, line)) {
                 let x = across(*t);
@@ -167,7 +171,9 @@ mod tests {
 
     #[test]
     fn a_real_test_over_the_end_of_a_month_takes_its_few_seconds() {
-        let event = |second: &str, kind: &str| EventLine::from(json!({"event": kind, "wall": second, "time": 0.0}));
+        let event = |second: &str, kind: &str| {
+            EventLine::from(json!({"event": kind, "wall": second, "time": 0.0}))
+        };
         let run = RunData {
             summary: Some(json!({"clock": "real"})),
             events: vec![
@@ -188,19 +194,27 @@ mod tests {
     fn states_and_misses_stand_in_the_timeline_and_one_event_is_none() {
         let mut run = RunData {
             summary: Some(json!({"clock": "simulated"})),
-            events: vec![json!({"event": "phase", "from": "armed", "to": "running", "time": 0.0}).into()],
+            events: vec![
+                json!({"event": "phase", "from": "armed", "to": "running", "time": 0.0}).into(),
+            ],
             ..RunData::default()
         };
         assert!(timeline(&run).is_empty());
-        run.events.push(json!({"event": "miss", "time": 3.0}).into());
-        run.events.push(json!({"event": "ended", "time": 10.0}).into());
+        run.events
+            .push(json!({"event": "miss", "time": 3.0}).into());
+        run.events
+            .push(json!({"event": "ended", "time": 10.0}).into());
         let drawn = timeline(&run);
         for part in ["running", "deadline misses", "other", "test time (s)"] {
             assert!(drawn.contains(part), "{part}");
         }
         assert!(!drawn.contains("operator"));
         // After a trip test time stands, in older records where the last step ended, before the trip; the loop's clock goes on.
-        let event = |time: f64, ns: u64, to: &str| EventLine::from(json!({"event": "phase", "from": "armed", "to": to, "time": time, "clock_ns": ns}));
+        let event = |time: f64, ns: u64, to: &str| {
+            EventLine::from(
+                json!({"event": "phase", "from": "armed", "to": to, "time": time, "clock_ns": ns}),
+            )
+        };
         run.events = vec![
             json!({"event": "connected"}).into(),
             json!({"event": "files", "time": null, "clock_ns": null}).into(),

@@ -13,9 +13,9 @@ use serde::Serialize;
 use super::lineage::Origin;
 use super::summary::{ending, finite, named, status_of, stop_words};
 use super::tape::is_under_way;
+use crate::catalog::limit::Limit;
 use crate::config::{Time, TimeTable};
-use crate::control::limits::Quantity;
-use crate::engine::{Ending, Outcome, Phase, Stop, TestQuantity, Unfinished};
+use crate::engine::{Ending, Outcome, Phase, Stop, Unfinished};
 use crate::record::summary::{Peak, Status};
 use crate::record::{Event, EventLine, FolderError, Run, Summary};
 use crate::substructure::LinkFault;
@@ -80,7 +80,9 @@ fn is_of_this_version(line: &EventLine) -> Option<bool> {
 }
 
 /// True if an earlier version wrote the run of these events: its summary may differ for other reasons than that it was edited.
-pub(super) fn is_of_an_earlier_version<'a>(mut events: impl Iterator<Item = &'a EventLine>) -> bool {
+pub(super) fn is_of_an_earlier_version<'a>(
+    mut events: impl Iterator<Item = &'a EventLine>,
+) -> bool {
     events.find_map(is_of_this_version) == Some(false)
 }
 
@@ -318,9 +320,9 @@ fn another_limit(summary: &Summary, events: &Events, required: bool) -> Option<S
 
 /// A limit in words, as a reason names it; none of another cause.
 fn limit(key: &str) -> Option<&'static str> {
-    let specimens = Quantity::ALL.into_iter();
+    let specimens = Limit::OF_AXIS.into_iter();
     let specimens = specimens.map(|one| (one.key(), one.words()));
-    let tests = TestQuantity::ALL.into_iter();
+    let tests = Limit::OF_TEST.into_iter();
     let tests = tests.map(|one| (one.key(), one.words()));
     let mut all = specimens.chain(tests);
     all.find_map(|(known, words)| (known == key).then_some(words))

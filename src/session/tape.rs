@@ -13,7 +13,8 @@ use super::replay::{Difference, ReplayError};
 use crate::catalog::phase::{GIVEN_UP, NOT_AWAITED, Part};
 use crate::engine::{Experiment, Operator, Phase, Word};
 use crate::record::{
-    Column, Event, EventLine, EventLines, FolderError, Journal, Layout, Recorder, Run, TimedEvent, WarmUpRows,
+    Column, Event, EventLine, EventLines, FolderError, Journal, Layout, Recorder, Run, TimedEvent,
+    WarmUpRows,
 };
 use crate::work::Work;
 

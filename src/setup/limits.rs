@@ -5,10 +5,11 @@ mod specimen;
 use serde::Serialize;
 
 use super::specimens::loading::LoadingFacts;
+use crate::catalog::limit::Limit;
 use crate::config::{ClockChoice, ExitChoice, TestFile, Time};
 use crate::control::Port;
 use crate::control::limits::Bound;
-use crate::engine::{Limits, OnMiss, TestQuantity};
+use crate::engine::{Limits, OnMiss};
 use crate::units::duration;
 
 /// All limits of a test.
@@ -17,7 +18,7 @@ pub struct LimitFacts {
     /// Per specimen, in order.
     pub specimens: Vec<SpecimenLimits>,
     /// What belongs to no specimen alone.
-    pub test: Vec<Limit>,
+    pub test: Vec<LimitFact>,
     /// What trips whatever the file says.
     pub always: Vec<String>,
     /// What a trip does.
@@ -44,7 +45,7 @@ pub struct SpecimenLimits {
     /// Who keeps them.
     pub checked_by: String,
     /// One list per axis; what is not in it is not limited.
-    pub axes: Vec<Vec<Limit>>,
+    pub axes: Vec<Vec<LimitFact>>,
     /// What happens to measurements that stay away.
     pub stale: String,
     /// When the specimen's end holds by itself because no command comes, and who sees to it.
@@ -63,7 +64,7 @@ pub struct SpecimenLimits {
 
 /// One limit: a size, or a smallest and a largest value.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Limit {
+pub struct LimitFact {
     /// The key of the test file.
     pub key: &'static str,
     /// SI.
@@ -88,13 +89,8 @@ fn sizes(values: &[f64]) -> Vec<f64> {
     }
 }
 
-fn of_test(
-    quantity: TestQuantity,
-    unit: &'static str,
-    bound: Bound,
-    judged: Option<String>,
-) -> Limit {
-    Limit {
+fn of_test(quantity: Limit, unit: &'static str, bound: Bound, judged: Option<String>) -> LimitFact {
+    LimitFact {
         key: quantity.key(),
         unit,
         warn: sizes(&[bound.warn]),
@@ -178,14 +174,14 @@ pub(super) fn facts(
     time: &Time,
     ports: &[Port],
     limits: &Limits,
-    columns: &[TestQuantity],
+    columns: &[Limit],
 ) -> LimitFacts {
     let mut test = Vec::new();
-    for quantity in TestQuantity::ALL {
+    for quantity in Limit::OF_TEST {
         let bound = limits.of_test(quantity);
         if columns.contains(&quantity) {
             let judged = match (quantity, file.safety.added_energy_share) {
-                (TestQuantity::AddedEnergyShare, Some(share)) => Some(format!(
+                (Limit::AddedEnergyShare, Some(share)) => Some(format!(
                     "{} J count as taken in from the start",
                     share.floor_j
                 )),
@@ -201,9 +197,9 @@ pub(super) fn facts(
     );
     let window = format!("in {} s, {warm_up}", file.timing.miss_window_s);
     for (quantity, unit, judged) in [
-        (TestQuantity::MissesInARow, "in a row", &warm_up),
-        (TestQuantity::MissesInWindow, "in a window", &window),
-        (TestQuantity::Misses, "in all", &warm_up),
+        (Limit::MissesInARow, "in a row", &warm_up),
+        (Limit::MissesInWindow, "in a window", &window),
+        (Limit::Misses, "in all", &warm_up),
     ] {
         let bound = limits.of_test(quantity);
         let judged = if is_real {
@@ -214,7 +210,7 @@ pub(super) fn facts(
         test.push(of_test(quantity, unit, bound, Some(judged)));
     }
     if limits.divergence < f64::MAX {
-        test.push(Limit {
+        test.push(LimitFact {
             key: "divergence_m",
             unit: "m",
             warn: Vec::new(),

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use super::{Refused, Site};
 use crate::config::{ClockChoice, Finding, KeyPath, SpecimenTable, TestFile};
+use crate::control::limits::AxisLimits;
 use crate::control::{OnStale, WaitRules};
 use crate::link::announce::announce;
 use crate::link::openfresco::{Remote, RemoteSettings};
@@ -207,7 +208,7 @@ pub(crate) fn wire_axes(table: &SpecimenTable, axes: usize, tick_s: Option<f64>)
             let disp = gear.unit_disp.on_the_wire().unwrap_or(Unit::Metre);
             let force = gear.unit_force.on_the_wire().unwrap_or(Unit::Newton);
             let limits = match (limits.get(index), units.get(index)) {
-                (Some(spec), Some(units)) => announce(&spec.limits(), units, tick_s),
+                (Some(spec), Some(units)) => announce(&AxisLimits::of(&spec), units, tick_s),
                 _ => Limits::NONE,
             };
             Axis {

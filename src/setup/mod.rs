@@ -30,14 +30,14 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use crate::config::{ConfigError, Diagnostics, Finding, KeyPath, Loaded, SpecimenTable, TestFile};
-use crate::engine::{Experiment, Numerical, Settling, Side, StepAudit, TestQuantity};
+use crate::engine::{Experiment, Numerical, Settling, Side, StepAudit};
 use crate::link::{NativeSetup, Transport};
 use crate::rt;
 use analysis::AtRest;
 pub use analysis::{ALL_MODES, Analysis, DelayedMode, Loop, ModeFacts};
 pub use facts::{Facts, Stability, StructureFacts};
 use gear::Rows;
-pub use limits::{Limit, LimitFacts, SpecimenLimits};
+pub use limits::{LimitFact, LimitFacts, SpecimenLimits};
 pub(crate) use pace::DIVERGENCE_M;
 pub use pace::{rt_plan, set_divergence};
 use recorded::{record_dofs, rotations};
@@ -200,7 +200,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
     let ports = specimens.into_ports(site, dofs, settling.is_some(), gains.unwrap_or_default())?;
     let ports = critical::watched(site, structure.as_mut(), ports)?;
     let time = site.loaded.time;
-    let kept = TestQuantity::kept(&side, &ports);
+    let kept = crate::engine::kept_limits(&side, &ports);
     if structure.is_some() && !names.is_empty() {
         safety::unkept(site, &kept);
     }

@@ -2,14 +2,13 @@
 
 use super::gear::Rows;
 use super::{Refused, Site, path};
+use crate::catalog::limit::Limit;
 use crate::config::{
     AxisTable, ExitChoice, Finding, ShareSpec, SpecimenTable, TestFile, Time, ZeroChoice,
 };
 use crate::control::limits::{Bound, BoundSpec, LimitsSpec};
 use crate::control::{Axis, Exit, Exits, Reference, Zero};
-use crate::engine::{
-    InitialForce, Intake, MissLevels, Numerical, Opening, TestLimits, TestQuantity,
-};
+use crate::engine::{InitialForce, Intake, MissLevels, Numerical, Opening, TestLimits};
 
 /// Wall time in s over which sensors are averaged, unless the file says otherwise.
 const ZERO_S: f64 = 0.2;
@@ -48,7 +47,7 @@ fn initial_forces(table: &SpecimenTable) -> Vec<InitialForce> {
             .stand_in
             .as_ref()
             .and_then(|law| law.yield_force(axis));
-        let trip = limits.measured_force_n.and_then(|range| range.trip);
+        let trip = limits.trip(Limit::MeasuredForce);
         let limit = trip.map(|levels| levels[0].abs().min(levels[1].abs()));
         let (of, force) = match (yields, limit.filter(|limit| limit.is_finite())) {
             (Some(force), _) => ("yield_force_n", force),
@@ -114,8 +113,7 @@ const DELAY_USED: Bound = Bound {
 /// Levels of what belongs to no specimen alone.
 pub(super) fn test_limits(file: &TestFile, time: &Time) -> TestLimits {
     let (safety, timing) = (&file.safety, &file.timing);
-    let or =
-        |spec: Option<BoundSpec>, usual| spec.map_or(usual, |spec| BoundSpec::bound(Some(spec)));
+    let or = |spec: Option<BoundSpec>, usual| spec.map_or(usual, Bound::of);
     let ticks = time.steps.saturating_mul(u64::from(time.ticks_per_step));
     let half = |warn: Option<u64>, most: u64| warn.unwrap_or(most / 2);
     let window_ticks = timing.window_ticks(time.period.value());
@@ -142,16 +140,16 @@ pub(super) fn test_limits(file: &TestFile, time: &Time) -> TestLimits {
 }
 
 /// Bounds of the test that are given and of what is not known in it.
-pub(super) fn unkept(site: &mut Site<'_>, kept: &[TestQuantity]) {
+pub(super) fn unkept(site: &mut Site<'_>, kept: &[Limit]) {
     let safety = &site.loaded.file.safety;
     for (quantity, given, why) in [
         (
-            TestQuantity::StabilityUsed,
+            Limit::StabilityUsed,
             safety.stability_used.is_some(),
             "it needs a proof of stability, and this test has no proof",
         ),
         (
-            TestQuantity::StepAudit,
+            Limit::StepAudit,
             safety.step_audit.is_some(),
             "the step audit needs the method \"gui\"",
         ),
@@ -301,7 +299,7 @@ pub(super) fn warn_of_force(
         let force = force * newtons / axis.force_gain;
         let trip = limits
             .get(number)
-            .and_then(|limits| limits.measured_force_n?.trip);
+            .and_then(|limits| limits.trip(Limit::MeasuredForce));
         let is_within = |[low, high]: [f64; 2]| low <= force && force <= high;
         let beyond = match (trip, most) {
             (Some(range), _) if !is_within(range) => "this limit trips first",

@@ -12,7 +12,7 @@ use super::gear::Rows;
 use super::{Refused, Site, path, safety};
 use crate::config::check::measured::needing_measured_disp;
 use crate::config::{Finding, Loaded};
-use crate::control::limits::{AxisLimits, DIVERGENCE_M, LimitsSpec};
+use crate::control::limits::AxisLimits;
 use crate::control::{
     Axis, Believed, Declared, Direction, NeedsMeasuredDisp, Order, Pace, Port, Trend, WaitRules,
 };
@@ -311,11 +311,7 @@ impl Specimens {
                     let specs = table.limits_of(axes);
                     unwatched::unwatched(site, index, &specs, &declared);
                     // `divergence_m` is of the structure, whose scale may be another.
-                    let bounded = |spec: &LimitsSpec| AxisLimits {
-                        divergence: DIVERGENCE_M,
-                        ..spec.limits()
-                    };
-                    let limits = specs.iter().map(bounded).collect();
+                    let limits = specs.iter().map(AxisLimits::of).collect();
                     let time = site.loaded.time;
                     let per_step = table.link.as_ref().is_some_and(LinkSpec::is_per_step);
                     let ticks = if per_step { time.ticks_per_step } else { 1 };

@@ -1,7 +1,8 @@
 //! What holds in every test, whatever goes wrong. Each check says what it found.
 
+use gusset::catalog::limit::Limit;
 use gusset::config::Loaded;
-use gusset::control::limits::{AxisLimits, LimitsSpec};
+use gusset::control::limits::AxisLimits;
 use gusset::engine::{Ending, Phase, Stop};
 use gusset::link::serve::Tapped;
 use gusset::link::spec::CommandPace;
@@ -202,7 +203,7 @@ fn limits(loaded: &Loaded, port: usize, axes: usize) -> Vec<(AxisLimits, f64)> {
             .get(axis)
             .map_or(1.0, |gear| gear.unit_disp.metres())
     };
-    let each = specs.iter().map(LimitsSpec::limits).enumerate();
+    let each = specs.iter().map(AxisLimits::of).enumerate();
     each.map(|(axis, limits)| (limits, metres(axis))).collect()
 }
 
@@ -227,7 +228,7 @@ fn commands_respect_their_limits(
         let limits = of_axes.get_or_insert_with(|| limits(loaded, port, disp.len()));
         for (axis, ((limits, metres), to)) in limits.iter().zip(disp).enumerate() {
             let to = to * metres;
-            let [low, high] = limits.command_disp.trip;
+            let [low, high] = limits.get(Limit::CommandDisp).trip;
             ensure!(
                 to >= low * SLACK && to <= high * SLACK,
                 "command {sequence}, axis {axis}: {to} m is outside of {low} to {high} m"
@@ -242,9 +243,9 @@ fn commands_respect_their_limits(
                 tick
             };
             let mut allowed = limits
-                .command_step
+                .size(Limit::CommandStep)
                 .trip
-                .min(limits.command_vel.trip * passes);
+                .min(limits.size(Limit::CommandVel).trip * passes);
             if at.0 < runs && allowed == f64::INFINITY {
                 allowed = UNBOUNDED_M_PER_S * tick;
             }

@@ -5,6 +5,7 @@
 
 use std::sync::{Arc, Mutex, MutexGuard};
 
+use gusset::catalog::limit::Limit;
 use gusset::config::{AxisTable, DispUnit, ExitChoice, ForceUnit, Loaded, ZeroChoice};
 use gusset::control::limits::{LimitsSpec, RangeSpec};
 use gusset::law::{LawSpec, Reach};
@@ -55,7 +56,8 @@ pub fn draw(seed: u64, loaded: &Loaded) -> (Loaded, Vec<Place>) {
             if chance.one_in(5)
                 && let Some(limits) = &mut table.limits
             {
-                (limits.command_vel_m_per_s, limits.command_step_m) = (None, None);
+                limits.set(Limit::CommandVel, None);
+                limits.set(Limit::CommandStep, None);
                 unbounded = true;
             }
             place
@@ -157,13 +159,11 @@ fn an_axis(chance: &mut Chance, place: &Place, reads: bool) -> AxisTable {
 /// Limits that a far end has of its own: 30 mm to either side of where it stands.
 pub fn own_limits(place: &Place) -> LimitsSpec {
     let trip = [place.stands_m - 0.03, place.stands_m + 0.03];
-    LimitsSpec {
-        command_disp_m: Some(RangeSpec {
-            warn: None,
-            trip: Some(trip),
-        }),
-        ..LimitsSpec::default()
-    }
+    let levels = RangeSpec {
+        warn: None,
+        trip: Some(trip),
+    };
+    LimitsSpec::default().with(Limit::CommandDisp, levels)
 }
 
 /// A rig whose columns yield. What was done to it stays done, whoever is connected to it.

@@ -32,6 +32,10 @@ pub fn events() -> String {
 /// The rows of the events that this program writes.
 fn table(text: &mut String, writer: Writer) {
     for row in EVENTS.iter().filter(|row| row.writer == writer) {
-        let _ = writeln!(text, "| `{}` | {} | {} |", row.name, row.meaning, row.fields);
+        let _ = writeln!(
+            text,
+            "| `{}` | {} | {} |",
+            row.name, row.meaning, row.fields
+        );
     }
 }

@@ -1,213 +1,8 @@
-//! The limits in words. A test compares their names with those in the program.
+//! The page of the guide that lists every limit, from the catalogue.
 
 use std::fmt::Write as _;
 
-/// A limit: key, unit, what is judged, levels, default, who checks.
-pub type LimitRow = [&'static str; 6];
-
-const BOTH: &str = "controller, gateway, Gusset server";
-const GATEWAY: &str = "controller, gateway";
-const CONTROLLER: &str = "controller";
-
-/// Limits of an axis, `[specimen.limits]`.
-pub const AXIS_LIMITS: [LimitRow; 17] = [
-    [
-        "command_disp_m",
-        "m",
-        "commanded displacement",
-        "range",
-        "none",
-        BOTH,
-    ],
-    [
-        "command_step_m",
-        "m",
-        "change of the command from one tick to the next",
-        "size",
-        "none",
-        BOTH,
-    ],
-    [
-        "command_vel_m_per_s",
-        "m/s",
-        "commanded velocity",
-        "size",
-        "none",
-        BOTH,
-    ],
-    [
-        "command_accel_m_per_s2",
-        "m/s²",
-        "commanded acceleration",
-        "size",
-        "none",
-        GATEWAY,
-    ],
-    [
-        "measured_disp_m",
-        "m",
-        "measured displacement",
-        "range",
-        "trips beyond ±1000 m",
-        GATEWAY,
-    ],
-    [
-        "measured_force_n",
-        "N",
-        "measured force; a Gusset server checks 1.25 times the level",
-        "range",
-        "none",
-        BOTH,
-    ],
-    [
-        "following_error_m",
-        "m",
-        "measured minus commanded displacement",
-        "size",
-        "none",
-        GATEWAY,
-    ],
-    [
-        "force_step_n",
-        "N",
-        "change of the measured force from one measurement to the next",
-        "size",
-        "none",
-        GATEWAY,
-    ],
-    [
-        "stuck_ticks",
-        "ticks",
-        "ticks in a row in which the command moves and neither sensor changes",
-        "size",
-        "none",
-        GATEWAY,
-    ],
-    [
-        "sensor_disp_m",
-        "m",
-        "reading of the displacement sensor, at the end of its range",
-        "range",
-        "none",
-        GATEWAY,
-    ],
-    [
-        "sensor_force_n",
-        "N",
-        "reading of the load cell, at the end of its range",
-        "range",
-        "none",
-        GATEWAY,
-    ],
-    [
-        "alternating_ticks",
-        "ticks",
-        "ticks in a row in which the command grows as a sawtooth: the sign of an unstable integration",
-        "size",
-        "none",
-        CONTROLLER,
-    ],
-    [
-        "stiffness_ratio",
-        "1",
-        "estimated tangent stiffness over its declared upper bound",
-        "size",
-        "none",
-        CONTROLLER,
-    ],
-    [
-        "damping_ratio",
-        "1",
-        "estimated tangent damping over its declared upper bound",
-        "size",
-        "none",
-        CONTROLLER,
-    ],
-    [
-        "added_energy_j",
-        "J",
-        "energy that the axis adds to the structure through its tracking error",
-        "size",
-        "none",
-        CONTROLLER,
-    ],
-    [
-        "lag_s",
-        "s",
-        "estimated lag of the measured displacement behind the target",
-        "size",
-        "none",
-        CONTROLLER,
-    ],
-    [
-        "gain_error",
-        "1",
-        "difference between 1 and the gain of the measured displacement over the target",
-        "size",
-        "none",
-        CONTROLLER,
-    ],
-];
-
-/// Limits of the test that are quantities of the loop.
-pub const TEST_LIMITS: [LimitRow; 7] = [
-    [
-        "stability_used",
-        "1",
-        "stability margin used, from the estimated stiffness and damping",
-        "size",
-        "warns above 1",
-        "`[safety]`",
-    ],
-    [
-        "delay_used",
-        "1",
-        "lag of a specimen over its critical delay",
-        "size",
-        "warns above 1",
-        "`[safety]`",
-    ],
-    [
-        "step_audit",
-        "1",
-        "energy error of the integration over the energy turned over",
-        "size",
-        "warns above 1e-9, trips above 1e-6, up to 64 DOFs",
-        "`[safety]`",
-    ],
-    [
-        "added_energy_share",
-        "1",
-        "energy added by all tracking errors over the energy that the test has taken in",
-        "size",
-        "none",
-        "`[safety]`",
-    ],
-    [
-        "max_consecutive_misses",
-        "ticks",
-        "deadline misses in a row",
-        "count",
-        "warns above 25, trips above 50",
-        "`[timing]`",
-    ],
-    [
-        "max_misses_in_window",
-        "ticks",
-        "deadline misses within `miss_window_s`",
-        "count",
-        "one tick in ten, at least 100",
-        "`[timing]`",
-    ],
-    [
-        "max_total_misses",
-        "ticks",
-        "deadline misses in the whole test",
-        "count",
-        "one tick in a hundred, at least 100",
-        "`[timing]`",
-    ],
-];
+use gusset::catalog::limit::{CheckedBy, Judges, Kind, Row, Scope, TABLE};
 
 /// Further limits of the test and of links: key, unit, what is judged, default, table.
 pub const FURTHER_LIMITS: [[&str; 5]; 6] = [
@@ -255,6 +50,26 @@ pub const FURTHER_LIMITS: [[&str; 5]; 6] = [
     ],
 ];
 
+/// One limit, and who checks it or which table has its key.
+fn line(text: &mut String, row: &Row, last: &str) {
+    let unit = match row.unit {
+        "m/s2" => "m/s²",
+        "×" => "1",
+        unit => unit,
+    };
+    let kind = match row.kind {
+        Kind::Range => "range",
+        Kind::Size => "size",
+        Kind::Count if row.scope() == Scope::Axis => "size",
+        Kind::Count => "count",
+    };
+    let _ = writeln!(
+        text,
+        "| `{}` | {unit} | {} | {kind} | {} | {last} |",
+        row.key, row.judged, row.default
+    );
+}
+
 pub fn limit_table() -> String {
     let mut text = String::from(
         "# Table of limits\n\n\
@@ -266,11 +81,13 @@ pub fn limit_table() -> String {
          They are keys of `[specimen.limits]`, and of `limits` in `[[specimen.axis]]`. All are at the specimen's own scale.\n\n\
          | key | unit | what is judged | levels | default | checked by |\n|---|---|---|---|---|---|\n",
     );
-    for [key, unit, judged, levels, default, by] in AXIS_LIMITS {
-        let _ = writeln!(
-            text,
-            "| `{key}` | {unit} | {judged} | {levels} | {default} | {by} |"
-        );
+    for row in TABLE.iter().filter(|row| row.scope() == Scope::Axis) {
+        let by = match row.checked_by {
+            CheckedBy::Server => "controller, gateway, Gusset server",
+            CheckedBy::Gateway => "controller, gateway",
+            CheckedBy::Controller => "controller",
+        };
+        line(&mut text, row, by);
     }
     text.push_str(
         "\nThe *controller* is `gusset run`. It checks a command before it is sent and every new measurement. A *gateway* is \
@@ -280,11 +97,13 @@ pub fn limit_table() -> String {
          The controller checks them.\n\n\
          | key | unit | what is judged | levels | default | table |\n|---|---|---|---|---|---|\n",
     );
-    for [key, unit, judged, levels, default, table] in TEST_LIMITS {
-        let _ = writeln!(
-            text,
-            "| `{key}` | {unit} | {judged} | {levels} | {default} | {table} |"
-        );
+    for row in TABLE.iter().filter(|row| row.scope() == Scope::Test) {
+        let table = if row.judges == Judges::Misses {
+            "`[timing]`"
+        } else {
+            "`[safety]`"
+        };
+        line(&mut text, row, table);
     }
     text.push_str(
         "\n## Divergence and waiting times\n\n| key | unit | what is judged | default | table |\n|---|---|---|---|---|\n",

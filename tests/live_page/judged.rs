@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use gusset::control::limits::{AxisLimits, Bound, Quantity, Range};
+use gusset::catalog::limit::{Kind, Limit};
+use gusset::control::limits::{AxisLimits, Bound, Range};
 use gusset::control::{Axis, Order, Port, Reference, Zero};
 use gusset::engine::{Experiment, Glimpse, Opening, Phase, PhaseCell};
 use gusset::monitor::{About, Board, Snapshot, Subject, Tap, metrics};
@@ -68,58 +69,47 @@ fn open() -> AxisLimits {
         trip: range,
         ..Range::NONE
     };
-    AxisLimits {
-        command_disp: range,
-        command_step: size,
-        command_vel: size,
-        command_accel: size,
-        measured_disp: range,
-        measured_force: range,
-        following_error: size,
-        following_time: 0.002,
-        force_step: size,
-        stuck_ticks: size,
-        stuck_travel: 1e-5,
-        ..AxisLimits::NONE
-    }
+    let mut limits = AxisLimits::NONE
+        .with(Limit::CommandDisp, range)
+        .with(Limit::CommandStep, size)
+        .with(Limit::CommandVel, size)
+        .with(Limit::CommandAccel, size)
+        .with(Limit::MeasuredDisp, range)
+        .with(Limit::MeasuredForce, range)
+        .with(Limit::FollowingError, size)
+        .with(Limit::ForceStep, size)
+        .with(Limit::StuckSensor, size);
+    limits.following_time = 0.002;
+    limits.stuck_travel = 1e-5;
+    limits
 }
 
 /// The same with a warning of one quantity from `size` on.
-fn warned(quantity: Quantity, size: f64) -> AxisLimits {
-    let mut limits = open();
-    let bound = Bound {
-        warn: size,
-        trip: 1e30,
-    };
+fn warned(quantity: Limit, size: f64) -> AxisLimits {
     let range = Range {
         warn: [-size, size],
         trip: [-1e30, 1e30],
     };
-    match quantity {
-        Quantity::CommandDisp => limits.command_disp = range,
-        Quantity::CommandStep => limits.command_step = bound,
-        Quantity::CommandVel => limits.command_vel = bound,
-        Quantity::CommandAccel => limits.command_accel = bound,
-        Quantity::MeasuredDisp => limits.measured_disp = range,
-        Quantity::MeasuredForce => limits.measured_force = range,
-        Quantity::FollowingError => limits.following_error = bound,
-        Quantity::ForceStep => limits.force_step = bound,
-        Quantity::StuckSensor => limits.stuck_ticks = bound,
-        other => panic!("{other:?}"),
+    let bound = Bound {
+        warn: size,
+        trip: 1e30,
+    };
+    match quantity.row().kind {
+        Kind::Range => open().with(quantity, range),
+        Kind::Size | Kind::Count => open().with(quantity, bound),
     }
-    limits
 }
 
-const SHOWN: [Quantity; 9] = [
-    Quantity::CommandDisp,
-    Quantity::CommandStep,
-    Quantity::CommandVel,
-    Quantity::CommandAccel,
-    Quantity::MeasuredDisp,
-    Quantity::MeasuredForce,
-    Quantity::FollowingError,
-    Quantity::ForceStep,
-    Quantity::StuckSensor,
+const SHOWN: [Limit; 9] = [
+    Limit::CommandDisp,
+    Limit::CommandStep,
+    Limit::CommandVel,
+    Limit::CommandAccel,
+    Limit::MeasuredDisp,
+    Limit::MeasuredForce,
+    Limit::FollowingError,
+    Limit::ForceStep,
+    Limit::StuckSensor,
 ];
 
 /// Two floors that are shaken, the upper storey the specimen; commanded once a step of ten ticks, or every tick.

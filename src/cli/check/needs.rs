@@ -1,8 +1,8 @@
 //! The needs of every axis beside its limits, as the short page of `gusset check` shows them.
 
 use super::super::table::Table;
+use crate::catalog::limit::Limit;
 use crate::control::Poses;
-use crate::control::limits::Quantity;
 use crate::session::rehearsal::{Need, Needs, Rehearsal, StandIn, Used};
 use crate::units::{number, quantity, quantity_range};
 
@@ -228,46 +228,43 @@ fn prefix(needs: &Needs, axis: usize) -> String {
 }
 
 /// A quantity in two or three words.
-const fn name(quantity: Quantity) -> &'static str {
+const fn name(quantity: Limit) -> &'static str {
     match quantity {
-        Quantity::CommandStep => "command step per tick",
-        Quantity::ForceStep => "measured force step",
-        Quantity::SensorDisp => "displacement sensor",
-        Quantity::SensorForce => "load cell",
+        Limit::CommandStep => "command step per tick",
+        Limit::ForceStep => "measured force step",
+        Limit::SensorDisp => "displacement sensor",
+        Limit::SensorForce => "load cell",
         other => other.words(),
     }
 }
 
-const fn is_of_force(quantity: Quantity) -> bool {
+const fn is_of_force(quantity: Limit) -> bool {
     matches!(
         quantity,
-        Quantity::MeasuredForce | Quantity::SensorForce | Quantity::ForceStep
+        Limit::MeasuredForce | Limit::SensorForce | Limit::ForceStep
     )
 }
 
 /// The quantities that are shown whether or not they have a limit.
-const fn is_usual(quantity: Quantity) -> bool {
+const fn is_usual(quantity: Limit) -> bool {
     matches!(
         quantity,
-        Quantity::CommandDisp
-            | Quantity::CommandVel
-            | Quantity::CommandAccel
-            | Quantity::MeasuredForce
+        Limit::CommandDisp | Limit::CommandVel | Limit::CommandAccel | Limit::MeasuredForce
     )
 }
 
-const fn is_range(quantity: Quantity) -> bool {
+const fn is_range(quantity: Limit) -> bool {
     matches!(
         quantity,
-        Quantity::CommandDisp
-            | Quantity::MeasuredDisp
-            | Quantity::SensorDisp
-            | Quantity::MeasuredForce
-            | Quantity::SensorForce
+        Limit::CommandDisp
+            | Limit::MeasuredDisp
+            | Limit::SensorDisp
+            | Limit::MeasuredForce
+            | Limit::SensorForce
     )
 }
 
-fn unit(quantity: Quantity) -> &'static str {
+fn unit(quantity: Limit) -> &'static str {
     match quantity.unit() {
         "m/s2" => "m/s²",
         unit => unit,

@@ -1,8 +1,9 @@
 //! How far an axis is driven: as was asked for if the limits allow it, else a share of what they leave.
 
 use super::usage;
+use crate::catalog::limit::Limit;
 use crate::config::SpecimenTable;
-use crate::control::limits::{BoundSpec, LimitsSpec, RangeSpec};
+use crate::control::limits::{LimitsSpec, RangeSpec};
 use crate::identify::{Band, Course};
 use crate::units::{compared, number, quantity};
 
@@ -39,38 +40,21 @@ pub(super) fn amplitude(
         need,
         unit,
     };
+    let of_range = |limit: Limit| {
+        let ways = ways(limits.get(limit), zero);
+        room(limit.key(), ways, 1.0, "m")
+    };
+    let of_size = |limit: Limit, need, unit| {
+        let [warn, trip] = limits.size(limit).unwrap_or_default().levels();
+        room(limit.key(), (warn, trip), need, unit)
+    };
     let rooms = [
-        room(
-            "command_disp_m",
-            ways(limits.command_disp_m, zero),
-            1.0,
-            "m",
-        ),
-        room(
-            "measured_disp_m",
-            ways(limits.measured_disp_m, zero),
-            1.0,
-            "m",
-        ),
+        of_range(Limit::CommandDisp),
+        of_range(Limit::MeasuredDisp),
         room("length_m", (f64::INFINITY, length(table, axis)), 1.0, "m"),
-        room(
-            "command_vel_m_per_s",
-            levels(limits.command_vel_m_per_s),
-            demand.vel,
-            "m/s",
-        ),
-        room(
-            "command_step_m",
-            levels(limits.command_step_m),
-            demand.vel * tick,
-            "m",
-        ),
-        room(
-            "command_accel_m_per_s2",
-            levels(limits.command_accel_m_per_s2),
-            demand.accel,
-            "m/s²",
-        ),
+        of_size(Limit::CommandVel, demand.vel, "m/s"),
+        of_size(Limit::CommandStep, demand.vel * tick, "m"),
+        of_size(Limit::CommandAccel, demand.accel, "m/s²"),
     ];
     let what = if table.geometry.is_some() {
         "actuator"
@@ -141,12 +125,6 @@ fn of_itself(place: &str, rooms: &[Room]) -> anyhow::Result<(f64, String)> {
         }
     }
     Ok(found)
-}
-
-fn levels(spec: Option<BoundSpec>) -> (f64, f64) {
-    let spec = spec.unwrap_or_default();
-    let level = |level: Option<f64>| level.unwrap_or(f64::INFINITY);
-    (level(spec.warn), level(spec.trip))
 }
 
 /// Way that a range leaves on either side of where the axis stands at zero deformation.

@@ -2,6 +2,7 @@
 //! ways and places of the file that limits, or what the rig can give, forbid.
 
 use super::Findings;
+use crate::catalog::limit::Limit;
 use crate::config::diagnose::Finding;
 use crate::config::document::KeyPath;
 use crate::config::safety::{ExitChoice, SafetyTable};
@@ -85,13 +86,14 @@ struct Place<'a> {
 
 impl Place<'_> {
     /// Where the bound that holds for the axis stands: in its own table, or in that of all axes.
-    fn of(&self, key: &str, is_given: impl Fn(&LimitsSpec) -> bool) -> KeyPath {
+    fn of(&self, limit: Limit) -> KeyPath {
+        let key = limit.key();
         let own = self
             .specimen
             .axis
             .get(self.index)
             .and_then(|axis| axis.limits);
-        if own.is_some_and(|own| is_given(&own)) {
+        if own.is_some_and(|own| own.has(limit)) {
             self.at.key("axis").index(self.index).key("limits").key(key)
         } else {
             self.at.key("limits").key(key)
@@ -100,15 +102,13 @@ impl Place<'_> {
 
     /// An increment per tick and a velocity are the same bound in other units.
     fn check_speeds(&self, limits: &LimitsSpec, tick_s: f64, findings: &mut Findings) {
-        let vel = limits.command_vel_m_per_s.and_then(|bound| bound.trip);
-        let step = limits.command_step_m.and_then(|bound| bound.trip);
+        let vel = limits.trip_size(Limit::CommandVel);
+        let step = limits.trip_size(Limit::CommandStep);
         if let (Some(vel), Some(step)) = (vel, step)
             && step > SAME * vel * tick_s
         {
-            let there = self.of("command_step_m", |own| own.command_step_m.is_some());
-            let here = self.of("command_vel_m_per_s", |own| {
-                own.command_vel_m_per_s.is_some()
-            });
+            let there = self.of(Limit::CommandStep);
+            let here = self.of(Limit::CommandVel);
             findings.0.push(
                 Finding::error(
                     here,
@@ -127,38 +127,26 @@ impl Place<'_> {
     /// What a sensor cannot read cannot be measured.
     fn check_sensors(&self, limits: &LimitsSpec, findings: &mut Findings) {
         let pairs = [
-            (
-                ("measured_disp_m", limits.measured_disp_m),
-                ("sensor_disp_m", limits.sensor_disp_m),
-            ),
-            (
-                ("measured_force_n", limits.measured_force_n),
-                ("sensor_force_n", limits.sensor_force_n),
-            ),
+            (Limit::MeasuredDisp, Limit::SensorDisp),
+            (Limit::MeasuredForce, Limit::SensorForce),
         ];
-        for ((key, measured), (sensor_key, sensor)) in pairs {
-            let (Some([low, high]), Some([least, most])) = (
-                measured.and_then(|range| range.trip),
-                sensor.and_then(|range| range.trip),
-            ) else {
+        for (measured, sensor) in pairs {
+            let (Some([low, high]), Some([least, most])) =
+                (limits.trip(measured), limits.trip(sensor))
+            else {
                 continue;
             };
             if low < least || high > most {
-                let is_given = |own: &LimitsSpec| match key {
-                    "measured_disp_m" => own.measured_disp_m.is_some(),
-                    _ => own.measured_force_n.is_some(),
-                };
-                let is_there = |own: &LimitsSpec| match sensor_key {
-                    "sensor_disp_m" => own.sensor_disp_m.is_some(),
-                    _ => own.sensor_force_n.is_some(),
-                };
                 findings.0.push(
                     Finding::error(
-                        self.of(key, is_given),
-                        format!("`{key}` is {low} to {high}, but the sensor measures only {least} to {most}"),
+                        self.of(measured),
+                        format!(
+                            "`{}` is {low} to {high}, but the sensor measures only {least} to {most}",
+                            measured.key()
+                        ),
                     )
                     .label("the range of the sensor")
-                    .beside(self.of(sensor_key, is_there), "its range"),
+                    .beside(self.of(sensor), "its range"),
                 );
             }
         }
@@ -176,8 +164,8 @@ impl Place<'_> {
         let moves = [safety.on_trip, safety.at_end]
             .iter()
             .any(|choice| *choice != ExitChoice::Freeze);
-        let vel = limits.command_vel_m_per_s.and_then(|bound| bound.trip);
-        let step = limits.command_step_m.and_then(|bound| bound.trip);
+        let vel = limits.trip_size(Limit::CommandVel);
+        let step = limits.trip_size(Limit::CommandStep);
         let exit = KeyPath::root().key("safety").key("exit_speed_m_per_s");
         if let (true, Some(speed), Some(step), Some(tick_s)) =
             (moves, safety.exit_speed_m_per_s, step, tick_s)
@@ -195,7 +183,7 @@ impl Place<'_> {
                 )
                 .label("faster than its limit")
                 .beside(
-                    self.of("command_step_m", |own| own.command_step_m.is_some()),
+                    self.of(Limit::CommandStep),
                     "its limit",
                 ),
             );
@@ -213,9 +201,7 @@ impl Place<'_> {
                 )
                 .label("faster than its limit")
                 .beside(
-                    self.of("command_vel_m_per_s", |own| {
-                        own.command_vel_m_per_s.is_some()
-                    }),
+                    self.of(Limit::CommandVel),
                     "its limit",
                 ),
             );
@@ -241,9 +227,9 @@ impl Place<'_> {
 
     /// The start and the safe position are within the allowed commands and the capacity of the rig, and so is the wiring check.
     fn check_places(&self, limits: &LimitsSpec, findings: &mut Findings) {
-        let range = limits.command_disp_m.and_then(|range| range.trip);
+        let range = limits.trip(Limit::CommandDisp);
         let range = range.map(|range| {
-            let at = self.of("command_disp_m", |own| own.command_disp_m.is_some());
+            let at = self.of(Limit::CommandDisp);
             (
                 range,
                 at,
@@ -383,21 +369,10 @@ pub(super) fn check_required(
 pub fn missing_limits(specimen: &SpecimenTable) -> Vec<String> {
     let limits = specimen.limits_of(specimen.axes());
     let mut missing = Vec::new();
-    for (key, is_there) in [
-        (
-            "command_disp_m",
-            (|axis| {
-                axis.command_disp_m
-                    .is_some_and(|range| range.trip.is_some())
-            }) as fn(&LimitsSpec) -> bool,
-        ),
-        ("measured_force_n", |axis| {
-            axis.measured_force_n
-                .is_some_and(|range| range.trip.is_some())
-        }),
-    ] {
+    for limit in [Limit::CommandDisp, Limit::MeasuredForce] {
+        let key = limit.key();
         let without: Vec<usize> = (0..limits.len())
-            .filter(|i| !is_there(&limits[*i]))
+            .filter(|axis| limits[*axis].trip(limit).is_none())
             .collect();
         if without.len() == limits.len() {
             missing.push(format!("`{key}`"));

@@ -59,7 +59,6 @@ fn nothing_is_told_of_files_whose_keys_all_have_an_effect() {
         "specimen.0.limits.stuck_ticks.trip=20",
         "specimen.0.limits.stuck_travel_m=1e-3",
         "specimen.0.limits.alternating_ticks.trip=9",
-        "specimen.0.limits.alternating_m=1e-6",
         "specimen.0.link.max_stale=3",
         "specimen.0.link.probe_m=1e-3",
         "specimen.0.link.probe_ramp_s=2",
@@ -134,7 +133,6 @@ fn modifiers_of_bounds_that_are_not_given_are_told_of() {
     for (key, bound) in [
         ("following_time_s", "following_error_m"),
         ("stuck_travel_m", "stuck_ticks"),
-        ("alternating_m", "alternating_ticks"),
     ] {
         let set = format!("specimen.0.limits.{key}=1e-3");
         let path = format!("specimen[0].limits.{key}");

@@ -1,30 +1,29 @@
-//! What a specimen may be told and may answer: limits of one axis, each with a level to warn at and one to trip at.
+//! What a specimen may be commanded and may answer: the limits of one axis, each with a warning and a trip level.
 //!
-//! Everything is in SI at the specimen's own scale, because that is what breaks: an actuator's stroke, a pump's flow,
-//! a load cell's range; energy and tangents are the structure's. The rules are pure; [`Watch`] keeps the few past values that they need. Invariant: a command is
-//! judged before it leaves, and what is not a number trips. Not here: what a trip leads to.
+//! All numbers are SI at the specimen's own scale, except energy and tangents, which are the structure's. The catalogue says
+//! what each limit is; [`AxisLimits`] holds its levels; [`Watch`] keeps the few past values that the judgement needs.
+//! One loop compares all values of a look with inner bounds. Only beyond one of them the table of limits is walked.
+//! Invariant: a command is judged before it leaves, and a command or a measurement that is not a number trips.
+//! What a trip leads to is decided elsewhere.
 
-mod calm;
+mod judge;
 mod lately;
-mod look;
 mod past;
-mod quantity;
 mod sawtooth;
 mod spec;
 mod trips;
 mod watch;
 
-pub use calm::{Asked, Seen};
-pub use quantity::Quantity;
 pub use spec::{BoundSpec, DIVERGENCE_M, LimitsError, LimitsSpec, RangeSpec};
 pub use watch::{Estimated, Watch};
 
+use crate::catalog::limit::{AXIS_LIMITS, Kind, Limit};
 use crate::units::compared;
 
 /// How bad it is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Level {
-    /// It is told, and the test goes on.
+    /// The controller writes an event, and the test continues.
     Warning,
     /// The test ends.
     Trip,
@@ -35,8 +34,8 @@ pub enum Level {
 pub struct Hit {
     /// Axis, from 0.
     pub axis: usize,
-    /// Of what.
-    pub quantity: Quantity,
+    /// The limit.
+    pub quantity: Limit,
     /// How bad it is.
     pub level: Level,
     /// What was found, SI.
@@ -60,12 +59,12 @@ impl std::fmt::Display for Hit {
     }
 }
 
-/// A size that is to be warned of, and one to trip at; infinite where there is none.
+/// A size to warn of, and one to trip at; infinite where there is none.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bound {
-    /// Warned of above this.
+    /// The controller warns above this.
     pub warn: f64,
-    /// Tripped above this.
+    /// The test ends above this.
     pub trip: f64,
 }
 
@@ -85,32 +84,42 @@ impl Bound {
         }
     }
 
+    /// The levels that a file gives.
+    #[must_use]
+    pub fn of(spec: BoundSpec) -> Self {
+        let [warn, trip] = spec.levels();
+        Self { warn, trip }
+    }
+
     /// The level that is reached first.
     #[must_use]
     pub const fn lower(self) -> f64 {
         self.warn.min(self.trip)
     }
 
-    /// What `value` is beyond, and the bound. Real-time: yes.
+    /// The level that `value` is beyond, and its bound. Real-time: yes.
     #[must_use]
     pub fn judge(self, value: f64) -> Option<(Level, f64)> {
-        if !value.is_finite() || value > self.trip {
-            Some((Level::Trip, self.trip))
-        } else if value > self.warn {
-            Some((Level::Warning, self.warn))
-        } else {
-            None
-        }
+        Range::from(self).judge(value)
     }
 }
 
-/// Smallest and largest value, for each level; infinite where there is none.
+/// Smallest and largest value of each level; infinite where there is none. A size has no smallest value.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Range {
-    /// Warned of outside of this.
+    /// The controller warns outside of this.
     pub warn: [f64; 2],
-    /// Tripped outside of this.
+    /// The test ends outside of this.
     pub trip: [f64; 2],
+}
+
+impl From<Bound> for Range {
+    fn from(Bound { warn, trip }: Bound) -> Self {
+        Self {
+            warn: [f64::NEG_INFINITY, warn],
+            trip: [f64::NEG_INFINITY, trip],
+        }
+    }
 }
 
 impl Range {
@@ -120,8 +129,34 @@ impl Range {
         trip: [f64::NEG_INFINITY, f64::INFINITY],
     };
 
-    /// What `value` is outside of, and the bound on that side. Real-time: yes.
-    fn judge(&self, value: f64) -> Option<(Level, f64)> {
+    /// Trip levels without a warning.
+    #[must_use]
+    pub const fn trip(trip: [f64; 2]) -> Self {
+        Self { trip, ..Self::NONE }
+    }
+
+    /// The largest values.
+    #[must_use]
+    pub const fn upper(&self) -> Bound {
+        let ([_, warn], [_, trip]) = (self.warn, self.trip);
+        Bound { warn, trip }
+    }
+
+    /// True if there is a trip level.
+    #[must_use]
+    pub fn trips(&self) -> bool {
+        self.trip.iter().any(|level| level.is_finite())
+    }
+
+    /// True if there is a level.
+    #[must_use]
+    pub fn is_some(&self) -> bool {
+        *self != Self::NONE
+    }
+
+    /// The level that `value` is outside of, and the bound on that side. Real-time: yes.
+    #[must_use]
+    pub fn judge(&self, value: f64) -> Option<(Level, f64)> {
         let outside = |[low, high]: [f64; 2]| {
             if value.is_finite() && value >= low && value <= high {
                 None
@@ -139,144 +174,102 @@ impl Range {
 /// The limits of one axis, SI at the specimen's own scale.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AxisLimits {
-    /// Of the commanded displacement.
-    pub command_disp: Range,
-    /// Of its change in one tick.
-    pub command_step: Bound,
-    /// Of its change over the tick's wall time.
-    pub command_vel: Bound,
-    /// Of its second difference over the tick's wall time squared.
-    pub command_accel: Bound,
-    /// Of the measured displacement.
-    pub measured_disp: Range,
-    /// Size of a measured displacement in m that trips where `measured_disp` has no trip level.
+    levels: [Range; AXIS_LIMITS],
+    /// Size of a measured displacement in m that trips where [`Limit::MeasuredDisp`] has no trip level.
     pub divergence: f64,
-    /// Of the measured force.
-    pub measured_force: Range,
-    /// Range of the displacement sensor.
-    pub sensor_disp: Range,
-    /// Range of the load cell.
-    pub sensor_force: Range,
-    /// Of |measured − commanded|, at rest.
-    pub following_error: Bound,
     /// Seconds of commanded motion by which the following error may be larger, at the largest speed of as many seconds.
     pub following_time: f64,
-    /// Of the change of the measured force from one measurement to the next.
-    pub force_step: Bound,
-    /// Of the ticks in a row with unchanged sensors.
-    pub stuck_ticks: Bound,
-    /// Travel of the command in m over these ticks below which nothing is expected to change.
+    /// Travel of the command in m below which [`Limit::StuckSensor`] expects no change.
     pub stuck_travel: f64,
-    /// Of the ticks in a row of a growing sawtooth.
-    pub alternating_ticks: Bound,
-    /// Second difference of the command in m up to which it is no sawtooth.
-    pub alternating_floor: f64,
-    /// Of the tangent stiffness over its declared bound.
-    pub stiffness_ratio: Bound,
-    /// Of the tangent damping over its declared bound.
-    pub damping_ratio: Bound,
-    /// Of the energy that the transfer system adds, J at the structure.
-    pub added_energy: Bound,
-    /// Of the lag behind the target, s.
-    pub lag: Bound,
-    /// Of the error of the gain.
-    pub gain_error: Bound,
-    /// Motion in m below which no tangent is taken.
-    pub tangent_step: f64,
 }
 
 impl AxisLimits {
     /// No limit at all.
     pub const NONE: AxisLimits = AxisLimits {
-        command_disp: Range::NONE,
-        command_step: Bound::NONE,
-        command_vel: Bound::NONE,
-        command_accel: Bound::NONE,
-        measured_disp: Range::NONE,
+        levels: [Range::NONE; AXIS_LIMITS],
         divergence: f64::INFINITY,
-        measured_force: Range::NONE,
-        sensor_disp: Range::NONE,
-        sensor_force: Range::NONE,
-        following_error: Bound::NONE,
         following_time: 0.0,
-        force_step: Bound::NONE,
-        stuck_ticks: Bound::NONE,
         stuck_travel: 0.0,
-        alternating_ticks: Bound::NONE,
-        alternating_floor: 0.0,
-        stiffness_ratio: Bound::NONE,
-        damping_ratio: Bound::NONE,
-        added_energy: Bound::NONE,
-        lag: Bound::NONE,
-        gain_error: Bound::NONE,
-        tangent_step: 0.0,
     };
-}
 
-impl AxisLimits {
-    /// The levels by which a measured displacement is judged. Real-time: yes.
-    const fn measured_range(&self) -> Range {
-        let Range {
-            warn,
-            trip: [low, high],
-        } = self.measured_disp;
-        let far = self.divergence;
-        Range {
-            warn,
-            trip: [
-                if low == f64::NEG_INFINITY { -far } else { low },
-                if high == f64::INFINITY { far } else { high },
-            ],
-        }
-    }
-}
-
-/// Both levels of one limit.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Levels {
-    /// Of a size.
-    Size(Bound),
-    /// Of a value with a sign.
-    Range(Range),
-}
-
-impl Levels {
-    /// True if there is a trip level.
+    /// The limits that a file gives.
     #[must_use]
-    pub fn trips(&self) -> bool {
-        match self {
-            Self::Size(bound) => bound.trip.is_finite(),
-            Self::Range(range) => range.trip.iter().any(|level| level.is_finite()),
+    pub fn of(spec: &LimitsSpec) -> Self {
+        let mut limits = Self {
+            divergence: DIVERGENCE_M,
+            following_time: spec.following_time_s,
+            stuck_travel: spec.stuck_travel_m,
+            ..Self::NONE
+        };
+        for limit in Limit::OF_AXIS {
+            if let Some(RangeSpec { warn, trip }) = spec.get(limit) {
+                limits.set(
+                    limit,
+                    Range {
+                        warn: warn.unwrap_or(Range::NONE.warn),
+                        trip: trip.unwrap_or(Range::NONE.trip),
+                    },
+                );
+            }
+        }
+        limits
+    }
+
+    /// The levels of a limit; none of one that belongs to no axis. Real-time: yes.
+    #[must_use]
+    pub fn get(&self, limit: Limit) -> Range {
+        let levels = self.levels.get(limit as usize);
+        levels.copied().unwrap_or(Range::NONE)
+    }
+
+    /// The levels of a limit whose kind is a size or a count. Real-time: yes.
+    #[must_use]
+    pub fn size(&self, limit: Limit) -> Bound {
+        self.get(limit).upper()
+    }
+
+    /// Sets the levels of a limit of an axis.
+    pub fn set(&mut self, limit: Limit, levels: impl Into<Range>) {
+        if let Some(place) = self.levels.get_mut(limit as usize) {
+            *place = levels.into();
         }
     }
-}
 
-impl AxisLimits {
+    /// The same with other levels of a limit.
+    #[must_use]
+    pub fn with(mut self, limit: Limit, levels: impl Into<Range>) -> Self {
+        self.set(limit, levels);
+        self
+    }
+
+    /// The levels that a value is judged by: `divergence` stands in for a trip level of the measured displacement.
+    fn in_force(&self, limit: Limit) -> Range {
+        let mut levels = self.get(limit);
+        if limit == Limit::MeasuredDisp {
+            let [low, high] = &mut levels.trip;
+            if *low == f64::NEG_INFINITY {
+                *low = -self.divergence;
+            }
+            if *high == f64::INFINITY {
+                *high = self.divergence;
+            }
+        }
+        levels
+    }
+
     /// All limits with their levels, infinite where there is none.
-    #[must_use]
-    pub fn levels(&self) -> [(Quantity, Levels); 17] {
-        Quantity::ALL.map(|quantity| {
-            let levels = match quantity {
-                Quantity::CommandDisp => Levels::Range(self.command_disp),
-                Quantity::CommandStep => Levels::Size(self.command_step),
-                Quantity::CommandVel => Levels::Size(self.command_vel),
-                Quantity::CommandAccel => Levels::Size(self.command_accel),
-                Quantity::MeasuredDisp => Levels::Range(self.measured_disp),
-                Quantity::MeasuredForce => Levels::Range(self.measured_force),
-                Quantity::FollowingError => Levels::Size(self.following_error),
-                Quantity::ForceStep => Levels::Size(self.force_step),
-                Quantity::StuckSensor => Levels::Size(self.stuck_ticks),
-                Quantity::SensorDisp => Levels::Range(self.sensor_disp),
-                Quantity::SensorForce => Levels::Range(self.sensor_force),
-                Quantity::Alternation => Levels::Size(self.alternating_ticks),
-                Quantity::StiffnessRatio => Levels::Size(self.stiffness_ratio),
-                Quantity::DampingRatio => Levels::Size(self.damping_ratio),
-                Quantity::AddedEnergy => Levels::Size(self.added_energy),
-                Quantity::Lag => Levels::Size(self.lag),
-                Quantity::GainError => Levels::Size(self.gain_error),
-            };
-            (quantity, levels)
-        })
+    pub fn levels(&self) -> impl Iterator<Item = (Limit, Range)> {
+        Limit::OF_AXIS.into_iter().zip(self.levels)
+    }
+}
+
+/// The numbers of a level, as they are listed: one of a size, two of a range, none where there is no level.
+#[must_use]
+pub fn listed(limit: Limit, ends: [f64; 2]) -> Vec<f64> {
+    match limit.row().kind {
+        _ if ends.iter().all(|end| end.is_infinite()) => Vec::new(),
+        Kind::Range => ends.to_vec(),
+        Kind::Size | Kind::Count => ends.iter().skip(1).copied().collect(),
     }
 }
 

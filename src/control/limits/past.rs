@@ -1,11 +1,11 @@
-//! What is remembered of one axis, and what its next command and its next measurement are judged by.
+//! The past values of one axis, and the values of its next command and measurement that are judged.
 
-use super::calm::{Asked, Seen};
+use super::judge::{COMMAND, Look, MEASUREMENT};
 use super::lately::Lately;
-use super::look::Look;
 use super::sawtooth::Sawtooth;
 use super::trips::{GoesOn, Trips};
 use super::{AxisLimits, Found};
+use crate::catalog::limit::Limit;
 
 /// What is remembered of one axis, SI.
 #[derive(Debug, Clone, Copy, Default)]
@@ -45,39 +45,60 @@ impl Past {
         }
     }
 
-    /// What the next command is judged by. Real-time: yes.
+    /// The values of the next command that are judged, in the order of [`COMMAND`]. Real-time: yes.
     #[inline]
-    pub fn asked(&self, disp: f64, pace: Pace, aims: bool, limits: &AxisLimits) -> Asked {
+    pub fn of_command(&self, disp: f64, pace: Pace, aims: bool) -> [f64; COMMAND.len()] {
+        const {
+            assert!(matches!(
+                COMMAND,
+                [
+                    Limit::CommandDisp,
+                    Limit::CommandStep,
+                    Limit::CommandVel,
+                    Limit::CommandAccel,
+                    Limit::Alternation,
+                ]
+            ));
+        }
         let Pace { tick, before } = pace;
         let [last, last_but_one] = self.command;
         let sawtooth = if aims {
             self.sawtooth.ticks
         } else {
-            self.sawtooth.after(disp, limits.alternating_floor).ticks
+            self.sawtooth.after(disp).ticks
         };
         let step = (disp - last).abs();
-        Asked {
-            disp,
-            step,
-            vel: step / tick,
-            accel: if before == tick || before == 0.0 {
-                (disp - 2.0 * last + last_but_one).abs() / (tick * tick)
-            } else {
-                let change = (disp - last) / tick - (last - last_but_one) / before;
-                change.abs() / (0.5 * (tick + before))
-            },
-            alternating: f64::from(sawtooth),
-        }
+        let accel = if before == tick || before == 0.0 {
+            (disp - 2.0 * last + last_but_one).abs() / (tick * tick)
+        } else {
+            let change = (disp - last) / tick - (last - last_but_one) / before;
+            change.abs() / (0.5 * (tick + before))
+        };
+        [disp, step, step / tick, accel, f64::from(sawtooth)]
     }
 
-    /// Takes a fresh measurement; what it is judged by. Real-time: yes.
+    /// Takes a fresh measurement. Its values that are judged, in the order of [`MEASUREMENT`]. Real-time: yes.
     #[inline]
-    pub fn seen(
+    pub fn of_measurement(
         &mut self,
         (disp, force, stands): (f64, f64, f64),
         seen_before: bool,
         limits: &AxisLimits,
-    ) -> Seen {
+    ) -> [f64; MEASUREMENT.len()] {
+        const {
+            assert!(matches!(
+                MEASUREMENT,
+                [
+                    Limit::SensorDisp,
+                    Limit::SensorForce,
+                    Limit::MeasuredDisp,
+                    Limit::MeasuredForce,
+                    Limit::FollowingError,
+                    Limit::ForceStep,
+                    Limit::StuckSensor,
+                ]
+            ));
+        }
         let moved =
             disp.to_bits() != self.measured.to_bits() || force.to_bits() != self.force.to_bits();
         if moved || !seen_before {
@@ -85,26 +106,27 @@ impl Past {
         } else if self.stuck_travel > limits.stuck_travel {
             self.stuck_ticks = self.stuck_ticks.saturating_add(1);
         }
-        let error = (stands - self.command[0]).abs();
-        let seen = Seen {
-            disp,
-            force,
-            // The share of motion is taken off, so that both levels get the same.
-            error: error - limits.following_time * self.speed.largest(),
-            jump: (force - self.force).abs(),
-            stuck: f64::from(self.stuck_ticks),
-        };
-        if seen_before && seen.jump > limits.force_step.trip {
-            let from = [self.force, limits.force_step.trip];
-            self.jump.get_or_insert(from);
+        // The share of motion is taken off, so that both levels get the same.
+        let error = (stands - self.command[0]).abs() - limits.following_time * self.speed.largest();
+        let change = (force - self.force).abs();
+        let allowed = limits.size(Limit::ForceStep).trip;
+        if seen_before && change > allowed {
+            self.jump.get_or_insert([self.force, allowed]);
         }
         (self.measured, self.force, self.stands) = (disp, force, stands);
-        seen
+        let stuck = f64::from(self.stuck_ticks);
+        [disp, force, disp, force, error, change, stuck]
     }
 
-    pub fn look<'a>(&'a mut self, axis: usize, found: &'a mut Found) -> Look<'a> {
+    pub fn look<'a>(
+        &'a mut self,
+        axis: usize,
+        limits: &'a AxisLimits,
+        found: &'a mut Found,
+    ) -> Look<'a> {
         Look {
             axis,
+            limits,
             warned: &mut self.warned,
             trips: &mut self.trips,
             goes_on: GoesOn::default(),

@@ -23,7 +23,7 @@ impl Sawtooth {
 
     /// With one more. Real-time: yes.
     #[inline]
-    pub fn after(&self, disp: f64, floor: f64) -> Self {
+    pub fn after(&self, disp: f64) -> Self {
         let [last, before] = self.disp;
         let mut next = Self {
             disp: [disp, last],
@@ -34,7 +34,7 @@ impl Sawtooth {
             next.bend = disp - 2.0 * last + before;
             // By sign and not by product, which underflows.
             let turns = self.bend != 0.0 && (self.bend > 0.0) != (next.bend > 0.0);
-            if turns && next.bend.abs() > floor && next.bend.abs() > self.bend.abs() {
+            if turns && next.bend.abs() > self.bend.abs() {
                 next.ticks = self.ticks.saturating_add(1);
             }
         }

@@ -1,108 +1,178 @@
-//! `limits` of a specimen or of one of its axes, in a file.
+//! The table `limits` of a specimen or of one of its axes, in a file.
+//!
+//! The catalogue names the keys; this module reads, writes, checks and merges their levels. Levels of a size have no
+//! smallest value. The order of the keys is the order of the catalogue's table.
 
+use std::borrow::Cow;
 use std::fmt;
 
-use schemars::JsonSchema;
-use serde::de::{self, SeqAccess, Unexpected, Visitor};
-use serde::{Deserialize, Deserializer, Serialize};
+use schemars::{JsonSchema, Schema, SchemaGenerator};
+use serde::de::{self, MapAccess, SeqAccess, Unexpected, Visitor};
+use serde::ser::SerializeStruct;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde_json::{Map, Value, json};
 use thiserror::Error;
 
-use super::{AxisLimits, Bound, Range};
+use crate::catalog::limit::{AXIS_LIMITS, Kind, Limit, Row, Scope, Setting, TABLE};
 
 /// Size of a measured displacement in m that trips where nothing else is given.
 pub const DIVERGENCE_M: f64 = 1e3;
 
-/// Limits of one axis in SI units, at the specimen's own scale. A limit that is absent is not
-/// checked. NaN and infinity always trip. More: guide, limits.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+/// Limits of one axis in SI units, at the specimen's own scale. A limit that is absent is not checked.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct LimitsSpec {
-    /// Range of the commanded displacement.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub command_disp_m: Option<RangeSpec>,
-    /// Largest change of the command between two commands.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub command_step_m: Option<BoundSpec>,
-    /// Largest velocity of the command, in wall time. With a trip level v, clients of `gusset
-    /// serve` move a physical specimen by at most v·(T + burst) in T seconds. The burst is 0.02 s
-    /// or two announced periods, at most 0.1 s. More: guide, limits.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub command_vel_m_per_s: Option<BoundSpec>,
-    /// Largest acceleration of the command, from its second difference in wall time.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(example = serde_json::json!({"warn": 20.0, "trip": 30.0}))]
-    pub command_accel_m_per_s2: Option<BoundSpec>,
-    /// Range of the measured displacement. Default: a measured displacement beyond ±1000 m trips.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub measured_disp_m: Option<RangeSpec>,
-    /// Range of the measured force.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub measured_force_n: Option<RangeSpec>,
-    /// Measuring range of the displacement sensor. A reading outside this range is not reliable.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(example = serde_json::json!({"trip": [-0.12, 0.12]}))]
-    pub sensor_disp_m: Option<RangeSpec>,
-    /// Measuring range of the load cell. A reading outside this range is not reliable, and no
-    /// specimen moves to zero force by it.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub sensor_force_n: Option<RangeSpec>,
-    /// Largest following error, |measured − commanded| displacement, at rest. `following_time_s`
-    /// allows for more in motion.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub following_error_m: Option<BoundSpec>,
-    /// Delay of the actuator that the following error allows for. The limit grows by this time
-    /// multiplied by the largest recent speed of the command.
+    given: [Option<RangeSpec>; AXIS_LIMITS],
+    /// Delay of the actuator in s that the following error allows for.
     pub following_time_s: f64,
-    /// Largest change of the measured force between two measurements.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(example = serde_json::json!({"trip": 5.0e3}))]
-    pub force_step_n: Option<BoundSpec>,
-    /// Number of successive measurements in which both sensors are unchanged to the last bit
-    /// although the command moves.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(example = serde_json::json!({"warn": 20.0, "trip": 50.0}))]
-    pub stuck_ticks: Option<BoundSpec>,
-    /// Motion of the command that is too small to change the sensors. `stuck_ticks` ignores it.
-    #[schemars(example = 1.0e-5)]
+    /// Motion of the command in m that is too small to change the sensors.
     pub stuck_travel_m: f64,
-    /// Number of successive commands in which the second difference changes its sign and grows.
-    /// Such a sawtooth is an early sign of an unstable integration.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(example = serde_json::json!({"warn": 6.0, "trip": 12.0}))]
-    pub alternating_ticks: Option<BoundSpec>,
-    /// Second difference of the command that counts as noise. `alternating_ticks` ignores it.
-    #[schemars(example = 1.0e-5)]
-    pub alternating_m: f64,
-    /// Estimated tangent stiffness divided by its declared upper bound. The bound is
-    /// `hardening_bound` · `stiffness_n_per_m`, or that of the law. The proof of stability holds up
-    /// to 1.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(example = serde_json::json!({"warn": 1.0, "trip": 1.2}))]
-    pub stiffness_ratio: Option<BoundSpec>,
-    /// Estimated tangent damping divided by its declared upper bound. It is only estimated if
-    /// damping is declared.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(example = serde_json::json!({"warn": 1.0, "trip": 1.2}))]
-    pub damping_ratio: Option<BoundSpec>,
-    /// Energy that the tracking error of this axis adds to the structure. A delay adds energy, a
-    /// lead removes it.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(example = serde_json::json!({"warn": 5.0, "trip": 10.0}))]
-    pub added_energy_j: Option<BoundSpec>,
-    /// Lag of the measured displacement behind the target, or lead if it is early. It is estimated
-    /// over the last seconds of motion, after two periods.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(example = serde_json::json!({"warn": 0.002, "trip": 0.004}))]
-    pub lag_s: Option<BoundSpec>,
-    /// Amplitude error |gain − 1| of the measured displacement relative to the target. It is
-    /// estimated over the last seconds of motion, after two periods.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(example = serde_json::json!({"warn": 0.05, "trip": 0.1}))]
-    pub gain_error: Option<BoundSpec>,
-    /// Smallest motion that is used to estimate tangent stiffness and damping. 0 is ten times the
-    /// noise that was measured before the test.
-    #[schemars(example = 1.0e-5)]
-    pub tangent_step_m: f64,
+}
+
+/// Rows of the limits of an axis, in the order of the file.
+fn rows() -> impl Iterator<Item = &'static Row> {
+    TABLE.iter().filter(|row| row.scope() == Scope::Axis)
+}
+
+/// All keys, in the order of the file.
+fn keys() -> impl Iterator<Item = &'static str> {
+    rows()
+        .flat_map(|row| {
+            [
+                Some(row.key),
+                row.setting.as_ref().map(|setting| setting.key),
+            ]
+        })
+        .flatten()
+}
+
+/// What a key of the file sets.
+enum Key {
+    Limit(&'static Row),
+    Setting(Limit),
+}
+
+impl Key {
+    fn find(name: &str) -> Option<Self> {
+        rows().find_map(|row| match &row.setting {
+            _ if row.key == name => Some(Self::Limit(row)),
+            Some(setting) if setting.key == name => Some(Self::Setting(row.limit)),
+            _ => None,
+        })
+    }
+}
+
+impl<'de> Deserialize<'de> for LimitsSpec {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Table;
+
+        impl<'de> Visitor<'de> for Table {
+            type Value = LimitsSpec;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("struct LimitsSpec")
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<LimitsSpec, A::Error> {
+                let mut spec = LimitsSpec::default();
+                while let Some(name) = map.next_key::<String>()? {
+                    match Key::find(&name) {
+                        Some(Key::Limit(row)) => {
+                            let levels = match row.kind {
+                                Kind::Range => map.next_value()?,
+                                Kind::Size | Kind::Count => {
+                                    map.next_value::<Option<BoundSpec>>()?.map(RangeSpec::from)
+                                }
+                            };
+                            spec.set(row.limit, levels);
+                        }
+                        Some(Key::Setting(limit)) => {
+                            let value = map.next_value()?;
+                            if let Some(place) = spec.setting_mut(limit) {
+                                *place = value;
+                            }
+                        }
+                        None => return Err(unknown(&name)),
+                    }
+                }
+                Ok(spec)
+            }
+        }
+
+        deserializer.deserialize_map(Table)
+    }
+}
+
+/// An unknown key, in the words of serde.
+fn unknown<E: de::Error>(name: &str) -> E {
+    let known: Vec<String> = keys().map(|key| format!("`{key}`")).collect();
+    let known = known.join(", ");
+    E::custom(format_args!(
+        "unknown field `{name}`, expected one of {known}"
+    ))
+}
+
+impl Serialize for LimitsSpec {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut table = serializer.serialize_struct("LimitsSpec", keys().count())?;
+        for row in rows() {
+            match (self.get(row.limit), row.kind) {
+                (None, _) => table.skip_field(row.key)?,
+                (Some(levels), Kind::Range) => table.serialize_field(row.key, &levels)?,
+                (Some(levels), Kind::Size | Kind::Count) => {
+                    table.serialize_field(row.key, &levels.upper())?;
+                }
+            }
+            if let Some((setting, value)) = self.setting(row.limit) {
+                table.serialize_field(setting.key, &value)?;
+            }
+        }
+        table.end()
+    }
+}
+
+impl JsonSchema for LimitsSpec {
+    fn schema_name() -> Cow<'static, str> {
+        "LimitsSpec".into()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let mut properties = Map::new();
+        for row in rows() {
+            let levels = match row.kind {
+                Kind::Range => generator.subschema_for::<Option<RangeSpec>>(),
+                Kind::Size | Kind::Count => generator.subschema_for::<Option<BoundSpec>>(),
+            };
+            let example = row.example.and_then(|text| serde_json::from_str(text).ok());
+            properties.insert(row.key.to_owned(), described(levels, row.sentence, example));
+            if let Some(setting) = &row.setting {
+                let mut number = generator.subschema_for::<f64>();
+                number.insert("default".to_owned(), json!(0.0));
+                let example = setting.example.map(Value::from);
+                let number = described(number, setting.sentence, example);
+                properties.insert(setting.key.to_owned(), number);
+            }
+        }
+        let mut table = Map::new();
+        table.insert(
+            "description".to_owned(),
+            "Limits of one axis in SI units, at the specimen's own scale. A limit that is absent is not checked. NaN and \
+             infinity always trip. More: guide, limits."
+                .into(),
+        );
+        table.insert("type".to_owned(), "object".into());
+        table.insert("properties".to_owned(), properties.into());
+        table.insert("additionalProperties".to_owned(), false.into());
+        table.into()
+    }
+}
+
+/// A schema with its sentence and its example.
+fn described(mut schema: Schema, sentence: &str, example: Option<Value>) -> Value {
+    schema.insert("description".to_owned(), sentence.into());
+    if let Some(example) = example {
+        schema.insert("examples".to_owned(), json!([example]));
+    }
+    schema.to_value()
 }
 
 /// Largest absolute value. Give `warn`, `trip` or both.
@@ -163,6 +233,16 @@ fn range<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<[f64; 2]>,
     }
 
     deserializer.deserialize_any(RangeVisitor).map(Some)
+}
+
+impl From<BoundSpec> for RangeSpec {
+    fn from(BoundSpec { warn, trip }: BoundSpec) -> Self {
+        let up_to = |level: f64| [f64::NEG_INFINITY, level];
+        Self {
+            warn: warn.map(up_to),
+            trip: trip.map(up_to),
+        }
+    }
 }
 
 /// A bound that cannot be.
@@ -255,25 +335,10 @@ impl BoundSpec {
         }
     }
 
-    /// Each level of `own` where it is given, and that of `all` elsewhere.
-    fn over(own: Option<Self>, all: Option<Self>) -> Option<Self> {
-        let (Some(one), Some(other)) = (own, all) else {
-            return own.or(all);
-        };
-        Some(Self {
-            warn: one.warn.or(other.warn),
-            trip: one.trip.or(other.trip),
-        })
-    }
-
-    /// The levels; none where nothing is given.
+    /// Both levels, infinite where none is given.
     #[must_use]
-    pub fn bound(spec: Option<Self>) -> Bound {
-        let Self { warn, trip } = spec.unwrap_or_default();
-        Bound {
-            warn: warn.unwrap_or(f64::INFINITY),
-            trip: trip.unwrap_or(f64::INFINITY),
-        }
+    pub fn levels(self) -> [f64; 2] {
+        [self.warn, self.trip].map(|level| level.unwrap_or(f64::INFINITY))
     }
 }
 
@@ -312,144 +377,130 @@ impl RangeSpec {
         })
     }
 
-    fn range(spec: Option<Self>) -> Range {
-        let Self { warn, trip } = spec.unwrap_or_default();
-        Range {
-            warn: warn.unwrap_or(Range::NONE.warn),
-            trip: trip.unwrap_or(Range::NONE.trip),
+    /// The largest values alone.
+    #[must_use]
+    pub fn upper(self) -> BoundSpec {
+        BoundSpec {
+            warn: self.warn.map(|[_, high]| high),
+            trip: self.trip.map(|[_, high]| high),
         }
     }
 }
 
 impl LimitsSpec {
+    /// The levels of a limit, if they are given. A size has −∞ as its smallest value.
+    #[must_use]
+    pub fn get(&self, limit: Limit) -> Option<RangeSpec> {
+        self.given.get(limit as usize).copied().flatten()
+    }
+
+    /// The levels of a size or a count, if they are given.
+    #[must_use]
+    pub fn size(&self, limit: Limit) -> Option<BoundSpec> {
+        self.get(limit).map(RangeSpec::upper)
+    }
+
+    /// True if a level is given.
+    #[must_use]
+    pub fn has(&self, limit: Limit) -> bool {
+        self.get(limit).is_some()
+    }
+
+    /// The trip levels of a range, if they are given.
+    #[must_use]
+    pub fn trip(&self, limit: Limit) -> Option<[f64; 2]> {
+        self.get(limit)?.trip
+    }
+
+    /// The trip level of a size or a count, if it is given.
+    #[must_use]
+    pub fn trip_size(&self, limit: Limit) -> Option<f64> {
+        self.size(limit)?.trip
+    }
+
+    /// Sets the levels of a limit of an axis.
+    pub fn set(&mut self, limit: Limit, levels: Option<RangeSpec>) {
+        if let Some(place) = self.given.get_mut(limit as usize) {
+            *place = levels;
+        }
+    }
+
+    /// The same with these levels of a limit.
+    #[must_use]
+    pub fn with(mut self, limit: Limit, levels: impl Into<RangeSpec>) -> Self {
+        self.set(limit, Some(levels.into()));
+        self
+    }
+
+    /// The number that says how a limit is judged.
+    #[must_use]
+    pub fn setting(&self, limit: Limit) -> Option<(&'static Setting, f64)> {
+        let setting = limit.row().setting.as_ref()?;
+        let value = match limit {
+            Limit::FollowingError => self.following_time_s,
+            Limit::StuckSensor => self.stuck_travel_m,
+            _ => return None,
+        };
+        Some((setting, value))
+    }
+
+    fn setting_mut(&mut self, limit: Limit) -> Option<&mut f64> {
+        match limit {
+            Limit::FollowingError => Some(&mut self.following_time_s),
+            Limit::StuckSensor => Some(&mut self.stuck_travel_m),
+            _ => None,
+        }
+    }
+
     /// These levels where they are given, and those of `all` elsewhere.
     #[must_use]
     pub fn over(&self, all: &Self) -> Self {
         let longer = |own: f64, all: f64| if own > 0.0 { own } else { all };
-        Self {
-            command_disp_m: RangeSpec::over(self.command_disp_m, all.command_disp_m),
-            command_step_m: BoundSpec::over(self.command_step_m, all.command_step_m),
-            command_vel_m_per_s: BoundSpec::over(self.command_vel_m_per_s, all.command_vel_m_per_s),
-            command_accel_m_per_s2: BoundSpec::over(
-                self.command_accel_m_per_s2,
-                all.command_accel_m_per_s2,
-            ),
-            measured_disp_m: RangeSpec::over(self.measured_disp_m, all.measured_disp_m),
-            measured_force_n: RangeSpec::over(self.measured_force_n, all.measured_force_n),
-            sensor_disp_m: RangeSpec::over(self.sensor_disp_m, all.sensor_disp_m),
-            sensor_force_n: RangeSpec::over(self.sensor_force_n, all.sensor_force_n),
-            following_error_m: BoundSpec::over(self.following_error_m, all.following_error_m),
+        let mut merged = Self {
             following_time_s: longer(self.following_time_s, all.following_time_s),
-            force_step_n: BoundSpec::over(self.force_step_n, all.force_step_n),
-            stuck_ticks: BoundSpec::over(self.stuck_ticks, all.stuck_ticks),
             stuck_travel_m: longer(self.stuck_travel_m, all.stuck_travel_m),
-            alternating_ticks: BoundSpec::over(self.alternating_ticks, all.alternating_ticks),
-            alternating_m: longer(self.alternating_m, all.alternating_m),
-            stiffness_ratio: BoundSpec::over(self.stiffness_ratio, all.stiffness_ratio),
-            damping_ratio: BoundSpec::over(self.damping_ratio, all.damping_ratio),
-            added_energy_j: BoundSpec::over(self.added_energy_j, all.added_energy_j),
-            lag_s: BoundSpec::over(self.lag_s, all.lag_s),
-            gain_error: BoundSpec::over(self.gain_error, all.gain_error),
-            tangent_step_m: longer(self.tangent_step_m, all.tangent_step_m),
+            ..*self
+        };
+        for (own, all) in merged.given.iter_mut().zip(all.given) {
+            *own = RangeSpec::over(*own, all);
         }
+        merged
     }
 
-    /// Keys of the bounds that are given and need a measured displacement.
+    /// Keys of the limits that are given and need a measured displacement.
     pub fn needing_measured_disp(&self) -> impl Iterator<Item = &'static str> {
-        [
-            ("measured_disp_m", self.measured_disp_m.is_some()),
-            ("sensor_disp_m", self.sensor_disp_m.is_some()),
-            ("following_error_m", self.following_error_m.is_some()),
-            ("stuck_ticks", self.stuck_ticks.is_some()),
-            ("added_energy_j", self.added_energy_j.is_some()),
-            ("lag_s", self.lag_s.is_some()),
-            ("gain_error", self.gain_error.is_some()),
-        ]
-        .into_iter()
-        .filter_map(|(key, is_given)| is_given.then_some(key))
+        let given = rows().filter(|row| row.needs_measured_disp && self.has(row.limit));
+        given.map(|row| row.key)
     }
 
-    /// Whether each bound that is given can be kept.
+    /// Whether each limit that is given can be kept.
     ///
     /// # Errors
     /// The first that cannot.
     pub fn check(&self) -> Result<(), LimitsError> {
-        for (key, spec) in [
-            ("command_disp_m", self.command_disp_m),
-            ("measured_disp_m", self.measured_disp_m),
-            ("measured_force_n", self.measured_force_n),
-            ("sensor_disp_m", self.sensor_disp_m),
-            ("sensor_force_n", self.sensor_force_n),
-        ] {
-            spec.map_or(Ok(()), |spec| spec.check(key))?;
-        }
-        for (key, spec) in [
-            ("command_step_m", self.command_step_m),
-            ("command_vel_m_per_s", self.command_vel_m_per_s),
-            ("command_accel_m_per_s2", self.command_accel_m_per_s2),
-            ("following_error_m", self.following_error_m),
-            ("force_step_n", self.force_step_n),
-            ("stiffness_ratio", self.stiffness_ratio),
-            ("damping_ratio", self.damping_ratio),
-            ("added_energy_j", self.added_energy_j),
-            ("lag_s", self.lag_s),
-            ("gain_error", self.gain_error),
-        ] {
-            spec.map_or(Ok(()), |spec| spec.check(key))?;
-        }
-        for (key, spec) in [
-            ("stuck_ticks", self.stuck_ticks),
-            ("alternating_ticks", self.alternating_ticks),
-        ] {
-            spec.map_or(Ok(()), |spec| spec.check_count(key))?;
-        }
-        for (key, found) in [
-            ("following_time_s", self.following_time_s),
-            ("stuck_travel_m", self.stuck_travel_m),
-            ("alternating_m", self.alternating_m),
-            ("tangent_step_m", self.tangent_step_m),
-        ] {
-            let inside = found >= 0.0;
-            if !inside {
-                return Err(LimitsError::NotPositive { key, found });
+        for row in rows() {
+            if let Some(levels) = self.get(row.limit) {
+                match row.kind {
+                    Kind::Range => levels.check(row.key)?,
+                    Kind::Size => levels.upper().check(row.key)?,
+                    Kind::Count => levels.upper().check_count(row.key)?,
+                }
+            }
+            if let Some((Setting { key, .. }, found)) = self.setting(row.limit) {
+                let inside = found >= 0.0;
+                if !inside {
+                    return Err(LimitsError::NotPositive { key, found });
+                }
             }
         }
         Ok(())
-    }
-
-    /// The limits that are kept.
-    #[must_use]
-    pub fn limits(&self) -> AxisLimits {
-        AxisLimits {
-            command_disp: RangeSpec::range(self.command_disp_m),
-            command_step: BoundSpec::bound(self.command_step_m),
-            command_vel: BoundSpec::bound(self.command_vel_m_per_s),
-            command_accel: BoundSpec::bound(self.command_accel_m_per_s2),
-            measured_disp: RangeSpec::range(self.measured_disp_m),
-            divergence: DIVERGENCE_M,
-            measured_force: RangeSpec::range(self.measured_force_n),
-            sensor_disp: RangeSpec::range(self.sensor_disp_m),
-            sensor_force: RangeSpec::range(self.sensor_force_n),
-            following_error: BoundSpec::bound(self.following_error_m),
-            following_time: self.following_time_s,
-            force_step: BoundSpec::bound(self.force_step_n),
-            stuck_ticks: BoundSpec::bound(self.stuck_ticks),
-            stuck_travel: self.stuck_travel_m,
-            alternating_ticks: BoundSpec::bound(self.alternating_ticks),
-            alternating_floor: self.alternating_m,
-            stiffness_ratio: BoundSpec::bound(self.stiffness_ratio),
-            damping_ratio: BoundSpec::bound(self.damping_ratio),
-            added_energy: BoundSpec::bound(self.added_energy_j),
-            lag: BoundSpec::bound(self.lag_s),
-            gain_error: BoundSpec::bound(self.gain_error),
-            tangent_step: self.tangent_step_m,
-        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::limits::{AxisLimits, Bound, Range};
 
     fn read(text: &str) -> LimitsSpec {
         toml::from_str(text).unwrap()
@@ -497,11 +548,11 @@ mod tests {
         let all = read(
             "command_step_m = { trip = 0.1 }\nforce_step_n = { trip = 7 }\nfollowing_time_s = 1",
         );
-        let limits = read("command_step_m = { trip = 0.2 }").over(&all).limits();
-        assert_eq!(limits.command_step, Bound::trip(0.2));
-        assert_eq!(limits.force_step, Bound::trip(7.0));
+        let limits = AxisLimits::of(&read("command_step_m = { trip = 0.2 }").over(&all));
+        assert_eq!(limits.size(Limit::CommandStep), Bound::trip(0.2));
+        assert_eq!(limits.size(Limit::ForceStep), Bound::trip(7.0));
         assert_eq!(limits.following_time, 1.0);
-        assert_eq!(limits.command_disp, Range::NONE);
+        assert_eq!(limits.get(Limit::CommandDisp), Range::NONE);
     }
 
     #[test]
@@ -509,17 +560,61 @@ mod tests {
         let all = read(
             "command_step_m = { warn = 0.1, trip = 0.2 }\nmeasured_force_n = { warn = [-5, 5], trip = [-9, 9] }",
         );
-        let axis = |text: &str| read(text).over(&all).limits();
+        let axis = |text: &str| AxisLimits::of(&read(text).over(&all));
         let warned =
             axis("command_step_m = { warn = 0.15 }\nmeasured_force_n = { warn = [-6, 6] }");
         let bound = Bound {
             warn: 0.15,
             trip: 0.2,
         };
-        assert_eq!(warned.command_step, bound);
-        assert_eq!(warned.measured_force.trip, [-9.0, 9.0]);
-        assert_eq!(warned.measured_force.warn, [-6.0, 6.0]);
-        let tripped = axis("command_step_m = { trip = 0.3 }").command_step;
+        assert_eq!(warned.size(Limit::CommandStep), bound);
+        assert_eq!(warned.get(Limit::MeasuredForce).trip, [-9.0, 9.0]);
+        assert_eq!(warned.get(Limit::MeasuredForce).warn, [-6.0, 6.0]);
+        let tripped = axis("command_step_m = { trip = 0.3 }").size(Limit::CommandStep);
         assert_eq!((tripped.warn, tripped.trip), (0.1, 0.3));
+    }
+
+    /// Both levels of a limit as the file writes them.
+    fn written(row: &Row) -> String {
+        match row.kind {
+            Kind::Range => format!("{} = {{ warn = [-1, 1], trip = [-2, 2] }}", row.key),
+            Kind::Size | Kind::Count => format!("{} = {{ warn = 1, trip = 2 }}", row.key),
+        }
+    }
+
+    #[test]
+    fn every_limit_of_an_axis_is_read_written_checked_and_kept() {
+        let schema = SchemaGenerator::default().into_root_schema_for::<LimitsSpec>();
+        let properties = schema.get("properties").unwrap().as_object().unwrap();
+        assert!(properties.keys().map(String::as_str).eq(keys()));
+        for row in rows() {
+            let spec = read(&written(row));
+            assert_eq!(spec.check(), Ok(()), "{}", row.key);
+            assert_eq!(read(&toml::to_string(&spec).unwrap()), spec, "{}", row.key);
+            let trip = spec.trip_size(row.limit);
+            assert_eq!(trip, Some(2.0), "{}", row.key);
+            let kept = AxisLimits::of(&spec).get(row.limit);
+            assert_eq!((kept.warn[1], kept.trip[1]), (1.0, 2.0), "{}", row.key);
+            let judged: Vec<&str> = AxisLimits::of(&spec)
+                .levels()
+                .filter(|(_, levels)| levels.is_some())
+                .map(|(limit, _)| limit.key())
+                .collect();
+            assert_eq!(judged, [row.key]);
+            let sentence = properties[row.key]["description"].as_str();
+            assert_eq!(sentence, Some(row.sentence));
+            assert!(read(&format!("{} = {{}}", row.key)).check().is_err());
+        }
+    }
+
+    #[test]
+    fn an_unknown_key_is_refused() {
+        for text in [
+            "force_step = { trip = 1 }",
+            "tangent_step_m = 0.0",
+            "stability_used = { warn = 1 }",
+        ] {
+            assert!(toml::from_str::<LimitsSpec>(text).is_err(), "{text}");
+        }
     }
 }

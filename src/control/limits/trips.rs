@@ -7,7 +7,8 @@
 //! to go on if it has come farther a little while ago: one that is stuck is soon excused no more. Invariant: what is not a
 //! number is never excused.
 
-use super::{Hit, Level, Quantity};
+use super::{Hit, Level};
+use crate::catalog::limit::{AXIS_LIMITS, Limit};
 
 /// It has got worse by so much of the value that tripped.
 const WORSE: f64 = 0.05;
@@ -60,10 +61,10 @@ pub(super) struct GoesOn {
 
 impl GoesOn {
     /// True if that motion changes a quantity. The end of a sensor's range is no such: what is read there says nothing.
-    const fn moves(self, quantity: Quantity) -> bool {
+    const fn moves(self, quantity: Limit) -> bool {
         match quantity {
-            Quantity::MeasuredDisp | Quantity::FollowingError => self.own,
-            Quantity::MeasuredForce | Quantity::ForceStep => self.any,
+            Limit::MeasuredDisp | Limit::FollowingError => self.own,
+            Limit::MeasuredForce | Limit::ForceStep => self.any,
             _ => false,
         }
     }
@@ -118,11 +119,11 @@ impl Left {
 /// The last trip of each quantity.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Trips {
-    kept: [Option<Kept>; Quantity::ALL.len()],
+    kept: [Option<Kept>; AXIS_LIMITS],
     /// One bit per quantity that tripped beside the first of its look, until it is told.
     untold: u32,
     /// Warnings beside the first of a look, until they are told: in the next tick the value may be within its level again.
-    warnings: [Option<Kept>; Quantity::ALL.len()],
+    warnings: [Option<Kept>; AXIS_LIMITS],
     left: Option<Left>,
 }
 
@@ -167,7 +168,7 @@ impl Trips {
             return Verdict::Trips;
         };
         // A displacement that tripped as a command was never gone to: the way out has no excuse to go there.
-        let is_left = self.left.is_some() && hit.quantity != Quantity::CommandDisp;
+        let is_left = self.left.is_some() && hit.quantity != Limit::CommandDisp;
         match kept {
             Some(kept) if is_left && kept.is_above() == found.is_above() && goes_on => {
                 kept.take_worse(found.value);
@@ -186,7 +187,7 @@ impl Trips {
     }
 
     /// It is to be told, beside the first of its look.
-    pub const fn tell(&mut self, quantity: Quantity) {
+    pub const fn tell(&mut self, quantity: Limit) {
         self.untold |= quantity.bit();
     }
 
@@ -203,14 +204,14 @@ impl Trips {
     /// One that is to be told, once: what trips comes first.
     pub fn next_untold(&mut self, axis: usize) -> Option<Hit> {
         let place = self.untold.trailing_zeros() as usize;
-        let (quantity, level, kept) = match Quantity::ALL.get(place) {
+        let (quantity, level, kept) = match Limit::OF_AXIS.get(place) {
             Some(&quantity) => {
                 self.untold &= !quantity.bit();
                 (quantity, Level::Trip, self.kept(quantity)?)
             }
             None => {
-                let mut warnings = Quantity::ALL.iter().zip(&mut self.warnings);
-                let warning = |(quantity, kept): (&Quantity, &mut Option<Kept>)| {
+                let mut warnings = Limit::OF_AXIS.iter().zip(&mut self.warnings);
+                let warning = |(quantity, kept): (&Limit, &mut Option<Kept>)| {
                     kept.take().map(|kept| (*quantity, kept))
                 };
                 let (quantity, kept) = warnings.find_map(warning)?;
@@ -228,11 +229,11 @@ impl Trips {
     }
 
     /// True if this has tripped.
-    pub fn has(&self, quantity: Quantity) -> bool {
+    pub fn has(&self, quantity: Limit) -> bool {
         self.kept(quantity).is_some()
     }
 
-    fn kept(&self, quantity: Quantity) -> Option<Kept> {
+    fn kept(&self, quantity: Limit) -> Option<Kept> {
         self.kept.get(quantity as usize).copied().flatten()
     }
 }

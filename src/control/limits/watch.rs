@@ -1,16 +1,17 @@
-//! The look at one specimen, tick by tick: past values, differences, and what was warned of already.
+//! The limits of one specimen, tick by tick: past values, differences, and the warnings that were given already.
 
-use super::calm::{Asked, Calm, Seen};
+use super::judge::{AllInner, COMMAND, ESTIMATE, MEASUREMENT, TRACKING};
 use super::past::{Pace, Past};
 use super::sawtooth::Sawtooth;
 use super::trips::GoesOn;
-use super::{AxisLimits, Found, Hit, Quantity};
+use super::{AxisLimits, Found, Hit};
+use crate::catalog::limit::Limit;
 
-/// One axis: what is allowed, where nothing is to be told, and what is remembered.
+/// One axis: its limits, the bounds inside of which nothing is beyond a level, and its past values.
 #[derive(Debug, Clone)]
 struct Axis {
     limits: AxisLimits,
-    calm: Calm,
+    inner: AllInner,
     past: Past,
 }
 
@@ -36,7 +37,7 @@ impl Watch {
     #[must_use]
     pub fn new(limits: Vec<AxisLimits>, tick: f64) -> Self {
         let axis = |limits: AxisLimits| Axis {
-            calm: Calm::of(&limits),
+            inner: AllInner::of(&limits),
             limits,
             past: Past::default(),
         };
@@ -68,33 +69,35 @@ impl Watch {
         }
     }
 
-    /// What the next command of one axis is judged by, for who only shows it; not a number where a difference has nothing to
+    /// The values that the next command of one axis is judged by, for the live page; NaN where a difference has nothing to
     /// differ from.
     #[must_use]
-    pub fn asked(&self, axis: usize, disp: f64) -> Option<Asked> {
-        let Axis { limits, past, .. } = self.axes.get(axis)?;
-        let mut asked = past.asked(disp, self.pace(), self.aims, limits);
+    pub fn asked(&self, axis: usize, disp: f64) -> Option<[f64; 5]> {
+        let [disp, mut step, mut vel, mut accel, sawtooth] =
+            self.axes
+                .get(axis)?
+                .past
+                .of_command(disp, self.pace(), self.aims);
         if self.sent < 1 {
-            (asked.step, asked.vel) = (f64::NAN, f64::NAN);
+            (step, vel) = (f64::NAN, f64::NAN);
         }
         if self.sent < 2 {
-            asked.accel = f64::NAN;
+            accel = f64::NAN;
         }
-        Some(asked)
+        Some([disp, step, vel, accel, sawtooth])
     }
 
-    /// Takes a fresh measurement, as [`Watch::judge_measured`] does, and tells of each axis what it is judged by, for who only
-    /// shows it; not a number where a difference has nothing to differ from.
+    /// Takes a fresh measurement, as [`Watch::judge_measured`] does, and tells the values that it is judged by.
     pub fn seen(
         &mut self,
         values: impl Iterator<Item = (f64, f64, f64)>,
-        mut tell: impl FnMut(usize, Seen),
+        mut tell: impl FnMut(usize, [f64; 7]),
     ) {
         let seen_before = self.measured;
         for ((index, axis), values) in self.axes.iter_mut().enumerate().zip(values) {
-            let mut seen = axis.past.seen(values, seen_before, &axis.limits);
+            let mut seen = axis.past.of_measurement(values, seen_before, &axis.limits);
             if !seen_before {
-                seen.jump = f64::NAN;
+                seen[5] = f64::NAN;
             }
             tell(index, seen);
         }
@@ -151,10 +154,15 @@ impl Watch {
     pub fn judge_command(&mut self, disp: impl Iterator<Item = f64>, found: &mut Found) {
         let (pace, sent, aims) = (self.pace(), self.sent, self.aims);
         for ((index, axis), disp) in self.axes.iter_mut().enumerate().zip(disp) {
-            let Axis { limits, calm, past } = axis;
-            let asked = past.asked(disp, pace, aims, limits);
-            if !(sent >= 2 && past.warned == 0 && calm.covers_command(&asked)) {
-                past.look(index, found).at_command(&asked, limits, sent);
+            let Axis {
+                limits,
+                inner,
+                past,
+            } = axis;
+            let values = past.of_command(disp, pace, aims);
+            if !(sent >= 2 && past.warned == 0 && inner.command.covers(&values)) {
+                let mut look = past.look(index, limits, found);
+                look.at_all(COMMAND, &values, sent);
             }
         }
     }
@@ -164,7 +172,7 @@ impl Watch {
     pub fn sent(&mut self, disp: impl Iterator<Item = f64>) {
         for (Axis { limits, past, .. }, disp) in self.axes.iter_mut().zip(disp) {
             if !self.aims {
-                past.sawtooth = past.sawtooth.after(disp, limits.alternating_floor);
+                past.sawtooth = past.sawtooth.after(disp);
             }
             let step = (disp - past.command[0]).abs();
             let speed = if self.sent >= 1 {
@@ -208,8 +216,8 @@ impl Watch {
 
     /// True if this has tripped on an axis.
     #[must_use]
-    pub fn has_tripped(&self, quantity: Quantity) -> bool {
-        self.axes.iter().any(|axis| axis.past.trips.has(quantity))
+    pub fn has_tripped(&self, limit: Limit) -> bool {
+        self.axes.iter().any(|axis| axis.past.trips.has(limit))
     }
 
     /// The force of an axis before it first jumped beyond its trip level, and that level, in N; none if it has not.
@@ -229,8 +237,8 @@ impl Watch {
     /// The target of the next step, which the next commands approach. Real-time: yes.
     #[inline]
     pub fn aims_at(&mut self, disp: impl Iterator<Item = f64>) {
-        for (Axis { limits, past, .. }, disp) in self.axes.iter_mut().zip(disp) {
-            past.sawtooth = past.sawtooth.after(disp, limits.alternating_floor);
+        for (Axis { past, .. }, disp) in self.axes.iter_mut().zip(disp) {
+            past.sawtooth = past.sawtooth.after(disp);
         }
     }
 
@@ -314,67 +322,66 @@ impl Watch {
         // All of them first: what one axis feels another may have done.
         let any = self.leaves && self.goes_on(values.clone().map(|(.., stands)| stands));
         for ((index, axis), values) in self.axes.iter_mut().enumerate().zip(values) {
-            let Axis { limits, calm, past } = axis;
-            let seen = past.seen(values, seen_before, limits);
-            if !(seen_before && past.warned == 0 && calm.covers_measurement(&seen)) {
+            let Axis {
+                limits,
+                inner,
+                past,
+            } = axis;
+            let values = past.of_measurement(values, seen_before, limits);
+            if !(seen_before && past.warned == 0 && inner.measurement.covers(&values)) {
                 let own = past.trips.goes_on();
-                let mut look = past.look(index, found);
+                let mut look = past.look(index, limits, found);
                 look.goes_on = GoesOn { own, any };
-                look.at_measurement(&seen, limits, seen_before);
+                look.at_all(MEASUREMENT, &values, u8::from(seen_before));
             }
         }
         self.measured = true;
     }
 
-    /// Judges what was estimated from the measurements, one entry per axis, and adds it to `found`. What is not known is not
-    /// a finite number and is not judged. Real-time: yes.
+    /// Judges the estimates of each axis, in the order of [`Estimated`], and adds the findings to `found`. A value that is not
+    /// finite is not known. Real-time: yes.
     #[inline]
     pub fn estimated(&mut self, values: impl Iterator<Item = Estimated>, found: &mut Found) {
         for ((index, axis), values) in self.axes.iter_mut().enumerate().zip(values) {
-            let Axis { limits, calm, past } = axis;
-            if past.warned == 0 && calm.covers_estimates(&values) {
-                continue;
+            let Axis {
+                limits,
+                inner,
+                past,
+            } = axis;
+            if !(past.warned == 0 && inner.estimate.covers_known(&values)) {
+                past.look(index, limits, found).at_all(ESTIMATE, &values, 0);
             }
-            past.look(index, found).at_known([
-                (
-                    Quantity::StiffnessRatio,
-                    values.stiffness_ratio,
-                    limits.stiffness_ratio,
-                ),
-                (
-                    Quantity::DampingRatio,
-                    values.damping_ratio,
-                    limits.damping_ratio,
-                ),
-                (
-                    Quantity::AddedEnergy,
-                    values.added_energy,
-                    limits.added_energy,
-                ),
-            ]);
         }
     }
 
-    /// Judges |lag| in s and |gain − 1| behind the targets, one pair per axis, and adds it to `found`. What is not known is
-    /// not a finite number and is not judged. Real-time: yes.
-    pub fn tracked(&mut self, values: impl Iterator<Item = (f64, f64)>, found: &mut Found) {
-        for ((index, axis), (lag, gain_error)) in self.axes.iter_mut().enumerate().zip(values) {
-            let Axis { limits, past, .. } = axis;
-            past.look(index, found).at_known([
-                (Quantity::Lag, lag, limits.lag),
-                (Quantity::GainError, gain_error, limits.gain_error),
-            ]);
+    /// Judges [|lag| in s, |gain − 1|] behind the targets of each axis, and adds the findings to `found`. A value that is not
+    /// finite is not known. Real-time: yes.
+    pub fn tracked(&mut self, values: impl Iterator<Item = [f64; 2]>, found: &mut Found) {
+        const {
+            assert!(matches!(TRACKING, [Limit::Lag, Limit::GainError]));
+        }
+        for ((index, axis), values) in self.axes.iter_mut().enumerate().zip(values) {
+            let Axis {
+                limits,
+                inner,
+                past,
+            } = axis;
+            if !(past.warned == 0 && inner.tracking.covers_known(&values)) {
+                past.look(index, limits, found).at_all(TRACKING, &values, 0);
+            }
         }
     }
 }
 
-/// What is estimated of one axis.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Estimated {
-    /// Tangent stiffness over its declared bound.
-    pub stiffness_ratio: f64,
-    /// Tangent damping over its declared bound.
-    pub damping_ratio: f64,
-    /// Energy that the transfer system has added, J.
-    pub added_energy: f64,
-}
+const _: () = assert!(matches!(
+    ESTIMATE,
+    [
+        Limit::StiffnessRatio,
+        Limit::DampingRatio,
+        Limit::AddedEnergy,
+    ]
+));
+
+/// The estimates of one axis: tangent stiffness and tangent damping over their declared bounds, and the energy in J that the
+/// transfer system has added.
+pub type Estimated = [f64; ESTIMATE.len()];

@@ -26,8 +26,9 @@ use super::log::{Log, LogSettings};
 use super::settings::{Close, Over, ProbeSettings};
 use super::{Rig, Trip};
 use crate::catalog::event::{Remark, Severity};
+use crate::catalog::limit::Limit;
 use crate::control::AxisUnits;
-use crate::control::limits::{AxisLimits, LimitsSpec, Quantity, Watch};
+use crate::control::limits::{AxisLimits, LimitsSpec, Watch};
 use crate::link::quota::Allowance;
 use crate::record::Event;
 use crate::rt::os;
@@ -159,7 +160,7 @@ impl Station {
     pub fn limited(mut self, limits: &[LimitsSpec]) -> Self {
         let mut own = self.guard.limits.clone();
         for (own, spec) in own.iter_mut().zip(limits) {
-            *own = spec.limits();
+            *own = AxisLimits::of(spec);
         }
         self.guard = SpecimenGuard::new(own, self.moves);
         let needs = limits.iter().flat_map(LimitsSpec::needing_measured_disp);
@@ -303,7 +304,7 @@ impl Station {
                 if let Some(why) = why {
                     text.push_str(&format!(" ({why})"));
                 }
-                let is_timed = hit.quantity != Quantity::CommandStep;
+                let is_timed = hit.quantity != Limit::CommandStep;
                 if let Some(cut) = self.guard.says_cut().filter(|_| is_timed) {
                     text.push_str(&format!(" ({cut})"));
                 }
@@ -415,10 +416,10 @@ impl Station {
 }
 
 /// True for what is judged from one command to the next.
-const fn is_of_motion(quantity: Quantity) -> bool {
+const fn is_of_motion(quantity: Limit) -> bool {
     matches!(
         quantity,
-        Quantity::CommandStep | Quantity::CommandVel | Quantity::CommandAccel
+        Limit::CommandStep | Limit::CommandVel | Limit::CommandAccel
     )
 }
 

@@ -266,7 +266,7 @@ impl Host {
         let bound = |index| {
             self.limits
                 .get(index)
-                .map_or(AxisLimits::NONE, LimitsSpec::limits)
+                .map_or(AxisLimits::NONE, AxisLimits::of)
         };
         let limits: Vec<AxisLimits> = (0..self.axes.len()).map(bound).collect();
         first_words(&limits, &self.units)

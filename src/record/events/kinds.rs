@@ -10,9 +10,10 @@ use std::borrow::Cow;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use super::super::miss::Evidence;
+use super::super::miss::{Evidence, ON_MISS};
 use super::super::{GridOf, MissCause};
 use crate::catalog::event::{self, EventRow, Remark};
+use crate::catalog::limit::{Limit, Scope};
 use crate::catalog::phase::Phase;
 use crate::substructure::LinkFault;
 
@@ -480,21 +481,10 @@ impl LimitReached {
     /// True for a limit of the test as a whole.
     #[must_use]
     pub fn is_of_test(&self) -> bool {
-        OF_TEST.contains(&self.limit.as_ref())
+        let limit = Limit::of_key(&self.limit);
+        limit.map_or(self.limit == ON_MISS, |limit| limit.scope() == Scope::Test)
     }
 }
-
-/// Limits of the test as a whole.
-const OF_TEST: [&str; 8] = [
-    "on_miss",
-    "stability_used",
-    "delay_used",
-    "step_audit",
-    "added_energy_share",
-    "max_consecutive_misses",
-    "max_misses_in_window",
-    "max_total_misses",
-];
 
 /// Where an axis of a resumed test stands, in its own unit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -709,7 +699,8 @@ mod tests {
 
     /// A line of every variant, as folders have it; the server's lines of a name that a test has, too, come after.
     fn examples() -> Vec<Value> {
-        let standing = json!({"specimen": 1, "axis": 2, "found": 0.5, "left": 0.25, "within": 0.125});
+        let standing =
+            json!({"specimen": 1, "axis": 2, "found": 0.5, "left": 0.25, "within": 0.125});
         let warm_up = json!({"ticks": 100, "missed": 2, "in_a_row": 1, "mean_ns": 9000, "longest_ns": 50_000});
         let reached = json!({"specimen": 1, "axis": 1, "limit": "measured_force_n", "value": 2.0, "bound": 1.0});
         let of = |name: &str, fields: &Value| {
@@ -807,7 +798,10 @@ mod tests {
             let is_silent = event.row().unwrap().severity == Severity::Debug;
             assert!(!sentence.is_empty() || is_silent, "{example}");
             let name = event.name();
-            assert!(!sentence.starts_with(&format!("{} (", name.replace('_', " "))), "{sentence}");
+            assert!(
+                !sentence.starts_with(&format!("{} (", name.replace('_', " "))),
+                "{sentence}"
+            );
         }
         for row in EVENTS {
             let mut all = examples().into_iter();
@@ -819,13 +813,19 @@ mod tests {
     fn a_line_of_another_version_keeps_its_name_and_its_fields() {
         let line = json!({"tick": 3, "time": 0.5, "wall": "2025-03-04T09:12:07Z", "clock_ns": 1, "event": "sang", "song": 4});
         let read = EventLine::from(line.clone());
-        assert_eq!((read.name(), read.tick, read.time), ("sang", Some(3), Some(0.5)));
+        assert_eq!(
+            (read.name(), read.tick, read.time),
+            ("sang", Some(3), Some(0.5))
+        );
         assert_eq!(Value::Object(read.to_map()), line);
         assert_eq!(read.sentence(), "sang (song 4)");
         // A known event with other fields.
         let read = EventLine::from(json!({"event": "stale", "since": 4}));
         assert!(matches!(read.event, Event::Other { .. }));
-        assert_eq!((read.name(), read.sentence().as_str()), ("stale", "stale (since 4)"));
+        assert_eq!(
+            (read.name(), read.sentence().as_str()),
+            ("stale", "stale (since 4)")
+        );
     }
 
     #[test]
@@ -871,9 +871,15 @@ mod tests {
         let link = |fault: &str| json!({"event": "link", "specimen": 1, "fault": fault});
         assert_eq!(latched(link("closed")), None);
         assert_eq!(latched(link("not_finite")).as_deref(), Some("not_finite"));
-        assert_eq!(latched(json!({"event": "interlock", "specimen": 1})).as_deref(), Some("interlock"));
+        assert_eq!(
+            latched(json!({"event": "interlock", "specimen": 1})).as_deref(),
+            Some("interlock")
+        );
         let trip = json!({"event": "limit_trip", "limit": "measured_force_n"});
         assert_eq!(latched(trip).as_deref(), Some("measured_force_n"));
-        assert_eq!(latched(json!({"event": "stale", "specimen": 1, "age": 2})), None);
+        assert_eq!(
+            latched(json!({"event": "stale", "specimen": 1, "age": 2})),
+            None
+        );
     }
 }

@@ -2,9 +2,9 @@
 
 use super::hold::depends_on_pace;
 use super::{Curtain, Held, Need, Needs, Rehearsal};
+use crate::catalog::limit::Limit;
 use crate::config::{ClockChoice, Finding, KeyPath, Loaded};
 use crate::control::Poses;
-use crate::control::limits::Quantity;
 use crate::engine::Stop;
 
 /// Part of a tick that may be needed for what it computes before a warning: a late one has to be caught up with.
@@ -176,7 +176,7 @@ fn deaf(loaded: &Loaded, needs: &Needs, specimen: usize) -> Vec<Finding> {
     let deaf = axes.enumerate().filter_map(|(axis, (found, limits))| {
         let travel = limits.stuck_travel_m;
         let goes = found.travel;
-        (limits.stuck_ticks.is_some() && goes > 0.0 && travel > goes).then(|| {
+        (limits.has(Limit::StuckSensor) && goes > 0.0 && travel > goes).then(|| {
             let text = format!(
                 "dead sensors on axis {} of `{}` would be noticed only after {travel} m of travel, and its commands go {} m in all",
                 axis + 1,
@@ -280,13 +280,7 @@ fn finding(need: &Need, needs: &Needs, axis: usize, at: KeyPath) -> Option<Findi
 
 /// Where a limit stands: with its axis, or with the whole specimen.
 /// Levels are merged: the level decides, and not the limit.
-fn place(
-    loaded: &Loaded,
-    specimen: usize,
-    axis: usize,
-    quantity: Quantity,
-    level: &str,
-) -> KeyPath {
+fn place(loaded: &Loaded, specimen: usize, axis: usize, quantity: Limit, level: &str) -> KeyPath {
     let common = KeyPath::root()
         .key("specimen")
         .index(specimen)

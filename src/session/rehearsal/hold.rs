@@ -3,8 +3,8 @@
 
 use super::prompter::Prompter;
 use super::{Budget, Need, Needs, Rehearsal, Staging, carry_out_with, expected, name_stand_ins};
+use crate::catalog::limit::Limit;
 use crate::config::{ConfigError, Loaded};
-use crate::control::limits::Quantity;
 use crate::engine::{Control, Operator};
 use crate::record::{Recorder, TimedEvent};
 use crate::setup;
@@ -121,10 +121,10 @@ fn fastest(undisturbed: &Rehearsal) -> Option<((usize, usize), f64)> {
 }
 
 /// True for what a change of the pace changes.
-pub(super) const fn depends_on_pace(quantity: Quantity) -> bool {
+pub(super) const fn depends_on_pace(quantity: Limit) -> bool {
     matches!(
         quantity,
-        Quantity::CommandStep | Quantity::CommandVel | Quantity::CommandAccel | Quantity::ForceStep
+        Limit::CommandStep | Limit::CommandVel | Limit::CommandAccel | Limit::ForceStep
     )
 }
 

@@ -34,9 +34,10 @@ pub use whole::FullRehearsal;
 use meter::Meter;
 use prompter::Prompter;
 
+use crate::catalog::limit::Limit;
 use crate::config::{CapacityTable, ConfigError, Loaded, MatrixValue, SpecimenTable};
 use crate::control::Poses;
-use crate::control::limits::{AxisLimits, Bound, Quantity, Range};
+use crate::control::limits::{AxisLimits, Range};
 use crate::engine::{Control, Ending, Engine, Experiment, Outcome, Stop};
 use crate::record::Recorder;
 use crate::rt::os;
@@ -102,7 +103,7 @@ impl StandIn {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Need {
     /// Of what.
-    pub quantity: Quantity,
+    pub quantity: Limit,
     /// What is needed. A size begins at 0.
     pub needed: Extreme,
     /// Levels of the warning, infinite where there is none.
@@ -353,45 +354,39 @@ fn carry_out_with(
     }
 }
 
-const fn is_of_force(quantity: Quantity) -> bool {
+const fn is_of_force(quantity: Limit) -> bool {
     matches!(
         quantity,
-        Quantity::MeasuredForce | Quantity::SensorForce | Quantity::ForceStep
+        Limit::MeasuredForce | Limit::SensorForce | Limit::ForceStep
     )
 }
 
 /// The needs of one axis beside its limits. The readings of sensors are shown only where they are limited by themselves.
 fn compared(need: &AxisNeed, limits: &AxisLimits) -> Vec<Need> {
-    let range = |quantity, needed, range: Range| Need {
-        quantity,
-        needed,
-        warn: range.warn,
-        trip: range.trip,
-    };
-    let bound = |quantity, needed, bound: Bound| Need {
-        quantity,
-        needed,
-        warn: [f64::NEG_INFINITY, bound.warn],
-        trip: [f64::NEG_INFINITY, bound.trip],
-    };
     let all = [
-        range(Quantity::CommandDisp, need.command, limits.command_disp),
-        bound(Quantity::CommandStep, need.step, limits.command_step),
-        bound(Quantity::CommandVel, need.vel, limits.command_vel),
-        bound(Quantity::CommandAccel, need.accel, limits.command_accel),
-        range(Quantity::MeasuredDisp, need.measured, limits.measured_disp),
-        range(Quantity::SensorDisp, need.measured, limits.sensor_disp),
-        range(Quantity::MeasuredForce, need.force, limits.measured_force),
-        range(Quantity::SensorForce, need.force, limits.sensor_force),
-        bound(Quantity::ForceStep, need.force_step, limits.force_step),
+        (Limit::CommandDisp, need.command),
+        (Limit::CommandStep, need.step),
+        (Limit::CommandVel, need.vel),
+        (Limit::CommandAccel, need.accel),
+        (Limit::MeasuredDisp, need.measured),
+        (Limit::SensorDisp, need.measured),
+        (Limit::MeasuredForce, need.force),
+        (Limit::SensorForce, need.force),
+        (Limit::ForceStep, need.force_step),
     ];
+    let all = all.map(|(quantity, needed)| {
+        let Range { warn, trip } = limits.get(quantity);
+        Need {
+            quantity,
+            needed,
+            warn,
+            trip,
+        }
+    });
     let shown = |need: &Need| {
         let always = matches!(
             need.quantity,
-            Quantity::CommandDisp
-                | Quantity::CommandVel
-                | Quantity::CommandAccel
-                | Quantity::MeasuredForce
+            Limit::CommandDisp | Limit::CommandVel | Limit::CommandAccel | Limit::MeasuredForce
         );
         let limited = [need.warn, need.trip];
         always || limited.iter().flatten().any(|level| level.is_finite())

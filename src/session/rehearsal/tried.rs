@@ -34,7 +34,7 @@ pub fn try_limits(
     }
     let tables = loaded.file.specimen.iter().zip(&undisturbed.specimens);
     let mut limits = tables.flat_map(|(table, needs)| table.limits_of(needs.found.len()));
-    if !limits.any(|spec| is_judged_in_the_loop(&spec.limits())) {
+    if !limits.any(|spec| is_judged_in_the_loop(&AxisLimits::of(&spec))) {
         return Ok(Tried::Nothing);
     }
     let experiment = setup::build_rehearsal(loaded)?.experiment;
@@ -72,8 +72,7 @@ pub fn try_limits(
 
 /// True if there is a trip level for what only the loop knows.
 fn is_judged_in_the_loop(limits: &AxisLimits) -> bool {
-    let levels = limits.levels();
-    levels
-        .iter()
+    limits
+        .levels()
         .any(|(quantity, levels)| quantity.is_of_loop() && levels.trips())
 }

@@ -151,7 +151,8 @@ mod tests {
 
     #[test]
     fn a_force_that_is_no_number_is_a_trip_and_a_link_that_is_lost_is_none() {
-        let link = |fault: &str| EventLine::from(json!({"event": "link", "specimen": 1, "fault": fault}));
+        let link =
+            |fault: &str| EventLine::from(json!({"event": "link", "specimen": 1, "fault": fault}));
         let all = ["closed", "timeout", "not_finite", "malformed", "diverged"].map(link);
         let mut told = Told::default();
         all.iter().for_each(|event| told.take(event));

@@ -2,9 +2,10 @@
 
 use super::super::links;
 use super::super::specimens::loading;
-use super::{Limit, SpecimenLimits, sizes};
+use super::{LimitFact, SpecimenLimits};
+use crate::catalog::limit::Limit;
 use crate::config::{ClockChoice, SpecimenTable, Time};
-use crate::control::limits::{AxisLimits, Bound, Levels, Quantity};
+use crate::control::limits::{AxisLimits, listed};
 use crate::control::{Direction, Port};
 use crate::link::LinkSpec;
 use crate::link::spec::{Protocol, StaleChoice};
@@ -18,12 +19,9 @@ pub(super) fn of_specimen(table: &SpecimenTable, port: &Port, time: &Time) -> Sp
         .as_ref()
         .is_some_and(|link| link.protocol == Protocol::Gusset);
     let axes = port.limits().iter().map(|axis| {
-        let levels = axis.levels().into_iter().map(|(quantity, levels)| {
-            let (warn, trip) = match levels {
-                Levels::Size(Bound { warn, trip }) => (sizes(&[warn]), sizes(&[trip])),
-                Levels::Range(range) => (sizes(&range.warn), sizes(&range.trip)),
-            };
-            Limit {
+        let levels = axis.levels().map(|(quantity, levels)| {
+            let [warn, trip] = [levels.warn, levels.trip].map(|ends| listed(quantity, ends));
+            LimitFact {
                 key: quantity.key(),
                 unit: quantity.unit(),
                 also_at_the_specimen: is_told && quantity.is_announced() && !trip.is_empty(),
@@ -78,16 +76,16 @@ pub(super) fn of_specimen(table: &SpecimenTable, port: &Port, time: &Time) -> Sp
 }
 
 /// What the specimen's end is told of a bound, where that is not the bound itself.
-fn announced(quantity: Quantity, axis: &AxisLimits, time: &Time) -> Option<String> {
+fn announced(quantity: Limit, axis: &AxisLimits, time: &Time) -> Option<String> {
     match quantity {
-        Quantity::CommandStep => {
-            let speed = axis.command_step.trip / time.period.value();
-            let speed = speed.min(axis.command_vel.trip);
+        Limit::CommandStep => {
+            let speed = axis.size(Limit::CommandStep).trip / time.period.value();
+            let speed = speed.min(axis.size(Limit::CommandVel).trip);
             (speed < f64::INFINITY)
                 .then(|| format!("announced as a speed of {}", units::quantity(speed, "m/s")))
         }
-        Quantity::MeasuredForce => {
-            let [low, high] = axis.measured_force.trip;
+        Limit::MeasuredForce => {
+            let [low, high] = axis.get(Limit::MeasuredForce).trip;
             // The protocol has one number for both.
             let either = low.abs().max(high.abs());
             (low.is_finite() || high.is_finite())
@@ -100,20 +98,11 @@ fn announced(quantity: Quantity, axis: &AxisLimits, time: &Time) -> Option<Strin
 }
 
 /// What else the file says of a bound.
-fn judged(quantity: Quantity, axis: &AxisLimits) -> Option<String> {
-    let tangents = || {
-        if axis.tangent_step > 0.0 {
-            format!(
-                "from motions beyond {}",
-                units::quantity(axis.tangent_step, "m")
-            )
-        } else {
-            "from motions beyond ten times the noise".to_owned()
-        }
-    };
+fn judged(quantity: Limit, axis: &AxisLimits) -> Option<String> {
+    let tangents = || "from motions beyond ten times the noise".to_owned();
     let over_time = || "over the last seconds of motion, after two periods of it".to_owned();
     match quantity {
-        Quantity::FollowingError => Some(if axis.following_time > 0.0 {
+        Limit::FollowingError => Some(if axis.following_time > 0.0 {
             format!(
                 "at rest; in motion {} of it more",
                 duration(axis.following_time)
@@ -121,27 +110,14 @@ fn judged(quantity: Quantity, axis: &AxisLimits) -> Option<String> {
         } else {
             "at rest and in motion alike".to_owned()
         }),
-        Quantity::StuckSensor if axis.stuck_travel > 0.0 => Some(format!(
+        Limit::StuckSensor if axis.stuck_travel > 0.0 => Some(format!(
             "once the command has gone {}",
             units::quantity(axis.stuck_travel, "m")
         )),
-        Quantity::Alternation if axis.alternating_floor > 0.0 => Some(format!(
-            "of second differences beyond {}",
-            units::quantity(axis.alternating_floor, "m")
-        )),
-        Quantity::StiffnessRatio | Quantity::DampingRatio => Some(tangents()),
-        Quantity::Lag | Quantity::GainError => Some(over_time()),
-        Quantity::CommandVel | Quantity::CommandAccel => Some("in wall time".to_owned()),
-        Quantity::CommandDisp
-        | Quantity::CommandStep
-        | Quantity::MeasuredDisp
-        | Quantity::MeasuredForce
-        | Quantity::ForceStep
-        | Quantity::StuckSensor
-        | Quantity::SensorDisp
-        | Quantity::SensorForce
-        | Quantity::Alternation
-        | Quantity::AddedEnergy => None,
+        Limit::StiffnessRatio | Limit::DampingRatio => Some(tangents()),
+        Limit::Lag | Limit::GainError => Some(over_time()),
+        Limit::CommandVel | Limit::CommandAccel => Some("in wall time".to_owned()),
+        _ => None,
     }
 }
 

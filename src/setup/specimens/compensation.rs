@@ -1,6 +1,7 @@
 //! The compensators of a specimen, and what a simulated actuator asks of the grid.
 
 use super::super::{Refused, Site, path};
+use crate::catalog::limit::Limit;
 use crate::compensation::{CompensationSpec, Compensator};
 use crate::config::steps::Time;
 use crate::config::{Finding, KeyPath, Method, SpecimenTable, TestFile};
@@ -88,7 +89,7 @@ pub(super) fn test_time(time: Time) -> f64 {
 
 /// Whether it is seen how the specimen follows: where an actuator is simulated or made up for, or the lag is limited.
 pub(super) fn is_tracked(file: &TestFile, table: &SpecimenTable, axes: usize) -> bool {
-    let limited = |limits: &LimitsSpec| limits.lag_s.is_some() || limits.gain_error.is_some();
+    let limited = |limits: &LimitsSpec| limits.has(Limit::Lag) || limits.has(Limit::GainError);
     file.safety.delay_used.is_some()
         || table.transfer.is_some()
         || table.compensation.is_some()

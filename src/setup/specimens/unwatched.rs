@@ -1,6 +1,7 @@
 //! Limits of estimates that are never made: they can never trip, and whoever relies on them must hear of it.
 
 use super::super::{Site, path};
+use crate::catalog::limit::Limit;
 use crate::config::{Finding, KeyPath};
 use crate::control::Declared;
 use crate::control::limits::LimitsSpec;
@@ -16,23 +17,22 @@ pub(super) fn unwatched(
     let mut told: Vec<KeyPath> = Vec::new();
     for (axis, (spec, declared)) in specs.iter().zip(declared).enumerate() {
         let known = |bound: f64| bound > 0.0 && bound.is_finite();
-        for (key, given, known, why) in [
+        for (limit, known, why) in [
             (
-                "stiffness_ratio",
-                spec.stiffness_ratio.is_some(),
+                Limit::StiffnessRatio,
                 known(declared.stiffness_bound),
                 "no bound of its tangent stiffness is declared",
             ),
             (
-                "damping_ratio",
-                spec.damping_ratio.is_some(),
+                Limit::DampingRatio,
                 known(declared.damping_bound),
                 "no damping is declared, and none is estimated",
             ),
         ] {
-            if !given || known {
+            if !spec.has(limit) || known {
                 continue;
             }
+            let key = limit.key();
             let own = at.key("axis").index(axis).key("limits").key(key);
             let place = if site.loaded.locator.holds(&own) {
                 own

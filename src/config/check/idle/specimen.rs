@@ -1,6 +1,7 @@
 //! Keys of `[[specimen]]` and of its link that have no effect beside the others.
 
 use super::Findings;
+use crate::catalog::limit::Limit;
 use crate::compensation::CompensationSpec;
 use crate::config::document::KeyPath;
 use crate::config::safety::{ExitChoice, SafetyTable, ZeroChoice};
@@ -95,29 +96,12 @@ fn check_transfer(spec: &TransferSpec, at: &KeyPath, findings: &mut Findings) {
 fn check_limits(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
     let merged = specimen.limits_of(specimen.axes().max(specimen.axis.len()));
     let mut check = |limits: &LimitsSpec, bounds: &[LimitsSpec], at: &KeyPath| {
-        let lacks = |is_given: fn(&LimitsSpec) -> bool| !bounds.iter().any(is_given);
-        for (key, value, bound, idle) in [
-            (
-                "following_time_s",
-                limits.following_time_s,
-                "following_error_m",
-                lacks(|axis| axis.following_error_m.is_some()),
-            ),
-            (
-                "stuck_travel_m",
-                limits.stuck_travel_m,
-                "stuck_ticks",
-                lacks(|axis| axis.stuck_ticks.is_some()),
-            ),
-            (
-                "alternating_m",
-                limits.alternating_m,
-                "alternating_ticks",
-                lacks(|axis| axis.alternating_ticks.is_some()),
-            ),
-        ] {
-            let why = format!("only with a limit `{bound}`");
-            findings.idle(at, key, value != 0.0 && idle, &why);
+        for limit in Limit::OF_AXIS {
+            if let Some((setting, value)) = limits.setting(limit) {
+                let idle = !bounds.iter().any(|axis| axis.has(limit));
+                let why = format!("only with a limit `{}`", limit.key());
+                findings.idle(at, setting.key, value != 0.0 && idle, &why);
+            }
         }
     };
     if let Some(all) = &specimen.limits {

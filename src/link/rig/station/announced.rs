@@ -66,7 +66,7 @@ impl Announced {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::limits::Quantity;
+    use crate::catalog::limit::Limit;
     use crate::link::rig::{Law, Station};
     use crate::specimen::SpecimenLaw;
     use crate::substructure::{Command, Measurement, Status};
@@ -99,7 +99,7 @@ mod tests {
     }
 
     /// Sends these commands, (sequence, displacement in mm) each; the trip of the last.
-    fn told(commands: &[(u64, f64)]) -> (Option<Quantity>, Status) {
+    fn told(commands: &[(u64, f64)]) -> (Option<Limit>, Status) {
         let (mut station, mut into) = (station(), Measurement::zeros(1));
         let mut trip = None;
         for &(sequence, disp) in commands {
@@ -126,7 +126,7 @@ mod tests {
         let way: Vec<(u64, f64)> = (0..=100).map(|k| (k, 0.5 * k as f64)).collect();
         assert_eq!(told(&way[..38]), (None, Status::default()), "18.5 kN");
         let (trip, status) = told(&[(0, 0.4), (1, 0.90001)]);
-        assert_eq!(trip, Some(Quantity::CommandVel), "500.01 mm/s");
+        assert_eq!(trip, Some(Limit::CommandVel), "500.01 mm/s");
         assert!(status.has(Status::INTERLOCK));
         assert_eq!(
             told(&[(0, 0.4), (3, 1.9)]).0,
@@ -140,15 +140,15 @@ mod tests {
             "37.5 kN, 1.25 times what was announced"
         );
         let farther = [&back[..], &[(76, -37.6)]].concat();
-        assert_eq!(told(&farther).0, Some(Quantity::MeasuredForce));
+        assert_eq!(told(&farther).0, Some(Limit::MeasuredForce));
         assert_eq!(
             told(&[(3, 1.9)]).0,
             None,
             "the first three were lost on the way"
         );
         let (trip, _) = told(&[(0, 0.0), (1_000_000_000_000, 45.0)]);
-        assert_eq!(trip, Some(Quantity::CommandVel), "no time for this many");
+        assert_eq!(trip, Some(Limit::CommandVel), "no time for this many");
         let (trip, _) = told(&[(0, 0.0), (200, 50.1)]);
-        assert_eq!(trip, Some(Quantity::CommandDisp));
+        assert_eq!(trip, Some(Limit::CommandDisp));
     }
 }

@@ -1,8 +1,9 @@
 //! The first command to what moves, where the file bounds neither step nor speed nor acceleration of an axis: nothing that
 //! was declared says how far a single command may take it, and whoever commands may believe it elsewhere.
 
+use crate::catalog::limit::Limit;
 use crate::control::AxisUnits;
-use crate::control::limits::{AxisLimits, Hit, Level, Quantity, Range};
+use crate::control::limits::{AxisLimits, Hit, Level};
 use crate::units::in_axis_unit;
 
 /// Share of the range that `command_disp_m` allows.
@@ -15,17 +16,11 @@ const BEGINS_WITHIN_M: f64 = 1e-3;
 
 /// How far in m a first command may take an axis; none where its own limits bound that.
 fn farthest(limits: &AxisLimits) -> Option<f64> {
-    let own = [
-        limits.command_step,
-        limits.command_vel,
-        limits.command_accel,
-    ];
-    if own.iter().any(|bound| bound.trip < f64::INFINITY) {
+    let own = [Limit::CommandStep, Limit::CommandVel, Limit::CommandAccel];
+    if own.iter().any(|limit| limits.get(*limit).trips()) {
         return None;
     }
-    let Range {
-        trip: [low, high], ..
-    } = limits.command_disp;
+    let [low, high] = limits.get(Limit::CommandDisp).trip;
     let range = high - low;
     Some(if range < f64::INFINITY {
         SHARE * range
@@ -47,7 +42,7 @@ pub(super) fn judge(
         let is_near = value <= bound;
         (!is_near).then_some(Hit {
             axis,
-            quantity: Quantity::CommandStep,
+            quantity: Limit::CommandStep,
             level: Level::Trip,
             value,
             bound,
@@ -71,7 +66,7 @@ pub(in crate::link) fn words(limits: &[AxisLimits], units: &[AxisUnits]) -> Vec<
     let axes = (1..).zip(limits.iter().zip(units));
     axes.filter_map(|(number, (limits, units))| {
         let bound = farthest(limits)?;
-        let why = if limits.command_disp.trip.iter().all(|end| end.is_finite()) {
+        let why = if limits.get(Limit::CommandDisp).trip.iter().all(|end| end.is_finite()) {
             "a twentieth of the range of `command_disp_m`"
         } else {
             "for no range is declared"
@@ -88,7 +83,7 @@ pub(in crate::link) fn words(limits: &[AxisLimits], units: &[AxisUnits]) -> Vec<
 /// Why a first command was too far, if it is judged so.
 pub(super) fn why(limits: &[AxisLimits], hit: &Hit) -> Option<&'static str> {
     let is_so = limits.get(hit.axis).and_then(farthest).is_some();
-    (is_so && hit.quantity == Quantity::CommandStep).then_some(
+    (is_so && hit.quantity == Limit::CommandStep).then_some(
         "no limit of step, speed or acceleration is given, so a first command may go a twentieth of its range, or 1 mm where none \
          is declared",
     )
@@ -97,16 +92,11 @@ pub(super) fn why(limits: &[AxisLimits], hit: &Hit) -> Option<&'static str> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::limits::Range;
 
     #[test]
     fn the_note_rounds_the_allowed_distance_in_the_unit_of_the_axis() {
-        let limits = AxisLimits {
-            command_disp: Range {
-                trip: [-0.05, 0.05],
-                ..Range::NONE
-            },
-            ..AxisLimits::NONE
-        };
+        let limits = AxisLimits::NONE.with(Limit::CommandDisp, Range::trip([-0.05, 0.05]));
         let millimetres = AxisUnits {
             metres: 1e-3,
             disp: "mm",
@@ -118,13 +108,7 @@ mod tests {
 
     #[test]
     fn every_axis_is_judged_by_where_it_stands() {
-        let limits = AxisLimits {
-            command_disp: Range {
-                trip: [-0.1, 0.1],
-                ..Range::NONE
-            },
-            ..AxisLimits::NONE
-        };
+        let limits = AxisLimits::NONE.with(Limit::CommandDisp, Range::trip([-0.1, 0.1]));
         let first = |to: [f64; 2]| {
             let hit = judge(&[limits; 2], &[0.0, 0.05], to.into_iter());
             hit.map(|hit| hit.axis)

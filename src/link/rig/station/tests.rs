@@ -3,7 +3,8 @@
 use std::sync::{Arc, Mutex};
 
 use super::Station;
-use crate::control::limits::{LimitsSpec, Quantity};
+use crate::catalog::limit::Limit;
+use crate::control::limits::LimitsSpec;
 use crate::control::{AxisUnits, Pace};
 use crate::link::rig::settings::{Close, ProbeSettings};
 use crate::link::rig::{Far, Over, Rig, Trip, Visitor, Wanted, Whereabouts};
@@ -174,7 +175,7 @@ fn the_first_command_is_a_step_from_where_the_specimen_was_measured() {
     let Err(Trip::Limit(hit)) = goes_to(&mut station, 0, 0.0) else {
         panic!("it leaves");
     };
-    assert_eq!((hit.quantity, hit.value), (Quantity::CommandStep, 0.5));
+    assert_eq!((hit.quantity, hit.value), (Limit::CommandStep, 0.5));
     assert!(spring.told.lock().unwrap().is_empty());
 }
 
@@ -308,7 +309,7 @@ impl Led {
     }
 
     /// One command that moves the specimen by `metres`; the limit that trips.
-    fn goes(&mut self, metres: f64) -> Option<Quantity> {
+    fn goes(&mut self, metres: f64) -> Option<Limit> {
         let disp = self.disp + metres;
         let command = Command {
             sequence: self.sequence,
@@ -394,7 +395,7 @@ fn neither_an_arm_nor_a_new_session_renews_the_speed_allowance() {
                 led.waits(0.002);
                 trip
             });
-            assert_eq!(trips, Some(Quantity::CommandVel), "{rate:?}");
+            assert_eq!(trips, Some(Limit::CommandVel), "{rate:?}");
             // The burst, and what has passed.
             assert!(led.disp <= 0.1 * (0.02 + 0.2), "{rate:?}: {}", led.disp);
             assert!(led.disp < 0.004, "{rate:?}: {}", led.disp);
@@ -404,7 +405,7 @@ fn neither_an_arm_nor_a_new_session_renews_the_speed_allowance() {
 
 #[test]
 fn a_command_after_a_silence_has_the_burst_and_no_more() {
-    for (step, trip) in [(1.99e-3, None), (2.1e-3, Some(Quantity::CommandVel))] {
+    for (step, trip) in [(1.99e-3, None), (2.1e-3, Some(Limit::CommandVel))] {
         let mut led = Led::at(SLOW, Some((1000, 1)));
         assert_eq!(led.goes(0.0), None);
         led.waits(0.5);
@@ -417,7 +418,7 @@ fn a_command_after_a_silence_has_the_burst_and_no_more() {
 #[test]
 fn a_slow_client_moves_a_specimen_by_a_tenth_of_a_second_in_each_command() {
     for rate in [Some((1, 4)), Some((1, 1))] {
-        for (step, trip) in [(9.9e-3, None), (10.1e-3, Some(Quantity::CommandVel))] {
+        for (step, trip) in [(9.9e-3, None), (10.1e-3, Some(Limit::CommandVel))] {
             let mut led = Led::at(SLOW, rate);
             assert_eq!(led.goes(0.0), None);
             let found = (0..5).find_map(|_| {
@@ -499,7 +500,7 @@ fn a_measured_displacement_that_cannot_be_trips_without_any_limit() {
             measures: true,
         });
         let trip = led.goes(0.0);
-        let wanted = trips.then_some(Quantity::MeasuredDisp);
+        let wanted = trips.then_some(Limit::MeasuredDisp);
         assert_eq!(trip, wanted, "{reads}");
     }
 }
@@ -508,7 +509,7 @@ fn a_measured_displacement_that_cannot_be_trips_without_any_limit() {
 fn a_trip_is_the_specimens_until_its_operator_clears_it_and_a_lost_link_is_none() {
     let mut led = Led::at("command_step_m = { trip = 0.001 }", Some((1000, 1)));
     assert_eq!(led.goes(0.0), None);
-    assert_eq!(led.goes(0.002), Some(Quantity::CommandStep));
+    assert_eq!(led.goes(0.002), Some(Limit::CommandStep));
     led.station.end(Close::Stopped, "tripped");
     for _ in 0..2 {
         let over = led.station.begin(&led.visitor, &mut || Ok(())).unwrap_err();

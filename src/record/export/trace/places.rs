@@ -84,9 +84,7 @@ impl Places {
     pub fn origin_us(&self, told: &[EventLine], period_us: f64) -> Option<f64> {
         let (mut exact, mut bound) = (Vec::new(), f64::INFINITY);
         for event in self.events(told) {
-            if let (Some(clock), Some((first, _, count))) =
-                (event.clock_ns, self.step(event))
-            {
+            if let (Some(clock), Some((first, _, count))) = (event.clock_ns, self.step(event)) {
                 let clock = clock as f64 / 1e3;
                 match event.event {
                     Event::Miss { late_ns, .. } if *count == 1 => {
