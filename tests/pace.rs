@@ -420,7 +420,10 @@ fn who_owes_an_answer_when_the_test_ends_keeps_nobody_else_from_leaving() {
     let left = ["near", "dead", "slow", "slower"].map(|name| summary.left[name].as_str());
     assert_eq!(left, ["reached", "lost", "reached", "reached"]);
     let lost = |event: &&serde_json::Value| event["event"] == "link";
-    assert_eq!(read.events().unwrap().events.iter().filter(lost).count(), 1);
+    assert_eq!(
+        read.events().unwrap().to_json().iter().filter(lost).count(),
+        1
+    );
     let names = [
         "state", "cmd_1_1", "cmd_2_1", "cmd_3_1", "cmd_4_1", "status_2",
     ];

@@ -179,7 +179,7 @@ impl std::fmt::Display for MissingEnd {
 mod tests {
     use super::*;
     use crate::record::summary::tests::example;
-    use serde_json::json;
+    use serde_json::{Value, json};
 
     #[test]
     fn rows_that_end_a_step_too_early_are_missed_and_none_that_end_in_time() {

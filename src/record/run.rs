@@ -40,6 +40,13 @@ pub struct Events {
 }
 
 impl Events {
+    /// The lines as JSON, in order.
+    #[must_use]
+    pub fn to_json(&self) -> Vec<Value> {
+        let lines = self.events.iter();
+        lines.map(|line| Value::Object(line.to_map())).collect()
+    }
+
     /// The loop said that it was over.
     #[must_use]
     pub fn have_end(&self) -> bool {

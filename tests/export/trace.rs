@@ -221,7 +221,7 @@ fn a_run_on_the_real_clock_shows_every_phase_and_every_thread_on_one_clock() {
     assert!(!found.of(What::Look).is_empty() && !found.of(What::SyncEvents).is_empty());
 
     // Causality: when the n-th row was drained, it had been made.
-    let events = opened.events().unwrap().events;
+    let events = opened.events().unwrap().to_json();
     let edge = |of: &str| {
         let mut lines = events.iter().filter(|e| e["event"] == "grid");
         lines.find(|e| e["of"] == of).unwrap()["first_edge_ns"]
