@@ -108,7 +108,7 @@ impl Recorder for Shared {
 
     fn event(&mut self, event: TimedEvent) -> bool {
         let mut both = self.0.lock().unwrap();
-        both.1.push(event);
+        both.1.push(event.clone());
         both.0.event(event)
     }
 }
