@@ -11,7 +11,6 @@ use super::exit::{Exit, WithExit};
 use super::question::{Answered, Question};
 use crate::control::Reading;
 use crate::engine::{Notice, Operator, PhaseCell};
-use crate::record::{Roll, What};
 use crate::session::pause;
 use crate::setup::Facts;
 use crate::units;
@@ -51,14 +50,11 @@ pub struct Attendant {
 
 impl Attendant {
     /// Listens to the loop's notices for as long as it sends any; asks for the confirmation, or gives it.
-    pub fn attend(self, notices: Receiver<Notice>, roll: &Roll) -> std::io::Result<()> {
-        let roll = roll.clone();
+    pub fn attend(self, notices: Receiver<Notice>) -> std::io::Result<()> {
         std::thread::Builder::new()
             .name("gusset-attend".into())
             .spawn(move || {
-                let stamper = roll.enter();
                 for notice in notices {
-                    let began_ns = stamper.now();
                     match notice {
                         Notice::Zeroed {
                             port,
@@ -71,7 +67,6 @@ impl Attendant {
                             }
                         }
                     }
-                    stamper.since(What::Tell, began_ns, 0);
                 }
             })
             .map(drop)

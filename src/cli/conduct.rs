@@ -43,7 +43,7 @@ pub(super) fn attended(
         operator: signals.operator(),
         yes,
     };
-    attendant.attend(heard, &signals.roll())?;
+    attendant.attend(heard)?;
     Ok(Control {
         requests: signals.requests(),
         notices,

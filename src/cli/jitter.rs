@@ -14,7 +14,7 @@ use super::progress::ProgressLine;
 use super::table::Table;
 use super::{answer, only_with, tell};
 use crate::config::TimingSpec;
-use crate::record::{Progress, RunFolder, What};
+use crate::record::{Progress, RunFolder};
 use crate::report::{Percentiles, jitter_svg};
 use crate::rt::load::{Load, USUAL_BYTES};
 use crate::session::{self, Finish, Finished, Signal, Signals, Watches, bare_loop};
@@ -50,12 +50,9 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<Exit> {
         .cpu
         .or_else(|| crate::rt::os::process_cpus().last().copied())
         .unwrap_or(0);
-    let load = args.load.then(|| start_load(cpu, &signals)).transpose()?;
+    let load = args.load.then(|| start_load(cpu)).transpose()?;
     let line = ProgressLine::new(&facts, true);
-    let watches = Watches {
-        roll: Some(signals.roll()),
-        ..Watches::default()
-    };
+    let watches = Watches::default();
     let finished = session::run(
         test,
         folder,
@@ -128,13 +125,8 @@ fn bare_test(args: &JitterArgs) -> anyhow::Result<Prepared> {
 }
 
 /// Starts a load on another core than `cpu`.
-fn start_load(cpu: usize, signals: &Signals) -> anyhow::Result<Load> {
-    let (roll, mut stamper) = (signals.roll(), None);
-    let passed = move |began_ns, bytes| {
-        let stamper = stamper.get_or_insert_with(|| roll.enter());
-        stamper.since(What::Load, began_ns, bytes);
-    };
-    let load = Load::start_told(cpu, USUAL_BYTES, passed);
+fn start_load(cpu: usize) -> anyhow::Result<Load> {
+    let load = Load::start(cpu, USUAL_BYTES);
     load.context("the load cannot be started")
 }
 

@@ -23,9 +23,9 @@ use crate::monitor::Ended;
 #[cfg(feature = "monitor")]
 use crate::monitor::page::{LivePage, Serving, Token};
 use crate::monitor::{About, Board, GoesOn, LambdaUse, Subject, Tap};
-use crate::record::Onlooker;
 #[cfg(feature = "monitor")]
-use crate::record::{Note, Roll};
+use crate::record::Note;
+use crate::record::Onlooker;
 #[cfg(feature = "monitor")]
 use crate::session::Attendance;
 #[cfg(feature = "monitor")]
@@ -143,14 +143,13 @@ impl Looked {
         asked: Asked,
         operator: Sender<Operator>,
         served: &Served,
-        roll: Roll,
     ) -> Option<Attendance> {
         let page = asked.page?;
         announce(&page);
         let (board, notes) = (Arc::clone(&self.board), self.notes.clone());
         let place = Arc::clone(&served.0);
         Some(Box::new(move || {
-            let serving = page.serve(board, operator, notes, roll)?;
+            let serving = page.serve(board, operator, notes)?;
             // Nobody else holds it.
             if let Ok(mut place) = place.lock() {
                 *place = Some(serving);

@@ -43,17 +43,14 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     // Who is not looked at is not tapped.
     let mut looked = (asked.is_wanted() || status.is_shown())
         .then(|| live::Looked::at(&judged.test, folder.path(), control.phase.clone()));
-    let mut watches = Watches {
-        roll: Some(signals.roll()),
-        ..Watches::default()
-    };
+    let mut watches = Watches::default();
     #[cfg(feature = "monitor")]
     let served = live::Served::default();
     if let Some(looked) = &mut looked {
         watches.onlooker = looked.onlooker();
         #[cfg(feature = "monitor")]
         {
-            watches.when_placed = looked.page(asked, signals.operator(), &served, signals.roll());
+            watches.when_placed = looked.page(asked, signals.operator(), &served);
         }
         status.look_at(&looked.board);
     }

@@ -60,7 +60,8 @@ pub(super) fn port_values(slots: &mut [f64], width: usize, port: &Port) {
         let all = tracking
             .chain(margins)
             .chain(port.compensation_parameters())
-            .chain(poses);
+            .chain(poses)
+            .chain(port.judged());
         for (slot, value) in further.iter_mut().zip(all) {
             *slot = value;
         }
@@ -181,6 +182,15 @@ pub(super) fn port_columns(columns: &mut Vec<Column>, number: usize, port: &Port
             let key = format!("{kind}_{number}_{}", index + 1);
             columns.push(column(&key, unit, &meaning, false));
         }
+    }
+    for (axis, limit) in port.recorded_limits() {
+        let (row, axis) = (limit.row(), axis + 1);
+        let meaning = format!(
+            "{}: value that `{}` judged in this tick, none where nothing was judged, specimen \"{name}\", axis {axis}",
+            row.words, row.key
+        );
+        let key = format!("judged_{}_{number}_{axis}", row.name);
+        columns.push(column(&key, row.unit, &meaning, false));
     }
     let meaning = format!("newest command in force when specimen \"{name}\" was sampled");
     columns.push(column(&format!("seq_{number}"), "1", &meaning, false));

@@ -3,7 +3,6 @@
 use serde::Serialize;
 
 use super::marks::{Mark, TestMark, mark, test_marks};
-use crate::control::limits::{AxisLimits, Watch};
 use crate::control::{DispZero, Exit};
 use crate::engine::{Experiment, MissLevels};
 use crate::record::Column;
@@ -98,18 +97,6 @@ pub struct WatchedSpecimen {
     /// Commanded once a step while the test runs.
     #[serde(skip)]
     pub(super) per_step: bool,
-    /// Wall time in s from command to command, beside the test and in it.
-    #[serde(skip)]
-    pub(super) ticks: [f64; 2],
-    #[serde(skip)]
-    limits: Vec<AxisLimits>,
-}
-
-impl WatchedSpecimen {
-    /// What the loop reckons its limits with.
-    pub(super) fn watch(&self) -> Watch {
-        Watch::new(self.limits.clone(), self.ticks[0])
-    }
 }
 
 /// An axis that is watched, SI at the specimen's own scale.
@@ -214,8 +201,6 @@ impl Subject {
                 status: find(&format!("status_{number}")),
                 newest: find(&format!("seq_{number}")),
                 per_step: port.is_per_step(),
-                ticks: port.command_ticks().unwrap_or([tick_s; 2]),
-                limits: port.limits().to_vec(),
                 axes: (1..)
                     .zip(
                         port.limits()
@@ -227,7 +212,10 @@ impl Subject {
                     .map(|(axis, (((limits, (metres, newtons)), bounds), zero))| {
                         let place = |kind: &str| find(&format!("{kind}_{number}_{axis}"));
                         WatchedAxis {
-                            marks: limits.levels().filter_map(mark).collect(),
+                            marks: limits
+                                .levels()
+                                .filter_map(|limit| mark(limit, place))
+                                .collect(),
                             has_margin: place("margin").is_some(),
                             metres: *metres,
                             newtons: *newtons,

@@ -14,7 +14,6 @@ use thiserror::Error;
 use super::atomic;
 use super::layout::{Layout, LayoutError};
 use super::summary::{InputFile, Summary};
-use super::threads;
 use super::utc::stamp;
 use super::whereabouts::{Hold, Whereabouts, is_claimed};
 
@@ -23,7 +22,8 @@ pub(super) const FILES: [&str; 7] = [
     "events.jsonl",
     "samples.json",
     "samples.bin",
-    threads::FILE,
+    // Earlier versions wrote it.
+    "threads.bin",
     "resolved.toml",
     "test.toml",
     "resumed.json",
@@ -354,17 +354,6 @@ impl RunFolder {
     pub fn open_samples(&self, layout: &Layout) -> Result<File, FolderError> {
         self.write("samples.json", layout.to_json().as_bytes())?;
         let path = self.path.join("samples.bin");
-        let mut options = OpenOptions::new();
-        options.append(true).create_new(true);
-        options.open(&path).map_err(at(&path))
-    }
-
-    /// The empty `threads.bin` for the writer.
-    ///
-    /// # Errors
-    /// The system refuses.
-    pub fn open_threads(&self) -> Result<File, FolderError> {
-        let path = self.path.join(threads::FILE);
         let mut options = OpenOptions::new();
         options.append(true).create_new(true);
         options.open(&path).map_err(at(&path))

@@ -10,7 +10,6 @@
 //! | [`onlooker`] | who looks at the rows as they pass through the writer |
 //! | [`layout`], [`journal`], [`append`] | the format of `samples.bin`; its reader; appending that survives a full disk |
 //! | [`events`], [`note`], [`miss`] | what happened and its line in `events.jsonl`; events from outside the loop; the class of a miss |
-//! | [`threads`] | `threads.bin`: what the other threads did, and when |
 //! | [`folder`], [`run`], [`summary`] | the run folder, written; read; `summary.json` |
 //! | `missing`, `intact` | what the rows lack at their end; what others did to a file |
 //! | [`export`] | CSV, NumPy, MATLAB, HDF5, a trace of the loop, a project folder |
@@ -37,7 +36,6 @@ pub mod ring;
 pub mod run;
 mod strides;
 pub mod summary;
-pub mod threads;
 pub mod utc;
 mod verdict;
 mod warned;
@@ -59,11 +57,10 @@ pub use onlooker::Onlooker;
 pub use ring::{RingReader, RingRecorder, RingSize, WhenFull, ring};
 pub use run::{EventLines, Events, Run, keeps_waiting};
 pub use summary::Summary;
-pub use threads::{Roll, Stamper, ThreadLog, What};
 pub use verdict::{Kind, Outcome, RecordedFinding, RecordedVerdict};
 pub(crate) use warned::times;
 pub use whereabouts::{Whereabouts, is_claimed};
-pub use writer::{Beside, Progress, Recorded, Writer, WriterSettings};
+pub use writer::{Progress, Recorded, Writer, WriterSettings};
 
 use serde::{Deserialize, Serialize};
 

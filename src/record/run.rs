@@ -11,7 +11,6 @@ use super::folder::{AFTER, FILES, FolderError, at};
 use super::journal::Journal;
 use super::layout::Layout;
 use super::summary::Summary;
-use super::threads::{self, ThreadReader};
 use crate::work::Work;
 
 /// Bytes of the longest line of `events.jsonl` that is read.
@@ -194,20 +193,6 @@ impl Run {
         let places = names.iter().map(find).collect::<Result<Vec<_>, _>>()?;
         let path = self.path.join("samples.bin");
         self.journal()?.columns(&places).map_err(at(&path))
-    }
-
-    /// A reader of what its other threads did; `None` where that was not recorded: on the simulated clock, and by earlier
-    /// versions.
-    ///
-    /// # Errors
-    /// The system refuses.
-    pub fn threads(&self) -> Result<Option<ThreadReader<File>>, FolderError> {
-        let path = self.path.join(threads::FILE);
-        match File::open(&path) {
-            Ok(file) => Ok(Some(ThreadReader::new(file))),
-            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
-            Err(error) => Err(at(&path)(error)),
-        }
     }
 
     /// Its events; none if there is no file of them.

@@ -1,5 +1,5 @@
-//! Records of one size, one behind the other, read from a source as they come: what `samples.bin` and `threads.bin` have in
-//! common. What a record says, and whether it is sound, is for who asks.
+//! Records of one size, one behind the other, read from a source as they come. The caller decides what a record says, and
+//! whether it is sound.
 
 use std::io::{self, Read};
 

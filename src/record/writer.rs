@@ -11,14 +11,10 @@
 //! * A file that refuses (disk full) ends nothing: rows wait in bounded memory, are offered again every 100 ms, and
 //!   what finds no room is counted and shouted. The file holds whole rows at all times.
 //!
-//! What it and the other threads do, and when, it writes to `threads.bin` ([`super::threads`]), behind the rows in
-//! everything.
-//!
 //! It does not pin itself: a thread inherits the processors of the one that spawns it. It reads no clock but the
 //! two that it is given, and none of its decisions touches the loop.
 
 mod drain;
-mod stamps;
 mod sync;
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -39,7 +35,6 @@ use super::miss::{MissClasses, SchedSample};
 use super::note::Note;
 use super::onlooker::Onlooker;
 use super::ring::RingReader;
-use super::threads::ThreadLog;
 
 /// The clocks that the writer reads.
 #[derive(Debug, Clone, Copy)]
@@ -130,8 +125,6 @@ pub struct Recorded {
     pub misses: MissClasses,
     /// Limits that were warned of, in sentences, as far as their events arrived.
     pub warned: Vec<String>,
-    /// Stamps of threads lost to a full queue or a file that refused; no row, no event.
-    pub stamps_lost: u64,
     /// Syncs to disk that failed.
     pub sync_failures: u64,
     /// The first error of a file, if there was one.
@@ -173,23 +166,6 @@ pub enum WriterError {
     Died,
 }
 
-/// What a writer may have beside rows and events.
-#[derive(Default)]
-pub struct Beside {
-    /// Looks at the rows as they pass.
-    pub onlooker: Option<Box<dyn Onlooker>>,
-    /// Takes the stamps of threads.
-    pub threads: Option<ThreadLog>,
-}
-
-impl std::fmt::Debug for Beside {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Beside")
-            .field("threads", &self.threads)
-            .finish_non_exhaustive()
-    }
-}
-
 /// Notes that may wait for the writer.
 const NOTES: usize = 1024;
 
@@ -220,22 +196,21 @@ impl Writer {
         S: Store + 'static,
         E: Store + 'static,
     {
-        let alone = Beside::default();
-        Self::spawn_beside(ring, samples, events, sampler, clocks, settings, alone)
+        Self::spawn_watched(ring, samples, events, sampler, clocks, settings, None)
     }
 
-    /// The same with somebody who looks at the rows as they pass, and with the stamps of threads.
+    /// The same with an onlooker that sees the rows as they pass.
     ///
     /// # Errors
     /// As [`Writer::spawn`].
-    pub fn spawn_beside<S, E>(
+    pub fn spawn_watched<S, E>(
         ring: RingReader,
         samples: S,
         events: E,
         sampler: Option<Receiver<SchedSample>>,
         clocks: Clocks,
         settings: WriterSettings,
-        beside: Beside,
+        onlooker: Option<Box<dyn Onlooker>>,
     ) -> Result<Self, WriterError>
     where
         S: Store + 'static,
@@ -248,17 +223,13 @@ impl Writer {
             samples.syncer().map_err(WriterError::Sync)?,
             events.syncer().map_err(WriterError::Sync)?,
         ];
-        let Beside { onlooker, threads } = beside;
-        let roll = threads.as_ref().map(|threads| threads.roll().clone());
-        let sync = SyncThread::spawn(syncers, roll).map_err(WriterError::Spawn)?;
+        let sync = SyncThread::spawn(syncers).map_err(WriterError::Spawn)?;
         let period = settings.period;
         let stop_seen = Arc::clone(&stop);
         let mut drain = Drain::new(ring, samples, events, sampler, notes_out, settings);
         drain.serve(sync, Arc::clone(&progress));
         drain.watch(onlooker);
         let work = move || {
-            // On its own thread: it stands on the roll, too.
-            drain.stamp(threads);
             loop {
                 // Read before the turn: what the loop left before the stop is then surely seen.
                 let last = stop_seen.load(Ordering::Acquire);

@@ -32,19 +32,6 @@ impl Load {
     /// # Errors
     /// No thread can be started.
     pub fn start(away_from: usize, bytes: usize) -> io::Result<Self> {
-        Self::start_told(away_from, bytes, |_, _| ())
-    }
-
-    /// The same; `passed` is told, on the load's thread, of every pass through the buffer: when it began, ns of
-    /// CLOCK_MONOTONIC, and the bytes read and written in it.
-    ///
-    /// # Errors
-    /// As [`Load::start`].
-    pub fn start_told(
-        away_from: usize,
-        bytes: usize,
-        passed: impl FnMut(u64, u64) + Send + 'static,
-    ) -> io::Result<Self> {
         let stop = Arc::new(AtomicBool::new(false));
         let streamed = Arc::new(AtomicU64::new(0));
         let (flag, count) = (Arc::clone(&stop), Arc::clone(&streamed));
@@ -55,7 +42,7 @@ impl Load {
                 let cpus = apply::pin_away(away_from).unwrap_or_default();
                 let _ = os::block_signals();
                 let _ = ready.send(cpus);
-                stream(bytes, &flag, &count, passed);
+                stream(bytes, &flag, &count);
             })?;
         let cpus = started.recv().unwrap_or_default();
         let thread = Some(thread);
@@ -101,11 +88,10 @@ impl Drop for Load {
     }
 }
 
-fn stream(bytes: usize, stop: &AtomicBool, streamed: &AtomicU64, mut passed: impl FnMut(u64, u64)) {
+fn stream(bytes: usize, stop: &AtomicBool, streamed: &AtomicU64) {
     let mut buffer = vec![1u64; (bytes / 8).max(CHUNK)];
     let mut seed = 0x9E37_79B9_7F4A_7C15_u64;
     while !stop.load(Ordering::Relaxed) {
-        let began_ns = os::monotonic_ns();
         for chunk in buffer.chunks_mut(CHUNK) {
             if stop.load(Ordering::Relaxed) {
                 return;
@@ -120,7 +106,6 @@ fn stream(bytes: usize, stop: &AtomicBool, streamed: &AtomicU64, mut passed: imp
             streamed.fetch_add(16 * chunk.len() as u64, Ordering::Relaxed);
         }
         std::hint::black_box(&mut buffer);
-        passed(began_ns, 16 * buffer.len() as u64);
     }
 }
 
@@ -137,19 +122,6 @@ mod tests {
             os::yield_now();
         }
         assert!(load.stop() > 0);
-    }
-
-    #[test]
-    fn every_pass_is_told_with_its_bytes() {
-        let (sender, receiver) = crossbeam_channel::unbounded();
-        let told = move |began_ns, bytes| sender.send((began_ns, bytes)).unwrap_or(());
-        let load = Load::start_told(0, 1 << 20, told).unwrap();
-        let (first, second): ((u64, u64), (u64, u64)) =
-            (receiver.recv().unwrap(), receiver.recv().unwrap());
-        drop(load);
-        // Each word is read and written.
-        assert_eq!((first.1, second.1), (2 << 20, 2 << 20));
-        assert!(second.0 > first.0);
     }
 
     #[test]

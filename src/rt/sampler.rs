@@ -55,19 +55,6 @@ impl Sampler {
         cpu: Option<usize>,
         samples: Sender<T>,
     ) -> io::Result<Self> {
-        Self::spawn_told(thread_id, cpu, samples, |_| ())
-    }
-
-    /// The same; `looked` is told, on the sampler's thread, when each look began, ns of CLOCK_MONOTONIC. It must not wait.
-    ///
-    /// # Errors
-    /// As [`Sampler::spawn`].
-    pub fn spawn_told<T: From<SchedSample> + Send + 'static>(
-        thread_id: i32,
-        cpu: Option<usize>,
-        samples: Sender<T>,
-        mut looked: impl FnMut(u64) + Send + 'static,
-    ) -> io::Result<Self> {
         let mut source = Source::open(thread_id, cpu)?;
         let stop = Arc::new(AtomicBool::new(false));
         let dropped = Arc::new(AtomicU64::new(0));
@@ -80,9 +67,7 @@ impl Sampler {
                 let _ = os::block_signals();
                 let mut at = os::monotonic_ns();
                 while !stopped.load(Ordering::Relaxed) {
-                    let began_ns = os::monotonic_ns();
                     let Some(sample) = source.read() else { break };
-                    looked(began_ns);
                     if samples.try_send(sample.into()).is_err() {
                         lost.fetch_add(1, Ordering::Relaxed);
                     }

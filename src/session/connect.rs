@@ -14,7 +14,7 @@ use crate::catalog::event::Remark;
 use crate::config::ClockChoice;
 use crate::control::Port;
 use crate::engine::{Control, Experiment, Operator};
-use crate::record::{Event, FolderError, Roll, Run, What, Writer};
+use crate::record::{Event, FolderError, Run, Writer};
 use crate::substructure::{Introduction, LinkFault, Retirement, Unavailable};
 
 /// Where a specimen said that it stands, in the note on its connection: numbers in its own unit, one per axis, in words,
@@ -71,12 +71,11 @@ pub(super) fn connect(
     experiment: &mut Experiment,
     clock: ClockChoice,
     writer: &Writer,
-    roll: &Roll,
     mut line: Line,
 ) -> Result<Vec<String>, Unconnected> {
     let ports = std::mem::take(&mut experiment.ports);
     let names: Vec<String> = ports.iter().map(|port| port.name.clone()).collect();
-    let all = connect_all(ports, roll, &mut line);
+    let all = connect_all(ports, &mut line);
     if line.asks_for_the_end() {
         let connected = all.into_iter().flatten();
         for (mut port, _) in connected {
@@ -240,10 +239,9 @@ impl Line {
 /// A port that has said what it has to say.
 type Said = (Port, Result<Introduction, Unavailable>);
 
-/// Each on a thread of its own, for they wait; those of this process have nothing to wait for. The threads that their links
-/// start stand on the roll, too. Who is still waited for when the operator asks for an end is left behind with its thread: it
+/// Each on a thread of its own, for they wait; those of this process have nothing to wait for. Who is still waited for when the operator asks for an end is left behind with its thread: it
 /// was told of nothing that could move, and its connection closes with it. None for these, and for one whose thread panicked.
-fn connect_all(ports: Vec<Port>, roll: &Roll, line: &mut Line) -> Vec<Option<Said>> {
+fn connect_all(ports: Vec<Port>, line: &mut Line) -> Vec<Option<Said>> {
     let mut all: Vec<Option<Said>> = ports.iter().map(|_| None).collect();
     let (done, said) = mpsc::channel::<(usize, Said)>();
     let mut owed = 0;
@@ -253,12 +251,9 @@ fn connect_all(ports: Vec<Port>, roll: &Roll, line: &mut Line) -> Vec<Option<Sai
             all[index] = Some((port, outcome));
             continue;
         }
-        let (roll, done) = (roll.clone(), done.clone());
+        let done = done.clone();
         let work = move || {
-            let stamper = roll.enter();
-            let began_ns = stamper.now();
-            let outcome = roll.within(|| port.connect());
-            stamper.since(What::Connect, began_ns, 0);
+            let outcome = port.connect();
             let _ = done.send((index, (port, outcome)));
         };
         // A system that gives no thread is told of as one that panicked: nobody was connected.

@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::engine::{Glimpse, Operator, PhaseCell};
-use crate::record::{Roll, Stamper, What, is_claimed};
+use crate::record::is_claimed;
 use crate::rt::control_socket::{ControlSocket, connect};
 use crate::rt::os::monotonic_ns;
 
@@ -125,50 +125,33 @@ impl Desk {
     ///
     /// # Errors
     /// The system gives no socket or no thread.
-    pub fn open(
-        folder: &Path,
-        requests: Sender<Operator>,
-        phase: PhaseCell,
-        roll: &Roll,
-    ) -> io::Result<Self> {
+    pub fn open(folder: &Path, requests: Sender<Operator>, phase: PhaseCell) -> io::Result<Self> {
         let socket = ControlSocket::bind(folder, SOCKET)?;
-        Self::on(socket, requests, phase, roll)
+        Self::on(socket, requests, phase)
     }
 
     /// Answers operators on a socket that is open.
-    fn on(
-        socket: ControlSocket,
-        requests: Sender<Operator>,
-        phase: PhaseCell,
-        roll: &Roll,
-    ) -> io::Result<Self> {
+    fn on(socket: ControlSocket, requests: Sender<Operator>, phase: PhaseCell) -> io::Result<Self> {
         let serve = move |caller: &Caller| in_a_line(&told(caller, &requests, &phase)?);
-        Self::serve_on(socket, Box::new(serve), Some(roll))
+        Self::serve_on(socket, Box::new(serve))
     }
 
     /// Listens at the socket of this name in `folder`, and answers every caller as `serve` does.
     ///
     /// # Errors
     /// The system gives no socket or no thread.
-    pub(super) fn listen(
-        folder: &Path,
-        name: &str,
-        serve: Serve,
-        roll: Option<&Roll>,
-    ) -> io::Result<Self> {
-        Self::serve_on(ControlSocket::bind(folder, name)?, serve, roll)
+    pub(super) fn listen(folder: &Path, name: &str, serve: Serve) -> io::Result<Self> {
+        Self::serve_on(ControlSocket::bind(folder, name)?, serve)
     }
 
-    fn serve_on(socket: ControlSocket, serve: Serve, roll: Option<&Roll>) -> io::Result<Self> {
+    fn serve_on(socket: ControlSocket, serve: Serve) -> io::Result<Self> {
         let (open, closed) = UnixStream::pair()?;
-        let roll = roll.cloned();
         let work = move || {
             let mut counter = Counter {
                 socket,
                 closed,
                 callers: Vec::new(),
                 serve,
-                stamper: roll.map(|roll| roll.enter()),
             };
             while counter.waits() {
                 counter.turn();
@@ -201,7 +184,6 @@ struct Counter {
     closed: UnixStream,
     callers: Vec<Caller>,
     serve: Serve,
-    stamper: Option<Stamper>,
 }
 
 /// Who has come and not said a whole line.
@@ -241,7 +223,6 @@ impl Counter {
         }
         let callers = std::mem::take(&mut self.callers);
         for mut caller in callers {
-            let began_ns = self.stamper.as_ref().map_or(0, Stamper::now);
             match caller.hear() {
                 Heard::Part if monotonic_ns() < caller.until_ns => self.callers.push(caller),
                 // Whoever speaks nonsense or not at all gets no answer.
@@ -249,9 +230,6 @@ impl Counter {
                 Heard::Whole => {
                     let answer = (self.serve)(&caller);
                     let _ = answer.and_then(|line| (&caller.stream).write_all(&line));
-                    if let Some(stamper) = &mut self.stamper {
-                        stamper.since(What::Request, began_ns, 0);
-                    }
                 }
             }
         }
@@ -390,7 +368,6 @@ mod tests {
     use super::*;
     use crate::engine::Phase;
     use crate::record::RunFolder;
-    use crate::session::roll;
 
     #[test]
     fn a_request_reaches_the_queue_and_the_socket_goes_with_the_desk() {
@@ -400,7 +377,7 @@ mod tests {
         std::fs::create_dir_all(&folder).unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(4);
         let phase = PhaseCell::default();
-        let desk = Desk::open(&folder, sender, phase.clone(), &roll()).unwrap();
+        let desk = Desk::open(&folder, sender, phase.clone()).unwrap();
         phase.set(Phase::Running);
         let answer = ask(&folder, Request::Hold).unwrap();
         assert!(answer.accepted);
@@ -426,7 +403,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(4);
         let cell = PhaseCell::default();
-        let _desk = Desk::open(folder.path(), sender, cell.clone(), &roll()).unwrap();
+        let _desk = Desk::open(folder.path(), sender, cell.clone()).unwrap();
         let held = Glimpse {
             phase: Phase::Ramping,
             hold: true,
@@ -453,7 +430,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(4);
         let cell = PhaseCell::default();
-        let _desk = Desk::open(folder.path(), sender, cell.clone(), &roll()).unwrap();
+        let _desk = Desk::open(folder.path(), sender, cell.clone()).unwrap();
         for (hold, unconfirmed) in [(false, false), (true, false), (true, true), (false, true)] {
             let seen = Glimpse {
                 phase: Phase::Zeroing,
@@ -516,7 +493,7 @@ mod tests {
     fn nonsense_gets_no_answer_and_the_desk_stays_open() {
         let folder = tempfile::tempdir().unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(4);
-        let _desk = Desk::open(folder.path(), sender, PhaseCell::default(), &roll()).unwrap();
+        let _desk = Desk::open(folder.path(), sender, PhaseCell::default()).unwrap();
         for text in [
             "",
             "GET / HTTP/1.1\r\n\r\n",
@@ -541,7 +518,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(4);
         let cell = PhaseCell::default();
-        let _desk = Desk::open(folder.path(), sender, cell.clone(), &roll()).unwrap();
+        let _desk = Desk::open(folder.path(), sender, cell.clone()).unwrap();
         let second = Glimpse {
             hold: true,
             stands: true,
@@ -585,7 +562,7 @@ mod tests {
             stream.shutdown(std::net::Shutdown::Write).unwrap();
             here.extend(stays.then_some(stream));
         }
-        let _desk = Desk::on(socket, sender, cell, &roll()).unwrap();
+        let _desk = Desk::on(socket, sender, cell).unwrap();
         let heard: Vec<_> = (0..3).map(|_| receiver.recv().unwrap()).collect();
         assert_eq!(heard, [Operator::Hold, Operator::Stop, Operator::Confirm]);
         assert!(receiver.try_recv().is_err());
@@ -598,7 +575,7 @@ mod tests {
         let open = || {
             fs::create_dir(&path).unwrap();
             let (sender, receiver) = crossbeam_channel::bounded(4);
-            let desk = Desk::open(&path, sender, PhaseCell::default(), &roll()).unwrap();
+            let desk = Desk::open(&path, sender, PhaseCell::default()).unwrap();
             (desk, receiver)
         };
         let (first, _first_hears) = open();
@@ -626,7 +603,7 @@ mod tests {
     fn nobody_waits_for_those_who_say_nothing_and_they_are_not_waited_for_without_end() {
         let folder = tempfile::tempdir().unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(4);
-        let desk = Desk::open(folder.path(), sender, PhaseCell::default(), &roll()).unwrap();
+        let desk = Desk::open(folder.path(), sender, PhaseCell::default()).unwrap();
         let call = || UnixStream::connect(folder.path().join(SOCKET)).unwrap();
         // Each of them alone would be waited for as long as the one who speaks waits in all.
         let silent: Vec<UnixStream> = (0..8).map(|_| call()).collect();

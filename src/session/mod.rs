@@ -3,7 +3,7 @@
 //! | thread | owns | talks through |
 //! |---|---|---|
 //! | loop (pinned, FIFO) | engine, clock, histograms | rings of rows and events out, a bounded channel of operator requests in |
-//! | writer | samples.bin, events.jsonl, threads.bin, the log | drains the rings every few milliseconds |
+//! | writer | samples.bin, events.jsonl, the log | drains the rings every few milliseconds |
 //! | sampler | the kernel's counters of the loop's thread | a bounded channel to the writer |
 //! | signals | SIGINT, SIGTERM and their like | the channel of operator requests |
 //! | caller | everything else | joins the rest |
@@ -61,7 +61,7 @@ pub use resume::{Allowed, ResumeError, resume, resume_allowed, resume_over};
 pub use retrace::altered;
 pub use signals::{Signal, Signals, Taken};
 pub use summary::ending;
-pub use watches::{Attendance, Watches, roll};
+pub use watches::{Attendance, Watches};
 
 use connect::Line;
 use continued::Word;
@@ -75,7 +75,7 @@ use crate::engine::Control;
 use crate::record::summary::Status;
 use crate::record::writer::WriterError;
 use crate::record::{
-    Event, FolderError, Progress, Recorded, RecordedVerdict, Roll, RunFolder, Summary, What, Writer,
+    Event, FolderError, Progress, Recorded, RecordedVerdict, RunFolder, Summary, Writer,
 };
 use crate::rt::wall::Wall;
 use crate::rt::{Granted, os};
@@ -208,8 +208,7 @@ pub fn run(
     };
     match prepare(experiment, &facts, &files, &mut folder, control, watches) {
         Ok(ready) => {
-            let roll = &ready.roll;
-            let desk = desk.map(|(asks, phase)| Desk::open(folder.path(), asks, phase, roll));
+            let desk = desk.map(|(asks, phase)| Desk::open(folder.path(), asks, phase));
             if let Some(Err(error)) = &desk {
                 let text = format!("other programs cannot reach this test: {error}");
                 ready.writer.note(Event::said(Remark::Warning, text));
@@ -257,15 +256,14 @@ fn carry_out(
         writer,
         sampler,
         granted,
-        roll,
     } = ready;
     let mut facts = facts.clone();
     let began = Wall::now();
-    let mut ended = match connect::connect(&mut experiment, facts.clock, &writer, &roll, line) {
+    let mut ended = match connect::connect(&mut experiment, facts.clock, &writer, line) {
         Ok(warnings) => {
             facts.warnings.extend(warnings);
             let _ = go.send(experiment);
-            wait_for_the_end(&done, &writer, &roll, progress)
+            wait_for_the_end(&done, &writer, progress)
         }
         Err(why) => {
             drop(go);
@@ -289,7 +287,6 @@ fn carry_out(
         Recorded::default()
     });
     kept::look_over(&mut folder, &mut facts, &mut recorded);
-    roll.close();
     let mut unwritten = Vec::new();
     let span = summary::Span {
         began,
@@ -331,19 +328,15 @@ fn carry_out(
 fn wait_for_the_end(
     done: &mpsc::Receiver<Ended>,
     writer: &Writer,
-    roll: &Roll,
     progress: &mut dyn FnMut(&Progress),
 ) -> Ended {
-    let stamper = roll.enter();
     let mut latest = Progress::default();
     loop {
         match done.recv_timeout(LOOK_EVERY) {
             Ok(ended) => break ended,
             Err(mpsc::RecvTimeoutError::Timeout) => {
-                let began_ns = stamper.now();
                 writer.progress(&mut latest);
                 progress(&latest);
-                stamper.since(What::Status, began_ns, 0);
             }
             // The thread can end without a word only by a panic outside the engine.
             Err(mpsc::RecvTimeoutError::Disconnected) => {

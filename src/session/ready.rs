@@ -5,14 +5,13 @@ use std::thread::JoinHandle;
 
 use super::guarded::{Ended, run_retired};
 use super::sampling::spawn_sampler;
-use super::{SessionError, Watches, archive, watches};
+use super::{SessionError, Watches, archive};
 use crate::catalog::event::{Remark, Severity};
 use crate::config::ClockChoice;
 use crate::engine::{Control, Engine, Experiment};
 use crate::record::writer::Clocks;
 use crate::record::{
-    Beside, Event, Layout, Note, RingSize, Roll, RunFolder, ThreadLog, WhenFull, Writer,
-    WriterSettings, ring,
+    Event, Layout, Note, RingSize, RunFolder, WhenFull, Writer, WriterSettings, ring,
 };
 use crate::rt::sampler::Sampler;
 use crate::rt::wall::Wall;
@@ -29,7 +28,6 @@ pub(super) struct Ready {
     pub writer: Writer,
     pub sampler: Option<Sampler>,
     pub granted: Option<Granted>,
-    pub roll: Roll,
 }
 
 /// Writes what is known before the test, asks for real-time conditions and starts the threads.
@@ -46,14 +44,6 @@ pub(super) fn prepare(
     let samples = folder.open_samples(&layout)?;
     let events = folder.open_events()?;
     let real = facts.clock == ClockChoice::Real;
-    let roll = watches.roll.take().unwrap_or_else(watches::roll);
-    let threads = if real {
-        Some(ThreadLog::new(folder.open_threads()?, roll.clone()))
-    } else {
-        // What takes how long on the wall is nothing to a test on the simulated clock.
-        roll.close();
-        None
-    };
     let size = RingSize::for_rate(layout.columns().len(), facts.rate_hz, facts.queue_s);
     let when_full = if real { WhenFull::Drop } else { WhenFull::Wait };
     let (recorder, reader) = ring(layout.columns().len(), size, when_full)
@@ -67,12 +57,9 @@ pub(super) fn prepare(
     let (answer, answered) = mpsc::sync_channel(1);
     let (go, gate) = mpsc::sync_channel::<Experiment>(1);
     let (done_in, done) = mpsc::sync_channel(1);
-    let for_loop = roll.clone();
     let thread = std::thread::Builder::new()
         .name("gusset-loop".into())
         .spawn(move || {
-            // By name only, and before anything is timed: the stamps of the loop are columns of the rows.
-            drop(for_loop.enter());
             let granted = plan.as_ref().map(apply);
             if answer.send((granted.clone(), os::thread_id())).is_err() {
                 return;
@@ -125,18 +112,17 @@ pub(super) fn prepare(
         ..WriterSettings::default()
     };
     let sampler_out = real.then_some(sample_out);
-    let beside = Beside { onlooker, threads };
-    let writer = Writer::spawn_beside(
+    let writer = Writer::spawn_watched(
         reader,
         samples,
         events,
         sampler_out,
         clocks,
         settings,
-        beside,
+        onlooker,
     )?;
     let sampler = if real {
-        spawn_sampler(thread_id, &granted, sample_in, roll.clone())
+        spawn_sampler(thread_id, &granted, sample_in)
     } else {
         None
     };
@@ -160,7 +146,6 @@ pub(super) fn prepare(
         writer,
         sampler,
         granted,
-        roll,
     })
 }
 

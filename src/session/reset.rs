@@ -142,7 +142,7 @@ impl ServerControl {
                 },
             })
         };
-        let desk = Desk::listen(&place.folder, &place.name, Box::new(serve), None);
+        let desk = Desk::listen(&place.folder, &place.name, Box::new(serve));
         Ok(Self {
             _desk: desk.map_err(wrong)?,
         })

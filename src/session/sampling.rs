@@ -3,7 +3,6 @@
 use crossbeam_channel::Sender;
 
 use crate::record::SchedSample;
-use crate::record::threads::{Roll, What};
 use crate::rt::Granted;
 use crate::rt::sampler::{Sampler, SchedSample as SamplerReading};
 
@@ -12,16 +11,9 @@ pub(super) fn spawn_sampler(
     thread_id: i32,
     granted: &Option<Granted>,
     into: Sender<SchedSample>,
-    roll: Roll,
 ) -> Option<Sampler> {
     let cpu = granted.as_ref().and_then(|granted| granted.cpu);
-    // On the sampler's own thread, with its first look.
-    let mut stamper = None;
-    let looked = move |began_ns| {
-        let stamper = stamper.get_or_insert_with(|| roll.enter());
-        stamper.since(What::Look, began_ns, 0);
-    };
-    match Sampler::spawn_told(thread_id, cpu, into, looked) {
+    match Sampler::spawn(thread_id, cpu, into) {
         Ok(sampler) => Some(sampler),
         Err(error) => {
             tracing::warn!(

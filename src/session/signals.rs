@@ -11,7 +11,6 @@ use rustix::process::Signal as Raw;
 use tokio::signal::unix::{self, SignalKind, signal};
 
 use crate::engine::Operator;
-use crate::record::{Roll, What};
 use crate::rt::os;
 
 /// A signal that ended a test.
@@ -96,7 +95,6 @@ pub struct Signals {
     seen: Arc<AtomicU8>,
     sender: Sender<Operator>,
     receiver: Receiver<Operator>,
-    roll: Roll,
 }
 
 const INTERRUPT: u8 = 1;
@@ -118,24 +116,19 @@ impl Signals {
             Taken::over()?
         };
         let (noted, requests) = (Arc::clone(&seen), sender.clone());
-        let roll = super::roll();
-        let for_thread = roll.clone();
         std::thread::Builder::new()
             .name("gusset-signals".into())
             .spawn(move || {
-                let stamper = for_thread.enter();
                 runtime.block_on(async move {
                     loop {
                         let which = match taken.next().await {
                             Signal::Interrupt => INTERRUPT,
                             Signal::Terminate => TERMINATE,
                         };
-                        let began_ns = stamper.now();
                         // The first signal names the cause.
                         let _ =
                             noted.compare_exchange(0, which, Ordering::Relaxed, Ordering::Relaxed);
                         let _ = Operator::Stop.say_into(&requests);
-                        stamper.since(What::Signal, began_ns, 0);
                     }
                 });
             })?;
@@ -143,14 +136,7 @@ impl Signals {
             seen,
             sender,
             receiver,
-            roll,
         })
-    }
-
-    /// The roll on which the listening thread stands: for the first test, and whoever attends that.
-    #[must_use]
-    pub fn roll(&self) -> Roll {
-        self.roll.clone()
     }
 
     /// The loop's end of the line.

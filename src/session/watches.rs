@@ -2,8 +2,6 @@
 
 use crate::engine::Watch;
 use crate::record::Onlooker;
-use crate::record::threads::{Roll, Who};
-use crate::rt::os;
 
 /// What a caller may put round the ticks, on the loop's own thread and on the others.
 #[derive(Default)]
@@ -17,17 +15,6 @@ pub struct Watches {
     /// Called when the caller's thread has been put off the loop's processor and before anything moves: a thread that is
     /// started here stays off it, too.
     pub when_placed: Option<Attendance>,
-    /// The roll on which the caller's threads stand; a new one if there is none.
-    pub roll: Option<Roll>,
-}
-
-/// An empty roll for the threads of this program.
-#[must_use]
-pub fn roll() -> Roll {
-    Roll::new(os::monotonic_ns, || Who {
-        name: os::thread_name(),
-        id: os::thread_id(),
-    })
 }
 
 /// Starts whoever attends a test.

@@ -152,6 +152,12 @@ pub const TEST_COLUMNS: &[ColumnRow] = &[
         "measured",
     ],
     [
+        "judged_NAME_S_A",
+        "of the limit",
+        "value that limit NAME judged in this tick, where the limit has a level",
+        "controller",
+    ],
+    [
         "seq_S",
         "1",
         "number of the newest command in force when the specimen was sampled",

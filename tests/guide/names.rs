@@ -77,6 +77,7 @@ pub fn columns() -> Vec<String> {
         "vN",
         "aN",
         "comp_NAME",
+        "judged_NAME",
         "seq",
         "status",
         "margin",
@@ -123,7 +124,7 @@ pub fn columns_of(layout: &str) -> Vec<String> {
         let given = row[1];
         let is_same = given.split(" or ").any(|one| one == unit)
             || (given == "unit of the axis" && !unit.is_empty())
-            || given == "of the parameter";
+            || given.starts_with("of the ");
         if !is_same {
             wrong.push(format!("column `{name}`: unit {unit}, listed {given}"));
         }

@@ -212,10 +212,7 @@ fn carry_out(
     let folder = conduct::folder(args.test_run.out.as_deref(), &facts.title)?;
     let line = ProgressLine::new(facts, !args.quiet);
     let control = conduct::attended(&signals, facts, &folder, args.test_run.yes)?;
-    let watches = Watches {
-        roll: Some(signals.roll()),
-        ..Watches::default()
-    };
+    let watches = Watches::default();
     let finished = session::run(
         test,
         folder,

@@ -23,7 +23,6 @@
 //! Invariants: no wait without a limit, in the handshake, in the middle of a record and at the goodbye; every failure has a
 //! name ([`TlsFault`]); keys never leave this module. What is not here: revocation lists, and what the bytes mean.
 
-mod carried;
 mod client;
 mod fault;
 mod files;

@@ -18,12 +18,10 @@ use std::thread::JoinHandle;
 use rtrb::{Consumer, Producer, RingBuffer};
 use rustix::event::{EventfdFlags, PollFd, PollFlags, Timespec, eventfd};
 
-use super::carried::Carried;
 use super::fault::TlsFault;
 use super::stream::TlsStream;
 use crate::link::Transport;
 use crate::link::socket::{Pause, Wait};
-use crate::record::Roll;
 use crate::rt::os;
 use crate::substructure::LinkFault;
 use crate::time::Nanos;
@@ -87,12 +85,10 @@ impl TlsTransport {
             answers,
             shared: Arc::clone(&shared),
             buffer: vec![0; CHUNK],
-            carried: Carried::default(),
         };
-        let roll = Roll::here();
         let thread = std::thread::Builder::new()
             .name("gusset-tls".into())
-            .spawn(move || helper.run(Carried::of(roll)))?;
+            .spawn(move || helper.run())?;
         Ok(Self {
             out,
             back,
@@ -194,7 +190,6 @@ struct Helper {
     answers: Producer<u8>,
     shared: Arc<Shared>,
     buffer: Vec<u8>,
-    carried: Carried,
 }
 
 /// What stands between two looks.
@@ -204,8 +199,7 @@ struct Round {
 }
 
 impl Helper {
-    fn run(mut self, carried: Carried) {
-        self.carried = carried;
+    fn run(mut self) {
         // Signals are for whoever asked for them.
         let _ = os::block_signals();
         let fault = self.carry();
@@ -238,9 +232,7 @@ impl Helper {
             if let Err(fault) = self.stream.check_record() {
                 return fault;
             }
-            self.carried.sleeps();
             self.sleep(&round);
-            self.carried.wakes();
         }
     }
 
@@ -259,7 +251,6 @@ impl Helper {
                     self.stream.session.put(second)?;
                 }
                 chunk.commit_all();
-                self.carried.add(count);
                 moved = true;
             }
         }
@@ -288,7 +279,6 @@ impl Helper {
         // There is room: only this thread fills the ring.
         let _ = self.answers.push_entire_slice(bytes);
         ring_bell(&self.shared.to_loop);
-        self.carried.add(count);
         Ok(true)
     }
 

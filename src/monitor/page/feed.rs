@@ -19,7 +19,6 @@ use serde_json::{Value, json};
 use tokio::time::{Interval, MissedTickBehavior};
 
 use super::door::Asking;
-use super::work::Work;
 use crate::engine::{Glimpse, Phase};
 use crate::monitor::board::Board;
 use crate::monitor::history::{Bin, RECENT};
@@ -40,7 +39,6 @@ const MOST_BINS: usize = 1200;
 #[derive(Debug)]
 pub(super) struct Feed {
     pub board: Arc<Board>,
-    work: Arc<Work>,
     made: Mutex<Made>,
     viewers: AtomicUsize,
 }
@@ -61,10 +59,9 @@ struct Made {
 }
 
 impl Feed {
-    pub fn new(board: Arc<Board>, work: Arc<Work>) -> Self {
+    pub fn new(board: Arc<Board>) -> Self {
         Self {
             board,
-            work,
             made: Mutex::default(),
             viewers: AtomicUsize::new(0),
         }
@@ -260,7 +257,6 @@ impl Stream for Viewer {
             }
             ready!(self.pace.poll_tick(cx));
             if let Some(text) = self.event() {
-                self.feed.work.made(text.len());
                 return Poll::Ready(Some(Ok(text.into())));
             }
         }

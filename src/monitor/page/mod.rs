@@ -16,7 +16,6 @@ mod door;
 mod feed;
 mod gate;
 mod routes;
-mod work;
 
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener, ToSocketAddrs};
@@ -32,13 +31,12 @@ pub use gate::{Token, TokenError};
 
 use super::board::{Board, Ended, MARGIN_EVERY_NS};
 use crate::engine::Operator;
-use crate::record::{Event, Note, Roll};
+use crate::record::{Event, Note};
 use crate::rt::os::monotonic_ns;
 use door::Door;
 use feed::Feed;
 use gate::Gate;
 use routes::{Refusals, Site};
-use work::Work;
 
 /// Where the page is if nobody says otherwise.
 pub const USUAL_PORT: u16 = 4824;
@@ -196,7 +194,7 @@ impl LivePage {
         self.view.is_none()
     }
 
-    /// Starts to serve, on a thread that inherits the processors of the caller's and stands on `roll`.
+    /// Starts to serve, on a thread that inherits the processors of the caller's.
     ///
     /// # Errors
     /// The system gives no thread or no event queue.
@@ -205,16 +203,12 @@ impl LivePage {
         board: Arc<Board>,
         operator: Sender<Operator>,
         notes: Sender<Note>,
-        roll: Roll,
     ) -> io::Result<Serving> {
         let address = self.address.to_string();
         let _full = notes.try_send(Event::LivePage { address }.into());
-        let (work, asleep, awake) = Work::shared();
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_io()
             .enable_time()
-            .on_thread_park(move || asleep.sleeps())
-            .on_thread_unpark(move || awake.wakes())
             .build()?;
         let listener = {
             let _inside = runtime.enter();
@@ -222,7 +216,7 @@ impl LivePage {
         };
         let stop = Arc::new(Notify::new());
         let site = Site {
-            feed: Arc::new(Feed::new(Arc::clone(&board), Arc::clone(&work))),
+            feed: Arc::new(Feed::new(Arc::clone(&board))),
             gate: Gate::new(self.address.ip(), self.name, self.control, self.view),
             operator,
             notes,
@@ -234,7 +228,6 @@ impl LivePage {
             .spawn(move || {
                 // Behind the writer, with whom it may share a processor.
                 let _refused = rustix::process::setpriority_process(None, 10);
-                work.begins(roll.enter());
                 runtime.block_on(serve(Door::new(listener), site, asked));
             })?;
         Ok(Serving {
@@ -381,13 +374,6 @@ mod tests {
 
     const STIFF: f64 = 3e7;
 
-    fn roll() -> Roll {
-        Roll::new(monotonic_ns, || crate::record::threads::Who {
-            name: String::new(),
-            id: crate::rt::os::thread_id(),
-        })
-    }
-
     /// A request that waited until its sender gave up must not move a specimen later.
     #[test]
     fn what_lets_specimens_move_is_dropped_once_its_sender_has_left_and_a_stop_is_not() {
@@ -426,7 +412,7 @@ mod tests {
             say("stop"),
         ]);
         let _waits = say("continue?hold=3");
-        let serving = page.serve(board, operator, notes, roll()).unwrap();
+        let serving = page.serve(board, operator, notes).unwrap();
         let told = written.iter().filter_map(|note| match note.event {
             Event::ControlRequest {
                 request, accepted, ..
@@ -468,7 +454,7 @@ mod tests {
         let (operator, _asked) = crossbeam_channel::bounded(1);
         let (notes, _written) = crossbeam_channel::bounded(1);
         let page = LivePage::bind("127.0.0.1:0", None).unwrap();
-        let serving = page.serve(Arc::clone(&board), operator, notes, roll());
+        let serving = page.serve(Arc::clone(&board), operator, notes);
         let began_ns = monotonic_ns();
         while board.known_margin().is_none() {
             let waited_ns = monotonic_ns() - began_ns;

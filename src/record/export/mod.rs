@@ -33,11 +33,9 @@ use super::folder::FolderError;
 use super::journal::{End, Journal};
 use super::missing::MissingEnd;
 use super::run::Run;
-use super::threads::ThreadEnd;
 
 use plan::Plan;
 pub use plan::{Choice, Rows, Sum};
-pub use trace::OnlyLoop;
 
 /// A form that other programs read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -182,12 +180,6 @@ pub enum Notice {
     Empty,
     /// These columns, which every export has, were not recorded: there is nothing in them.
     NotRecorded(String),
-    /// A trace shows the loop's thread only.
-    OnlyLoop(OnlyLoop),
-    /// The stamps of other threads end in the middle of a record or in damage.
-    Threads(ThreadEnd),
-    /// So many stamps of other threads found no room while they were recorded.
-    StampsLost(u64),
 }
 
 impl Notice {
@@ -222,12 +214,6 @@ impl std::fmt::Display for Notice {
             Self::NotRecorded(columns) => write!(
                 f,
                 "samples.json has no {columns}: nothing is exported as that"
-            ),
-            Self::OnlyLoop(why) => write!(f, "the trace shows the loop's thread only: {why}"),
-            Self::Threads(end) => write!(f, "{end}"),
-            Self::StampsLost(stamps) => write!(
-                f,
-                "{stamps} stamps of other threads were lost while recording; no row is missing for it"
             ),
         }
     }

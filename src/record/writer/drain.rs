@@ -1,12 +1,11 @@
-//! The work of the writer, turn by turn, with time as an argument: no thread, and no clock but that of the stamps it leaves.
+//! The work of the writer, turn by turn, with time as an argument: no thread and no clock.
 
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use crossbeam_channel::Receiver;
 
-use super::stamps::Stamps;
-use super::sync::{Lengths, SyncThread};
+use super::sync::SyncThread;
 use super::{Progress, Recorded, WriterSettings, lock};
 use crate::record::append::{Flushed, Store};
 use crate::record::events::Event;
@@ -17,13 +16,12 @@ use crate::record::miss::SchedSample;
 use crate::record::note::{Note, Position};
 use crate::record::onlooker::{Onlooker, Watched};
 use crate::record::ring::RingReader;
-use crate::record::threads::{ThreadLog, What};
 
 /// Bytes of rows that are written without waiting for the time to do so.
 pub(super) const CHUNK: usize = 256 << 10;
 /// Events and notes taken in one turn.
 const PER_TURN: usize = 8192;
-/// What it writes, besides stamps.
+/// Files that it writes.
 const FILES: [&str; 2] = ["samples.bin", "events.jsonl"];
 /// Pause between two shouts about lost rows.
 const SHOUT_NS: u64 = 1_000_000_000;
@@ -38,7 +36,6 @@ pub(super) struct Drain<S, E> {
     sync: Option<SyncThread>,
     pub(super) progress: Arc<Mutex<Progress>>,
     onlooker: Watched,
-    stamps: Stamps,
     last_row: Vec<f64>,
     position: Position,
     lost_file: u64,
@@ -75,7 +72,6 @@ impl<S: Store, E: Store> Drain<S, E> {
             sync: None,
             progress: Arc::default(),
             onlooker: Watched::default(),
-            stamps: Stamps::default(),
             last_row: Vec::with_capacity(columns),
             position: Position::default(),
             lost_file: 0,
@@ -98,22 +94,15 @@ impl<S: Store, E: Store> Drain<S, E> {
         self.onlooker = Watched::by(onlooker);
     }
 
-    /// Gives it the file of the stamps, and enters the calling thread on their roll.
-    pub(super) fn stamp(&mut self, threads: Option<ThreadLog>) {
-        self.stamps = Stamps::of(threads);
-    }
-
     /// Takes what waits and passes it on; true if so much was there that the next turn should follow at once.
     pub(super) fn turn(&mut self, now: Moment) -> bool {
         // Counted before the rows: those that were there before an event are then surely taken before it.
         let events = self.ring.events_waiting().min(PER_TURN);
-        let (waiting, bytes) = (self.ring.waiting(), self.journal.bytes());
+        let waiting = self.ring.waiting();
         self.take_rows(waiting, now);
         // A note that was sent before an event stands before it: set-up is told of before the loop it leads to.
-        let mut notes = 0;
         for note in self.notes.try_iter().take(PER_TURN) {
             self.events.note(note, self.position, now);
-            notes += 1;
         }
         for event in std::iter::from_fn(|| self.ring.event()).take(events) {
             let note = self.onlooker.show(|onlooker| onlooker.event(&event));
@@ -129,36 +118,20 @@ impl<S: Store, E: Store> Drain<S, E> {
             self.flush_rows(now);
         }
         self.shout_losses(now, false);
-        let (began, before) = (self.stamps.now(), self.events.length());
         let flushed = self.events.turn(now);
-        let written = self.events.length() - before;
-        if written > 0 {
-            self.stamps.since(What::WriteEvents, began, written);
-        }
         self.heed("events.jsonl", flushed, now);
         self.ask_for_sync(now);
         self.publish();
         self.show(now, |onlooker, progress| {
             onlooker.turn(now.monotonic_ns, progress);
         });
-        // A look that found nothing and did nothing is none.
-        if waiting + events + notes > 0 || self.journal.bytes() > bytes {
-            self.stamps
-                .since(What::Drain, Some(now.monotonic_ns), waiting as u64);
-        }
-        self.stamps.turn(now.monotonic_ns);
         waiting * 4 >= self.ring.capacity()
     }
 
     /// The last turn: nothing waits for anything any more.
     pub(super) fn finish(mut self, now: Moment) -> Recorded {
         self.turn(now);
-        let (began, before) = (self.stamps.now(), self.journal.bytes());
         let flushed = self.journal.flush_at_once(now.monotonic_ns);
-        let written = self.journal.bytes() - before;
-        if written > 0 {
-            self.stamps.since(What::WriteRows, began, written);
-        }
         self.heed("samples.bin", flushed, now);
         self.lost_file += self.journal.waiting();
         self.shout_losses(now, true);
@@ -168,12 +141,9 @@ impl<S: Store, E: Store> Drain<S, E> {
         });
         let flushed = self.events.finish(now);
         self.heed("events.jsonl", flushed, now);
-        let lengths = self.lengths();
         let sync = self.sync.take();
-        let sync_failures = sync.map_or(0, |sync| sync.finish(lengths));
+        let sync_failures = sync.map_or(0, |sync| sync.finish());
         self.publish();
-        // Last of all, and told of nowhere but here and in the file itself: nothing of the test is missing.
-        let stamps_lost = self.stamps.finish(now.monotonic_ns);
         let unwritten = self.events.waiting();
         let extents = FILES.into_iter().zip(self.extents());
         let extents = extents.filter_map(|(file, extent)| Some((file, extent?)));
@@ -185,7 +155,6 @@ impl<S: Store, E: Store> Drain<S, E> {
             events_lost: self.events.lost() + unwritten + self.ring.lost().events(),
             misses: self.events.classes(),
             warned: self.events.warned(),
-            stamps_lost,
             sync_failures,
             first_error: self.first_error,
             files: extents.collect(),
@@ -219,16 +188,7 @@ impl<S: Store, E: Store> Drain<S, E> {
 
     fn flush_rows(&mut self, now: Moment) {
         self.flushed_ns = now.monotonic_ns;
-        let (began, before) = (self.stamps.now(), self.journal.bytes());
         let flushed = self.journal.flush(now.monotonic_ns);
-        let written = self.journal.bytes() - before;
-        if written > 0 {
-            self.stamps.since(What::WriteRows, began, written);
-        }
-        // Room on a disk that was full is for rows first.
-        if matches!(flushed, Flushed::Clean) {
-            self.stamps.flush(now.monotonic_ns);
-        }
         self.heed("samples.bin", flushed, now);
     }
 
@@ -276,10 +236,6 @@ impl<S: Store, E: Store> Drain<S, E> {
         }
     }
 
-    fn lengths(&self) -> Lengths {
-        [self.journal.bytes(), self.events.length()]
-    }
-
     fn extents(&self) -> [Option<Extent>; FILES.len()] {
         [self.journal.extent(), self.events.extent()]
     }
@@ -301,13 +257,12 @@ impl<S: Store, E: Store> Drain<S, E> {
     }
 
     fn ask_for_sync(&mut self, now: Moment) {
-        let lengths = self.lengths();
-        let bytes = lengths.iter().sum();
+        let bytes = self.journal.bytes() + self.events.length();
         let since = now.monotonic_ns.saturating_sub(self.synced_ns);
         if bytes != self.synced_bytes && since >= nanos(self.settings.sync_every) {
             self.look_over(now);
             if let Some(sync) = &self.sync {
-                sync.ask(lengths);
+                sync.ask();
             }
             (self.synced_ns, self.synced_bytes) = (now.monotonic_ns, bytes);
         }

@@ -5,60 +5,40 @@ use std::thread::JoinHandle;
 use crossbeam_channel::Sender;
 
 use crate::record::append::Syncer;
-use crate::record::threads::{Roll, What};
 
-/// The files that are synced, in the order of their syncers.
-const FILES: [What; 2] = [What::SyncRows, What::SyncEvents];
+/// Files that are synced: rows, then events.
+const FILES: usize = 2;
 
-/// Bytes that the files have.
-pub(super) type Lengths = [u64; FILES.len()];
-
-/// What is asked for: files that have so many bytes, and whether that was the last time.
-type Asked = (Lengths, bool);
-
-/// A running thread that syncs when asked.
+/// A running thread that syncs when asked. A request says whether it is the last.
 #[derive(Debug)]
 pub(super) struct SyncThread {
-    ask: Sender<Asked>,
+    ask: Sender<bool>,
     thread: JoinHandle<u64>,
 }
 
 impl SyncThread {
     /// Starts it on the files behind `syncers`: rows, then events.
-    pub(super) fn spawn(
-        mut syncers: [Syncer; FILES.len()],
-        roll: Option<Roll>,
-    ) -> std::io::Result<Self> {
-        let (ask, asked) = crossbeam_channel::bounded::<Asked>(1);
+    pub(super) fn spawn(mut syncers: [Syncer; FILES]) -> std::io::Result<Self> {
+        let (ask, asked) = crossbeam_channel::bounded(1);
         let work = move || {
-            let stamper = roll.map(|roll| roll.enter());
-            let (mut failures, mut synced) = (0, Lengths::default());
-            let mut sync = |lengths: Lengths| {
-                let each = syncers
-                    .iter_mut()
-                    .zip(FILES)
-                    .zip(lengths.iter().zip(synced));
-                for ((sync, what), (length, before)) in each {
-                    let begin_ns = stamper.as_ref().map(|stamper| stamper.now());
+            let mut failures = 0;
+            let mut sync = || {
+                for sync in &mut syncers {
                     if let Err(error) = sync() {
                         failures += 1;
                         if failures == 1 {
                             tracing::error!("cannot sync the run folder to disk: {error}");
                         }
                     }
-                    if let (Some(stamper), Some(begin_ns)) = (&stamper, begin_ns) {
-                        stamper.since(what, begin_ns, length.saturating_sub(before));
-                    }
                 }
-                synced = lengths;
             };
-            let (mut latest, mut done) = (Lengths::default(), false);
-            for (lengths, last) in &asked {
-                sync(lengths);
-                (latest, done) = (lengths, last);
+            let mut done = false;
+            for last in &asked {
+                sync();
+                done = last;
             }
             if !done {
-                sync(latest);
+                sync();
             }
             failures
         };
@@ -68,15 +48,15 @@ impl SyncThread {
         Ok(Self { ask, thread })
     }
 
-    /// Asks for a sync of files that have so many bytes; if one is waiting already, that one will do.
-    pub(super) fn ask(&self, lengths: Lengths) {
-        let _one_waits_already = self.ask.try_send((lengths, false));
+    /// Asks for a sync. A request that waits already is enough.
+    pub(super) fn ask(&self) {
+        let _one_waits_already = self.ask.try_send(false);
     }
 
-    /// One last sync of files that have so many bytes; the number of syncs that failed.
-    pub(super) fn finish(self, lengths: Lengths) -> u64 {
+    /// One last sync; the number of syncs that failed.
+    pub(super) fn finish(self) -> u64 {
         // Behind the one that may be waiting.
-        let _its_panic_shows_below = self.ask.send((lengths, true));
+        let _its_panic_shows_below = self.ask.send(true);
         drop(self.ask);
         self.thread.join().unwrap_or(1)
     }

@@ -5,7 +5,6 @@ use super::*;
 use crate::record::append::tests::SmallDisk;
 use crate::record::journal::{End, Journal};
 use crate::record::layout::stride;
-use crate::record::threads::{Roll, ThreadEnd, ThreadReader, ThreadRecord, What};
 use crate::record::{
     Event, MissCause, Recorder, RingRecorder, RingSize, TimedEvent, WhenFull, ring,
 };
@@ -499,109 +498,6 @@ fn an_onlooker_sees_every_row_and_one_that_panics_is_sent_away_without_a_loss() 
             }
         }
     }
-}
-
-fn who() -> crate::record::threads::Who {
-    crate::record::threads::Who {
-        name: "gusset-writer".to_owned(),
-        id: 7,
-    }
-}
-
-/// Which thread did what, in the order of the file; how many stamps the file says are missing.
-fn stamps_in(bytes: &[u8]) -> (Vec<(u8, What)>, u64) {
-    let mut reader = ThreadReader::new(bytes);
-    let (mut stamps, mut lost) = (Vec::new(), 0);
-    while let Some(record) = reader.next_record().unwrap() {
-        match record {
-            ThreadRecord::Stamp(stamp) => stamps.push((stamp.thread, stamp.what)),
-            ThreadRecord::Lost { stamps, .. } => lost += stamps,
-            ThreadRecord::Name { .. } => {}
-        }
-    }
-    assert_eq!(reader.end(), Some(ThreadEnd::Clean));
-    (stamps, lost)
-}
-
-#[test]
-fn the_writer_stamps_what_it_does_and_nothing_while_it_only_looks() {
-    let (mut recorder, reader) = small(64);
-    let disk = SmallDisk::with_room(1 << 20);
-    let settings = WriterSettings::default();
-    let (mut drain, notes) = drain(reader, Vec::new(), Vec::new(), settings);
-    let roll = Roll::new(|| 0, who);
-    drain.stamp(Some(ThreadLog::new(disk.clone(), roll.clone())));
-    let other = roll.enter();
-    push(&mut recorder, 0..3);
-    drain.turn(at(1000 * MS));
-    (1..10).for_each(|k| {
-        drain.turn(at((1000 + 2 * k) * MS));
-    });
-    other.since(What::Look, 0, 0);
-    notes.send(told("granted")).unwrap();
-    drain.turn(at(1019 * MS));
-    // As after a kill: what is in the file without a last word.
-    assert_eq!(stamps_in(&disk.bytes()).0, [(0, What::WriteRows)]);
-    drain.turn(at(1020 * MS));
-    let first = [
-        (0, What::WriteRows),
-        (0, What::Drain),
-        (0, What::WriteEvents),
-        (0, What::Drain),
-        (1, What::Look),
-    ];
-    let (found, lost) = stamps_in(&disk.bytes());
-    assert_eq!((found.as_slice(), lost), (&first[..], 0));
-    let recorded = drain.finish(at(1021 * MS));
-    assert_eq!(stamps_in(&disk.bytes()).0, first);
-    assert_eq!((recorded.stamps_lost, recorded.rows_written), (0, 3));
-}
-
-#[test]
-fn stamps_that_find_no_room_cost_no_row_and_no_event() {
-    for room in [0, 100] {
-        let (mut recorder, reader) = small(4096);
-        let rows = SmallDisk::with_room(1 << 20);
-        let (mut drain, _notes) =
-            drain(reader, rows.clone(), Vec::new(), WriterSettings::default());
-        let roll = Roll::new(|| 0, who);
-        drain.stamp(Some(ThreadLog::new(
-            SmallDisk::with_room(room),
-            roll.clone(),
-        )));
-        let other = roll.enter();
-        for k in 0..2000 {
-            push(&mut recorder, k..k + 1);
-            (0..5).for_each(|_| other.since(What::Request, 0, 0));
-            drain.turn(at(k * 2 * MS));
-        }
-        let recorded = drain.finish(at(4000 * MS));
-        assert_eq!(numbers(&rows.bytes()).0.len(), 2000);
-        assert_eq!((recorded.rows_lost(), recorded.events_lost), (0, 0));
-        assert_eq!(recorded.first_error, None);
-        // Of each turn one of its own and five of the other; few fit into a hundred bytes.
-        assert!(recorded.stamps_lost > 11_990, "{}", recorded.stamps_lost);
-    }
-}
-
-#[test]
-fn while_the_disk_has_no_room_for_rows_stamps_take_none_of_it() {
-    let (mut recorder, reader) = small(64);
-    let disk = SmallDisk::with_room(0);
-    let rows = disk.clone();
-    let (mut drain, _notes) = drain(reader, rows, Vec::new(), WriterSettings::default());
-    let threads = SmallDisk::with_room(1 << 20);
-    drain.stamp(Some(ThreadLog::new(threads.clone(), Roll::new(|| 0, who))));
-    push(&mut recorder, 0..3);
-    drain.turn(at(1000 * MS));
-    drain.turn(at(1200 * MS));
-    assert_eq!(threads.bytes().len(), 0);
-    disk.set_room(1 << 20);
-    push(&mut recorder, 3..5);
-    drain.turn(at(1400 * MS));
-    drain.turn(at(1600 * MS));
-    assert!(!threads.bytes().is_empty());
-    assert_eq!(numbers(&disk.bytes()).0, [0, 1, 2, 3, 4]);
 }
 
 #[test]

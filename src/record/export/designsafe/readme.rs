@@ -17,7 +17,7 @@ pub(super) const CATEGORIES: [(&str, &str, &str); 9] = [
     (
         "coordinator_output",
         "Coordinator Output",
-        "the response history as response.csv; in log the log of every tick (samples.bin, described by samples.json), events, timing, summary and, on the real clock, what every thread did when (threads.bin), byte for byte",
+        "the response history as response.csv; in log the log of every tick (samples.bin, described by samples.json), events, timing and summary, byte for byte",
     ),
     (
         "simulation_substructure",

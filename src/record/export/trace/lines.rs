@@ -4,7 +4,6 @@ use std::io::{self, BufWriter, Write};
 
 use serde_json::{Value, json};
 
-use super::threads::Threads;
 use super::{EVENTS, GRID, LOOP};
 use crate::record::atomic::AtomicFile;
 use crate::record::run::Run;
@@ -36,21 +35,14 @@ impl<W: Write> Lines<W> {
     }
 
     /// The head: what this is of, and the names of its lines. `origin_us`: zero on the loop's clock.
-    pub fn begin(
-        &mut self,
-        run: &Run,
-        origin_us: Option<f64>,
-        threads: &Threads,
-    ) -> io::Result<()> {
+    pub fn begin(&mut self, run: &Run, origin_us: Option<f64>) -> io::Result<()> {
         let name = run.path().file_name().map(|name| name.to_string_lossy());
-        let missing = threads.missing().map(|missing| missing.to_string());
         let about = json!({
             "run": name,
             "clock": run.summary().map(|summary| summary.clock),
             "rate_hz": run.summary().map(|summary| summary.rate_hz),
             "status": run.summary().map(|summary| summary.status),
             "clock_ns_at_zero": origin_us.map(|us| (us * 1e3).round()),
-            "other_threads": missing.unwrap_or_else(|| "shown".to_owned()),
         });
         write!(
             self.out,
@@ -58,13 +50,8 @@ impl<W: Write> Lines<W> {
         )?;
         let process = format!("gusset {}", name.unwrap_or_default());
         self.line(&named("process_name", 0, &process))?;
-        let own = [
-            (GRID, "grid".to_owned()),
-            (LOOP, threads.name_of_loop()),
-            (EVENTS, "events".to_owned()),
-        ];
-        for (line, name) in own.into_iter().chain(threads.lines()) {
-            self.line(&named("thread_name", line, &name))?;
+        for (line, name) in [(GRID, "grid"), (LOOP, "loop"), (EVENTS, "events")] {
+            self.line(&named("thread_name", line, name))?;
             let order = json!({
                 "name": "thread_sort_index", "ph": "M", "pid": 1, "tid": line, "ts": 0, "args": {"sort_index": line},
             });

@@ -2,11 +2,9 @@
 //!
 //! Lines of the picture, in µs of wall time from the first edge. *Grid*: the edges, one slice per tick as long as a period.
 //! *Loop*: the phases of each tick: wake up, send, wait for the replies, compute, record, wait for the edge; what is behind a
-//! deadline lies under a slice that names the miss and its cause. *Events*: the lines of `events.jsonl`. Then one line for
-//! every other thread that left stamps (`threads.bin`), under its name and number in /proc. On the simulated clock those
-//! mean nothing, and only the loop is shown.
+//! deadline lies under a slice that names the miss and its cause. *Events*: the lines of `events.jsonl`.
 //!
-//! Rows and threads meet by the edge that the `grid` events name, to the nanosecond. Folders of earlier versions have neither
+//! Rows and events meet by the edge that the `grid` events name, to the nanosecond. Folders of earlier versions have neither
 //! that nor `record_before_s`: events are tied to rows by the misses, and recording and waiting are one slice.
 //!
 //! Events are in order of time. Only what overlaps is held: a tick's slices wait until an edge has passed them.
@@ -17,7 +15,6 @@ mod misses;
 mod places;
 mod slices;
 mod stamps;
-mod threads;
 
 use std::io::BufWriter;
 use std::path::Path;
@@ -30,9 +27,6 @@ use misses::Misses;
 use places::Places;
 use slices::{Loop, Tick};
 use stamps::{Stamped, Stamps};
-use threads::Threads;
-
-pub use threads::OnlyLoop;
 
 use super::plan::{Choice, Plan, Rows, WARMING_UP};
 use super::{ExportError, Exported};
@@ -46,8 +40,6 @@ const MOST: u64 = 200_000;
 const GRID: u16 = 2;
 const LOOP: u16 = 3;
 const EVENTS: u16 = 4;
-/// The first of the other threads'.
-const OTHERS: u16 = 10;
 
 /// Writes the ticks of the window.
 pub(super) fn export(run: &Run, choice: &Choice, out: &Path) -> Result<Exported, ExportError> {
@@ -61,7 +53,6 @@ pub(super) fn export(run: &Run, choice: &Choice, out: &Path) -> Result<Exported,
     let told = run.events()?.events;
     let mut places = Places::wanted(&told, &choice);
     let (mut first, mut last) = (f64::NAN, f64::NAN);
-    let (mut begin, mut end, mut edge) = (f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY);
     let mut ticks = 0;
     let mut grid = Grid::of(&told);
     let mut counting = run.journal()?;
@@ -76,11 +67,6 @@ pub(super) fn export(run: &Run, choice: &Choice, out: &Path) -> Result<Exported,
         }
         last = tick.time;
         places.note(&tick);
-        if tick.is_stamped() {
-            begin = begin.min(tick.release);
-            end = end.max(tick.ready);
-            edge = edge.max(tick.release);
-        }
     }
     if ticks > MOST && !choice.is_part() {
         return Err(ExportError::LongTrace {
@@ -90,26 +76,19 @@ pub(super) fn export(run: &Run, choice: &Choice, out: &Path) -> Result<Exported,
             last,
         });
     }
-    let mut exported = Exported::new(run, ticks, &counting);
+    let exported = Exported::new(run, ticks, &counting);
     let period_us = places.period_us(run);
     let origin_us = grid
         .zero_us()
         .or_else(|| places.origin_us(&told, period_us));
-    if period_us.is_finite() {
-        end = end.max(edge + period_us);
-    }
-    let reach = (begin, end);
-    let threads = Threads::read(run, origin_us, reach);
-    exported.notices.extend(threads.notices());
     let mut others: Vec<(f64, Value)> = places.placed(&told, origin_us);
-    others.extend(threads.shown());
-    // Stable: what begins together stays in the order in which it came, the outer slice first.
+    // Stable: what begins together stays in the order in which it came.
     others.sort_by(|(a, _), (b, _)| a.total_cmp(b));
     let mut others = others.into_iter().peekable();
 
     let file = AtomicFile::create(out).map_err(failed)?;
     let mut lines = Lines::new(BufWriter::with_capacity(1 << 17, file));
-    lines.begin(run, origin_us, &threads).map_err(failed)?;
+    lines.begin(run, origin_us).map_err(failed)?;
     let mut shown = Loop::new(period_us, Misses::of(&told, origin_us));
     let mut grid = Grid::of(&told);
     let mut left = ticks;

@@ -1,16 +1,13 @@
-//! What a trace shows, judged by its text: rows, events and stamps made by hand.
+//! What a trace shows, judged by its text: rows and events made by hand.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use serde_json::Value;
 
 use crate::record::Run;
-use crate::record::export::{Choice, Exported, Extra, Format, Notice, OnlyLoop, Rows, export};
+use crate::record::export::{Choice, Exported, Extra, Format, Notice, Rows, export};
 use crate::record::folder::tests::recorded;
-use crate::record::summary::ClockKind;
-use crate::record::summary::tests::example;
-use crate::record::threads::{Roll, ThreadEnd, ThreadLog, What, Who};
 
 const NAMES: [&str; 11] = [
     "step",
@@ -68,13 +65,6 @@ const EVENTS: &str = r#"{"tick":0,"time":0.0,"clock_ns":6999000000,"event":"grid
 {"tick":9,"time":0.009,"clock_ns":7009500123,"event":"checkpoint"}
 "#;
 
-fn who() -> Who {
-    Who {
-        name: "gusset-test".to_owned(),
-        id: 1042,
-    }
-}
-
 struct Home {
     _kept: tempfile::TempDir,
     run: PathBuf,
@@ -93,19 +83,6 @@ fn home(rows: &[Vec<f64>], events: &str) -> Home {
         run,
         out,
     }
-}
-
-/// Stamps of one thread: what, begin and end in µs from the first edge, amount.
-fn stamped(run: &Path, stamps: &[(What, i64, i64, u64)]) {
-    let path = run.join("threads.bin");
-    let roll = Roll::new(|| 0, who);
-    let mut log = ThreadLog::new(std::fs::File::create(path).unwrap(), roll.clone());
-    let stamper = roll.enter();
-    let at = |us: i64| EDGE.wrapping_add_signed(us * 1000);
-    for (what, begin, end, amount) in stamps {
-        stamper.pieces(*what, 1, at(*begin), at(*end), *amount);
-    }
-    assert_eq!(log.finish(0), 0);
 }
 
 fn traced(home: &Home, from: Option<f64>, to: Option<f64>) -> (Value, Exported) {
@@ -278,53 +255,6 @@ fn a_miss_whose_event_was_lost_is_seen_without_its_cause() {
 }
 
 #[test]
-fn other_threads_stand_on_their_lines_to_the_nanosecond_and_only_those_of_the_window() {
-    let home = home(&rows(), EVENTS);
-    let stamps = [
-        (What::WriteRows, -5_000, -4_000, 9),
-        (What::Look, 2_990, 3_010, 0),
-        (What::WriteRows, 4_020, 4_040, 336),
-        (What::WriteEvents, 4_050, 4_060, 70),
-        (What::Drain, 4_000, 4_100, 8),
-        (What::SyncRows, 4_900, 9_000, 4711),
-        (What::Drain, 6_400, 6_410, 2),
-    ];
-    stamped(&home.run, &stamps);
-    let (trace, exported) = traced(&home, Some(0.0029), Some(0.0051));
-    well_formed(&trace);
-    assert_eq!(exported.notices, [Notice::Unfinished]);
-    let slice = |name: &str, from: i64, to: i64| (name.to_owned(), from * 1000, to * 1000);
-    // Ticks 3 to 5; the look reaches into the first, the sync out of the last.
-    let expected = [
-        slice("look at the scheduler", 2_990, 3_010),
-        slice("drain", 4_000, 4_100),
-        slice("write rows", 4_020, 4_040),
-        slice("write events", 4_050, 4_060),
-        slice("sync rows", 4_900, 9_000),
-    ];
-    let of_ticks = on(&trace, 3).into_iter().map(|slice| slice.1);
-    assert_eq!(
-        (of_ticks.clone().min(), of_ticks.max()),
-        (Some(3_000_000), Some(6_111_000))
-    );
-    // The look began before the first edge of the window; zero is that of the test.
-    assert_eq!(on(&trace, 10), expected);
-    let events = trace["traceEvents"].as_array().unwrap();
-    let named = events
-        .iter()
-        .find(|e| e["name"] == "thread_name" && e["tid"] == 10);
-    let name = named.unwrap()["args"]["name"].as_str().unwrap();
-    assert_eq!(name, "gusset-test 1042");
-    let rows = events.iter().find(|e| e["name"] == "drain").unwrap();
-    assert_eq!(rows["args"]["rows"], 8);
-    assert_eq!(trace["otherData"]["other_threads"], "shown");
-    assert_eq!(trace["otherData"]["clock_ns_at_zero"], EDGE as f64);
-    // The record phase of the last tick of the window stands in a row that is not of it.
-    let last = on(&trace, 3).pop().unwrap();
-    assert_eq!(last, slice("record", 6_111, 6_120));
-}
-
-#[test]
 fn rows_before_the_test_stand_before_it_on_the_same_clock() {
     // Three ticks of the opening, 1 s before the test on the same clock; both count from their own first edge.
     let mut all: Vec<Vec<f64>> = (0..3).map(|k| tick(k, 100.0, f64::NAN)).collect();
@@ -333,7 +263,6 @@ fn rows_before_the_test_stand_before_it_on_the_same_clock() {
     }
     all.extend(rows());
     let home = home(&all, EVENTS);
-    stamped(&home.run, &[(What::Look, 500, 600, 0)]);
     let (trace, _) = traced(&home, None, None);
     well_formed(&trace);
     let waked: Vec<i64> = on(&trace, 3)
@@ -345,22 +274,17 @@ fn rows_before_the_test_stand_before_it_on_the_same_clock() {
     assert_eq!(waked[..3], [0, 1_000_000, 2_000_000]);
     assert_eq!(waked[3..5], [apart, apart + 1_000_000]);
     assert_eq!(waked.len(), 15);
-    let look = (
-        "look at the scheduler".to_owned(),
-        apart + 500_000,
-        apart + 600_000,
-    );
-    assert_eq!(on(&trace, 10), [look]);
 }
 
 #[test]
 fn a_folder_of_an_earlier_version_gives_the_picture_that_it_can() {
-    // Neither the column, nor the edge, nor the file.
+    // Neither the column nor the edge, and a file of other threads that no version reads any more.
     let kept = tempfile::tempdir().unwrap();
     let run = kept.path().join("run");
     let short: Vec<Vec<f64>> = rows().into_iter().map(|row| row[..10].to_vec()).collect();
     let short: Vec<&[f64]> = short.iter().map(Vec::as_slice).collect();
     recorded(&run, &NAMES[..10], &short);
+    std::fs::write(run.join("threads.bin"), "gusset-threads").unwrap();
     let told: Vec<&str> = EVENTS
         .lines()
         .filter(|line| !line.contains("\"grid\""))
@@ -374,12 +298,7 @@ fn a_folder_of_an_earlier_version_gives_the_picture_that_it_can() {
     };
     let (trace, exported) = traced(&home, None, None);
     well_formed(&trace);
-    let without = Notice::OnlyLoop(OnlyLoop::NotRecorded);
-    assert_eq!(exported.notices, [Notice::Unfinished, without]);
-    assert_eq!(
-        trace["otherData"]["other_threads"],
-        "the run has no threads.bin"
-    );
+    assert_eq!(exported.notices, [Notice::Unfinished]);
     let line = on(&trace, 3);
     let named = |name: &str| line.iter().filter(|slice| slice.0 == name).count();
     assert_eq!(
@@ -391,89 +310,14 @@ fn a_folder_of_an_earlier_version_gives_the_picture_that_it_can() {
 }
 
 #[test]
-fn a_file_of_threads_that_is_damaged_torn_or_foreign_is_said_and_never_in_the_way() {
+fn window_ends_with_the_record_phase_that_a_later_row_holds() {
     let home = home(&rows(), EVENTS);
-    stamped(
-        &home.run,
-        &[(What::Look, 100, 110, 0), (What::Look, 200, 210, 0)],
-    );
-    let path = home.run.join("threads.bin");
-    let bytes = std::fs::read(&path).unwrap();
-    let mut damaged = bytes.clone();
-    *damaged.last_mut().unwrap() ^= 1;
-    let cases = [
-        (&bytes[..bytes.len() - 5], ThreadEnd::Torn { bytes: 19 }, 1),
-        (&damaged, ThreadEnd::Damaged { record: 3 }, 1),
-        (
-            &b"these are no stamps of any thread"[..],
-            ThreadEnd::Foreign,
-            0,
-        ),
-        (&b""[..], ThreadEnd::Clean, 0),
-    ];
-    for (bytes, end, looks) in cases {
-        std::fs::write(&path, bytes).unwrap();
-        let (trace, exported) = traced(&home, None, None);
-        well_formed(&trace);
-        assert_eq!(on(&trace, 10).len(), looks, "{end}");
-        let said = exported.notices.contains(&Notice::Threads(end));
-        assert_eq!(said, end != ThreadEnd::Clean, "{:?}", exported.notices);
-        assert_eq!(on(&trace, 2).len(), 12);
-    }
-    std::fs::remove_file(&path).unwrap();
-    std::fs::create_dir(&path).unwrap();
-    let (_, exported) = traced(&home, None, None);
-    let unreadable = |notice: &Notice| matches!(notice, Notice::OnlyLoop(OnlyLoop::Unreadable(_)));
-    assert!(
-        exported.notices.iter().any(unreadable),
-        "{:?}",
-        exported.notices
-    );
-}
-
-#[test]
-fn stamps_that_were_lost_are_told_where_they_were_lost() {
-    let home = home(&rows(), EVENTS);
-    let roll = Roll::new(|| 0, who);
-    let file = std::fs::File::create(home.run.join("threads.bin")).unwrap();
-    let mut log = ThreadLog::new(file, roll.clone());
-    let stamper = roll.enter();
-    // As many as the queue takes, and seven.
-    let mut offered = 0;
-    while log.lost() < 7 && offered < 100_000 {
-        stamper.pieces(What::Look, 1, EDGE, EDGE + 1, 0);
-        offered += 1;
-    }
-    log.turn(EDGE + 3_500_000);
-    assert_eq!(log.finish(EDGE + 3_500_000), 7);
-    let (trace, exported) = traced(&home, None, None);
+    let (trace, exported) = traced(&home, Some(0.0029), Some(0.0051));
     well_formed(&trace);
-    assert!(exported.notices.contains(&Notice::StampsLost(7)));
-    assert_eq!(on(&trace, 10).len(), offered - 7);
-    let events = trace["traceEvents"].as_array().unwrap();
-    let lost = events
-        .iter()
-        .find(|e| e["name"] == "stamps of threads lost")
-        .unwrap();
-    assert_eq!(
-        (ns(&lost["ts"]), &lost["args"]["stamps"]),
-        (3_500_000, &7.into())
-    );
-}
-
-#[test]
-fn on_the_simulated_clock_only_the_loop_is_shown_and_that_is_said() {
-    let home = home(&rows(), EVENTS);
-    stamped(&home.run, &[(What::Look, 100, 110, 0)]);
-    let mut summary = example();
-    (summary.clock, summary.rate_hz) = (ClockKind::Simulated, 1000.0);
-    (summary.steps, summary.dt) = (11, 0.001);
-    summary.rows_lost = 0;
-    let text = serde_json::to_string(&summary).unwrap();
-    std::fs::write(home.run.join("summary.json"), text).unwrap();
-    let (trace, exported) = traced(&home, None, None);
-    assert_eq!(exported.notices, [Notice::OnlyLoop(OnlyLoop::Simulated)]);
-    assert!(on(&trace, 10).is_empty() && !on(&trace, 3).is_empty());
-    let why = trace["otherData"]["other_threads"].as_str().unwrap();
-    assert!(why.contains("simulated clock"), "{why}");
+    assert_eq!(exported.notices, [Notice::Unfinished]);
+    let slices = on(&trace, 3);
+    assert_eq!(slices.first().unwrap().1, 3_000_000);
+    assert_eq!(trace["otherData"]["clock_ns_at_zero"], EDGE as f64);
+    let record = ("record".to_owned(), 6_111_000, 6_120_000);
+    assert_eq!(slices.last(), Some(&record));
 }
