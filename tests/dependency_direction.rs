@@ -12,6 +12,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("catalog", &[]),
     ("time", &[]),
     ("units", &[]),
+    ("finding", &[]),
     ("work", &[]),
     ("assets", &[]),
     ("law", &[]),
@@ -26,14 +27,43 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("motion", &["metrics"]),
     ("spectral", &[]),
     ("integrate", &["linalg", "model"]),
-    ("benchmark", &["compensation", "metrics", "transfer"]),
+    (
+        "benchmark",
+        &["compensation", "metrics", "motion", "transfer"],
+    ),
     ("identify", &["motion", "units"]),
     ("compensation", &[]),
+    // Every proof and verdict.
+    (
+        "stability",
+        &[
+            "compensation",
+            "finding",
+            "integrate",
+            "linalg",
+            "model",
+            "spectral",
+            "transfer",
+            "units",
+        ],
+    ),
     (
         "control",
-        &["compensation", "geometry", "substructure", "time", "units"],
+        &[
+            "compensation",
+            "geometry",
+            // Tables of critical delays.
+            "stability",
+            "substructure",
+            "time",
+            "units",
+        ],
     ),
-    ("record", &["substructure", "text", "units", "work"]),
+    // A summary repeats the verdict.
+    (
+        "record",
+        &["stability", "substructure", "text", "units", "work"],
+    ),
     ("text", &[]),
     // Pages and their rendering: they describe the program, and no code of it.
     ("guide", &[]),
@@ -56,7 +86,14 @@ const ALLOWED: &[(&str, &[&str])] = &[
     // Substructures say what the bits of a status column mean.
     (
         "report",
-        &["assets", "metrics", "record", "substructure", "text"],
+        &[
+            "assets",
+            "metrics",
+            "record",
+            "stability",
+            "substructure",
+            "text",
+        ],
     ),
     // Looks at what passes and sends an operator's requests; decides nothing.
     (
@@ -68,6 +105,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "integrate",
             "record",
             "rt",
+            "stability",
             "substructure",
             "text",
         ],
@@ -81,6 +119,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "model",
             "report",
             "spectral",
+            "stability",
             "time",
         ],
     ),
@@ -119,6 +158,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "compensation",
             "control",
             "engine",
+            "finding",
             "geometry",
             "integrate",
             "law",
@@ -145,6 +185,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "config",
             "control",
             "engine",
+            "finding",
             "geometry",
             "integrate",
             "law",
@@ -155,6 +196,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "rt",
             "specimen",
             "spectral",
+            "stability",
             "substructure",
             "time",
             "transfer",
@@ -162,17 +204,18 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "wire",
         ],
     ),
-    // Proofs and verdicts of a test that is built.
-    (
-        "stability",
-        &["config", "record", "setup", "spectral", "transfer", "units"],
-    ),
     (
         "session",
         &[
+            "compensation",
             "config",
             "control",
             "engine",
+            "frontier",
+            "geometry",
+            "identify",
+            "integrate",
+            "law",
             "metrics",
             "model",
             "motion",
@@ -180,10 +223,10 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "report",
             "rt",
             "setup",
+            "specimen",
             "stability",
             "substructure",
             "time",
-            // The same counter gives noise and draws.
             "transfer",
             "work",
             "units",
@@ -206,6 +249,8 @@ const PURE: &[&str] = &[
     "integrate",
     "specimen",
     "transfer",
+    "stability",
+    "finding",
     "compensation",
     "geometry",
     "guide",

@@ -38,7 +38,6 @@ mod serve_openfresco;
 mod serve_tls;
 mod shell;
 mod spectrum;
-mod stability;
 mod status;
 mod table;
 mod verify;

@@ -11,7 +11,8 @@ use serde_json::Value;
 use super::RunData;
 use super::text::{count, exact, plural, quantity};
 use crate::catalog::event::Remark;
-use crate::record::{Event, EventLine, RecordedVerdict};
+use crate::record::{Event, EventLine};
+use crate::stability::RecordedVerdict;
 
 /// How good the news is; decides the colour of the banner.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -9,11 +9,12 @@ use super::dense::{Dense, Way};
 use super::drive::{Method, Walk, peak};
 use super::figure::{Figure, Scale, Series};
 use super::{Check, Effort, number};
-use crate::integrate::{Lambda, NewmarkBeta, StabilityProof};
+use crate::integrate::{Lambda, NewmarkBeta};
 use crate::law::{BiviscousSpec, Law, Reach};
 use crate::linalg::SymMatrix;
 use crate::model::{Base, Element, End, Structure};
 use crate::spectral::lambda_limit;
+use crate::stability::StabilityProof;
 
 pub(super) const MASS: f64 = 150.0;
 pub(super) const STIFFNESS: f64 = 2.5e5;
