@@ -186,10 +186,8 @@ fn with_digits(value: f64, unit: &str, prefix: (f64, &str), digits: usize) -> St
 /// The unit of a key of the test file: that of its limit, or the one at its end. Empty for a key without one.
 #[must_use]
 pub fn unit_of_key(key: &str) -> &'static str {
-    match Limit::of_key(key).map(Limit::unit) {
-        Some("m/s2") => return "m/s²",
-        Some(unit) => return unit,
-        None => {}
+    if let Some(limit) = Limit::of_key(key) {
+        return limit.shown_unit();
     }
     let ends = [
         ("_m_per_s2", "m/s²"),

@@ -501,7 +501,7 @@ const ROWS: [Row; LIMITS] = [
         key: "max_misses_in_window",
         name: "max_misses_in_window",
         words: "deadlines missed in the last while",
-        judged: "deadline misses within `miss_window_s`",
+        judged: "deadline misses within `timing.misses.window_s`",
         default: "one tick in ten, at least 100",
         ..MISSES
     },
@@ -570,10 +570,37 @@ impl Limit {
         self.row().unit
     }
 
+    /// SI unit, as people write it.
+    #[must_use]
+    pub fn shown_unit(self) -> &'static str {
+        match self.unit() {
+            "m/s2" => "m/s²",
+            unit => unit,
+        }
+    }
+
     /// What it belongs to.
     #[must_use]
     pub const fn scope(self) -> Scope {
         self.row().scope()
+    }
+
+    /// Whether its levels are a smallest and a largest value.
+    #[must_use]
+    pub const fn is_range(self) -> bool {
+        matches!(self.row().kind, Kind::Range)
+    }
+
+    /// Whether it judges a force or its change.
+    #[must_use]
+    pub fn is_of_force(self) -> bool {
+        self.unit() == "N"
+    }
+
+    /// Whether it judges a difference of commands.
+    #[must_use]
+    pub const fn is_of_motion(self) -> bool {
+        self.is_of_command() && self.row().differs_from > 0
     }
 
     /// Whether it judges commands, and not measurements.

@@ -3,7 +3,6 @@
 use serde_json::{Value, json};
 
 use super::table::Table;
-use crate::catalog::limit::Limit;
 use crate::control::Poses;
 use crate::session::rehearsal::{Curtain, FullRehearsal, Held, Need, Rehearsal, StandIn, Used};
 use crate::units::{duration, quantity};
@@ -209,20 +208,9 @@ fn capacity_json(used: &[Used]) -> Value {
 }
 
 fn line(need: &Need) -> String {
-    let unit = match need.quantity.unit() {
-        "m/s2" => "m/s²",
-        unit => unit,
-    };
-    let is_range = matches!(
-        need.quantity,
-        Limit::CommandDisp
-            | Limit::MeasuredDisp
-            | Limit::SensorDisp
-            | Limit::MeasuredForce
-            | Limit::SensorForce
-    );
+    let unit = need.quantity.shown_unit();
     let value = |value: f64| quantity(value, unit);
-    let needed = if is_range {
+    let needed = if need.quantity.is_range() {
         format!("{} to {}", value(need.needed.low), value(need.needed.high))
     } else {
         format!("up to {}", value(need.needed.high))

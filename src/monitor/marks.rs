@@ -108,7 +108,27 @@ pub fn share([low, high]: [f64; 2], value: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::share;
+    use super::*;
+    use crate::control::limits::{AxisLimits, RECORDED};
+
+    #[test]
+    fn every_limit_of_an_axis_with_a_level_has_a_mark_and_a_value_in_the_rows() {
+        for limit in Limit::OF_AXIS {
+            let levels = Range::trip([-2.0, 2.0]);
+            let limits = AxisLimits::NONE.with(limit, levels);
+            let place = |name: &str| name.starts_with("judged_").then_some(7);
+            let marks: Vec<Mark> = limits.levels().filter_map(|of| mark(of, place)).collect();
+            assert_eq!(marks.len(), 1, "{limit:?}");
+            let shown = &marks[0];
+            let row = limit.row();
+            assert_eq!(
+                (shown.key, shown.words, shown.unit),
+                (row.key, row.words, row.unit)
+            );
+            assert_eq!(shown.trip, levels.trip);
+            assert_eq!(RECORDED.contains(&limit), !row.has_column);
+        }
+    }
 
     #[test]
     fn more_than_one_is_beyond_wherever_zero_is() {

@@ -7,6 +7,7 @@ use super::RunData;
 use super::html::{beside, note, paragraph, table};
 use super::outcome;
 use super::text::{NOTHING, exact, number, quantity};
+use crate::catalog::limit::Limit;
 
 /// The limits of the run, as markup; nothing where the summary has none.
 pub(super) fn limits(run: &RunData) -> String {
@@ -166,29 +167,12 @@ fn row(who: &str, limit: &Value) -> Vec<String> {
     ]
 }
 
-/// A key of a limit in words: `command_disp_m` is the commanded displacement; units stand beside the sizes.
+/// A key of a limit in words. Units stand beside the sizes.
 fn words(key: &str) -> String {
-    let units = [
-        "_m_per_s2",
-        "_m_per_s",
-        "_n_s_per_m",
-        "_n_per_m",
-        "_n_per_s",
-        "_share",
-        "_m",
-        "_n",
-        "_s",
-        "_j",
-    ];
-    let bare = units.iter().find_map(|unit| key.strip_suffix(unit));
-    let word = |word: &str| match word {
-        "disp" => "displacement".to_owned(),
-        "vel" => "velocity".to_owned(),
-        "accel" => "acceleration".to_owned(),
-        other => other.to_owned(),
-    };
-    let words: Vec<String> = bare.unwrap_or(key).split('_').map(word).collect();
-    words.join(" ")
+    match Limit::of_key(key) {
+        Some(limit) => limit.words().to_owned(),
+        None => key.strip_suffix("_m").unwrap_or(key).replace('_', " "),
+    }
 }
 
 #[cfg(test)]
@@ -232,10 +216,9 @@ mod tests {
 
     #[test]
     fn keys_are_told_in_words_without_their_units() {
-        assert_eq!(words("command_disp_m"), "command displacement");
-        assert_eq!(words("measured_force_n"), "measured force");
-        assert_eq!(words("command_accel_m_per_s2"), "command acceleration");
+        assert_eq!(words("command_disp_m"), "commanded displacement");
         assert_eq!(words("following_error_m"), "following error");
-        assert_eq!(words("stuck"), "stuck");
+        assert_eq!(words("max_total_misses"), "deadlines missed");
+        assert_eq!(words("divergence_m"), "divergence");
     }
 }

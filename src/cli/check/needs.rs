@@ -160,7 +160,7 @@ fn grouped(needs: &Needs, place: usize) -> Vec<Line> {
         for (word, of_force, keys) in groups {
             let group = all
                 .iter()
-                .filter(|need| is_of_force(need.quantity) == of_force);
+                .filter(|need| need.quantity.is_of_force() == of_force);
             let shown = group.clone().filter(|need| is_usual(need.quantity));
             let shown: Vec<String> = shown.map(needed).collect();
             let of_limits = group.map(|need| (need.share(), limit(need), used(need)));
@@ -191,10 +191,10 @@ fn grouped(needs: &Needs, place: usize) -> Vec<Line> {
 const fn in_words(stand_in: StandIn) -> &'static str {
     match stand_in {
         StandIn::Itself => "computed by its own law",
-        StandIn::Law => "behind a link; rehearsed with its `stand_in`",
+        StandIn::Law => "behind a link; rehearsed with its stand-in",
         StandIn::Linear => "behind a link; rehearsed as a linear spring of its declared stiffness",
         StandIn::Nothing => {
-            "behind a link; its force is unknown: set its stiffness or a `stand_in`"
+            "behind a link; its force is unknown: set its stiffness or a stand-in `law`"
         }
     }
 }
@@ -238,13 +238,6 @@ const fn name(quantity: Limit) -> &'static str {
     }
 }
 
-const fn is_of_force(quantity: Limit) -> bool {
-    matches!(
-        quantity,
-        Limit::MeasuredForce | Limit::SensorForce | Limit::ForceStep
-    )
-}
-
 /// The quantities that are shown whether or not they have a limit.
 const fn is_usual(quantity: Limit) -> bool {
     matches!(
@@ -253,27 +246,9 @@ const fn is_usual(quantity: Limit) -> bool {
     )
 }
 
-const fn is_range(quantity: Limit) -> bool {
-    matches!(
-        quantity,
-        Limit::CommandDisp
-            | Limit::MeasuredDisp
-            | Limit::SensorDisp
-            | Limit::MeasuredForce
-            | Limit::SensorForce
-    )
-}
-
-fn unit(quantity: Limit) -> &'static str {
-    match quantity.unit() {
-        "m/s2" => "m/s²",
-        unit => unit,
-    }
-}
-
 fn needed(need: &Need) -> String {
-    let unit = unit(need.quantity);
-    if is_range(need.quantity) {
+    let unit = need.quantity.shown_unit();
+    if need.quantity.is_range() {
         quantity_range(need.needed.low, need.needed.high, unit)
     } else {
         quantity(need.needed.high, unit)
@@ -282,7 +257,7 @@ fn needed(need: &Need) -> String {
 
 /// The trip levels, or the warning levels of a quantity that only warns.
 fn limit(need: &Need) -> String {
-    let unit = unit(need.quantity);
+    let unit = need.quantity.shown_unit();
     let of = |[low, high]: [f64; 2]| match (low.is_finite(), high.is_finite()) {
         (false, false) => None,
         (true, true) => Some(quantity_range(low, high, unit)),

@@ -145,10 +145,10 @@ impl JsonSchema for LimitsSpec {
             let example = row.example.and_then(|text| serde_json::from_str(text).ok());
             properties.insert(row.key.to_owned(), described(levels, row.sentence, example));
             if let Some(setting) = &row.setting {
-                let mut number = generator.subschema_for::<f64>();
-                number.insert("default".to_owned(), json!(0.0));
+                let number = generator.subschema_for::<f64>();
                 let example = setting.example.map(Value::from);
-                let number = described(number, setting.sentence, example);
+                let mut number = described(number, setting.sentence, example);
+                number["default"] = json!(0.0);
                 properties.insert(setting.key.to_owned(), number);
             }
         }

@@ -291,7 +291,7 @@ impl Station {
     pub fn whole(&self, trip: Trip) -> String {
         match (trip, self.rig.complaint(), &self.stands, &self.leaves) {
             (Trip::Lost(_), Some(complaint), ..) => format!("{trip} ({complaint})"),
-            (Trip::Limit(hit), _, stands, leaves) if is_of_motion(hit.quantity) => {
+            (Trip::Limit(hit), _, stands, leaves) if hit.quantity.is_of_motion() => {
                 let mut text = trip.to_string();
                 if let Some(stands) = stands {
                     text.push_str(&format!(
@@ -413,14 +413,6 @@ impl Station {
             None => {}
         }
     }
-}
-
-/// True for what is judged from one command to the next.
-const fn is_of_motion(quantity: Limit) -> bool {
-    matches!(
-        quantity,
-        Limit::CommandStep | Limit::CommandVel | Limit::CommandAccel
-    )
 }
 
 fn metres<'a>(units: &'a [AxisUnits], disp: &'a [f64]) -> impl Iterator<Item = f64> + Clone + 'a {
