@@ -20,7 +20,7 @@ use gusset::engine::{Control, Ending, Engine};
 use gusset::law::LawSpec;
 use gusset::link::serve::{Host, Simulated};
 use gusset::link::{NativeSetup, Transport};
-use gusset::record::{Event, FolderImage, Recorder};
+use gusset::record::{FolderImage, Recorder, TimedEvent};
 use gusset::setup;
 use gusset::specimen::{Specimen, Uniaxial};
 use gusset::time::SimClock;
@@ -102,7 +102,7 @@ impl Recorder for Kept {
         self.0.lock().is_ok_and(|mut image| image.row(row))
     }
 
-    fn event(&mut self, event: Event) -> bool {
+    fn event(&mut self, event: TimedEvent) -> bool {
         self.0.lock().is_ok_and(|mut image| image.event(event))
     }
 }

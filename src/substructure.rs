@@ -4,6 +4,7 @@
 //! The loop issues command `k` to all of them, then collects from all of them, so that two remote
 //! specimens cost one round trip and not two.
 
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::catalog::ending::Cause;
@@ -114,40 +115,59 @@ pub enum Freshness {
 }
 
 /// Why a substructure is lost. Final: recovering in mid-test is not a thing a specimen survives.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error, Serialize, Deserialize)]
+#[error("{}", self.text())]
+#[serde(rename_all = "snake_case")]
 pub enum LinkFault {
     /// The peer closed the connection.
-    #[error("the peer closed the connection")]
     Closed,
     /// No reply within the reply time-out.
-    #[error("no reply within the time limit")]
     Timeout,
     /// Bytes that the protocol does not allow.
-    #[error("the peer sent bytes that the protocol does not allow")]
     Malformed,
     /// The peer refuses to take part.
-    #[error("the peer refused")]
     Refused,
     /// The peer speaks another version.
-    #[error("the peer speaks another protocol version")]
     Version,
     /// The peer could not prove who it is.
-    #[error("the peer failed authentication")]
     Auth,
     /// The peer does not take our bytes.
-    #[error("the peer does not read: its receive window is full")]
     Backpressure,
     /// What came of a specimen is no finite number.
-    #[error("a number in the specimen's answer is not finite")]
     NotFinite,
     /// The law of a specimen that is computed in this process gave no finite number. Nothing was lost but the computation.
-    #[error(
-        "its law, which is computed here, gives no finite force any more: the computation diverged"
-    )]
     Diverged,
 }
 
 impl LinkFault {
+    /// The cause of a test that ended by it. Real-time: yes.
+    #[must_use]
+    pub const fn cause(self) -> Cause {
+        match self {
+            Self::NotFinite => Cause::LinkNotFinite,
+            Self::Diverged => Cause::LinkDiverged,
+            _ => Cause::Link,
+        }
+    }
+
+    /// What happened, in words.
+    #[must_use]
+    pub const fn text(self) -> &'static str {
+        match self {
+            Self::Closed => "the peer closed the connection",
+            Self::Timeout => "no reply within the time limit",
+            Self::Malformed => "the peer sent bytes that the protocol does not allow",
+            Self::Refused => "the peer refused",
+            Self::Version => "the peer speaks another protocol version",
+            Self::Auth => "the peer failed authentication",
+            Self::Backpressure => "the peer does not read: its receive window is full",
+            Self::NotFinite => "a number in the specimen's answer is not finite",
+            Self::Diverged => {
+                "its law, which is computed here, gives no finite force any more: the computation diverged"
+            }
+        }
+    }
+
     /// What somebody who reads of it in the morning should look at.
     #[must_use]
     pub const fn advice(self) -> &'static str {

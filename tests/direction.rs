@@ -55,7 +55,7 @@ fn tried(keys: &str, wiring: impl FnMut(f64) -> (f64, f64) + Send + 'static) -> 
         reason: summary.reason,
         said,
         told,
-        events: events.events,
+        events: events.to_json(),
     }
 }
 

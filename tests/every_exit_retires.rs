@@ -8,7 +8,7 @@ use common::rig::{Act, Call, Log, Phase, attach, storey, two_floors};
 use gusset::catalog::ending::Cause;
 use gusset::control::{Axis, Exit};
 use gusset::engine::{Control, Ending, Experiment, Left, Operator, Stop};
-use gusset::record::{EventKind, RunFolder};
+use gusset::record::{Event, RunFolder};
 use gusset::session::{self, Watches};
 use gusset::substructure::{Coupling, LinkFault, Retirement, Status};
 use gusset::time::SimClock;
@@ -306,7 +306,7 @@ fn a_command_that_is_no_number_is_not_sent() {
             assert_eq!(run.outcome.steps, hit);
             // It is told as the trip of the limit of that command.
             let told = run.events.iter().any(|event| {
-                matches!(event.kind, EventKind::Limit { port: 1, trip: true, value, .. } if !value.is_finite())
+                matches!(&event.kind, Event::LimitTrip(reached) if reached.port == Some(1) && !reached.value.is_finite())
             });
             assert!(told, "{:?}", run.events);
         }
@@ -390,7 +390,7 @@ fn a_link_that_fails_on_the_way_out_fails_the_test() {
     assert_eq!(session::ending(&run.outcome).0, Cause::Link);
     let told = run.events.iter().any(|event| {
         let kind = &event.kind;
-        matches!(kind, EventKind::Link { port: 1, .. })
+        matches!(kind, Event::Link { port: 1, .. })
     });
     assert!(told);
 }

@@ -6,7 +6,7 @@ use common::engine::prepare;
 use common::{FRAME, completed, json, write};
 use gusset::catalog::limit::Limit;
 use gusset::engine::{Ending, Phase, Stop};
-use gusset::record::{EventKind, Run};
+use gusset::record::{Event, Run};
 use gusset::spectral::delay::sdof;
 use nalgebra::{Complex, DMatrix};
 
@@ -398,12 +398,8 @@ fn the_margin_of_a_late_specimen_is_what_it_lags_less_than_the_critical_delay_an
         }
         let told = run.events.iter().filter(|event| {
             matches!(
-                event.kind,
-                EventKind::TestLimit {
-                    quantity: "delay_used",
-                    trip: false,
-                    ..
-                }
+                &event.kind,
+                Event::LimitWarning(reached) if reached.limit == "delay_used"
             )
         });
         // Each time that the level is crossed.
@@ -442,12 +438,8 @@ fn a_share_of_the_critical_delay_is_warned_of_and_trips_at_its_levels() {
     );
     let warned = run.events.iter().filter(|event| {
         matches!(
-            event.kind,
-            EventKind::TestLimit {
-                quantity: "delay_used",
-                trip: false,
-                ..
-            }
+            &event.kind,
+            Event::LimitWarning(reached) if reached.limit == "delay_used"
         )
     });
     assert!(warned.count() <= 1);

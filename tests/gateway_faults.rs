@@ -30,8 +30,8 @@ fn through(steps: u32, address: &str, keys: &str) -> String {
 
 fn event_names(folder: &Path) -> Vec<String> {
     let events = Run::open(folder).unwrap().events().unwrap();
-    let names = events.events.iter().map(|e| e["event"].as_str().unwrap());
-    names.map(str::to_owned).collect()
+    let names = events.events.iter().map(|line| line.name().to_owned());
+    names.collect()
 }
 
 /// Waits until rows are on the disk, which they are within 25 ms.

@@ -44,7 +44,7 @@ fn last(folder: &Path, names: &[&str]) -> Vec<f64> {
 }
 
 fn trip(folder: &Path) -> serde_json::Value {
-    let events = Run::open(folder).unwrap().events().unwrap().events;
+    let events = Run::open(folder).unwrap().events().unwrap().to_json();
     let trips: Vec<_> = events.iter().filter(|e| e["event"] == "trip").collect();
     assert_eq!(trips.len(), 1, "{events:?}");
     trips[0].clone()
@@ -97,7 +97,7 @@ fn tripped_and_noted(limits: &str) -> (String, Vec<f64>, Vec<String>) {
     let told = told.lock().unwrap().clone();
     let size = |key: &str| trip[key].as_f64().unwrap().abs();
     assert!(size("value") > size("bound"), "{trip}");
-    let events = Run::open(&kept).unwrap().events().unwrap().events;
+    let events = Run::open(&kept).unwrap().events().unwrap().to_json();
     let notes = events.iter().filter(|event| event["event"] == "limit");
     let notes = notes.map(|note| note["text"].as_str().unwrap().to_owned());
     (name, told, notes.collect())
@@ -197,7 +197,7 @@ fn a_warning_is_an_event_and_changes_nothing() {
     assert_eq!(code, 0, "{said}");
     served.hears("test over");
     let run = Run::open(&out.join("test-0001")).unwrap();
-    let events = run.events().unwrap().events;
+    let events = run.events().unwrap().to_json();
     let warned: Vec<_> = events.iter().filter(|e| e["event"] == "limit").collect();
     // Each crossing from inside: the spring swings.
     assert!((1..50).contains(&warned.len()), "{warned:?}");
@@ -349,7 +349,7 @@ fn a_measured_displacement_of_1e308_m_trips_in_a_test_and_in_a_gateway() {
 
 /// The event of the limit that tripped in the controller's run folder.
 fn trip_of_loop(folder: &Path) -> serde_json::Value {
-    let events = Run::open(folder).unwrap().events().unwrap().events;
+    let events = Run::open(folder).unwrap().events().unwrap().to_json();
     let of_a_limit = |event: &&serde_json::Value| event["bound"].is_number();
     events
         .iter()

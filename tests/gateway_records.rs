@@ -76,7 +76,7 @@ fn a_served_formula_keeps_every_test_in_a_folder_of_its_own() {
             summary.link["column"].received,
             u64::from(STEPS) + 1 + WARM_UP as u64
         );
-        let events = run.events().unwrap().events;
+        let events = run.events().unwrap().to_json();
         let controller = events.iter().find(|e| e["event"] == "controller").unwrap();
         assert_eq!(controller["test"], "link");
         assert_eq!(events.last().unwrap()["event"], "ended");
@@ -317,7 +317,7 @@ fn an_event_stands_at_the_exchange_it_is_about_and_a_command_that_is_refused_is_
             .map(|d| d.abs() > 0.01)
             .collect();
         let crosses = (1..beyond.len()).filter(|k| beyond[*k] && !beyond[k - 1]);
-        let events = run.events().unwrap().events;
+        let events = run.events().unwrap().to_json();
         let of = |name: &str| {
             let named = events.iter().filter(|event| event["event"] == name);
             named.cloned().collect::<Vec<_>>()

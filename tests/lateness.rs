@@ -12,7 +12,7 @@ use common::engine::{Run, run_on};
 use common::rig::{Act, Call, Log, Phase, attach, storey, two_floors};
 use gusset::catalog::limit::Limit;
 use gusset::engine::{Ending, Gaps, OnMiss, Stop, TestHit};
-use gusset::record::EventKind;
+use gusset::record::Event;
 use gusset::rt::timing::Quantity;
 use gusset::substructure::{Coupling, Retirement};
 use gusset::time::{Clock, Nanos, SimClock};
@@ -98,7 +98,7 @@ fn run(on_miss: OnMiss, stalls: &[Stall]) -> Run {
 /// (tick, size, ticks by which the grid was moved) of every miss.
 fn misses(run: &Run) -> Vec<(u64, u64, u64)> {
     let found = run.events.iter().filter_map(|event| match event.kind {
-        EventKind::Miss {
+        Event::Miss {
             late_ns, stretched, ..
         } => Some((event.tick, late_ns, stretched)),
         _ => None,
@@ -298,14 +298,10 @@ fn misses_have_bounds_in_a_row_and_in_all() {
     };
     let ending =
         |stalls: &[Stall], in_a_row, in_total| run(stalls, in_a_row, in_total).outcome.ending;
-    let trip = |run: &Run| match run.events.iter().rev().find_map(|event| match event.kind {
-        gusset::record::EventKind::TestLimit {
-            quantity,
-            trip: true,
-            value,
-            bound,
-            ..
-        } => Some((quantity, value, bound)),
+    let trip = |run: &Run| match run.events.iter().rev().find_map(|event| match &event.kind {
+        Event::LimitTrip(reached) => {
+            Some((reached.limit.to_string(), reached.value, reached.bound))
+        }
         _ => None,
     }) {
         Some(trip) => trip,
@@ -321,9 +317,9 @@ fn misses_have_bounds_in_a_row_and_in_all() {
     assert_eq!(ending(&apart, 3, 100), Ending::Completed);
     assert_eq!(late(ending(&apart, 3, 6)), (7, 1));
     let in_a_row = trip(&run(&every, 3, 100));
-    assert_eq!(in_a_row, ("max_consecutive_misses", 4.0, 3.0));
+    assert_eq!(in_a_row, ("max_consecutive_misses".to_owned(), 4.0, 3.0));
     let in_all = trip(&run(&apart, 3, 6));
-    assert_eq!(in_all, ("max_total_misses", 7.0, 6.0));
+    assert_eq!(in_all, ("max_total_misses".to_owned(), 7.0, 6.0));
 }
 
 #[test]
@@ -332,13 +328,10 @@ fn misses_in_a_row_are_warned_of_once_each_time() {
     let levels = |limits: &mut gusset::engine::Limits| limits.test.misses.warn_in_a_row = 1;
     let (run, _) = run_warm(0, OnMiss::Stretch, &stalls, levels);
     assert_eq!(run.outcome.ending, Ending::Completed);
-    let warned = run.events.iter().filter_map(|event| match event.kind {
-        EventKind::TestLimit {
-            quantity: "max_consecutive_misses",
-            trip: false,
-            value,
-            ..
-        } => Some((event.tick, value)),
+    let warned = run.events.iter().filter_map(|event| match &event.kind {
+        Event::LimitWarning(reached) if reached.limit == "max_consecutive_misses" => {
+            Some((event.tick, reached.value))
+        }
         _ => None,
     });
     assert_eq!(warned.collect::<Vec<_>>(), [(11, 2.0), (21, 2.0)]);
@@ -359,13 +352,8 @@ fn a_warm_up_that_misses_its_deadlines_in_a_row_ends_before_the_test() {
         };
         let (run, log) = run_warm(WARMUP, OnMiss::Stretch, &stalls, bounds);
         let told = run.events.iter().find_map(|event| match event.kind {
-            EventKind::Readiness {
-                go,
-                ticks,
-                missed,
-                in_a_row,
-                ..
-            } => Some((go, ticks, missed, in_a_row)),
+            Event::Go(found) => Some((true, found.ticks, found.missed, found.in_a_row)),
+            Event::NoGo(found) => Some((false, found.ticks, found.missed, found.in_a_row)),
             _ => None,
         });
         let went = log
@@ -373,7 +361,7 @@ fn a_warm_up_that_misses_its_deadlines_in_a_row_ends_before_the_test() {
             .unwrap()
             .iter()
             .any(|call| matches!(call.1, Call::Issue { sequence, .. } if sequence >= WARMUP));
-        let started = run.events.iter().any(|e| e.kind == EventKind::Started);
+        let started = run.events.iter().any(|e| e.kind == Event::Started);
         assert_eq!((went, started), (told.unwrap().0, told.unwrap().0));
         (run.outcome.ending, told.unwrap())
     };
@@ -476,11 +464,11 @@ fn what_stands_still_outside_of_the_test_is_told_as_a_gap() {
     let stalls = [Waiting(3, 250 * T), Waiting(6, 50 * T)];
     let (run, _) = run_warm(20, OnMiss::Stretch, &stalls, |_| {});
     assert_eq!(run.outcome.ending, Ending::Completed);
-    let gaps: Vec<EventKind> = (run.events.iter())
-        .map(|event| event.kind)
-        .filter(|kind| matches!(kind, EventKind::Gap { .. }))
+    let gaps: Vec<Event> = (run.events.iter())
+        .map(|event| event.kind.clone())
+        .filter(|kind| matches!(kind, Event::Gap { .. }))
         .collect();
-    let gap = EventKind::Gap {
+    let gap = Event::Gap {
         late_ns: 250 * T,
         ticks: 249,
     };

@@ -13,7 +13,7 @@ use gusset::catalog::limit::Limit;
 use gusset::control::limits::{AxisLimits, Bound, Hit, Range};
 use gusset::control::{Astray, Axis, Exit, Exits, Port, Reference, Zero};
 use gusset::engine::{Control, Ending, Experiment, Left, Operator, Phase, Stop};
-use gusset::record::EventKind;
+use gusset::record::{Event, Word};
 use gusset::session::ending;
 use gusset::substructure::Coupling;
 use gusset::time::SimClock;
@@ -97,7 +97,7 @@ const SHORT: &str = "timing.warmup_ticks = 3\nsafety.zero_s = 0.005\nsafety.ease
 /// The phases that were entered, in order.
 fn phases(run: &Run) -> Vec<&'static str> {
     let events = run.events.iter().filter_map(|event| match event.kind {
-        EventKind::Phase { to, .. } => Some(to),
+        Event::Phase { to, .. } => Some(to.word()),
         _ => None,
     });
     events.collect()
@@ -221,7 +221,7 @@ fn a_command_beyond_a_limit_never_leaves() {
     let warned = run
         .events
         .iter()
-        .any(|event| matches!(event.kind, EventKind::Limit { trip: false, .. }));
+        .any(|event| matches!(event.kind, Event::LimitWarning(_)));
     assert!(warned, "the warning came first");
 }
 
@@ -310,7 +310,7 @@ fn the_ways_out_are_slow_and_end_where_they_should() {
 #[test]
 fn no_event_goes_back_in_test_time() {
     let (run, _) = after_a_trip(Exit::ZeroDisp);
-    let is_trip = |kind: &EventKind| matches!(kind, EventKind::Limit { trip: true, .. });
+    let is_trip = |kind: &Event| matches!(kind, Event::LimitTrip(_));
     let trip = run.events.iter().position(|event| is_trip(&event.kind));
     let follows = &run.events[trip.unwrap()..];
     let place = (run.outcome.steps + 1, follows[0].time);
@@ -370,19 +370,19 @@ fn an_operator_ends_the_way_out_at_once_and_it_is_told() {
     assert_eq!(run.outcome.ending, Ending::Stopped(Stop::Operator));
     assert_eq!(way.len(), 601);
     assert_eq!(run.outcome.left, [Left::NotReached(None)]);
-    let last: Vec<&EventKind> = run.events.iter().map(|event| &event.kind).collect();
+    let last: Vec<&Event> = run.events.iter().map(|event| &event.kind).collect();
     assert!(
         matches!(
             last[last.len() - 3..],
             [
-                EventKind::StopRequested,
-                EventKind::Phase {
-                    from: "leaving",
-                    to: "safe",
-                    cause: "operator",
+                Event::StopRequested,
+                Event::Phase {
+                    from: Phase::Leaving,
+                    to: Phase::Safe,
+                    cause: Word::Borrowed("operator"),
                     ..
                 },
-                EventKind::Ended
+                Event::Ended
             ]
         ),
         "{last:?}"
@@ -418,10 +418,10 @@ fn a_relative_zero_takes_position_and_force_for_zero() {
         }
     }
     let reading = run.events.iter().find_map(|event| match event.kind {
-        EventKind::Zeroed { values, .. } => Some(values),
+        Event::Zeroed { disp, force, .. } => Some([disp, force]),
         _ => None,
     });
-    let [disp, force, ..] = reading.unwrap();
+    let [disp, force] = reading.unwrap();
     assert!((disp - 0.054).abs() < 1e-15 && force == 321.0);
 }
 
@@ -442,12 +442,12 @@ fn offsets_that_must_be_confirmed_are_waited_for_and_nothing_moves_meanwhile() {
 /// What the operator asked for and confirmed, in its order.
 fn said(run: &Run) -> Vec<&'static str> {
     let words = run.events.iter().filter_map(|event| match event.kind {
-        EventKind::HoldRequested => Some("hold"),
-        EventKind::ContinueRequested => Some("continue"),
-        EventKind::ContinueDropped { .. } => Some("dropped"),
-        EventKind::Zeroed { .. } => Some("read"),
-        EventKind::Confirmed => Some("confirmed"),
-        EventKind::Started => Some("started"),
+        Event::HoldRequested => Some("hold"),
+        Event::ContinueRequested => Some("continue"),
+        Event::ContinueDropped { .. } => Some("dropped"),
+        Event::Zeroed { .. } => Some("read"),
+        Event::Confirmed => Some("confirmed"),
+        Event::Started => Some("started"),
         _ => None,
     });
     words.collect()
@@ -532,7 +532,7 @@ fn a_continue_that_comes_late_ends_no_later_hold() {
     assert!(way[212..=400].iter().all(|disp| *disp == way[212]));
     assert!(way[403] != way[400]);
     let dropped = run.events.iter().find_map(|event| match event.kind {
-        EventKind::ContinueDropped { hold, latest } => Some((hold, latest)),
+        Event::ContinueDropped { hold, latest } => Some((hold, latest)),
         _ => None,
     });
     assert_eq!(dropped, Some((1, 2)));
@@ -689,17 +689,17 @@ fn a_stop_is_told_when_it_is_heard() {
     let (run, _) = led_after_its_end(0.5).run_with_operator(&[(200, Operator::Stop)]);
     assert_eq!(run.outcome.ending, Ending::Stopped(Stop::Operator));
     assert_eq!(run.outcome.left, [Left::Reached]);
-    let place = |wanted: &dyn Fn(&EventKind) -> bool| {
+    let place = |wanted: &dyn Fn(&Event) -> bool| {
         let mut events = run.events.iter();
         events.position(|event| wanted(&event.kind)).unwrap()
     };
-    let heard = place(&|kind| *kind == EventKind::StopRequested);
+    let heard = place(&|kind| *kind == Event::StopRequested);
     let left = place(&|kind| {
         matches!(
             kind,
-            EventKind::Phase {
-                to: "leaving",
-                cause: "operator",
+            Event::Phase {
+                to: Phase::Leaving,
+                cause: Word::Borrowed("operator"),
                 ..
             }
         )
@@ -707,9 +707,9 @@ fn a_stop_is_told_when_it_is_heard() {
     let safe = place(&|kind| {
         matches!(
             kind,
-            EventKind::Phase {
-                to: "safe",
-                cause: "done",
+            Event::Phase {
+                to: Phase::Safe,
+                cause: Word::Borrowed("done"),
                 ..
             }
         )
@@ -929,14 +929,11 @@ fn who_comes_behind_within_its_limit_does_so_on_the_way_out() {
 }
 
 /// The limits that trip in a run, with the tick of each.
-fn trips(run: &Run) -> Vec<(u64, u32, &'static str)> {
-    let events = run.events.iter().filter_map(|event| match event.kind {
-        EventKind::Limit {
-            trip: true,
-            axis,
-            quantity,
-            ..
-        } => Some((event.tick, axis, quantity)),
+fn trips(run: &Run) -> Vec<(u64, u32, &str)> {
+    let events = run.events.iter().filter_map(|event| match &event.kind {
+        Event::LimitTrip(reached) if !reached.is_of_test() => {
+            Some((event.tick, reached.axis?, reached.limit.as_ref()))
+        }
         _ => None,
     });
     events.collect()

@@ -307,7 +307,7 @@ fn a_specimen_that_trips_when_the_test_is_over_is_told_of() {
         .unwrap()
         .events()
         .unwrap()
-        .events;
+        .to_json();
     let event = events
         .iter()
         .find(|event| event["event"] == "last_words")

@@ -146,7 +146,7 @@ fn a_slow_partner_is_told_once_a_step_and_holds_up_nobody() {
     // here (0.2 N), and what is left of a step after it, a fifth, is made up for in 5 or so.
     assert!(smooth < 2e-4 && eased < 0.3 * 0.02, "{eased} {smooth}");
     let pace =
-        |e: &&gusset::record::Event| matches!(e.kind, gusset::record::EventKind::Pace { .. });
+        |e: &&gusset::record::TimedEvent| matches!(e.kind, gusset::record::Event::Pace { .. });
     assert!(slow.events.iter().filter(pace).count() > 20);
     assert_eq!(within.events.iter().filter(pace).count(), 0);
 }
@@ -420,7 +420,10 @@ fn who_owes_an_answer_when_the_test_ends_keeps_nobody_else_from_leaving() {
     let left = ["near", "dead", "slow", "slower"].map(|name| summary.left[name].as_str());
     assert_eq!(left, ["reached", "lost", "reached", "reached"]);
     let lost = |event: &&serde_json::Value| event["event"] == "link";
-    assert_eq!(read.events().unwrap().events.iter().filter(lost).count(), 1);
+    assert_eq!(
+        read.events().unwrap().to_json().iter().filter(lost).count(),
+        1
+    );
     let names = [
         "state", "cmd_1_1", "cmd_2_1", "cmd_3_1", "cmd_4_1", "status_2",
     ];

@@ -130,7 +130,7 @@ law.linear = { stiffness_n_per_m = 2.5e4 }
         let run = Run::open(&path).unwrap();
         let reason = &run.summary().unwrap().reason;
         assert!(reason.contains("the test was not begun"), "{reason}");
-        let events = run.events().unwrap().events;
+        let events = run.events().unwrap().to_json();
         let named = |name: &str| events.iter().filter(|event| event["event"] == name).count();
         assert_eq!([named("no_go"), named("go"), named("started")], [1, 0, 0]);
         let found = replay(&path).unwrap();

@@ -13,7 +13,7 @@ use gusset::catalog::limit::Limit;
 use gusset::config;
 use gusset::control::limits::{AxisLimits, Bound};
 use gusset::engine::{Ending, Stop};
-use gusset::record::EventKind;
+use gusset::record::Event;
 use gusset::substructure::Status;
 use gusset::time::{Clock, Nanos, SimClock};
 use gusset::wire::handshake::Limits;
@@ -470,12 +470,8 @@ fn misses_in_a_window_end_a_test_that_is_late_too_often() {
     assert_eq!((hit.quantity, hit.value), (Limit::MissesInWindow, 10.0));
     let warned = often.events.iter().filter(|event| {
         matches!(
-            event.kind,
-            EventKind::TestLimit {
-                trip: false,
-                quantity: "max_misses_in_window",
-                ..
-            }
+            &event.kind,
+            Event::LimitWarning(reached) if reached.limit == "max_misses_in_window"
         )
     });
     assert_eq!(warned.count(), 1, "beyond half of it");
@@ -562,17 +558,17 @@ fn what_an_actuator_still_does_behind_its_last_command_does_not_end_the_way_out(
     }
 }
 
-/// Limit and specimen of every limit of a specimen that was told, warnings or trips, with the tick.
-fn told(run: &common::engine::Run, wanted: bool) -> Vec<(&'static str, u32, u32, u64)> {
-    let hits = run.events.iter().filter_map(|event| match event.kind {
-        EventKind::Limit {
-            port,
-            axis,
-            quantity,
-            trip,
-            ..
-        } if trip == wanted => Some((quantity, port, axis, event.tick)),
-        _ => None,
+/// Quantity and specimen of every limit of a specimen that was told, warnings or trips, with the tick.
+fn told(run: &common::engine::Run, wanted: bool) -> Vec<(&str, u32, u32, u64)> {
+    let hits = run.events.iter().filter_map(|event| {
+        let reached = match &event.kind {
+            Event::LimitTrip(reached) if wanted => reached,
+            Event::LimitWarning(reached) if !wanted => reached,
+            _ => return None,
+        };
+        let is_of_axis = !reached.is_of_test();
+        let place = reached.port.zip(reached.axis).filter(|_| is_of_axis);
+        place.map(|(port, axis)| (reached.limit.as_ref(), port, axis, event.tick))
     });
     hits.collect()
 }
@@ -688,12 +684,10 @@ fn all_that_trips_of_the_test_as_a_whole_in_one_step_is_told() {
         panic!("{:?}", run.outcome.ending);
     };
     assert_eq!(hit.quantity, Limit::DelayUsed);
-    let trips = run.events.iter().filter_map(|event| match event.kind {
-        EventKind::TestLimit {
-            quantity,
-            trip: true,
-            ..
-        } => Some((quantity, event.tick)),
+    let trips = run.events.iter().filter_map(|event| match &event.kind {
+        Event::LimitTrip(reached) if reached.is_of_test() => {
+            Some((reached.limit.as_ref(), event.tick))
+        }
         _ => None,
     });
     let at = at as u64;

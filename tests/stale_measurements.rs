@@ -9,7 +9,7 @@ use common::engine::{Run, run_on};
 use common::rig::{Act, Call, Log, Phase, STIFFNESS, attach, storey, two_floors};
 use gusset::control::{Direction, Exit, Pace, Reference, Zero};
 use gusset::engine::{Ending, Left, Phase as Ended, Stop};
-use gusset::record::EventKind;
+use gusset::record::Event;
 use gusset::substructure::{Coupling, Retirement, Status};
 use gusset::time::{Clock, SimClock};
 
@@ -40,7 +40,7 @@ fn run(script: &[(u64, Act)], extrapolate: bool, bound: u64) -> (Run, Vec<(usize
 /// Tick and age of every stale measurement.
 fn stale(run: &Run) -> Vec<(u64, u64)> {
     let found = run.events.iter().filter_map(|event| match event.kind {
-        EventKind::Stale { port: 0, age } => Some((event.tick, age)),
+        Event::Stale { port: 0, age } => Some((event.tick, age)),
         _ => None,
     });
     found.collect()
@@ -146,7 +146,7 @@ fn more_in_a_row_than_allowed_end_the_test() {
 /// Ticks in which it is told that a specimen holds by its own watchdog.
 fn holds(run: &Run) -> Vec<u64> {
     let told = run.events.iter();
-    let told = told.filter(|event| event.kind == EventKind::Holds { port: 0 });
+    let told = told.filter(|event| event.kind == Event::SpecimenHolds { port: 0 });
     told.map(|event| event.tick).collect()
 }
 
@@ -173,10 +173,10 @@ fn ends_at_the_third(script: &[(u64, Act)]) {
     };
     assert_eq!(stopped.outcome.ending, Ending::Stopped(wanted));
     assert_eq!(holds(&stopped), [20]);
-    let last = stopped.events.iter().map(|event| event.kind);
+    let last = stopped.events.iter().map(|event| &event.kind);
     assert!(
         last.clone()
-            .any(|kind| kind == EventKind::HoldsOn { port: 0 })
+            .any(|kind| *kind == Event::SpecimenHoldsOn { port: 0 })
     );
     assert!(
         !calls
@@ -341,7 +341,13 @@ fn a_zero_is_taken_of_answers_and_of_as_many_as_were_asked_for() {
         let (run, issued) = begins_late(20, 3, lost);
         assert_eq!(run.outcome.ending, Ending::Completed, "{lost}");
         let zeroed = run.events.iter().find_map(|event| match event.kind {
-            EventKind::Zeroed { values, .. } => Some(values),
+            Event::Zeroed {
+                disp,
+                force,
+                disp_noise_rms,
+                force_noise_rms,
+                ..
+            } => Some([disp, force, disp_noise_rms, force_noise_rms]),
             _ => None,
         });
         assert_eq!(zeroed, Some([0.0, 3e4, 0.0, 0.0]), "{lost}");
@@ -399,7 +405,7 @@ fn a_direction_is_told_from_answers_to_the_commands_that_count() {
         let run = run_on(experiment, SimClock::new());
         assert_eq!(run.outcome.ending, Ending::Completed);
         let found = run.events.iter().find_map(|event| match event.kind {
-            EventKind::Direction { disp, force, .. } => Some([disp, force]),
+            Event::Direction { disp, force, .. } => Some([disp, force]),
             _ => None,
         });
         (found, run.rows.len())

@@ -8,7 +8,7 @@ use gusset::catalog::limit::Limit;
 use gusset::compensation::CompensationSpec;
 use gusset::engine::{Ending, Stop};
 use gusset::motion::{Grid, Motion, Quantity};
-use gusset::record::{EventKind, Run};
+use gusset::record::{Event, Run};
 use gusset::session::replay;
 use gusset::transfer::BetweenTicks;
 use link_common::{ONE_AXIS, ONE_AXIS_LAW, Served, columns, test_file};
@@ -610,9 +610,9 @@ fn a_late_actuator_that_adds_too_large_a_share_of_the_input_energy_ends_the_test
     assert_eq!((hit.value, hit.bound), (share[first], trip));
     assert_eq!(bounded.column("x1").len(), first + 1);
     // So late an actuator is beyond its critical delay, too, which is told by itself.
-    let warned = |event: &&gusset::record::Event| {
+    let warned = |event: &&gusset::record::TimedEvent| {
         let quantity = "added_energy_share";
-        matches!(event.kind, EventKind::TestLimit { trip: false, quantity: of, .. } if of == quantity)
+        matches!(&event.kind, Event::LimitWarning(reached) if reached.limit == quantity)
     };
     assert_eq!(bounded.events.iter().filter(warned).count(), 1);
     // Against more than will ever be taken in, the same energy is nothing.

@@ -12,7 +12,7 @@ use gusset::catalog::limit::Limit;
 use gusset::control::limits::{AxisLimits, Bound};
 use gusset::control::{Axis, Direction, Exit, Exits, Order, Pace, Port, Reference, Zero};
 use gusset::engine::{Control, Ending, Left, Operator, Stop};
-use gusset::record::EventKind;
+use gusset::record::Event;
 use gusset::substructure::Coupling;
 use gusset::time::SimClock;
 
@@ -289,7 +289,7 @@ fn a_hold_while_it_is_tried_how_a_specimen_is_wired_stands_there() {
         }
         let found = |run: &Run| {
             let mut found = run.events.iter().filter_map(|event| match event.kind {
-                EventKind::Direction { disp, force, .. } => Some((disp, force)),
+                Event::Direction { disp, force, .. } => Some((disp, force)),
                 _ => None,
             });
             found.next().unwrap()

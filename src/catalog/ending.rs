@@ -248,21 +248,11 @@ impl Cause {
     }
 
     /// The cause of an event with this word. A word that no row has is the key of a limit. The word `link` alone does not tell
-    /// why the link failed: see [`Cause::of_link`].
+    /// why the link failed.
     #[must_use]
     pub fn of_word(word: &str) -> Self {
         let known = Self::ALL.iter().copied().find(|cause| cause.word() == word);
         known.unwrap_or(Self::Limit)
-    }
-
-    /// The cause of a failed link by the word `fault` of the event `link`.
-    #[must_use]
-    pub fn of_link(fault: &str) -> Self {
-        match fault {
-            "not_finite" => Self::LinkNotFinite,
-            "diverged" => Self::LinkDiverged,
-            _ => Self::Link,
-        }
     }
 }
 
@@ -338,9 +328,6 @@ mod tests {
         for cause in [Cause::Link, Cause::LinkNotFinite, Cause::LinkDiverged] {
             assert_eq!(cause.word(), "link");
         }
-        let faults = ["closed", "not_finite", "diverged"].map(Cause::of_link);
-        let links = [Cause::Link, Cause::LinkNotFinite, Cause::LinkDiverged];
-        assert_eq!(faults, links);
     }
 
     #[test]

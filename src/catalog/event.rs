@@ -1,1 +1,598 @@
-//! What happens in a test: name, severity, sentence.
+//! What happens in a test: one row per kind of line in `events.jsonl`.
+//!
+//! A row has the name of the event, how grave it is, the group in which it is listed, whether it ends a test out of order, a
+//! sentence for people, and the text of the guide. Names are firm: programs read them.
+//!
+//! The sentence is a template. `{key}` stands for a field of the line, rounded and with its unit. `{specimen}` is the specimen by
+//! name, `{place}` the specimen with its axis. A part in brackets is left out where a field of it is missing.
+//! `{flag?yes|no}` chooses by a field that is true or false. An empty template means that no sentence is shown.
+
+use serde::{Deserialize, Serialize};
+
+/// How grave an event is. It decides the level of the line in the log.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Severity {
+    /// For programs, or of no interest in a normal test.
+    Debug,
+    /// Worth knowing.
+    Info,
+    /// Worth a look.
+    Warning,
+    /// Something is lost, broken or stopped.
+    Error,
+}
+
+/// The group in which a report lists an event.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Group {
+    /// Deadline misses.
+    Misses,
+    /// Stale, late or lost measurements, and what a specimen reports of itself.
+    Answers,
+    /// Limits and warnings.
+    Limits,
+    /// Commands of the operator.
+    Operator,
+    /// Everything else.
+    Other,
+    /// For programs only: a report does not list it.
+    Silent,
+}
+
+impl Group {
+    /// The groups that a report lists, in its order.
+    pub const LISTED: [Self; 5] = [
+        Self::Misses,
+        Self::Answers,
+        Self::Limits,
+        Self::Operator,
+        Self::Other,
+    ];
+
+    /// Its title.
+    #[must_use]
+    pub const fn title(self) -> &'static str {
+        match self {
+            Self::Misses => "deadline misses",
+            Self::Answers => "stale, late or lost answers",
+            Self::Limits => "limits and warnings",
+            Self::Operator => "operator",
+            Self::Other | Self::Silent => "other",
+        }
+    }
+}
+
+/// Which programs write an event.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Writer {
+    /// The controller of a test. A server may write it, too, with a text.
+    Test,
+    /// The server of a specimen.
+    Server,
+}
+
+/// A row of the table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct EventRow {
+    /// Name in `events.jsonl`.
+    pub name: &'static str,
+    /// How grave it is.
+    pub severity: Severity,
+    /// Where a report lists it.
+    pub group: Group,
+    /// It ends a test out of order.
+    pub is_trip: bool,
+    /// It may come on every tick: the log shows the first few only.
+    pub is_frequent: bool,
+    /// The sentence for people, as a template.
+    pub sentence: &'static str,
+    /// Meaning, for the guide.
+    pub meaning: &'static str,
+    /// Its own fields, for the guide.
+    pub fields: &'static str,
+    /// Which programs write it.
+    pub writer: Writer,
+}
+
+impl EventRow {
+    const fn trip(mut self) -> Self {
+        self.is_trip = true;
+        self
+    }
+
+    const fn frequent(mut self) -> Self {
+        self.is_frequent = true;
+        self
+    }
+
+    const fn guide(mut self, meaning: &'static str, fields: &'static str) -> Self {
+        self.meaning = meaning;
+        self.fields = fields;
+        self
+    }
+
+    const fn of(mut self, writer: Writer) -> Self {
+        self.writer = writer;
+        self
+    }
+}
+
+const fn row(
+    name: &'static str,
+    severity: Severity,
+    group: Group,
+    sentence: &'static str,
+) -> EventRow {
+    EventRow {
+        name,
+        severity,
+        group,
+        is_trip: false,
+        is_frequent: false,
+        sentence,
+        meaning: "",
+        fields: "",
+        writer: Writer::Test,
+    }
+}
+
+use Group::{Answers, Limits, Misses, Operator, Other, Silent};
+use Severity::{Error, Info, Warning};
+
+const OF_AXIS: &str = "`specimen`, `name`, `axis`";
+const OF_SPECIMEN: &str = "`specimen`, `name`";
+const TEXT: &str = "`text`";
+
+/// All events, in the order of the guide.
+pub const EVENTS: &[EventRow] = &[
+    row("files", Severity::Debug, Silent, "").guide(
+        "The input files and the version of the program.",
+        "`sha256`: hash by file name; `version`",
+    ),
+    row("warning", Warning, Limits, "{text}").guide("A warning before the test.", TEXT),
+    row("not_granted", Warning, Limits, "{text}").guide(
+        "The operating system refused a real-time setting.",
+        TEXT,
+    ),
+    row("live_page", Info, Other, "the live page is served at {address}")
+        .guide("The live page is served.", "`address`"),
+    row(
+        "connected",
+        Info,
+        Other,
+        "{specimen}: connected to {peer}[, it stands at {standing}]",
+    )
+    .guide(
+        "A specimen behind a link is connected.",
+        "`specimen`, `name`, `peer`; `measures_disp` false: it repeats the command instead of measuring; `standing`: the position that it reports",
+    ),
+    row("grid", Severity::Debug, Silent, "").guide(
+        "A grid of ticks begins. Wall times of the rows count from its first edge.",
+        "`of`: `opening`, `directions` or `test`; `first_edge_ns`: ns of the loop's clock",
+    ),
+    row("phase", Info, Other, "{from} → {to} ({cause})").guide(
+        "The test enters another phase.",
+        "`from`, `to`; `cause`: `done`, `operator`, or what stopped it; `specimen`, `name` if one specimen is the cause",
+    ),
+    row(
+        "zeroed",
+        Info,
+        Other,
+        "{place}: zero readings: displacement {disp}, force {force} (units of the axis)",
+    )
+    .guide(
+        "A sensor's zero was read.",
+        "`specimen`, `name`, `axis`; `disp`, `force`: means; `disp_noise_rms`, `force_noise_rms`; all in the axis' own units",
+    ),
+    row(
+        "initial_force",
+        Warning,
+        Limits,
+        "{place}: it bears a force at the beginning that its displacement does not explain: {force}, allowed {most} ({of})",
+    )
+    .guide(
+        "An axis carries a force at the start that its displacement does not explain.",
+        "`specimen`, `name`, `axis`; `force` in N; `most`: allowed, in N; `of`: the reference for the allowed force",
+    ),
+    row("confirmed", Info, Operator, "confirmed")
+        .guide("The operator confirmed the sensor readings.", ""),
+    row(
+        "probing",
+        Warning,
+        Other,
+        "{specimen}: wiring check: each axis moves a little and back",
+    )
+    .guide("The wiring check moves the specimen by a small motion.", OF_SPECIMEN),
+    row(
+        "direction",
+        Info,
+        Other,
+        "{place}: wiring check: displacement {disp}, force {force} (units of the axis)",
+    )
+    .guide(
+        "Result of the wiring check for one axis.",
+        "`specimen`, `name`, `axis`; `disp` in m, `force` in N: changes of the measured values",
+    ),
+    row(
+        "direction_unknown",
+        Warning,
+        Other,
+        "{place}: the static load does not show which way round it is wired",
+    )
+    .guide("The wiring check found no direction.", OF_AXIS),
+    row(
+        "misfit",
+        Error,
+        Limits,
+        "{place}: not armed: the wiring check found {what}",
+    )
+    .trip()
+    .guide(
+        "A wiring fault: the specimen is not armed.",
+        "`specimen`, `name`, `axis`; `what`: the fault in one word",
+    ),
+    row(
+        "stands",
+        Info,
+        Other,
+        "{place}: it is at {found}, and was left at {left} ± {within} (unit of the axis)",
+    )
+    .guide(
+        "Resume: an axis stands where the interrupted test left it.",
+        "`specimen`, `name`, `axis`; `found`, `left`, `within`: position, earlier position, allowed difference, in the axis' unit",
+    ),
+    row(
+        "moved",
+        Error,
+        Limits,
+        "{place}: it is at {found}, and was left at {left} ± {within} (unit of the axis): it has moved since the interruption",
+    )
+    .trip()
+    .guide(
+        "Resume: an axis does not stand where the interrupted test left it.",
+        "as `stands`",
+    ),
+    row(
+        "force_changed",
+        Warning,
+        Other,
+        "{place}: the load cell reads {found}, and {left} ± {within} is expected after the interruption (unit of the axis); \
+         {taken_for_drift?the difference is taken for drift of its zero|its zero stays unchanged}",
+    )
+    .guide(
+        "Resume: a load cell reads another force than at the interruption.",
+        "`specimen`, `name`, `axis`; `left`: expected, `found`, `within`: allowed difference, in the axis' unit; `taken_for_drift`: true if the zero was corrected",
+    ),
+    row(
+        "go",
+        Info,
+        Other,
+        "warm-up of {ticks} ticks: {missed} deadlines missed, at most {in_a_row} in a row; a tick took {mean_ns} on average and \
+         {longest_ns} at most: the test starts",
+    )
+    .guide(
+        "The warm-up kept the limits of `[timing]`: the test begins.",
+        "`ticks`: judged; `missed`, `in_a_row`: misses; `mean_ns`, `longest_ns`: duration of a tick",
+    ),
+    row(
+        "no_go",
+        Error,
+        Misses,
+        "warm-up of {ticks} ticks: {missed} deadlines missed, at most {in_a_row} in a row; a tick took {mean_ns} on average and \
+         {longest_ns} at most: the test does not start",
+    )
+    .trip()
+    .guide(
+        "The warm-up did not keep the limits of `[timing]`: the test does not begin.",
+        "as `go`",
+    ),
+    row("started", Info, Other, "started").guide("The first command of the test is sent.", ""),
+    row("checkpoint", Severity::Debug, Silent, "").guide(
+        "A digest of the test's state after a step, for `gusset run --resume`.",
+        "`digest`: 16 hexadecimal digits",
+    ),
+    row("hold_requested", Info, Operator, "hold requested")
+        .guide("The operator asked for a hold.", ""),
+    row("continue_requested", Info, Operator, "continue requested")
+        .guide("The operator let a held test go on.", ""),
+    row(
+        "continue_dropped",
+        Warning,
+        Operator,
+        "`continue` is ignored: it was for hold {hold}, and the latest hold is {latest}",
+    )
+    .guide(
+        "A continue command named an earlier hold and had no effect.",
+        "`hold`: the number it named; `latest`: the number of the latest hold",
+    ),
+    row("stop_requested", Info, Operator, "stop requested")
+        .guide("The operator asked for the end of the test.", ""),
+    row(
+        "control_request",
+        Info,
+        Other,
+        "the live page received the request {request} from {from}: {accepted?accepted|refused}[: {why}]",
+    )
+    .guide(
+        "The live page received a request.",
+        "`request`, `from`: address, `accepted`; `why` if it was refused",
+    ),
+    row(
+        "control_refused",
+        Warning,
+        Other,
+        "the live page refused the request {request} from {from}: {why} (times: {times})",
+    )
+    .guide(
+        "The live page refused a request without the control token.",
+        "`request`, `from`, `why`; `times`: how often",
+    ),
+    row("pace", Info, Other, "{from} → {to}").frequent().guide(
+        "The pace of the commands between two targets changed.",
+        "`from`, `to`; `share`: part of the step that was made",
+    ),
+    row(
+        "limit_warning",
+        Warning,
+        Limits,
+        "[{place}: ]{limit} is {value}, beyond its warning level of {bound}",
+    )
+    .frequent()
+    .guide(
+        "A value is beyond the `warn` level of a limit.",
+        "`limit`: its key; `value`, `bound` in SI units; `specimen`, `name`, `axis` for a limit of an axis",
+    ),
+    row(
+        "limit_trip",
+        Error,
+        Limits,
+        "[{place}: ]TRIP: {limit} is {value}, allowed {bound}",
+    )
+    .trip()
+    .guide(
+        "A value is beyond the `trip` level of a limit: the test ends.",
+        "as `limit_warning`",
+    ),
+    row("interlock", Error, Answers, "{specimen}: the interlock is open")
+        .trip()
+        .guide("The interlock of a specimen is open.", OF_SPECIMEN),
+    row(
+        "saturated",
+        Error,
+        Answers,
+        "{specimen}: a sensor or actuator is at the end of its range",
+    )
+    .trip()
+    .guide("A sensor or an actuator is at the end of its range.", OF_SPECIMEN),
+    row("geometry", Error, Other, "{place}: geometry: {what}").trip().guide(
+        "The actuators of a loading unit cannot take a pose, or their strokes have no pose.",
+        "`specimen`, `name`; `axis` if one actuator is the cause; `what`: the fault in one word",
+    ),
+    row("diverged", Error, Limits, "the response of DOF {dof} diverged")
+        .trip()
+        .guide(
+            "A displacement is beyond `safety.divergence_m` or not finite.",
+            "`dof`: from 1",
+        ),
+    row(
+        "specimen_holds",
+        Warning,
+        Answers,
+        "{specimen}: it reports that its own watchdog holds it: commands do not move it",
+    )
+    .guide("The specimen reports that its own watchdog holds it.", OF_SPECIMEN),
+    row(
+        "specimen_holds_on",
+        Error,
+        Answers,
+        "{specimen}: it still reports that its own watchdog holds it",
+    )
+    .trip()
+    .guide("The specimen still reports that its own watchdog holds it.", OF_SPECIMEN),
+    row(
+        "unsettled",
+        Warning,
+        Limits,
+        "{specimen}: the actuator–specimen iteration did not converge in {ticks} ticks",
+    )
+    .guide(
+        "The actuator–specimen iteration of a simulated actuator did not converge.",
+        "`specimen`, `name`; `ticks`: how many so far",
+    ),
+    row(
+        "miss",
+        Warning,
+        Misses,
+        "deadline missed by {late_ns}; cause: {class}",
+    )
+    .frequent()
+    .guide(
+        "A deadline was missed.",
+        "`class`: cause; `late_ns`; `stretched`: whole ticks by which the grid moved; `steal_ms`, `involuntary_switches`, `minor_faults`: counters of the system meanwhile",
+    ),
+    row("gap", Warning, Misses, "no command was sent for {late_ns}").guide(
+        "No command was sent for a time outside of the steps of the test.",
+        "`late_ns`; `ticks`: ticks without a command",
+    ),
+    row(
+        "stale",
+        Warning,
+        Answers,
+        "{specimen}: stale measurement, {age} ticks old",
+    )
+    .frequent()
+    .guide(
+        "A measurement is stale.",
+        "`specimen`, `name`; `age`: commands since the one that it answers",
+    ),
+    row("recovered", Severity::Debug, Answers, "{place}: a measurement that was missing arrived late, {age} ticks old").guide(
+        "A missing measurement arrived within the history of a later one.",
+        "`specimen`, `name`, `axis`; `age` in commands; `force` in N",
+    ),
+    row("link", Error, Answers, "{specimen}: {fault}: {message}").trip().guide(
+        "A link failed.",
+        "`specimen`, `name`; `fault`: in one word; `message`",
+    ),
+    row(
+        "unacknowledged",
+        Warning,
+        Answers,
+        "{specimen}: the server did not acknowledge the end of the test: its watchdog must hold the specimen; check that it does",
+    )
+    .guide("A specimen did not acknowledge the end of the test.", OF_SPECIMEN),
+    row("last_words", Warning, Answers, "{text}").guide(
+        "A message with which the specimen's end closed the link.",
+        "`specimen`; `text`",
+    ),
+    row("row_lost", Error, Limits, "row lost: the queue to the writer is full")
+        .frequent()
+        .guide("The queue to the writer was full: one row is lost.", ""),
+    row(
+        "rows_lost",
+        Error,
+        Limits,
+        "{rows_lost} rows lost[: {to_full_queue} because the queue was full, {to_file_error} because a file could not be written]",
+    )
+    .guide(
+        "Rows are missing from `samples.bin`.",
+        "`rows_lost`; `to_full_queue`, `to_file_error`: by cause",
+    ),
+    row(
+        "write_failed",
+        Error,
+        Other,
+        "{file} cannot be written: {error}[ ({rows_lost} rows lost)]",
+    )
+    .guide(
+        "A file of the run folder cannot be written. The program tries again.",
+        "`file`, `error`, `rows_lost`",
+    ),
+    row(
+        "write_recovered",
+        Warning,
+        Other,
+        "{file} can be written again[ ({rows_lost} rows lost)]",
+    )
+    .guide(
+        "A file of the run folder can be written again.",
+        "`file`, `rows_lost`",
+    ),
+    row("record_damaged", Error, Limits, "{text}").guide(
+        "Another program changed or deleted a file of the run folder.",
+        "`file`, `text`",
+    ),
+    row("internal_error", Error, Other, "{text}")
+        .guide("A fault of the program itself.", TEXT),
+    row("ended", Info, Other, "ended").guide(
+        "The test has ended and every specimen is in its end state.",
+        "",
+    ),
+    row("controller", Info, Other, "the controller {peer} begins a test[: {test}]")
+        .of(Writer::Server)
+        .guide(
+            "A controller begins a test.",
+            "`peer`: address; `test`: title; `software`",
+        ),
+    row("armed_again", Info, Other, "{text}")
+        .of(Writer::Server)
+        .guide("The controller begins the test again.", TEXT),
+    row("holding", Warning, Other, "{text}").of(Writer::Server).guide(
+        "No command has come for the time of the watchdog: the specimen holds.",
+        TEXT,
+    ),
+    row("commands_again", Info, Other, "{text}")
+        .of(Writer::Server)
+        .guide("Commands come again after a pause.", TEXT),
+    row("limit", Warning, Other, "{text}").of(Writer::Server).guide(
+        "A command or a measurement is beyond a `warn` level.",
+        TEXT,
+    ),
+    row("trip", Error, Limits, "TRIP: {text}").trip().of(Writer::Server).guide(
+        "A limit or a fault ends the controller's test and latches.",
+        "`text`; `what`: name of the cause; `code`: as in the column `trip`; `axis`, `value`, `bound`, `unit` for a limit",
+    ),
+    row("faults", Warning, Limits, "{text}")
+        .of(Writer::Server)
+        .guide("A fault script is played.", TEXT),
+    row("left_aside", Warning, Other, "{text}")
+        .of(Writer::Server)
+        .guide("A message of the controller had no effect.", TEXT),
+    row("client_without_commits", Warning, Limits, "{text}")
+        .of(Writer::Server)
+        .guide("An OpenFresco client sends no commits.", TEXT),
+    row("client_reset", Warning, Limits, "{text}")
+        .of(Writer::Server)
+        .guide("An OpenFresco client reset its state.", TEXT),
+    row("counts", Info, Other, "{text}").of(Writer::Server).guide(
+        "Counts of messages at the end of the controller's test.",
+        TEXT,
+    ),
+];
+
+/// The row of this name; none for an event of another version.
+#[must_use]
+pub fn find(name: &str) -> Option<&'static EventRow> {
+    EVENTS.iter().find(|row| row.name == name)
+}
+
+/// An event whose only field is a sentence.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Remark {
+    /// A warning before the test.
+    Warning,
+    /// The operating system refused a real-time setting.
+    NotGranted,
+    /// A fault of the program itself.
+    InternalError,
+    /// A server: the specimen behind it is connected.
+    Connected,
+    /// A server: the link to the specimen behind it failed.
+    Link,
+    /// A server: the wiring check moves the specimen.
+    Probing,
+    /// A server: what the wiring check found.
+    Direction,
+    /// A server: the specimen reports that its own watchdog holds it.
+    SpecimenHolds,
+    /// A server: what the specimen reported after the test.
+    LastWords,
+    /// A server: the iteration of a simulated actuator did not converge.
+    Unsettled,
+    /// A server: the controller's test has ended.
+    Ended,
+    /// A server: the controller begins the test again.
+    ArmedAgain,
+    /// A server: no command comes, and the specimen holds.
+    Holding,
+    /// A server: commands come again.
+    CommandsAgain,
+    /// A server: a command or a measurement is beyond a `warn` level.
+    Limit,
+    /// A server: a fault script is played.
+    Faults,
+    /// A server: a message of the controller had no effect.
+    LeftAside,
+    /// A server: an OpenFresco client sends no commits.
+    ClientWithoutCommits,
+    /// A server: an OpenFresco client reset its state.
+    ClientReset,
+    /// A server: counts of messages.
+    Counts,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_unique_and_every_row_has_a_text_for_the_guide() {
+        for (place, row) in EVENTS.iter().enumerate() {
+            let first = EVENTS.iter().position(|other| other.name == row.name);
+            assert_eq!(first, Some(place), "{}", row.name);
+            assert!(row.meaning.ends_with('.'), "{}", row.name);
+            let is_silent = row.sentence.is_empty();
+            assert_eq!(is_silent, row.group == Group::Silent, "{}", row.name);
+        }
+    }
+}

@@ -3,7 +3,7 @@
 use super::*;
 use crate::engine::{Glimpse, Phase, PhaseCell};
 use crate::monitor::{About, LambdaUse, Subject, Tap};
-use crate::record::{Event, EventKind, Onlooker, Progress};
+use crate::record::{Event, LimitReached, Onlooker, Progress, TimedEvent};
 
 /// A frame of two storeys with limits on its specimen, watched for `rows` rows.
 fn board(rows: u64) -> Arc<Board> {
@@ -14,7 +14,7 @@ fn board_seen(rows: u64, seen: Glimpse) -> Arc<Board> {
     board_of(rows, seen, &[])
 }
 
-fn board_of(rows: u64, seen: Glimpse, events: &[EventKind]) -> Arc<Board> {
+fn board_of(rows: u64, seen: Glimpse, events: &[Event]) -> Arc<Board> {
     let text = include_str!("../../config/frame-bouc-wen.toml").replace(
         "name = \"ground-storey\"",
         "name = \"ground-storey\"\nlimits = { command_disp_m = { warn = [-0.05, 0.05], trip = [-0.1, 0.1] }, \
@@ -63,11 +63,11 @@ fn board_of(rows: u64, seen: Glimpse, events: &[EventKind]) -> Arc<Board> {
         tap.row(k, &row);
     }
     for kind in events {
-        tap.event(&Event {
+        tap.event(&TimedEvent {
             tick: rows,
             time: 0.0,
             clock_ns: 0,
-            kind: *kind,
+            kind: kind.clone(),
         });
     }
     tap.turn(now, &Progress::default());
@@ -146,14 +146,13 @@ fn a_test_that_has_tripped_says_so_and_why_to_its_end() {
     let board = board_of(
         8,
         Glimpse::of(Phase::Leaving),
-        &[EventKind::Limit {
-            port: 0,
-            axis: 0,
-            quantity: "command_disp_m",
-            trip: true,
+        &[Event::LimitTrip(LimitReached {
+            port: Some(0),
+            axis: Some(0),
+            limit: "command_disp_m".into(),
             value: 0.12,
             bound: 0.1,
-        }],
+        })],
     );
     let sight = Sight::of(&board, 1024.0);
     let line = sight.line(200);

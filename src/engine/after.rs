@@ -16,7 +16,7 @@ use super::{Ending, Engine, Stop};
 use crate::catalog::ending::Cause;
 use crate::catalog::phase::GIVEN_UP;
 use crate::control::{Astray, Departure, Port};
-use crate::record::EventKind;
+use crate::record::Event;
 use crate::rt::timing::TickStamps;
 
 /// Where a specimen was left.
@@ -269,7 +269,7 @@ impl Engine {
             {
                 *left = Left::Lost;
             }
-            self.report_now(EventKind::Unacknowledged { port: index as u32 });
+            self.report_now(Event::Unacknowledged { port: index as u32 });
         }
         // Where nobody asks for that, the answer that is owed would have been the last that is heard of it.
         for (port, left) in self.ports.iter().zip(&mut self.left) {

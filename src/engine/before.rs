@@ -9,7 +9,7 @@ use super::ready::Readiness;
 use super::tick::Tick;
 use super::{Ending, Engine, Side, Stop};
 use crate::control::Port;
-use crate::record::{EventKind, WarmUpRows};
+use crate::record::{Event, WarmUpRows};
 use crate::rt::timing::TickStamps;
 
 /// Share of a speed limit that a ramp uses at its fastest.
@@ -109,10 +109,10 @@ impl Engine {
             }
         }
         for (port, axis, of, [force, most]) in found {
-            self.report_now(EventKind::InitialForce {
+            self.report_now(Event::InitialForce {
                 port: port as u32,
                 axis: axis as u32,
-                of,
+                of: of.into(),
                 force,
                 most,
             });

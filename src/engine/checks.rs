@@ -2,12 +2,13 @@
 
 use super::misses::{MissLevels, Missed};
 use super::numerical::Side;
+use super::telling::limit_event;
 use super::tick::Tick;
 use super::{Engine, Limits, Stop};
 use crate::catalog::limit::{Judges, Limit};
 use crate::control::Port;
 use crate::control::limits::{Bound, Level};
-use crate::record::EventKind;
+use crate::record::LimitReached;
 
 /// Limits of the test that are judged at every step, in the order of their columns.
 const OF_STEPS: [Limit; 4] = Limit::judging(&[Judges::Step]);
@@ -267,13 +268,16 @@ impl Engine {
             self.test_warned |= bit;
             self.report(
                 tick,
-                EventKind::TestLimit {
-                    quantity: quantity.key(),
+                limit_event(
                     trip,
-                    value,
-                    bound,
-                    worst: worst.map(|(port, axis)| (port as u32, axis as u32)),
-                },
+                    LimitReached {
+                        port: worst.map(|(port, _)| port as u32),
+                        axis: worst.map(|(_, axis)| axis as u32),
+                        limit: quantity.key().into(),
+                        value,
+                        bound,
+                    },
+                ),
             );
         }
         if trip {

@@ -9,7 +9,7 @@ use super::phase::Phase;
 use super::tick::Tick;
 use super::{Ending, Engine, Side, Stop};
 use crate::integrate::State;
-use crate::record::{EventKind, GridOf};
+use crate::record::{Event, GridOf};
 use crate::rt::timing::TickStamps;
 use crate::time::Schedule;
 
@@ -57,7 +57,7 @@ impl Engine {
             return Ok(());
         };
         let port = index as u32;
-        self.report_now(EventKind::Probing { port });
+        self.report_now(Event::Probing { port });
         let mut pace = f64::from(u8::from(!self.hold_wanted));
         loop {
             pace = self.ride.tempo.eased(pace, self.hold_wanted);
@@ -90,7 +90,7 @@ impl Engine {
             misfit,
         })?;
         for axis in found {
-            self.report_now(EventKind::Direction {
+            self.report_now(Event::Direction {
                 port,
                 axis: axis.axis as u32,
                 disp: axis.disp,
@@ -167,7 +167,7 @@ impl Engine {
         for index in 0..self.ports.len() {
             let unshown = self.ports.get(index).map(crate::control::Port::unshown);
             for axis in unshown.unwrap_or_default() {
-                self.report_now(EventKind::DirectionUnknown {
+                self.report_now(Event::DirectionUnknown {
                     port: index as u32,
                     axis: axis as u32,
                 });

@@ -8,7 +8,7 @@
 use super::checks::TestHit;
 use super::{Engine, Stop};
 use crate::catalog::limit::Limit;
-use crate::record::EventKind;
+use crate::record::{Event, WarmUp};
 use crate::rt::timing::TickStamps;
 
 /// Standard deviations of a count by which it may be too large by chance.
@@ -58,13 +58,16 @@ impl Engine {
             return Ok(());
         }
         let hit = self.what_is_missed_too_often(found);
-        self.report_now(EventKind::Readiness {
-            go: hit.is_none(),
+        let warm_up = WarmUp {
             ticks: found.ticks,
             missed: found.missed,
             in_a_row: found.most_in_a_row,
             mean_ns: found.sum_ns / found.ticks,
             longest_ns: found.longest_ns,
+        };
+        self.report_now(match hit {
+            None => Event::Go(warm_up),
+            Some(_) => Event::NoGo(warm_up),
         });
         hit.map_or(Ok(()), |hit| Err(Stop::TestLimit(hit)))
     }

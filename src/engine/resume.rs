@@ -11,7 +11,7 @@ use super::operator::{Control, Notice};
 use super::phase::Phase;
 use super::{Ending, Engine, Peaks, Side, Stop};
 use crate::control::{Port, Reading};
-use crate::record::{EventKind, GridOf};
+use crate::record::{Event, GridOf, Standing};
 
 /// A force that differs by so many times its noise differs.
 const NOISE: f64 = 5.0;
@@ -262,12 +262,14 @@ impl Engine {
                 }
             }
         }
-        for (port, axis, values) in found {
-            self.report_now(EventKind::Stands {
+        for (port, axis, [found, left, within]) in found {
+            self.report_now(Event::Stands(Standing {
                 port: port as u32,
                 axis: axis as u32,
-                values,
-            });
+                found,
+                left,
+                within,
+            }));
         }
         moved
     }
@@ -308,13 +310,13 @@ impl Engine {
             }
         }
         for (port, axis, [left, found, within], is_taken) in differ {
-            self.report_now(EventKind::ForceChanged {
+            self.report_now(Event::ForceChanged {
                 port,
                 axis,
                 left,
                 found,
                 within,
-                is_taken,
+                taken_for_drift: is_taken,
             });
         }
         changed
@@ -349,10 +351,13 @@ impl Engine {
         }
         for (port, axis, reading) in readings {
             let [disp_noise, force_noise] = reading.noise().unwrap_or([f64::NAN; 2]);
-            self.report_now(EventKind::Zeroed {
+            self.report_now(Event::Zeroed {
                 port: port as u32,
                 axis: axis as u32,
-                values: [reading.disp, reading.force, disp_noise, force_noise],
+                disp: reading.disp,
+                force: reading.force,
+                disp_noise_rms: disp_noise,
+                force_noise_rms: force_noise,
             });
             // Nobody attends, or does not read: the log has it.
             let _ = control.notices.try_send(Notice::Zeroed {
@@ -393,7 +398,7 @@ impl Engine {
             while self.unconfirmed {
                 self.still_tick(Phase::Zeroing, control)?;
             }
-            self.report_now(EventKind::Confirmed);
+            self.report_now(Event::Confirmed);
             self.ports.iter_mut().for_each(Port::stir);
         }
         Ok(())

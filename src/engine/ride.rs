@@ -10,7 +10,7 @@ use super::operator::Control;
 use super::tick::Tick;
 use super::{Engine, Stop};
 use crate::control::{Port, Stage, Stride, Tempo};
-use crate::record::{EventKind, GridOf};
+use crate::record::{Event, GridOf};
 use crate::rt::timing::TickStamps;
 use crate::substructure::LinkFault;
 use crate::time::Nanos;
@@ -283,7 +283,7 @@ impl Engine {
         self.ride.unchecked += 1;
         self.held_back.clear();
         if !self.keep_row() {
-            self.report(&tick, EventKind::RowLost);
+            self.report(&tick, Event::RowLost);
         }
         self.note_stage(&tick, &stride);
         if self.is_at_the_end() {
@@ -301,9 +301,9 @@ impl Engine {
         if slow(stage) != slow(self.ride.stage) {
             self.report(
                 tick,
-                EventKind::Pace {
-                    from: self.ride.stage.word(),
-                    to: stage.word(),
+                Event::Pace {
+                    from: self.ride.stage.word().into(),
+                    to: stage.word().into(),
                     share: stride.share,
                 },
             );
@@ -357,7 +357,7 @@ impl Engine {
         }
         self.ride.unchecked = 0;
         let digest = self.digest();
-        self.report(tick, EventKind::Checkpoint { digest });
+        self.report(tick, Event::Checkpoint { digest });
     }
 }
 

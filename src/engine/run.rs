@@ -10,7 +10,7 @@ use super::tick::Tick;
 use super::{Ending, Engine, OnMiss, Outcome, Stop};
 use crate::catalog::limit::Limit;
 use crate::control::Port;
-use crate::record::{EventKind, GridOf, MissCause, ON_MISS};
+use crate::record::{Event, GridOf, LimitReached, MissCause, ON_MISS};
 use crate::rt::timing::{Suspect, TickStamps};
 use crate::substructure::{LISTEN_NS, Retirement};
 use crate::time::Nanos;
@@ -47,7 +47,7 @@ impl Engine {
         if let Some(stamps) = self.unrecorded.take() {
             self.timing.tick(&stamps);
         }
-        self.report_now(EventKind::Ended);
+        self.report_now(Event::Ended);
         self.outcome(ending)
     }
 
@@ -73,7 +73,7 @@ impl Engine {
         }
         self.enter(Phase::Running, Ending::Completed);
         self.ports.iter_mut().for_each(Port::begin_compensation);
-        self.report_now(EventKind::Started);
+        self.report_now(Event::Started);
         if let Some(watch) = &mut self.before_first_tick {
             watch();
         }
@@ -211,12 +211,12 @@ impl Engine {
                 if !self.hold_wanted {
                     commands.add(OperatorCommands::HOLD);
                     self.hold_number = self.hold_number.saturating_add(1);
-                    self.report_now(EventKind::HoldRequested);
+                    self.report_now(Event::HoldRequested);
                 }
                 self.hold_wanted = true;
             }
             Some(Operator::EndHold(hold)) if hold != self.hold_number => {
-                self.report_now(EventKind::ContinueDropped {
+                self.report_now(Event::ContinueDropped {
                     hold,
                     latest: self.hold_number,
                 });
@@ -225,7 +225,7 @@ impl Engine {
                 commands.remove(OperatorCommands::HOLD);
                 commands.add(OperatorCommands::CONTINUE);
                 if self.hold_wanted {
-                    self.report_now(EventKind::ContinueRequested);
+                    self.report_now(Event::ContinueRequested);
                 }
                 self.hold_wanted = false;
                 self.goes_on = true;
@@ -266,10 +266,10 @@ impl Engine {
         debug_assert!(from.may_become(phase), "{from:?} to {phase:?}");
         self.phase = phase;
         self.show();
-        self.report_now(EventKind::Phase {
-            from: from.word(),
-            to: phase.word(),
-            cause: of_last.word(),
+        self.report_now(Event::Phase {
+            from,
+            to: phase,
+            cause: of_last.word().into(),
             port: of_last.port().map(|port| port as u32),
         });
     }
@@ -339,7 +339,7 @@ impl Engine {
             skipped_by_work: skipped,
             overrun_ns: if skipped > 0 { overrun_ns + period } else { 0 },
         };
-        let cause = match miss.suspect {
+        let class = match miss.suspect {
             Suspect::LateReply => MissCause::LateReply,
             Suspect::TakenAway => MissCause::TakenAway,
             Suspect::Ours => MissCause::Ours,
@@ -347,10 +347,11 @@ impl Engine {
         let late_ns = miss.late_ns;
         self.report(
             tick,
-            EventKind::Miss {
+            Event::Miss {
+                class,
                 late_ns,
                 stretched,
-                cause,
+                evidence: None,
             },
         );
         self.judge_misses(tick)?;
@@ -367,17 +368,16 @@ impl Engine {
         } else {
             None
         };
-        if let Some((quantity, value, bound)) = beyond {
-            let trip = true;
+        if let Some((limit, value, bound)) = beyond {
             self.report(
                 tick,
-                EventKind::TestLimit {
-                    quantity,
-                    trip,
+                Event::LimitTrip(LimitReached {
+                    port: None,
+                    axis: None,
+                    limit: limit.into(),
                     value,
                     bound,
-                    worst: None,
-                },
+                }),
             );
             let Engine {
                 misses: total,

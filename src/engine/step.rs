@@ -12,7 +12,7 @@ use super::ride::{has_answer, tell};
 use super::tick::Tick;
 use super::{Engine, Stop};
 use crate::control::Port;
-use crate::record::EventKind;
+use crate::record::Event;
 use crate::rt::timing::TickStamps;
 use crate::substructure::{Coupling, Freshness, LinkFault, Status};
 
@@ -353,7 +353,7 @@ impl Engine {
     fn hand_over(&mut self, tick: &Tick) {
         self.held_back.clear();
         if !self.keep_row() {
-            self.report(tick, EventKind::RowLost);
+            self.report(tick, Event::RowLost);
         }
         self.steps_done = tick.step;
     }

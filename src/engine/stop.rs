@@ -225,11 +225,7 @@ impl Stop {
             Self::Misfit { .. } => Cause::Misfit,
             Self::Saturated { .. } => Cause::Saturated,
             Self::HoldsOn { .. } => Cause::HoldsOn,
-            Self::Link { fault, .. } => match fault {
-                LinkFault::NotFinite => Cause::LinkNotFinite,
-                LinkFault::Diverged => Cause::LinkDiverged,
-                _ => Cause::Link,
-            },
+            Self::Link { fault, .. } => fault.cause(),
             Self::Diverged { .. } | Self::Step(StepError::NotConverged { .. }) => Cause::Diverged,
             Self::NotFinite { .. } => Cause::NotFinite,
             Self::Geometry { .. } => Cause::Geometry,

@@ -7,7 +7,7 @@ use super::{Engine, Stop};
 use crate::catalog::ending::Cause;
 use crate::catalog::phase::NOT_AWAITED;
 use crate::integrate::StepError;
-use crate::record::{Event, EventKind, GridOf};
+use crate::record::{Event, GridOf, LimitReached, Standing, TimedEvent};
 use crate::rt::timing::TickStamps;
 use crate::time::Nanos;
 
@@ -91,14 +91,14 @@ impl Engine {
 
     /// Sends an event of this tick; a full queue is not waited for. On the way out test time stands where the test ended.
     /// Real-time: yes.
-    pub(super) fn report(&mut self, tick: &Tick, kind: EventKind) {
+    pub(super) fn report(&mut self, tick: &Tick, kind: Event) {
         let Nanos(clock_ns) = self.clock_now;
         let Tick { step, time, .. } = if self.phase.can_be_held() {
             *tick
         } else {
             self.tick_of_report()
         };
-        let event = Event {
+        let event = TimedEvent {
             tick: step,
             time,
             clock_ns,
@@ -113,10 +113,10 @@ impl Engine {
     pub(super) fn report_grid(&mut self, of: GridOf) {
         let Nanos(first_edge_ns) = self.first_edge;
         let tick = self.tick_of_report();
-        self.report(&tick, EventKind::Grid { of, first_edge_ns });
+        self.report(&tick, Event::Grid { of, first_edge_ns });
     }
 
-    pub(super) fn report_now(&mut self, kind: EventKind) {
+    pub(super) fn report_now(&mut self, kind: Event) {
         self.clock_now = self.clock.now();
         let tick = self.tick_of_report();
         self.report(&tick, kind);
@@ -142,35 +142,32 @@ impl Engine {
     /// What ends the test, or its way out, as an event at the moment of it.
     pub(super) fn report_stop(&mut self, stop: &Stop) {
         match stop {
-            Stop::Operator => self.report_now(EventKind::StopRequested),
+            Stop::Operator => self.report_now(Event::StopRequested),
             Stop::Link { port, fault } => {
-                self.report_now(EventKind::Link {
-                    port: *port as u32,
-                    fault: *fault,
-                });
+                self.report_now(Event::link_lost(*port as u32, *fault));
             }
             Stop::Interlock { port } => {
-                self.report_now(EventKind::Interlock { port: *port as u32 });
+                self.report_now(Event::Interlock { port: *port as u32 });
             }
             Stop::Misfit { port, misfit } => {
-                self.report_now(EventKind::Misfit {
+                self.report_now(Event::Misfit {
                     port: *port as u32,
                     axis: misfit.axis() as u32,
-                    what: misfit.name(),
+                    what: misfit.name().into(),
                 });
             }
             Stop::Geometry { port, fault } => {
-                self.report_now(EventKind::Geometry {
+                self.report_now(Event::Geometry {
                     port: *port as u32,
                     actuator: fault.wrong.actuator().map(|actuator| actuator as u32),
-                    what: fault.wrong.word(),
+                    what: fault.wrong.word().into(),
                 });
             }
             Stop::Saturated { port } => {
-                self.report_now(EventKind::Saturated { port: *port as u32 });
+                self.report_now(Event::Saturated { port: *port as u32 });
             }
             Stop::HoldsOn { port, .. } => {
-                self.report_now(EventKind::HoldsOn { port: *port as u32 });
+                self.report_now(Event::SpecimenHoldsOn { port: *port as u32 });
             }
             Stop::Moved {
                 port,
@@ -180,16 +177,27 @@ impl Engine {
                 within,
                 ..
             } => {
-                self.report_now(EventKind::Moved {
+                self.report_now(Event::Moved(Standing {
                     port: *port as u32,
                     axis: *axis as u32,
-                    values: [*found, *left, *within],
-                });
+                    found: *found,
+                    left: *left,
+                    within: *within,
+                }));
             }
             Stop::Diverged { dof, .. } | Stop::Step(StepError::NotConverged { dof, .. }) => {
-                self.report_now(EventKind::Diverged { dof: *dof as u32 });
+                self.report_now(Event::Diverged { dof: *dof as u32 });
             }
             _ => {}
         }
+    }
+}
+
+/// A limit that was reached, on the way to its event. Real-time: yes.
+pub(super) fn limit_event(trip: bool, reached: LimitReached) -> Event {
+    if trip {
+        Event::LimitTrip(reached)
+    } else {
+        Event::LimitWarning(reached)
     }
 }

@@ -2,11 +2,12 @@
 //! in place of a missing one, or the end of the test. Everything here is on the real-time path, and out of its way where nothing was
 //! found.
 
+use super::telling::limit_event;
 use super::tick::Tick;
 use super::{Engine, Limits, Stop};
 use crate::control::limits::{Found, Hit, Level};
 use crate::control::{OnStale, Port};
-use crate::record::EventKind;
+use crate::record::{Event, LimitReached};
 use crate::substructure::{Freshness, Status};
 
 impl Engine {
@@ -77,15 +78,14 @@ impl Engine {
     }
 
     fn report_hit(&mut self, index: usize, hit: &Hit, tick: &Tick) {
-        let kind = EventKind::Limit {
-            port: index as u32,
-            axis: hit.axis as u32,
-            quantity: hit.quantity.key(),
-            trip: hit.level == Level::Trip,
+        let reached = LimitReached {
+            port: Some(index as u32),
+            axis: Some(hit.axis as u32),
+            limit: hit.quantity.key().into(),
             value: hit.value,
             bound: hit.bound,
         };
-        self.report(tick, kind);
+        self.report(tick, limit_event(hit.level == Level::Trip, reached));
     }
 
     /// Stale data are used as the policy says, a bounded number of times in a row. The test has no use for those that nobody
@@ -107,7 +107,7 @@ impl Engine {
         let is_made_up = self.riding && !port.partner.measured;
         self.report(
             tick,
-            EventKind::Stale {
+            Event::Stale {
                 port: index as u32,
                 age,
             },
@@ -150,7 +150,7 @@ impl Engine {
         if holds && before == 0 {
             port.link.holds += 1;
             let port = index as u32;
-            self.report(tick, EventKind::Holds { port });
+            self.report(tick, Event::SpecimenHolds { port });
         }
         if answers > in_a_row {
             let port = index;
@@ -170,7 +170,7 @@ impl Engine {
                 .get(index)
                 .and_then(|port| port.recovered.get(axis))
             {
-                let kind = EventKind::Recovered {
+                let kind = Event::Recovered {
                     port: index as u32,
                     axis: axis as u32,
                     age,
@@ -192,7 +192,7 @@ impl Engine {
         let ticks = port.link.unsettled;
         if ticks.is_power_of_two() {
             let port = index as u32;
-            self.report(tick, EventKind::Unsettled { port, ticks });
+            self.report(tick, Event::Unsettled { port, ticks });
         }
     }
 }

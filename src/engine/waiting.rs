@@ -4,7 +4,7 @@
 use super::operator::Control;
 use super::{Engine, Stop};
 use crate::control::Port;
-use crate::record::EventKind;
+use crate::record::Event;
 use crate::substructure::{Holder, LISTEN_NS};
 
 /// Times in which no command left although each tick has one, outside of the ticks of the test, where such are misses.
@@ -31,7 +31,7 @@ impl Engine {
         self.gaps.times += 1;
         self.gaps.longest_ns = self.gaps.longest_ns.max(late_ns);
         let tick = self.tick_of_report();
-        self.report(&tick, EventKind::Gap { late_ns, ticks });
+        self.report(&tick, Event::Gap { late_ns, ticks });
     }
 
     /// Arms all specimens: all are asked before any is waited for, so that they get ready at the same time. An operator who

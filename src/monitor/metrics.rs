@@ -274,7 +274,7 @@ fn trips(text: &mut Text, board: &Board, latest: &Snapshot) {
         let labels = [
             specimen.map(|specimen| ("specimen", specimen.name.as_str())),
             axis.as_deref().map(|axis| ("axis", axis)),
-            Some(("limit", trip.limit)),
+            Some(("limit", trip.limit.as_ref())),
         ];
         let labels: Vec<_> = labels.into_iter().flatten().collect();
         text.sample(name, &labels, 1.0);

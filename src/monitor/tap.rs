@@ -15,7 +15,7 @@ use super::subject::ChannelKind;
 use super::trip::Trip;
 use crate::catalog::limit::Limit;
 use crate::engine::Phase;
-use crate::record::{Event, EventKind, Note, Onlooker, Progress};
+use crate::record::{Event, Note, Onlooker, Progress, TimedEvent};
 
 /// Bins a second of wall time at most, on the real clock.
 const BINS_HZ: f64 = 60.0;
@@ -265,12 +265,12 @@ impl Onlooker for Tap {
         }
     }
 
-    fn event(&mut self, event: &Event) {
+    fn event(&mut self, event: &TimedEvent) {
         let board = Arc::clone(&self.board);
         let Some(trip) = Trip::of(event, &board.subject) else {
             return;
         };
-        let is_of_phase = matches!(event.kind, EventKind::Phase { .. });
+        let is_of_phase = matches!(event.kind, Event::Phase { .. });
         let was_told = std::mem::replace(&mut self.is_told, !is_of_phase);
         if (is_of_phase && was_told) || self.trips.len() >= MOST_TRIPS {
             return;
@@ -281,7 +281,7 @@ impl Onlooker for Tap {
             let tap = self.specimens.get_mut(specimen);
             let tap = tap.and_then(|specimen| specimen.axes.get_mut(axis));
             if let (Some(watched), Some(tap)) = (watched, tap) {
-                tap.judged(watched, trip.limit, trip.value);
+                tap.judged(watched, &trip.limit, trip.value);
             }
         }
         self.trips.push(trip);

@@ -5,34 +5,24 @@
 //! columns. A miss carries its `class` and the evidence for it ([`super::miss`]); it waits for the next sample of
 //! the scheduler's counters, at most 0.2 s, and what comes after it waits too, so that order is kept.
 
-mod lines;
-mod names;
+mod kinds;
+mod line;
+mod sentence;
 
-use std::collections::VecDeque;
+use std::collections::{HashMap, VecDeque};
 
 use crossbeam_channel::Receiver;
-use serde_json::Map;
 
+use super::TimedEvent;
 use super::append::{Appender, Flushed, Store, Unit};
 use super::intact::Extent;
-use super::miss::{MissClasses, SampleWindow, SchedSample};
+use super::miss::{MissClasses, SampleWindow, SchedSample, classify};
 use super::note::{Note, Position};
 use super::warned::Warned;
-use super::{Event, EventKind};
-use lines::head;
+use crate::catalog::event::Severity;
 
-/// Words for an axis that bears a force before the test moves it.
-pub(super) const BEARS_A_FORCE: &str =
-    "it bears a force at the beginning that its displacement does not explain";
-
-/// Words for the reference of the force that is allowed at the beginning.
-pub(super) fn reference_words(of: &str) -> &'static str {
-    match of {
-        "yield_force_n" => "1 % of the yield force of its stand-in",
-        "measured_force_n" => "1 % of its limit `measured_force_n`",
-        _ => "the noise of its load cell; neither a yield force nor a limit is declared",
-    }
-}
+pub use kinds::{Event, LimitReached, Standing, TripValue, WarmUp, Word};
+pub use line::EventLine;
 
 /// One moment as the writer's two clocks show it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -50,8 +40,11 @@ const QUEUE: usize = 16_384;
 /// Longest wait of a miss for the sample after it.
 const HOLD_NS: u64 = 200_000_000;
 
+/// Lines of the log for one kind of frequent event; `events.jsonl` has all of them.
+const LOUD: u32 = 5;
+
 enum Entry {
-    Loop(Event),
+    Loop(TimedEvent),
     Note(Note, Position),
 }
 
@@ -73,7 +66,8 @@ pub(super) struct EventLog<S> {
     specimens: Vec<String>,
     classes: MissClasses,
     warned: Warned,
-    logged: [u64; 5],
+    /// Frequent events so far, by name.
+    logged: HashMap<&'static str, u32>,
     taken: u64,
     lost: u64,
     scratch: Vec<u8>,
@@ -100,7 +94,7 @@ impl<S: Store> EventLog<S> {
             specimens: context.specimens,
             classes: MissClasses::default(),
             warned: Warned::default(),
-            logged: [0; 5],
+            logged: HashMap::new(),
             taken: 0,
             lost: 0,
             scratch: Vec::with_capacity(512),
@@ -118,7 +112,7 @@ impl<S: Store> EventLog<S> {
     }
 
     /// Takes an event of the loop.
-    pub fn event(&mut self, event: Event, now: Moment) {
+    pub fn event(&mut self, event: TimedEvent, now: Moment) {
         // Under the real clock the event is older than its arrival here, by as much as the clock says.
         let age = if self.real_clock {
             now.monotonic_ns.saturating_sub(event.clock_ns)
@@ -136,7 +130,7 @@ impl<S: Store> EventLog<S> {
     /// Takes a note, of the test at `position` unless it knows better; the simulated clock is not known here, so its `clock_ns`
     /// is null then.
     pub fn note(&mut self, note: Note, position: Position, now: Moment) {
-        let (position, clock_ns) = note.made.unwrap_or((position, now.monotonic_ns));
+        let (position, clock_ns) = note.made().unwrap_or((position, now.monotonic_ns));
         let age = now.monotonic_ns.saturating_sub(clock_ns);
         self.queue.push_back(Held {
             wall_ns: now.utc_ns.saturating_sub(age),
@@ -182,8 +176,8 @@ impl<S: Store> EventLog<S> {
     fn is_ripe(&self, held: &Held, now: Moment) -> bool {
         let waits = matches!(
             held.entry,
-            Entry::Loop(Event {
-                kind: EventKind::Miss { .. },
+            Entry::Loop(TimedEvent {
+                kind: Event::Miss { .. },
                 ..
             })
         ) && self.sampler.is_some();
@@ -197,28 +191,22 @@ impl<S: Store> EventLog<S> {
         let Some(held) = self.queue.pop_front() else {
             return false;
         };
-        let mut line = Map::new();
-        match &held.entry {
+        let (event, position, clock_ns, severity) = match held.entry {
             Entry::Loop(event) => {
-                self.warned.count(&event.kind);
-                self.describe(event, held.wall_ns, &mut line);
+                let position = (Some(event.tick), Some(event.time));
+                let kind = self.classified(event.kind, held.clock_ns);
+                (kind, position, Some(held.clock_ns), None)
             }
-            Entry::Note(note, position) => {
+            Entry::Note(note, Position { tick, time }) => {
                 let clock_ns = self.real_clock.then_some(held.clock_ns);
-                head(
-                    &mut line,
-                    position.tick,
-                    position.time,
-                    held.wall_ns,
-                    clock_ns,
-                    &note.event,
-                );
-                for (key, value) in &note.fields {
-                    line.entry(key.as_str()).or_insert_with(|| value.clone());
-                }
-                note.log(position.time);
+                let severity = note.severity();
+                (note.event, (tick, time), clock_ns, severity)
             }
-        }
+        };
+        let line = EventLine::new(event, position, held.wall_ns, clock_ns, &self.specimens);
+        self.warned.count(&line);
+        self.show(&line, severity.unwrap_or_else(|| line.severity()));
+        let line = line.to_map();
         self.scratch.clear();
         // Writing a map of plain values to memory cannot fail; a line without its end would be dropped.
         let made = serde_json::to_writer(&mut self.scratch, &line).is_ok();
@@ -231,6 +219,62 @@ impl<S: Store> EventLog<S> {
         self.taken += 1;
         self.lost += u64::from(!kept);
         true
+    }
+
+    /// A miss with its class by the counters of the system; every other event as it is.
+    fn classified(&mut self, event: Event, clock_ns: u64) -> Event {
+        let Event::Miss {
+            class,
+            late_ns,
+            stretched,
+            ..
+        } = event
+        else {
+            return event;
+        };
+        // The miss began at the latest one tick before its deadline: in the tick that ended late.
+        let from = clock_ns.saturating_sub(late_ns.saturating_add(self.tick_ns));
+        let evidence = self.window.evidence(from, clock_ns);
+        let class = classify(class, evidence);
+        self.classes.count(class);
+        Event::Miss {
+            class,
+            late_ns,
+            stretched,
+            evidence,
+        }
+    }
+
+    /// Writes the sentence of an event to the log, with the test time once the test runs. Of a frequent event only the first few
+    /// are shown.
+    fn show(&mut self, line: &EventLine, severity: Severity) {
+        let sentence = line.sentence();
+        if sentence.is_empty() {
+            return;
+        }
+        if let Some(row) = line.row().filter(|row| row.is_frequent) {
+            let count = self.logged.entry(row.name).or_default();
+            *count = count.saturating_add(1);
+            if *count == LOUD + 1 {
+                tracing::warn!(
+                    "no more events \"{}\" are shown; events.jsonl of a run folder has all of them",
+                    row.name.replace('_', " ")
+                );
+            }
+            if *count > LOUD {
+                return;
+            }
+        }
+        let at = match line.time {
+            Some(time) if time.is_finite() && time != 0.0 => format!("t = {time:.4} s: "),
+            _ => String::new(),
+        };
+        match severity {
+            Severity::Debug => tracing::debug!("{at}{sentence}"),
+            Severity::Info => tracing::info!("{at}{sentence}"),
+            Severity::Warning => tracing::warn!("{at}{sentence}"),
+            Severity::Error => tracing::error!("{at}{sentence}"),
+        }
     }
 
     /// Deadline misses so far by class.
@@ -267,9 +311,9 @@ impl<S: Store> EventLog<S> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::{MissCause, NoteLevel};
+    use crate::record::MissCause;
     use crate::substructure::LinkFault;
-    use serde_json::Value;
+    use serde_json::{Value, json};
 
     const SECOND: u64 = 1_000_000_000;
 
@@ -280,8 +324,8 @@ mod tests {
         }
     }
 
-    fn event(tick: u64, clock_ns: u64, kind: EventKind) -> Event {
-        Event {
+    fn event(tick: u64, clock_ns: u64, kind: Event) -> TimedEvent {
+        TimedEvent {
             tick,
             time: tick as f64 / 1024.0,
             clock_ns,
@@ -289,10 +333,11 @@ mod tests {
         }
     }
 
-    const MISS: EventKind = EventKind::Miss {
+    const MISS: Event = Event::Miss {
+        class: MissCause::TakenAway,
         late_ns: 5_000_000,
         stretched: 2,
-        cause: MissCause::TakenAway,
+        evidence: None,
     };
 
     fn context(sampler: Option<Receiver<SchedSample>>) -> EventContext {
@@ -315,23 +360,20 @@ mod tests {
     fn every_kind_is_one_line_with_the_keys_that_all_lines_have() {
         let mut log = EventLog::new(Vec::new(), context(None));
         let kinds = [
-            EventKind::Started,
-            EventKind::Ended,
+            Event::Started,
+            Event::Ended,
             MISS,
-            EventKind::Stale { port: 0, age: 3 },
-            EventKind::Recovered {
+            Event::Stale { port: 0, age: 3 },
+            Event::Recovered {
                 port: 0,
                 axis: 1,
                 age: 3,
                 force: 2.5,
             },
-            EventKind::Link {
-                port: 1,
-                fault: LinkFault::Timeout,
-            },
-            EventKind::RowLost,
-            EventKind::Diverged { dof: 4 },
-            EventKind::StopRequested,
+            Event::link_lost(1, LinkFault::Timeout),
+            Event::RowLost,
+            Event::Diverged { dof: 4 },
+            Event::StopRequested,
         ];
         for (k, kind) in kinds.into_iter().enumerate() {
             log.event(event(1024 * k as u64, 7, kind), moment(SECOND + 7));
@@ -393,7 +435,7 @@ mod tests {
         };
         send.send(sample(at - 9_000_000, 3, 10)).unwrap();
         log.event(event(1, at, MISS), moment(at + 1));
-        log.event(event(2, at + 2, EventKind::Started), moment(at + 2));
+        log.event(event(2, at + 2, Event::Started), moment(at + 2));
         log.turn(moment(at + 3));
         assert_eq!(lines(&log).len(), 0);
         send.send(sample(at + 1_000_000, 4, 12)).unwrap();
@@ -431,9 +473,11 @@ mod tests {
     #[test]
     fn a_note_cannot_forge_the_keys_of_the_line_and_a_time_that_is_no_number_is_null() {
         let mut log = EventLog::new(Vec::new(), context(None));
-        let note = Note::new(NoteLevel::Warning, "realtime_refused")
-            .with("asked", "fifo 80\n")
-            .with("tick", 99);
+        let fields = json!({"asked": "fifo 80\n", "tick": 99});
+        let note = Note::new(Event::Other {
+            event: "realtime_refused".to_owned(),
+            fields: fields.as_object().unwrap().clone(),
+        });
         let position = Position {
             tick: Some(7),
             time: Some(f64::NAN),

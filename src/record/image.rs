@@ -3,7 +3,7 @@
 
 use super::events::{EventContext, EventLog, Moment};
 use super::journal::encode;
-use super::{Event, Recorder};
+use super::{Recorder, TimedEvent};
 
 /// The contents of `samples.bin` and `events.jsonl`.
 pub struct FolderImage {
@@ -73,7 +73,7 @@ impl Recorder for FolderImage {
         fits
     }
 
-    fn event(&mut self, event: Event) -> bool {
+    fn event(&mut self, event: TimedEvent) -> bool {
         self.events.event(event, Moment::default());
         true
     }

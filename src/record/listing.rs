@@ -3,8 +3,6 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use serde_json::Value;
-
 use super::folder::{FolderError, at};
 use super::run::Run;
 use super::summary::{Status, Summary};
@@ -167,8 +165,7 @@ fn started(run: &Run) -> Option<String> {
         .event_lines()
         .ok()?
         .filter_map(|line| line.ok().flatten());
-    let wall = |event: Value| Some(event.get("wall")?.as_str()?.to_owned());
-    wall(events.next()?)
+    events.next()?.wall
 }
 
 /// The title in the files of the test.

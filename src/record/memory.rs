@@ -2,14 +2,14 @@
 //!
 //! It never drops. Inside the capacity given at construction it allocates nothing; beyond it, it grows.
 
-use super::{Event, Recorder};
+use super::{Recorder, TimedEvent};
 
 /// Rows and events in memory.
 #[derive(Debug, Clone, Default)]
 pub struct MemoryRecorder {
     columns: usize,
     values: Vec<f64>,
-    events: Vec<Event>,
+    events: Vec<TimedEvent>,
 }
 
 impl MemoryRecorder {
@@ -47,7 +47,7 @@ impl MemoryRecorder {
 
     /// The events in order.
     #[must_use]
-    pub fn events(&self) -> &[Event] {
+    pub fn events(&self) -> &[TimedEvent] {
         &self.events
     }
 }
@@ -63,7 +63,7 @@ impl Recorder for MemoryRecorder {
     }
 
     /// Takes one event. Real-time: inside the capacity.
-    fn event(&mut self, event: Event) -> bool {
+    fn event(&mut self, event: TimedEvent) -> bool {
         self.events.push(event);
         true
     }

@@ -49,14 +49,14 @@ pub struct SchedSample {
 const STEAL_TICK_MS: u64 = 10;
 
 /// Growth of the counters around a miss.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Evidence {
+    /// Time withheld by the hypervisor, in ms, in units of 10.
+    pub steal_ms: u64,
     /// Involuntary switches of the loop's thread.
     pub involuntary_switches: u64,
     /// Minor page faults of the loop's thread.
     pub minor_faults: u64,
-    /// Time withheld by the hypervisor, in ms, in units of 10.
-    pub steal_ms: u64,
 }
 
 /// The class of a miss; the table of this module.

@@ -3,13 +3,9 @@
 //! The summary tells how far the test went. Where there is none, the events do: the writer brings a row to its file before the
 //! events of its tick, so that a kill leaves no event that is more than one step ahead of the last row.
 
-use serde_json::Value;
-
+use super::events::{Event, EventLine};
 use super::run::Run;
 use super::summary::Summary;
-
-/// Notes of the writer that carry the number of the last row it took.
-const UNWRITTEN: [&str; 2] = ["write_failed", "rows_lost"];
 
 /// The rows end before the test did.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -105,26 +101,26 @@ struct Told {
 }
 
 impl Told {
-    fn take(&mut self, event: Option<&Value>) {
-        let Some(event) = event else {
+    fn take(&mut self, line: Option<&EventLine>) {
+        let Some(line) = line else {
             return;
         };
-        let number = |key: &str| event.get(key).and_then(Value::as_f64);
-        let name = event.get("event").and_then(Value::as_str);
-        let (time, tick) = (number("time"), number("tick"));
-        if name == Some("phase") && self.begins_s.is_none() {
+        let (time, taken) = (line.time, line.tick);
+        if matches!(line.event, Event::Phase { .. }) && self.begins_s.is_none() {
             self.begins_s = Some(time.unwrap_or(0.0));
         }
-        if let (Some(time), Some(tick)) = (time, tick)
+        if let (Some(time), Some(tick)) = (time, taken.map(|tick| tick as f64))
             && time / tick > 0.0
             && self.latest.is_none_or(|(latest, _)| time >= latest)
         {
             self.latest = Some((time, tick));
         }
-        let taken = event.get("tick").and_then(Value::as_u64);
-        if let (Some(name), Some(time), Some(taken)) = (name, time, taken)
-            && UNWRITTEN.contains(&name)
-        {
+        // Notes of the writer carry the number of the last row that it took.
+        let is_unwritten = matches!(
+            line.event,
+            Event::WriteFailed { .. } | Event::RowsLost { .. }
+        );
+        if let (true, Some(time), Some(taken)) = (is_unwritten, time, taken) {
             let before = self.unwritten.filter(|(_, rows)| *rows > taken + 1);
             self.unwritten = before.or(Some((time, taken + 1)));
         }
@@ -183,7 +179,7 @@ impl std::fmt::Display for MissingEnd {
 mod tests {
     use super::*;
     use crate::record::summary::tests::example;
-    use serde_json::json;
+    use serde_json::{Value, json};
 
     #[test]
     fn rows_that_end_a_step_too_early_are_missed_and_none_that_end_in_time() {
@@ -216,21 +212,29 @@ mod tests {
         );
     }
 
-    fn of_events(told: &[Value], last: Option<(u64, f64)>) -> Option<MissingEnd> {
+    fn of_events(told: &[EventLine], last: Option<(u64, f64)>) -> Option<MissingEnd> {
         let mut all = Told::default();
         told.iter().for_each(|event| all.take(Some(event)));
         all.missing(last)
     }
 
-    fn loop_event(step: u64, name: &str) -> Value {
-        json!({"tick": step, "time": step as f64 * 0.01, "event": name})
+    /// A line of this name with the fields of every event that is needed here.
+    fn line(tick: Value, time: Value, name: &str) -> EventLine {
+        EventLine::from(json!({
+            "tick": tick, "time": time, "event": name, "from": "armed", "to": "running", "cause": "done", "digest": "0", "error": "full",
+            "file": "samples.bin", "rows_lost": 1, "text": "a warning", "limit": "delay_used"
+        }))
+    }
+
+    fn loop_event(step: u64, name: &str) -> EventLine {
+        line(json!(step), json!(step as f64 * 0.01), name)
     }
 
     #[test]
     fn without_a_summary_events_that_are_more_than_a_step_ahead_of_the_rows_tell_of_more() {
         let begins = loop_event(0, "phase");
-        let missing = |more: &[Value], last| {
-            let told: Vec<Value> = [&begins].into_iter().chain(more).cloned().collect();
+        let missing = |more: &[EventLine], last| {
+            let told: Vec<EventLine> = [&begins].into_iter().chain(more).cloned().collect();
             of_events(&told, last)
         };
         let at = |step: u64| Some((step + 20, step as f64 * 0.01));
@@ -246,16 +250,16 @@ mod tests {
         assert_eq!(missing(&told, None).unwrap().missing, 101);
         // Lines without a time or a tick of a test tell nothing.
         let mute = [
-            json!({"tick": null, "time": null, "event": "files"}),
-            json!({"tick": 0, "time": 0.0, "event": "grid"}),
-            json!({"event": "torn"}),
+            line(Value::Null, Value::Null, "files"),
+            line(json!(0), json!(0.0), "grid"),
+            EventLine::from(json!({"event": "torn"})),
         ];
         assert_eq!(missing(&mute, at(0)), None);
     }
 
     #[test]
     fn rows_that_the_writer_took_and_could_not_write_are_missed_where_test_time_stood_still() {
-        let held = |row: u64, name: &str| json!({"tick": row, "time": 3.0, "event": name});
+        let held = |row: u64, name: &str| line(json!(row), json!(3.0), name);
         let failed = [held(700, "write_failed"), held(900, "rows_lost")];
         let missing = |last| of_events(&failed, Some((last, 3.0)));
         let found = missing(650).unwrap();

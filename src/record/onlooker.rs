@@ -6,9 +6,11 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use super::Event;
-use super::note::{Note, NoteLevel};
+use super::TimedEvent;
+use super::events::Event;
+use super::note::Note;
 use super::writer::Progress;
+use crate::catalog::event::Remark;
 
 /// Looks at the rows of a running test, on the writer's thread. Nothing here may wait.
 pub trait Onlooker: Send {
@@ -16,7 +18,7 @@ pub trait Onlooker: Send {
     fn row(&mut self, sequence: u64, row: &[f64]);
 
     /// One event of the loop, behind the rows that it stands behind.
-    fn event(&mut self, _event: &Event) {}
+    fn event(&mut self, _event: &TimedEvent) {}
 
     /// The end of a turn of the writer, every few milliseconds; `now_ns` is its monotonic clock.
     fn turn(&mut self, now_ns: u64, progress: &Progress);
@@ -51,6 +53,6 @@ impl Watched {
         }
         self.0 = None;
         let text = "internal error: what shows the running test has failed; the test and its recording go on";
-        Some(Note::new(NoteLevel::Error, "internal_error").with("text", text))
+        Some(Event::said(Remark::InternalError, text).into())
     }
 }

@@ -11,10 +11,10 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use rtrb::{Consumer, Producer, RingBuffer};
+use rtrb::{Consumer, Producer, PushError, RingBuffer};
 use thiserror::Error;
 
-use super::{Event, EventKind, Recorder};
+use super::{Event, Recorder, TimedEvent};
 
 /// What the recorder does with a row that finds the ring full.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -141,13 +141,13 @@ pub fn ring(
 fn warm(recorder: &mut RingRecorder, reader: &mut RingReader) {
     while recorder.rows.push_entire_slice(&recorder.framed).is_ok() {}
     while reader.row().is_some() {}
-    let event = Event {
+    let event = || TimedEvent {
         tick: 0,
         time: 0.0,
         clock_ns: 0,
-        kind: EventKind::Started,
+        kind: Event::Started,
     };
-    while recorder.events.push(event).is_ok() {}
+    while recorder.events.push(event()).is_ok() {}
     while reader.event().is_some() {}
 }
 
@@ -155,7 +155,7 @@ fn warm(recorder: &mut RingRecorder, reader: &mut RingReader) {
 #[derive(Debug)]
 pub struct RingRecorder {
     rows: Producer<f64>,
-    events: Producer<Event>,
+    events: Producer<TimedEvent>,
     /// Sequence number (its bits), then the row.
     framed: Vec<f64>,
     next: u64,
@@ -200,9 +200,15 @@ impl Recorder for RingRecorder {
     }
 
     /// Takes one event; false if it was dropped. Real-time: yes.
-    fn event(&mut self, event: Event) -> bool {
+    fn event(&mut self, event: TimedEvent) -> bool {
+        let mut waiting = Some(event);
         let taken = push(&mut self.events, self.when_full, |events| {
-            events.push(event).is_ok()
+            let Some(Err(PushError::Full(event))) = waiting.take().map(|event| events.push(event))
+            else {
+                return true;
+            };
+            waiting = Some(event);
+            false
         });
         if !taken {
             self.lost.0.events.fetch_add(1, Ordering::Relaxed);
@@ -215,7 +221,7 @@ impl Recorder for RingRecorder {
 fn push<T>(
     ring: &mut Producer<T>,
     when_full: WhenFull,
-    attempt: impl Fn(&mut Producer<T>) -> bool,
+    mut attempt: impl FnMut(&mut Producer<T>) -> bool,
 ) -> bool {
     loop {
         if attempt(ring) {
@@ -233,7 +239,7 @@ fn push<T>(
 #[derive(Debug)]
 pub struct RingReader {
     rows: Consumer<f64>,
-    events: Consumer<Event>,
+    events: Consumer<TimedEvent>,
     framed: Vec<f64>,
     lost: LostCounts,
 }
@@ -271,7 +277,7 @@ impl RingReader {
     }
 
     /// The oldest event.
-    pub fn event(&mut self) -> Option<Event> {
+    pub fn event(&mut self) -> Option<TimedEvent> {
         self.events.pop().ok()
     }
 
@@ -288,12 +294,12 @@ mod tests {
 
     const SIZE: RingSize = RingSize { rows: 3, events: 2 };
 
-    fn event(tick: u64) -> Event {
-        Event {
+    fn event(tick: u64) -> TimedEvent {
+        TimedEvent {
             tick,
             time: 0.5,
             clock_ns: 7,
-            kind: EventKind::RowLost,
+            kind: Event::RowLost,
         }
     }
 

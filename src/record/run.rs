@@ -4,8 +4,9 @@ use std::fs::{self, File};
 use std::io::{self, BufRead as _, BufReader, Read as _, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use serde_json::Value;
+use serde_json::{Map, Value};
 
+use super::events::{Event, EventLine};
 use super::folder::{AFTER, FILES, FolderError, at};
 use super::journal::Journal;
 use super::layout::Layout;
@@ -28,7 +29,7 @@ pub struct Run {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Events {
     /// The events, in order.
-    pub events: Vec<Value>,
+    pub events: Vec<EventLine>,
     /// Lines that could not be read; one at the end is normal after a kill.
     pub unreadable: usize,
     /// The last line is one of those, and was never finished.
@@ -38,11 +39,18 @@ pub struct Events {
 }
 
 impl Events {
+    /// The lines as JSON, in order.
+    #[must_use]
+    pub fn to_json(&self) -> Vec<Value> {
+        let lines = self.events.iter();
+        lines.map(|line| Value::Object(line.to_map())).collect()
+    }
+
     /// The loop said that it was over.
     #[must_use]
     pub fn have_end(&self) -> bool {
-        let mut names = self.events.iter().rev().filter_map(|e| e.get("event"));
-        names.any(|name| name == "ended")
+        let mut lines = self.events.iter().rev();
+        lines.any(|line| line.event == Event::Ended)
     }
 }
 
@@ -265,7 +273,7 @@ impl EventLines {
 
 impl Iterator for EventLines {
     /// An event; none where a line cannot be read.
-    type Item = Result<Option<Value>, FolderError>;
+    type Item = Result<Option<EventLine>, FolderError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         loop {
@@ -276,7 +284,8 @@ impl Iterator for EventLines {
                 Err(error) => return Some(Err(at(&self.path)(error))),
             }
         }
-        let event = serde_json::from_slice(&self.line).ok();
+        let line = serde_json::from_slice::<Map<String, Value>>(&self.line);
+        let event = line.ok().map(EventLine::from);
         self.unreadable += usize::from(event.is_none());
         self.is_torn &= event.is_none();
         Some(Ok(event))

@@ -1,49 +1,14 @@
 //! Limits that were warned of while a test ran: how often, and what was found when they were first passed. Axes with a force
 //! before the test moved them.
 
-use super::EventKind;
-use super::events::{BEARS_A_FORCE, reference_words};
+use super::events::{Event, EventLine, LimitReached, Word};
 use crate::units::{compared, unit_of_key};
 
 /// All of them, in the order in which they were first met.
 #[derive(Debug, Default)]
 pub(super) struct Warned {
     passed: Vec<Passed>,
-    initial: Vec<InitialForce>,
-}
-
-/// An axis with a force before the test moved it.
-#[derive(Debug)]
-struct InitialForce {
-    /// Specimen and axis, from 0.
-    port: u32,
-    axis: u32,
-    /// Reference of the allowed force.
-    of: &'static str,
-    /// The force and what is allowed, N at the specimen.
-    force: f64,
-    most: f64,
-}
-
-impl InitialForce {
-    /// In a sentence; `specimens` are their names.
-    fn sentence(&self, specimens: &[String]) -> String {
-        let Self {
-            port,
-            axis,
-            of,
-            force,
-            most,
-        } = self;
-        let name = specimens.get(*port as usize).map_or("", String::as_str);
-        let [force, most] = compared(*force, *most, "N");
-        let of = reference_words(of);
-        format!(
-            "specimen \"{name}\" axis {}: {BEARS_A_FORCE}: {force}, allowed {most} ({of}); it may have yielded in an \
-             earlier test",
-            axis + 1
-        )
-    }
+    initial: Vec<String>,
 }
 
 /// One limit that was passed.
@@ -51,7 +16,7 @@ impl InitialForce {
 struct Passed {
     /// Specimen and axis from 0; none for a limit of the whole test.
     of: Option<(u32, u32)>,
-    limit: &'static str,
+    limit: Word,
     times: u64,
     /// What was found in the tick in which it was first passed, and what was allowed.
     value: f64,
@@ -60,41 +25,26 @@ struct Passed {
 
 impl Warned {
     /// Counts a warning; everything else is none of its business.
-    pub fn count(&mut self, kind: &EventKind) {
-        let (of, limit, value, bound) = match *kind {
-            EventKind::Limit {
-                port,
-                axis,
-                quantity,
-                trip: false,
-                value,
-                bound,
-            } => (Some((port, axis)), quantity, value, bound),
-            EventKind::TestLimit {
-                quantity,
-                trip: false,
-                value,
-                bound,
-                ..
-            } => (None, quantity, value, bound),
-            EventKind::InitialForce {
-                port,
-                axis,
-                of,
-                force,
-                most,
-            } => {
-                self.initial.push(InitialForce {
-                    port,
-                    axis,
-                    of,
-                    force,
-                    most,
-                });
+    pub fn count(&mut self, line: &EventLine) {
+        let reached = match &line.event {
+            Event::LimitWarning(reached) => reached,
+            Event::InitialForce { .. } => {
+                let sentence = line.sentence();
+                self.initial.push(format!(
+                    "{sentence}; it may have yielded in an earlier test"
+                ));
                 return;
             }
             _ => return,
         };
+        let LimitReached {
+            limit,
+            value,
+            bound,
+            ..
+        } = reached.clone();
+        let of = reached.port.zip(reached.axis);
+        let of = of.filter(|_| !reached.is_of_test());
         let known = self
             .passed
             .iter_mut()
@@ -136,7 +86,7 @@ impl Warned {
                 "{whose} passed the warning level of {limit} {times}, first with {value}, allowed {bound}"
             )
         };
-        let initial = self.initial.iter().map(|force| force.sentence(specimens));
+        let initial = self.initial.iter().cloned();
         initial.chain(self.passed.iter().map(sentence)).collect()
     }
 }
@@ -152,30 +102,37 @@ pub(crate) fn times(count: u64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::record::TimedEvent;
 
     #[test]
     fn each_limit_is_told_once_with_its_number_and_how_it_began() {
         let mut warned = Warned::default();
-        let limit = |axis, value, bound, trip| EventKind::Limit {
-            port: 0,
-            axis,
-            quantity: "measured_force_n",
-            trip,
+        let reached = |axis, value, bound| LimitReached {
+            port: Some(0),
+            axis: Some(axis),
+            limit: "measured_force_n".into(),
             value,
             bound,
         };
+        let specimens = ["brace".to_owned()];
         for kind in [
-            limit(0, 51.0, 50.0, false),
-            limit(0, -62.0, -50.0, false),
-            limit(0, 55.0, 50.0, false),
-            limit(1, 1.5, 1.0, false),
-            limit(1, 100.0, 10.0, true),
-            EventKind::RowLost,
+            Event::LimitWarning(reached(0, 51.0, 50.0)),
+            Event::LimitWarning(reached(0, -62.0, -50.0)),
+            Event::LimitWarning(reached(0, 55.0, 50.0)),
+            Event::LimitWarning(reached(1, 1.5, 1.0)),
+            Event::LimitTrip(reached(1, 100.0, 10.0)),
+            Event::RowLost,
         ] {
-            warned.count(&kind);
+            let event = TimedEvent {
+                tick: 0,
+                time: 0.0,
+                clock_ns: 0,
+                kind,
+            };
+            warned.count(&EventLine::of_loop(&event, &specimens));
         }
         assert_eq!(
-            warned.sentences(&["brace".to_owned()]),
+            warned.sentences(&specimens),
             [
                 "specimen \"brace\" axis 1 passed the warning level of measured_force_n 3 times, first with 51 N, allowed 50 N",
                 "specimen \"brace\" axis 2 passed the warning level of measured_force_n once, first with 1.5 N, allowed 1 N",

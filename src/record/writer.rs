@@ -258,8 +258,8 @@ impl Writer {
     }
 
     /// Leaves a note for `events.jsonl` and the log; never waits. A note that finds no room is counted as lost.
-    pub fn note(&self, note: Note) {
-        if self.notes.try_send(note).is_err() {
+    pub fn note(&self, note: impl Into<Note>) {
+        if self.notes.try_send(note.into()).is_err() {
             self.notes_lost.fetch_add(1, Ordering::Relaxed);
         }
     }

@@ -13,7 +13,9 @@ use super::outcome;
 use super::plots::history;
 use super::rows::Rows;
 use super::text::{NOTHING, count, micros, plural, quantity, shortened, trimmed};
-use super::timeline::{SILENT, loop_seconds};
+use super::timeline::loop_seconds;
+use crate::catalog::event::Group;
+use crate::record::EventLine;
 
 /// Events that are listed one by one.
 const MOST_EVENTS: usize = 200;
@@ -76,7 +78,7 @@ pub(super) fn timing(run: &RunData, rows: &Rows<'_>, timings: &[Timing]) -> Stri
 fn worst(run: &RunData, rows: &Rows<'_>) -> String {
     let miss_at = |step: f64| {
         let near = run.events.iter().filter(|e| outcome::is_miss(e));
-        near.filter_map(|e| Some((e.get("tick")?.as_f64()? - step, e)))
+        near.filter_map(|e| Some((e.tick? as f64 - step, e)))
             .find(|(apart, _)| apart.abs() <= 1.0)
     };
     let show = |s: f64| {
@@ -89,10 +91,10 @@ fn worst(run: &RunData, rows: &Rows<'_>) -> String {
     let listed = rows.digest().worst.iter().map(|tick| {
         let miss = miss_at(tick.step).map(|(_, miss)| miss);
         let word = |key: &str| {
-            miss.and_then(|m| m.get(key)?.as_str())
+            miss.and_then(|m| m.fields().get(key)?.as_str())
                 .map(|w| w.replace('_', " "))
         };
-        let number = |key: &str| miss.and_then(|m| m.get(key)?.as_u64());
+        let number = |key: &str| miss.and_then(|m| m.fields().get(key)?.as_u64());
         let mut context = Vec::new();
         if miss.is_some() {
             context.push(format!(
@@ -148,7 +150,7 @@ fn worst(run: &RunData, rows: &Rows<'_>) -> String {
         .events
         .iter()
         .filter(|e| outcome::is_miss(e))
-        .filter_map(|e| e.get("steal_ms")?.as_u64());
+        .filter_map(|e| e.fields().get("steal_ms")?.as_u64());
     let steal: u64 = steal.sum();
     let steal = match (run.events.iter().any(outcome::is_miss), steal) {
         (false, _) => "No deadline was missed, so no steal was counted around one.".to_owned(),
@@ -247,12 +249,11 @@ fn over_time(run: &RunData, rows: &Rows<'_>) -> String {
             width: 1.1,
         })
         .collect();
-    let when = |event: &Value| event.get("time").and_then(Value::as_f64);
     let mut marks: Vec<f64> = run
         .events
         .iter()
         .filter(|e| outcome::is_miss(e))
-        .filter_map(when)
+        .filter_map(|line| line.time)
         .collect();
     marks.sort_by(f64::total_cmp);
     let up = Quantity {
@@ -278,7 +279,9 @@ fn over_time(run: &RunData, rows: &Rows<'_>) -> String {
 /// The table of events.
 pub(super) fn events(run: &RunData, timeline: &str) -> String {
     let heading = "Events";
-    let told: Vec<&Value> = run.events.iter().filter(|e| !is_silent(e)).collect();
+    // Digests of checkpoints and of files, and the edge of a grid, are for programs.
+    let told = run.events.iter().filter(|e| e.group() != Group::Silent);
+    let told: Vec<&EventLine> = told.collect();
     if told.is_empty() {
         return section(
             heading,
@@ -325,54 +328,18 @@ fn unreadable(run: &RunData) -> String {
     }
 }
 
-/// Digests of checkpoints and of files, and the edge of a grid, are for programs; they stand in events.jsonl.
-fn is_silent(event: &Value) -> bool {
-    let name = event.get("event").and_then(Value::as_str);
-    name.is_some_and(|name| SILENT.contains(&name))
-}
-
 /// A row of the table; `start` is what the loop's clock is counted from, in s.
-fn event(event: &Value, start: f64) -> Vec<String> {
-    let Some(map) = event.as_object() else {
-        return vec![
-            shortened(&event.to_string(), 200),
-            String::new(),
-            String::new(),
-            String::new(),
-            String::new(),
-            String::new(),
-        ];
-    };
+fn event(line: &EventLine, start: f64) -> Vec<String> {
     let plain = |value: &Value| match value {
         Value::String(text) => text.clone(),
         Value::Null => NOTHING.to_owned(),
         Value::Number(value) if value.is_f64() => trimmed(value.as_f64().unwrap_or(f64::NAN), 6),
         other => other.to_string(),
     };
-    let clock = loop_seconds(event).map_or_else(
-        || NOTHING.to_owned(),
-        |seconds| format!("{:.4}\u{a0}s", seconds - start),
-    );
-    let name = map
-        .get("event")
-        .or_else(|| map.get("kind"))
-        .map_or_else(|| NOTHING.to_owned(), plain);
-    let tick = map
-        .get("tick")
-        .and_then(Value::as_u64)
-        .map_or_else(|| NOTHING.to_owned(), count);
-    let time = map
-        .get("time")
-        .and_then(Value::as_f64)
-        .map_or_else(|| NOTHING.to_owned(), |t| format!("{t:.4}\u{a0}s"));
-    let wall = map
-        .get("wall")
-        .map_or_else(|| NOTHING.to_owned(), |w| clock_time(&plain(w)));
-    let known = ["event", "kind", "tick", "time", "wall", "clock_ns"];
-    let details = map
-        .iter()
-        .filter(|(key, _)| !known.contains(&key.as_str()))
-        .map(
+    let known = |text: Option<String>| text.unwrap_or_else(|| NOTHING.to_owned());
+    let clock = loop_seconds(line).map(|seconds| format!("{:.4}\u{a0}s", seconds - start));
+    let details =
+        line.fields().iter().map(
             |(key, value)| match (key.strip_suffix("_ns"), value.as_f64()) {
                 (Some(key), Some(ns)) => {
                     format!("{} {}", key.replace('_', " "), quantity(ns * 1e-9, "s"))
@@ -382,11 +349,14 @@ fn event(event: &Value, start: f64) -> Vec<String> {
         );
     let details = details.collect::<Vec<_>>().join(", ");
     vec![
-        name.replace('_', " "),
-        tick,
-        time,
-        clock,
-        wall,
+        match line.name() {
+            "" => NOTHING.to_owned(),
+            name => name.replace('_', " "),
+        },
+        known(line.tick.map(count)),
+        known(line.time.map(|t| format!("{t:.4}\u{a0}s"))),
+        known(clock),
+        known(line.wall.as_deref().map(clock_time)),
         shortened(&details, 300),
     ]
 }

@@ -83,14 +83,14 @@ pub(crate) use page::frame;
 pub use page::render;
 pub use pictures::{hero_svg, jitter_svg};
 pub use source::{BLOCK, Earlier, Source};
-pub use tested::{MEASURES_DISP, drifts, ticks_per_step, without_disp};
+pub use tested::{drifts, ticks_per_step, without_disp};
 pub(crate) use text::{count, escape};
 
 use std::borrow::Cow;
 
 pub use crate::metrics;
 use crate::metrics::falsified::Mode;
-use crate::record::Column;
+use crate::record::{Column, EventLine};
 
 /// Everything a report is made from: what a run folder holds, already read.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -116,7 +116,7 @@ pub struct RunData {
     /// `timing.json`, if there is one.
     pub timing: Option<serde_json::Value>,
     /// The lines of `events.jsonl`.
-    pub events: Vec<serde_json::Value>,
+    pub events: Vec<EventLine>,
     /// Lines of it that cannot be read.
     pub unreadable_events: usize,
     /// Why the folder counts as unfinished, if it does.

@@ -10,6 +10,8 @@ use serde_json::Value;
 
 use super::RunData;
 use super::text::{count, exact, plural, quantity};
+use crate::catalog::event::Remark;
+use crate::record::{Event, EventLine};
 use crate::stability::RecordedVerdict;
 
 /// How good the news is; decides the colour of the banner.
@@ -84,7 +86,16 @@ pub(super) fn verdict(run: &RunData, after: Option<u64>, more: &[String]) -> Ver
         let limits = if warned == 1 { "limit" } else { "limits" };
         headline += &format!("; {warned} {limits} warned");
     }
-    if events(run, "faults").next().is_some() {
+    let is_played = |line: &EventLine| {
+        matches!(
+            line.event,
+            Event::Said {
+                event: Remark::Faults,
+                ..
+            }
+        )
+    };
+    if run.events.iter().any(is_played) {
         tone = worse(tone);
         headline += "; FAULTS were played on it";
     }
@@ -168,19 +179,15 @@ pub(super) fn verdict(run: &RunData, after: Option<u64>, more: &[String]) -> Ver
 
 /// Number of limits whose warning level was passed, each counted once however often it was.
 fn warned(run: &RunData) -> usize {
-    let which = |event: &Value| {
-        ["specimen", "axis", "limit"].map(|key| event.get(key).map(ToString::to_string))
-    };
-    let limits: BTreeSet<_> = events(run, "limit_warning").map(which).collect();
+    let limits: BTreeSet<_> = run
+        .events
+        .iter()
+        .filter_map(|line| match &line.event {
+            Event::LimitWarning(reached) => Some((reached.port, reached.axis, &reached.limit)),
+            _ => None,
+        })
+        .collect();
     limits.len()
-}
-
-/// The events of this name.
-fn events<'a>(run: &'a RunData, name: &'a str) -> impl Iterator<Item = &'a Value> {
-    run.events.iter().filter(move |event| {
-        let kind = event.get("event").or_else(|| event.get("kind"));
-        kind.and_then(Value::as_str) == Some(name)
-    })
 }
 
 const fn worse(tone: Tone) -> Tone {
@@ -254,10 +261,7 @@ pub(super) fn miss_classes(run: &RunData) -> BTreeMap<String, u64> {
     }
     let mut classes = BTreeMap::new();
     for event in run.events.iter().filter(|e| is_miss(e)) {
-        let class = event
-            .get("class")
-            .or_else(|| event.get("cause"))
-            .and_then(Value::as_str);
+        let class = event.fields().get("class").and_then(Value::as_str);
         *classes
             .entry(class.unwrap_or("class not recorded").to_owned())
             .or_insert(0) += 1;
@@ -266,12 +270,8 @@ pub(super) fn miss_classes(run: &RunData) -> BTreeMap<String, u64> {
 }
 
 /// True for the record of a deadline miss.
-pub(super) fn is_miss(event: &Value) -> bool {
-    event
-        .get("event")
-        .or_else(|| event.get("kind"))
-        .and_then(Value::as_str)
-        == Some("miss")
+pub(super) fn is_miss(event: &EventLine) -> bool {
+    event.name() == "miss"
 }
 
 /// Number of misses, and a sentence about them where anything is known.
@@ -390,7 +390,7 @@ mod tests {
         verdict(
             &RunData {
                 summary: Some(summary),
-                events,
+                events: events.into_iter().map(EventLine::from).collect(),
                 ..RunData::default()
             },
             None,

@@ -6,7 +6,7 @@ use rand::SeedableRng as _;
 use serde_json::json;
 
 use super::RunData;
-use crate::record::Column;
+use crate::record::{Column, EventLine};
 
 pub(super) const RATE: f64 = 1024.0;
 
@@ -224,7 +224,7 @@ pub(super) fn hybrid(seconds: f64, delay: usize) -> RunData {
             "tick_time": {"count": steps, "min": 0.9, "p50": 1.1, "p90": 1.3, "p99": 2.5, "p99_9": 9.0, "max": 1900.0, "histogram": [[0.9, 2000], [1.0, 12000], [1.1, 20000], [1.3, 6000], [2.5, 600], [9.0, 300], [400.0, 6], [1200.0, 2], [1900.0, 1]]},
             "miss": {"count": 0, "min": null, "p50": null, "p90": null, "p99": null, "p99_9": null, "max": null},
         })),
-        events,
+        events: events.into_iter().map(EventLine::from).collect(),
         unfinished: None,
         damaged: Vec::new(),
         contradicted: Vec::new(),

@@ -10,24 +10,25 @@ use super::outcome;
 use super::response::drift;
 use super::rows::SpecimenAxis;
 use super::text::{exact, number, plural, shortened};
+use crate::record::{Event, EventLine};
 
 /// The configuration as a tree of values; none if it is not TOML.
 pub(super) fn configuration(run: &RunData) -> Option<Value> {
     toml::from_str(&run.resolved).ok()
 }
 
-/// Key of the event of a connected specimen that says whether its end measures displacement.
-pub const MEASURES_DISP: &str = "measures_disp";
-
 /// Numbers from 1 of the specimens whose measured displacement is the command, as the events tell.
 #[must_use]
-pub fn without_disp(events: &[Value]) -> Vec<u32> {
-    let silent = events
-        .iter()
-        .filter(|event| event.get(MEASURES_DISP).and_then(Value::as_bool) == Some(false));
-    silent
-        .filter_map(|event| event.get("specimen")?.as_u64()?.try_into().ok())
-        .collect()
+pub fn without_disp(events: &[EventLine]) -> Vec<u32> {
+    let repeats = events.iter().filter_map(|line| match line.event {
+        Event::Connected {
+            port,
+            measures_disp: Some(false),
+            ..
+        } => Some(port + 1),
+        _ => None,
+    });
+    repeats.collect()
 }
 
 /// Name of the specimen with number `specimen` (from 1).

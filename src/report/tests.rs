@@ -233,8 +233,8 @@ fn a_users_text_never_becomes_markup() {
     );
     run.timing = Some(json!({evil: {"count": 1, "p50": 1.0, "histogram": [[1.0, 1]]}}));
     run.events = vec![
-        json!({"event": evil, evil: evil, "wall": evil}),
-        json!(evil),
+        json!({"event": evil, evil: evil, "wall": evil}).into(),
+        json!(evil).into(),
     ];
     run.resolved = format!(
         "[structure.\"{}\"]\n[[specimen]]\nname = '''{}'''\n",
@@ -337,7 +337,7 @@ fn many_dofs_axes_and_events_are_limited_and_the_page_says_so() {
             .collect();
     }
     let events = (0..731)
-        .map(|i| json!({"event": "stale", "tick": i}))
+        .map(|i| json!({"event": "stale", "tick": i}).into())
         .collect();
     let page = render(&RunData {
         columns: columns(&names),
@@ -416,7 +416,7 @@ fn an_axis_without_a_measured_displacement_has_no_tracking_metrics_and_says_why(
     assert!(missing_metrics(&run).is_empty());
     assert!(render(&run).contains("Target and measured"));
     run.events =
-        vec![json!({"event": "connected", "specimen": 1, "name": "brace", MEASURES_DISP: false})];
+        vec![json!({"event": "connected", "specimen": 1, "name": "brace", "peer": "rig", "measures_disp": false}).into()];
     assert_eq!(tracking_metrics(&run)["brace"], json!([null]));
     let missing = missing_metrics(&run);
     assert_eq!(missing.len(), 1);

@@ -9,7 +9,6 @@ mod rows;
 use std::fmt::{Display, Formatter};
 
 use serde::Serialize;
-use serde_json::Value;
 
 use super::lineage::Origin;
 use super::summary::{finite, named, stop_words};
@@ -19,7 +18,8 @@ use crate::catalog::limit::Limit;
 use crate::config::{Time, TimeTable};
 use crate::engine::{Ending, Outcome, Phase, Stop, Unfinished};
 use crate::record::summary::{Peak, Status};
-use crate::record::{FolderError, Run, Summary};
+use crate::record::{Event, EventLine, FolderError, Run, Summary};
+use crate::substructure::LinkFault;
 use rows::Rows;
 
 /// A key of `summary.json` that is not what the record shows.
@@ -62,18 +62,18 @@ fn json(value: impl Serialize) -> String {
     serde_json::to_string(&value).unwrap_or_default()
 }
 
-/// Key of the version in the first event, which names the files of the test.
-pub(super) const VERSION: &str = "version";
-
 /// Whether this version wrote the run, if the event says that.
-fn is_of_this_version(event: &Value) -> Option<bool> {
-    let name = event.get("event").and_then(Value::as_str)?;
-    let version = || event.get(VERSION).and_then(Value::as_str);
-    (name == "files").then(|| version() == Some(env!("CARGO_PKG_VERSION")))
+fn is_of_this_version(line: &EventLine) -> Option<bool> {
+    match &line.event {
+        Event::Files { version, .. } => Some(version == env!("CARGO_PKG_VERSION")),
+        _ => None,
+    }
 }
 
 /// True if an earlier version wrote the run of these events: its summary may differ for other reasons than that it was edited.
-pub(super) fn is_of_an_earlier_version<'a>(mut events: impl Iterator<Item = &'a Value>) -> bool {
+pub(super) fn is_of_an_earlier_version<'a>(
+    mut events: impl Iterator<Item = &'a EventLine>,
+) -> bool {
     events.find_map(is_of_this_version) == Some(false)
 }
 
@@ -385,17 +385,18 @@ impl Events {
             let Some(event) = event? else {
                 continue;
             };
-            let word = |key: &str| event.get(key).and_then(Value::as_str).unwrap_or_default();
-            match word("event") {
-                "ended" => last_step = event.get("tick").and_then(Value::as_u64),
-                "limit_trip" => limits.push(word("limit").to_owned()),
-                "link" => of_link = Cause::of_link(word("fault")),
-                "phase" => {
-                    let cause = match Cause::of_word(word("cause")) {
+            match &event.event {
+                Event::Ended => last_step = event.tick,
+                Event::LimitTrip(reached) => limits.push(reached.limit.to_string()),
+                Event::Link { fault, .. } => of_link = fault.map_or(Cause::Link, LinkFault::cause),
+                Event::Phase {
+                    from, to, cause, ..
+                } => {
+                    let cause = match Cause::of_word(cause) {
                         Cause::Link => of_link,
                         cause => cause,
                     };
-                    status = Self::next(status, [word("from"), word("to")], cause);
+                    status = Self::next(status, [*from, *to], cause);
                 }
                 _ => {}
             }
@@ -409,16 +410,16 @@ impl Events {
     }
 
     /// The status after a change of phase: what trips after an orderly end counts, what comes after a trip does not.
-    fn next(before: Option<Status>, [from, to]: [&str; 2], cause: Cause) -> Option<Status> {
+    fn next(before: Option<Status>, [from, to]: [Phase; 2], cause: Cause) -> Option<Status> {
         let is_orderly = matches!(before, None | Some(Status::Completed | Status::Interrupted));
-        let runs = [Phase::Running.word(), Phase::Holding.word()].contains(&from);
-        let ends = [Phase::Leaving.word(), Phase::Safe.word()].contains(&to);
+        let runs = [Phase::Running, Phase::Holding].contains(&from);
+        let ends = [Phase::Leaving, Phase::Safe].contains(&to);
         if !is_orderly {
             return before;
         }
         match cause.kind() {
             Kind::Internal => Some(cause.status()),
-            _ if to == Phase::Tripped.word() => Some(cause.status()),
+            _ if to == Phase::Tripped => Some(cause.status()),
             Kind::Completion if runs && ends => Some(cause.status()),
             Kind::Operator if ends => Some(cause.status()),
             _ => before,

@@ -1,9 +1,8 @@
 //! What a test is made of, in its run folder, and on record with its digests.
 
-use super::agreement::VERSION;
 use super::lineage::{ORIGIN, Origin};
 use super::retrace::sha256;
-use crate::record::{FolderError, Layout, Note, NoteLevel, RunFolder};
+use crate::record::{Event, FolderError, Layout, RunFolder};
 use crate::setup::Files;
 
 /// Keeps all of it.
@@ -21,7 +20,7 @@ pub(super) fn keep(files: &Files, folder: &mut RunFolder) -> Result<(), FolderEr
 }
 
 /// What the test is made of, so that whoever goes on with it can prove that it is the same.
-pub(super) fn note(files: &Files, layout: &Layout, folder: &RunFolder) -> Note {
+pub(super) fn note(files: &Files, layout: &Layout, folder: &RunFolder) -> Event {
     let mut hashes = serde_json::Map::new();
     let mut add = |name: &str, hash: String| {
         hashes.insert(name.to_owned(), hash.into());
@@ -33,6 +32,8 @@ pub(super) fn note(files: &Files, layout: &Layout, folder: &RunFolder) -> Note {
     for input in folder.inputs() {
         add(&input.path, input.sha256.clone());
     }
-    let note = Note::new(NoteLevel::Info, "files").with("sha256", hashes);
-    note.with(VERSION, env!("CARGO_PKG_VERSION"))
+    Event::Files {
+        sha256: hashes,
+        version: env!("CARGO_PKG_VERSION").into(),
+    }
 }

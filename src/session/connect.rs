@@ -8,19 +8,17 @@ use std::sync::mpsc;
 use std::time::Duration;
 
 use crossbeam_channel::{Receiver, Sender};
-use serde_json::Value;
 
 use super::summary::ACCEPT;
+use crate::catalog::event::Remark;
 use crate::config::ClockChoice;
 use crate::control::Port;
 use crate::engine::{Control, Experiment, Operator};
-use crate::record::{FolderError, Note, NoteLevel, Run, Writer};
-use crate::report::MEASURES_DISP;
+use crate::record::{Event, FolderError, Run, Writer};
 use crate::substructure::{Introduction, LinkFault, Retirement, Unavailable};
 
 /// Where a specimen said that it stands, in the note on its connection: numbers in its own unit, one per axis, in words,
 /// since JSON's numbers need not come back to the last bit.
-const STANDING: &str = "standing";
 
 /// How often the operator's line is looked at meanwhile.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
@@ -40,14 +38,16 @@ pub(super) fn put_standing(run: &Run, ports: &mut [Port]) -> Result<(), FolderEr
         let Some(event) = event? else {
             continue;
         };
-        let said = event.get(STANDING).and_then(Value::as_str);
-        let number = event.get("specimen").and_then(Value::as_u64);
-        let (Some(said), Some(number)) = (said, number) else {
+        let Event::Connected {
+            port,
+            standing: Some(said),
+            ..
+        } = event.event
+        else {
             continue;
         };
         let standing: Result<Vec<f64>, _> = said.split(' ').map(str::parse).collect();
-        let index = usize::try_from(number).ok().and_then(|n| n.checked_sub(1));
-        if let (Ok(standing), Some(port)) = (standing, index.and_then(|i| ports.get_mut(i))) {
+        if let (Ok(standing), Some(port)) = (standing, ports.get_mut(port as usize)) {
             port.says_it_stands_at(&standing);
         }
     }
@@ -88,24 +88,18 @@ pub(super) fn connect(
     let (mut refusals, mut unfit, mut without_disp) = (Vec::new(), Vec::new(), Vec::new());
     let resumed = experiment.resume.as_ref();
     let must_keep_state = resumed.is_some_and(|resumed| !resumed.accepts_changed);
-    for (number, (name, said)) in (1u64..).zip(names.iter().zip(all)) {
+    for (number, (name, said)) in (0u32..).zip(names.iter().zip(all)) {
         let Some((port, outcome)) = said else {
             let text =
                 "internal error: its connection panicked, or the system gives no thread for it";
             refusals.push(format!("specimen \"{name}\": {text}"));
             continue;
         };
-        let about = |level, event| {
-            Note::new(level, event)
-                .with("specimen", number)
-                .with("name", port.name.as_str())
-        };
         let outcome = outcome.and_then(|found| fit_for(clock, &port, found));
         match outcome {
             Ok(introduction) => {
                 for warning in &introduction.warnings {
-                    let note = Note::new(NoteLevel::Warning, "warning");
-                    writer.note(note.with("text", warning.as_str()));
+                    writer.note(Event::said(Remark::Warning, warning.as_str()));
                 }
                 unfit.extend(port.lacks_measured_disp(&introduction));
                 if introduction.repeats_the_command {
@@ -122,22 +116,21 @@ pub(super) fn connect(
                 }
                 warnings.extend(introduction.warnings);
                 if port.is_remote() {
-                    let note = about(NoteLevel::Info, "connected");
-                    let note = note.with("peer", introduction.peer.as_str());
-                    let note = match introduction.repeats_the_command {
-                        true => note.with(MEASURES_DISP, false),
-                        false => note,
-                    };
-                    writer.note(match port.standing() {
-                        Some(standing) => note.with(STANDING, in_words(standing).as_str()),
-                        None => note,
+                    writer.note(Event::Connected {
+                        port: number,
+                        peer: introduction.peer.clone(),
+                        measures_disp: introduction.repeats_the_command.then_some(false),
+                        standing: port.standing().map(in_words),
                     });
                 }
             }
             Err(error) => {
                 refusals.push(format!("specimen \"{}\": {error}", port.name));
-                let note = about(NoteLevel::Error, "link");
-                writer.note(note.with("message", error.text.as_str()));
+                writer.note(Event::Link {
+                    port: number,
+                    fault: None,
+                    message: error.text.into(),
+                });
             }
         }
         experiment.ports.push(port);
@@ -145,7 +138,7 @@ pub(super) fn connect(
     match unjudged(&experiment.ports, &without_disp) {
         Some((text, true)) => unfit.push(text),
         Some((text, false)) => {
-            writer.note(Note::new(NoteLevel::Warning, "warning").with("text", text.as_str()));
+            writer.note(Event::said(Remark::Warning, text.as_str()));
             warnings.push(text);
         }
         None => {}

@@ -75,10 +75,11 @@ use guarded::Ended;
 use ready::{Ready, prepare};
 
 use crate::catalog::ending::{Cause, Exit};
+use crate::catalog::event::Remark;
 use crate::config::ConfigError;
 use crate::engine::Control;
 use crate::record::writer::WriterError;
-use crate::record::{FolderError, Note, NoteLevel, Progress, Recorded, RunFolder, Summary, Writer};
+use crate::record::{Event, FolderError, Progress, Recorded, RunFolder, Summary, Writer};
 use crate::rt::wall::Wall;
 use crate::rt::{Granted, os};
 use crate::setup::{Facts, Prepared};
@@ -202,8 +203,7 @@ pub fn run(
             let desk = desk.map(|(asks, phase)| Desk::open(folder.path(), asks, phase));
             if let Some(Err(error)) = &desk {
                 let text = format!("other programs cannot reach this test: {error}");
-                let note = Note::new(NoteLevel::Warning, "warning");
-                ready.writer.note(note.with("text", text));
+                ready.writer.note(Event::said(Remark::Warning, text));
             }
             let mut finished = carry_out(ready, line, &facts, verdict, folder, progress);
             if let Err(error) = word.end(&finished.folder) {
@@ -267,12 +267,12 @@ fn carry_out(
         let _ = sampler.stop();
     }
     if let Some(fault) = &ended.fault {
-        writer.note(Note::new(NoteLevel::Error, "internal_error").with("text", fault.as_str()));
+        writer.note(Event::said(Remark::InternalError, fault.as_str()));
     }
     let last_words = ended.outcome.as_ref().map(last_words::last_words);
     for (index, text) in last_words.into_iter().flatten() {
-        let note = Note::new(NoteLevel::Warning, "last_words").with("specimen", index + 1);
-        writer.note(note.with("text", text));
+        let port = index as u32;
+        writer.note(Event::LastWords { port, text });
     }
     let mut recorded = writer.finish().unwrap_or_else(|error| {
         ended.fault.get_or_insert(error.to_string());

@@ -6,11 +6,12 @@ use std::thread::JoinHandle;
 use super::guarded::{Ended, run_retired};
 use super::sampling::spawn_sampler;
 use super::{SessionError, Watches, archive};
+use crate::catalog::event::{Remark, Severity};
 use crate::config::ClockChoice;
 use crate::engine::{Control, Engine, Experiment};
 use crate::record::writer::Clocks;
 use crate::record::{
-    Layout, Note, NoteLevel, RingSize, RunFolder, WhenFull, Writer, WriterSettings, ring,
+    Event, Layout, Note, RingSize, RunFolder, WhenFull, Writer, WriterSettings, ring,
 };
 use crate::rt::sampler::Sampler;
 use crate::rt::wall::Wall;
@@ -129,11 +130,12 @@ pub(super) fn prepare(
     writer.note(archive::note(files, &layout, folder));
     for warning in &facts.warnings {
         // For the file only: whoever built the test has heard of it, with its place in the test file.
-        writer.note(Note::new(NoteLevel::Info, "warning").with("text", warning.as_str()));
+        let event = Event::said(Remark::Warning, warning.as_str());
+        writer.note(Note::new(event).at(Severity::Info));
     }
     if let Some(granted) = &granted {
         for text in missing(granted) {
-            writer.note(Note::new(NoteLevel::Warning, "not_granted").with("text", text));
+            writer.note(Event::said(Remark::NotGranted, text));
         }
     }
     Ok(Ready {

@@ -8,7 +8,6 @@ use std::io::Read as _;
 use std::path::{Component, Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 use super::borne::borne;
@@ -21,7 +20,7 @@ use super::tape::{Comparing, Recording, Tape, Verified, with};
 use crate::config::{self, ConfigError, Loaded};
 use crate::control::Port;
 use crate::engine::{Control, Ending, Engine, Experiment, Resumption, Side};
-use crate::record::{Column, FolderError, Run, keeps_waiting};
+use crate::record::{Column, Event, FolderError, Run, keeps_waiting};
 use crate::setup::{self, Prepared};
 
 /// Where another folder may be now: where it was from `folder`, beside that one, or where it was then.
@@ -280,19 +279,14 @@ fn follow(
 
 /// The files of the test and their SHA-256, as its events say; none if they do not.
 pub(super) fn files_of(run: &Run) -> Result<Option<Vec<(PathBuf, String)>>, FolderError> {
-    let is_files = |event: &Value| event.get("event").and_then(Value::as_str) == Some("files");
-    for event in run.event_lines()? {
-        let Some(event) = event?.filter(is_files) else {
-            continue;
-        };
-        let hashes = event.get("sha256").and_then(Value::as_object);
-        return Ok(hashes.map(|hashes| {
-            let each = hashes.iter().map(|(name, wanted)| {
+    for line in run.event_lines()? {
+        if let Some(Event::Files { sha256, .. }) = line?.map(|line| line.event) {
+            let each = sha256.iter().map(|(name, wanted)| {
                 let wanted = wanted.as_str().unwrap_or_default();
                 (run.path().join(name), wanted.to_owned())
             });
-            each.collect()
-        }));
+            return Ok(Some(each.collect()));
+        }
     }
     Ok(None)
 }

@@ -9,7 +9,6 @@ use std::io::Read;
 use std::sync::{Arc, Mutex};
 
 use crossbeam_channel::Sender;
-use serde_json::Value;
 
 use super::earlier_rows::EarlierRows;
 use super::replay::{Difference, ReplayError};
@@ -17,7 +16,8 @@ use crate::catalog::ending::Cause;
 use crate::catalog::phase::{NOT_AWAITED, Part};
 use crate::engine::{Experiment, Operator, OperatorCommands, Phase};
 use crate::record::{
-    Column, Event, EventKind, EventLines, FolderError, Journal, Layout, Recorder, Run, WarmUpRows,
+    Column, Event, EventLine, EventLines, FolderError, Journal, Layout, Recorder, Run, TimedEvent,
+    WarmUpRows,
 };
 use crate::substructure::LinkFault;
 use crate::work::Work;
@@ -304,7 +304,7 @@ impl Tape {
         let Some(recorded) = checkpoints.and_then(|checkpoints| checkpoints.of_step(step)) else {
             return;
         };
-        if recorded == format!("{digest:016x}") {
+        if recorded == digest {
             self.verified = Some(Verified {
                 step,
                 rows: self.row,
@@ -335,7 +335,7 @@ fn compared(recorded: &[Column], made: &[Column]) -> Vec<(String, usize, usize)>
 struct Checkpoints {
     events: EventLines,
     /// The next one: its step and digest.
-    coming: Option<(u64, String)>,
+    coming: Option<(u64, u64)>,
 }
 
 impl Checkpoints {
@@ -349,29 +349,27 @@ impl Checkpoints {
     }
 
     fn read(&mut self) -> Result<(), FolderError> {
-        let one = |event: &Value| {
-            let is_one = event.get("event")?.as_str()? == "checkpoint";
-            let step = event.get("tick")?.as_u64()?;
-            let digest = event.get("digest")?.as_str()?.to_owned();
-            is_one.then_some((step, digest))
+        let one = |line: EventLine| match line.event {
+            Event::Checkpoint { digest } => Some((line.tick?, digest)),
+            _ => None,
         };
         self.coming = None;
         while self.coming.is_none()
             && let Some(event) = self.events.next()
         {
-            self.coming = event?.as_ref().and_then(one);
+            self.coming = event?.and_then(one);
         }
         Ok(())
     }
 
     /// The recorded digest of the checkpoint of this step, if it has one. Steps are asked for in their order.
-    fn of_step(&mut self, step: u64) -> Option<String> {
+    fn of_step(&mut self, step: u64) -> Option<u64> {
         while self.coming.as_ref().is_some_and(|(at, _)| *at < step) {
             // What cannot be read any more proves nothing.
             self.read().ok()?;
         }
         let (_, digest) = self.coming.as_ref().filter(|(at, _)| *at == step)?;
-        Some(digest.clone())
+        Some(*digest)
     }
 }
 
@@ -424,8 +422,8 @@ impl Recorder for Comparing {
         true
     }
 
-    fn event(&mut self, event: Event) -> bool {
-        if let EventKind::Checkpoint { digest } = event.kind {
+    fn event(&mut self, event: TimedEvent) -> bool {
+        if let Event::Checkpoint { digest } = event.kind {
             with(&self.0, |tape| tape.check(event.tick, digest));
         }
         true

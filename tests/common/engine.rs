@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 use gusset::engine::{Control, Engine, Experiment, Outcome, Phase};
-use gusset::record::{Column, Event, MemoryRecorder, Recorder};
+use gusset::record::{Column, MemoryRecorder, Recorder, TimedEvent};
 use gusset::setup::{Facts, Prepared};
 use gusset::time::{Clock, SimClock};
 
@@ -24,7 +24,7 @@ impl Recorder for Tape {
     fn row(&mut self, row: &[f64]) -> bool {
         self.0.lock().unwrap().row(row)
     }
-    fn event(&mut self, event: Event) -> bool {
+    fn event(&mut self, event: TimedEvent) -> bool {
         self.0.lock().unwrap().event(event)
     }
 }
@@ -33,7 +33,7 @@ impl Recorder for Tape {
 pub struct Run {
     pub columns: Vec<Column>,
     pub rows: Vec<Vec<f64>>,
-    pub events: Vec<Event>,
+    pub events: Vec<TimedEvent>,
     pub outcome: Outcome,
 }
 

@@ -15,7 +15,7 @@ pub fn killed(run: &Path, to: &Path, row: usize) {
     let stride = Run::open(run).unwrap().layout().stride();
     let bytes = std::fs::read(run.join("samples.bin")).unwrap();
     std::fs::write(to.join("samples.bin"), &bytes[..row * stride + 17]).unwrap();
-    let mut events = Run::open(run).unwrap().events().unwrap().events;
+    let mut events = Run::open(run).unwrap().events().unwrap().to_json();
     // On the way in of one that goes on rows have no time yet, but events have.
     let begins = events.iter().find(|event| event["event"] == "phase");
     let begins = begins.and_then(|event| event["time"].as_f64());

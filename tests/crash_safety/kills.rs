@@ -59,7 +59,7 @@ fn kill_after(test: &Path, out: &Path, clock: &str, delay: Duration) -> u64 {
 
 /// The wall time between the last whole row and the kill.
 fn lost(run: &Run, killed_ns: u64) -> Option<f64> {
-    let events = run.events().unwrap().events;
+    let events = run.events().unwrap().to_json();
     let started = events.iter().find(|event| event["event"] == "started")?;
     let first_edge_ns = started["clock_ns"].as_u64()?;
     let release = run.columns(&["release_s"]).unwrap().remove(0);

@@ -83,7 +83,7 @@ fn is_whole(folder: &Path, name: &str, tripped: bool) {
     let states: Vec<String> = run
         .events()
         .unwrap()
-        .events
+        .to_json()
         .iter()
         .filter(|event| event["event"] == "phase")
         .map(|event| event["to"].as_str().unwrap().to_owned())

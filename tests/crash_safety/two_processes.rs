@@ -255,7 +255,10 @@ fn go_on(folder: &Path) -> Running {
 
 fn standing(folder: &Path, name: &str) -> f64 {
     let events = Run::open(&folder.join(name)).unwrap().events().unwrap();
-    let said = events.events.iter().find_map(|event| event.get("standing"));
+    let said = events
+        .events
+        .iter()
+        .find_map(|line| line.fields().get("standing"));
     said.unwrap().as_str().unwrap().parse().unwrap()
 }
 

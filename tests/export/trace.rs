@@ -141,7 +141,7 @@ fn a_run_on_the_real_clock_shows_every_phase_of_every_tick() {
     let opened = Run::open(&run).unwrap();
     let columns = opened.columns(&["release_s", "state"]).unwrap();
     let rows = columns[0].len();
-    let events = opened.events().unwrap().events;
+    let events = opened.events().unwrap().to_json();
     let edge = |of: &str| {
         let mut lines = events.iter().filter(|e| e["event"] == "grid");
         lines.find(|e| e["of"] == of).unwrap()["first_edge_ns"]

@@ -5,7 +5,7 @@ use gusset::config::{CommandPace, Loaded};
 use gusset::control::limits::AxisLimits;
 use gusset::engine::{Ending, Phase, Stop};
 use gusset::link::serve::Tapped;
-use gusset::record::{End, EventKind, Journal};
+use gusset::record::{End, Event, Journal};
 use gusset::time::Nanos;
 use gusset::wire::native::Kind;
 
@@ -71,13 +71,13 @@ fn ends_as_planned(played: &Played) -> Result<(), String> {
     if let Ending::Stopped(stop) = played.outcome.ending
         && tripped
     {
-        let told = played.events.iter().find_map(|event| match event.kind {
-            EventKind::Phase {
-                to: "tripped",
+        let told = played.events.iter().find_map(|event| match &event.kind {
+            Event::Phase {
+                to: Phase::Tripped,
                 cause,
                 port,
                 ..
-            } => Some((cause, port)),
+            } => Some((cause.as_ref(), *port)),
             _ => None,
         });
         let found = (stop.word(), stop.port().map(|port| port as u32));

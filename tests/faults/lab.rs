@@ -11,7 +11,7 @@ use gusset::engine::{Control, Engine, Notice, Operator, Outcome, Phase};
 use gusset::link::fault::StallingClock;
 use gusset::link::serve::{Host, Simulated, Tap, Tapped};
 use gusset::link::{NativeSetup, Transport};
-use gusset::record::{Column, Event, EventKind, FolderImage, Layout, Recorder};
+use gusset::record::{Column, Event, FolderImage, Layout, Recorder, TimedEvent};
 use gusset::session::{Replay, ending, replay_rows};
 use gusset::setup::{Files, Prepared, build, build_over};
 use gusset::time::{Clock, Nanos, SimClock};
@@ -28,7 +28,7 @@ pub struct Played {
     pub layout: Layout,
     pub samples: Vec<u8>,
     pub events_jsonl: Vec<u8>,
-    pub events: Vec<Event>,
+    pub events: Vec<TimedEvent>,
     pub outcome: Outcome,
     /// One per specimen.
     pub taps: Vec<Vec<Tapped>>,
@@ -100,16 +100,16 @@ impl Clock for LabClock {
 }
 
 #[derive(Clone)]
-struct Shared(Arc<Mutex<(FolderImage, Vec<Event>)>>);
+struct Shared(Arc<Mutex<(FolderImage, Vec<TimedEvent>)>>);
 
 impl Recorder for Shared {
     fn row(&mut self, row: &[f64]) -> bool {
         self.0.lock().unwrap().0.row(row)
     }
 
-    fn event(&mut self, event: Event) -> bool {
+    fn event(&mut self, event: TimedEvent) -> bool {
         let mut both = self.0.lock().unwrap();
-        both.1.push(event);
+        both.1.push(event.clone());
         both.0.event(event)
     }
 }
@@ -160,7 +160,7 @@ pub struct Recorded {
     pub layout: Layout,
     pub samples: Vec<u8>,
     pub events_jsonl: Vec<u8>,
-    pub events: Vec<Event>,
+    pub events: Vec<TimedEvent>,
     /// None of one that was killed.
     pub outcome: Option<Outcome>,
     pub files: Files,
@@ -287,7 +287,7 @@ impl Played {
     /// When each phase was entered.
     pub fn entries(&self) -> impl Iterator<Item = (u64, &'static str)> + '_ {
         self.events.iter().filter_map(|event| match event.kind {
-            EventKind::Phase { to, .. } => Some((event.clock_ns, to)),
+            Event::Phase { to, .. } => Some((event.clock_ns, to.word())),
             _ => None,
         })
     }

@@ -3,7 +3,7 @@
 
 use gusset::config::fault_script::Script;
 use gusset::config::load;
-use gusset::record::{EventKind, Journal};
+use gusset::record::{Event, Journal};
 
 use crate::lab::{Extra, play};
 use crate::scripts::folder;
@@ -48,7 +48,7 @@ fn the_forces_of_lost_replies_are_those_of_their_commands() {
         |tick: u64| (0..step.len()).find(|row| state[*row] == running && step[*row] == tick as f64);
     let (mut told, mut compared) = (0, 0);
     for event in &played.events {
-        let EventKind::Recovered {
+        let Event::Recovered {
             port: 0,
             axis: 0,
             age,

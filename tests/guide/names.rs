@@ -2,13 +2,11 @@
 
 use std::collections::BTreeSet;
 use std::fs;
-use std::path::{Path, PathBuf};
 
 use gusset::catalog::limit::Limit;
 use serde_json::Value;
 
 use super::columns::{SERVER_COLUMNS, TEST_COLUMNS};
-use super::events::{SERVER_EVENTS, TEST_EVENTS};
 use super::limits::FURTHER_LIMITS;
 use super::pages::{root, schemas};
 
@@ -44,80 +42,9 @@ pub fn limits() -> Vec<String> {
     wrong
 }
 
-/// Source files below `src/`, without their tests.
-fn sources(folder: &Path) -> Vec<(PathBuf, String)> {
-    let mut found = Vec::new();
-    for entry in fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        let is_test = path.file_stem().is_some_and(|name| name == "tests");
-        if path.is_dir() && !is_test {
-            found.extend(sources(&path));
-        } else if path.extension().is_some_and(|end| end == "rs") && !is_test {
-            let text = fs::read_to_string(&path).unwrap();
-            let code = text
-                .split("#[cfg(test)]\nmod tests")
-                .next()
-                .unwrap()
-                .to_owned();
-            found.push((path, code));
-        }
-    }
-    found
-}
-
 /// The text in quotes at the beginning, after blanks.
 fn quoted(text: &str) -> Option<&str> {
     text.trim_start().strip_prefix('"')?.split('"').next()
-}
-
-/// The kinds of events in the source text: names of the loop's events, and the name of every note.
-fn kinds() -> BTreeSet<String> {
-    let mut found = BTreeSet::new();
-    for (path, code) in sources(&root().join("src")) {
-        let mut add = |name: Option<&str>| {
-            found.extend(
-                name.filter(|name| name.chars().all(|c| c.is_ascii_lowercase() || c == '_'))
-                    .map(str::to_owned),
-            );
-        };
-        for start in [
-            "NoteLevel::Info",
-            "NoteLevel::Warning",
-            "NoteLevel::Error",
-            "Note::new(level",
-        ] {
-            for (at, _) in code.match_indices(start) {
-                add(code[at + start.len()..].strip_prefix(',').and_then(quoted));
-            }
-        }
-        for start in ["warn_once(", "log.warn("] {
-            for (at, _) in code.match_indices(start) {
-                add(quoted(&code[at + start.len()..]));
-            }
-        }
-        let is_names = path.ends_with("record/events/names.rs");
-        if is_names || path.ends_with("link/openfresco/remarks.rs") {
-            let part = if is_names {
-                code.split("fn fault_name").next()
-            } else {
-                code.split("fn event")
-                    .nth(1)
-                    .and_then(|rest| rest.split("\n    }").next())
-            };
-            let part = part.unwrap_or_default();
-            for start in ["=> ", "=> {\n"] {
-                for (at, _) in part.match_indices(start) {
-                    add(quoted(&part[at + start.len()..]));
-                }
-            }
-        }
-    }
-    found
-}
-
-pub fn events() -> Vec<String> {
-    let listed = set(TEST_EVENTS.iter().chain(SERVER_EVENTS).map(|row| row[0]));
-    differences("event", &kinds(), &listed)
 }
 
 /// The first texts of the entries of a constant array or of the calls of a function, in a source file.

@@ -185,7 +185,7 @@ pub fn events(folder: &Path, name: &str) -> Vec<String> {
     events
         .events
         .iter()
-        .map(|event| event["event"].as_str().unwrap().to_owned())
+        .map(|line| line.name().to_owned())
         .collect()
 }
 

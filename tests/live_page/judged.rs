@@ -7,7 +7,7 @@ use gusset::control::limits::{AxisLimits, Bound, Range};
 use gusset::control::{Axis, Order, Port, Reference, Zero};
 use gusset::engine::{Experiment, Glimpse, Opening, Phase, PhaseCell};
 use gusset::monitor::{About, Board, Snapshot, Subject, Tap, metrics};
-use gusset::record::{EventKind, Onlooker, Progress};
+use gusset::record::{Event, Onlooker, Progress};
 use gusset::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
 };
@@ -186,10 +186,10 @@ fn shown(per_step: bool, limits: AxisLimits) -> (Arc<Board>, Arc<Snapshot>, Vec<
         tap.row(number, row);
     }
     tap.finish(1, &Progress::default());
-    let warnings = run.events.iter().filter_map(|event| match event.kind {
-        EventKind::Limit {
-            quantity, value, ..
-        } => Some((quantity.to_owned(), value)),
+    let warnings = run.events.iter().filter_map(|event| match &event.kind {
+        Event::LimitWarning(reached) | Event::LimitTrip(reached) if !reached.is_of_test() => {
+            Some((reached.limit.to_string(), reached.value))
+        }
         _ => None,
     });
     let warnings = warnings.collect();

@@ -126,7 +126,11 @@ fn resume_refuses_a_changed_force() {
         commands.iter().all(|command| *command == commands[0]),
         "nothing was moved"
     );
-    let events = Run::open(&at("refused")).unwrap().events().unwrap().events;
+    let events = Run::open(&at("refused"))
+        .unwrap()
+        .events()
+        .unwrap()
+        .to_json();
     let changed = events
         .iter()
         .find(|event| event["event"] == "force_changed")

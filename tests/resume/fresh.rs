@@ -6,7 +6,7 @@ use super::*;
 
 /// The words of the events that tell of such a force.
 fn told(run: &Path) -> Vec<(String, f64, f64)> {
-    let events = Run::open(run).unwrap().events().unwrap().events;
+    let events = Run::open(run).unwrap().events().unwrap().to_json();
     let told = events
         .iter()
         .filter(|event| event["event"] == "initial_force");

@@ -188,7 +188,7 @@ fn a_force_that_was_lost_at_rest_is_told_and_not_taken_for_drift() {
         assert_eq!(concluded(next, &at(&second)).cause, Cause::Done);
         let same = steps(&[&at(&first), &at(&second)]) == steps(&[&at(&whole)]);
         assert_eq!(same, !takes);
-        let events = Run::open(&at(&second)).unwrap().events().unwrap().events;
+        let events = Run::open(&at(&second)).unwrap().events().unwrap().to_json();
         let told = events
             .iter()
             .find(|e| e["event"] == "force_changed")
@@ -216,7 +216,11 @@ fn what_is_read_at_rest_is_not_held_against_the_last_measurement_of_the_interrup
     killed(&at("whole"), &at("first"), 400);
     let next = resume(&at("first"), None, false).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(concluded(next, &at("second")).cause, Cause::Done);
-    let events = Run::open(&at("second")).unwrap().events().unwrap().events;
+    let events = Run::open(&at("second"))
+        .unwrap()
+        .events()
+        .unwrap()
+        .to_json();
     let changed = events.iter().find(|e| e["event"] == "force_changed");
     let [left, found] = ["left", "found"].map(|key| changed.unwrap()[key].as_f64().unwrap());
     assert!((left - found).abs() > most, "{left} {found} {most}");

@@ -3,6 +3,7 @@
 
 use super::dialect::Role;
 use super::host::{Nature, Tally};
+use crate::catalog::event as catalog;
 use crate::wire::openfresco::Sizes;
 
 /// A warning about a client.
@@ -17,10 +18,10 @@ pub(super) enum Remark {
 
 impl Remark {
     /// Its name in the events of a run folder.
-    pub(super) const fn event(self) -> &'static str {
+    pub(super) const fn event(self) -> catalog::Remark {
         match self {
-            Self::NoCommits(_) => "client_without_commits",
-            Self::Reset => "client_reset",
+            Self::NoCommits(_) => catalog::Remark::ClientWithoutCommits,
+            Self::Reset => catalog::Remark::ClientReset,
         }
     }
 

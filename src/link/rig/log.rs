@@ -9,11 +9,12 @@ use super::columns::{AXIS, HEAD, columns};
 use super::summary::{self, Counted};
 use super::{Trip, Visitor};
 use crate::catalog::ending::{Cause, Status as Ended};
+use crate::catalog::event::{Remark, Severity};
 use crate::catalog::phase::Phase;
 use crate::record::writer::Clocks;
 use crate::record::{
-    FolderError, Layout, Note, NoteLevel, Position, Recorder, RingRecorder, RingSize, RunFolder,
-    WhenFull, Writer, WriterSettings, ring,
+    Event, FolderError, Layout, Note, Position, Recorder, RingRecorder, RingSize, RunFolder,
+    TripValue, WhenFull, Writer, WriterSettings, ring,
 };
 use crate::rt::timing::Timing;
 use crate::rt::wall::Wall;
@@ -117,10 +118,12 @@ impl Log {
             folder,
         };
         log.note(
-            Note::new(NoteLevel::Info, "controller")
-                .with("peer", visitor.peer.to_string())
-                .with("test", visitor.test.as_str())
-                .with("software", visitor.software.as_str()),
+            Event::Controller {
+                peer: visitor.peer.to_string(),
+                test: visitor.test.clone(),
+                software: visitor.software.clone(),
+            }
+            .into(),
         );
         Ok(log)
     }
@@ -195,12 +198,12 @@ impl Log {
     /// Something that is no exchange, at the newest one.
     pub fn note(&self, note: Note) {
         self.writer
-            .note(note.made(self.position, os::monotonic_ns()));
+            .note(note.made_at(self.position, os::monotonic_ns()));
     }
 
     /// Something that whoever reads the summary must know.
-    pub fn warn(&mut self, event: &str, text: &str) {
-        self.note(Note::new(NoteLevel::Warning, event).with("text", text));
+    pub fn warn(&mut self, event: Remark, text: &str) {
+        self.note(Event::said(event, text).into());
         self.warnings.push(text.to_owned());
     }
 
@@ -211,18 +214,24 @@ impl Log {
 
     /// The specimen holds from here on.
     pub fn tripped(&self, trip: Trip, text: &str) {
-        let mut note = Note::new(NoteLevel::Error, "trip")
-            .with("text", text)
-            .with("what", trip.name())
-            .with("code", trip.code());
-        if let Trip::Limit(hit) = trip {
-            note = note
-                .with("axis", hit.axis as u64 + 1)
-                .with("unit", hit.quantity.unit())
-                .with("value", hit.value)
-                .with("bound", hit.bound);
-        }
-        self.note(note);
+        let limit = match trip {
+            Trip::Limit(hit) => Some(TripValue {
+                axis: hit.axis as u32,
+                unit: hit.quantity.unit().into(),
+                value: hit.value,
+                bound: hit.bound,
+            }),
+            _ => None,
+        };
+        self.note(
+            Event::Trip {
+                text: text.to_owned(),
+                what: trip.name().into(),
+                code: trip.code(),
+                limit,
+            }
+            .into(),
+        );
     }
 
     /// One row. Real-time: yes.
@@ -283,11 +292,11 @@ impl Log {
 
     /// Writes everything down. What cannot be written is told in the program's log.
     pub fn close(self, cause: Cause, text: &str, stats: &LinkStats, commits: u64) {
-        let level = match cause.status() {
-            Ended::Completed | Ended::Interrupted => NoteLevel::Info,
-            Ended::Stopped | Ended::Failed => NoteLevel::Error,
+        let severity = match cause.status() {
+            Ended::Completed | Ended::Interrupted => Severity::Info,
+            Ended::Stopped | Ended::Failed => Severity::Error,
         };
-        self.note(Note::new(level, "ended").with("text", text));
+        self.note(Note::new(Event::said(Remark::Ended, text)).at(severity));
         let Self {
             folder,
             name,

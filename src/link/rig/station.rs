@@ -25,11 +25,12 @@ use super::latch::Latch;
 use super::log::{Log, LogSettings};
 use super::settings::{ProbeSettings, TestEnd};
 use super::{Rig, Trip};
+use crate::catalog::event::{Remark, Severity};
 use crate::catalog::limit::Limit;
 use crate::config::LimitsSpec;
 use crate::control::limits::{AxisLimits, Watch};
 use crate::link::quota::Allowance;
-use crate::record::{Note, NoteLevel};
+use crate::record::Event;
 use crate::rt::os;
 use crate::substructure::{Command, LinkStats, Measurement};
 use crate::time::Nanos;
@@ -390,15 +391,19 @@ impl Station {
     }
 
     /// A warning about the client: for the program's log, and for the events and the summary of the run folder.
-    pub fn warn(&mut self, event: &str, text: &str) {
+    pub fn warn(&mut self, event: Remark, text: &str) {
         self.warn_once(event, text);
     }
 
     /// Something for the log.
-    pub fn note(&self, level: NoteLevel, event: &str, text: &str) {
+    pub fn note(&self, event: Remark, text: &str) {
+        let event = Event::said(event, text);
+        let is_warning = event
+            .row()
+            .is_some_and(|row| row.severity == Severity::Warning);
         match &self.log {
-            Some(log) => log.note(Note::new(level, event).with("text", text)),
-            None if level == NoteLevel::Warning => {
+            Some(log) => log.note(event.into()),
+            None if is_warning => {
                 let Allowance { is_told, notice } = self.store.warning(os::monotonic_ns());
                 let text = is_told.then_some(text);
                 for text in text.into_iter().chain(notice.as_deref()) {

@@ -31,7 +31,7 @@ pub use gate::{Token, TokenError};
 
 use super::board::{Board, Ended, MARGIN_EVERY_NS};
 use crate::engine::Operator;
-use crate::record::{Note, NoteLevel};
+use crate::record::{Event, Note};
 use crate::rt::os::monotonic_ns;
 use door::Door;
 use feed::Feed;
@@ -204,8 +204,8 @@ impl LivePage {
         operator: Sender<Operator>,
         notes: Sender<Note>,
     ) -> io::Result<Serving> {
-        let note = Note::new(NoteLevel::Info, "live_page");
-        let _full = notes.try_send(note.with("address", self.address.to_string()));
+        let address = self.address.to_string();
+        let _full = notes.try_send(Event::LivePage { address }.into());
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_io()
             .enable_time()
@@ -413,13 +413,14 @@ mod tests {
         ]);
         let _waits = say("continue?hold=3");
         let serving = page.serve(board, operator, notes).unwrap();
-        let told = written
-            .iter()
-            .filter(|note| note.event == "control_request");
-        let accepted = told.take(5).filter(|note| note.fields["accepted"] == true);
-        let mut accepted: Vec<String> = accepted
-            .map(|note| note.fields["request"].as_str().unwrap().to_owned())
-            .collect();
+        let told = written.iter().filter_map(|note| match note.event {
+            Event::ControlRequest {
+                request, accepted, ..
+            } => Some((request, accepted)),
+            _ => None,
+        });
+        let accepted = told.take(5).filter(|(_, accepted)| *accepted);
+        let mut accepted: Vec<String> = accepted.map(|(request, _)| request).collect();
         accepted.sort_unstable();
         assert_eq!(accepted, ["continue", "hold", "stop"]);
         let heard: Vec<Operator> = asked.try_iter().collect();

@@ -19,7 +19,7 @@ use super::gate::{Gate, Refusal};
 use crate::assets;
 use crate::engine::{Glimpse, Operator, Phase};
 use crate::monitor::metrics::metrics;
-use crate::record::{Note, NoteLevel};
+use crate::record::{Event, Note, Word};
 use crate::rt::os::monotonic_ns;
 
 /// Everything that answers.
@@ -175,17 +175,27 @@ async fn operate(
     headers: HeaderMap,
 ) -> Result<Response, Refusal> {
     let seen = site.feed.board.glimpse();
-    let note = |level, event: &str| {
-        let note = Note::new(level, event).with("request", what.as_str());
-        note.with("from", connection.peer.to_string())
+    let from = connection.peer.to_string();
+    let told = |accepted, why: Option<&'static str>| {
+        Note::new(Event::ControlRequest {
+            request: what.clone(),
+            from: from.clone(),
+            accepted,
+            why: why.map(Word::from),
+        })
     };
     // Without the token, no answer says which requests exist.
     let is_one = REQUESTS.contains(&what.as_str());
     if let Err(refusal) = site.gate.control(&headers) {
         if is_one && let Some(times) = site.refused.count(monotonic_ns()) {
-            let refused = note(NoteLevel::Warning, "control_refused").with("why", refusal.1);
+            let refused = Event::ControlRefused {
+                request: what.clone(),
+                from: from.clone(),
+                why: refusal.1.into(),
+                times,
+            };
             // A full queue is enough of a warning.
-            let _full = site.notes.try_send(refused.with("times", times));
+            let _full = site.notes.try_send(refused.into());
         }
         return Err(refusal);
     }
@@ -194,13 +204,11 @@ async fn operate(
         return Err(Refusal(StatusCode::CONFLICT, OVER));
     }
     if let Some(why) = unheard(request, seen).or_else(|| unsent(request, &connection)) {
-        let refused = note(NoteLevel::Info, "control_request").with("accepted", false);
-        let _full = site.notes.try_send(refused.with("why", why));
+        let _full = site.notes.try_send(told(false, Some(why)));
         return Err(Refusal(StatusCode::CONFLICT, why));
     }
     let accepted = request.say_into(&site.operator).is_ok();
-    let told = note(NoteLevel::Info, "control_request").with("accepted", accepted);
-    let _full = site.notes.try_send(told);
+    let _full = site.notes.try_send(told(accepted, None));
     let status = if accepted {
         StatusCode::ACCEPTED
     } else {

@@ -8,11 +8,12 @@ use crossbeam_channel::Receiver;
 use super::sync::SyncThread;
 use super::{Progress, Recorded, WriterSettings, lock};
 use crate::record::append::{Flushed, Store};
+use crate::record::events::Event;
 use crate::record::events::{EventContext, EventLog, Moment};
 use crate::record::intact::Extent;
 use crate::record::journal::JournalWriter;
 use crate::record::miss::SchedSample;
-use crate::record::note::{Note, NoteLevel, Position};
+use crate::record::note::{Note, Position};
 use crate::record::onlooker::{Onlooker, Watched};
 use crate::record::ring::RingReader;
 
@@ -104,8 +105,9 @@ impl<S: Store, E: Store> Drain<S, E> {
             self.events.note(note, self.position, now);
         }
         for event in std::iter::from_fn(|| self.ring.event()).take(events) {
+            let note = self.onlooker.show(|onlooker| onlooker.event(&event));
             self.events.event(event, now);
-            if let Some(note) = self.onlooker.show(|onlooker| onlooker.event(&event)) {
+            if let Some(note) = note {
                 self.events.note(note, self.position, now);
             }
         }
@@ -191,17 +193,23 @@ impl<S: Store, E: Store> Drain<S, E> {
     }
 
     fn heed(&mut self, file: &'static str, flushed: Flushed, now: Moment) {
-        let note = match flushed {
+        let event = match flushed {
             Flushed::Clean | Flushed::Failing => return,
             Flushed::Failed(error) => {
                 let text = format!("{file}: {error}");
                 self.first_error.get_or_insert(text);
-                Note::new(NoteLevel::Error, "write_failed").with("error", error.to_string())
+                Event::WriteFailed {
+                    error: error.to_string(),
+                    file: file.into(),
+                    rows_lost: self.rows_lost(),
+                }
             }
-            Flushed::Recovered => Note::new(NoteLevel::Warning, "write_recovered"),
+            Flushed::Recovered => Event::WriteRecovered {
+                file: file.into(),
+                rows_lost: self.rows_lost(),
+            },
         };
-        let note = note.with("file", file).with("rows_lost", self.rows_lost());
-        self.events.note(note, self.position, now);
+        self.events.note(event.into(), self.position, now);
     }
 
     pub(super) fn rows_lost(&self) -> u64 {
@@ -219,11 +227,12 @@ impl<S: Store, E: Store> Drain<S, E> {
         };
         if due {
             self.shouted = Some((lost, now.monotonic_ns));
-            let note = Note::new(NoteLevel::Error, "rows_lost")
-                .with("rows_lost", lost)
-                .with("to_full_queue", self.ring.lost().rows())
-                .with("to_file_error", self.lost_file);
-            self.events.note(note, self.position, now);
+            let event = Event::RowsLost {
+                rows_lost: lost,
+                to_full_queue: self.ring.lost().rows(),
+                to_file_error: self.lost_file,
+            };
+            self.events.note(event.into(), self.position, now);
         }
     }
 
@@ -238,10 +247,11 @@ impl<S: Store, E: Store> Drain<S, E> {
             let meddled = extent.and_then(|extent| extent.meddled());
             if let Some(meddled) = meddled.filter(|_| !*told) {
                 *told = true;
-                let note = Note::new(NoteLevel::Error, "record_damaged")
-                    .with("file", file)
-                    .with("text", format!("{file} {meddled}"));
-                self.events.note(note, self.position, now);
+                let event = Event::RecordDamaged {
+                    file: file.into(),
+                    text: format!("{file} {meddled}"),
+                };
+                self.events.note(event.into(), self.position, now);
             }
         }
     }

@@ -6,11 +6,18 @@ use crate::record::append::tests::SmallDisk;
 use crate::record::journal::{End, Journal};
 use crate::record::layout::stride;
 use crate::record::{
-    Event, EventKind, MissCause, NoteLevel, Recorder, RingRecorder, RingSize, WhenFull, ring,
+    Event, MissCause, Recorder, RingRecorder, RingSize, TimedEvent, WhenFull, ring,
 };
-use serde_json::Value;
+use serde_json::{Map, Value};
 
 const MS: u64 = 1_000_000;
+
+/// A note of an event that no version knows.
+fn told(event: &str) -> Note {
+    let event = event.to_owned();
+    let fields = Map::new();
+    Event::Other { event, fields }.into()
+}
 
 fn at(monotonic_ns: u64) -> Moment {
     Moment {
@@ -103,17 +110,17 @@ fn an_event_or_a_note_is_in_its_file_no_earlier_than_the_rows_before_it() {
     );
     drain.turn(at(1000 * MS));
     push(&mut recorder, 0..3);
-    recorder.event(Event {
+    recorder.event(TimedEvent {
         tick: 2,
         time: 0.5,
         clock_ns: 1002 * MS,
-        kind: EventKind::HoldRequested,
+        kind: Event::HoldRequested,
     });
     drain.turn(at(1002 * MS));
     let seen = || (numbers(&samples.bytes()).0.len(), lines(&events).len());
     assert_eq!(seen(), (3, 1));
     push(&mut recorder, 3..5);
-    notes.send(Note::new(NoteLevel::Info, "told")).unwrap();
+    notes.send(told("told")).unwrap();
     drain.turn(at(1004 * MS));
     assert_eq!(seen(), (5, 2));
 }
@@ -228,11 +235,11 @@ fn a_disk_that_stays_full_loses_what_waits_and_says_so_at_the_end() {
         WriterSettings::default(),
     );
     push(&mut recorder, 0..10);
-    recorder.event(Event {
+    recorder.event(TimedEvent {
         tick: 1,
         time: 0.0,
         clock_ns: 1,
-        kind: EventKind::Started,
+        kind: Event::Started,
     });
     drain.turn(at(50 * MS));
     let recorded = drain.finish(at(60 * MS));
@@ -251,14 +258,15 @@ fn progress_shows_the_latest_row_and_the_counts() {
     let (mut recorder, reader) = small(64);
     let (mut drain, _notes) = drain(reader, Vec::new(), Vec::new(), WriterSettings::default());
     push(&mut recorder, 0..5);
-    recorder.event(Event {
+    recorder.event(TimedEvent {
         tick: 4,
         time: 0.0,
         clock_ns: 30 * MS,
-        kind: EventKind::Miss {
+        kind: Event::Miss {
             late_ns: 1,
             stretched: 0,
-            cause: MissCause::LateReply,
+            class: MissCause::LateReply,
+            evidence: None,
         },
     });
     drain.turn(at(30 * MS));
@@ -317,7 +325,7 @@ fn what_the_writer_notes_stands_at_the_step_of_the_row_before_it_and_not_at_its_
     );
     recorder.row(&[799.0, 0.5]);
     recorder.row(&[800.0, 0.75]);
-    notes.send(Note::new(NoteLevel::Info, "asked")).unwrap();
+    notes.send(told("asked")).unwrap();
     drain.turn(at(MS));
     drain.finish(at(2 * MS));
     let line = &lines(&events)[0];
@@ -347,15 +355,20 @@ fn end_to_end_every_row_and_event_is_in_the_files_after_finish() {
     };
     let (samples, events) = (open("samples.bin"), open("events.jsonl"));
     let writer = Writer::spawn(reader, samples, events, None, TICKING, settings).unwrap();
-    writer.note(Note::new(NoteLevel::Info, "granted").with("policy", "fifo"));
+    let mut fields = Map::new();
+    fields.insert("policy".to_owned(), "fifo".into());
+    writer.note(Event::Other {
+        event: "granted".to_owned(),
+        fields,
+    });
     let count = 20_000;
     let pushed = std::thread::spawn(move || {
         let pushed = push(&mut recorder, 0..count);
-        recorder.event(Event {
+        recorder.event(TimedEvent {
             tick: count,
             time: 1.0,
             clock_ns: 5,
-            kind: EventKind::Ended,
+            kind: Event::Ended,
         });
         pushed as u64
     });
@@ -408,12 +421,12 @@ fn a_note_of_the_set_up_stands_before_the_events_of_a_test_that_is_over_in_the_s
         events.clone(),
         WriterSettings::default(),
     );
-    notes.send(Note::new(NoteLevel::Info, "connected")).unwrap();
-    let ended = Event {
+    notes.send(told("connected")).unwrap();
+    let ended = TimedEvent {
         tick: 0,
         time: 0.0,
         clock_ns: 0,
-        kind: EventKind::Ended,
+        kind: Event::Ended,
     };
     assert!(recorder.event(ended));
     drain.turn(at(1000 * MS));
@@ -440,7 +453,7 @@ impl crate::record::Onlooker for Keeper {
 
     fn note(&mut self) -> Option<Note> {
         self.notes = self.notes.checked_sub(1)?;
-        Some(Note::new(NoteLevel::Info, "seen"))
+        Some(told("seen"))
     }
 
     fn finish(&mut self, _now_ns: u64, progress: &Progress) {

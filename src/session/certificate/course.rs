@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::engine::{Experiment, Phase};
-use crate::record::{Event, Recorder};
+use crate::record::{Recorder, TimedEvent};
 
 /// Most numbers of a reference that are kept; of a longer one every second, third, … row.
 const MOST: usize = 4_000_000;
@@ -182,7 +182,7 @@ impl Recorder for Course {
         true
     }
 
-    fn event(&mut self, _: Event) -> bool {
+    fn event(&mut self, _: TimedEvent) -> bool {
         true
     }
 }

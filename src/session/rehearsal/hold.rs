@@ -6,7 +6,7 @@ use super::{Budget, Need, Needs, Rehearsal, Staging, carry_out_with, expected, n
 use crate::catalog::limit::Limit;
 use crate::config::{ConfigError, Loaded};
 use crate::engine::{Control, Operator};
-use crate::record::{Event, Recorder};
+use crate::record::{Recorder, TimedEvent};
 use crate::setup;
 
 /// A hold that was rehearsed.
@@ -156,7 +156,7 @@ impl Recorder for Holding {
         self.prompter.row(row)
     }
 
-    fn event(&mut self, event: Event) -> bool {
+    fn event(&mut self, event: TimedEvent) -> bool {
         self.prompter.event(event)
     }
 }

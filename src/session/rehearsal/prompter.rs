@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use crossbeam_channel::Sender;
 
 use crate::engine::Operator;
-use crate::record::{Event, Recorder};
+use crate::record::{Recorder, TimedEvent};
 use crate::rt::os;
 use crate::work::Work;
 
@@ -65,7 +65,7 @@ impl Recorder for Prompter {
         true
     }
 
-    fn event(&mut self, _: Event) -> bool {
+    fn event(&mut self, _: TimedEvent) -> bool {
         true
     }
 }

@@ -3,13 +3,11 @@
 //! Rows are written before events. If the process ends in between, only the rows tell that the test tripped. Recordings of
 //! versions up to 0.2.0 have no column `cause`. There, a row with the state *tripped* needs an event that explains it.
 
-use serde_json::Value;
-
 use super::ResumeError;
 use crate::catalog::ending::Cause;
 use crate::catalog::phase::Phase;
 use crate::record::summary::Status;
-use crate::record::{FolderError, Run};
+use crate::record::{Event, EventLine, FolderError, Run};
 use crate::session::retrace::unreadable;
 
 /// Name of a trip that neither events nor rows name.
@@ -74,28 +72,16 @@ impl Told {
         Ok(told)
     }
 
-    fn take(&mut self, event: &Value) {
-        let word = |key: &str| event.get(key).and_then(Value::as_str);
-        let trip = match word("event") {
-            Some("limit_trip") => word("limit"),
-            Some(
-                alarm @ ("interlock" | "saturated" | "specimen_holds_on" | "geometry" | "diverged"),
-            ) => Some(alarm),
-            Some("link") => {
-                self.explained = true;
-                word("fault").filter(|fault| ["not_finite", "diverged"].contains(fault))
-            }
-            Some("phase") => {
-                self.explained |= word("to") == Some("tripped") && word("cause").is_some();
-                None
-            }
-            Some("ended") => {
-                self.have_end = true;
-                None
-            }
-            _ => None,
-        };
-        let trip = trip.map(str::to_owned);
+    fn take(&mut self, line: &EventLine) {
+        match &line.event {
+            Event::Ended => self.have_end = true,
+            Event::Link { .. }
+            | Event::Phase {
+                to: Phase::Tripped, ..
+            } => self.explained = true,
+            _ => {}
+        }
+        let trip = line.event.latched().map(|trip| trip.into_owned());
         self.trips
             .extend(trip.filter(|trip| !self.trips.contains(trip)));
     }
@@ -150,7 +136,8 @@ mod tests {
 
     #[test]
     fn a_force_that_is_not_finite_is_a_trip_and_a_lost_link_is_none() {
-        let link = |fault: &str| json!({"event": "link", "specimen": 1, "fault": fault});
+        let link =
+            |fault: &str| EventLine::from(json!({"event": "link", "specimen": 1, "fault": fault}));
         let all = ["closed", "timeout", "not_finite", "malformed", "diverged"].map(link);
         let mut told = Told::default();
         all.iter().for_each(|event| told.take(event));

@@ -2,10 +2,10 @@
 
 use super::allowed::Times;
 use super::{Station, USUAL_TICK_S, first, metres, not_finite};
+use crate::catalog::event::Remark;
 use crate::control::limits::{Found, Level};
 use crate::link::rig::Trip;
 use crate::link::rig::log::Exchange;
-use crate::record::NoteLevel;
 use crate::rt::os;
 use crate::substructure::{Command, Measurement, Status};
 use crate::time::Nanos;
@@ -199,7 +199,7 @@ impl Station {
         if before == 0 {
             let text = "the specimen says that it holds by its own watchdog, since commands had stopped: what it answers meanwhile \
                         does not belong to the commands";
-            self.warn_once("specimen_holds", text);
+            self.warn_once(Remark::SpecimenHolds, text);
         }
         if self.holding > HOLDING_IN_A_ROW {
             return Err(Trip::Holds(self.holding));
@@ -208,10 +208,10 @@ impl Station {
     }
 
     /// Something that whoever reads the summary must know; there it stands once.
-    pub(super) fn warn_once(&mut self, event: &str, text: &str) {
+    pub(super) fn warn_once(&mut self, event: Remark, text: &str) {
         match &mut self.log {
             Some(log) if !log.has_warned(text) => log.warn(event, text),
-            _ => self.note(NoteLevel::Warning, event, text),
+            _ => self.note(event, text),
         }
     }
 
@@ -273,7 +273,7 @@ impl Station {
                 Level::Trip => "it trips, too",
             };
             let text = format!("{hit} ({}): {what}", hit.quantity.key());
-            self.note(NoteLevel::Warning, "limit", &text);
+            self.note(Remark::Limit, &text);
         }
         found.trip.map_or(Ok(()), |hit| Err(Trip::Limit(hit)))
     }

@@ -4,9 +4,9 @@ use super::announced::Announced;
 use super::guard::SpecimenGuard;
 use super::{Station, TestEnd};
 use crate::catalog::ending::{Cause, Status};
+use crate::catalog::event::Remark;
 use crate::link::rig::log::Log;
 use crate::link::rig::{Visitor, Wanted, with_last_words};
-use crate::record::NoteLevel;
 use crate::substructure::{LinkStats, Measurement};
 
 impl Station {
@@ -49,7 +49,7 @@ impl Station {
                 let text = with_last_words(text, said);
                 let over = TestEnd { cause, text };
                 if over.cause.status() == Status::Failed {
-                    self.note(NoteLevel::Error, "link", &over.text);
+                    self.note(Remark::Link, &over.text);
                 }
                 self.end(over.cause, &over.text);
                 Err(over)
@@ -64,7 +64,7 @@ impl Station {
         let log = Log::open(settings, &self.name, &self.units, visitor, self.away_from);
         let mut log = log.map_err(|text| format!("the log cannot be kept: {text}"))?;
         if let Some(words) = &self.played {
-            log.warn("faults", words);
+            log.warn(Remark::Faults, words);
         }
         self.log = Some(log);
         Ok(())

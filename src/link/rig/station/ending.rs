@@ -2,14 +2,14 @@
 
 use super::{Station, Trip};
 use crate::catalog::ending::Cause;
-use crate::record::NoteLevel;
+use crate::catalog::event::Remark;
 use crate::substructure::LinkStats;
 
 impl Station {
     /// What came of the controller: commands, those that never arrived, and frames that failed a check.
     pub fn counted(&mut self, commands: u64, missed: u32, corrupt: u64) {
         let text = format!("{commands} commands, {missed} missed, {corrupt} frames corrupt");
-        self.note(NoteLevel::Info, "counts", &text);
+        self.note(Remark::Counts, &text);
         if !self.rig.is_remote() {
             self.link = LinkStats {
                 missed: missed.into(),
@@ -36,8 +36,8 @@ impl Station {
         }
         let text = format!("the specimen reported after the test: {said}");
         match &mut self.log {
-            Some(log) => log.warn("last_words", &text),
-            None => self.note(NoteLevel::Warning, "last_words", &text),
+            Some(log) => log.warn(Remark::LastWords, &text),
+            None => self.note(Remark::LastWords, &text),
         }
         Some(said)
     }
@@ -52,7 +52,7 @@ impl Station {
                 "the actuator–specimen iteration did not converge in {} answers, which are not exact",
                 self.unsettled
             );
-            self.note(NoteLevel::Warning, "unsettled", &text);
+            self.note(Remark::Unsettled, &text);
         }
         // A trip is why it ended, whatever else was said about it, and who says it again says nothing else.
         let why = self.tripped.map(|trip| match trip {

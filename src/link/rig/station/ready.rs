@@ -2,10 +2,10 @@
 
 use super::attempt::Origin;
 use super::{Station, USUAL_TICK_S, metres, not_finite};
+use crate::catalog::event::Remark;
 use crate::control::{Opinion, Pace, Probe, compare_stiffness};
 use crate::link::rig::settings::{ProbeSettings, TestEnd};
 use crate::link::rig::{Visitor, Wanted, apart, elsewhere};
-use crate::record::NoteLevel;
 use crate::rt::os;
 use crate::substructure::{Command, Introduction, Measurement};
 use crate::units::{AxisUnits, position, signed_in_axis_unit};
@@ -25,11 +25,11 @@ impl Station {
         let introduction = self.rig.connect(visitor, wanted)?;
         if self.rig.is_remote() {
             let text = format!("specimen \"{}\": {}", self.name, introduction.peer);
-            self.note(NoteLevel::Info, "connected", &introduction.peer);
+            self.note(Remark::Connected, &introduction.peer);
             told.push(text);
         }
         for warning in self.doubts(&introduction)? {
-            self.note(NoteLevel::Warning, "warning", &warning);
+            self.note(Remark::Warning, &warning);
         }
         if introduction.repeats_the_command && !self.needs_measured_disp.is_empty() {
             let text = format!(
@@ -41,7 +41,7 @@ impl Station {
         }
         if introduction.repeats_the_command {
             let text = "its end does not say that it measures displacement: what is passed on as measured may be the command";
-            self.note(NoteLevel::Warning, "warning", text);
+            self.note(Remark::Warning, text);
         }
         // What is measured is never quite what was commanded: the first command is judged as a step from there.
         if !introduction.measured
@@ -184,7 +184,7 @@ impl Station {
                 self.in_words(&self.passed_on),
                 self.in_words(start)
             );
-            self.warn_once("left_aside", &format!("{WHILE}: {left}"));
+            self.warn_once(Remark::LeftAside, &format!("{WHILE}: {left}"));
             let text = format!("{text}; {left}");
             TestEnd { cause, text }
         })
@@ -200,11 +200,7 @@ impl Station {
         let n = self.units.len();
         let diagonal: Vec<f64> = self.stiffness.iter().step_by(n + 1).copied().collect();
         let mut probe = Probe::new(start, amplitude, &diagonal, &self.units, pace);
-        self.note(
-            NoteLevel::Info,
-            "probing",
-            "a small motion and back, axis after axis",
-        );
+        self.note(Remark::Probing, "a small motion and back, axis after axis");
         self.arm(0, start, wanted)?;
         let (mut disp, mut vel) = (start.to_vec(), vec![0.0; n]);
         let mut edge = os::monotonic_ns();
@@ -242,7 +238,7 @@ impl Station {
             )
         });
         let text = format!("direction: {}", axes.collect::<Vec<_>>().join("; "));
-        self.note(NoteLevel::Info, "direction", &text);
+        self.note(Remark::Direction, &text);
         Ok(text)
     }
 
@@ -298,11 +294,7 @@ impl Station {
         start: &[f64],
         wanted: &mut Wanted<'_>,
     ) -> Result<(), TestEnd> {
-        self.note(
-            NoteLevel::Info,
-            "armed_again",
-            "the controller begins again",
-        );
+        self.note(Remark::ArmedAgain, "the controller begins again");
         self.arm(sequence, start, wanted)?;
         self.begins_at(sequence, start);
         Ok(())

@@ -3,10 +3,10 @@
 use std::sync::atomic::Ordering;
 
 use super::Stand;
+use crate::catalog::event::Remark;
 use crate::link::Transport;
 use crate::link::rig::{TestEnd, Trip};
 use crate::link::serve::{Desk, Heard};
-use crate::record::NoteLevel;
 use crate::substructure::Command;
 use crate::time::Nanos;
 use crate::wire::WireError;
@@ -43,7 +43,7 @@ impl Stand {
             self.holding = false;
             let resumed = Heard::Resumed { sequence };
             let text = resumed.to_string();
-            self.station.note(NoteLevel::Info, "commands_again", &text);
+            self.station.note(Remark::CommandsAgain, &text);
             desk.tell(resumed);
         }
         self.paused = false;

@@ -3,10 +3,10 @@
 //! The thread sleeps until shortly before the next command is expected, then reads in a busy loop until shortly after.
 
 use super::{Stand, gone_silent};
+use crate::catalog::event::Remark;
 use crate::link::Wait;
 use crate::link::rig::TestEnd;
 use crate::link::serve::{Desk, Heard};
-use crate::record::NoteLevel;
 use crate::substructure::Status;
 use crate::time::Nanos;
 use crate::wire::native::{Cause, Heartbeat};
@@ -68,8 +68,7 @@ impl Stand {
         if !self.holding {
             self.holding = true;
             self.station.note(
-                NoteLevel::Warning,
-                "holding",
+                Remark::Holding,
                 "no command comes from the controller: the specimen holds",
             );
             desk.tell(Heard::Holding {

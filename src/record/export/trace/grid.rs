@@ -1,11 +1,9 @@
 //! Where rows stand on the clock. A run has up to three grids of ticks: for trying directions, for what comes before t = 0,
 //! for the test; rows count from the first edge of theirs. Events of the kind `grid` say when that was on the loop's clock.
 
-use serde_json::Value;
-
 use super::stamps::Stamped;
 use crate::catalog::phase::{Part, Phase};
-use crate::record::GridOf;
+use crate::record::{Event, EventLine, GridOf};
 
 /// Places row after row, from the first of the file on.
 pub(super) struct Grid {
@@ -21,11 +19,16 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    pub fn of(told: &[Value]) -> Self {
+    pub fn of(told: &[EventLine]) -> Self {
         let edge = |of: GridOf| {
             let mut lines = told.iter().rev();
-            let line = lines.find(|line| line["event"] == "grid" && line["of"] == of.word())?;
-            line["first_edge_ns"].as_u64()
+            lines.find_map(|line| match line.event {
+                Event::Grid {
+                    of: grid,
+                    first_edge_ns,
+                } if grid == of => Some(first_edge_ns),
+                _ => None,
+            })
         };
         Self {
             edges: [GridOf::Directions, GridOf::Opening, GridOf::Test].map(edge),

@@ -2,12 +2,14 @@
 
 use serde_json::{Value, json};
 
+use crate::record::{Event, EventLine};
+
 /// A miss as its event tells it; µs from zero.
 #[derive(Debug, Clone)]
 pub(super) struct Missed {
     pub deadline: f64,
     pub pushed: f64,
-    pub told: Value,
+    pub told: EventLine,
 }
 
 /// Deadlines of rows and events are the same to this, µs: a nanosecond of the grid's fractions, and rounding.
@@ -17,14 +19,14 @@ const SAME: f64 = 0.5;
 pub(super) struct Misses(Vec<Missed>);
 
 impl Misses {
-    pub fn of(told: &[Value], origin_us: Option<f64>) -> Self {
+    pub fn of(told: &[EventLine], origin_us: Option<f64>) -> Self {
         let missed = told.iter().filter_map(|event| {
-            let late = event["late_ns"]
-                .as_u64()
-                .filter(|_| event["event"] == "miss")?;
-            let pushed = event["clock_ns"].as_u64()? as f64 / 1e3 - origin_us?;
+            let Event::Miss { late_ns, .. } = event.event else {
+                return None;
+            };
+            let pushed = event.clock_ns? as f64 / 1e3 - origin_us?;
             Some(Missed {
-                deadline: pushed - late as f64 / 1e3,
+                deadline: pushed - late_ns as f64 / 1e3,
                 pushed,
                 told: event.clone(),
             })
@@ -46,7 +48,7 @@ impl Misses {
 
 /// What the slice of a miss is called, and what it says.
 pub(super) fn words(missed: Option<&Missed>, late_us: f64) -> (String, Value) {
-    let class = missed.and_then(|missed| missed.told["class"].as_str());
+    let class = missed.and_then(|missed| missed.told.fields().get("class")?.as_str());
     let name = class.map_or_else(
         || "miss: cause not recorded".to_owned(),
         |class| format!("miss: {}", class.replace('_', " ")),
@@ -54,7 +56,7 @@ pub(super) fn words(missed: Option<&Missed>, late_us: f64) -> (String, Value) {
     let mut args = json!({ "late_us": super::rounded(late_us) });
     if let (Some(args), Some(told)) = (
         args.as_object_mut(),
-        missed.and_then(|m| m.told.as_object()),
+        missed.map(|missed| missed.told.fields()),
     ) {
         let evidence = [
             "class",

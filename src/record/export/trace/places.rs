@@ -11,6 +11,7 @@ use serde_json::Value;
 use super::{EVENTS, Stamped, instant};
 use crate::record::export::plan::Choice;
 use crate::record::run::Run;
+use crate::record::{Event, EventLine};
 
 /// Where the steps of the events stand on the grid.
 pub(super) struct Places {
@@ -23,8 +24,8 @@ pub(super) struct Places {
 }
 
 impl Places {
-    pub fn wanted(told: &[Value], choice: &Choice) -> Self {
-        let inside = |event: &Value| match event["time"].as_f64() {
+    pub fn wanted(told: &[EventLine], choice: &Choice) -> Self {
+        let inside = |event: &EventLine| match event.time {
             Some(time) => choice.holds(time),
             None => !choice.is_part(),
         };
@@ -33,7 +34,7 @@ impl Places {
             .filter(|(_, event)| inside(event))
             .map(|(index, _)| index)
             .collect();
-        let step = |index: &usize| told.get(*index)?["tick"].as_u64();
+        let step = |index: &usize| told.get(*index)?.tick;
         let steps = wanted.iter().filter_map(step);
         Self {
             steps: steps.map(|step| (step, (f64::NAN, f64::NAN, 0))).collect(),
@@ -69,27 +70,25 @@ impl Places {
             .map_or(self.shortest, |rate| 1e6 / rate)
     }
 
-    fn step(&self, event: &Value) -> Option<&(f64, f64, u64)> {
-        let tick = event["tick"].as_u64()?;
+    fn step(&self, event: &EventLine) -> Option<&(f64, f64, u64)> {
+        let tick = event.tick?;
         self.steps.get(&tick).filter(|(_, _, count)| *count > 0)
     }
 
-    fn events<'a>(&self, told: &'a [Value]) -> impl Iterator<Item = &'a Value> {
+    fn events<'a>(&self, told: &'a [EventLine]) -> impl Iterator<Item = &'a EventLine> {
         self.wanted.iter().filter_map(|i| told.get(*i))
     }
 
     /// When zero was on the loop's clock, µs, as far as events and rows tell: exact from a miss in a step of one tick, else
     /// not later than this.
-    pub fn origin_us(&self, told: &[Value], period_us: f64) -> Option<f64> {
+    pub fn origin_us(&self, told: &[EventLine], period_us: f64) -> Option<f64> {
         let (mut exact, mut bound) = (Vec::new(), f64::INFINITY);
         for event in self.events(told) {
-            if let (Some(clock), Some((first, _, count))) =
-                (event["clock_ns"].as_u64(), self.step(event))
-            {
+            if let (Some(clock), Some((first, _, count))) = (event.clock_ns, self.step(event)) {
                 let clock = clock as f64 / 1e3;
-                match event["late_ns"].as_u64() {
-                    Some(late) if *count == 1 && event["event"] == "miss" => {
-                        exact.push(clock - late as f64 / 1e3 - period_us - first);
+                match event.event {
+                    Event::Miss { late_ns, .. } if *count == 1 => {
+                        exact.push(clock - late_ns as f64 / 1e3 - period_us - first);
                     }
                     _ => bound = bound.min(clock - first),
                 }
@@ -101,10 +100,10 @@ impl Places {
     }
 
     /// The events of the window in order, each at its place on the grid.
-    pub fn placed(&self, told: &[Value], origin_us: Option<f64>) -> Vec<(f64, Value)> {
+    pub fn placed(&self, told: &[EventLine], origin_us: Option<f64>) -> Vec<(f64, Value)> {
         let placed = self.events(told).filter_map(|event| {
             let of_step = self.step(event).map(|(_, last, _)| *last);
-            let of_clock = event["clock_ns"].as_u64();
+            let of_clock = event.clock_ns;
             let of_clock = of_clock
                 .zip(origin_us)
                 .map(|(ns, origin)| ns as f64 / 1e3 - origin);
@@ -116,12 +115,10 @@ impl Places {
     }
 }
 
-fn shown(event: &Value, at: f64) -> Value {
-    let name = event["event"].as_str().unwrap_or("event");
-    let name = if name == "miss" {
-        "deadline missed"
-    } else {
-        name
+fn shown(event: &EventLine, at: f64) -> Value {
+    let name = match event.event {
+        Event::Miss { .. } => "deadline missed",
+        _ => event.name(),
     };
-    instant(EVENTS, "event", name, at, event)
+    instant(EVENTS, "event", name, at, &Value::Object(event.to_map()))
 }

@@ -35,7 +35,7 @@ pub(super) fn kept(root: &Path) -> LogSettings {
 pub(super) fn record(root: &Path) -> (Vec<(String, String)>, Summary) {
     let run = Run::open(&root.join("test-0001")).unwrap();
     let word = |event: &serde_json::Value, key: &str| event[key].as_str().unwrap_or("").to_owned();
-    let events = run.events().unwrap().events;
+    let events = run.events().unwrap().to_json();
     let events = events.iter().map(|e| (word(e, "event"), word(e, "text")));
     (events.collect(), run.summary().unwrap().clone())
 }
