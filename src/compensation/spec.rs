@@ -38,11 +38,6 @@ pub enum CompensationSpec {
     PiLead(PiLeadSpec),
 }
 
-pub(super) const DELAY: &[Parameter] = &[Parameter {
-    name: "delay",
-    unit: "s",
-}];
-
 impl CompensationSpec {
     /// The compensator of one axis for ticks of `dt` seconds.
     ///

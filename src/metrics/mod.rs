@@ -18,7 +18,8 @@
 
 pub mod energy;
 pub mod falsified;
-pub mod fourier;
+pub mod floor;
+mod fourier;
 pub mod ground;
 pub mod response;
 pub mod specimen;
@@ -26,8 +27,9 @@ pub mod spectrum;
 pub mod tracking;
 pub mod windows;
 
+pub use floor::Judged;
 pub use response::{
     Denominator, Peak, absorbed_energy, bridged, lag, largest_error, nrmse, peak, residual,
 };
 pub use specimen::{Estimate, Identified, delayed, identify, loading};
-pub use tracking::{Judged, Noise, Tracking};
+pub use tracking::{Noise, Tracking};

@@ -10,7 +10,7 @@ use super::rows::Rows;
 use super::specimens::Tracked;
 use super::text::{NOTHING, number, plural, quantity};
 use crate::metrics::falsified::{Falsified, Margin, together};
-use crate::metrics::tracking::Judged;
+use crate::metrics::Judged;
 
 /// Modes that are listed; the summary has them all.
 const MOST_MODES: usize = 12;

@@ -5,7 +5,8 @@ use super::header::{Header, begins_right, reserved};
 use super::layout::{
     CRC_LEN, HEADER_LEN, HISTORY, MEASURED_WORDS, WORD, earlier_words, trailer_len,
 };
-use super::view::{Cause, CommandFrame, Frame, Heartbeat, Kind, MeasurementFrame, Notice};
+use super::kind::Kind;
+use super::view::{Cause, CommandFrame, Frame, Heartbeat, MeasurementFrame, Notice};
 use crate::substructure::Status;
 use crate::wire::bytes::{Word, array, finite, finite_words, halves};
 use crate::wire::key::{MAC_LEN, SessionKey};

@@ -5,7 +5,7 @@ use super::layout::{
     CONTROL_LIMIT, FLAG_KEYED, FLAG_SPECIMEN, HEADER_LEN, HEADER_WORDS, MAGIC, VERSION, WORD,
     body_end, trailer_len,
 };
-use super::view::Kind;
+use super::kind::Kind;
 use crate::wire::bytes::halves;
 use crate::wire::{Side, WireError};
 

@@ -5,7 +5,7 @@
 //! [`super::Decoder`] and [`super::Encoder`].
 
 use super::layout::{COMMAND_WORDS, CRC_LEN, HEADER_LEN, MEASURED_WORDS, WORD, frame_len};
-use super::view::Kind;
+use super::kind::Kind;
 use crate::wire::bytes::{Word, halves, put};
 
 /// What a frame says of itself.
