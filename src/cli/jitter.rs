@@ -13,7 +13,6 @@ use super::frontier::{frontier, timing};
 use super::progress::ProgressLine;
 use super::table::Table;
 use super::{answer, only_with, tell};
-use crate::config::TimingSpec;
 use crate::record::{Progress, RunFolder};
 use crate::report::{Percentiles, jitter_svg};
 use crate::rt::load::{Load, USUAL_BYTES};

@@ -18,8 +18,8 @@
 
 pub mod energy;
 pub mod falsified;
-pub mod floor;
-mod fourier;
+mod floor;
+pub mod fourier;
 pub mod ground;
 pub mod response;
 pub mod specimen;

@@ -1,7 +1,7 @@
 //! An [`Element`] inside a structure: what the loop walks over, kept small, apart from what only reports need.
 
 use super::{Element, End, ModelError};
-use crate::law::{Law, Reach, Tangent};
+use crate::law::{Law, Reach};
 
 /// The hot half of an element.
 #[derive(Debug)]

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::between_ticks::BetweenTicks;
 use super::exact::is_hurwitz;
-use super::range::{finite, not_negative, positive};
+use super::range::{not_negative, positive};
 use super::sensor::{DispSensorSpec, ForceSensorSpec};
 use super::{TransferError, delay};
 

@@ -5,7 +5,8 @@
 
 use std::f64::consts::TAU;
 
-use super::dense::{DAMPER, DAMPING, DT, Dense, MASS, STIFFNESS, Way};
+pub(super) use super::dense::DT;
+use super::dense::{DAMPER, DAMPING, Dense, MASS, STIFFNESS, Way};
 use super::drive::{Method, Walk, peak};
 use super::figure::{Figure, Scale, Series};
 use super::{Check, Effort, number};
