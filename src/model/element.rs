@@ -24,8 +24,8 @@ pub(super) struct Facts {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Declared {
     pub(super) reach: Reach,
-    hardening_ratio: Option<f64>,
-    damping_ratio: Option<f64>,
+    pub(super) hardening_ratio: Option<f64>,
+    pub(super) damping_ratio: Option<f64>,
 }
 
 /// Ends that are no degree of freedom, as indices beyond every vector.

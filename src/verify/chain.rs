@@ -11,7 +11,7 @@ use super::drive::{Method, Walk, peak};
 use super::figure::{Figure, Scale, Series};
 use super::{Check, Effort, number};
 use crate::integrate::{Lambda, NewmarkBeta, StabilityProof};
-use crate::law::{BiviscousSpec, Law, Reach};
+use crate::law::{Law, Reach};
 use crate::linalg::SymMatrix;
 use crate::model::{Base, Element, End, Structure};
 use crate::spectral::lambda_limit;

@@ -3,7 +3,6 @@
 //! The windows are only made by [`super::Decoder::open`], which has checked lengths and numbers; their getters
 //! cannot fail and allocate nothing.
 
-use super::kind::Kind;
 use super::layout::{NO_SEQUENCE, earlier_words};
 use crate::substructure::{Measurement, Retirement, Status};
 use crate::wire::WireError;
