@@ -301,6 +301,9 @@ kinds! {
     MEASURED_POSE = "pose_meas", Coordinate, "m or rad", Measured, UNIT, "pose that the measured strokes have";
     /// Force in a coordinate.
     POSE_FORCE = "pose_force", Coordinate, "N or N m", Measured, UNIT, "force that entered equilibrium";
+    /// Value that a limit of an axis judged.
+    JUDGED = "judged", Parameter, "of the limit", Controller, "where the limit has a level",
+        "value that limit NAME judged in this tick, none where nothing was judged";
     /// Number of a command.
     SEQUENCE = "seq", Specimen, "1", Measured, ALWAYS, "newest command in force when {specimen} was sampled";
     /// Status flags.

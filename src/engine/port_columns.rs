@@ -6,9 +6,9 @@
 use std::ops::Range;
 
 use crate::catalog::column::{
-    ACTUATOR_FORCE, ADDED, COMMAND, COMPENSATION, FALSE_DAMPING, FORCE, GAIN, Kind, LAG, MARGIN,
-    MEASURED, MEASURED_POSE, POSE, POSE_FORCE, RAW_DISP, RAW_FORCE, SEQUENCE, STATUS, STIFFNESS,
-    STROKE, TANGENT, TANGENT_DAMPING, TARGET,
+    ACTUATOR_FORCE, ADDED, COMMAND, COMPENSATION, FALSE_DAMPING, FORCE, GAIN, JUDGED, Kind, LAG,
+    MARGIN, MEASURED, MEASURED_POSE, POSE, POSE_FORCE, RAW_DISP, RAW_FORCE, SEQUENCE, STATUS,
+    STIFFNESS, STROKE, TANGENT, TANGENT_DAMPING, TARGET,
 };
 use crate::control::Port;
 use crate::record::Column;
@@ -65,7 +65,8 @@ pub(super) fn port_values(slots: &mut [f64], width: usize, port: &Port) {
         let all = tracking
             .chain(margins)
             .chain(port.compensation_parameters())
-            .chain(poses);
+            .chain(poses)
+            .chain(port.judged());
         for (slot, value) in further.iter_mut().zip(all) {
             *slot = value;
         }
@@ -131,6 +132,17 @@ pub(super) fn port_columns(columns: &mut Vec<Column>, number: usize, port: &Port
                 ..named(kind, kind.of_axis(number, index + 1))
             });
         }
+    }
+    for (axis, limit) in port.recorded_limits() {
+        let (row, axis) = (limit.row(), axis + 1);
+        columns.push(Column {
+            unit: row.unit.into(),
+            meaning: format!(
+                "{}: value that `{}` judged in this tick, none where nothing was judged, {specimen}, axis {axis}",
+                row.words, row.key
+            ),
+            ..named(&JUDGED, JUDGED.of_parameter(row.name, number, axis))
+        });
     }
     for kind in [&SEQUENCE, &STATUS] {
         columns.push(Column {

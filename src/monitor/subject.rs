@@ -4,7 +4,6 @@ use serde::Serialize;
 
 use super::marks::{Mark, TestMark, mark, test_marks};
 use crate::catalog::column;
-use crate::control::limits::{AxisLimits, Watch};
 use crate::control::{DispZero, Exit};
 use crate::engine::{Experiment, MissLevels};
 use crate::record::Column;
@@ -99,18 +98,6 @@ pub struct WatchedSpecimen {
     /// Commanded once a step while the test runs.
     #[serde(skip)]
     pub(super) per_step: bool,
-    /// Wall time in s from command to command, beside the test and in it.
-    #[serde(skip)]
-    pub(super) ticks: [f64; 2],
-    #[serde(skip)]
-    limits: Vec<AxisLimits>,
-}
-
-impl WatchedSpecimen {
-    /// What the loop reckons its limits with.
-    pub(super) fn watch(&self) -> Watch {
-        Watch::new(self.limits.clone(), self.ticks[0])
-    }
 }
 
 /// An axis that is watched, SI at the specimen's own scale.
@@ -215,8 +202,6 @@ impl Subject {
                 status: find(&column::STATUS.of_specimen(number)),
                 newest: find(&column::SEQUENCE.of_specimen(number)),
                 per_step: port.is_per_step(),
-                ticks: port.command_ticks().unwrap_or([tick_s; 2]),
-                limits: port.limits().to_vec(),
                 axes: (1..)
                     .zip(
                         port.limits()
@@ -228,7 +213,14 @@ impl Subject {
                     .map(|(axis, (((limits, (metres, newtons)), bounds), zero))| {
                         let place = |kind: &column::Kind| find(&kind.of_axis(number, axis));
                         WatchedAxis {
-                            marks: limits.levels().filter_map(mark).collect(),
+                            marks: limits
+                                .levels()
+                                .filter_map(|limit| {
+                                    mark(limit, |name| {
+                                        find(&column::JUDGED.of_parameter(name, number, axis))
+                                    })
+                                })
+                                .collect(),
                             has_margin: place(&column::MARGIN).is_some(),
                             metres: *metres,
                             newtons: *newtons,

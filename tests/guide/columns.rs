@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 
 use gusset::catalog::column::{Each, Kind, SERVER, TEST};
+use gusset::catalog::limit::Limit;
 use gusset::catalog::phase::{Phase, STATES};
-use gusset::engine::TestQuantity;
 
 const HOLDS: [[&str; 2]; 4] = [
     ["1", "the operator asks for a hold"],
@@ -47,7 +47,7 @@ pub fn columns() -> String {
     );
     let first = TEST.iter().take_while(|kind| !kind.is_timing());
     first.for_each(|kind| row(&mut text, kind));
-    for quantity in TestQuantity::ALL.iter().filter(|one| !one.is_of_misses()) {
+    for quantity in Limit::OF_TEST.iter().filter(|one| !one.is_of_misses()) {
         let (key, words) = (quantity.key(), quantity.words());
         let _ = writeln!(
             text,

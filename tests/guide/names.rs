@@ -126,10 +126,7 @@ pub fn columns_of(layout: &str) -> Vec<String> {
     for column in layout["columns"].as_array().unwrap() {
         let name = column["name"].as_str().unwrap();
         let unit = column["unit"].as_str().unwrap();
-        if TestQuantity::ALL
-            .iter()
-            .any(|quantity| quantity.key() == name)
-        {
+        if Limit::OF_TEST.iter().any(|quantity| quantity.key() == name) {
             continue;
         }
         let mut kinds = TEST.iter().filter(|kind| kind.fits(name)).peekable();
@@ -138,7 +135,7 @@ pub fn columns_of(layout: &str) -> Vec<String> {
         }
         // A kind that has the unit of the axis or of a parameter says so in words.
         let fits = |kind: &Kind| {
-            let named = ["specimen unit", "of the parameter"].contains(&kind.unit);
+            let named = ["specimen unit", "of the parameter", "of the limit"].contains(&kind.unit);
             named || kind.unit.split(" or ").any(|one| one == unit)
         };
         if !kinds.any(fits) {
