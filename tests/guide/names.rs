@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use gusset::catalog::column::{Kind, TEST};
 use gusset::catalog::limit::Limit;
 use serde_json::Value;
 
