@@ -86,7 +86,7 @@ fn row(text: &mut String, kind: &Kind) {
     let meaning = kind.meaning.replace("{specimen}", "the specimen");
     let meaning = meaning.trim_end_matches(',');
     let of = if kind.each == Each::Dof {
-        " of DOF N"
+        " (DOF N)"
     } else {
         ""
     };
