@@ -65,6 +65,7 @@ pub mod compensation;
 pub mod config;
 pub mod control;
 pub mod engine;
+pub mod finding;
 pub mod frontier;
 pub mod geometry;
 pub mod guide;

@@ -15,6 +15,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("catalog", &[]),
     ("time", &[]),
     ("units", &[]),
+    ("finding", &[]),
     ("work", &[]),
     ("assets", &[]),
     ("law", &[]),
@@ -29,14 +30,43 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("motion", &["metrics"]),
     ("spectral", &[]),
     ("integrate", &["linalg", "model"]),
-    ("benchmark", &["compensation", "metrics", "transfer"]),
+    (
+        "benchmark",
+        &["compensation", "metrics", "motion", "transfer"],
+    ),
     ("identify", &["motion", "units"]),
     ("compensation", &[]),
+    // Every proof and verdict.
+    (
+        "stability",
+        &[
+            "compensation",
+            "finding",
+            "integrate",
+            "linalg",
+            "model",
+            "spectral",
+            "transfer",
+            "units",
+        ],
+    ),
     (
         "control",
-        &["compensation", "geometry", "substructure", "time", "units"],
+        &[
+            "compensation",
+            "geometry",
+            // Tables of critical delays.
+            "stability",
+            "substructure",
+            "time",
+            "units",
+        ],
     ),
-    ("record", &["substructure", "text", "units", "work"]),
+    // A summary repeats the verdict.
+    (
+        "record",
+        &["stability", "substructure", "text", "units", "work"],
+    ),
     ("text", &[]),
     // Pages and their rendering: they describe the program, and no code of it.
     ("guide", &[]),
@@ -59,7 +89,14 @@ const ALLOWED: &[(&str, &[&str])] = &[
     // Substructures say what the bits of a status column mean.
     (
         "report",
-        &["assets", "metrics", "record", "substructure", "text"],
+        &[
+            "assets",
+            "metrics",
+            "record",
+            "stability",
+            "substructure",
+            "text",
+        ],
     ),
     // Looks at what passes and sends an operator's requests; decides nothing.
     (
@@ -71,6 +108,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "integrate",
             "record",
             "rt",
+            "stability",
             "substructure",
             "text",
         ],
@@ -84,6 +122,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "model",
             "report",
             "spectral",
+            "stability",
             "time",
         ],
     ),
@@ -122,6 +161,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "compensation",
             "control",
             "engine",
+            "finding",
             "geometry",
             "integrate",
             "law",
@@ -148,6 +188,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "config",
             "control",
             "engine",
+            "finding",
             "geometry",
             "integrate",
             "law",
@@ -158,6 +199,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "rt",
             "specimen",
             "spectral",
+            "stability",
             "substructure",
             "time",
             "transfer",
@@ -165,17 +207,18 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "wire",
         ],
     ),
-    // Proofs and verdicts of a test that is built.
-    (
-        "stability",
-        &["config", "record", "setup", "spectral", "transfer", "units"],
-    ),
     (
         "session",
         &[
+            "compensation",
             "config",
             "control",
             "engine",
+            "frontier",
+            "geometry",
+            "identify",
+            "integrate",
+            "law",
             "metrics",
             "model",
             "motion",
@@ -183,10 +226,10 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "report",
             "rt",
             "setup",
+            "specimen",
             "stability",
             "substructure",
             "time",
-            // The same counter gives noise and draws.
             "transfer",
             "work",
             "units",
@@ -209,6 +252,8 @@ const PURE: &[&str] = &[
     "integrate",
     "specimen",
     "transfer",
+    "stability",
+    "finding",
     "compensation",
     "geometry",
     "guide",

@@ -398,3 +398,23 @@ fn a_link_with_forces_only_is_not_sent_to_identify_for_its_delay() {
         );
     }
 }
+
+#[test]
+fn gateway_obeys_the_verdict_of_a_test_file() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    listener.set_nonblocking(true).unwrap();
+    let port = listener.local_addr().unwrap().port();
+    let folder = TempDir::new().unwrap();
+    let file = folder.path().join("test.toml");
+    std::fs::write(&file, linked(port, 0.015)).unwrap();
+    let mut serve = Command::new(assert_cmd::cargo::cargo_bin!("gusset"));
+    serve.arg("serve").arg(&file);
+    serve.args(["--listen", "127.0.0.1:0"]);
+    serve.timeout(std::time::Duration::from_secs(120));
+    let output = serve.output().unwrap();
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{stderr}");
+    assert!(stderr.contains("accept_unstable"), "{stderr}");
+    assert!(output.stdout.is_empty(), "it listened");
+    assert!(listener.accept().is_err(), "it connected");
+}

@@ -10,6 +10,8 @@
 
 mod criteria;
 mod frame;
+mod ground;
+mod trials;
 
 #[cfg(test)]
 mod tests;
@@ -18,6 +20,8 @@ use nalgebra::{Matrix3, Vector3};
 
 pub use criteria::{Criteria, Histories};
 pub use frame::{DURATION_S, Frame, Motion, Part, RATE_HZ, SPECIMEN};
+pub use ground::synthetic;
+pub use trials::{Job, Line, Trials, controllers, jobs};
 
 use crate::compensation::Compensator;
 use crate::transfer::exact::Ramped;

@@ -11,10 +11,7 @@ use serde_json::json;
 use self::ground::GroundArgs;
 use super::exit::{Exit, WithExit};
 use super::{answer, tell};
-use crate::benchmark::{
-    Criteria, FORCE_LIMIT_N, Frame, Plant, QUANTUM, RATE_HZ, Setup, Wiring, reference, run,
-};
-use crate::compensation::CompensationSpec;
+use crate::benchmark::{Criteria, Job, Line, RATE_HZ, Trials, Wiring, controllers, jobs};
 use crate::rt::clock::{MonotonicClock, USUAL_SPIN_NS};
 use crate::time::Clock;
 use crate::transfer::BetweenTicks;
@@ -97,52 +94,6 @@ pub enum BetweenTicksArg {
     Held,
 }
 
-/// Controllers of the table, with what they are tuned to on this plant (lag 24 ms).
-const CONTROLLERS: [(&str, &str); 11] = [
-    ("none", "none = {}"),
-    (
-        "polynomial-1",
-        "polynomial = { order = 1, delay_s = 0.024 }",
-    ),
-    (
-        "polynomial-2",
-        "polynomial = { order = 2, delay_s = 0.024 }",
-    ),
-    (
-        "polynomial-3",
-        "polynomial = { order = 3, delay_s = 0.024 }",
-    ),
-    ("newton", "newton = { delay_s = 0.024 }"),
-    ("inverse", "inverse = { delay_s = 0.026 }"),
-    ("model-inverse", ""),
-    ("pi-lead", "pi_lead = {}"),
-    ("ats", "ats = { start = [1.0, 0.0249, 1.07e-4] }"),
-    ("amb", "amb = {}"),
-    ("recursive-fir", "recursive_fir = { delay_s = 0.024 }"),
-];
-
-/// One row of the table before it is computed.
-struct Job<'a> {
-    case: usize,
-    frame: Frame,
-    linear: [Vec<f64>; 3],
-    controller: &'a str,
-    spec: &'a CompensationSpec,
-    wiring: Wiring,
-}
-
-/// One line of the table.
-struct Line {
-    case: usize,
-    controller: String,
-    wiring: Wiring,
-    /// Of the nominal plant, or the mean of the drawn ones.
-    criteria: Criteria,
-    /// The largest of each.
-    worst: Criteria,
-    saturated: usize,
-}
-
 /// The virtual real-time hybrid simulation benchmark.
 pub fn vrths(args: &VrthsArgs) -> anyhow::Result<Exit> {
     let usage = |text: String| WithExit(Exit::Usage, text);
@@ -159,23 +110,7 @@ pub fn vrths(args: &VrthsArgs) -> anyhow::Result<Exit> {
         .map_err(|error| WithExit(Exit::Usage, error.to_string()))?;
     let clock = MonotonicClock::new(USUAL_SPIN_NS);
     let begun = clock.now();
-    let mut jobs = Vec::new();
-    for case in cases {
-        let frame = Frame::case(case).context("the cases are 1 to 4")?;
-        let linear = reference(&frame, &ground);
-        for (controller, spec) in &controllers {
-            for wiring in &wirings {
-                jobs.push(Job {
-                    case,
-                    frame,
-                    linear: linear.clone(),
-                    controller,
-                    spec,
-                    wiring: *wiring,
-                });
-            }
-        }
-    }
+    let jobs = jobs(&cases, &controllers, &wirings, &ground).context("the cases are 1 to 4")?;
     let lines = computed(args, &ground, &jobs)?;
     let wall = clock.now().since(begun) as f64 * 1e-9;
     let seconds = ground.len() as f64 / RATE_HZ;
@@ -216,6 +151,14 @@ fn wirings(args: &VrthsArgs) -> Result<Vec<Wiring>, String> {
 
 /// All rows in the order of the jobs, on all processors.
 fn computed(args: &VrthsArgs, ground: &[f64], jobs: &[Job<'_>]) -> anyhow::Result<Vec<Line>> {
+    let trials = Trials {
+        plants: args.plants,
+        noise: args.noise,
+        quantisation: args.quantisation,
+        late: args.late,
+        seed: args.seed,
+        ground,
+    };
     let next = AtomicUsize::new(0);
     let tests = Tests {
         work: Work::begin("benchmark", jobs.len() as u64 * args.plants.max(1)),
@@ -226,7 +169,7 @@ fn computed(args: &VrthsArgs, ground: &[f64], jobs: &[Job<'_>]) -> anyhow::Resul
         loop {
             let place = next.fetch_add(1, Ordering::Relaxed);
             let Some(job) = jobs.get(place) else { break };
-            done.push((place, line(args, ground, job, &tests)?));
+            done.push((place, trials.line(job, &|| tests.one_more())?));
         }
         Ok::<_, anyhow::Error>(done)
     };
@@ -259,111 +202,6 @@ impl Tests {
         self.work
             .done(self.done.fetch_add(1, Ordering::Relaxed) + 1);
     }
-}
-
-fn line(args: &VrthsArgs, ground: &[f64], job: &Job<'_>, tests: &Tests) -> anyhow::Result<Line> {
-    let plants = if args.plants == 0 {
-        0..1
-    } else {
-        1..args.plants + 1
-    };
-    let mut all = Vec::new();
-    let mut saturated = 0;
-    for number in plants {
-        let mut controller = job.spec.build(1.0 / RATE_HZ)?;
-        controller.reset(0.0);
-        let setup = Setup {
-            frame: &job.frame,
-            plant: Plant::drawn(args.seed, number),
-            wiring: job.wiring,
-            noise: args.noise.then_some(args.seed + number),
-            quantum: if args.quantisation { QUANTUM } else { 0.0 },
-            ground,
-            late: args.late,
-            force_limit: FORCE_LIMIT_N,
-        };
-        let outcome = run(&setup, controller.as_mut());
-        tests.one_more();
-        saturated += outcome.saturated;
-        all.push(Criteria::of(&outcome.histories, &job.linear, 1.0 / RATE_HZ));
-    }
-    let (criteria, worst) = mean_and_worst(&all);
-    Ok(Line {
-        case: job.case,
-        controller: job.controller.to_owned(),
-        wiring: job.wiring,
-        criteria,
-        worst,
-        saturated,
-    })
-}
-
-fn mean_and_worst(all: &[Criteria]) -> (Criteria, Criteria) {
-    let count = all.len() as f64;
-    let mut criteria = Criteria {
-        j: [0.0; 9],
-        delay_ms: 0.0,
-    };
-    let mut worst = criteria;
-    for one in all {
-        for ((mean, worst), value) in criteria.j.iter_mut().zip(&mut worst.j).zip(one.j) {
-            *mean += value / count;
-            *worst = if value > *worst || value.is_nan() {
-                value
-            } else {
-                *worst
-            };
-        }
-        criteria.delay_ms += one.delay_ms / count;
-        // A lead is as bad as a lag; one that cannot be told is the worst.
-        if one.delay_ms.is_nan() || one.delay_ms.abs() > worst.delay_ms.abs() {
-            worst.delay_ms = one.delay_ms;
-        }
-    }
-    (criteria, worst)
-}
-
-/// The controllers that are asked for: one by name, one in the words of `[specimen.compensation]`, or all.
-fn controllers(asked: Option<&str>) -> Result<Vec<(String, CompensationSpec)>, String> {
-    let known = || {
-        CONTROLLERS.iter().map(|(name, text)| {
-            let spec = if text.is_empty() {
-                model_inverse()
-            } else {
-                toml::from_str(text).map_err(|error| error.to_string())?
-            };
-            Ok(((*name).to_owned(), spec))
-        })
-    };
-    let Some(asked) = asked else {
-        return known().collect();
-    };
-    if CONTROLLERS.iter().any(|(name, _)| *name == asked) {
-        return known()
-            .filter(|one: &Result<_, String>| one.as_ref().is_ok_and(|(name, _)| name == asked))
-            .collect();
-    }
-    let spec: CompensationSpec = toml::from_str(asked).map_err(|error| {
-        let names: Vec<_> = CONTROLLERS.iter().map(|(name, _)| *name).collect();
-        format!(
-            "--controller {asked:?}: use one of {}, or a table as in [specimen.compensation]; as a table: {}",
-            names.join(", "),
-            error.message()
-        )
-    })?;
-    spec.build(1.0 / RATE_HZ)
-        .map_err(|error| format!("--controller: {error}"))?;
-    Ok(vec![(asked.to_owned(), spec)])
-}
-
-/// The first four coefficients of the nominal plant's own polynomial, over its gain.
-fn model_inverse() -> CompensationSpec {
-    let plant = Plant::default();
-    let mut rising = plant.servo.characteristic(plant.stiffness, plant.damping);
-    rising.reverse();
-    let gain = plant.servo.gain * plant.servo.valve_gain;
-    let coefficients = rising.iter().take(4).map(|c| c / gain).collect();
-    CompensationSpec::ModelInverse(crate::compensation::ModelInverseSpec { coefficients })
 }
 
 fn show(lines: &[Line], plants: u64) -> anyhow::Result<()> {

@@ -7,17 +7,19 @@ mod next;
 mod verbose;
 
 use super::args::CheckArgs;
-use super::certificate::Certificate;
+use super::certificate;
 use super::exit::Exit;
 use super::rehearsed;
 use super::run::{load, refused};
-use super::spectrum::Spectrum;
+use super::spectrum;
 use super::table::Table;
 use super::{answer, tell, warn};
 use crate::config::Loaded;
-use crate::record::{Outcome, RecordedVerdict};
 use crate::session::Judged;
+use crate::session::certificate::Certificate;
 use crate::setup;
+use crate::stability::Spectrum;
+use crate::stability::{Outcome, RecordedVerdict};
 use crate::transfer::BetweenTicks;
 
 /// Checks one test.
@@ -28,26 +30,29 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
     for text in &test.facts.announced {
         tell(format_args!("note: {text}"));
     }
-    let spectrum = test.facts.structure.as_ref();
-    let spectrum = spectrum.and_then(|structure| Spectrum::of(&test.facts, structure));
+    let structure = test.facts.structure.as_ref();
+    let spectrum = structure.and_then(|structure| {
+        let analysis = structure.analysis.as_ref()?;
+        Some(Spectrum::of(analysis, test.facts.dt, structure.lambda))
+    });
     if let Some(folder) = &args.plot {
         let Some(spectrum) = spectrum.as_ref().filter(|spectrum| spectrum.is_of_family()) else {
             anyhow::bail!(
                 "--plot has nothing to draw: the curves exist for the method \"gui\" and structures of up to 50000 DOFs"
             );
         };
-        spectrum.plot(folder)?;
+        spectrum::plot(spectrum, folder)?;
     }
     let mut judged = Judged::without_rehearsal(test);
     if !args.no_rehearsal {
         judged = judged.rehearsed().map_err(refused)?;
     }
     let certificate = if args.rehearse {
-        Some(Certificate::of(&loaded, &judged, args.trials, args.seed)?)
+        Some(Certificate::of(&loaded, &judged, args.trials, args.seed).map_err(refused)?)
     } else {
         None
     };
-    warn(&judged.verdict.diagnostics(&loaded, true));
+    warn(&loaded.diagnose(judged.verdict.shown(true)));
     let checked = Checked {
         args,
         loaded: &loaded,
@@ -97,7 +102,7 @@ impl Checked<'_> {
             brief::tabulate(self, &mut table);
         }
         if let Some(certificate) = self.certificate {
-            certificate.tabulate(&mut table);
+            certificate::tabulate(certificate, &mut table);
         }
         next::tabulate(self, &mut table);
         table

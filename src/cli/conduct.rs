@@ -7,15 +7,38 @@ use anyhow::Context;
 
 use super::attend::Attendant;
 use super::exit::{Exit, WithExit};
-use super::tell;
+use super::screen::in_colour;
+use super::{tell, warn};
 use crate::engine::{Control, PhaseCell};
 use crate::record::RunFolder;
 use crate::rt::wall::Wall;
-use crate::session::{Finish, Finished, SessionError, Signal, Signals};
+use crate::session::{Finish, Finished, Judged, SessionError, Signal, Signals};
 use crate::setup::Facts;
 
 /// Notices of the loop that may wait to be read.
 const NOTICES: usize = 1024;
+
+/// Shows the findings of the verdict, and refuses the test if it forbids it.
+pub(super) fn obey(judged: &Judged) -> anyhow::Result<()> {
+    let Some(loaded) = &judged.test.loaded else {
+        return Ok(());
+    };
+    let found = loaded.diagnose(judged.verdict.shown(false));
+    if !judged.verdict.forbids() {
+        warn(&found);
+        return Ok(());
+    }
+    tell(found.render(in_colour()));
+    let keys = judged.verdict.open_keys();
+    let text = format!(
+        "the verdict forbids this test, because it moves a specimen behind a link; nothing was moved\n\
+         mend it, or give a reason in [safety]: {}",
+        keys.map(|key| format!("{key} = \"…\""))
+            .collect::<Vec<_>>()
+            .join(", ")
+    );
+    Err(WithExit(Exit::Usage, text).into())
+}
 
 /// The folder that was asked for, or one of its own.
 pub(super) fn folder(out: Option<&Path>, title: &str) -> anyhow::Result<RunFolder> {

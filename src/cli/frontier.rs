@@ -4,32 +4,18 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use serde_json::json;
-use tracing::subscriber::NoSubscriber;
 
 use super::args::{JitterArgs, ModelArg};
 use super::exit::{Exit, WithExit};
 use super::table::Table;
 use super::{answer, tell};
-use crate::config::TimingSpec;
-use crate::frontier::{Length, Point, Scalable, Search, Trial, csv, largest, svg};
-use crate::record::{Progress, RunFolder, atomic};
+use crate::frontier::{Point, Scalable, csv, svg};
+use crate::record::{RunFolder, atomic};
 use crate::rt::wall::Wall;
-use crate::session::{self, Signal, Signals, Watches, loop_round};
+use crate::session::frontier::{Trials, WANTED};
+use crate::session::{Signal, Signals};
 use crate::time::Ratio;
 use crate::work::Work;
-
-/// Share of the deadlines that a model must keep.
-const WANTED: f64 = 0.9999;
-/// The least and the most degrees of freedom that are tried; 1 kB each while a model is made.
-const MOST: usize = 4_000_000;
-/// Size to begin with at the highest rate, before anything is known.
-const BEGIN: usize = 1000;
-/// Ticks that judge a size, and with `--quick`.
-const PROOF: u64 = 10_000;
-const QUICK_PROOF: u64 = 1000;
-/// A trial that only looks takes this long, in s, and has so many ticks at least.
-const LOOK_S: f64 = 0.5;
-const LOOK_TICKS: u64 = 200;
 
 /// Beyond this rate no clock of ours ticks.
 const HIGHEST_HZ: f64 = 1e6;
@@ -50,27 +36,21 @@ pub fn frontier(args: &JitterArgs, model: ModelArg) -> anyhow::Result<Exit> {
     let trials = Trials {
         model,
         timing,
-        proof: if args.quick { QUICK_PROOF } else { PROOF },
+        proof: if args.quick {
+            Trials::QUICK_PROOF
+        } else {
+            Trials::PROOF
+        },
         scratch: folder.join("trial"),
         signals: &signals,
+        told: &|text| tell(text),
     };
     let mut points: Vec<Point> = Vec::with_capacity(rates.len());
     let work = Work::begin("largest model at each rate", rates.len() as u64);
     let mut refused = Vec::new();
     for (searched, rate) in rates.into_iter().enumerate() {
         let rate_hz = rate.value();
-        let begin = points
-            .last()
-            .map_or(BEGIN, |last| (last.dof_hz() / rate_hz) as usize);
-        let search = Search {
-            begin,
-            range: (model.least(), MOST),
-            wanted: WANTED,
-        };
-        let found = largest(search, &mut |n, length| {
-            work.done(searched as u64);
-            trials.run(n, rate, length)
-        })?;
+        let found = trials.largest(rate, points.last(), &|| work.done(searched as u64))?;
         if signals.seen().is_some() {
             break;
         }
@@ -114,72 +94,6 @@ fn rates(args: &JitterArgs) -> anyhow::Result<Vec<Ratio>> {
     }
     rates.sort_by(|a, b| b.value().total_cmp(&a.value()));
     Ok(rates)
-}
-
-/// Runs one size at one rate in the loop of a test, on its own thread, recorded as any test.
-struct Trials<'a> {
-    model: Scalable,
-    timing: TimingSpec,
-    proof: u64,
-    scratch: PathBuf,
-    signals: &'a Signals,
-}
-
-impl Trials<'_> {
-    /// The size that was really run and how it went; none if the operator has had enough.
-    fn run(
-        &self,
-        wanted: usize,
-        rate: Ratio,
-        length: Length,
-    ) -> anyhow::Result<Option<(usize, Trial)>> {
-        if self.signals.seen().is_some() {
-            return Ok(None);
-        }
-        let n = self.model.size_near(wanted);
-        let rate_hz = rate.value();
-        let ticks = match length {
-            Length::Short => LOOK_TICKS.max((LOOK_S * rate_hz) as u64),
-            Length::Long => self.proof,
-        };
-        let side = self.model.side(n, 1.0 / rate_hz, ticks as usize)?;
-        let words = (
-            format!("{n} degrees of freedom at {rate} Hz"),
-            format!("# gusset jitter --model: {n} degrees of freedom at {rate} Hz\n"),
-        );
-        let test = loop_round(side, &[0, n - 1], rate, ticks, self.timing.clone(), words);
-        let folder = RunFolder::create(&self.scratch).context("the folder cannot be made")?;
-        let requests = self.signals.requests();
-        // Deadlines are missed on purpose here: they are counted, not told one by one.
-        let finished = tracing::subscriber::with_default(NoSubscriber::new(), || {
-            let unseen = &mut |_: &Progress| {};
-            session::run(test, folder, requests, Watches::default(), unseen)
-        });
-        // A trial is not a test that anybody wants to keep.
-        let _ = std::fs::remove_dir_all(&self.scratch);
-        let summary = finished?.summary;
-        if self.signals.seen().is_some() {
-            return Ok(None);
-        }
-        let compute = &summary.timing["compute"];
-        let figure = |key: &str| compute[key].as_f64().unwrap_or(f64::NAN);
-        let taken_away = summary.miss_classes.taken_away;
-        let trial = Trial {
-            ticks: summary.steps + 1,
-            missed: summary.deadline_misses - taken_away,
-            taken_away,
-            compute_us: [figure("p50"), figure("p99_9")],
-        };
-        let what = match length {
-            Length::Short => "looks",
-            Length::Long => "proof",
-        };
-        tell(format_args!(
-            "{:>8} Hz {n:>9} DOFs, {what}: {} of {} deadlines missed, {} more by the hypervisor or an interrupt; step {:.1} µs",
-            rate_hz, trial.missed, trial.ticks, trial.taken_away, trial.compute_us[0],
-        ));
-        Ok(Some((n, trial)))
-    }
 }
 
 /// The folder of the results, made anew.

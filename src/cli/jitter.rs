@@ -1,7 +1,5 @@
 //! `gusset jitter`: the loop's own timing on this machine.
 
-mod verdict;
-
 use std::path::Path;
 
 use anyhow::Context;
@@ -16,10 +14,10 @@ use super::{answer, only_with, tell};
 use crate::record::{Progress, RunFolder};
 use crate::report::{Percentiles, jitter_svg};
 use crate::rt::load::{Load, USUAL_BYTES};
+use crate::session::fitness::Measured;
 use crate::session::{self, Finish, Finished, Signal, Signals, Watches, bare_loop};
 use crate::setup::Prepared;
 use crate::time::Ratio;
-use verdict::Measured;
 
 /// More than any machine keeps.
 const HIGHEST_HZ: f64 = 1e6;

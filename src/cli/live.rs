@@ -30,7 +30,7 @@ use crate::record::Onlooker;
 use crate::session::Attendance;
 #[cfg(feature = "monitor")]
 use crate::session::Finished;
-use crate::setup::{Facts, Prepared, Stability};
+use crate::setup::{Facts, Prepared};
 
 /// A port that no server of this program takes unless told to.
 #[cfg(feature = "monitor")]
@@ -208,14 +208,11 @@ fn announce(page: &LivePage) {
 
 fn lambda(facts: &Facts) -> Option<LambdaUse> {
     let structure = facts.structure.as_ref()?;
-    let declared_limit = match &structure.stability {
-        Stability::Limit(choice) => choice.limit.unwrap_or(f64::INFINITY),
-        Stability::NoLambda(_) => 0.0,
-        _ => f64::NAN,
-    };
+    let limit = structure.stability.lambda_limit();
+    let declared_limit = limit.unwrap_or(f64::NAN);
     Some(LambdaUse {
         used: structure.lambda?.value(),
         declared_limit,
-        proven: !declared_limit.is_nan(),
+        proven: limit.is_some(),
     })
 }

@@ -40,7 +40,6 @@ mod serve_start;
 mod serve_tls;
 mod shell;
 mod spectrum;
-mod stability;
 mod status;
 mod table;
 mod verify;

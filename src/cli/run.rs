@@ -12,14 +12,15 @@ use super::live;
 use super::screen;
 use super::status::Status;
 use super::table::Table;
-use super::{answer, only_with, stability, tell, warn};
-use crate::config::{self, ConfigError, Loaded, Method};
-use crate::record::{Progress, RecordedVerdict};
+use super::{answer, only_with, tell, warn};
+use crate::config::{self, ConfigError, Loaded};
+use crate::record::Progress;
 use crate::report::told;
 use crate::session::{
-    self, Allowed, Finished, Judged, Page, ReplayError, ResumeError, Signals, Watches,
+    self, Allowed, Finished, Judged, Page, ReplayError, ResumeError, Signals, Watches, integration,
 };
 use crate::setup::{self, Facts, Prepared};
+use crate::stability::RecordedVerdict;
 use crate::units::{duration, number, quantity};
 
 /// Runs one test.
@@ -30,7 +31,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
         tell(format_args!("note: {text}"));
     }
     let mut judged = Judged::of(test).map_err(refused)?;
-    obey(&judged)?;
+    conduct::obey(&judged)?;
     let test = &mut judged.test;
     attend::can_confirm(&mut test.facts, args.test_run.yes)?;
     let asked = live::Asked::for_run(args, test)?;
@@ -87,28 +88,6 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     conduct::end(&finished, exit, !args.quiet)
 }
 
-/// Shows the findings of the verdict, and refuses the test if it forbids it.
-fn obey(judged: &Judged) -> anyhow::Result<()> {
-    let Some(loaded) = &judged.test.loaded else {
-        return Ok(());
-    };
-    let found = judged.verdict.diagnostics(loaded, false);
-    if !judged.verdict.forbids() {
-        warn(&found);
-        return Ok(());
-    }
-    tell(found.render(screen::in_colour()));
-    let keys = judged.verdict.open_keys();
-    let text = format!(
-        "the verdict forbids this test, because it moves a specimen behind a link; nothing was moved\n\
-         mend it, or give a reason in [safety]: {}",
-        keys.map(|key| format!("{key} = \"…\""))
-            .collect::<Vec<_>>()
-            .join(", ")
-    );
-    Err(WithExit(Exit::Usage, text).into())
-}
-
 /// The test that is asked for: a new one, or an interrupted one that goes on.
 fn prepare(args: &RunArgs) -> anyhow::Result<Prepared> {
     if let Some(folder) = &args.resume {
@@ -150,14 +129,6 @@ pub fn refused(error: ConfigError) -> anyhow::Error {
     }
 }
 
-/// A method as the test file spells it.
-pub fn method_name(method: Method) -> String {
-    match serde_json::to_value(method) {
-        Ok(serde_json::Value::String(name)) => name,
-        _ => format!("{method:?}"),
-    }
-}
-
 /// Which steps were made, and the test time that they took; `after` is the last step that was made by another test.
 fn tested(steps: u64, after: Option<u64>, dt: f64) -> String {
     let own = steps.saturating_sub(after.unwrap_or(0));
@@ -196,10 +167,10 @@ fn conclude(facts: &Facts, finished: &Finished, page: Option<&Page>) {
     if let Some(structure) = &facts.structure {
         match structure.lambda {
             None => {
-                let limit = stability::brief(structure);
+                let limit = integration::brief(structure);
                 table.row(
                     "method",
-                    &format!("{} ({limit})", method_name(structure.method)),
+                    &format!("{} ({limit})", integration::method_name(structure.method)),
                 );
             }
             Some(lambda) => {
@@ -208,7 +179,7 @@ fn conclude(facts: &Facts, finished: &Finished, page: Option<&Page>) {
                 } else {
                     "automatic"
                 };
-                let limit = stability::brief(structure);
+                let limit = integration::brief(structure);
                 let own = structure.lambda_apart.iter();
                 let own: String = own
                     .map(|(name, own)| format!(", {own} for {name}"))

@@ -4,6 +4,7 @@ use std::net::SocketAddr;
 use std::path::Path;
 
 use super::args::{ProtocolArg, ServeArgs, SignalOrderArg, TransportArg};
+use super::conduct;
 use super::control::latched;
 use super::exit::{Exit, WithExit};
 use super::log::remark;
@@ -17,8 +18,8 @@ use crate::link::secret::read_key;
 use crate::link::serve::{Heard, Host, ServeError, ServeOptions, Server, USUAL_LISTEN};
 use crate::link::spec::{Carrier, Offer};
 use crate::link::tls::ClientCertificate;
-use crate::session::{Signal, Taken};
-use crate::setup::rt_plan;
+use crate::session::{Judged, Signal, Taken};
+use crate::setup::{self, rt_plan};
 use anyhow::Context;
 
 /// The budget of the data thread's busy loop is judged for this period; the true one is the controller's.
@@ -92,6 +93,9 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
     let specimen = served.file.specimen.first();
     let among = specimen.filter(|_| served.among_others);
     let name = among.map(|specimen| specimen.name.as_str());
+    if served.of_a_test && served.host.is_gateway() {
+        judge(&args.file)?;
+    }
     let (host, _control) = latched(served.host, args, name, physical)?;
     served.host = host;
     if let Some((role, _)) = openfresco {
@@ -146,6 +150,13 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
         },
     )?;
     Ok(exit)
+}
+
+/// Obeys the verdict of a test file whose specimen this gateway would move.
+fn judge(file: &Path) -> anyhow::Result<()> {
+    let loaded = config::load(file, &[]).map_err(refused)?;
+    let test = setup::build(&loaded).map_err(refused)?;
+    conduct::obey(&Judged::of(test).map_err(refused)?)
 }
 
 /// Takes the order of SimSimulink's signals from the command line, or else from the file. Refuses an order for a client that has

@@ -13,109 +13,13 @@ use annotate_snippets::{
     Annotation, AnnotationKind, Group, Level, Origin, Renderer, Snippet, Title,
 };
 
-use super::document::{KeyPath, SyntaxError};
+use super::document::SyntaxError;
 use super::echo::plain;
 use super::read::{Kind, Mistake};
 use super::suggest::{listed, nearest};
 use super::words::{NO_COMMA, comma_readings};
-
-/// Whether a diagnostic forbids the test.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Severity {
-    /// The test is refused.
-    Error,
-    /// The test runs; the user should know.
-    Warning,
-}
-
-/// Which bytes of an entry a finding points at.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Part {
-    /// Its key.
-    Key,
-    /// Its value; the header of a `[table]`.
-    Value,
-}
-
-/// A mistake at a path of the test file, in words.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Finding {
-    /// Whether it forbids the test.
-    pub severity: Severity,
-    /// Where; the nearest entry above it that exists is shown.
-    pub path: KeyPath,
-    /// What of the entry is wrong.
-    pub part: Part,
-    /// One line: what is wrong.
-    pub headline: String,
-    /// A few words under the caret.
-    pub label: String,
-    /// What is allowed, and what to do.
-    pub help: Vec<String>,
-    /// A second place that the mistake is about, with a few words.
-    pub beside: Option<(KeyPath, String)>,
-    /// Numbers that it states, by name, SI: for programs that read a verdict.
-    pub numbers: Vec<(&'static str, f64)>,
-}
-
-impl Finding {
-    /// An error at the value of `path`.
-    pub fn error(path: KeyPath, headline: impl Into<String>) -> Self {
-        Self {
-            severity: Severity::Error,
-            path,
-            part: Part::Value,
-            headline: headline.into(),
-            label: String::new(),
-            help: Vec::new(),
-            beside: None,
-            numbers: Vec::new(),
-        }
-    }
-
-    /// A warning at the value of `path`.
-    pub fn warning(path: KeyPath, headline: impl Into<String>) -> Self {
-        Self {
-            severity: Severity::Warning,
-            ..Self::error(path, headline)
-        }
-    }
-
-    /// The same, pointing at the key.
-    #[must_use]
-    pub fn at_key(mut self) -> Self {
-        self.part = Part::Key;
-        self
-    }
-
-    /// The same, with words under the caret.
-    #[must_use]
-    pub fn label(mut self, label: impl Into<String>) -> Self {
-        self.label = label.into();
-        self
-    }
-
-    /// The same, with one more line of help.
-    #[must_use]
-    pub fn help(mut self, help: impl Into<String>) -> Self {
-        self.help.push(help.into());
-        self
-    }
-
-    /// Adds a number in SI units.
-    #[must_use]
-    pub fn number(mut self, name: &'static str, value: f64) -> Self {
-        self.numbers.push((name, value));
-        self
-    }
-
-    /// The same, showing a second place.
-    #[must_use]
-    pub fn beside(mut self, path: KeyPath, label: impl Into<String>) -> Self {
-        self.beside = Some((path, label.into()));
-        self
-    }
-}
+use crate::finding::KeyPath;
+pub use crate::finding::{Finding, Part, Severity};
 
 impl From<Mistake> for Finding {
     fn from(mistake: Mistake) -> Self {
@@ -147,10 +51,11 @@ impl From<Mistake> for Finding {
                     Some(key) if key == found => path.parent().unwrap_or_default(),
                     _ => path.clone(),
                 };
-                Self::error(path, format!("{} cannot be `{found}`", subject(&table)))
-                    .at_key_if(|f| f.path != table)
+                let is_key = path != table;
+                let finding = Self::error(path, format!("{} cannot be `{found}`", subject(&table)))
                     .label(label)
-                    .help(format!("allowed here: {}", listed(&allowed, "or")))
+                    .help(format!("allowed here: {}", listed(&allowed, "or")));
+                if is_key { finding.at_key() } else { finding }
             }
             Kind::NotExactlyOne { found, allowed } => {
                 let label = match found.as_slice() {
@@ -182,16 +87,6 @@ impl From<Mistake> for Finding {
             },
             Kind::Other(message) => Self::error(path, format!("{name}: {message}")),
             Kind::Consequence => Self::error(path, format!("{name} cannot be read")),
-        }
-    }
-}
-
-impl Finding {
-    fn at_key_if(self, condition: impl FnOnce(&Self) -> bool) -> Self {
-        if condition(&self) {
-            self.at_key()
-        } else {
-            self
         }
     }
 }

@@ -103,6 +103,8 @@ pub struct Served {
     pub text: String,
     /// The part of the file that is served.
     pub file: ServeFile,
+    /// The file is a test file.
+    pub of_a_test: bool,
     /// The file has other specimens, too.
     pub among_others: bool,
     /// Warnings for the user.
@@ -311,6 +313,7 @@ pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigErro
         timing: file.timing.clone(),
         text,
         file,
+        of_a_test,
         among_others,
         warnings,
         locator: opened.locator,

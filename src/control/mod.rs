@@ -7,7 +7,6 @@
 mod believed;
 mod bend;
 mod compensated;
-mod critical;
 mod direction;
 mod error;
 mod estimate;
@@ -17,6 +16,7 @@ mod guard;
 mod leaving;
 pub mod limits;
 mod link;
+mod margin;
 mod misfit;
 mod opening;
 mod path;
@@ -35,7 +35,6 @@ mod units;
 mod unloading;
 
 pub use believed::Believed;
-pub use critical::CriticalDelay;
 pub use direction::Direction;
 pub use error::PortError;
 pub use estimate::Declared;
@@ -58,6 +57,7 @@ pub use unloading::Astray;
 
 pub use crate::catalog::phase::Stage;
 
+use crate::stability::CriticalDelay;
 use crate::substructure::{Measurement, Status, Substructure};
 
 /// One axis of a specimen as the structure sees it: the row of B and the map between the two systems of units.

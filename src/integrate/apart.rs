@@ -14,7 +14,7 @@
 //! ```
 //!
 //! so that what is stiff or hardens is held by a small λ and what governs the response keeps the accuracy of a larger one.
-//! Which λ is stable is asked in [`super::StabilityProof`].
+//! The module `stability` proves which λ is stable.
 
 use nalgebra::DMatrix;
 

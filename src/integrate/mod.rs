@@ -1,4 +1,4 @@
-//! Time integration: the family, its companions, and the choice of λ.
+//! Time integration: the family and its companions.
 //!
 //! What may command a specimen is a type: an [`Integrator`] is explicit in displacement and velocity and asks for the
 //! force of a step once; an [`Offline`] method needs the forces of the step that it is making, tries them as often
@@ -25,8 +25,6 @@ mod gui;
 mod kr_alpha;
 mod newmark;
 mod offline;
-mod online;
-mod stability;
 
 use std::fmt;
 
@@ -44,11 +42,6 @@ pub use gui::{Gui, GuiError};
 pub use kr_alpha::{AlphaWeights, KrAlpha, KrAlphaAtState};
 pub use newmark::{Newmark, NewmarkBeta};
 pub use offline::{Forces, Loaded, MethodError, Moment, Offline, StepError, Stepper, Tangents};
-pub use online::{LambdaLimit, OnlineLimit};
-pub use stability::{
-    ACCURATE_LAMBDA, GAIN_HYBRID, GAIN_NUMERICAL, Governing, LambdaChoice, Parts, StabilityError,
-    StabilityProof,
-};
 
 /// Displacement and velocity of one step, and what moved them there. One entry per degree of freedom.
 #[derive(Debug, Clone, PartialEq)]

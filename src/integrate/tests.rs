@@ -8,6 +8,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::linalg::SymMatrix;
 use crate::model::Part;
+use crate::stability::*;
 
 mod apart;
 mod companions;

@@ -11,8 +11,8 @@ use super::subject::Subject;
 use super::tap::WINDOW_NS;
 use super::trip::Trip;
 use crate::engine::{Glimpse, Phase, PhaseCell};
-use crate::integrate::OnlineLimit;
 use crate::record::MissClasses;
+use crate::stability::OnlineLimit;
 use crate::text::printable;
 
 /// Least time between two looks for the limit of λ, ns: no tangent is forgotten before one.

@@ -6,8 +6,9 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::Value;
 
-use super::{MissClasses, RecordedVerdict};
+use super::MissClasses;
 pub use crate::catalog::ending::Status;
+use crate::stability::RecordedVerdict;
 
 /// Which clock a run used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

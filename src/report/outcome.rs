@@ -10,7 +10,7 @@ use serde_json::Value;
 
 use super::RunData;
 use super::text::{count, exact, plural, quantity};
-use crate::record::RecordedVerdict;
+use crate::stability::RecordedVerdict;
 
 /// How good the news is; decides the colour of the banner.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

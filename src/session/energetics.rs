@@ -10,7 +10,8 @@ use crate::metrics::falsified::Mode;
 use crate::model::{Base, Structure};
 use crate::motion::Excitation;
 use crate::record::Column;
-use crate::setup::{self, Analysis};
+use crate::setup;
+use crate::stability::Analysis;
 
 /// The numerical side of a test without its integrator.
 pub(super) struct Energetics {

@@ -1,10 +1,10 @@
 //! A test with its verdict: what every command that moves a specimen obeys before anything connects.
 
 use super::rehearsal::FullRehearsal;
-use crate::config::{ConfigError, Loaded};
+use crate::config::ConfigError;
 use crate::control::limits::DIVERGENCE_M;
-use crate::record::Kind;
 use crate::setup::{self, Prepared};
+use crate::stability::Kind;
 use crate::stability::{Following, Verdict};
 
 /// Least default of `safety.divergence_m` in m for a test that moves a specimen behind a link.
@@ -42,11 +42,14 @@ impl Judged {
     /// Judges what is proven of a test, without a rehearsal.
     #[must_use]
     pub fn without_rehearsal(mut test: Prepared) -> Self {
-        let following = match &test.loaded {
-            Some(loaded) => Following::of(loaded, &test.facts),
-            None => Vec::new(),
+        let (following, verdict) = match test.case() {
+            Some(case) => {
+                let following = Following::of(&case);
+                let verdict = Verdict::of(&case, &following);
+                (following, verdict)
+            }
+            None => Default::default(),
         };
-        let verdict = Verdict::of(&test, &following);
         let told = verdict.headlines().map(str::to_owned);
         test.facts.warnings.extend(told);
         let mut judged = Self {
@@ -59,33 +62,39 @@ impl Judged {
         judged
     }
 
-    /// Adds the findings of a rehearsal.
+    /// Rehearses the test and adds the findings.
     ///
     /// # Errors
     /// The rehearsal cannot be built.
-    pub fn rehearsed(mut self) -> Result<Self, ConfigError> {
-        let Some(loaded) = self.test.loaded.clone() else {
-            return Ok(self);
-        };
-        if self.test.facts.specimens.is_empty() {
-            return Ok(self);
+    pub fn rehearsed(self) -> Result<Self, ConfigError> {
+        match &self.test.loaded {
+            Some(loaded) if !self.test.facts.specimens.is_empty() => {
+                let full = FullRehearsal::of(loaded)?;
+                Ok(self.with(full))
+            }
+            _ => Ok(self),
         }
-        let full = FullRehearsal::of(&loaded)?;
+    }
+
+    /// Adds the findings of a rehearsal of this test.
+    #[must_use]
+    pub fn with(mut self, full: FullRehearsal) -> Self {
         let found = full.findings.iter().map(|found| (Kind::Rehearsal, found));
         let unknown = full.unknown.iter().map(|found| (Kind::Unknown, found));
         for (kind, finding) in found.chain(unknown) {
             self.test.facts.warnings.push(finding.headline.clone());
             self.verdict.add(kind, finding.clone());
         }
-        self.bound_divergence(&loaded, &full);
+        self.bound_divergence(&full);
         self.rehearsed = Some(full);
         self.write_down();
-        Ok(self)
+        self
     }
 
     /// Bounds the response of a test that moves a specimen behind a link by its rehearsal, unless its file gives a bound.
-    fn bound_divergence(&mut self, loaded: &Loaded, full: &FullRehearsal) {
-        let given = loaded.file.safety.divergence_m.is_some();
+    fn bound_divergence(&mut self, full: &FullRehearsal) {
+        let file = self.test.loaded.as_ref().map(|loaded| &loaded.file);
+        let given = file.is_none_or(|file| file.safety.divergence_m.is_some());
         let trusted = self.verdict.behind_link
             && !self.verdict.is_unstable()
             && full.is_complete()

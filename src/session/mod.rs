@@ -22,7 +22,11 @@ mod continued;
 mod derived;
 mod desk;
 mod energetics;
+pub mod fitness;
+pub mod frontier;
 mod guarded;
+pub mod identification;
+pub mod integration;
 mod judged;
 mod kept;
 mod last_words;
@@ -73,12 +77,11 @@ use crate::config::ConfigError;
 use crate::engine::Control;
 use crate::record::summary::Status;
 use crate::record::writer::WriterError;
-use crate::record::{
-    FolderError, Note, NoteLevel, Progress, Recorded, RecordedVerdict, RunFolder, Summary, Writer,
-};
+use crate::record::{FolderError, Note, NoteLevel, Progress, Recorded, RunFolder, Summary, Writer};
 use crate::rt::wall::Wall;
 use crate::rt::{Granted, os};
 use crate::setup::{Facts, Prepared};
+use crate::stability::RecordedVerdict;
 
 /// Why a test could not be run at all. Nothing was moved.
 #[derive(Debug, Error)]

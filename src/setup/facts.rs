@@ -3,10 +3,11 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use super::{Analysis, LimitFacts};
+use super::LimitFacts;
 use crate::config::{ClockChoice, Method, TimingSpec};
-use crate::integrate::{Lambda, LambdaChoice, OnlineLimit};
+use crate::integrate::Lambda;
 use crate::motion::RecordFacts;
+use crate::stability::{Analysis, LambdaChoice, OnlineLimit, Stability};
 
 /// What is known about a test before it runs.
 #[derive(Debug, Clone)]
@@ -105,32 +106,6 @@ pub struct StructureFacts {
     pub online_limit: Option<OnlineLimit>,
     /// b·S⁻¹·bᵀ of every axis of every specimen, at the declared bounds; empty without a proof.
     pub(super) gains: Vec<Vec<f64>>,
-}
-
-/// What is known of the stability of an integration with every tangent up to its declared bound.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Stability {
-    /// λ, its limit and what governs it.
-    Limit(LambdaChoice),
-    /// No λ is stable there, for this reason.
-    NoLambda(String),
-    /// Nothing is proven: a tangent has no declared bound.
-    NoBound,
-    /// No proof is made for this method.
-    NoProof,
-    /// Nor for this one; but this is its spectral radius where every tangent is at its declared bound.
-    AtBounds(f64),
-}
-
-impl Stability {
-    /// Growth in a step that is no roundoff: where three poles meet they carry its cube root.
-    const GROWTH: f64 = 1e-5;
-
-    /// True if the recursion is known to grow at the declared bounds, for a method without a proof.
-    #[must_use]
-    pub fn grows(&self) -> bool {
-        matches!(self, Self::AtBounds(radius) if *radius > 1.0 + Self::GROWTH)
-    }
 }
 
 impl StructureFacts {

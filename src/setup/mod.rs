@@ -4,15 +4,14 @@
 //! chosen and proven, peaks of the excitation known. A mistake becomes a [`Finding`] at its place in the file. Nothing
 //! moves, and nothing is written.
 
-mod alpha;
-mod analysis;
 mod apart;
-mod critical;
+mod case;
 mod excitation;
 mod facts;
 mod gear;
 mod limits;
 pub(crate) mod links;
+mod margin;
 mod method;
 mod pace;
 mod plausible;
@@ -33,9 +32,8 @@ use crate::config::{ConfigError, Diagnostics, Finding, KeyPath, Loaded, Specimen
 use crate::engine::{Experiment, Numerical, Settling, Side, StepAudit};
 use crate::link::{NativeSetup, Transport};
 use crate::rt;
-use analysis::AtRest;
-pub use analysis::{ALL_MODES, Analysis, DelayedMode, Loop, ModeFacts};
-pub use facts::{Facts, Stability, StructureFacts};
+use crate::stability::{Analysis, AtRest, Kind, Matrices, Stability};
+pub use facts::{Facts, StructureFacts};
 use gear::Rows;
 pub use limits::{LimitFact, LimitFacts, SpecimenLimits};
 pub(crate) use pace::DIVERGENCE_M;
@@ -59,19 +57,10 @@ pub struct Prepared {
     pub files: Files,
     /// The warnings of the facts, with their places in the file.
     pub warnings: Diagnostics,
-    /// Errors of stability that the build found.
-    pub doubts: Vec<Doubt>,
+    /// Findings of stability that the build made, with their kinds: its verdict weighs them.
+    pub doubts: Vec<(Kind, Finding)>,
     /// The file that it was made from; none of a trial, and of a loop that has no file.
     pub loaded: Option<Box<Loaded>>,
-}
-
-/// An error of stability, or of its proof, that a verdict weighs.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Doubt {
-    /// The recursion grows at the declared bounds.
-    Unstable(Finding),
-    /// Nothing is proven of this method here.
-    Unproven(Finding),
 }
 
 /// What the run folder archives.
@@ -133,11 +122,11 @@ pub fn estimates(loaded: &Loaded) -> Result<Vec<Estimate>, ConfigError> {
     let mut site = Site::new(loaded, Some(&trial::NOMINAL), None);
     match specimens::specimens(&mut site) {
         Ok(specimens) => {
-            let each = specimens.loops().map(|one| Estimate {
-                stiffness: one.stiffness.to_vec(),
-                damping: one.damping.to_vec(),
-                stiffness_at_rest: one.stiffness_at_rest.to_vec(),
-                damping_at_rest: one.damping_at_rest.to_vec(),
+            let each = specimens.attached().into_iter().map(|one| Estimate {
+                stiffness: one.stiffness,
+                damping: one.damping,
+                stiffness_at_rest: one.stiffness_at_rest,
+                damping_at_rest: one.damping_at_rest,
             });
             Ok(each.collect())
         }
@@ -198,7 +187,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         .as_mut()
         .map(|facts| std::mem::take(&mut facts.gains));
     let ports = specimens.into_ports(site, dofs, settling.is_some(), gains.unwrap_or_default())?;
-    let ports = critical::watched(site, structure.as_mut(), ports)?;
+    let ports = margin::watched(site, structure.as_mut(), ports)?;
     let time = site.loaded.time;
     let kept = crate::engine::kept_limits(&side, &ports);
     if structure.is_some() && !names.is_empty() {
@@ -327,7 +316,7 @@ fn numerical(
         match method::companion(site, &structure, &initial)? {
             Some((stepper, condition)) => {
                 proof::warn_of_limit(site, &structure, specimens, method);
-                of_companion = alpha::judged(site, &structure, specimens, method, &initial);
+                of_companion = proof::of_alpha(site, &structure, specimens, method, &initial);
                 (None, stepper, None, condition, None, None)
             }
             None => {
@@ -366,18 +355,20 @@ fn numerical(
         None => None,
     };
     let state = structure::initial_state(site, n)?;
-    let analysis = Analysis::new(
-        structure.mass(),
-        AtRest {
+    let matrices = Matrices {
+        mass: structure.mass().clone(),
+        at_rest: AtRest {
             stiffness: at_rest,
             damping: damping_at_rest,
         },
-        &initial,
-        specimens,
-        (
-            proof.as_ref().map(|proof| proof.lambda),
-            own.as_ref().map(|own| &own.apart),
-        ),
+        stiffness: initial_stiffness.clone(),
+        damping: initial_damping.clone(),
+    };
+    let analysis = Analysis::new(
+        matrices,
+        specimens.attached(),
+        proof.as_ref().map(|proof| (dt, proof.lambda)),
+        own.as_ref().map(|own| own.apart.clone()),
     );
     let ground = excitation.ground_accel();
     let facts = StructureFacts {

@@ -26,7 +26,7 @@ fn doubled_storeys(site: &Site<'_>, specimens: &Specimens) -> Vec<Finding> {
     let Some((_, StructureSpec::ShearBuilding(building))) = spec else {
         return Vec::new();
     };
-    let pairs = file.specimen.iter().zip(specimens.loops()).enumerate();
+    let pairs = file.specimen.iter().zip(specimens.attached()).enumerate();
     let doubled = pairs.filter_map(|(index, (table, estimate))| {
         let storey = table.storey?;
         let own = *building.stiffness_n_per_m.get(storey.checked_sub(1)?)?;

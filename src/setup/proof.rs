@@ -1,43 +1,25 @@
-//! λ: asked for by number, or chosen; and the proof that it is stable at the declared bounds.
+//! λ of a test file: requested by number, or chosen, with its proof at the declared bounds.
 
 use super::method::Initial;
 use super::specimens::Specimens;
-use super::{Doubt, Refused, Site, Stability, path};
-use crate::config::{Finding, KeyPath, LambdaValue, Method, Severity};
-use crate::integrate::{
-    ACCURATE_LAMBDA, Apart, GAIN_HYBRID, GAIN_NUMERICAL, Gui, Lambda, LambdaChoice, OnlineLimit,
-    StabilityError, StabilityProof, Start,
-};
-use crate::linalg::{Spd, SymMatrix};
+use super::{Refused, Site, path};
+use crate::config::{Finding, LambdaValue, Method, Severity};
+use crate::finding::KeyPath;
+use crate::integrate::{Apart, Gui, Lambda, Start};
+use crate::linalg::SymMatrix;
 use crate::model::{ModelError, Part, Structure};
+use crate::spectral::Weights;
+use crate::stability::{
+    ACCURATE_LAMBDA, GAIN_HYBRID, GAIN_NUMERICAL, Proven, Request, Stability, StabilityError,
+    StabilityProof, alpha_stability, lambda_path,
+};
 
-/// λ and what is known of its stability.
-pub(super) struct Proven {
-    /// λ to use.
-    pub lambda: Lambda,
-    /// Whether it was asked for by number.
-    pub by_number: bool,
-    /// What is proven.
-    pub stability: Stability,
-    /// Gain bound g.
-    pub gain: f64,
-    /// K_max, if every tangent has a bound.
-    pub stiffness_bound: Option<SymMatrix>,
-    /// b·S⁻¹·bᵀ of every axis of every specimen, at the declared bounds; empty where S is not definite.
-    pub gains: Vec<Vec<f64>>,
-    /// The limit as the tangents of the specimens change it.
-    pub online: Option<OnlineLimit>,
-}
-
-/// Degrees of freedom up to which the limit of λ is found again and again while a test runs: milliseconds each time.
-const MOST_ONLINE: usize = 200;
-
-/// Upper bounds of the tangents and who they come from.
-pub(super) struct Bounds {
+/// Upper bounds of the tangents.
+struct Bounds {
     /// K_max.
-    pub stiffness: SymMatrix,
+    stiffness: SymMatrix,
     /// C_max, as it counts in a sawtooth.
-    pub damping: SymMatrix,
+    damping: SymMatrix,
 }
 
 /// Chooses λ, or proves the one that was asked for.
@@ -72,77 +54,37 @@ pub(super) fn choose(
                 severity: Severity::Warning,
                 ..*finding
             });
-            let stiffness_bound = None;
-            return Ok(Proven {
-                lambda,
-                by_number: true,
-                stability: Stability::NoBound,
-                gain,
-                stiffness_bound,
-                gains: Vec::new(),
-                online: None,
-            });
+            return Ok(Proven::without_bound(lambda, gain));
         }
     };
+    let late_mass = specimens.late_mass(structure.dofs());
     let proof = StabilityProof {
-        mass: structure.mass().clone(),
-        damping: initial.damping.clone(),
-        stiffness: initial.stiffness.clone(),
-        damping_bound: bounds.damping,
-        stiffness_bound: bounds.stiffness,
-        dt: site.loaded.time.step.value(),
         apart: apart.cloned(),
-        late_mass: specimens.late_mass(structure.dofs()),
+        ..bounds.proof(structure, initial, late_mass)
     };
-    let stiffness_bound = Some(proof.stiffness_bound.clone());
-    match (
-        proof.choose_of(request, gain, &|visit| {
-            every_part(structure, specimens, visit);
-        }),
-        request,
-    ) {
-        (Ok(choice), _) => {
-            if !choice.is_stable() {
-                let finding = advised(unstable(&choice), specimens);
-                site.doubts.push(Doubt::Unstable(finding));
-            }
-            let by_number = request.is_some();
-            let lambda = choice.lambda;
-            Ok(Proven {
-                lambda,
-                by_number,
-                gains: gains(&proof, lambda, specimens),
-                stability: Stability::Limit(choice),
-                gain,
-                stiffness_bound,
-                online: online(proof, specimens),
-            })
+    let wanted = Request {
+        lambda: request,
+        gain,
+    };
+    let share = specimens.share();
+    match Proven::of(proof, wanted, share, &|visit| {
+        every_part(structure, specimens, visit);
+    }) {
+        Ok(mut proven) => {
+            site.doubts.extend(proven.doubt.take());
+            Ok(proven)
         }
-        (Err(error @ StabilityError::Overflow { .. }), _) => {
+        Err(error @ StabilityError::Overflow { .. }) => {
             let at = largest(structure, specimens);
             site.refuse(Finding::error(at, error.to_string()))
         }
-        (Err(error), Some(lambda)) => {
-            let why = error.to_string();
-            let finding = advised(Finding::error(lambda_path(), why.clone()), specimens);
-            site.doubts.push(Doubt::Unstable(finding));
-            Ok(Proven {
-                lambda,
-                by_number: true,
-                stability: Stability::NoLambda(why),
-                gain,
-                stiffness_bound,
-                gains: Vec::new(),
-                online: None,
-            })
-        }
-        (Err(error), None) => {
-            // What no λ can mend is no matter of λ. A direction that the smallest share of K0 leaves without effective
-            // mass is without it for every smaller λ too.
+        Err(error) => {
+            // Where no λ helps, the structure is at fault. A direction that the smallest share of K0 leaves without effective
+            // mass lacks it for every smaller λ too.
             let lambda = Lambda::Finite(ACCURATE_LAMBDA);
             let (mass, start) = (structure.mass(), Start::Published);
             let (damping, stiffness) = (initial.damping, initial.stiffness);
-            if let Err(error) = Gui::new(mass, damping, stiffness, proof.dt, lambda, start) {
+            if let Err(error) = Gui::new(mass, damping, stiffness, initial.dt, lambda, start) {
                 let finding = super::structure::not_definite(site, mass, &error);
                 return site.refuse(finding);
             }
@@ -152,42 +94,66 @@ pub(super) fn choose(
             } else {
                 "choose a smaller step, or a larger estimate of a hardening stiffness"
             });
-            site.refuse(advised(finding, specimens))
+            site.refuse(specimens.advice().on(finding))
         }
     }
 }
 
-/// The limit as the tangents of the specimens change it, where it is quick to find.
-fn online(proof: StabilityProof, specimens: &Specimens) -> Option<OnlineLimit> {
-    let parts = specimens.parts();
-    let wanted = !parts.is_empty() && proof.mass.n() <= MOST_ONLINE;
-    wanted.then(|| OnlineLimit::new(proof, parts).with_sawtooths(specimens.sawtooths()))
-}
-
-/// How soft S(λ) is along every axis: the room that is left for tangents beyond their bounds.
-fn gains(proof: &StabilityProof, lambda: Lambda, specimens: &Specimens) -> Vec<Vec<f64>> {
-    if specimens.is_empty() {
-        return Vec::new();
-    }
-    let Ok(mut stability) = Spd::factor(&proof.matrix(lambda, f64::INFINITY)) else {
-        return Vec::new();
-    };
-    let mut gain = |row: &[(usize, f64)]| {
-        let mut shape = vec![0.0; proof.mass.n()];
-        for (dof, entry) in row {
-            shape[*dof] += entry;
+impl Bounds {
+    /// The proof at these bounds, K0 and C0 being those of M_eff.
+    fn proof(
+        self,
+        structure: &Structure,
+        initial: &Initial<'_>,
+        late_mass: Option<SymMatrix>,
+    ) -> StabilityProof {
+        StabilityProof {
+            mass: structure.mass().clone(),
+            damping: initial.damping.clone(),
+            stiffness: initial.stiffness.clone(),
+            damping_bound: self.damping,
+            stiffness_bound: self.stiffness,
+            dt: initial.dt,
+            apart: None,
+            late_mass,
         }
-        stability.solve_in_place(&mut shape);
-        row.iter().map(|(dof, entry)| entry * shape[*dof]).sum()
-    };
-    let specimens = specimens.loops();
-    specimens
-        .map(|specimen| specimen.rows.iter().map(|row| gain(row)).collect())
-        .collect()
+    }
 }
 
-fn lambda_path() -> KeyPath {
-    path("integrator").key("lambda")
+/// The stability of KR-α and MKR-α at the declared bounds. Growth and missing proofs become doubts of the site.
+pub(super) fn of_alpha(
+    site: &mut Site<'_>,
+    structure: &Structure,
+    specimens: &Specimens,
+    method: Method,
+    initial: &Initial<'_>,
+) -> Stability {
+    // A trial is judged already: with its links.
+    if site.trial.is_some() {
+        return Stability::NoProof;
+    }
+    let rho = site.loaded.file.integrator.rho_infinity;
+    let rho = rho.unwrap_or(f64::NAN);
+    let weighted = match method {
+        Method::KrAlpha => (Weights::kr(rho), "kr_alpha"),
+        Method::MkrAlpha => (Weights::mkr(rho), "mkr_alpha"),
+        _ => return Stability::NoProof,
+    };
+    let bounds = match bounds(site, structure, specimens) {
+        Ok(bounds) => bounds,
+        Err(finding) => {
+            site.warnings.push(Finding {
+                headline: format!("stability is unknown: {}", finding.headline),
+                severity: Severity::Warning,
+                ..*finding
+            });
+            return Stability::NoBound;
+        }
+    };
+    let proof = bounds.proof(structure, initial, specimens.late_mass(structure.dofs()));
+    let (stability, doubt) = alpha_stability(&proof, weighted, &specimens.advice());
+    site.doubts.extend(doubt);
+    stability
 }
 
 /// Warns if a method of bounded stability is beyond its bound at the declared tangents: those of Newmark are stable
@@ -216,16 +182,14 @@ pub(super) fn warn_of_limit(
     let Ok(bounds) = bounds(site, structure, specimens) else {
         return;
     };
-    let proof = StabilityProof {
-        mass: structure.mass().clone(),
-        damping: bounds.damping.clone(),
-        stiffness: bounds.stiffness.clone(),
-        damping_bound: bounds.damping,
-        stiffness_bound: bounds.stiffness,
+    // The estimates follow the tangents.
+    let (damping, stiffness) = (bounds.damping.clone(), bounds.stiffness.clone());
+    let initial = Initial {
+        damping: &damping,
+        stiffness: &stiffness,
         dt: site.loaded.time.step.value(),
-        apart: None,
-        late_mass: specimens.late_mass(structure.dofs()),
     };
+    let proof = bounds.proof(structure, &initial, specimens.late_mass(structure.dofs()));
     if !proof.holds(lambda) {
         let headline = format!(
             "{name}, and at the declared stiffness a mode of this structure exceeds it: the response can grow as a sawtooth \
@@ -234,41 +198,6 @@ pub(super) fn warn_of_limit(
         site.warnings
             .push(Finding::warning(path("integrator").key("method"), headline));
     }
-}
-
-fn unstable(choice: &LambdaChoice) -> Finding {
-    let limit = choice.limit.unwrap_or(f64::INFINITY);
-    let cause = choice
-        .governing
-        .as_ref()
-        .map(|g| format!(", set by {g}"))
-        .unwrap_or_default();
-    let headline = format!(
-        "lambda = {} is above the limit {limit:.4} at the declared stiffness{cause}: the response can grow as a sawtooth of \
-         period 2 steps",
-        choice.lambda
-    );
-    Finding::error(lambda_path(), headline)
-        .number("lambda", choice.lambda.value())
-        .number("lambda_limit", limit)
-        .help("`lambda = \"auto\"` chooses a stable one")
-}
-
-/// With what of the specimens counts for more than it seems to.
-pub(super) fn advised(mut finding: Finding, specimens: &Specimens) -> Finding {
-    if let Some(name) = specimens.overcounted().first() {
-        finding = finding.help(format!(
-            "specimen \"{name}\" has damping and moves between the steps: in a sawtooth its damping counts at least twice; \
-             with `prediction_order = 1` in [time] it counts once"
-        ));
-    }
-    if let Some(name) = specimens.heavy() {
-        finding = finding.help(format!(
-            "the inertia in the force of specimen \"{name}\" is one step late: its `mass_in_force_kg` reduces the effective \
-             mass of the structure"
-        ));
-    }
-    finding
 }
 
 /// The table of what is largest in the proof: the structure, one of its elements or a specimen.
@@ -300,7 +229,7 @@ fn every_part(structure: &Structure, specimens: &Specimens, visit: &mut dyn FnMu
 }
 
 /// K_max and C_max of the whole, or a finding about whose bound is missing.
-pub(super) fn bounds(
+fn bounds(
     site: &Site<'_>,
     structure: &Structure,
     specimens: &Specimens,

@@ -1,8 +1,9 @@
 //! What a build has found so far, and read; and how it refuses: a finding at its place in the file.
 
-use super::{Dial, Doubt, Trial};
+use super::{Dial, Trial};
 use crate::config::{Finding, Inputs, KeyPath, Loaded};
 use crate::motion::RecordFacts;
+use crate::stability::Kind;
 
 /// Findings so far, and the files read so far.
 pub(super) struct Site<'a> {
@@ -14,8 +15,8 @@ pub(super) struct Site<'a> {
     pub warnings: Vec<Finding>,
     /// Facts about the records of motions.
     pub records: Vec<RecordFacts>,
-    /// Errors of stability: they forbid a test only where it moves a specimen behind a link.
-    pub doubts: Vec<Doubt>,
+    /// Findings of stability: they forbid a test only where it moves a specimen behind a link.
+    pub doubts: Vec<(Kind, Finding)>,
     /// No link is wanted: something stands for every specimen behind one.
     pub trial: Option<&'a Trial>,
 }

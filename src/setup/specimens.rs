@@ -24,6 +24,7 @@ use crate::link::spec::ProbeChoice;
 use crate::model::StructureSpec;
 use crate::specimen::{InProcess, InUnits, Specimen};
 use crate::spectral::delay::Weights;
+use crate::stability::Attached;
 use crate::substructure::Substructure;
 use entry::entry;
 use loading::Loading;
@@ -74,18 +75,6 @@ enum Stand {
     OpenFresco(Box<Remote>, WaitRules),
     /// In a rehearsal: k̂ and ĉ.
     Believed,
-}
-
-/// What one specimen adds to the structure, by rows.
-pub(super) struct Loop<'a> {
-    pub name: &'a str,
-    pub rows: Vec<&'a [(usize, f64)]>,
-    pub stiffness: &'a [Vec<f64>],
-    pub stiffness_at_rest: &'a [Vec<f64>],
-    pub damping: &'a [Vec<f64>],
-    pub damping_at_rest: &'a [Vec<f64>],
-    pub mass_in_force: f64,
-    pub ticks: &'a [Weights],
 }
 
 /// All specimens of a test, in order.
@@ -200,18 +189,19 @@ impl Specimens {
         loading.map(|loading| Some(&loading?.geometry))
     }
 
-    /// Name, rows of B, k̂ and ĉ of every specimen.
-    pub(super) fn loops(&self) -> impl Iterator<Item = Loop<'_>> {
-        self.0.iter().map(|entry| Loop {
-            name: &entry.name,
-            rows: entry.axes.iter().map(|axis| axis.row.as_slice()).collect(),
-            stiffness: &entry.stiffness,
-            stiffness_at_rest: &entry.stiffness_at_rest,
-            damping: &entry.damping,
-            damping_at_rest: &entry.damping_at_rest,
+    /// Each specimen in the structure, in order.
+    pub(super) fn attached(&self) -> Vec<Attached> {
+        let each = self.0.iter().map(|entry| Attached {
+            name: entry.name.clone(),
+            rows: entry.axes.iter().map(|axis| axis.row.clone()).collect(),
+            stiffness: entry.stiffness.clone(),
+            stiffness_at_rest: entry.stiffness_at_rest.clone(),
+            damping: entry.damping.clone(),
+            damping_at_rest: entry.damping_at_rest.clone(),
             mass_in_force: entry.mass_in_force,
-            ticks: &entry.ticks,
-        })
+            ticks: entry.ticks.clone(),
+        });
+        each.collect()
     }
 
     /// Every DOF (from 0) that a specimen sees.

@@ -1,49 +1,38 @@
 //! Actuators beyond the proofs in continuous time: of several axes, the lag is compared with the critical delay of the recursion;
 //! in a structure that is too large for a proof the stability is not known.
 
-use super::following::{Follows, decides};
-use crate::config::{Finding, KeyPath, Loaded};
-use crate::setup::{Analysis, Facts, Loop};
+use super::actuator::Follows;
+use super::analysis::{Analysis, Loop};
+use super::case::Case;
+use crate::finding::{Finding, KeyPath};
 use crate::spectral::delay::{DiscreteLimit, continuous};
 use crate::units::duration;
 
 /// A warning for each specimen of which an axis lags more than the recursion tolerates of all axes together, and for each
 /// declared actuator in a structure that is too large for a proof.
-pub(super) fn not_proven(loaded: &Loaded, facts: &Facts) -> Vec<Finding> {
-    let Some(structure) = &facts.structure else {
+pub(super) fn not_proven(case: &Case<'_>) -> Vec<Finding> {
+    if !case.structure {
         return Vec::new();
-    };
-    let analysis = structure.analysis.as_ref();
-    let tables = loaded.file.specimen.iter().enumerate();
-    let found = tables.filter_map(|(number, table)| {
-        let transfer = table.believed_transfer(1.0)?;
-        let one = analysis.and_then(|analysis| analysis.loops.get(number));
-        if one.is_some_and(|one| one.system.rows.nrows() < 2) {
+    }
+    let found = case.actuators.iter().filter_map(|actuator| {
+        let follows = actuator.follows(case.tick)?;
+        let loops = case.analysis.map(|analysis| &analysis.loops);
+        let Some(one) = loops.and_then(|loops| loops.get(actuator.number)) else {
+            return Some(unknown(actuator.place(), &actuator.name));
+        };
+        if one.system.rows.nrows() < 2 {
             return None;
         }
-        let follows = Follows {
-            table,
-            transfer: &transfer,
-            tick: facts.rate_hz.recip(),
-        };
-        let lags = one.and_then(|one| most_lag(one, follows, analysis?));
-        let critical = one.and_then(|one| critical(one, facts));
-        let at = KeyPath::root().key("specimen").index(number);
-        let at = at.key(decides(table));
-        match (lags, critical) {
-            _ if one.is_none() => Some(unknown(at, &table.name)),
-            (Some(lag), Some(critical)) if lag > critical => {
-                Some(late(at, &table.name, lag, critical))
-            }
-            _ => None,
-        }
+        let lag = most_lag(one, follows, case.analysis?)?;
+        let critical = critical(one, case)?;
+        (lag > critical).then(|| late(actuator.place(), &actuator.name, lag, critical))
     });
     found.collect()
 }
 
 /// The critical delay of all axes together by the recursion, s; none where no delay is critical, or the delay is not known.
-fn critical(one: &Loop, facts: &Facts) -> Option<f64> {
-    match one.discrete(facts.dt, facts.lambda()?) {
+fn critical(one: &Loop, case: &Case<'_>) -> Option<f64> {
+    match one.discrete(case.dt, case.lambda?) {
         Ok(DiscreteLimit::At(delay)) => Some(delay),
         Ok(DiscreteLimit::Beyond(_)) | Err(_) => None,
     }

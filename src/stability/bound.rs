@@ -1,8 +1,26 @@
 //! The smallest critical delay of a specimen that is known, and the condition to which it belongs.
 
-use super::{INERTIA, diverging, growing};
 use crate::spectral::delay::{Critical, DelayError, DiscreteLimit};
 use crate::units::duration;
+
+/// What grows in continuous time with nothing delayed.
+#[must_use]
+pub fn growing(per_second: f64) -> String {
+    format!(
+        "it grows by a factor e in {} of continuous time",
+        duration(per_second.recip())
+    )
+}
+
+/// What grows in the recursion with nothing delayed.
+#[must_use]
+pub fn diverging(radius: f64) -> String {
+    format!("it grows by a factor {radius:.6} in a step of the recursion at this Δt and λ")
+}
+
+/// Why any delay is too long.
+pub const INERTIA: &str = "the inertia inside the specimen's force is as much as the mass that it acts on, and with any delay, \
+     however short, it grows";
 
 /// The state of the structure and the calculation to which a critical delay belongs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -4,30 +4,24 @@
 //! 1 + (H − 1) Z_e bᵀ Z⁻¹ b has no zero right of the imaginary axis. H is compensation times actuator, Z the dynamic stiffness
 //! of the whole and Z_e that of the specimen. A compensator that adapts or feeds back is not proven here.
 
-mod state;
-
 use std::cell::LazyCell;
 use std::f64::consts::PI;
 
 use serde_json::json;
 
-use state::{Bears, State};
-pub(super) use state::{Follows, HIGHEST};
-
-use super::{DelayBound, DelayBounds, DelayCondition, diverging, growing};
-use crate::config::{Finding, KeyPath, Loaded, SpecimenTable};
-use crate::record::Kind;
-use crate::setup::Facts;
+use super::bound::{DelayBound, DelayBounds, DelayCondition, diverging, growing};
+use super::case::Case;
+use super::recorded::Kind;
+use super::state::{Bears, State};
+use crate::finding::{Finding, KeyPath};
 use crate::spectral::delay::{DelayError, DiscreteLimit};
 use crate::units::duration;
 
 /// What is known of one specimen behind a declared actuator.
 #[derive(Debug, Clone)]
 pub struct Following {
-    /// From 0.
-    number: usize,
-    /// Key of what decides how it follows: the compensation, or else the actuator.
-    key: &'static str,
+    /// Key of what decides how it follows.
+    place: KeyPath,
     specimen: String,
     at_rest: State,
     /// Standard deviation of the delay, s.
@@ -42,16 +36,6 @@ pub struct Following {
     grows: bool,
 }
 
-/// Key of what decides how a specimen follows: the compensation, or else the actuator.
-pub(super) const fn decides(table: &SpecimenTable) -> &'static str {
-    match (&table.compensation, &table.link, &table.stand_in_transfer) {
-        (Some(_), _, _) => "compensation",
-        (None, None, _) => "transfer",
-        (None, Some(_), Some(_)) => "stand_in_transfer",
-        (None, Some(_), None) => "identified",
-    }
-}
-
 /// What small motions do where dampers and gaps hold larger ones.
 const ONLY_SMALL: &str =
     "small motions grow until gaps close, or until dampers reach their reference state";
@@ -64,37 +48,24 @@ const ONLY_LARGE: &str =
 impl Following {
     /// One per specimen with one axis and a declared actuator.
     #[must_use]
-    pub fn of(loaded: &Loaded, facts: &Facts) -> Vec<Self> {
-        let analysis = facts.structure.as_ref().and_then(|s| s.analysis.as_ref());
+    pub fn of(case: &Case<'_>) -> Vec<Self> {
+        let analysis = case.analysis;
         let loops = analysis.map(|analysis| analysis.loops.as_slice());
         let grows = LazyCell::new(|| analysis.is_some_and(|analysis| analysis.growth().is_some()));
-        let pairs = loops.unwrap_or_default().iter().zip(&loaded.file.specimen);
-        let judged = pairs.enumerate().filter_map(|(number, (one, table))| {
-            let transfer = table.believed_transfer(1.0)?;
-            let system = &one.system;
-            if system.rows.nrows() != 1 {
+        let pairs = loops.unwrap_or_default().iter().zip(&case.actuators);
+        let judged = pairs.filter_map(|(one, actuator)| {
+            let follows = actuator.follows(case.tick)?;
+            if one.system.rows.nrows() != 1 {
                 return None;
             }
-            let follows = Follows {
-                table,
-                transfer: &transfer,
-                tick: facts.rate_hz.recip(),
-            };
             Some(Self {
-                number,
-                key: decides(table),
+                place: actuator.place(),
                 specimen: one.name.clone(),
-                at_rest: State::of(system, follows),
-                spread: table
-                    .identified
-                    .and_then(|known| known.delay_std_s)
-                    .unwrap_or(0.0),
-                discrete: facts.lambda().map(|lambda| one.discrete(facts.dt, lambda)),
+                at_rest: State::of(&one.system, follows),
+                spread: actuator.delay_std_s,
+                discrete: case.lambda.map(|lambda| one.discrete(case.dt, lambda)),
                 held: one.closed.as_ref().map(|closed| State::of(closed, follows)),
-                kind: table
-                    .compensation
-                    .as_ref()
-                    .map_or("none", |spec| spec.kind()),
+                kind: actuator.kind(),
                 grows: *grows,
             })
         });
@@ -149,8 +120,7 @@ impl Following {
     /// Its finding for the verdict: an error if the loop is proven unstable, a warning if the stability is not known.
     #[must_use]
     pub fn finding(&self) -> Option<(Kind, Finding)> {
-        let at = KeyPath::root().key("specimen").index(self.number);
-        let at = at.key(self.key);
+        let at = self.place.clone();
         let name = &self.specimen;
         if self.is_unstable() {
             let text = format!(

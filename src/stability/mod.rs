@@ -1,39 +1,50 @@
-//! Verdicts: may this test move its specimens?
+//! Stability: every proof about λ, delay and tracking, and the verdict on a test.
 //!
-//! A [`Verdict`] is a list of findings. Each finding has a kind, a severity, a configuration key, numbers and advice. The loop
-//! may be unstable because of λ, of a delay, or of an actuator without sufficient compensation. [`Following`] proves that for
-//! each specimen behind a declared actuator. The session adds the findings of a rehearsal. `check` prints the verdict, and
-//! every command that moves a specimen obeys it before anything connects. Nothing here moves, reads a file or knows a clock.
+//! [`StabilityProof`] proves λ: S(λ) ⪰ 0 at the declared bounds of all tangents (Gui et al. 2014, equations 33 and 41).
+//! [`Analysis`] holds the structure at rest. Its loops give the critical delay of each specimen, in continuous time by the
+//! frequency of unit gain and by the spectral radius of the recursion. [`Following`] counts the roots of a loop with a declared
+//! actuator and compensation by the winding number of its determinant. [`Verdict`] collects the findings: severity, kind,
+//! configuration key, numbers, advice.
+//! Not proven: compensation that adapts or feeds back, tangents beyond their declared bounds, structures above the stated
+//! sizes, and KR-α beyond its estimates. Such cases are findings of kind [`Kind::Unknown`] or [`Kind::Unproven`].
+//! Inputs are plain values. Nothing here reads a file, a clock or a thread.
 
+mod actuator;
+mod alpha;
+mod analysis;
 mod axes;
 mod bound;
+mod case;
+mod criterion;
+mod critical;
+mod curves;
 mod following;
 mod integration;
+mod lambda;
+mod online;
+mod recorded;
+mod roots;
+mod spectrum;
+mod state;
+mod tables;
 mod together;
 mod verdict;
 
-pub use bound::{DelayBound, DelayBounds, DelayCondition};
+pub use actuator::{Actuator, Machine};
+pub use alpha::alpha_stability;
+pub use analysis::{ALL_MODES, Analysis, AtRest, Attached, DelayedMode, Loop, Matrices, ModeFacts};
+pub use bound::{DelayBound, DelayBounds, DelayCondition, INERTIA, diverging, growing};
+pub use case::{Accepts, Case};
+pub use criterion::{
+    ACCURATE_LAMBDA, GAIN_HYBRID, GAIN_NUMERICAL, Governing, LambdaChoice, Parts, StabilityError,
+    StabilityProof,
+};
+pub use critical::CriticalDelay;
+pub use curves::{Curve, Diagram, diagrams};
 pub use following::Following;
-pub use integration::{grows, is_stable};
+pub use integration::{Stability, grows, is_stable};
+pub use lambda::{Advice, Proven, Request, SpecimenShare, lambda_path};
+pub use online::{LambdaLimit, OnlineLimit};
+pub use recorded::{Kind, Outcome, RecordedFinding, RecordedVerdict};
+pub use spectrum::{CriticalDelays, Spectrum};
 pub use verdict::{Judgement, Verdict};
-
-use crate::units::duration;
-
-/// What grows in continuous time with nothing delayed.
-#[must_use]
-pub fn growing(per_second: f64) -> String {
-    format!(
-        "it grows by a factor e in {} of continuous time",
-        duration(per_second.recip())
-    )
-}
-
-/// What grows in the recursion with nothing delayed.
-#[must_use]
-pub fn diverging(radius: f64) -> String {
-    format!("it grows by a factor {radius:.6} in a step of the recursion at this Δt and λ")
-}
-
-/// Why any delay is too long.
-pub const INERTIA: &str = "the inertia inside the specimen's force is as much as the mass that it acts on, and with any delay, \
-     however short, it grows";

@@ -3,11 +3,12 @@
 use std::collections::BTreeMap;
 
 use super::axes::not_proven;
+use super::case::{Accepts, Case};
+use super::following::Following;
+use super::integration::grows;
+use super::recorded::{Kind, Outcome, RecordedFinding, RecordedVerdict};
 use super::together::together;
-use super::{Following, grows};
-use crate::config::{ClockChoice, Diagnostics, Finding, KeyPath, Loaded, SafetyTable, Severity};
-use crate::record::{Kind, Outcome, RecordedFinding, RecordedVerdict};
-use crate::setup::{Doubt, Facts, Prepared};
+use crate::finding::{Finding, KeyPath, Severity};
 
 /// Key of `[safety]` that accepts an error of this kind.
 const fn accepted_by(kind: Kind) -> Option<&'static str> {
@@ -61,33 +62,27 @@ pub struct Verdict {
     pub behind_link: bool,
     /// All findings, those of stability first.
     pub findings: Vec<Judgement>,
-    accept_unstable: Option<String>,
-    accept_trip: Option<String>,
+    accepts: Accepts,
 }
 
 impl Verdict {
     /// The verdict on the stability of a test. `following` is what is proven of its actuators. Findings of a rehearsal are
     /// [added](Self::add) later.
     #[must_use]
-    pub fn of(test: &Prepared, following: &[Following]) -> Self {
-        let Some(loaded) = &test.loaded else {
-            return Self::default();
-        };
-        let (file, facts) = (&loaded.file, &test.facts);
-        let linked = file.specimen.iter().any(|table| table.link.is_some());
+    pub fn of(case: &Case<'_>, following: &[Following]) -> Self {
+        let linked = case
+            .actuators
+            .iter()
+            .any(|actuator| actuator.link.is_some());
         let mut verdict = Self {
-            behind_link: linked && facts.clock == ClockChoice::Real,
+            behind_link: linked && case.real_clock,
             findings: Vec::new(),
-            accept_unstable: accepts_unstable(&file.safety, file.integrator.allow_unstable_lambda),
-            accept_trip: file.safety.accept_trip.clone(),
+            accepts: case.accepts.clone(),
         };
-        for doubt in test.doubts.iter().cloned() {
-            match doubt {
-                Doubt::Unstable(finding) => verdict.add(Kind::Unstable, finding),
-                Doubt::Unproven(finding) => verdict.add(Kind::Unproven, finding),
-            }
+        for (kind, finding) in case.doubts.iter().cloned() {
+            verdict.add(kind, finding);
         }
-        if let Some(why) = facts.structure.as_ref().and_then(grows) {
+        if let Some(why) = grows(case.analysis) {
             let at = KeyPath::root().key("structure");
             verdict.add(Kind::Unstable, Finding::error(at, why).at_key());
         }
@@ -95,14 +90,12 @@ impl Verdict {
             verdict.add(kind, finding);
         }
         if !verdict.is_unstable()
-            && let Some((kind, finding)) = together(loaded, facts)
+            && let Some((kind, finding)) = together(case)
         {
             verdict.add(kind, finding);
         }
-        for finding in not_proven(loaded, facts) {
-            verdict.add(Kind::Unknown, finding);
-        }
-        for finding in unknown_actuators(loaded, facts) {
+        let unknown = not_proven(case).into_iter().chain(unknown_actuators(case));
+        for finding in unknown {
             verdict.add(Kind::Unknown, finding);
         }
         verdict
@@ -111,8 +104,8 @@ impl Verdict {
     /// One more finding; an error is accepted where the file accepts its kind.
     pub fn add(&mut self, kind: Kind, finding: Finding) {
         let reason = match accepted_by(kind) {
-            Some("accept_unstable") => self.accept_unstable.clone(),
-            Some(_) => self.accept_trip.clone(),
+            Some("accept_unstable") => self.accepts.unstable.clone(),
+            Some(_) => self.accepts.trip.clone(),
             None => None,
         };
         let accepted = reason.filter(|_| finding.severity == Severity::Error);
@@ -158,11 +151,10 @@ impl Verdict {
         errors.any(|one| one.kind == Kind::Unstable && one.finding.severity == Severity::Error)
     }
 
-    /// Findings with their places in the file. An error that forbids nothing is shown as a warning, unless `as_errors`.
-    #[must_use]
-    pub fn diagnostics(&self, loaded: &Loaded, as_errors: bool) -> Diagnostics {
+    /// Its findings as a user sees them. An error that forbids nothing is a warning, unless `as_errors`.
+    pub fn shown(&self, as_errors: bool) -> impl Iterator<Item = Finding> + '_ {
         let errors = as_errors || self.forbids();
-        loaded.diagnose(self.findings.iter().map(|one| one.shown(errors)))
+        self.findings.iter().map(move |one| one.shown(errors))
     }
 
     /// The reason for each accepted kind of finding, by its key of `[safety]`.
@@ -218,35 +210,26 @@ impl Verdict {
     }
 }
 
-/// The reason for which an unstable loop is accepted. The older key gives none.
-fn accepts_unstable(safety: &SafetyTable, allow_unstable_lambda: bool) -> Option<String> {
-    let older = || "allow_unstable_lambda = true in [integrator]".to_owned();
-    let given = safety.accept_unstable.clone();
-    given.or_else(|| allow_unstable_lambda.then(older))
-}
-
 /// A warning for each machine behind a link whose actuator is not declared: its delay is not known.
-fn unknown_actuators(loaded: &Loaded, facts: &Facts) -> Vec<Finding> {
-    if facts.structure.is_none() || facts.clock != ClockChoice::Real {
+fn unknown_actuators(case: &Case<'_>) -> Vec<Finding> {
+    if !case.structure || !case.real_clock {
         return Vec::new();
     }
-    let tables = loaded.file.specimen.iter().enumerate();
-    let unknown = tables.filter_map(|(index, table)| {
-        let link = table.link.as_ref()?;
-        let is_known = link.computed || table.believed_transfer(1.0).is_some();
+    let unknown = case.actuators.iter().filter_map(|actuator| {
+        let machine = actuator.link?;
+        let is_known = machine.computed || actuator.transfer.is_some();
         (!is_known).then(|| {
-            let at = KeyPath::root().key("specimen").index(index).key("link");
             let text = format!(
                 "the delay of specimen \"{}\" is not known, so the stability of the loop with it is not known",
-                table.name
+                actuator.name
             );
-            let measure = if table.force_only_link().is_some() {
+            let measure = if machine.forces_only {
                 "its link answers with forces only, so `gusset identify` cannot measure the delay: state `delay_s` in \
                  [specimen.identified] as the laboratory measured it"
             } else {
                 "`gusset identify` measures the delay; write it into [specimen.identified]"
             };
-            Finding::warning(at, text)
+            Finding::warning(actuator.at("link"), text)
                 .at_key()
                 .label("no `identified` and no actuator is declared")
                 .help(format!(
@@ -255,4 +238,123 @@ fn unknown_actuators(loaded: &Loaded, facts: &Facts) -> Vec<Finding> {
         })
     });
     unknown.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Actuator, Analysis, AtRest, Attached, Machine, Matrices};
+    use super::*;
+    use crate::integrate::Lambda;
+    use crate::linalg::SymMatrix;
+    use crate::spectral::delay::sdof;
+    use crate::transfer::TransferSpec;
+
+    const MASS: f64 = 1000.0;
+    const DAMPING: f64 = 400.0;
+    /// Stiffness of the specimen, and that of the whole.
+    const STIFFNESS: [f64; 2] = [2e5, 3e5];
+
+    fn analysis() -> Analysis {
+        let one = |value: f64| SymMatrix::diagonal(&[value]);
+        let matrices = Matrices {
+            mass: one(MASS),
+            at_rest: AtRest {
+                stiffness: one(STIFFNESS[1]),
+                damping: one(DAMPING),
+            },
+            stiffness: one(STIFFNESS[1]),
+            damping: one(DAMPING),
+        };
+        let specimen = Attached {
+            name: "it".to_owned(),
+            rows: vec![vec![(0, 1.0)]],
+            stiffness: vec![vec![STIFFNESS[0]]],
+            stiffness_at_rest: vec![vec![STIFFNESS[0]]],
+            damping: vec![vec![0.0]],
+            damping_at_rest: vec![vec![0.0]],
+            mass_in_force: 0.0,
+            ticks: Vec::new(),
+        };
+        let step = Some((1e-3, Lambda::Finite(4.0)));
+        Analysis::new(matrices, vec![specimen], step, None).unwrap()
+    }
+
+    /// A specimen behind a link with this delay, in s; none: its actuator is not known.
+    fn case(analysis: &Analysis, delay_s: Option<f64>) -> Case<'_> {
+        let transfer = |delay_s| TransferSpec {
+            delay_s,
+            ..TransferSpec::default()
+        };
+        Case {
+            real_clock: true,
+            dt: 1e-3,
+            tick: 1e-5,
+            structure: true,
+            lambda: Some(4.0),
+            analysis: Some(analysis),
+            actuators: vec![Actuator {
+                number: 0,
+                name: "it".to_owned(),
+                key: "identified",
+                transfer: delay_s.map(transfer),
+                compensation: None,
+                delay_std_s: 0.0,
+                link: Some(Machine {
+                    computed: false,
+                    forces_only: false,
+                }),
+            }],
+            doubts: &[],
+            accepts: Accepts::default(),
+        }
+    }
+
+    fn verdict(case: &Case<'_>) -> Verdict {
+        Verdict::of(case, &Following::of(case))
+    }
+
+    #[test]
+    fn delay_beyond_the_critical_one_forbids_a_test_behind_a_link() {
+        let analysis = analysis();
+        let omega = (STIFFNESS[1] / MASS).sqrt();
+        let ratio = DAMPING / (2.0 * MASS * omega);
+        let critical = sdof(ratio, STIFFNESS[0] / STIFFNESS[1], omega).unwrap();
+        let below = verdict(&case(&analysis, Some(0.95 * critical)));
+        assert_eq!(below.outcome(), Outcome::Clear, "{below:?}");
+        let beyond = verdict(&case(&analysis, Some(1.05 * critical)));
+        assert_eq!(beyond.outcome(), Outcome::Refused);
+        assert!(beyond.is_unstable());
+        let found = &beyond.findings[0].finding;
+        assert_eq!(found.path.to_string(), "specimen[0].identified");
+        let number = |name: &str| found.numbers.iter().find(|one| one.0 == name).unwrap().1;
+        assert!((number("critical_delay_s") / critical - 1.0).abs() < 1e-6);
+        assert_eq!(number("unstable_roots"), 2.0);
+        // On the simulated clock nothing can break. The user may accept the finding.
+        let simulated = Case {
+            real_clock: false,
+            ..case(&analysis, Some(1.05 * critical))
+        };
+        assert_eq!(verdict(&simulated).outcome(), Outcome::Simulated);
+        let accepted = Case {
+            accepts: Accepts {
+                unstable: Some("a study".to_owned()),
+                trip: None,
+            },
+            ..case(&analysis, Some(1.05 * critical))
+        };
+        assert_eq!(verdict(&accepted).outcome(), Outcome::Accepted);
+    }
+
+    #[test]
+    fn unknown_actuator_behind_a_link_is_a_warning() {
+        let analysis = analysis();
+        let found = verdict(&case(&analysis, None));
+        assert_eq!(found.outcome(), Outcome::Clear);
+        let kinds: Vec<Kind> = found.findings.iter().map(|one| one.kind).collect();
+        assert_eq!(kinds, [Kind::Unknown]);
+        assert_eq!(
+            found.findings[0].finding.path.to_string(),
+            "specimen[0].link"
+        );
+    }
 }

@@ -10,11 +10,12 @@ use super::dense::{DAMPER, DAMPING, Dense, MASS, STIFFNESS, Way};
 use super::drive::{Method, Walk, peak};
 use super::figure::{Figure, Scale, Series};
 use super::{Check, Effort, number};
-use crate::integrate::{Lambda, NewmarkBeta, StabilityProof};
+use crate::integrate::{Lambda, NewmarkBeta};
 use crate::law::{Law, Reach};
 use crate::linalg::SymMatrix;
 use crate::model::{Base, Element, End, Structure};
 use crate::spectral::lambda_limit;
+use crate::stability::StabilityProof;
 
 pub(super) const METHODS: [Method; 6] = [
     Method::Newmark(NewmarkBeta::Average),

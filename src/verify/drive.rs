@@ -6,10 +6,11 @@ use rand_pcg::rand_core::{Rng, SeedableRng};
 
 use crate::integrate::{
     Chang2002, Forces, Gui, Integrator, Lambda, Loaded, MethodError, Moment, Newmark, NewmarkBeta,
-    NewtonSettings, StabilityProof, Start, State, Stepper,
+    NewtonSettings, Start, State, Stepper,
 };
 use crate::linalg::SymMatrix;
 use crate::model::{Base, Structure};
+use crate::stability::StabilityProof;
 
 /// A seeded stream of numbers.
 pub(super) struct Random(Pcg64);

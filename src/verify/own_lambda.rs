@@ -9,9 +9,10 @@ use super::figure::{Figure, Scale, Series};
 use super::linear::{class, distance};
 use super::storeys::TwoStoreys;
 use super::{Check, Effort, Proof, number};
-use crate::integrate::{Apart, Gui, Lambda, NewmarkBeta, StabilityError, StabilityProof, Start};
+use crate::integrate::{Apart, Gui, Lambda, NewmarkBeta, Start};
 use crate::linalg::{Modes, Storage, SymMatrix, modes};
 use crate::spectral::{Apparent, eigenvalues, spectral_radius};
+use crate::stability::{StabilityError, StabilityProof};
 
 const STRUCTURE: TwoStoreys = TwoStoreys {
     mass: [1e3, 6e3],

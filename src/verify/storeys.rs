@@ -1,10 +1,11 @@
 //! The two-storey structures of examples 4.1 and 4.2.
 
 use super::drive::{Method, histories};
-use crate::integrate::{Apart, Gui, Lambda, StabilityProof, Start, Stepper};
+use crate::integrate::{Apart, Gui, Lambda, Start, Stepper};
 use crate::law::SquareRootSpec;
 use crate::linalg::SymMatrix;
 use crate::model::{Element, End, Structure};
+use crate::stability::StabilityProof;
 
 /// Two storeys of the examples: masses and stiffnesses from the ground up, no damping.
 #[derive(Debug, Clone, Copy)]

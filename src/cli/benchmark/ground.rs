@@ -5,12 +5,11 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use clap::Args;
 
-use crate::benchmark::{DURATION_S, RATE_HZ};
+use crate::benchmark::{DURATION_S, RATE_HZ, synthetic};
 use crate::cli::tell;
 use crate::config::read_input;
 use crate::motion::{
-    CloughPenzien, Envelope, FileSignal, Grid, JenningsHousner, KanaiTajimi, Motion, MotionError,
-    Processing, Quantity, Resample, Signal, Unit,
+    FileSignal, Grid, Motion, MotionError, Processing, Quantity, Resample, Signal, Unit,
 };
 
 #[derive(Debug, Args)]
@@ -96,36 +95,5 @@ impl GroundArgs {
             "the record does not move the ground within {DURATION_S} s"
         );
         Ok(series.values)
-    }
-}
-
-/// Firm soil, 30 s of shaking and a tail; so strong that the actuator is at its limit in no case.
-fn synthetic(seed: u64) -> Motion {
-    Motion {
-        signal: Signal::KanaiTajimi(KanaiTajimi {
-            ground_frequency_hz: None,
-            ground_angular_frequency_rad_per_s: Some(15.0),
-            ground_damping_ratio: 0.6,
-            clough_penzien: Some(CloughPenzien {
-                angular_frequency_rad_per_s: 1.5,
-                damping_ratio: 0.6,
-            }),
-            envelope: Envelope::JenningsHousner(JenningsHousner {
-                rise_s: 3.0,
-                strong_s: 12.0,
-                decay_per_s: 0.2,
-            }),
-            duration_s: 31.0,
-            seed,
-            peak: Some(0.8),
-            unit: None,
-            s0_m2_per_s3: None,
-            cutoff_hz: 50.0,
-            start_s: 0.0,
-        }),
-        processing: Processing {
-            zero_tail: true,
-            ..Processing::default()
-        },
     }
 }

@@ -1,10 +1,11 @@
 //! The short page of `gusset check`: the test, its model, its stability and its needs in a few lines.
 
-use super::super::stability;
+use super::super::spectrum;
 use super::super::table::Table;
 use super::{Checked, needs};
 use crate::config::{ClockChoice, Loaded};
 use crate::motion::{Quantity, RecordFacts, STANDARD_GRAVITY, Signal};
+use crate::session::integration;
 use crate::session::rehearsal::{Curtain, FullRehearsal, Need};
 use crate::setup::{Facts, StructureFacts};
 use crate::units::{duration, number, quantity, rate};
@@ -30,7 +31,7 @@ pub(super) fn tabulate(checked: &Checked<'_>, table: &mut Table) {
     table.row("structure", &text);
     of_excitation(checked.loaded, facts, table);
     if let Some(structure) = &facts.structure {
-        let mut text = stability::in_words(structure);
+        let mut text = integration::in_words(structure);
         let error = checked
             .spectrum
             .and_then(|spectrum| spectrum.period_error());
@@ -202,7 +203,7 @@ fn of_delays(checked: &Checked<'_>, table: &mut Table) {
         return;
     };
     let names: Vec<&str> = following.iter().map(|one| one.specimen()).collect();
-    let delays = spectrum.in_short(&names);
+    let delays = spectrum::in_short(spectrum, &names);
     match delays.as_slice() {
         [] => {}
         [(_, text)] if following.is_empty() => table.row("critical delay", text),

@@ -2,11 +2,12 @@
 
 use serde_json::{Value, json};
 
-use super::super::rehearsed;
-use super::super::spectrum::Spectrum;
+use super::super::spectrum::{delays_json, modes_json};
+use super::super::{certificate, rehearsed};
 use super::{Checked, commands};
 use crate::motion::{Quantity, RecordFacts, STANDARD_GRAVITY};
-use crate::setup::{Stability, StructureFacts};
+use crate::setup::StructureFacts;
+use crate::stability::{Spectrum, Stability};
 
 /// The whole document.
 pub(super) fn document(checked: &Checked<'_>) -> Value {
@@ -40,7 +41,7 @@ pub(super) fn document(checked: &Checked<'_>) -> Value {
             found.insert("following".to_owned(), following.collect());
         }
         if let Some(certificate) = checked.certificate {
-            found.insert("certificate".to_owned(), certificate.as_json());
+            found.insert("certificate".to_owned(), certificate::as_json(certificate));
         }
     }
     found
@@ -62,16 +63,16 @@ fn structure_json(structure: &StructureFacts, spectrum: Option<&Spectrum>) -> Va
         "lambda_limit": choice.map(|choice| choice.limit),
         "criterion": choice.map(|_| "S(lambda) positive semi-definite at the declared bounds"),
         "margin": choice.map(|choice| number(choice.margin)),
-        "stable": crate::stability::is_stable(structure),
+        "stable": crate::stability::is_stable(&structure.stability, structure.analysis.as_ref()),
         "governing": choice.and_then(|c| c.governing.as_ref()).map(ToString::to_string),
         "gain_bound": structure.gain.is_finite().then_some(structure.gain),
         "spectral_radius_at_bounds": match structure.stability {
             Stability::AtBounds(radius) => Some(radius),
             _ => None,
         },
-        "modes": spectrum.filter(|spectrum| spectrum.is_of_family()).map(Spectrum::modes_json),
-        "highest_frequency_rad_per_s": spectrum.and_then(Spectrum::highest),
-        "critical_delays": spectrum.map(Spectrum::delays_json),
+        "modes": spectrum.filter(|spectrum| spectrum.is_of_family()).map(modes_json),
+        "highest_frequency_rad_per_s": spectrum.and_then(|spectrum| spectrum.highest),
+        "critical_delays": spectrum.map(delays_json),
         "peak_ground_acceleration_m_per_s2": structure.peak_ground_accel,
         "peak_nodal_force_n": structure.peak_nodal_force.map(|(_, peak)| peak),
     })

@@ -131,7 +131,7 @@ fn each_quantity(needs: &Needs, place: usize) -> Vec<Line> {
                 needed: needed(need),
                 limit: limit(need),
                 used: used(need),
-                share: share(need),
+                share: need.share(),
             });
         }
         for used in needs.used(axis) {
@@ -163,7 +163,7 @@ fn grouped(needs: &Needs, place: usize) -> Vec<Line> {
                 .filter(|need| is_of_force(need.quantity) == of_force);
             let shown = group.clone().filter(|need| is_usual(need.quantity));
             let shown: Vec<String> = shown.map(needed).collect();
-            let of_limits = group.map(|need| (share(need), limit(need), used(need)));
+            let of_limits = group.map(|need| (need.share(), limit(need), used(need)));
             let of_rig = needs.used(axis);
             let of_rig = of_rig.iter().filter(|used| keys.contains(&used.key));
             let of_rig = of_rig.map(|used| {
@@ -293,15 +293,6 @@ fn limit(need: &Need) -> String {
     of(need.trip)
         .or_else(warns)
         .unwrap_or_else(|| "none".to_owned())
-}
-
-/// The need as a share of the trip level; infinite where it trips.
-fn share(need: &Need) -> f64 {
-    match need.margin() {
-        _ if need.trips() => f64::INFINITY,
-        Some(margin) => 1.0 - margin,
-        None => 0.0,
-    }
 }
 
 fn used(need: &Need) -> String {

@@ -3,7 +3,7 @@
 use super::super::table::{COLUMNS, Table};
 use super::Checked;
 use crate::config::ClockChoice;
-use crate::record::Outcome;
+use crate::stability::Outcome;
 
 /// Columns in front of a command, and between it and its purpose.
 const GAPS: usize = "    # ".len();

@@ -1,13 +1,13 @@
 //! `gusset check --verbose`: everything that is known of a test without a rehearsal.
 
-use super::super::run::method_name;
-use super::super::spectrum::Spectrum;
 use super::super::table::Table;
-use super::super::{limits, spectrum as modes, stability};
+use super::super::{limits, spectrum as modes};
 use crate::config::ClockChoice;
 use crate::integrate::Lambda;
 use crate::motion::{Quantity, STANDARD_GRAVITY};
+use crate::session::integration::{self, method_name};
 use crate::setup::{Facts, StructureFacts};
+use crate::stability::Spectrum;
 use crate::units::{duration, quantity, rate};
 
 /// Everything that is known of the test without a rehearsal.
@@ -72,16 +72,18 @@ fn describe(
     }
     of_loads(table, structure);
     match spectrum.filter(|spectrum| spectrum.is_of_family()) {
-        Some(spectrum) => spectrum.tabulate(table),
+        Some(spectrum) => modes::tabulate(spectrum, table),
         None => frequencies(table, facts, structure),
     }
     match structure.lambda {
         Some(lambda) => describe_lambda(table, structure, lambda),
         None => table.row("method", &method_name(structure.method)),
     }
-    stability::tabulate(table, facts, structure);
+    for (what, found) in integration::in_full(facts, structure) {
+        table.row(what, &found);
+    }
     if let Some(spectrum) = spectrum {
-        spectrum.describe(table);
+        modes::describe(spectrum, table);
     }
 }
 

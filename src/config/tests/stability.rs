@@ -2,7 +2,8 @@
 //! is none.
 
 use super::*;
-use crate::setup::{Doubt, Facts, build};
+use crate::setup::{Facts, build};
+use crate::stability::Kind;
 
 /// One mass in m, all of whose stiffness and damping are those of a specimen.
 fn one(time: &str, mass: f64, rest: &str) -> String {
@@ -54,7 +55,7 @@ fn damping_of_a_specimen_counts_more_in_a_sawtooth_between_the_steps() {
         one("ticks_per_step = 2", mass, &law)
     );
     let doubts = build(&accepted(&asked, &[])).unwrap().doubts;
-    let [Doubt::Unstable(finding)] = &doubts[..] else {
+    let [(Kind::Unstable, finding)] = &doubts[..] else {
         panic!("{doubts:?}");
     };
     assert_eq!(finding.numbers[0], ("lambda", 8.0));

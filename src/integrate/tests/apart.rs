@@ -7,6 +7,7 @@ use proptest::prelude::*;
 use super::{random_proof, scalar, spectral_radius, storeys};
 use crate::integrate::*;
 use crate::linalg::{SymMatrix, modes};
+use crate::stability::{StabilityError, StabilityProof};
 
 const DT: f64 = 0.05;
 

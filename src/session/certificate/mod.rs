@@ -7,6 +7,7 @@
 
 mod course;
 mod draw;
+mod judgement;
 mod proportion;
 
 use std::collections::BTreeMap;
@@ -15,6 +16,7 @@ use std::sync::{Arc, Mutex};
 
 pub use course::Errors;
 pub use draw::Plan;
+pub use judgement::{Certificate, Line};
 pub use proportion::interval;
 
 use course::{Course, Reference};

@@ -118,6 +118,16 @@ impl Need {
         !(self.needed.low >= low && self.needed.high <= high)
     }
 
+    /// The need as a share of the trip level; infinite where it trips, 0 without a level.
+    #[must_use]
+    pub fn share(&self) -> f64 {
+        match self.margin() {
+            _ if self.trips() => f64::INFINITY,
+            Some(margin) => 1.0 - margin,
+            None => 0.0,
+        }
+    }
+
     /// True if the test trips here.
     #[must_use]
     pub fn trips(&self) -> bool {

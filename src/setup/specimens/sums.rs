@@ -3,6 +3,7 @@
 use super::{Entry, Rows, Specimens};
 use crate::linalg::SymMatrix;
 use crate::model::Part;
+use crate::stability::{Advice, SpecimenShare};
 
 impl Specimens {
     /// Σ Bᵀ k̂ B.
@@ -112,25 +113,42 @@ impl Specimens {
     }
 
     /// How much of the damping of each of those counts in a sawtooth.
-    pub(in crate::setup) fn sawtooths(&self) -> Vec<f64> {
+    fn sawtooths(&self) -> Vec<f64> {
         let bounded = self.0.iter().filter(|entry| entry.bounds.is_ok());
         let each = bounded.flat_map(|entry| entry.axes.iter().map(|_| entry.sawtooth));
         each.collect()
     }
 
-    /// The specimens that are damped and of whose damping more counts, because ticks come between their targets.
-    pub(in crate::setup) fn overcounted(&self) -> Vec<&str> {
+    /// The first specimen that is damped and of whose damping more counts, because ticks come between its targets.
+    fn overcounted(&self) -> Option<&str> {
         let damped = |entry: &&Entry| match &entry.bounds {
             Ok((_, damping)) => damping.iter().flatten().any(|c| *c != 0.0),
             Err(_) => true,
         };
         let more = self.0.iter().filter(|entry| entry.sawtooth > 1.0);
-        let named = more.filter(damped);
-        named.map(|entry| entry.name.as_str()).collect()
+        more.filter(damped).map(|entry| entry.name.as_str()).next()
+    }
+
+    /// Advice on specimens that burden a proof more than they seem to.
+    pub(in crate::setup) fn advice(&self) -> Advice {
+        Advice {
+            overcounted: self.overcounted().map(str::to_owned),
+            heavy: self.heavy().map(str::to_owned),
+        }
+    }
+
+    /// The specimens in a proof of λ.
+    pub(in crate::setup) fn share(&self) -> SpecimenShare {
+        SpecimenShare {
+            attached: self.attached(),
+            parts: self.parts(),
+            sawtooths: self.sawtooths(),
+            advice: self.advice(),
+        }
     }
 
     /// The first specimen with inertia inside its force.
-    pub(in crate::setup) fn heavy(&self) -> Option<&str> {
+    fn heavy(&self) -> Option<&str> {
         let found = self.0.iter().find(|entry| entry.mass_in_force != 0.0);
         found.map(|entry| entry.name.as_str())
     }

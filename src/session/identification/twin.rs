@@ -6,10 +6,10 @@
 use nalgebra::DMatrix;
 use toml_edit::{DocumentMut, Item};
 
-use super::super::run::refused;
-use super::course::Plan;
+use super::IdentificationError;
 use super::matrices::{self, Found, rows};
 use super::outcome::{Axis, Outcome};
+use super::plan::Plan;
 use crate::compensation::{CompensationSpec, ModelInverseSpec};
 use crate::config::TimingSpec;
 use crate::config::{
@@ -32,7 +32,7 @@ pub(super) fn text(
     outcome: &Outcome,
     plan: &Plan,
     driven: &Loaded,
-) -> anyhow::Result<Option<String>> {
+) -> Result<Option<String>, IdentificationError> {
     let mut file: TestFile = driven.file.clone();
     file.title = format!("Virtual twin: {}", driven.file.title);
     file.time.clock = ClockChoice::Simulated;
@@ -50,7 +50,10 @@ pub(super) fn text(
         };
         remarks.push(put(table, &known, plan));
     }
-    let mut document: DocumentMut = toml::to_string(&file)?.parse()?;
+    let unwritten = |error: String| IdentificationError::Document(error);
+    let document = toml::to_string(&file).map_err(|error| unwritten(error.to_string()))?;
+    let document = document.parse::<DocumentMut>();
+    let mut document = document.map_err(|error| unwritten(error.to_string()))?;
     without_defaults(&mut document, &file);
     let tables = document.get_mut("specimen");
     if let Some(tables) = tables.and_then(Item::as_array_of_tables_mut) {
@@ -71,7 +74,7 @@ pub(super) fn text(
     );
     let text = format!("# {said}\n\n{document}");
     // What is written must be what a test file may say.
-    crate::config::parse(&driven.path, text.clone(), &[]).map_err(refused)?;
+    crate::config::parse(&driven.path, text.clone(), &[])?;
     Ok(Some(text))
 }
 

@@ -1,7 +1,8 @@
 //! Which axes are driven, how, how far, and when: judged before anything moves.
 
+use super::super::rehearsal::FullRehearsal;
 use super::amplitude::{amplitude, rounded_down};
-use super::{IdentifyArgs, usage};
+use super::{IdentificationError, Request, refusal};
 use crate::config::{Drive, Loaded, SpecimenTable, TestFile, nearest};
 use crate::identify::{Band, Course, Shape};
 use crate::units::{duration, quantity, rate};
@@ -16,13 +17,14 @@ const OF_RATE: f64 = 0.2;
 
 /// One axis and its part of the run.
 #[derive(Debug, Clone)]
-pub(super) struct Driven {
+pub struct Driven {
     /// Specimen in the test file, from 0.
     pub specimen: usize,
     /// Specimen in the driven test, from 0.
     pub place: usize,
+    /// Name of the specimen.
     pub name: String,
-    /// From 0.
+    /// Axis, from 0.
     pub axis: usize,
     /// Axes of its specimen.
     pub axes: usize,
@@ -38,29 +40,38 @@ pub(super) struct Driven {
 
 impl Driven {
     /// "specimen "column" actuator 2".
+    #[must_use]
     pub fn words(&self) -> String {
         format!("specimen \"{}\" {}", self.name, self.place_words(self.axis))
     }
 
     /// "actuator 2", from 0.
+    #[must_use]
     pub fn place_words(&self, axis: usize) -> String {
         let what = if self.is_actuator { "actuator" } else { "axis" };
         format!("{what} {}", axis + 1)
     }
 }
 
+/// How often an amplitude is halved.
+const MOST_HALVED: i32 = 6;
 /// Ticks of one motion at most: its numbers stand in memory.
 const MOST_TICKS: f64 = 16_777_216.0;
 
 /// The whole run.
 #[derive(Debug)]
-pub(super) struct Plan {
+pub struct Plan {
+    /// Frequencies of the motion.
     pub band: Band,
+    /// Kind of motion.
     pub shape: Shape,
+    /// Period of the controller in s.
     pub tick: f64,
-    /// Ticks of one motion, and of a rest.
+    /// Ticks of one motion.
     pub ticks: u64,
+    /// Ticks of a rest.
     pub rest: u64,
+    /// The axes, in the order of their motions.
     pub axes: Vec<Driven>,
     /// Names of specimens that are not part of it.
     pub left_out: Vec<String>,
@@ -79,7 +90,7 @@ const fn word(shape: Shape) -> &'static str {
 }
 
 /// The flags of a motion. Amplitudes that differ are found again from the limits.
-fn asked(args: &IdentifyArgs, shape: Shape, band: Band, axes: &[Driven]) -> String {
+fn asked(args: &Request, shape: Shape, band: Band, axes: &[Driven]) -> String {
     let mut flags = format!(
         "--motion {} --band {},{} --duration {} --seed {}",
         word(shape),
@@ -97,21 +108,62 @@ fn asked(args: &IdentifyArgs, shape: Shape, band: Band, axes: &[Driven]) -> Stri
 }
 
 impl Plan {
-    /// What is asked for, if it is allowed. An amplitude that was not asked for is halved so often.
-    pub fn of(args: &IdentifyArgs, loaded: &Loaded, halved: i32) -> anyhow::Result<Self> {
+    /// The motion, the test that makes it, and its rehearsal. The last may refuse the motion. An amplitude that was not requested
+    /// is halved until no limit of the file would trip.
+    ///
+    /// # Errors
+    /// The motion is refused, or the test that makes it cannot be built.
+    pub fn within_limits(
+        args: &Request,
+        loaded: &Loaded,
+    ) -> Result<(Self, Loaded, FullRehearsal), IdentificationError> {
+        let mut halved = 0;
+        loop {
+            let plan = Self::of(args, loaded, halved)?;
+            let driven = loaded.beside(&plan.said(args), &plan.file)?;
+            // A linear stand-in shows forces, and limits that are not those of the command.
+            let full = FullRehearsal::of(&driven)?;
+            if full.is_possible() || args.amplitude.is_some() || halved == MOST_HALVED {
+                return Ok((plan, driven, full));
+            }
+            halved += 1;
+        }
+    }
+
+    /// Refuses a specimen whose link is known to answer with forces only: against its command it would follow without fault.
+    ///
+    /// # Errors
+    /// There is such a specimen.
+    pub fn refuse_forces_only(&self, driven: &Loaded) -> Result<(), IdentificationError> {
+        let specimens = &driven.file.specimen;
+        let mut without = self.axes.iter().filter(|axis| {
+            let specimen = specimens.get(axis.place);
+            specimen.is_some_and(|of| of.force_only_link().is_some())
+        });
+        without.next().map_or(Ok(()), |axis| {
+            Err(refusal(format!(
+                "{}: its link answers with forces only, so its actuator cannot be identified: the command would be compared with itself. \
+                 State `delay_s` in [specimen.identified] as the laboratory measured it",
+                axis.words()
+            )))
+        })
+    }
+
+    /// The requested motion, if it is allowed. An amplitude that was not requested is halved so often.
+    fn of(args: &Request, loaded: &Loaded, halved: i32) -> Result<Self, IdentificationError> {
         let tick = loaded.time.tick();
         // The motion is made in memory before it is judged as a test.
         let ticks = args.duration / tick;
         if ticks.is_finite() && ticks > MOST_TICKS {
-            return Err(usage(format!(
+            return Err(refusal(format!(
                 "--duration is {} s, which is more than {MOST_TICKS} ticks",
                 args.duration
             )));
         }
         let band = band(args, tick)?;
-        let shape = Shape::from(args.motion);
+        let shape = args.shape;
         let course = Course::new(shape, band, args.duration, args.seed, tick)
-            .map_err(|error| usage(error.to_string()))?;
+            .map_err(|error| refusal(error.to_string()))?;
         let chosen = chosen(args, loaded)?;
         let ticks = (course.duration() / tick).ceil() as u64;
         let rest = ((REST_S / tick).ceil() as u64).max(REST_TICKS);
@@ -184,7 +236,8 @@ impl Plan {
         })
     }
 
-    /// What will be done, for whoever stands beside the rig.
+    /// The motion in words, for the people beside the rig.
+    #[must_use]
     pub fn announced(&self, loaded: &Loaded) -> Vec<String> {
         let word = word(self.shape);
         let mut lines: Vec<String> = self
@@ -220,13 +273,13 @@ impl Plan {
     }
 
     /// First line of the test file that is run.
-    pub fn said(&self, args: &IdentifyArgs) -> String {
+    fn said(&self, args: &Request) -> String {
         format!("Made by `gusset identify` from {}.", args.test.display())
     }
 }
 
 /// The band that is asked for, or the usual one.
-fn band(args: &IdentifyArgs, tick: f64) -> anyhow::Result<Band> {
+fn band(args: &Request, tick: f64) -> Result<Band, IdentificationError> {
     match args.band.as_deref() {
         None => Ok(Band {
             from_hz: FROM_HZ,
@@ -235,17 +288,17 @@ fn band(args: &IdentifyArgs, tick: f64) -> anyhow::Result<Band> {
         Some(&[from_hz, to_hz]) => Ok(Band { from_hz, to_hz }),
         Some(other) => {
             let text = format!("--band takes two frequencies, found {}", other.len());
-            Err(usage(text))
+            Err(refusal(text))
         }
     }
 }
 
 /// The specimens that are driven, from 0.
-fn chosen(args: &IdentifyArgs, loaded: &Loaded) -> anyhow::Result<Vec<usize>> {
+fn chosen(args: &Request, loaded: &Loaded) -> Result<Vec<usize>, IdentificationError> {
     let tables = &loaded.file.specimen;
     let file = loaded.path.display();
     if tables.is_empty() {
-        return Err(usage(format!(
+        return Err(refusal(format!(
             "{file} has no specimen, so there is nothing to identify"
         )));
     }
@@ -257,7 +310,7 @@ fn chosen(args: &IdentifyArgs, loaded: &Loaded) -> anyhow::Result<Vec<usize>> {
         let names: Vec<&str> = tables.iter().map(|table| table.name.as_str()).collect();
         let meant = nearest(name, &names)
             .map_or_else(String::new, |near| format!("; did you mean \"{near}\"?"));
-        usage(format!(
+        refusal(format!(
             "--specimen: {file} has no specimen \"{name}\", only {}{meant}",
             names.join(", ")
         ))
@@ -265,7 +318,7 @@ fn chosen(args: &IdentifyArgs, loaded: &Loaded) -> anyhow::Result<Vec<usize>> {
 }
 
 /// Axes are driven one at a time: refuses where that cannot be.
-fn by_themselves(table: &SpecimenTable) -> anyhow::Result<()> {
+fn by_themselves(table: &SpecimenTable) -> Result<(), IdentificationError> {
     let Some(spec) = &table.geometry else {
         return Ok(());
     };
@@ -273,7 +326,7 @@ fn by_themselves(table: &SpecimenTable) -> anyhow::Result<()> {
     if actuators <= coordinates {
         return Ok(());
     }
-    Err(usage(format!(
+    Err(refusal(format!(
         "specimen \"{}\": {actuators} actuators hold {coordinates} coordinates of a platform. One of them cannot move while the \
          others hold, so their responses cannot be separated",
         table.name

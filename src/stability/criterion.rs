@@ -17,7 +17,7 @@ use std::fmt;
 
 use thiserror::Error;
 
-use super::{Apart, Lambda};
+use crate::integrate::{Apart, Lambda};
 use crate::linalg::{Spd, SymMatrix};
 use crate::model::Part;
 

@@ -2,11 +2,10 @@
 
 use std::path::Path;
 
-use anyhow::Context;
 use serde_json::{Value, json};
 
-use super::super::exit::{Exit, WithExit};
-use super::course::{Driven, Plan, gear};
+use super::IdentificationError as Error;
+use super::plan::{Driven, Plan, gear};
 use crate::catalog::column;
 use crate::config::Loaded;
 use crate::engine::Phase;
@@ -20,8 +19,11 @@ const RUNNING: f64 = Phase::Running.code();
 const MOST_POINTS: usize = 4000;
 
 /// What one axis is, or why that is not known.
-pub(super) struct Axis {
+#[derive(Debug)]
+pub struct Axis {
+    /// The axis and its motion.
     pub driven: Driven,
+    /// The identified properties.
     pub found: Result<Identification, IdentifyError>,
     /// What every other axis of the specimen felt while it was held, by its number from 0; those that felt nothing are not
     /// there.
@@ -37,9 +39,13 @@ pub(super) struct Axis {
 }
 
 /// All axes.
-pub(super) struct Outcome {
+#[derive(Debug)]
+pub struct Outcome {
+    /// In the order of their motions.
     pub axes: Vec<Axis>,
+    /// Lowest and highest frequency in Hz.
     pub band: (f64, f64),
+    /// Period of the controller in s.
     pub tick: f64,
     /// Ticks by which the grid was moved in wall time.
     pub stretched: f64,
@@ -47,31 +53,32 @@ pub(super) struct Outcome {
 
 impl Outcome {
     /// Reads a run folder and identifies.
-    pub fn read(folder: &Path, plan: &Plan, driven: &Loaded) -> anyhow::Result<Self> {
+    ///
+    /// # Errors
+    /// The record cannot be read, or has gaps.
+    pub fn read(folder: &Path, plan: &Plan, driven: &Loaded) -> Result<Self, Error> {
         let run = Run::open(folder)?;
         let book =
             run.columns(&[column::STATE, column::STEP, column::STRETCHED].map(|kind| kind.name()))?;
         let [state, step, stretched] = book.as_slice() else {
-            anyhow::bail!("the record lacks its own columns");
+            return Err(Error::Broken("the record lacks its own columns"));
         };
         let first = state.iter().position(|s| *s == RUNNING);
         let last = state.iter().rposition(|s| *s == RUNNING);
         let (Some(first), Some(last)) = (first, last) else {
-            return Err(broken("no row was recorded while the motion ran"));
+            return Err(Error::Broken("no row was recorded while the motion ran"));
         };
         if state[first..=last].iter().any(|s| *s != RUNNING) {
-            return Err(broken("the motion was held on its way"));
+            return Err(Error::Broken("the motion was held on its way"));
         }
         let steps = step.get(first..=last).unwrap_or_default();
         if steps.windows(2).any(|pair| pair[1] != pair[0] + 1.0) {
-            return Err(broken("rows of the motion were lost"));
+            return Err(Error::Broken("rows of the motion were lost"));
         }
-        let axes = plan
-            .axes
-            .iter()
-            .map(|one| axis(&run, plan, driven, one, first..last + 1).with_context(|| one.words()));
+        let axes = plan.axes.iter();
+        let axes = axes.map(|one| axis(&run, plan, driven, one, first..last + 1));
         Ok(Self {
-            axes: axes.collect::<anyhow::Result<_>>()?,
+            axes: axes.collect::<Result<_, _>>()?,
             band: (plan.band.from_hz, plan.band.to_hz),
             tick: plan.tick,
             stretched: stretched.last().copied().unwrap_or(0.0),
@@ -79,6 +86,7 @@ impl Outcome {
     }
 
     /// The first thing that could not be found out, in words.
+    #[must_use]
     pub fn first_error(&self) -> Option<String> {
         self.axes.iter().find_map(|axis| {
             let error = axis.found.as_ref().err()?;
@@ -87,6 +95,7 @@ impl Outcome {
     }
 
     /// Everything, as one document.
+    #[must_use]
     pub fn as_json(&self, folder: &Path) -> Value {
         let axes: Vec<Value> = self.axes.iter().map(Axis::as_json).collect();
         json!({
@@ -99,20 +108,16 @@ impl Outcome {
     }
 }
 
-fn broken(why: &str) -> anyhow::Error {
-    let text = format!("{why}: nothing is identified from a broken record");
-    WithExit(Exit::Stopped, text).into()
-}
-
 fn axis(
     run: &Run,
     plan: &Plan,
     driven: &Loaded,
     one: &Driven,
     running: std::ops::Range<usize>,
-) -> anyhow::Result<Axis> {
+) -> Result<Axis, Error> {
     let table = driven.file.specimen.get(one.place);
-    let table = table.context("the driven test lost a specimen")?;
+    let lost = Error::Broken("the driven test lost a specimen");
+    let table = table.ok_or(lost)?;
     let units = table.units_of(one.axes);
     let unit = |axis: usize| {
         units
@@ -132,7 +137,10 @@ fn axis(
     ];
     names.extend(others.iter().map(|axis| of_axis(&column::RAW_FORCE, *axis)));
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
-    let columns = run.columns(&names)?;
+    let columns = run.columns(&names).map_err(|source| Error::Axis {
+        axis: one.words(),
+        source,
+    })?;
     let from = running.start + (one.start - plan.rest) as usize;
     let to = (running.start + (one.start + plan.ticks + plan.rest) as usize + 1).min(running.end);
     let part = |index: usize, unit: f64| -> Vec<f64> {
@@ -179,6 +187,7 @@ fn axis(
 
 impl Axis {
     /// k̂ of the axis itself in N/m at the specimen; 0 where there is none.
+    #[must_use]
     pub fn own_stiffness(&self) -> f64 {
         let found = self.found.as_ref().ok();
         let specimen = found.and_then(|found| found.specimen.as_ref());

@@ -1,13 +1,8 @@
-//! How much later each axis could be before the test is unstable: the critical delay at its present stiffness, less its lag.
+//! Critical delays of one axis, tabulated over its stiffness.
 //!
-//! The critical delays are tabulated before the test, one axis at a time: the others on time, with their initial stiffness.
-//! The loop looks them up by the stiffness that is fitted over the same last seconds as the lag: a tangent from tick to tick
-//! drowns in the noise of real sensors, and would make the margin look larger than it is. Nothing is said before the fit has
-//! seen two periods of motion. 1/τ is interpolated along a straight line between entries; where one end of an
-//! interval is stable at every delay the other end counts, beyond the last stiffness 1/τ grows in proportion, and one
-//! below zero counts as none. It moves nothing: columns and a limit only.
-
-use super::Port;
+//! The loop looks the delay up at the present stiffness. Between two entries 1/τ is interpolated along a straight line. Where
+//! every delay is stable at one end of an interval, the other end counts. Beyond the last entry 1/τ grows in proportion to
+//! the stiffness. A stiffness below zero counts as zero.
 
 /// Critical delays of one axis over its stiffness.
 #[derive(Debug, Clone, PartialEq)]
@@ -53,49 +48,6 @@ impl CriticalDelay {
             (None, _) => f64::NAN,
         };
         1.0 / inverse
-    }
-}
-
-impl Port {
-    /// Knows the critical delays of its axes, one table per axis.
-    #[must_use]
-    pub fn with_critical_delays(mut self, tables: Vec<CriticalDelay>) -> Self {
-        if tables.len() == self.axes() {
-            self.critical = tables;
-        }
-        self
-    }
-
-    /// True if [`Port::delay_margins`] are known as soon as the lag is. Real-time: yes.
-    #[inline]
-    #[must_use]
-    pub fn knows_margin(&self) -> bool {
-        self.tracks() && !self.critical.is_empty()
-    }
-
-    /// Lag and critical delay in s of test time, per axis; not a number where it is not known. Empty without tables.
-    fn lags(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
-        let axes = self.critical.iter().zip(self.tracking());
-        axes.map(|(table, [lag, _, stiffness, _])| (lag, table.at(stiffness)))
-    }
-
-    /// Critical delay at the stiffness of the last seconds less their lag, s of test time, per axis: negative where the test is expected to
-    /// grow, infinite where every delay is stable, not a number where nothing is known yet. Real-time: yes.
-    pub fn delay_margins(&self) -> impl Iterator<Item = f64> + '_ {
-        self.lags().map(|(lag, critical)| critical - lag)
-    }
-
-    /// The largest share of its critical delay that an axis uses up; not a number while nothing is known. Real-time: yes.
-    #[must_use]
-    pub fn delay_used(&self) -> f64 {
-        // A number wins against none.
-        self.delay_used_by_axis().fold(f64::NAN, f64::max)
-    }
-
-    /// The share of each axis. Real-time: yes.
-    pub fn delay_used_by_axis(&self) -> impl Iterator<Item = f64> + '_ {
-        let lags = self.lags();
-        lags.map(|(lag, critical)| lag.max(0.0) / critical + 0.0 * lag)
     }
 }
 

@@ -6,9 +6,7 @@
 use nalgebra::DMatrix;
 
 use super::analysis::{Analysis, Attached, Own, delayed};
-use super::{Refused, Site, StructureFacts, path};
-use crate::config::Finding;
-use crate::control::{CriticalDelay, Port};
+use super::critical::CriticalDelay;
 use crate::spectral::delay::{DelayError, Delayed, DiscreteLimit, continuous, discrete};
 
 /// Entries of a table at equal steps.
@@ -30,7 +28,7 @@ impl Analysis {
     ///
     /// # Errors
     /// Why there are none, in words.
-    pub(super) fn critical_delays(
+    pub fn critical_delays(
         &self,
         wanted: &[bool],
         bounds: &[Vec<f64>],
@@ -122,55 +120,6 @@ fn entries(stiffest: f64, at_rest: f64) -> Vec<f64> {
     all.sort_by(f64::total_cmp);
     all.dedup_by(|next, one| *next - *one <= 1e-9 * *next);
     all
-}
-
-/// The specimens with their tables, as far as their lag is estimated; why there are none stands in the facts of the structure, and is
-/// refused where the test asks for them.
-pub(super) fn watched(
-    site: &mut Site<'_>,
-    structure: Option<&mut StructureFacts>,
-    ports: Vec<Port>,
-) -> Result<Vec<Port>, Refused> {
-    let asked = site.loaded.file.safety.delay_used.is_some();
-    let at = || path("safety").key("delay_used");
-    let Some(structure) = structure else {
-        if asked {
-            let finding = Finding::error(
-                at(),
-                "the test has no structure that a delay could destabilise",
-            );
-            return site.refuse(finding.label("a share of what?"));
-        }
-        return Ok(ports);
-    };
-    let wanted: Vec<bool> = ports.iter().map(Port::tracks).collect();
-    let tables = match &structure.analysis {
-        _ if !wanted.contains(&true) => Err("no specimen estimates its lag".to_owned()),
-        None => Err("the structure is too large".to_owned()),
-        Some(analysis) => {
-            let bounds = ports
-                .iter()
-                .map(|port| port.tangent_bounds().map(|bound| bound.0));
-            let bounds: Vec<Vec<f64>> = bounds.map(Iterator::collect).collect();
-            analysis.critical_delays(&wanted, &bounds)
-        }
-    };
-    match tables {
-        Ok(tables) => {
-            let both = ports.into_iter().zip(tables);
-            Ok(both
-                .map(|(port, tables)| port.with_critical_delays(tables))
-                .collect())
-        }
-        Err(why) if asked => {
-            let finding = Finding::error(at(), format!("the critical delay is unknown: {why}"));
-            site.refuse(finding.help("`lag_s` at the limits of a specimen bounds its lag in s"))
-        }
-        Err(why) => {
-            structure.no_margin = Some(why);
-            Ok(ports)
-        }
-    }
 }
 
 #[cfg(test)]

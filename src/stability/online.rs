@@ -4,7 +4,7 @@
 //! K_t = K_max + Σ (k_t − k_max) bᵀb, C_t likewise, and [`StabilityProof::limit`] answers. Some forty factorisations: for a
 //! thread that has time, not for the loop.
 
-use super::StabilityProof;
+use super::criterion::StabilityProof;
 use crate::linalg::SymMatrix;
 use crate::model::Part;
 

@@ -1,9 +1,9 @@
-//! What `gusset check` says of modes and delays: kept as matrices, worked out only when it is asked for.
+//! A structure with its specimens before anything moves: its matrices, modes and the loop of each specimen.
+//!
+//! Only the matrices are kept. Modes and delays are computed when a caller asks for them.
 
 use nalgebra::DMatrix;
 
-use super::method::Initial;
-use super::specimens::Specimens;
 use crate::integrate::{Apart, Lambda};
 use crate::linalg::{self, SymMatrix};
 use crate::spectral::delay::{
@@ -40,23 +40,45 @@ pub struct Analysis {
 
 /// Tangents before anything moves, specimens included.
 #[derive(Debug, Clone)]
-pub(super) struct AtRest {
+pub struct AtRest {
     /// Of the stiffness.
     pub stiffness: SymMatrix,
     /// Of the damping, or its reference where that is less: a damper without a finite tangent at rest has that only.
     pub damping: SymMatrix,
 }
 
-/// How a specimen hangs in the structure.
+/// One specimen in the structure, in the structure's units. Matrices are by rows.
 #[derive(Debug, Clone)]
-pub(super) struct Attached {
+pub struct Attached {
+    /// Its name.
+    pub name: String,
+    /// Its rows of B: degree of freedom, from 0, and entry.
     pub rows: Vec<Vec<(usize, f64)>>,
+    /// k̂ in N/m.
     pub stiffness: Vec<Vec<f64>>,
+    /// Stiffness before anything moves, in N/m.
     pub stiffness_at_rest: Vec<Vec<f64>>,
+    /// ĉ in N s/m.
     pub damping: Vec<Vec<f64>>,
+    /// Damping before anything moves, in N s/m.
     pub damping_at_rest: Vec<Vec<f64>>,
+    /// Mass whose inertia is inside the measured force, in kg.
     pub mass_in_force: f64,
+    /// The course of its commands between two steps, as in [`Delayed::ticks`].
     pub ticks: Vec<Weights>,
+}
+
+/// The matrices of a structure with its specimens.
+#[derive(Debug, Clone)]
+pub struct Matrices {
+    /// M, without the mass whose inertia is inside measured forces.
+    pub mass: SymMatrix,
+    /// Tangents before anything moves.
+    pub at_rest: AtRest,
+    /// K0, as in M_eff: an open gap counts as closed.
+    pub stiffness: SymMatrix,
+    /// C0, as in M_eff.
+    pub damping: SymMatrix,
 }
 
 /// A mode of the whole at rest, and what delays do to it.
@@ -188,49 +210,43 @@ pub(super) fn delayed(
 }
 
 impl Analysis {
-    /// None for a structure that is too large. `lambda` is that of a member of the family.
-    pub(super) fn new(
-        mass: &SymMatrix,
-        at_rest: AtRest,
-        initial: &Initial<'_>,
-        specimens: &Specimens,
-        (lambda, apart): (Option<Lambda>, Option<&Apart>),
+    /// None for a structure that is too large. `step` is Δt in s and λ of a member of the family.
+    #[must_use]
+    pub fn new(
+        matrices: Matrices,
+        specimens: Vec<Attached>,
+        step: Option<(f64, Lambda)>,
+        apart: Option<Apart>,
     ) -> Option<Self> {
+        let Matrices {
+            mass,
+            at_rest,
+            stiffness,
+            damping,
+        } = matrices;
         let n = mass.n();
         if n > LARGEST {
             return None;
         }
-        let attached = specimens.loops().map(|specimen| Attached {
-            rows: specimen.rows.iter().map(|row| row.to_vec()).collect(),
-            stiffness: specimen.stiffness.to_vec(),
-            stiffness_at_rest: specimen.stiffness_at_rest.to_vec(),
-            damping: specimen.damping.to_vec(),
-            damping_at_rest: specimen.damping_at_rest.to_vec(),
-            mass_in_force: specimen.mass_in_force,
-            ticks: specimen.ticks.to_vec(),
-        });
         let mut analysis = Self {
-            specimens: attached.collect(),
-            mass: mass.clone(),
+            mass,
             at_rest,
-            stiffness: initial.stiffness.clone(),
-            damping: initial.damping.clone(),
-            apart: apart.cloned(),
-            step: lambda.map(|lambda| (initial.dt, lambda)),
+            stiffness,
+            damping,
+            apart,
+            step,
             loops: Vec::new(),
+            specimens,
         };
         if n <= LARGEST_DELAYED {
-            let both = specimens.loops().zip(&analysis.specimens);
-            let loops = both.map(|(specimen, attached)| Loop {
-                name: specimen.name.to_owned(),
-                ..analysis.of(attached)
-            });
-            analysis.loops = loops.collect();
+            let loops = analysis.specimens.iter().map(|one| analysis.of(one));
+            let loops: Vec<Loop> = loops.collect();
+            analysis.loops = loops;
         }
         Some(analysis)
     }
 
-    /// The loop of a specimen, without its name.
+    /// The loop of a specimen.
     fn of(&self, specimen: &Attached) -> Loop {
         let own = |damping: &[Vec<f64>], stiffness: &[Vec<f64>]| Own {
             damping: square(damping),
@@ -270,7 +286,7 @@ impl Analysis {
             (&closed.specimen_damping, &at_rest.specimen_damping),
         ]);
         Loop {
-            name: String::new(),
+            name: specimen.name.clone(),
             system: Delayed {
                 weighted: self.effective(),
                 ticks: specimen.ticks.clone(),
@@ -398,6 +414,12 @@ impl Analysis {
             }
             _ => Vec::new(),
         }
+    }
+
+    /// Degrees of freedom.
+    #[must_use]
+    pub fn dofs(&self) -> usize {
+        self.mass.n()
     }
 
     /// ½ xᵀ K x in J, K the tangent stiffness of the structure and its specimens at rest.

@@ -1,18 +1,11 @@
 //! One state of a loop with its actuator, at rest or as K0 and C0 have it: what delay it bears, and how many roots it has on the
 //! right.
 
-use std::f64::consts::PI;
-
-use nalgebra::{Complex, DMatrix, DVector};
-
-use crate::config::SpecimenTable;
+use super::actuator::Follows;
+use super::bound::{DelayBound, INERTIA, growing};
+use super::roots::roots;
 use crate::spectral::delay::{Critical, DelayError, Delayed, continuous};
-use crate::spectral::unstable_roots;
-use crate::stability::{DelayBound, INERTIA, growing};
-use crate::transfer::TransferSpec;
 
-/// Frequencies that count are below this share of half the rate.
-pub const HIGHEST: f64 = 0.9;
 /// Share of the lag that counts as left where a delay decides: less is rounding of a compensation.
 const LEFT: f64 = 0.05;
 
@@ -60,38 +53,6 @@ impl Bears {
     }
 }
 
-/// An actuator, and what makes up for it.
-#[derive(Debug, Clone, Copy)]
-pub struct Follows<'a> {
-    pub table: &'a SpecimenTable,
-    pub transfer: &'a TransferSpec,
-    /// Of wall time, s.
-    pub tick: f64,
-}
-
-impl Follows<'_> {
-    /// H at ω in rad/s for one axis of a system; none of what adapts or feeds back.
-    pub fn at(&self, omega: f64, system: &Delayed, axis: usize) -> Option<Complex<f64>> {
-        let lead = match &self.table.compensation {
-            None => Complex::new(1.0, 0.0),
-            Some(spec) => spec.response(omega, self.tick)?,
-        };
-        let (k, c) = of_axis(system, axis);
-        Some(lead * self.transfer.response_to_ticks(omega, k, c, self.tick))
-    }
-
-    /// What is left of the lag of an axis at ω in rad/s, s.
-    pub fn left(&self, omega: f64, system: &Delayed, axis: usize) -> Option<f64> {
-        self.at(omega, system, axis).map(|h| -h.arg() / omega)
-    }
-}
-
-/// Stiffness and damping of one axis of a specimen.
-fn of_axis(system: &Delayed, axis: usize) -> (f64, f64) {
-    let at = (axis, axis);
-    (system.specimen_stiffness[at], system.specimen_damping[at])
-}
-
 /// What is known of the loop in one state.
 #[derive(Debug, Clone)]
 pub struct State {
@@ -105,19 +66,12 @@ pub struct State {
 impl State {
     /// Of a system of one axis.
     pub fn of(system: &Delayed, follows: Follows<'_>) -> Self {
-        let (k, c) = of_axis(system, 0);
-        let lag = |omega| follows.transfer.lag_to_ticks(omega, k, c, follows.tick);
-        let bears = Bears::of(system, lag);
+        let bears = Bears::of(system, |omega| follows.lag(omega, system, 0));
         let left = match bears {
             Bears::LessThan { omega, .. } => follows.left(omega, system, 0),
             _ => None,
         };
-        let marks = system.marks();
-        let chain = |omega: f64| {
-            let missing = follows.at(omega, system, 0)? - 1.0;
-            felt(system, omega).map(|felt| missing * felt + 1.0)
-        };
-        let roots = unstable_roots(chain, 1e-2, HIGHEST * PI / follows.tick, &marks);
+        let roots = roots(&[(system, follows)]);
         Self { bears, left, roots }
     }
 
@@ -153,23 +107,4 @@ impl State {
             (Bears::LessThan { .. } | Bears::Unknown(_), _) => None,
         }
     }
-}
-
-/// Z_e bᵀ Z⁻¹ b at iω: what the specimen feels of its own missing motion.
-fn felt(system: &Delayed, omega: f64) -> Option<Complex<f64>> {
-    let n = system.mass.nrows();
-    let square = omega * omega;
-    let specimen = Complex::new(
-        system.specimen_stiffness[(0, 0)] - square * system.specimen_mass,
-        omega * system.specimen_damping[(0, 0)],
-    );
-    let row = DVector::from_fn(n, |i, _| Complex::new(system.rows[(0, i)], 0.0));
-    let whole = DMatrix::from_fn(n, n, |i, j| {
-        let own = Complex::new(
-            system.stiffness[(i, j)] - square * system.mass[(i, j)],
-            omega * system.damping[(i, j)],
-        );
-        own + specimen * row[i] * row[j]
-    });
-    Some(specimen * row.dot(&whole.lu().solve(&row)?))
 }

@@ -3,13 +3,7 @@
 //! The run is an ordinary one, with the loop, the limits, the record and the retirement of `gusset run`, into a run folder
 //! that `report`, `export` and `replay` read. What was identified is added to the folder afterwards.
 
-mod amplitude;
-mod course;
-mod matrices;
-mod outcome;
-mod page;
 mod text;
-mod twin;
 
 use std::path::PathBuf;
 
@@ -26,12 +20,11 @@ use super::{answer, tell, warn};
 use crate::config::{ConfigError, Loaded};
 use crate::identify::Shape;
 use crate::record::{Progress, RunFolder};
-use crate::session::rehearsal::FullRehearsal;
-use crate::session::{self, Finished, Signals, Watches};
-use crate::setup::{self, Facts, Prepared};
-
-use course::Plan;
-use outcome::Outcome;
+use crate::session::identification::{
+    IdentificationError, Outcome, PICTURES, Plan, Request, files,
+};
+use crate::session::{self, Finished, Judged, Signals, Watches};
+use crate::setup::{self, Facts};
 
 /// What `gusset identify` takes.
 #[derive(Debug, Args)]
@@ -106,16 +99,35 @@ impl From<MotionArg> for Shape {
     }
 }
 
-/// A refusal before anything moves.
-fn usage(text: String) -> anyhow::Error {
-    WithExit(Exit::Usage, format!("{text}\nnothing was moved")).into()
+/// An error with its exit code.
+fn told(error: IdentificationError) -> anyhow::Error {
+    let exit = match error {
+        IdentificationError::Config(error) => return refused(error),
+        IdentificationError::Refused(_) => Exit::Usage,
+        IdentificationError::Broken(_) => Exit::Stopped,
+        other => return other.into(),
+    };
+    WithExit(exit, error.to_string()).into()
 }
 
 /// Identifies.
 pub fn identify(args: &IdentifyArgs) -> anyhow::Result<Exit> {
     let loaded = args.test_run.load(&args.test)?;
-    let (plan, driven) = allowed(args, &loaded)?;
-    refuse_forces_only(&plan, &driven)?;
+    let request = Request {
+        test: args.test.clone(),
+        specimen: args.specimen.clone(),
+        amplitude: args.amplitude,
+        band: args.band.clone(),
+        duration: args.duration,
+        shape: args.motion.into(),
+        seed: args.seed,
+    };
+    let (plan, driven, full) = Plan::within_limits(&request, &loaded).map_err(told)?;
+    if !full.is_possible() {
+        let diagnostics = driven.diagnose(full.findings);
+        return Err(refused(ConfigError::Invalid(diagnostics)));
+    }
+    plan.refuse_forces_only(&driven).map_err(told)?;
     for line in plan.announced(&loaded) {
         tell(line);
     }
@@ -129,9 +141,16 @@ pub fn identify(args: &IdentifyArgs) -> anyhow::Result<Exit> {
             port.needs_measured_disp.own = vec!["`gusset identify`".to_owned()];
         }
     }
-    attend::can_confirm(&mut test.facts, args.test_run.yes)?;
-    let facts = test.facts.clone();
-    let (mut finished, exit) = carry_out(args, test, &facts)?;
+    let mut judged = Judged::without_rehearsal(test);
+    if judged.verdict.behind_link {
+        judged = judged.with(full);
+    } else {
+        warn(&driven.diagnose(full.findings));
+    }
+    conduct::obey(&judged)?;
+    attend::can_confirm(&mut judged.test.facts, args.test_run.yes)?;
+    let facts = judged.test.facts.clone();
+    let (mut finished, exit) = carry_out(args, judged, &facts)?;
     let report = session::conclude(&mut finished);
     if let Err(error) = &report {
         tell(format_args!("warning: not written: {error}"));
@@ -146,7 +165,7 @@ pub fn identify(args: &IdentifyArgs) -> anyhow::Result<Exit> {
         return Err(WithExit(Exit::Stopped, text.to_owned()).into());
     }
     let folder = finished.folder.path();
-    let outcome = Outcome::read(folder, &plan, &driven)?;
+    let outcome = Outcome::read(folder, &plan, &driven).map_err(told)?;
     keep(&outcome, &plan, &driven, &finished.folder)?;
     if args.json {
         answer(serde_json::to_string_pretty(&outcome.as_json(folder))?)?;
@@ -159,55 +178,8 @@ pub fn identify(args: &IdentifyArgs) -> anyhow::Result<Exit> {
     }
 }
 
-/// Refuses a specimen whose link is known to answer with forces only: against its command it would follow without fault.
-fn refuse_forces_only(plan: &Plan, driven: &Loaded) -> anyhow::Result<()> {
-    let specimens = &driven.file.specimen;
-    let mut without = plan.axes.iter().filter(|axis| {
-        let specimen = specimens.get(axis.place);
-        specimen.is_some_and(|of| of.force_only_link().is_some())
-    });
-    without.next().map_or(Ok(()), |axis| {
-        Err(usage(format!(
-            "{}: its link answers with forces only, so its actuator cannot be identified: the command would be compared with itself. \
-             State `delay_s` in [specimen.identified] as the laboratory measured it",
-            axis.words()
-        )))
-    })
-}
-
-/// The motion, and the test that makes it: no limit of the file would trip in it. An amplitude that was not asked for is halved
-/// until that is so.
-fn allowed(args: &IdentifyArgs, loaded: &Loaded) -> anyhow::Result<(Plan, Loaded)> {
-    let mut halved = 0;
-    loop {
-        let plan = Plan::of(args, loaded, halved)?;
-        let driven = loaded
-            .beside(&plan.said(args), &plan.file)
-            .map_err(refused)?;
-        // A linear stand-in shows forces, and limits that are not those of the command.
-        let full = FullRehearsal::of(&driven).map_err(refused)?;
-        let possible = full.is_possible();
-        if possible || args.amplitude.is_some() || halved == MOST_HALVED {
-            let diagnostics = driven.diagnose(full.findings);
-            if !possible {
-                return Err(refused(ConfigError::Invalid(diagnostics)));
-            }
-            warn(&diagnostics);
-            return Ok((plan, driven));
-        }
-        halved += 1;
-    }
-}
-
-/// How often an amplitude is halved.
-const MOST_HALVED: i32 = 6;
-
 /// Runs the motion into a folder; returns how it ended, and the exit code for that.
-fn carry_out(
-    args: &IdentifyArgs,
-    test: Prepared,
-    facts: &Facts,
-) -> anyhow::Result<(Finished, Exit)> {
+fn carry_out(args: &IdentifyArgs, test: Judged, facts: &Facts) -> anyhow::Result<(Finished, Exit)> {
     let signals = Signals::listen().context("signals cannot be taken over")?;
     let folder = conduct::folder(args.test_run.out.as_deref(), &facts.title)?;
     let line = ProgressLine::new(facts, !args.quiet);
@@ -226,19 +198,10 @@ fn carry_out(
     Ok((finished, exit))
 }
 
-/// Folder of the pictures in the run folder.
-const PICTURES: &str = "identification";
-
 /// Writes what was found into the run folder.
 fn keep(outcome: &Outcome, plan: &Plan, driven: &Loaded, folder: &RunFolder) -> anyhow::Result<()> {
     folder.make(PICTURES)?;
-    let json = serde_json::to_string_pretty(&outcome.as_json(folder.path()))?;
-    let mut files = vec![("identification.json".to_owned(), json)];
-    if let Some(twin) = twin::text(outcome, plan, driven)? {
-        files.push(("identified.toml".to_owned(), twin));
-    }
-    let page = page::files(outcome, driven).into_iter();
-    files.extend(page.map(|(name, text)| (format!("{PICTURES}/{name}"), text)));
+    let files = files(outcome, plan, driven, folder.path()).map_err(told)?;
     for (name, text) in files {
         folder.write_extra(&name, text.as_bytes())?;
     }

@@ -1,6 +1,6 @@
 //! How far an axis is driven: as was asked for if the limits allow it, else a share of what they leave.
 
-use super::usage;
+use super::{IdentificationError, refusal};
 use crate::catalog::limit::Limit;
 use crate::config::SpecimenTable;
 use crate::control::limits::{LimitsSpec, RangeSpec};
@@ -30,7 +30,7 @@ pub(super) fn amplitude(
     course: &Course,
     band: Band,
     tick: f64,
-) -> anyhow::Result<(f64, String)> {
+) -> Result<(f64, String), IdentificationError> {
     let zero = table.axis.get(axis).map_or(0.0, |axis| axis.offset_m);
     let demand = course.demand();
     let room = |key, (warn, trip): (f64, f64), need, unit| Room {
@@ -67,7 +67,7 @@ pub(super) fn amplitude(
     };
     let positive = asked > 0.0 && asked.is_finite();
     if !positive {
-        return Err(usage(format!(
+        return Err(refusal(format!(
             "--amplitude is {asked}, but must be greater than 0 m"
         )));
     }
@@ -90,7 +90,7 @@ pub(super) fn amplitude(
                 .map_or_else(String::new, |hz| {
                     format!(", or a band up to about {} Hz", number(hz))
                 });
-            Err(usage(format!(
+            Err(refusal(format!(
                 "{place}: an amplitude of {} needs {needed} of `{}`, allowed is {allowed}; largest amplitude for this motion: {} \
                  (`--amplitude {}`){or}",
                 quantity(asked, "m"),
@@ -104,7 +104,7 @@ pub(super) fn amplitude(
 }
 
 /// The amplitude where none was asked for.
-fn of_itself(place: &str, rooms: &[Room]) -> anyhow::Result<(f64, String)> {
+fn of_itself(place: &str, rooms: &[Room]) -> Result<(f64, String), IdentificationError> {
     let stroke = rooms
         .iter()
         .filter(|room| room.unit == "m" && room.need == 1.0);
@@ -112,7 +112,7 @@ fn of_itself(place: &str, rooms: &[Room]) -> anyhow::Result<(f64, String)> {
     let stroke = stroke.fold(f64::INFINITY, f64::min);
     let is_known = stroke > 0.0 && stroke.is_finite();
     if !is_known {
-        return Err(usage(format!(
+        return Err(refusal(format!(
             "{place} has no `command_disp_m` in its limits that leaves it a way, and no `length_m`, so there is nothing to take an amplitude from: \
              give --amplitude"
         )));

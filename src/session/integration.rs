@@ -1,24 +1,24 @@
-//! The stability of the integration in words, for `check`, the certificate and the summary of `run`.
+//! The stability of the integration in words, for `check`, the certificate and the end of `run`.
 
-use super::run::method_name;
-use super::table::Table;
+use crate::config::Method;
 use crate::geometry::LawPlace;
 use crate::integrate::Lambda;
-use crate::setup::{Facts, Stability, StructureFacts};
-use crate::stability::{grows, is_stable};
+use crate::setup::{Facts, StructureFacts};
+use crate::stability::{Stability, grows, is_stable};
 use crate::units::{compared, number};
 
 const NO_BOUND: &str = "no proof: a tangent has no declared bound";
 const NO_PROOF: &str = "no proof is made for this method";
 
-/// Adds the rows of `check --verbose`.
-pub fn tabulate(table: &mut Table, facts: &Facts, structure: &StructureFacts) {
-    if let Some(why) = grows(structure) {
-        return table.row("stability", &why);
+/// The stability in full, and what governs it, each with its name.
+#[must_use]
+pub fn in_full(facts: &Facts, structure: &StructureFacts) -> Vec<(&'static str, String)> {
+    if let Some(why) = grows(structure.analysis.as_ref()) {
+        return vec![("stability", why)];
     }
     let choice = match &structure.stability {
         Stability::Limit(choice) => choice,
-        other => return table.row("stability", &without_limit(other)),
+        other => return vec![("stability", without_limit(other))],
     };
     let limit = match choice.limit {
         Some(limit) => format!("stable up to λ = {limit:.6}"),
@@ -44,15 +44,14 @@ pub fn tabulate(table: &mut Table, facts: &Facts, structure: &StructureFacts) {
     } else {
         "which is necessary and sufficient"
     };
-    table.row(
-        "stability",
-        &format!(
-            "{limit}{margin}{verdict};\nby S(λ) ⪰ 0 at the declared bounds of all tangents, {worth}"
-        ),
+    let text = format!(
+        "{limit}{margin}{verdict};\nby S(λ) ⪰ 0 at the declared bounds of all tangents, {worth}"
     );
-    if let Some(governing) = &choice.governing {
-        table.row("governed by", &governing.to_string());
-    }
+    let governing = choice.governing.as_ref();
+    let governing = governing.map(|governing| ("governed by", governing.to_string()));
+    std::iter::once(("stability", text))
+        .chain(governing)
+        .collect()
 }
 
 /// The stability where no limit of λ is known.
@@ -70,7 +69,8 @@ fn without_limit(stability: &Stability) -> String {
     }
 }
 
-/// The stability in a few words, for the summary of `run`.
+/// The stability in a few words, for the end of `run`.
+#[must_use]
 pub fn brief(structure: &StructureFacts) -> String {
     match structure.choice().map(|choice| choice.limit) {
         Some(Some(_)) => {
@@ -83,10 +83,11 @@ pub fn brief(structure: &StructureFacts) -> String {
 }
 
 /// Method, λ and stability in one sentence, for the short page of `check`.
+#[must_use]
 pub fn in_words(structure: &StructureFacts) -> String {
     let [lambda, limit] = lambda_and_limit(structure);
     let method = method_of(structure, &lambda);
-    if let Some(why) = grows(structure) {
+    if let Some(why) = grows(structure.analysis.as_ref()) {
         return format!("{method}: UNSTABLE, {why}");
     }
     let choice = match &structure.stability {
@@ -141,12 +142,12 @@ fn method_of(structure: &StructureFacts, lambda: &str) -> String {
 }
 
 /// The judgement of a certificate on the integration.
-pub fn judged(structure: &StructureFacts) -> (Option<bool>, String) {
+pub(super) fn judged(structure: &StructureFacts) -> (Option<bool>, String) {
     let method = match structure.lambda {
         Some(lambda) => format!("λ = {lambda}"),
         None => method_name(structure.method),
     };
-    if let Some(why) = grows(structure) {
+    if let Some(why) = grows(structure.analysis.as_ref()) {
         return (Some(false), why);
     }
     let text = match &structure.stability {
@@ -166,5 +167,17 @@ pub fn judged(structure: &StructureFacts) -> (Option<bool>, String) {
         }
         other => format!("{method}, {}", without_limit(other)),
     };
-    (is_stable(structure), text)
+    (
+        is_stable(&structure.stability, structure.analysis.as_ref()),
+        text,
+    )
+}
+
+/// A method as the test file spells it.
+#[must_use]
+pub fn method_name(method: Method) -> String {
+    match serde_json::to_value(method) {
+        Ok(serde_json::Value::String(name)) => name,
+        _ => format!("{method:?}"),
+    }
 }

@@ -18,7 +18,8 @@ const RATES: [f64; 5] = [256.0, 512.0, 1024.0, 2048.0, 4096.0];
 const ENOUGH_S: f64 = 60.0;
 
 /// A measurement.
-pub(super) struct Measured<'a> {
+#[derive(Debug)]
+pub struct Measured<'a> {
     /// Ticks per second.
     pub rate_hz: f64,
     /// Wall time, s.
@@ -46,7 +47,8 @@ struct Expected {
 
 impl Measured<'_> {
     /// The verdict in one line.
-    pub(super) fn words(&self) -> String {
+    #[must_use]
+    pub fn words(&self) -> String {
         let time = if self.seconds < 1.0 {
             duration(self.seconds)
         } else {
@@ -79,7 +81,8 @@ impl Measured<'_> {
     }
 
     /// The verdict for programs. `fit` is null where it is not known.
-    pub(super) fn as_json(&self) -> Value {
+    #[must_use]
+    pub fn as_json(&self) -> Value {
         let expected = self.expected();
         let expected = expected.iter().map(|one| {
             json!({ "rate_hz": one.rate_hz, "fit": self.fit(one.late), "late_ticks": one.late })

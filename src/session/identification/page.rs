@@ -1,7 +1,7 @@
 //! The pictures of what was identified, and the page that holds them.
 
 use super::outcome::{Axis, Outcome};
-use super::text::{felt, of_specimen, parameters, with_error};
+use super::words::{felt, of_specimen, parameters, with_error};
 use crate::config::Loaded;
 use crate::identify::Identification;
 use crate::report::{Curve, Curves, Scale, escape, frame, note};

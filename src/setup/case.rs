@@ -1,0 +1,68 @@
+//! A prepared test as its verdict sees it.
+
+use super::Prepared;
+use crate::config::{ClockChoice, IntegratorTable, SafetyTable, SpecimenTable};
+use crate::stability::{Accepts, Actuator, Case, Machine};
+
+impl Prepared {
+    /// What its verdict follows from; none of a trial, and of a loop that has no file.
+    #[must_use]
+    pub fn case(&self) -> Option<Case<'_>> {
+        let file = &self.loaded.as_ref()?.file;
+        let facts = &self.facts;
+        let structure = facts.structure.as_ref();
+        let tables = file.specimen.iter().enumerate();
+        Some(Case {
+            real_clock: facts.clock == ClockChoice::Real,
+            dt: facts.dt,
+            tick: facts.rate_hz.recip(),
+            structure: structure.is_some(),
+            lambda: facts.lambda(),
+            analysis: structure.and_then(|structure| structure.analysis.as_ref()),
+            actuators: tables
+                .map(|(number, table)| actuator(number, table))
+                .collect(),
+            doubts: &self.doubts,
+            accepts: accepts(&file.safety, &file.integrator),
+        })
+    }
+}
+
+fn actuator(number: usize, table: &SpecimenTable) -> Actuator {
+    let machine = table.link.as_ref().map(|link| Machine {
+        computed: link.computed,
+        forces_only: table.force_only_link().is_some(),
+    });
+    Actuator {
+        number,
+        name: table.name.clone(),
+        key: decides(table),
+        transfer: table.believed_transfer(1.0),
+        compensation: table.compensation.clone(),
+        delay_std_s: table
+            .identified
+            .and_then(|known| known.delay_std_s)
+            .unwrap_or(0.0),
+        link: machine,
+    }
+}
+
+/// Key of what decides how a specimen follows: the compensation, or else the actuator.
+const fn decides(table: &SpecimenTable) -> &'static str {
+    match (&table.compensation, &table.link, &table.stand_in_transfer) {
+        (Some(_), _, _) => "compensation",
+        (None, None, _) => "transfer",
+        (None, Some(_), Some(_)) => "stand_in_transfer",
+        (None, Some(_), None) => "identified",
+    }
+}
+
+/// The reasons for which errors are accepted. An older key accepts an unstable λ without a reason.
+fn accepts(safety: &SafetyTable, integrator: &IntegratorTable) -> Accepts {
+    let older = || "allow_unstable_lambda = true in [integrator]".to_owned();
+    let unstable = safety.accept_unstable.clone();
+    Accepts {
+        unstable: unstable.or_else(|| integrator.allow_unstable_lambda.then(older)),
+        trip: safety.accept_trip.clone(),
+    }
+}
