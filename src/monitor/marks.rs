@@ -46,7 +46,7 @@ pub struct TestMark {
     pub(super) place: Option<usize>,
 }
 
-/// A limit, if it has a level; `place` finds a column of its axis.
+/// A limit, if it has a level; `place` finds the column of a limit of its axis by name.
 pub(super) fn mark(
     (quantity, levels): (Limit, Range),
     place: impl Fn(&str) -> Option<usize>,
@@ -61,7 +61,7 @@ pub(super) fn mark(
         trip,
         size,
         quantity,
-        place: place(&format!("judged_{}", quantity.row().name)),
+        place: place(quantity.row().name),
     })
 }
 

@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::marks::{Mark, TestMark, mark, test_marks};
+use crate::catalog::column;
 use crate::control::{DispZero, Exit};
 use crate::engine::Experiment;
 use crate::record::Column;
@@ -197,8 +198,8 @@ impl Subject {
                 name: port.name.clone(),
                 remote: port.is_remote(),
                 at_end: way_out(port.exits.after(false)),
-                status: find(&format!("status_{number}")),
-                newest: find(&format!("seq_{number}")),
+                status: find(&column::STATUS.of_specimen(number)),
+                newest: find(&column::SEQUENCE.of_specimen(number)),
                 per_step: port.is_per_step(),
                 axes: (1..)
                     .zip(
@@ -209,29 +210,33 @@ impl Subject {
                             .zip(port.disp_zeros()),
                     )
                     .map(|(axis, (((limits, (metres, newtons)), bounds), zero))| {
-                        let place = |kind: &str| find(&format!("{kind}_{number}_{axis}"));
+                        let place = |kind: &column::Kind| find(&kind.of_axis(number, axis));
                         WatchedAxis {
                             marks: limits
                                 .levels()
-                                .filter_map(|limit| mark(limit, place))
+                                .filter_map(|limit| {
+                                    mark(limit, |name| {
+                                        find(&column::JUDGED.of_parameter(name, number, axis))
+                                    })
+                                })
                                 .collect(),
-                            has_margin: place("margin").is_some(),
+                            has_margin: place(&column::MARGIN).is_some(),
                             metres: *metres,
                             newtons: *newtons,
                             zero,
                             stiffness_bound: bounds.0,
                             damping_bound: bounds.1,
                             places: AxisPlaces {
-                                command: place("cmd"),
-                                measured: place("meas"),
-                                raw_disp: place("raw_disp"),
-                                raw_force: place("raw_force"),
-                                stiffness: place("kt"),
-                                damping: place("ct"),
-                                added: place("added"),
-                                lag: place("lag"),
-                                gain: place("gain"),
-                                margin: place("margin"),
+                                command: place(&column::COMMAND),
+                                measured: place(&column::MEASURED),
+                                raw_disp: place(&column::RAW_DISP),
+                                raw_force: place(&column::RAW_FORCE),
+                                stiffness: place(&column::TANGENT),
+                                damping: place(&column::TANGENT_DAMPING),
+                                added: place(&column::ADDED),
+                                lag: place(&column::LAG),
+                                gain: place(&column::GAIN),
+                                margin: place(&column::MARGIN),
                             },
                         }
                     })
@@ -240,20 +245,20 @@ impl Subject {
             .collect();
         let dofs = some_of(&experiment.record_dofs);
         let places = Places {
-            step: find("step"),
-            state: find("state"),
-            time: find("time"),
-            ground: find("ground"),
-            release: find("release_s"),
-            stretched: find("stretched"),
+            step: find(column::STEP.name()),
+            state: find(column::STATE.name()),
+            time: find(column::TIME.name()),
+            ground: find(column::GROUND.name()),
+            release: find(column::RELEASE.name()),
+            stretched: find(column::STRETCHED.name()),
             dofs: dofs
                 .iter()
-                .filter_map(|dof| find(&format!("x{}", dof + 1)))
+                .filter_map(|dof| find(&column::DISP.of_dof(dof + 1)))
                 .collect(),
             timing: super::latency::COLUMNS.map(find),
-            skipped_by_wakeup: find("skipped_by_wakeup"),
-            skipped_by_work: find("skipped_by_work"),
-            overrun: find("overrun_s"),
+            skipped_by_wakeup: find(column::SKIPPED_BY_WAKEUP.name()),
+            skipped_by_work: find(column::SKIPPED_BY_WORK.name()),
+            overrun: find(column::OVERRUN.name()),
         };
         Self {
             channels: channels(&dofs, &places, &columns, &specimens),
