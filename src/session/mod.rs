@@ -77,9 +77,7 @@ use crate::config::ConfigError;
 use crate::engine::Control;
 use crate::record::summary::Status;
 use crate::record::writer::WriterError;
-use crate::record::{
-    FolderError, Note, NoteLevel, Progress, Recorded, RunFolder, Summary, Writer,
-};
+use crate::record::{FolderError, Note, NoteLevel, Progress, Recorded, RunFolder, Summary, Writer};
 use crate::rt::wall::Wall;
 use crate::rt::{Granted, os};
 use crate::setup::{Facts, Prepared};
