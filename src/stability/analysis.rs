@@ -9,7 +9,7 @@ use crate::linalg::{self, SymMatrix};
 use crate::spectral::delay::{
     Critical, DelayError, Delayed, DiscreteLimit, Weights, continuous, discrete, recursion,
 };
-use crate::spectral::{Apparent, Locus, Pole, eigenvalues};
+use crate::spectral::{Apparent, Locus};
 
 /// Largest structure of which anything is analysed: some dozens of factorisations and a few vectors of its size.
 const LARGEST: usize = 50_000;

@@ -204,14 +204,14 @@ impl StabilityProof {
     }
 
     fn limit_of(&self, gain: f64, parts: Parts<'_>) -> Result<Option<f64>, StabilityError> {
-        let (fixed, following) = (self.without_lambda(gain), self.stiffness.clone());
+        let fixed = self.without_lambda(gain);
         let admissible = |inverse: f64| {
-            let matrix = fixed.plus(self.per_inverse() * inverse, &following);
+            let matrix = fixed.plus(self.per_inverse() * inverse, &self.stiffness);
             Spd::factor(&matrix).is_ok()
         };
         let is_finite =
             |matrix: &SymMatrix| matrix.entries().all(|(_, _, value)| value.is_finite());
-        if !(is_finite(&fixed) && is_finite(&following)) {
+        if !(is_finite(&fixed) && is_finite(&self.stiffness)) {
             return Err(StabilityError::Overflow { dt: self.dt });
         }
         if admissible(0.0) {
