@@ -3,8 +3,6 @@
 //! Plain data. [`super::check`] reports contradictions. The comments on the fields are the text of `gusset schema` and of
 //! the configuration reference, so they are written for users. Unknown keys are refused everywhere.
 
-use std::collections::BTreeMap;
-
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

@@ -7,7 +7,7 @@ use nalgebra::DMatrix;
 use crate::integrate::Lambda;
 use crate::linalg::{self, SymMatrix};
 use crate::spectral::delay::{
-    Critical, DelayError, Delayed, DiscreteLimit, Weights, continuous, discrete, recursion,
+    Critical, DelayError, Delayed, DiscreteLimit, Weights, continuous, discrete,
 };
 use crate::spectral::{Apparent, Locus};
 

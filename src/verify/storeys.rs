@@ -1,7 +1,6 @@
 //! The two-storey structures of examples 4.1 and 4.2.
 
 use super::drive::{Method, histories};
-use crate::integrate::Stepper;
 use crate::law::SquareRootSpec;
 use crate::linalg::SymMatrix;
 use crate::model::{Element, End, Structure};
@@ -81,19 +80,8 @@ impl TwoStoreys {
         seconds: f64,
         every: usize,
     ) -> Option<[Vec<f64>; 2]> {
-        let structure = self.structure()?;
-        let stepper = method.stepper(&structure, dt).ok()?;
-        self.run_by(stepper, dt, seconds, every)
-    }
-
-    fn run_by(
-        &self,
-        stepper: Stepper,
-        dt: f64,
-        seconds: f64,
-        every: usize,
-    ) -> Option<[Vec<f64>; 2]> {
         let mut structure = self.structure()?;
+        let stepper = method.stepper(&structure, dt).ok()?;
         let steps = libm::round(seconds / dt) as usize;
         let mass = self.mass;
         let load = move |t: f64, out: &mut [f64]| {
