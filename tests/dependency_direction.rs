@@ -1,6 +1,9 @@
 //! Modules depend on each other in one direction only. This table is the authority: an edge that is not here is a
 //! decision to be discussed, not a line to be added in passing.
 
+#[path = "dependency/cycles.rs"]
+mod cycles;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,1 +1,455 @@
-//! The columns of a row: name, unit, meaning.
+//! The columns of a row: name, unit, meaning, origin, and when a row has them.
+//!
+//! [`TEST`] lists the kinds of columns of a test in the order of a row, [`SERVER`] those of a server. Every reader and writer of rows
+//! takes names from here. A kind stands for one column per DOF, specimen, axis or coordinate; all of these count from 1.
+//! Two kinds may share a name where the meaning depends on the test. The column of a limit of the whole test has the key of
+//! that limit, which the table of limits holds. A name never changes its meaning, because old records hold it.
+
+use std::fmt::Display;
+
+/// What a kind has one column for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Each {
+    /// The test.
+    Test,
+    /// A recorded DOF.
+    Dof,
+    /// A specimen.
+    Specimen,
+    /// An axis of a specimen.
+    Axis,
+    /// A coordinate of a loading unit.
+    Coordinate,
+    /// A parameter of a compensator of an axis.
+    Parameter,
+}
+
+/// A kind of column.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Kind {
+    /// Name without numbers.
+    pub stem: &'static str,
+    /// What it has one column for.
+    pub each: Each,
+    /// Unit, or that of a translation and that of a rotation.
+    pub unit: &'static str,
+    /// Meaning; `{specimen}` stands for the specimen.
+    pub meaning: &'static str,
+    /// Codes of the values, as the meaning in a file continues.
+    pub codes: &'static str,
+    /// Where the number comes from.
+    pub origin: Origin,
+    /// When a row has it.
+    pub when: &'static str,
+}
+
+/// Where the number of a column comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Origin {
+    /// The real-time loop.
+    Loop,
+    /// The operator.
+    Operator,
+    /// The excitation.
+    Excitation,
+    /// The integration.
+    Integrator,
+    /// The command path of the controller.
+    Controller,
+    /// The specimen.
+    Measured,
+    /// An estimate from measurements.
+    Estimated,
+    /// A server.
+    Server,
+    /// Wall time: it differs between repeats of a test.
+    Clock,
+}
+
+impl Origin {
+    /// In words.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Origin::Loop => "loop",
+            Origin::Operator => "operator",
+            Origin::Excitation => "excitation",
+            Origin::Integrator => "integrator",
+            Origin::Controller => "controller",
+            Origin::Measured => "measured",
+            Origin::Estimated => "estimated",
+            Origin::Server => "server",
+            Origin::Clock => "clock",
+        }
+    }
+}
+
+impl Kind {
+    /// Name of the one column of the test.
+    #[must_use]
+    pub const fn name(&self) -> &'static str {
+        self.stem
+    }
+
+    /// Name of the column of a DOF.
+    #[must_use]
+    pub fn of_dof(&self, dof: impl Display) -> String {
+        format!("{}{dof}", self.stem)
+    }
+
+    /// Name of the column of a specimen.
+    #[must_use]
+    pub fn of_specimen(&self, specimen: impl Display) -> String {
+        format!("{}_{specimen}", self.stem)
+    }
+
+    /// Name of the column of an axis, or of a coordinate, of a specimen.
+    #[must_use]
+    pub fn of_axis(&self, specimen: impl Display, axis: impl Display) -> String {
+        format!("{}_{specimen}_{axis}", self.stem)
+    }
+
+    /// Name of the column of a parameter of the compensator of an axis.
+    #[must_use]
+    pub fn of_parameter(
+        &self,
+        parameter: &str,
+        specimen: impl Display,
+        axis: impl Display,
+    ) -> String {
+        format!("{}_{parameter}_{specimen}_{axis}", self.stem)
+    }
+
+    /// Name with letters in place of numbers, for people.
+    #[must_use]
+    pub fn pattern(&self) -> String {
+        let stem = self.stem;
+        match self.each {
+            Each::Test => stem.to_owned(),
+            Each::Dof => format!("{stem}N"),
+            Each::Specimen => format!("{stem}_S"),
+            Each::Axis => format!("{stem}_S_A"),
+            Each::Coordinate => format!("{stem}_S_C"),
+            Each::Parameter => format!("{stem}_NAME_S_A"),
+        }
+    }
+
+    /// True if a column of this name is of this kind.
+    #[must_use]
+    pub fn fits(&self, name: &str) -> bool {
+        let Some(rest) = name.strip_prefix(self.stem) else {
+            return false;
+        };
+        let is_number = |text: &str| {
+            let is_digit = |c: char| c.is_ascii_digit();
+            !text.is_empty() && !text.starts_with('0') && text.chars().all(is_digit)
+        };
+        let numbers = || rest.strip_prefix('_').map(|rest| rest.split('_'));
+        let are = |count: usize| {
+            numbers().is_some_and(|numbers| {
+                numbers.clone().count() == count && numbers.clone().all(is_number)
+            })
+        };
+        match self.each {
+            Each::Test => rest.is_empty(),
+            Each::Dof => is_number(rest),
+            Each::Specimen => are(1),
+            Each::Axis | Each::Coordinate => are(2),
+            Each::Parameter => numbers().is_some_and(|numbers| {
+                let mut last = numbers.rev();
+                let ends = [last.next(), last.next()];
+                ends.into_iter()
+                    .flatten()
+                    .filter(|text| is_number(text))
+                    .count()
+                    == 2
+                    && last.any(|text| !text.is_empty())
+            }),
+        }
+    }
+
+    /// Unit of a translation, or of a rotation where the kind has a second unit.
+    #[must_use]
+    pub fn unit_of(&self, turns: bool) -> &'static str {
+        let mut units = self.unit.split(" or ");
+        let first = units.next().unwrap_or_default();
+        if turns {
+            units.next().unwrap_or(first)
+        } else {
+            first
+        }
+    }
+
+    /// Meaning as a file has it; `specimen` names the specimen.
+    #[must_use]
+    pub fn told(&self, specimen: &str) -> String {
+        let meaning = self.meaning.replace("{specimen}", specimen);
+        meaning + self.codes
+    }
+
+    /// True if the column depends on wall time.
+    #[must_use]
+    pub const fn is_timing(&self) -> bool {
+        matches!(self.origin, Origin::Clock)
+    }
+}
+
+/// The kind of a column of a test of this name; none if no kind has such a name. The columns of limits are none of them.
+#[must_use]
+pub fn of_test(name: &str) -> Option<&'static Kind> {
+    TEST.iter().find(|kind| kind.fits(name))
+}
+
+macro_rules! kinds {
+    ($(#[$about:meta])* $table:ident: $($(#[$doc:meta])* $name:ident = $stem:literal, $each:ident, $unit:literal, $origin:ident,
+        $when:expr, $meaning:literal $(, $codes:literal)?;)*) => {
+        $($(#[$doc])*
+        pub const $name: Kind = Kind {
+            stem: $stem,
+            each: Each::$each,
+            unit: $unit,
+            meaning: $meaning,
+            codes: concat!($($codes)?),
+            origin: Origin::$origin,
+            when: $when,
+        };)*
+
+        $(#[$about])*
+        pub const $table: &[Kind] = &[$($name,)*];
+    };
+}
+
+const ALWAYS: &str = "always";
+const STRUCTURE: &str = "with a structure";
+const UNIT: &str = "with a loading unit";
+const TRACKED: &str = "where the tracking of the axis is estimated";
+
+kinds! {
+    /// All kinds of a test, in the order of a row.
+    TEST:
+    /// Step of the integration.
+    STEP = "step", Test, "1", Loop, ALWAYS, "step of the integration, from 0 at t = 0";
+    /// Tick within the step.
+    SUB_TICK = "sub_tick", Test, "1", Loop, ALWAYS, "tick within the step, from 0";
+    /// Phase of the test, see [`super::phase::STATES`].
+    STATE = "state", Test, "1", Loop, ALWAYS, "phase",
+        ": 1 static load, 2 wiring check, 3 running, 4 zeroing, 5 startup ramp, 6 holding, 7 shutdown, 8 tripped, \
+     10 warm-up (kept where it matters), 14 stopped for missed deadlines, 15 stopped by the operator during a wait for a reply; \
+     between two steps: 11 towards a known target, 12 along the prediction, 13 slowing down";
+    /// Requests of the operator.
+    HOLD = "hold", Test, "1", Operator, ALWAYS,
+        "1 from a `hold` of the operator until `continue`; plus 2 where `continue` arrived before this tick; plus 4 where a confirmation \
+     of the readings arrived before it; -1 where a test that the operator stopped trips during the shutdown";
+    /// Test time.
+    TIME = "time", Test, "s", Loop, ALWAYS, "test time";
+    /// Acceleration of the ground.
+    GROUND = "ground", Test, "m/s2", Excitation, "always, except with a base displacement", "acceleration of the ground";
+    /// Displacement of the base, in the same column.
+    BASE = "ground", Test, "m", Excitation, "with a base displacement", "displacement of the base";
+    /// Displacement of a DOF.
+    DISP = "x", Dof, "m", Integrator, STRUCTURE, "displacement";
+    /// Rotation of a DOF, in the same column.
+    ROTATION = "x", Dof, "rad", Integrator, "with a structure whose DOF is a rotation", "rotation";
+    /// Velocity of a DOF.
+    VEL = "v", Dof, "m/s or rad/s", Integrator, STRUCTURE, "velocity as the integrator reports it";
+    /// Acceleration of a DOF.
+    ACCEL = "a", Dof, "m/s2 or rad/s2", Integrator, STRUCTURE,
+        "acceleration from equilibrium at the end of the step, M^-1 r,";
+    /// Acceleration of a DOF in a method that has its own, in the same column.
+    OWN_ACCEL = "a", Dof, "m/s2 or rad/s2", Integrator, "with a method that carries an acceleration",
+        "acceleration that the method uses in its next step, not that of equilibrium at the end of the step,";
+    /// Target of an axis.
+    TARGET = "target", Axis, "m", Integrator, ALWAYS, "deformation B·x that the structure asks for";
+    /// Target of an actuator of a loading unit, in the same column.
+    STROKE = "target", Axis, "m", Integrator, UNIT, "stroke of the actuator for the pose B·x";
+    /// Command of an axis.
+    COMMAND = "cmd", Axis, "specimen unit", Controller, ALWAYS, "displacement that was sent";
+    /// Measured displacement of an axis.
+    MEASURED = "meas", Axis, "m", Measured, ALWAYS, "measured displacement in the structure's units";
+    /// Force of an axis.
+    FORCE = "force", Axis, "N", Measured, ALWAYS, "restoring force that entered equilibrium";
+    /// Force of an actuator of a loading unit, in the same column.
+    ACTUATOR_FORCE = "force", Axis, "N", Measured, UNIT, "force of the actuator, at the structure's scale";
+    /// Measured displacement of an axis, as received.
+    RAW_DISP = "raw_disp", Axis, "specimen unit", Measured, ALWAYS, "measured displacement as it came";
+    /// Measured force of an axis, as received.
+    RAW_FORCE = "raw_force", Axis, "specimen unit", Measured, ALWAYS, "measured force as it came";
+    /// Tangent stiffness of an axis.
+    TANGENT = "kt", Axis, "N/m", Estimated, ALWAYS, "tangent stiffness, estimated; the declared one until the axis has moved";
+    /// Energy that an axis added by tracking errors.
+    ADDED = "added", Axis, "J", Estimated, ALWAYS, "energy that the transfer system has added, negative if it has taken some";
+    /// Tangent damping of an axis.
+    TANGENT_DAMPING = "ct", Axis, "N s/m", Estimated, "where damping is declared", "tangent damping, estimated";
+    /// Lag of an axis.
+    LAG = "lag", Axis, "s", Estimated, TRACKED, "lag behind the target, estimated";
+    /// Gain of an axis.
+    GAIN = "gain", Axis, "1", Estimated, TRACKED, "measured displacement over the target, estimated";
+    /// Fitted stiffness of an axis.
+    STIFFNESS = "stiffness", Axis, "N/m", Estimated, TRACKED, "stiffness as fitted over the last seconds of motion";
+    /// Damping that the lag of an axis adds.
+    FALSE_DAMPING = "false_c", Axis, "N s/m", Estimated, TRACKED, "damping that the lag adds to it";
+    /// Margin of an axis to its critical delay.
+    MARGIN = "margin", Axis, "s", Estimated, "where the critical delay is known",
+        "critical delay at the stiffness of the last seconds less their lag: below 0 the test grows; inf where every delay is \
+     stable";
+    /// Parameter of the compensator of an axis.
+    COMPENSATION = "comp", Parameter, "of the parameter", Controller, "with a compensator that has parameters",
+        "parameter NAME of the compensation";
+    /// Target of a coordinate.
+    POSE = "pose", Coordinate, "m or rad", Integrator, UNIT, "pose B·x that the structure asks for";
+    /// Measured coordinate.
+    MEASURED_POSE = "pose_meas", Coordinate, "m or rad", Measured, UNIT, "pose that the measured strokes have";
+    /// Force in a coordinate.
+    POSE_FORCE = "pose_force", Coordinate, "N or N m", Measured, UNIT, "force that entered equilibrium";
+    /// Value that a limit of an axis judged.
+    JUDGED = "judged", Parameter, "of the limit", Controller, "where the limit has a level",
+        "value that limit NAME judged in this tick, none where nothing was judged";
+    /// Number of a command.
+    SEQUENCE = "seq", Specimen, "1", Measured, ALWAYS, "newest command in force when {specimen} was sampled";
+    /// Status flags.
+    STATUS = "status", Specimen, "1", Measured, ALWAYS, "status flags of {specimen}",
+        ": 1 interlock, 2 holding, 4 saturated, 8 its simulated actuator not \
+     settled; of the loop: 65536 lost, 131072 before its last command left, 262144 stale, \
+     524288 its answer not waited for, 1048576 beside 2 it held until its last command came";
+    /// Edge of the tick.
+    RELEASE = "release_s", Test, "s", Clock, ALWAYS, "wall time from the first edge to the edge of this tick";
+    /// Lateness of the wake-up.
+    WAKEUP = "wakeup_lateness_s", Test, "s", Clock, ALWAYS, "from the edge to the first instruction after the wait";
+    /// Lateness of the command.
+    COMMAND_LATENESS = "command_lateness_s", Test, "s", Clock, ALWAYS, "from the edge to the end of the last send";
+    /// Round trip.
+    ROUND_TRIP = "round_trip_s", Test, "s", Clock, ALWAYS, "from the last send to the last decoded reply";
+    /// Time of the computation.
+    COMPUTE = "compute_s", Test, "s", Clock, ALWAYS, "from the last decoded reply to the next command ready";
+    /// Moves of the grid.
+    STRETCHED = "stretched", Test, "1", Clock, ALWAYS, "whole ticks by which the grid has been moved so far";
+    /// Time of recording.
+    RECORD_BEFORE = "record_before_s", Test, "s", Clock, ALWAYS,
+        "of the tick whose row is the one before: from the next command ready to the row handed over; none in the first row, \
+     and where it was not measured";
+}
+
+/// Columns at the beginning of a row, in their order.
+pub const HEAD: [Kind; 5] = [STEP, SUB_TICK, STATE, HOLD, TIME];
+
+/// Columns at the end of a row, in their order. Recordings from before the last one existed are replayed.
+pub const TIMING: [Kind; 7] = [
+    RELEASE,
+    WAKEUP,
+    COMMAND_LATENESS,
+    ROUND_TRIP,
+    COMPUTE,
+    STRETCHED,
+    RECORD_BEFORE,
+];
+
+kinds! {
+    /// All kinds of a server, in the order of a row.
+    SERVER:
+    /// Number of the exchange.
+    SERVER_STEP = "step", Test, "1", Server, ALWAYS, "number of the exchange, from 0";
+    /// Always 0.
+    SERVER_SUB_TICK = "sub_tick", Test, "1", Server, ALWAYS, "always 0: one row per exchange";
+    /// Phase of the exchange.
+    SERVER_STATE = "state", Test, "1", Server, ALWAYS,
+        "2 = before the test: which way round it is wired is tried, or what it resists where it stands, 3 = running, 8 = not passed on, at a trip before it left or after one";
+    /// Test time of the command.
+    SERVER_TIME = "time", Test, "s", Controller, ALWAYS, "test time of the command";
+    /// Test time since the command before.
+    ELAPSED = "elapsed", Test, "s", Controller, ALWAYS, "test time since the command before, or since the last commit";
+    /// Number of the command.
+    COMMAND_NUMBER = "command", Test, "1", Controller, ALWAYS, "the controller's number of the command";
+    /// Commands that were accepted. Only a server has this column.
+    COMMITS = "commits", Test, "1", Server, ALWAYS, "commands accepted so far";
+    /// Cause of a trip.
+    TRIP = "trip", Test, "1", Server, ALWAYS,
+        "0 = none; a limit: 1 command_disp, 2 command_step, 3 command_vel, 4 command_accel, 5 measured_disp, \
+         6 measured_force, 7 following_error, 8 force_step, 9 stuck_sensor, 10 sensor_disp, 11 sensor_force; \
+         50 command and 51 measurement not finite; 52 first command not where it was armed; 60 interlock, 61 saturated, 62 held by its own watchdog, 70 specimen lost";
+    /// Arrival of the command.
+    RECEIVED = "received_s", Test, "s", Clock, ALWAYS, "wall time from the start of the test to the command";
+    /// Time of the exchange.
+    SERVER_ROUND_TRIP = "round_trip_s", Test, "s", Clock, ALWAYS, "from the command to the specimen's answer";
+    /// Target that the controller asks for.
+    SERVER_TARGET = "target", Axis, "m or rad", Controller, ALWAYS, "displacement that the controller asks for, in m";
+    /// Command of an axis.
+    SERVER_COMMAND = "cmd", Axis, "unit of the axis", Server, ALWAYS,
+        "command sent to the specimen, in the unit of the axis; no command was sent where the state is 8";
+    /// Measured displacement of an axis.
+    SERVER_MEASURED = "meas", Axis, "m or rad", Measured, ALWAYS, "measured displacement, in m";
+    /// Force of an axis.
+    SERVER_FORCE = "force", Axis, "N or N m", Measured, ALWAYS, "measured force, in N";
+    /// Measured displacement of an axis, as received.
+    SERVER_RAW_DISP = "raw_disp", Axis, "unit of the axis", Measured, ALWAYS, "measured displacement in the unit of the axis";
+    /// Measured force of an axis, as received.
+    SERVER_RAW_FORCE = "raw_force", Axis, "unit of force of the axis", Measured, ALWAYS,
+        "measured force in the unit of the axis";
+    /// Velocity of the command.
+    SERVER_VEL = "vel", Axis, "unit of the axis", Controller, ALWAYS,
+        "velocity that came with the command, in units of the axis per s";
+    /// Status flags.
+    SERVER_STATUS = "status", Specimen, "1", Server, ALWAYS,
+        "status flags as they went to the controller, and 262144 where nothing was measured, for the command was not passed on";
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_fits_its_kind_and_no_other_stem() {
+        for kind in TEST {
+            let name = match kind.each {
+                Each::Test => kind.name().to_owned(),
+                Each::Dof => kind.of_dof(12),
+                Each::Specimen => kind.of_specimen(3),
+                Each::Axis | Each::Coordinate => kind.of_axis(2, 10),
+                Each::Parameter => kind.of_parameter("gain_a", 1, 4),
+            };
+            let found = of_test(&name).unwrap();
+            assert_eq!((found.stem, found.each), (kind.stem, kind.each), "{name}");
+        }
+        for name in [
+            "",
+            "x",
+            "x0",
+            "x1_1",
+            "target_1",
+            "target_1_",
+            "pose_1_1_1",
+            "comp_1_1",
+            "steps",
+        ] {
+            assert_eq!(of_test(name), None, "{name}");
+        }
+    }
+
+    #[test]
+    fn head_and_timing_stand_at_the_ends_of_the_table() {
+        assert_eq!(TEST[..HEAD.len()], HEAD);
+        assert_eq!(TEST[TEST.len() - TIMING.len()..], TIMING);
+        assert!(TIMING.iter().all(Kind::is_timing));
+        let timing = TEST.iter().filter(|kind| kind.is_timing()).count();
+        assert_eq!(timing, TIMING.len());
+    }
+
+    #[test]
+    fn every_state_that_a_row_can_have_is_told_with_the_column() {
+        use crate::catalog::phase::{Phase, STATES};
+        let told = STATE.told("");
+        let numbers: Vec<&str> = told.split(|c: char| !c.is_ascii_digit()).collect();
+        for state in &STATES {
+            let never = [Phase::Connected, Phase::Safe]
+                .map(Phase::state)
+                .contains(&state);
+            let is_told = numbers.contains(&state.code.to_string().as_str());
+            assert_eq!(is_told, !never, "{}", state.word);
+        }
+    }
+
+    #[test]
+    fn a_rotation_has_the_second_unit_where_there_is_one() {
+        assert_eq!((VEL.unit_of(false), VEL.unit_of(true)), ("m/s", "rad/s"));
+        assert_eq!((TIME.unit_of(false), TIME.unit_of(true)), ("s", "s"));
+    }
+}

@@ -607,6 +607,24 @@ impl Limit {
         1 << self as u32
     }
 
+    /// The limits of an axis whose judged value stands in no column of every test.
+    #[must_use]
+    #[expect(clippy::indexing_slicing, reason = "runs when the program is compiled")]
+    pub const fn without_column<const N: usize>() -> [Limit; N] {
+        let mut limits = [Limit::CommandDisp; N];
+        let (mut found, mut limit) = (0, 0);
+        while limit < AXIS_LIMITS {
+            let row = &ROWS[PLACES[limit]];
+            if !row.has_column {
+                limits[found] = row.limit;
+                found += 1;
+            }
+            limit += 1;
+        }
+        assert!(found == N, "not as many limits are without a column");
+        limits
+    }
+
     /// The limits that judge one of these, in the order in which they are judged.
     #[must_use]
     #[expect(clippy::indexing_slicing, reason = "runs when the program is compiled")]

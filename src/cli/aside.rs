@@ -5,7 +5,6 @@
 //! that panics on its way to retirement. So what is said here waits [`PATIENCE_MS`] once and is dropped from then on, until
 //! the reader is back; then it is told how much it missed. A regular file is always written to.
 
-use std::fmt::Display;
 use std::fs::{File, OpenOptions};
 use std::io::{self, Write};
 use std::os::fd::{AsFd, BorrowedFd};
@@ -15,9 +14,6 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::OFlags;
 use rustix::net::SendFlags;
-use tracing::level_filters::LevelFilter;
-
-use crate::text::printable;
 
 /// So long a reader is waited for, ms: well below the shortest watchdog.
 const PATIENCE_MS: i64 = 5;
@@ -146,63 +142,6 @@ pub fn write(text: &[u8]) {
     aside.say(text);
 }
 
-/// A line to whoever reads stderr while something runs.
-pub fn remark(text: impl Display) {
-    super::screen::step_aside();
-    // Much of it comes from other machines.
-    write(printable(&format!("{text}\n")).as_bytes());
-}
-
-/// Begins the log: messages of this level and of graver ones go to stderr. Called once, before the command begins.
-pub fn begin_log(level: LevelFilter) {
-    // A log that cannot be written ends nothing: the subscriber would report the failure with a macro that panics, on the
-    // thread that writes the rows.
-    tracing_subscriber::fmt()
-        .with_max_level(level)
-        .with_writer(|| Log)
-        .with_ansi(super::screen::in_colour())
-        .log_internal_errors(false)
-        .with_target(false)
-        .init();
-}
-
-/// The program's log, below what stands on the terminal and changes.
-#[derive(Debug)]
-struct Log;
-
-impl Write for Log {
-    fn write(&mut self, line: &[u8]) -> io::Result<usize> {
-        super::screen::step_aside();
-        write(spelled(line).as_bytes());
-        Ok(line.len())
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        Ok(())
-    }
-}
-
-/// A line of the log with hidden characters spelled. Its colours stay: in what is logged, the library spells what begins one.
-fn spelled(line: &[u8]) -> String {
-    let text = String::from_utf8_lossy(line);
-    let parts = text.split('\u{1b}').map(printable);
-    parts.collect::<Vec<_>>().join("\u{1b}")
-}
-
-/// A panic says where and why, and where it was called from if `RUST_BACKTRACE` asks for that.
-pub fn tell_panics() {
-    std::panic::set_hook(Box::new(|panic| {
-        let thread = std::thread::current();
-        let name = thread.name().unwrap_or("without a name").to_owned();
-        let from = std::backtrace::Backtrace::capture();
-        let from = match from.status() {
-            std::backtrace::BacktraceStatus::Captured => format!("\n{from}"),
-            _ => String::new(),
-        };
-        remark(format_args!("thread '{name}' {panic}{from}"));
-    }));
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -277,13 +216,6 @@ mod tests {
         let words = "[2 messages are missing here: the terminal did not take them]";
         let heard = String::from_utf8(heard).unwrap();
         assert_eq!(heard, format!("{words}\nheard\n"));
-    }
-
-    #[test]
-    fn a_line_of_the_log_keeps_its_colours_and_turns_no_writing() {
-        let line = "\u{1b}[33m WARN\u{1b}[0m \u{202e}gnp\u{200b}\n";
-        let shown = "\u{1b}[33m WARN\u{1b}[0m \\u{202e}gnp\\u{200b}\n";
-        assert_eq!(spelled(line.as_bytes()), shown);
     }
 
     #[test]

@@ -6,8 +6,8 @@ use std::time::Duration;
 
 use crossbeam_channel::{Receiver, Sender, TrySendError};
 
-use super::aside::remark;
 use super::exit::{Exit, WithExit};
+use super::log::remark;
 use super::question::{Answered, Question};
 use crate::control::Reading;
 use crate::engine::{Notice, Operator, PhaseCell};

@@ -30,7 +30,7 @@ pub fn frontier(args: &JitterArgs, model: ModelArg) -> anyhow::Result<Exit> {
         ModelArg::Frame => Scalable::Frame,
     };
     let rates = rates(args)?;
-    let timing = super::jitter::timing(args)?;
+    let timing = timing(args)?;
     let folder = folder(args, model)?;
     let signals = Signals::listen().context("signals cannot be taken over")?;
     let trials = Trials {
@@ -182,4 +182,18 @@ fn conclude(model: Scalable, points: &[Point], refused: &[f64], proof: u64, fold
     );
     table.row("files", &format!("{path} (frontier.svg, frontier.csv)"));
     tell(table);
+}
+
+/// The real-time settings that the measurement asks for.
+pub(super) fn timing(args: &JitterArgs) -> anyhow::Result<TimingSpec> {
+    let timing = TimingSpec {
+        cpu: args.cpu,
+        priority: args.priority,
+        ..TimingSpec::default()
+    };
+    timing.check().context("--priority")?;
+    timing
+        .check_cpu(&crate::rt::os::process_cpus())
+        .context("--cpu")?;
+    Ok(timing)
 }

@@ -7,11 +7,10 @@ use serde_json::json;
 
 use super::args::JitterArgs;
 use super::exit::Exit;
-use super::frontier::frontier;
+use super::frontier::{frontier, timing};
 use super::progress::ProgressLine;
 use super::table::Table;
 use super::{answer, only_with, tell};
-use crate::config::TimingSpec;
 use crate::record::{Progress, RunFolder};
 use crate::report::{Percentiles, jitter_svg};
 use crate::rt::load::{Load, USUAL_BYTES};
@@ -126,20 +125,6 @@ fn bare_test(args: &JitterArgs) -> anyhow::Result<Prepared> {
 fn start_load(cpu: usize) -> anyhow::Result<Load> {
     let load = Load::start(cpu, USUAL_BYTES);
     load.context("the load cannot be started")
-}
-
-/// The real-time settings that the measurement asks for.
-pub(super) fn timing(args: &JitterArgs) -> anyhow::Result<TimingSpec> {
-    let timing = TimingSpec {
-        cpu: args.cpu,
-        priority: args.priority,
-        ..TimingSpec::default()
-    };
-    timing.check().context("--priority")?;
-    timing
-        .check_cpu(&crate::rt::os::process_cpus())
-        .context("--cpu")?;
-    Ok(timing)
 }
 
 fn read_json(path: &Path) -> serde_json::Value {

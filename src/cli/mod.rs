@@ -23,6 +23,7 @@ mod jitter;
 mod limits;
 mod list;
 mod live;
+mod log;
 mod new;
 mod operate;
 mod progress;
@@ -35,6 +36,7 @@ mod schema;
 mod screen;
 mod serve;
 mod serve_openfresco;
+mod serve_start;
 mod serve_tls;
 mod shell;
 mod spectrum;
@@ -49,8 +51,8 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser};
 
-pub use aside::tell_panics;
 pub use exit::Exit;
+pub use log::tell_panics;
 
 use args::{Cli, Command};
 
@@ -65,7 +67,7 @@ pub fn main() -> ExitCode {
     os::ignore_file_size_signal();
     progress::show_long_work();
     let cli = Cli::parse();
-    aside::begin_log(cli.log.into());
+    log::begin_log(cli.log.into());
     match caught(|| enough_files().and_then(|()| dispatch(cli.command))) {
         Ok(exit) => exit.code().into(),
         Err(error) => {
@@ -152,7 +154,7 @@ fn in_one_line(error: &anyhow::Error) -> String {
     text
 }
 
-/// A line to whoever reads stderr, and is waited for: before something runs, and when it is over ([`aside::remark`] is for in
+/// A line to whoever reads stderr, and is waited for: before something runs, and when it is over ([`log::remark`] is for in
 /// between). If nobody can read, nothing is lost but the line.
 fn tell(text: impl Display) {
     show(printable(&text.to_string()));

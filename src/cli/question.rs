@@ -13,7 +13,7 @@ use rustix::io::Errno;
 use rustix::process::getpgrp;
 use rustix::termios::{QueueSelector, tcflush, tcgetpgrp};
 
-use super::aside::remark;
+use super::log::remark;
 use crate::session::pause;
 
 /// Time between two looks whether it still stands.

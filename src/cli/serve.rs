@@ -1,20 +1,17 @@
 //! `gusset serve`.
 
-use std::fmt::Display;
 use std::net::SocketAddr;
-use std::os::linux::net::SocketAddrExt;
-use std::os::unix::ffi::OsStrExt;
-use std::os::unix::net::UnixDatagram;
 use std::path::Path;
 
 use super::args::{ProtocolArg, ServeArgs, SignalOrderArg, TransportArg};
-use super::aside::remark;
 use super::conduct;
 use super::control::latched;
 use super::exit::{Exit, WithExit};
+use super::log::remark;
 use super::run::refused;
-use super::{answer, serve_openfresco, serve_tls, tell};
-use crate::config::{self, Finding, KeyPath, Locator, Served};
+use super::serve_start::{misasked, say_ready};
+use super::{serve_openfresco, serve_tls, tell};
+use crate::config::{self, Served};
 use crate::link::openfresco::{Role, SignalOrderSpec};
 use crate::link::rig::LogSettings;
 use crate::link::secret::read_key;
@@ -213,25 +210,6 @@ fn play(path: &Path, text: String, host: Host, protocol: Offer) -> anyhow::Resul
     Ok(host)
 }
 
-/// What is wrong with a wish of `flag`, or else of the file at `key` below `[serve]`: at its place there, if it says so.
-pub(super) fn misasked(
-    locator: &Locator,
-    flag: Option<&str>,
-    key: &[&str],
-    error: &dyn Display,
-) -> anyhow::Error {
-    let serve = KeyPath::root().key("serve");
-    let at = key.iter().fold(serve, |at, key| at.key(key));
-    let text = match flag {
-        Some(flag) => format!("{flag}: {error}"),
-        None if locator.holds(&at) => {
-            return refused(locator.refusal(Finding::error(at, error.to_string())));
-        }
-        None => error.to_string(),
-    };
-    WithExit(Exit::Usage, text).into()
-}
-
 /// The address of the server: that of the option, of the file, or the usual one of the protocol.
 fn listen_address(
     args: &ServeArgs,
@@ -260,32 +238,4 @@ async fn until_signal(address: SocketAddr) -> anyhow::Result<Exit> {
         Signal::Interrupt => Exit::Interrupted,
         Signal::Terminate => Exit::Terminated,
     })
-}
-
-/// Says that the port is open.
-pub(super) fn say_ready(address: SocketAddr) -> anyhow::Result<()> {
-    // Whoever started us waits for this line, or for the message below.
-    answer(format_args!("listening on {address}")).context("stdout")?;
-    if let Err(error) = notify_ready() {
-        tell(format_args!(
-            "warning: the service manager was not told that we are ready: {error}"
-        ));
-    }
-    Ok(())
-}
-
-/// The readiness message of systemd (sd_notify(3)); nothing where nobody waits for one.
-fn notify_ready() -> std::io::Result<()> {
-    let Some(path) = std::env::var_os("NOTIFY_SOCKET") else {
-        return Ok(());
-    };
-    let socket = UnixDatagram::unbound()?;
-    match path.as_bytes() {
-        [b'@', name @ ..] => {
-            let address = std::os::unix::net::SocketAddr::from_abstract_name(name)?;
-            socket.connect_addr(&address)?;
-        }
-        _ => socket.connect(path)?,
-    }
-    socket.send(b"READY=1").map(|_| ())
 }

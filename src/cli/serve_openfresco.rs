@@ -3,9 +3,9 @@
 use anyhow::Context;
 
 use super::args::ServeArgs;
-use super::aside::remark;
 use super::exit::{Exit, WithExit};
-use super::serve::{misasked, say_ready};
+use super::log::remark;
+use super::serve_start::{misasked, say_ready};
 use super::serve_tls;
 use super::tell;
 use crate::config::Served;

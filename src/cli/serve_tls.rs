@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::args::{ServeArgs, TlsArgs};
 use super::exit::{Exit, WithExit};
-use super::serve::misasked;
+use super::serve_start::misasked;
 use super::tell;
 use crate::config::Served;
 use crate::link::spec::Carrier;

@@ -48,6 +48,12 @@ mod polynomial;
 mod recursive_fir;
 mod spec;
 
+/// The one parameter of a compensator that knows its delay.
+const DELAY: &[Parameter] = &[Parameter {
+    name: "delay",
+    unit: "s",
+}];
+
 #[cfg(test)]
 mod tests;
 

@@ -45,7 +45,7 @@ impl Compensator for Newton {
     fn reset(&mut self, _: f64) {}
 
     fn names(&self) -> &'static [Parameter] {
-        super::spec::DELAY
+        super::DELAY
     }
 
     fn parameters(&self) -> &[f64] {

@@ -120,7 +120,7 @@ impl Compensator for Polynomial {
     }
 
     fn names(&self) -> &'static [Parameter] {
-        super::spec::DELAY
+        super::DELAY
     }
 
     fn parameters(&self) -> &[f64] {

@@ -8,7 +8,7 @@ use super::none::Plain;
 use super::polynomial::{Nodes, horiuchi_weights, lagrange_weights};
 use super::{
     AmbSpec, AtsSpec, CompensationError, Compensator, InverseSpec, ModelInverseSpec, NewtonSpec,
-    NoneSpec, Parameter, PiLeadSpec, PolynomialSpec, RecursiveFirSpec,
+    NoneSpec, PiLeadSpec, PolynomialSpec, RecursiveFirSpec,
 };
 
 /// Compensation of the actuator dynamics: it computes commands from targets, so that the measured
@@ -37,11 +37,6 @@ pub enum CompensationSpec {
     /// benchmark.
     PiLead(PiLeadSpec),
 }
-
-pub(super) const DELAY: &[Parameter] = &[Parameter {
-    name: "delay",
-    unit: "s",
-}];
 
 impl CompensationSpec {
     /// The compensator of one axis for ticks of `dt` seconds.

@@ -1,6 +1,6 @@
 //! The limits of a port: no command leaves that was not judged, and every fresh measurement is.
 
-use super::limits::{AxisLimits, Found, Hit, Level, Watch};
+use super::limits::{AxisLimits, Found, Hit, Level, RECORDED, Watch};
 use super::posed::Posed;
 use super::{Axis, Port};
 use crate::catalog::limit::Limit;
@@ -12,6 +12,8 @@ pub(super) struct Guard {
     pub watch: Watch,
     /// As they are declared; a rehearsal trips at none of them.
     declared: Vec<AxisLimits>,
+    /// Axis and place in [`RECORDED`] of each judged value that has a column.
+    recorded: Vec<(usize, usize)>,
     /// Metres and newtons in one unit of each axis.
     units: Vec<(f64, f64)>,
     /// Wall time in s from command to command of a specimen that is told once a step, beside the test and in it.
@@ -28,6 +30,7 @@ impl Guard {
         Self {
             watch: Watch::new(vec![AxisLimits::NONE; axes], 1.0),
             declared: vec![AxisLimits::NONE; axes],
+            recorded: Vec::new(),
             units: vec![(1.0, 1.0); axes],
             ticks: None,
             interrupted: None,
@@ -114,6 +117,16 @@ impl Guard {
     }
 }
 
+/// The judged values that have a column.
+fn recorded(limits: &[AxisLimits]) -> Vec<(usize, usize)> {
+    let of_axis = |(axis, limits): (usize, &AxisLimits)| {
+        let places = RECORDED.map(|limit| limits.get(limit).is_some());
+        let places = places.into_iter().enumerate();
+        places.filter_map(move |(place, limited)| limited.then_some((axis, place)))
+    };
+    limits.iter().enumerate().flat_map(of_axis).collect()
+}
+
 impl Port {
     /// Sets the limits, one entry per axis, SI at the specimen's own scale; `units` are the metres and newtons in one
     /// unit of each axis, `tick` the wall time of one tick in s.
@@ -126,6 +139,7 @@ impl Port {
     ) -> Self {
         if limits.len() == self.axes.len() && units.len() == self.axes.len() {
             self.guard = Guard {
+                recorded: recorded(&limits),
                 declared: limits.clone(),
                 watch: Watch::new(limits, tick),
                 units,
@@ -151,16 +165,38 @@ impl Port {
         }
     }
 
-    /// Wall time in s from command to command, beside the test and in it, where that was said.
-    #[must_use]
-    pub const fn command_ticks(&self) -> Option<[f64; 2]> {
-        self.guard.ticks
-    }
-
     /// The limits, one entry per axis.
     #[must_use]
     pub fn limits(&self) -> &[AxisLimits] {
         &self.guard.declared
+    }
+
+    /// A tick begins: nothing was judged in it. Real-time: yes.
+    #[inline]
+    pub fn begin_tick(&mut self) {
+        self.guard.watch.begin_tick();
+    }
+
+    /// Axis (from 0) and limit of each judged value that has a column: the limit has a level, and no other column has the value.
+    pub fn recorded_limits(&self) -> impl Iterator<Item = (usize, Limit)> + '_ {
+        let recorded = self.guard.recorded.iter();
+        recorded.filter_map(|(axis, place)| Some((*axis, *RECORDED.get(*place)?)))
+    }
+
+    /// The values of [`Port::recorded_limits`] that were judged in this tick, SI at the specimen; NaN where nothing was judged.
+    /// Real-time: yes.
+    #[inline]
+    pub fn judged(&self) -> impl Iterator<Item = f64> + '_ {
+        let Guard {
+            watch, recorded, ..
+        } = &self.guard;
+        recorded.iter().map(|(axis, place)| {
+            let judged = watch.judged(*axis);
+            judged
+                .and_then(|judged| judged.get(*place))
+                .copied()
+                .unwrap_or(f64::NAN)
+        })
     }
 
     /// Metres and newtons in one unit of each axis.

@@ -7,8 +7,11 @@ use std::ops::Range;
 
 use super::numerical::Side;
 use super::phase::Phase;
-use super::port_columns::{column, port_columns, port_values, width_of_axis};
+use super::port_columns::{named, of_test, port_columns, port_values, width_of_axis};
 use super::tick::Tick;
+use crate::catalog::column::{
+    ACCEL, BASE, DISP, GROUND, HEAD, Kind, OWN_ACCEL, ROTATION, TIMING, VEL,
+};
 use crate::catalog::limit::Limit;
 use crate::control::Port;
 use crate::record::Column;
@@ -77,58 +80,6 @@ struct PortPlace {
     width: usize,
 }
 
-const BOOKKEEPING: [(&str, &str, &str); 5] = [
-    ("step", "1", "step of the integration, from 0 at t = 0"),
-    ("sub_tick", "1", "tick within the step, from 0"),
-    (
-        "state",
-        "1",
-        "phase: 1 static load, 2 wiring check, 3 running, 4 zeroing, 5 startup ramp, 6 holding, 7 shutdown, 8 tripped, \
-         10 warm-up (kept where it matters), 14 stopped for missed deadlines, 15 stopped by the operator during a wait for a reply; \
-         between two steps: 11 towards a known target, 12 along the prediction, 13 slowing down",
-    ),
-    (
-        "hold",
-        "1",
-        "1 from a `hold` of the operator until `continue`; plus 2 where `continue` arrived before this tick; plus 4 where a confirmation \
-         of the readings arrived before it; -1 where a test that the operator stopped trips during the shutdown",
-    ),
-    ("time", "s", "test time"),
-];
-
-const TIMING: [(&str, &str); 7] = [
-    (
-        "release_s",
-        "wall time from the first edge to the edge of this tick",
-    ),
-    (
-        "wakeup_lateness_s",
-        "from the edge to the first instruction after the wait",
-    ),
-    (
-        "command_lateness_s",
-        "from the edge to the end of the last send",
-    ),
-    (
-        "round_trip_s",
-        "from the last send to the last decoded reply",
-    ),
-    (
-        "compute_s",
-        "from the last decoded reply to the next command ready",
-    ),
-    (
-        "stretched",
-        "whole ticks by which the grid has been moved so far",
-    ),
-    // The last column: recordings from before it was there are replayed without it.
-    (
-        "record_before_s",
-        "of the tick whose row is the one before: from the next command ready to the row handed over; none in the first row, \
-         and where it was not measured",
-    ),
-];
-
 impl Row {
     /// The row for `dofs` (from 0) of a structure, which of them are `rotations`, and all ports, and its description.
     #[must_use]
@@ -138,49 +89,28 @@ impl Row {
         ports: &[Port],
     ) -> (Self, Vec<Column>) {
         let mut columns = Vec::new();
-        for (name, unit, meaning) in BOOKKEEPING {
-            columns.push(column(name, unit, meaning, false));
-        }
-        let (unit, meaning) = if moves_its_base(side) {
-            ("m", "displacement of the base")
-        } else {
-            ("m/s2", "acceleration of the ground")
-        };
-        columns.push(column("ground", unit, meaning, false));
-        let block = |columns: &mut Vec<Column>, letter: &str, units: [&str; 2], meaning: &str| {
+        columns.extend(HEAD.iter().map(of_test));
+        let ground = if moves_its_base(side) { &BASE } else { &GROUND };
+        columns.push(of_test(ground));
+        let block = |columns: &mut Vec<Column>, moves: &Kind, turns: &Kind| {
             let start = columns.len();
             for dof in dofs {
-                let name = format!("{letter}{}", dof + 1);
-                let turns = rotations.contains(dof);
-                let unit = units[usize::from(turns)];
-                let meaning = if turns && letter == "x" {
-                    "rotation"
-                } else {
-                    meaning
-                };
-                columns.push(column(
-                    &name,
-                    unit,
-                    &format!("{meaning} of DOF {}", dof + 1),
-                    false,
-                ));
+                let is_rotation = rotations.contains(dof);
+                let kind = if is_rotation { turns } else { moves };
+                let number = dof + 1;
+                columns.push(Column {
+                    unit: kind.unit_of(is_rotation).into(),
+                    meaning: format!("{} of DOF {number}", kind.meaning),
+                    ..named(kind, kind.of_dof(number))
+                });
             }
             start..columns.len()
         };
-        let disp = block(&mut columns, "x", ["m", "rad"], "displacement");
-        let vel = block(
-            &mut columns,
-            "v",
-            ["m/s", "rad/s"],
-            "velocity as the integrator reports it",
-        );
+        let disp = block(&mut columns, &DISP, &ROTATION);
+        let vel = block(&mut columns, &VEL, &VEL);
         let has_own = matches!(side, Side::Structure(numerical) if numerical.has_own_accel());
-        let meaning = if has_own {
-            "acceleration that the method uses in its next step, not that of equilibrium at the end of the step,"
-        } else {
-            "acceleration from equilibrium at the end of the step, M^-1 r,"
-        };
-        let accel = block(&mut columns, "a", ["m/s2", "rad/s2"], meaning);
+        let kind = if has_own { &OWN_ACCEL } else { &ACCEL };
+        let accel = block(&mut columns, kind, kind);
         let ports_given = ports;
         let ports = ports
             .iter()
@@ -193,13 +123,15 @@ impl Row {
         let start = columns.len();
         let kept = super::checks::kept_limits(side, ports_given);
         for quantity in &kept {
-            columns.push(column(quantity.key(), "1", quantity.words(), false));
+            columns.push(Column {
+                name: quantity.key().into(),
+                unit: "1".into(),
+                meaning: quantity.words().into(),
+                timing: false,
+            });
         }
         let checks = start..columns.len();
-        for (name, meaning) in TIMING {
-            let unit = if name == "stretched" { "1" } else { "s" };
-            columns.push(column(name, unit, meaning, true));
-        }
+        columns.extend(TIMING.iter().map(of_test));
         let values = vec![0.0; columns.len()];
         (
             Self {

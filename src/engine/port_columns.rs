@@ -5,6 +5,11 @@
 
 use std::ops::Range;
 
+use crate::catalog::column::{
+    ACTUATOR_FORCE, ADDED, COMMAND, COMPENSATION, FALSE_DAMPING, FORCE, GAIN, JUDGED, Kind, LAG,
+    MARGIN, MEASURED, MEASURED_POSE, POSE, POSE_FORCE, RAW_DISP, RAW_FORCE, SEQUENCE, STATUS,
+    STIFFNESS, STROKE, TANGENT, TANGENT_DAMPING, TARGET,
+};
 use crate::control::Port;
 use crate::record::Column;
 
@@ -60,7 +65,8 @@ pub(super) fn port_values(slots: &mut [f64], width: usize, port: &Port) {
         let all = tracking
             .chain(margins)
             .chain(port.compensation_parameters())
-            .chain(poses);
+            .chain(poses)
+            .chain(port.judged());
         for (slot, value) in further.iter_mut().zip(all) {
             *slot = value;
         }
@@ -75,129 +81,89 @@ pub(super) fn width_of_axis(port: &Port) -> usize {
 
 pub(super) fn port_columns(columns: &mut Vec<Column>, number: usize, port: &Port) -> Range<usize> {
     let start = columns.len();
-    let name = &port.name;
+    let specimen = format!("specimen \"{}\"", port.name);
+    let of_axis = |kind: &Kind, axis: usize| Column {
+        meaning: format!("{}, {specimen}, axis {axis}", kind.meaning),
+        ..named(kind, kind.of_axis(number, axis))
+    };
+    let (target, force) = if port.geometry().is_some() {
+        (STROKE, ACTUATOR_FORCE)
+    } else {
+        (TARGET, FORCE)
+    };
+    let has_damping = port.estimates().any(|(_, damping, _)| damping.is_some());
+    let always = [
+        target, COMMAND, MEASURED, force, RAW_DISP, RAW_FORCE, TANGENT, ADDED,
+    ];
+    let damping = has_damping.then_some(TANGENT_DAMPING);
+    let tracked = [LAG, GAIN, STIFFNESS, FALSE_DAMPING];
     for axis in 1..=port.axes() {
-        let mut add = |kind: &str, unit: &str, meaning: &str| {
-            let meaning = format!("{meaning}, specimen \"{name}\", axis {axis}");
-            columns.push(column(
-                &format!("{kind}_{number}_{axis}"),
-                unit,
-                &meaning,
-                false,
-            ));
-        };
-        let (target, force) = if port.geometry().is_some() {
-            (
-                "stroke of the actuator for the pose B·x",
-                "force of the actuator, at the structure's scale",
-            )
-        } else {
-            (
-                "deformation B·x that the structure asks for",
-                "restoring force that entered equilibrium",
-            )
-        };
-        add("target", "m", target);
-        add("cmd", "specimen unit", "displacement that was sent");
-        add(
-            "meas",
-            "m",
-            "measured displacement in the structure's units",
-        );
-        add("force", "N", force);
-        add(
-            "raw_disp",
-            "specimen unit",
-            "measured displacement as it came",
-        );
-        add("raw_force", "specimen unit", "measured force as it came");
-        add(
-            "kt",
-            "N/m",
-            "tangent stiffness, estimated; the declared one until the axis has moved",
-        );
-        add(
-            "added",
-            "J",
-            "energy that the transfer system has added, negative if it has taken some",
-        );
-        if port.estimates().any(|(_, damping, _)| damping.is_some()) {
-            add("ct", "N s/m", "tangent damping, estimated");
+        let kinds = always.iter().chain(&damping);
+        columns.extend(kinds.map(|kind| of_axis(kind, axis)));
+    }
+    if port.tracks() {
+        for axis in 1..=port.axes() {
+            columns.extend(tracked.iter().map(|kind| of_axis(kind, axis)));
         }
     }
-    let tracked = if port.tracks() { port.axes() } else { 0 };
-    for axis in 1..=tracked {
-        for (key, unit, meaning) in [
-            ("lag", "s", "lag behind the target, estimated"),
-            (
-                "gain",
-                "1",
-                "measured displacement over the target, estimated",
-            ),
-            (
-                "stiffness",
-                "N/m",
-                "stiffness as fitted over the last seconds of motion",
-            ),
-            ("false_c", "N s/m", "damping that the lag adds to it"),
-        ] {
-            let meaning = format!("{meaning}, specimen \"{name}\", axis {axis}");
-            columns.push(column(
-                &format!("{key}_{number}_{axis}"),
-                unit,
-                &meaning,
-                false,
-            ));
-        }
-    }
-    let margins = if port.knows_margin() { port.axes() } else { 0 };
-    for axis in 1..=margins {
-        let meaning = format!(
-            "critical delay at the stiffness of the last seconds less their lag: below 0 the test grows; inf where every delay is \
-             stable, specimen \"{name}\", axis {axis}"
-        );
-        let key = format!("margin_{number}_{axis}");
-        columns.push(column(&key, "s", &meaning, false));
+    if port.knows_margin() {
+        columns.extend((1..=port.axes()).map(|axis| of_axis(&MARGIN, axis)));
     }
     for (axis, parameter) in port.compensation_names() {
         let (key, axis) = (parameter.name, axis + 1);
-        let meaning =
-            format!("parameter {key} of the compensation, specimen \"{name}\", axis {axis}");
-        let key = format!("comp_{key}_{number}_{axis}");
-        columns.push(column(&key, parameter.unit, &meaning, false));
+        let meaning = COMPENSATION.meaning.replace("NAME", key);
+        columns.push(Column {
+            unit: parameter.unit.into(),
+            meaning: format!("{meaning}, {specimen}, axis {axis}"),
+            ..named(&COMPENSATION, COMPENSATION.of_parameter(key, number, axis))
+        });
     }
     for (index, (coordinate, _)) in port.pose().enumerate() {
-        let (key, unit) = (coordinate.key(), coordinate.unit());
-        for (kind, unit, meaning) in [
-            ("pose", unit, "pose B·x that the structure asks for"),
-            ("pose_meas", unit, "pose that the measured strokes have"),
-            (
-                "pose_force",
-                coordinate.force_unit(),
-                "force that entered equilibrium",
-            ),
-        ] {
-            let meaning = format!("{meaning}, specimen \"{name}\", {key}");
-            let key = format!("{kind}_{number}_{}", index + 1);
-            columns.push(column(&key, unit, &meaning, false));
+        let (unit, force_unit) = (coordinate.unit(), coordinate.force_unit());
+        let kinds = [
+            (&POSE, unit),
+            (&MEASURED_POSE, unit),
+            (&POSE_FORCE, force_unit),
+        ];
+        for (kind, unit) in kinds {
+            columns.push(Column {
+                unit: unit.into(),
+                meaning: format!("{}, {specimen}, {}", kind.meaning, coordinate.key()),
+                ..named(kind, kind.of_axis(number, index + 1))
+            });
         }
     }
-    let meaning = format!("newest command in force when specimen \"{name}\" was sampled");
-    columns.push(column(&format!("seq_{number}"), "1", &meaning, false));
-    let meaning = format!(
-        "status flags of specimen \"{name}\": 1 interlock, 2 holding, 4 saturated, 8 its simulated actuator not \
-         settled; of the loop: 65536 lost, 131072 before its last command left, 262144 stale, \
-         524288 its answer not waited for, 1048576 beside 2 it held until its last command came"
-    );
-    columns.push(column(&format!("status_{number}"), "1", &meaning, false));
+    for (axis, limit) in port.recorded_limits() {
+        let (row, axis) = (limit.row(), axis + 1);
+        columns.push(Column {
+            unit: row.unit.into(),
+            meaning: format!(
+                "{}: value that `{}` judged in this tick, none where nothing was judged, {specimen}, axis {axis}",
+                row.words, row.key
+            ),
+            ..named(&JUDGED, JUDGED.of_parameter(row.name, number, axis))
+        });
+    }
+    for kind in [&SEQUENCE, &STATUS] {
+        columns.push(Column {
+            meaning: kind.told(&specimen),
+            ..named(kind, kind.of_specimen(number))
+        });
+    }
     start..columns.len()
 }
 
-pub(super) fn column(name: &str, unit: &str, meaning: &str, timing: bool) -> Column {
+/// The column of the test of this kind.
+pub(super) fn of_test(kind: &Kind) -> Column {
+    named(kind, kind.name().to_owned())
+}
+
+/// A column of this kind, as the catalogue describes it.
+pub(super) fn named(kind: &Kind, name: String) -> Column {
     Column {
-        name: name.into(),
-        unit: unit.into(),
-        meaning: meaning.into(),
-        timing,
+        name,
+        unit: kind.unit.into(),
+        meaning: kind.told(""),
+        timing: kind.is_timing(),
     }
 }

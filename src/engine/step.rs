@@ -121,6 +121,7 @@ impl Engine {
         self.sent_since_row = true;
         let is_held = self.hold_wanted || !self.is_at_the_end();
         let holds = is_held && self.ride.tempo.stands() && tick.sub_tick > 0;
+        self.ports.iter_mut().for_each(Port::begin_tick);
         for (index, port) in self.ports.iter_mut().enumerate() {
             if port.partner.owes_the_last {
                 port.skip_command();

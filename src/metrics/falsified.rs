@@ -7,7 +7,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::tracking::{Judged, Tracking};
+use super::floor::Judged;
+use super::tracking::Tracking;
 
 /// A mode of a structure with its specimens, and what a delay of each axis would add to its damping.
 #[derive(Debug, Clone, PartialEq, Default)]

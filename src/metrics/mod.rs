@@ -18,6 +18,7 @@
 
 pub mod energy;
 pub mod falsified;
+mod floor;
 pub mod fourier;
 pub mod ground;
 pub mod response;
@@ -26,8 +27,9 @@ pub mod spectrum;
 pub mod tracking;
 pub mod windows;
 
+pub use floor::Judged;
 pub use response::{
     Denominator, Peak, absorbed_energy, bridged, lag, largest_error, nrmse, peak, residual,
 };
 pub use specimen::{Estimate, Identified, delayed, identify, loading};
-pub use tracking::{Judged, Noise, Tracking};
+pub use tracking::{Noise, Tracking};

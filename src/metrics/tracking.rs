@@ -7,6 +7,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::floor::Judged;
 use super::fourier::{Evaluation, Spectrum, evaluate};
 use super::response::{Denominator, bridged, lag, nrmse, peak};
 use super::windows::Windows;
@@ -17,8 +18,6 @@ const LAG_WINDOW: usize = 100_000;
 const LAG_S: f64 = 0.1;
 const LAG_LEAST: usize = 25;
 const LAG_MOST: usize = 800;
-/// Scatters that a number must exceed to count as seen.
-const SEEN: f64 = 2.0;
 
 /// What the sensors of an axis read while it stood still.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -59,40 +58,6 @@ impl Noise {
             force_mean_n: force_mean,
             force_std_n: spread(&mut both.iter().map(|p| p.1 - force_mean)),
         })
-    }
-}
-
-/// A number, what noise alone would make of it, and what is left without the noise; null where no noise was measured.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Judged {
-    /// As it comes out of the samples.
-    pub value: f64,
-    /// Noise floor.
-    pub floor: Option<f64>,
-    /// Corrected for the noise floor.
-    pub corrected: Option<f64>,
-}
-
-impl Judged {
-    /// A number whose square grows by that of its floor.
-    fn grown(value: f64, floor: Option<f64>) -> Self {
-        let corrected = floor.map(|floor| (value * value - floor * floor).max(0.0).sqrt());
-        Self {
-            value,
-            floor,
-            corrected,
-        }
-    }
-
-    /// A number that noise scatters about `perfect`.
-    pub(super) fn scattered(value: f64, floor: Option<f64>, perfect: f64) -> Self {
-        let is_seen = |floor: f64| (value - perfect).abs() > SEEN * floor;
-        let corrected = floor.map(|floor| if is_seen(floor) { value } else { perfect });
-        Self {
-            value,
-            floor,
-            corrected,
-        }
     }
 }
 

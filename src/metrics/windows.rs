@@ -18,7 +18,7 @@ use realfft::num_complex::Complex64;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
 
-use super::tracking::Judged;
+use super::floor::Judged;
 
 /// Periods of the target in a window, by its rms frequency over the whole test.
 const PERIODS: f64 = 4.0;

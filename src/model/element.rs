@@ -1,8 +1,7 @@
 //! An [`Element`] inside a structure: what the loop walks over, kept small, apart from what only reports need.
 
-use super::elements::Seen;
 use super::{Element, End, ModelError};
-use crate::law::{Law, Reach, Tangent};
+use crate::law::{Law, Reach};
 
 /// The hot half of an element.
 #[derive(Debug)]
@@ -25,8 +24,8 @@ pub(super) struct Facts {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Declared {
     pub(super) reach: Reach,
-    hardening_ratio: Option<f64>,
-    damping_ratio: Option<f64>,
+    pub(super) hardening_ratio: Option<f64>,
+    pub(super) damping_ratio: Option<f64>,
 }
 
 /// Ends that are no degree of freedom, as indices beyond every vector.
@@ -131,25 +130,4 @@ pub(super) fn split(element: Element, n: usize) -> Result<(Connection, Facts), M
         },
     };
     Ok((hot, cold))
-}
-
-/// Upper bounds of both tangents of one element.
-pub(super) fn bound(element: &Seen<'_>) -> Result<Tangent, ModelError> {
-    let (reference, own) = (element.law.reference(), element.declared);
-    let (stiffness, damping) = element.law.bound(own.reach);
-    let declared = |ratio: Option<f64>, reference: f64| ratio.map(|ratio| ratio * reference);
-    let missing = |tangent, key, ratio| ModelError::NoBound {
-        element: element.name.clone().into_owned(),
-        tangent,
-        key,
-        ratio,
-    };
-    Ok(Tangent {
-        stiffness: declared(own.hardening_ratio, reference.stiffness)
-            .or(stiffness)
-            .ok_or_else(|| missing("stiffness", "reach_disp_m", "hardening_ratio"))?,
-        damping: declared(own.damping_ratio, reference.damping)
-            .or(damping)
-            .ok_or_else(|| missing("damping", "reach_vel_m_per_s", "damping_ratio"))?,
-    })
 }

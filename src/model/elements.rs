@@ -277,3 +277,24 @@ impl Elements {
         }
     }
 }
+
+/// Upper bounds of both tangents of one element.
+pub(super) fn bound(element: &Seen<'_>) -> Result<Tangent, ModelError> {
+    let (reference, own) = (element.law.reference(), element.declared);
+    let (stiffness, damping) = element.law.bound(own.reach);
+    let declared = |ratio: Option<f64>, reference: f64| ratio.map(|ratio| ratio * reference);
+    let missing = |tangent, key, ratio| ModelError::NoBound {
+        element: element.name.clone().into_owned(),
+        tangent,
+        key,
+        ratio,
+    };
+    Ok(Tangent {
+        stiffness: declared(own.hardening_ratio, reference.stiffness)
+            .or(stiffness)
+            .ok_or_else(|| missing("stiffness", "reach_disp_m", "hardening_ratio"))?,
+        damping: declared(own.damping_ratio, reference.damping)
+            .or(damping)
+            .ok_or_else(|| missing("damping", "reach_vel_m_per_s", "damping_ratio"))?,
+    })
+}

@@ -18,6 +18,7 @@ mod run;
 mod sound;
 mod spec;
 mod structure;
+mod table;
 
 use std::fmt;
 
@@ -26,12 +27,13 @@ pub use build::{MatrixFiles, SpecimenShare};
 pub use damping::DampingError;
 pub use error::{BuildError, ModelError};
 pub use npy::NpyError;
-pub use parse::{MatrixTable, ParseError, parse_matrix};
+pub use parse::{ParseError, parse_matrix};
 pub use spec::{
     ChainSpec, DampingSpec, ElementSpec, MatricesSpec, ModalSpec, RayleighRatioSpec, RayleighSpec,
     ShearBuildingSpec, StructureSpec,
 };
 pub use structure::{Storey, Structure};
+pub use table::MatrixTable;
 
 use crate::law::{Law, Reach};
 

@@ -10,7 +10,7 @@
 
 use thiserror::Error;
 
-use super::parse::{LARGEST_SIDE, MatrixTable};
+use super::table::{LARGEST_SIDE, MatrixTable};
 
 /// Why bytes are not an array that we read.
 #[derive(Debug, Clone, PartialEq, Error)]

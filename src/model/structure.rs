@@ -2,8 +2,8 @@
 
 use std::borrow::Cow;
 
-use super::element::{bound, row, stamp};
-use super::elements::{Elements, Seen};
+use super::element::{row, stamp};
+use super::elements::{Elements, Seen, bound};
 use super::{Base, Element, ModelError, Part, sound};
 use crate::law::Tangent;
 use crate::linalg::{Lanes, SymMatrix};

@@ -1,9 +1,9 @@
-//! One axis of a specimen, row by row: present values, what its limits are held against, and its hysteresis loop.
+//! One axis of a specimen, row by row: present values, the values that its limits judged, and its hysteresis loop.
 //!
-//! Commands and measurements come as [`super::specimen`] has reckoned them; where a rule needs more than rows tell (a sawtooth
-//! between targets) there is no value. Nothing here decides anything.
+//! All values stand in the rows. Nothing here decides anything.
 
 use super::board::AxisView;
+use super::marks::Mark;
 use super::specimen::Course;
 use super::subject::WatchedAxis;
 use super::tap::at;
@@ -50,10 +50,6 @@ pub(super) struct AxisTap {
     pub now: Now,
     /// The same, not a number where nothing was measured.
     pub drawn: Now,
-    /// What the last command was judged by.
-    pub asked: Option<[f64; 5]>,
-    /// What the last measurement was judged by.
-    pub seen: Option<[f64; 7]>,
     zero: SensorZero,
     stiffness: f64,
     tangent_damping: f64,
@@ -83,8 +79,6 @@ impl AxisTap {
         Self {
             now: nothing,
             drawn: nothing,
-            asked: None,
-            seen: None,
             zero: SensorZero {
                 command: axis.zero.command,
                 beyond: axis.zero.measured,
@@ -134,7 +128,7 @@ impl AxisTap {
     }
 
     /// Displacement and force of a fresh answer, and the displacement that is held against the command, SI.
-    pub fn measured(&self, row: &[f64], axis: &WatchedAxis) -> (f64, f64, f64) {
+    fn measured(&self, row: &[f64], axis: &WatchedAxis) -> (f64, f64, f64) {
         let disp = at(row, axis.places.raw_disp);
         let force = at(row, axis.places.raw_force);
         let stands = if self.zero.is_awaited {
@@ -145,16 +139,11 @@ impl AxisTap {
         (disp * axis.metres, force * axis.newtons, stands)
     }
 
-    /// Takes the rest of a row; `values` are those of [`AxisTap::measured`].
-    pub fn row(
-        &mut self,
-        row: &[f64],
-        axis: &WatchedAxis,
-        told: Told,
-        values: Option<(f64, f64, f64)>,
-    ) {
+    /// Takes the rest of a row.
+    pub fn row(&mut self, row: &[f64], axis: &WatchedAxis, told: Told) {
         let places = &axis.places;
-        if let Some((measured, force, stands)) = values {
+        if told.is_fresh {
+            let (measured, force, stands) = self.measured(row, axis);
             let is_known = !self.zero.is_awaited;
             self.now = Now {
                 command: self.now.command,
@@ -182,20 +171,11 @@ impl AxisTap {
         self.gain_error = (at(row, places.gain) - 1.0).abs();
         let margin = at(row, places.margin);
         self.margin = [margin, self.margin[1].min(margin)];
-        for place in 0..self.limits.len() {
-            let Some(quantity) = axis.marks.get(place).map(|mark| mark.quantity) else {
-                continue;
-            };
-            let is_judged = if quantity.is_of_command() {
-                told.is_told
-            } else {
-                told.is_fresh
-            };
-            if !is_judged {
-                continue;
+        for (place, mark) in axis.marks.iter().enumerate() {
+            let value = self.value(mark, row, axis, told);
+            if let Some(value) = value {
+                self.keep(Some(place), value);
             }
-            let value = self.value(quantity, axis);
-            self.keep(Some(place), value);
         }
     }
 
@@ -210,28 +190,28 @@ impl AxisTap {
         self.keep(axis.marks.iter().position(|mark| mark.key == key), value);
     }
 
-    /// What a limit is held against.
-    fn value(&self, quantity: Limit, axis: &WatchedAxis) -> f64 {
-        let asked = |place: usize| self.asked.map_or(f64::NAN, |asked| asked[place]);
-        let seen = |place: usize| self.seen.map_or(f64::NAN, |seen| seen[place]);
-        match quantity {
-            Limit::CommandDisp => asked(0),
-            Limit::CommandStep => asked(1),
-            Limit::CommandVel => asked(2),
-            Limit::CommandAccel => asked(3),
-            Limit::MeasuredDisp | Limit::SensorDisp => seen(0),
-            Limit::MeasuredForce | Limit::SensorForce => seen(1),
-            // Within the share of motion there is none.
-            Limit::FollowingError => seen(4).max(0.0),
-            Limit::ForceStep => seen(5),
-            Limit::StuckSensor => seen(6),
+    /// The value that a limit judged in this row; none where it judged nothing.
+    fn value(&self, mark: &Mark, row: &[f64], axis: &WatchedAxis, told: Told) -> Option<f64> {
+        let value = match mark.quantity {
+            Limit::CommandDisp => return told.is_told.then_some(self.now.command),
+            Limit::MeasuredDisp | Limit::SensorDisp => self.now.measured,
+            Limit::MeasuredForce | Limit::SensorForce => self.now.force,
             Limit::StiffnessRatio => self.stiffness / axis.stiffness_bound,
             Limit::DampingRatio => self.tangent_damping / axis.damping_bound,
             Limit::AddedEnergy => self.added,
             Limit::Lag => self.lag,
             Limit::GainError => self.gain_error,
-            _ => f64::NAN,
-        }
+            quantity => {
+                let judged = at(row, mark.place);
+                // Within the share of motion there is no following error.
+                let value = match quantity {
+                    Limit::FollowingError => judged.max(0.0),
+                    _ => judged,
+                };
+                return (!judged.is_nan()).then_some(value);
+            }
+        };
+        told.is_fresh.then_some(value)
     }
 
     /// A point of the loop, of the specimen's own end as the histories beside it are.
@@ -317,8 +297,7 @@ mod tests {
         };
         let mut tap = AxisTap::new(&axis);
         let row = [-6e-3, 2.0, 4.0];
-        let values = tap.measured(&row, &axis);
-        tap.row(&row, &axis, told, Some(values));
+        tap.row(&row, &axis, told);
         assert_eq!((tap.drawn.measured, tap.drawn.force), (2e-3, 4e3));
         assert_eq!(tap.take_loop(), [[2e-3, 4e3]; 2]);
     }

@@ -4,13 +4,14 @@ use hdrhistogram::Histogram;
 use serde::Serialize;
 
 use super::swallowed::Stall;
+use crate::catalog::column::{COMMAND_LATENESS, COMPUTE, ROUND_TRIP, WAKEUP};
 
 /// The timing columns that are counted.
 pub(super) const COLUMNS: [&str; 4] = [
-    "wakeup_lateness_s",
-    "command_lateness_s",
-    "round_trip_s",
-    "compute_s",
+    WAKEUP.name(),
+    COMMAND_LATENESS.name(),
+    ROUND_TRIP.name(),
+    COMPUTE.name(),
 ];
 
 /// What they are called elsewhere: the keys of `timing.json`.

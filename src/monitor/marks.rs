@@ -24,6 +24,9 @@ pub struct Mark {
     pub size: bool,
     #[serde(skip)]
     pub(super) quantity: Limit,
+    /// Place of the column with its judged value, where it has one of its own.
+    #[serde(skip)]
+    pub(super) place: Option<usize>,
 }
 
 /// A limit of the test as a whole.
@@ -43,8 +46,11 @@ pub struct TestMark {
     pub(super) place: Option<usize>,
 }
 
-/// A limit, if it has a level.
-pub(super) fn mark((quantity, levels): (Limit, Range)) -> Option<Mark> {
+/// A limit, if it has a level; `place` finds the column of a limit of its axis by name.
+pub(super) fn mark(
+    (quantity, levels): (Limit, Range),
+    place: impl Fn(&str) -> Option<usize>,
+) -> Option<Mark> {
     let Range { warn, trip } = levels;
     let size = quantity.row().kind != Kind::Range;
     levels.is_some().then(|| Mark {
@@ -55,6 +61,7 @@ pub(super) fn mark((quantity, levels): (Limit, Range)) -> Option<Mark> {
         trip,
         size,
         quantity,
+        place: place(quantity.row().name),
     })
 }
 

@@ -1,14 +1,13 @@
-//! One specimen, row by row: in which ticks it was commanded and has answered, and what its limits are held against then.
+//! One specimen, row by row: in which ticks it was commanded and has answered.
 //!
-//! The reckoning is the loop's own, [`Watch`], fed from the rows; it judges nothing here. A row without an answer changes nothing
-//! of what was measured. Where rows were lost, differences begin anew.
+//! The values that its limits judge stand in the rows: nothing is computed again here. A row without an answer changes nothing
+//! of what was measured.
 
 use super::axis::{AxisTap, Told};
 use super::board::SpecimenView;
 use super::subject::WatchedSpecimen;
 use super::tap::at;
 use crate::catalog::phase::Part;
-use crate::control::limits::Watch;
 use crate::substructure::Status;
 
 /// Where in the life of a test a row stands.
@@ -52,7 +51,6 @@ pub(super) struct RowHead {
 pub(super) struct SpecimenTap {
     pub axes: Vec<AxisTap>,
     pub view: SpecimenView,
-    watch: Watch,
     /// Number of the last row.
     sequence: Option<u64>,
     /// The column `seq` of the last row.
@@ -60,8 +58,6 @@ pub(super) struct SpecimenTap {
     in_test: bool,
     /// Of one that is commanded once a step: its answer is not here.
     owes: bool,
-    /// Displacement, force, and displacement that is held against the command, of every axis, SI.
-    values: Vec<(f64, f64, f64)>,
 }
 
 impl SpecimenTap {
@@ -69,12 +65,10 @@ impl SpecimenTap {
         Self {
             axes: specimen.axes.iter().map(AxisTap::new).collect(),
             view: SpecimenView::default(),
-            watch: specimen.watch(),
             sequence: None,
             newest: f64::NAN,
             in_test: false,
             owes: false,
-            values: Vec::with_capacity(specimen.axes.len()),
         }
     }
 
@@ -89,13 +83,8 @@ impl SpecimenTap {
         let next = self.sequence.map(|last| last + 1);
         let follows = next == Some(head.sequence);
         let by_steps = in_test && specimen.per_step;
-        // A test that is gone on with judges the first command of such a one by the last of the interrupted test.
         if !follows || (begins && by_steps && head.step > 0.0) {
-            self.watch = specimen.watch();
             self.owes = false;
-        }
-        if begins {
-            self.watch.forget_measurements();
         }
         let was_heard = is_heard(Status(self.view.status));
         let status = at(row, specimen.status);
@@ -119,37 +108,14 @@ impl SpecimenTap {
         self.view.exchanges += u64::from(is_told);
         self.view.stale += u64::from(is_told && is_stale);
 
-        for (tap, axis) in self.axes.iter_mut().zip(&specimen.axes) {
-            tap.begin(row, axis, head.state, course);
-        }
-        self.watch.tick_is(specimen.ticks[usize::from(by_steps)]);
-        if is_told {
-            for (index, tap) in self.axes.iter_mut().enumerate() {
-                tap.asked = self.watch.asked(index, tap.now.command).or(tap.asked);
-            }
-            self.watch.sent(self.axes.iter().map(|tap| tap.now.command));
-        }
-        if is_fresh {
-            self.values.clear();
-            let axes = self.axes.iter().zip(&specimen.axes);
-            self.values
-                .extend(axes.map(|(tap, axis)| tap.measured(row, axis)));
-            let axes = &mut self.axes;
-            self.watch.seen(self.values.iter().copied(), |index, seen| {
-                if let Some(tap) = axes.get_mut(index) {
-                    tap.seen = Some(seen);
-                }
-            });
-        }
         let told = Told {
             is_told,
             is_fresh,
             is_silent,
         };
-        let values = self.values.iter().copied().map(Some);
-        let values = values.chain(std::iter::repeat(None));
-        for ((tap, axis), values) in self.axes.iter_mut().zip(&specimen.axes).zip(values) {
-            tap.row(row, axis, told, values.filter(|_| is_fresh));
+        for (tap, axis) in self.axes.iter_mut().zip(&specimen.axes) {
+            tap.begin(row, axis, head.state, course);
+            tap.row(row, axis, told);
         }
     }
 }

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::marks::{Mark, TestMark, mark, test_marks};
-use crate::control::limits::{AxisLimits, Watch};
+use crate::catalog::column;
 use crate::control::{DispZero, Exit};
 use crate::engine::{Experiment, MissLevels};
 use crate::record::Column;
@@ -98,18 +98,6 @@ pub struct WatchedSpecimen {
     /// Commanded once a step while the test runs.
     #[serde(skip)]
     pub(super) per_step: bool,
-    /// Wall time in s from command to command, beside the test and in it.
-    #[serde(skip)]
-    pub(super) ticks: [f64; 2],
-    #[serde(skip)]
-    limits: Vec<AxisLimits>,
-}
-
-impl WatchedSpecimen {
-    /// What the loop reckons its limits with.
-    pub(super) fn watch(&self) -> Watch {
-        Watch::new(self.limits.clone(), self.ticks[0])
-    }
 }
 
 /// An axis that is watched, SI at the specimen's own scale.
@@ -211,11 +199,9 @@ impl Subject {
                 name: port.name.clone(),
                 remote: port.is_remote(),
                 at_end: way_out(port.exits.after(false)),
-                status: find(&format!("status_{number}")),
-                newest: find(&format!("seq_{number}")),
+                status: find(&column::STATUS.of_specimen(number)),
+                newest: find(&column::SEQUENCE.of_specimen(number)),
                 per_step: port.is_per_step(),
-                ticks: port.command_ticks().unwrap_or([tick_s; 2]),
-                limits: port.limits().to_vec(),
                 axes: (1..)
                     .zip(
                         port.limits()
@@ -225,26 +211,33 @@ impl Subject {
                             .zip(port.disp_zeros()),
                     )
                     .map(|(axis, (((limits, (metres, newtons)), bounds), zero))| {
-                        let place = |kind: &str| find(&format!("{kind}_{number}_{axis}"));
+                        let place = |kind: &column::Kind| find(&kind.of_axis(number, axis));
                         WatchedAxis {
-                            marks: limits.levels().filter_map(mark).collect(),
-                            has_margin: place("margin").is_some(),
+                            marks: limits
+                                .levels()
+                                .filter_map(|limit| {
+                                    mark(limit, |name| {
+                                        find(&column::JUDGED.of_parameter(name, number, axis))
+                                    })
+                                })
+                                .collect(),
+                            has_margin: place(&column::MARGIN).is_some(),
                             metres: *metres,
                             newtons: *newtons,
                             zero,
                             stiffness_bound: bounds.0,
                             damping_bound: bounds.1,
                             places: AxisPlaces {
-                                command: place("cmd"),
-                                measured: place("meas"),
-                                raw_disp: place("raw_disp"),
-                                raw_force: place("raw_force"),
-                                stiffness: place("kt"),
-                                damping: place("ct"),
-                                added: place("added"),
-                                lag: place("lag"),
-                                gain: place("gain"),
-                                margin: place("margin"),
+                                command: place(&column::COMMAND),
+                                measured: place(&column::MEASURED),
+                                raw_disp: place(&column::RAW_DISP),
+                                raw_force: place(&column::RAW_FORCE),
+                                stiffness: place(&column::TANGENT),
+                                damping: place(&column::TANGENT_DAMPING),
+                                added: place(&column::ADDED),
+                                lag: place(&column::LAG),
+                                gain: place(&column::GAIN),
+                                margin: place(&column::MARGIN),
                             },
                         }
                     })
@@ -253,18 +246,18 @@ impl Subject {
             .collect();
         let dofs = some_of(&experiment.record_dofs);
         let places = Places {
-            step: find("step"),
-            state: find("state"),
-            time: find("time"),
-            ground: find("ground"),
-            release: find("release_s"),
-            stretched: find("stretched"),
+            step: find(column::STEP.name()),
+            state: find(column::STATE.name()),
+            time: find(column::TIME.name()),
+            ground: find(column::GROUND.name()),
+            release: find(column::RELEASE.name()),
+            stretched: find(column::STRETCHED.name()),
             dofs: dofs
                 .iter()
-                .filter_map(|dof| find(&format!("x{}", dof + 1)))
+                .filter_map(|dof| find(&column::DISP.of_dof(dof + 1)))
                 .collect(),
             timing: super::latency::COLUMNS.map(find),
-            record_before: find("record_before_s"),
+            record_before: find(column::RECORD_BEFORE.name()),
         };
         Self {
             channels: channels(&dofs, &places, &columns, &specimens),

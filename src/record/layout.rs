@@ -13,6 +13,7 @@
 
 use std::collections::HashSet;
 
+use crate::catalog::column;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -26,7 +27,7 @@ pub const HEAD: usize = 8;
 pub const TAIL: usize = 8;
 
 /// The column that only a server's record has.
-pub const COMMITS: &str = "commits";
+pub const COMMITS: &str = column::COMMITS.name();
 
 const FORMAT: &str = "gusset-samples";
 const VERSION: u32 = 1;

@@ -7,8 +7,23 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use super::Event;
+use super::miss::MissClasses;
 use super::note::{Note, NoteLevel};
-use super::writer::Progress;
+
+/// Where a run stands, as the writer last saw it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Progress {
+    /// The latest row; empty before the first.
+    pub last_row: Vec<f64>,
+    /// Rows in the file.
+    pub rows_written: u64,
+    /// Rows lost so far, to a full queue or a full disk.
+    pub rows_lost: u64,
+    /// Events so far.
+    pub events: u64,
+    /// Deadline misses so far, by class.
+    pub misses: MissClasses,
+}
 
 /// Looks at the rows of a running test, on the writer's thread. Nothing here may wait.
 pub trait Onlooker: Send {

@@ -28,6 +28,8 @@ use thiserror::Error;
 use drain::Drain;
 use sync::SyncThread;
 
+pub use super::onlooker::Progress;
+
 use super::append::Store;
 use super::events::Moment;
 use super::intact::Extent;
@@ -91,21 +93,6 @@ impl Default for WriterSettings {
             specimens: Vec::new(),
         }
     }
-}
-
-/// Where a run stands, as the writer last saw it.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Progress {
-    /// The latest row; empty before the first.
-    pub last_row: Vec<f64>,
-    /// Rows in the file.
-    pub rows_written: u64,
-    /// Rows lost so far, to a full queue or a full disk.
-    pub rows_lost: u64,
-    /// Events so far.
-    pub events: u64,
-    /// Deadline misses so far, by class.
-    pub misses: MissClasses,
 }
 
 /// What a run's recording came to.

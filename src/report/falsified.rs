@@ -9,8 +9,8 @@ use super::html::{note, table};
 use super::rows::Rows;
 use super::specimens::Tracked;
 use super::text::{NOTHING, number, plural, quantity};
+use crate::metrics::Judged;
 use crate::metrics::falsified::{Falsified, Margin, together};
-use crate::metrics::tracking::Judged;
 
 /// Modes that are listed; the summary has them all.
 const MOST_MODES: usize = 12;

@@ -3,7 +3,8 @@
 use super::axes::AxisDigest;
 use super::html::{note, table};
 use super::text::{NOTHING, escape, number, plural, quantity};
-use crate::metrics::tracking::{Judged, Tracking};
+use crate::metrics::Judged;
+use crate::metrics::tracking::Tracking;
 
 /// How a number is written.
 type Written<'a> = &'a dyn Fn(f64) -> String;

@@ -14,6 +14,7 @@ use super::plots::history;
 use super::rows::Rows;
 use super::text::{NOTHING, count, micros, plural, quantity, shortened, trimmed};
 use super::timeline::{SILENT, loop_seconds};
+use crate::catalog::column;
 
 /// Events that are listed one by one.
 const MOST_EVENTS: usize = 200;
@@ -222,9 +223,9 @@ fn percentiles(timings: &[Timing]) -> String {
 fn over_time(run: &RunData, rows: &Rows<'_>) -> String {
     let time = rows.tick_time();
     let named = [
-        ("wakeup_lateness_s", "wake-up lateness"),
-        ("round_trip_s", "round trip"),
-        ("compute_s", "compute"),
+        (column::WAKEUP.name(), "wake-up lateness"),
+        (column::ROUND_TRIP.name(), "round trip"),
+        (column::COMPUTE.name(), "compute"),
         ("tick_time_s", "tick time"),
     ];
     let mut series = Vec::new();

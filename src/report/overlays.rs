@@ -14,7 +14,7 @@ use super::specimens;
 use super::table::Table;
 use super::tested::configuration;
 use super::text::{NOTHING, count, number, quantity};
-use crate::metrics::tracking::Judged;
+use crate::metrics::Judged;
 
 /// DOFs and axes that are drawn.
 const MOST: usize = 4;

@@ -7,17 +7,18 @@
 use std::borrow::Cow;
 
 use super::sieve::Stretch;
+use crate::catalog::column;
 use crate::record::Column;
 use crate::substructure::Status;
 
 /// Kinds of columns that are of a measurement.
 const MEASURED: [&str; 6] = [
-    "meas",
-    "force",
-    "raw_disp",
-    "raw_force",
-    "pose_meas",
-    "pose_force",
+    column::MEASURED.stem,
+    column::FORCE.stem,
+    column::RAW_DISP.stem,
+    column::RAW_FORCE.stem,
+    column::MEASURED_POSE.stem,
+    column::POSE_FORCE.stem,
 ];
 
 /// One specimen: its number from 1, and where its status and what was measured of it stand in a block.
@@ -35,7 +36,7 @@ pub(super) struct Stale {
 
 /// Name of the column that says how a specimen's measurement is.
 pub(super) fn status_of(specimen: u32) -> String {
-    format!("status_{specimen}")
+    column::STATUS.of_specimen(specimen)
 }
 
 /// The specimen that a column of a measurement belongs to.

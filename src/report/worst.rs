@@ -1,5 +1,6 @@
 //! The ticks that took longest, with what is known of them.
 
+use crate::catalog::column;
 use crate::record::Column;
 
 /// Ticks that are kept.
@@ -34,13 +35,13 @@ impl Worst {
         let at = |name: &str| columns.iter().position(|c| c.name == name);
         let places = || {
             Some([
-                at("step")?,
-                at("time")?,
-                at("wakeup_lateness_s")?,
-                at("command_lateness_s")?,
-                at("round_trip_s")?,
-                at("compute_s")?,
-                at("stretched")?,
+                at(column::STEP.name())?,
+                at(column::TIME.name())?,
+                at(column::WAKEUP.name())?,
+                at(column::COMMAND_LATENESS.name())?,
+                at(column::ROUND_TRIP.name())?,
+                at(column::COMPUTE.name())?,
+                at(column::STRETCHED.name())?,
             ])
         };
         Self {

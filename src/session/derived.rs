@@ -12,6 +12,7 @@
 
 use thiserror::Error;
 
+use crate::catalog::column::{ACCEL, DISP, GROUND};
 use crate::config::{self, ConfigError, TestFile, Weighting};
 use crate::model::{BuildError, StructureSpec};
 use crate::record::Run;
@@ -141,10 +142,10 @@ impl<'a> Described<'a> {
 
     /// The absolute acceleration of a DOF from 0, times a factor.
     fn accel(&self, dof: usize, factor: f64, terms: &mut Vec<(String, f64)>) {
-        terms.push((format!("a{}", dof + 1), factor));
+        terms.push((ACCEL.of_dof(dof + 1), factor));
         let iota = self.influence(dof);
         if iota != 0.0 {
-            terms.push(("ground".to_owned(), factor * iota));
+            terms.push((GROUND.name().to_owned(), factor * iota));
         }
     }
 
@@ -186,10 +187,10 @@ impl<'a> Described<'a> {
             // The upper floor first, as a difference is read.
             let each = row.iter().rev();
             let mut terms: Vec<(String, f64)> = each
-                .map(|(dof, factor)| (format!("x{}", dof + 1), *factor))
+                .map(|(dof, factor)| (DISP.of_dof(dof + 1), *factor))
                 .collect();
             if storey == 1 && self.has_base() {
-                terms.push(("ground".to_owned(), -1.0));
+                terms.push((GROUND.name().to_owned(), -1.0));
             }
             sums.push(Sum {
                 name: format!("drift{storey}"),

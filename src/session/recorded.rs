@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::tape::{Shared, at, with};
+use crate::catalog::column::{RAW_DISP, RAW_FORCE, SEQUENCE, STATUS};
 use crate::engine::Experiment;
 use crate::record::Layout;
 use crate::substructure::{
@@ -148,15 +149,15 @@ pub(super) fn put_recorded(
         let s = index + 1;
         let axis = |j: usize| {
             [
-                place(&format!("raw_disp_{s}_{j}")),
-                place(&format!("raw_force_{s}_{j}")),
+                place(&RAW_DISP.of_axis(s, j)),
+                place(&RAW_FORCE.of_axis(s, j)),
             ]
         };
         port.put_recording(Box::new(Recorded {
             tape: Arc::clone(tape),
             axes: (1..=port.axes()).map(axis).collect(),
-            sequence: place(&format!("seq_{s}")),
-            status: place(&format!("status_{s}")),
+            sequence: place(&SEQUENCE.of_specimen(s)),
+            status: place(&STATUS.of_specimen(s)),
             issued: 0,
             answered: None,
         }));

@@ -52,7 +52,7 @@ pub fn diagrams(spectrum: &Spectrum) -> Vec<Diagram> {
     let Some(lambda) = spectrum.lambda else {
         return Vec::new();
     };
-    let swinging: Vec<&ModeFacts> = self
+    let swinging: Vec<&ModeFacts> = spectrum
         .modes
         .iter()
         .filter(|mode| mode.frequency > 0.0 && mode.apparent.is_some())

@@ -10,7 +10,8 @@ mod between_ticks;
 mod delay;
 pub mod exact;
 pub mod noise;
-pub mod sensor;
+pub mod range;
+mod sensor;
 mod servo;
 mod spec;
 

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::TransferError;
-use super::spec::{finite, not_negative, positive};
+use super::range::{finite, not_negative, positive};
 
 /// Displacement sensor. Without any key, it has no error.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]

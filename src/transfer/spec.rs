@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::between_ticks::BetweenTicks;
 use super::exact::is_hurwitz;
+use super::range::{not_negative, positive};
 use super::sensor::{DispSensorSpec, ForceSensorSpec};
 use super::{TransferError, delay};
 
@@ -150,35 +151,6 @@ impl Default for ServoHydraulicSpec {
 
 const fn one() -> f64 {
     1.0
-}
-
-pub(super) fn positive(name: &'static str, found: f64) -> Result<f64, TransferError> {
-    inside(name, found, found > 0.0, "finite and greater than 0")
-}
-
-pub(super) fn not_negative(name: &'static str, found: f64) -> Result<f64, TransferError> {
-    inside(name, found, found >= 0.0, "finite and not negative")
-}
-
-pub(super) fn finite(name: &'static str, found: f64) -> Result<f64, TransferError> {
-    inside(name, found, true, "finite")
-}
-
-fn inside(
-    name: &'static str,
-    found: f64,
-    is_inside: bool,
-    allowed: &'static str,
-) -> Result<f64, TransferError> {
-    if is_inside && found.is_finite() {
-        Ok(found)
-    } else {
-        Err(TransferError::Parameter {
-            name,
-            found,
-            allowed,
-        })
-    }
 }
 
 impl TransferSpec {

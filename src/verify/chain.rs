@@ -5,28 +5,17 @@
 
 use std::f64::consts::TAU;
 
-use super::dense::{Dense, Way};
+pub(super) use super::dense::DT;
+use super::dense::{DAMPER, DAMPING, Dense, MASS, STIFFNESS, Way};
 use super::drive::{Method, Walk, peak};
 use super::figure::{Figure, Scale, Series};
 use super::{Check, Effort, number};
 use crate::integrate::{Lambda, NewmarkBeta};
-use crate::law::{BiviscousSpec, Law, Reach};
+use crate::law::{Law, Reach};
 use crate::linalg::SymMatrix;
 use crate::model::{Base, Element, End, Structure};
 use crate::spectral::lambda_limit;
 use crate::stability::StabilityProof;
-
-pub(super) const MASS: f64 = 150.0;
-pub(super) const STIFFNESS: f64 = 2.5e5;
-pub(super) const DAMPING: f64 = 10.0;
-pub(super) const DT: f64 = 0.02;
-
-/// The damper of Fig. 15: c_a0 = 180, c_ay = 90 N s/m, v_y = 1/3 m/s.
-pub(super) const DAMPER: BiviscousSpec = BiviscousSpec {
-    damping_n_s_per_m: 180.0,
-    post_yield_damping_n_s_per_m: 90.0,
-    yield_velocity_m_per_s: 1.0 / 3.0,
-};
 
 pub(super) const METHODS: [Method; 6] = [
     Method::Newmark(NewmarkBeta::Average),

@@ -6,7 +6,19 @@ use std::f64::consts::TAU;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::chain::{DAMPER, DAMPING, DT, MASS, STIFFNESS};
+use crate::law::BiviscousSpec;
+
+pub(super) const MASS: f64 = 150.0;
+pub(super) const STIFFNESS: f64 = 2.5e5;
+pub(super) const DAMPING: f64 = 10.0;
+pub(super) const DT: f64 = 0.02;
+
+/// The damper of Fig. 15: c_a0 = 180, c_ay = 90 N s/m, v_y = 1/3 m/s.
+pub(super) const DAMPER: BiviscousSpec = BiviscousSpec {
+    damping_n_s_per_m: 180.0,
+    post_yield_damping_n_s_per_m: 90.0,
+    yield_velocity_m_per_s: 1.0 / 3.0,
+};
 
 /// The methods of Table 2.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -14,6 +14,9 @@ pub(super) const MEASUREMENT: [Limit; 7] = Limit::judging(&[Judges::Sensor, Judg
 pub(super) const ESTIMATE: [Limit; 3] = Limit::judging(&[Judges::Estimate]);
 pub(super) const TRACKING: [Limit; 2] = Limit::judging(&[Judges::Tracking]);
 
+/// Limits whose judged value has a column where the limit has a level.
+pub const RECORDED: [Limit; 7] = Limit::without_column();
+
 /// The bounds of a group inside of which no value is beyond a level.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Inner<const N: usize> {

@@ -14,6 +14,7 @@ mod spec;
 mod trips;
 mod watch;
 
+pub use judge::RECORDED;
 pub use spec::{BoundSpec, DIVERGENCE_M, LimitsError, LimitsSpec, RangeSpec};
 pub use watch::{Estimated, Watch};
 

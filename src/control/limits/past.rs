@@ -1,6 +1,6 @@
 //! The past values of one axis, and the values of its next command and measurement that are judged.
 
-use super::judge::{COMMAND, Look, MEASUREMENT};
+use super::judge::{COMMAND, Look, MEASUREMENT, RECORDED};
 use super::lately::Lately;
 use super::sawtooth::Sawtooth;
 use super::trips::{GoesOn, Trips};
@@ -23,6 +23,10 @@ pub(super) struct Past {
     pub stuck_ticks: u32,
     pub stuck_travel: f64,
     pub sawtooth: Sawtooth,
+    /// The values of the command that stands ready, of those in [`RECORDED`].
+    pub ready: [f64; 4],
+    /// The values that were judged in this tick, in the order of [`RECORDED`]; NaN where nothing was judged.
+    pub judged: [f64; RECORDED.len()],
     /// One bit per quantity that is beyond its warning level.
     pub warned: u32,
     pub trips: Trips,
@@ -36,18 +40,63 @@ pub(super) struct Pace {
 }
 
 impl Past {
+    /// Nothing was commanded, measured or judged yet.
+    pub fn new() -> Self {
+        Self {
+            ready: [f64::NAN; 4],
+            judged: [f64::NAN; RECORDED.len()],
+            ..Self::default()
+        }
+    }
+
     /// Keeps the commands and forgets measurements, warnings and trips, for a new session.
     pub fn of_a_session(&self) -> Self {
         Self {
             command: self.command,
             sawtooth: Sawtooth::at_rest(self.command[0]),
-            ..Self::default()
+            ..Self::new()
         }
     }
 
-    /// The values of the next command that are judged, in the order of [`COMMAND`]. Real-time: yes.
+    /// Nothing was judged in this tick yet. Real-time: yes.
     #[inline]
-    pub fn of_command(&self, disp: f64, pace: Pace, aims: bool) -> [f64; COMMAND.len()] {
+    pub fn begin_tick(&mut self) {
+        self.judged = [f64::NAN; RECORDED.len()];
+    }
+
+    /// The command that stands ready leaves, and its values are those of this tick. Real-time: yes.
+    #[inline]
+    pub fn note_sent(&mut self) {
+        const {
+            assert!(matches!(
+                RECORDED,
+                [
+                    Limit::CommandStep,
+                    Limit::CommandVel,
+                    Limit::CommandAccel,
+                    Limit::FollowingError,
+                    Limit::ForceStep,
+                    Limit::StuckSensor,
+                    Limit::Alternation,
+                ]
+            ));
+        }
+        let [step, vel, accel, sawtooth] = self.ready;
+        let [_, _, _, error, change, stuck, _] = self.judged;
+        self.judged = [step, vel, accel, error, change, stuck, sawtooth];
+        self.ready = [f64::NAN; 4];
+    }
+
+    /// The values of the next command that are judged, in the order of [`COMMAND`]; `sent` commands have left before it.
+    /// Real-time: yes.
+    #[inline]
+    pub fn of_command(
+        &mut self,
+        disp: f64,
+        pace: Pace,
+        aims: bool,
+        sent: u8,
+    ) -> [f64; COMMAND.len()] {
         const {
             assert!(matches!(
                 COMMAND,
@@ -74,7 +123,10 @@ impl Past {
             let change = (disp - last) / tick - (last - last_but_one) / before;
             change.abs() / (0.5 * (tick + before))
         };
-        [disp, step, step / tick, accel, f64::from(sawtooth)]
+        let (vel, sawtooth) = (step / tick, f64::from(sawtooth));
+        let known = |value: f64, from: u8| if sent >= from { value } else { f64::NAN };
+        self.ready = [known(step, 1), known(vel, 1), known(accel, 2), sawtooth];
+        [disp, step, vel, accel, sawtooth]
     }
 
     /// Takes a fresh measurement. Its values that are judged, in the order of [`MEASUREMENT`]. Real-time: yes.
@@ -115,6 +167,17 @@ impl Past {
         }
         (self.measured, self.force, self.stands) = (disp, force, stands);
         let stuck = f64::from(self.stuck_ticks);
+        let [step, vel, accel, _, _, _, sawtooth] = self.judged;
+        let known = |value: f64| if seen_before { value } else { f64::NAN };
+        self.judged = [
+            step,
+            vel,
+            accel,
+            error,
+            known(change),
+            known(stuck),
+            sawtooth,
+        ];
         [disp, force, disp, force, error, change, stuck]
     }
 

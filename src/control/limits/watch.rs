@@ -1,6 +1,6 @@
 //! The limits of one specimen, tick by tick: past values, differences, and the warnings that were given already.
 
-use super::judge::{AllInner, COMMAND, ESTIMATE, MEASUREMENT, TRACKING};
+use super::judge::{AllInner, COMMAND, ESTIMATE, MEASUREMENT, RECORDED, TRACKING};
 use super::past::{Pace, Past};
 use super::sawtooth::Sawtooth;
 use super::trips::GoesOn;
@@ -39,7 +39,7 @@ impl Watch {
         let axis = |limits: AxisLimits| Axis {
             inner: AllInner::of(&limits),
             limits,
-            past: Past::default(),
+            past: Past::new(),
         };
         Self {
             axes: limits.into_iter().map(axis).collect(),
@@ -69,39 +69,20 @@ impl Watch {
         }
     }
 
-    /// The values that the next command of one axis is judged by, for the live page; NaN where a difference has nothing to
-    /// differ from.
-    #[must_use]
-    pub fn asked(&self, axis: usize, disp: f64) -> Option<[f64; 5]> {
-        let [disp, mut step, mut vel, mut accel, sawtooth] =
-            self.axes
-                .get(axis)?
-                .past
-                .of_command(disp, self.pace(), self.aims);
-        if self.sent < 1 {
-            (step, vel) = (f64::NAN, f64::NAN);
+    /// A tick begins: nothing was judged in it. Real-time: yes.
+    #[inline]
+    pub fn begin_tick(&mut self) {
+        for Axis { past, .. } in &mut self.axes {
+            past.begin_tick();
         }
-        if self.sent < 2 {
-            accel = f64::NAN;
-        }
-        Some([disp, step, vel, accel, sawtooth])
     }
 
-    /// Takes a fresh measurement, as [`Watch::judge_measured`] does, and tells the values that it is judged by.
-    pub fn seen(
-        &mut self,
-        values: impl Iterator<Item = (f64, f64, f64)>,
-        mut tell: impl FnMut(usize, [f64; 7]),
-    ) {
-        let seen_before = self.measured;
-        for ((index, axis), values) in self.axes.iter_mut().enumerate().zip(values) {
-            let mut seen = axis.past.of_measurement(values, seen_before, &axis.limits);
-            if !seen_before {
-                seen[5] = f64::NAN;
-            }
-            tell(index, seen);
-        }
-        self.measured = true;
+    /// The values of an axis that were judged in this tick, in the order of [`super::RECORDED`]: those of the command that left,
+    /// and those of the measurement. NaN where nothing was judged. Real-time: yes.
+    #[inline]
+    #[must_use]
+    pub fn judged(&self, axis: usize) -> Option<&[f64; RECORDED.len()]> {
+        self.axes.get(axis).map(|axis| &axis.past.judged)
     }
 
     /// The specimen is known to stand at `disp`: the first command is a step from there.
@@ -159,7 +140,7 @@ impl Watch {
                 inner,
                 past,
             } = axis;
-            let values = past.of_command(disp, pace, aims);
+            let values = past.of_command(disp, pace, aims, sent);
             if !(sent >= 2 && past.warned == 0 && inner.command.covers(&values)) {
                 let mut look = past.look(index, limits, found);
                 look.at_all(COMMAND, &values, sent);
@@ -182,6 +163,7 @@ impl Watch {
             };
             past.speed.take(speed, self.tick, limits.following_time);
             past.stuck_travel += step;
+            past.note_sent();
             past.command = [disp, past.command[0]];
         }
         self.sent = (self.sent + 1).min(2);

@@ -5,7 +5,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::columns::{AXIS, HEAD, columns};
+use super::columns::{HEAD, WIDTH, columns};
 use super::summary::{self, Counted};
 use super::{Close, Trip, Visitor};
 use crate::catalog::phase::Phase;
@@ -246,11 +246,11 @@ impl Log {
             *to = from;
         }
         let is_kept_back = exchange.state == Exchange::KEPT_BACK;
-        let axes = self.row.get_mut(HEAD.len()..).unwrap_or_default();
+        let axes = self.row.get_mut(HEAD..).unwrap_or_default();
         let numbers = command.disp.iter().zip(command.vel);
         let measurements = measured.disp.iter().zip(&measured.force);
         for ((slot, units), ((disp, vel), (measured_disp, force))) in axes
-            .chunks_exact_mut(AXIS.len())
+            .chunks_exact_mut(WIDTH)
             .zip(&self.units)
             .zip(numbers.zip(measurements))
         {

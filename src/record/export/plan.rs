@@ -15,6 +15,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 
 use super::ExportError;
+use crate::catalog::column::{self, Kind};
 use crate::catalog::phase::Phase;
 use crate::record::Column;
 use crate::record::journal::Journal;
@@ -151,12 +152,12 @@ pub(super) const WARMING_UP: f64 = Phase::Armed.code();
 /// State of the row that ends a test, whose step is not made.
 const TRIPPED: f64 = Phase::Tripped.code();
 
-const DOF: [(&str, &str); 3] = [("x", "m"), ("v", "m/s"), ("a", "m/s2")];
-const AXIS: [(&str, &str); 4] = [
-    ("target", "m"),
-    ("cmd", "specimen unit"),
-    ("meas", "m"),
-    ("force", "N"),
+const DOF: [Kind; 3] = [column::DISP, column::VEL, column::ACCEL];
+const AXIS: [Kind; 4] = [
+    column::TARGET,
+    column::COMMAND,
+    column::MEASURED,
+    column::FORCE,
 ];
 
 /// Why a walk ended early.
@@ -191,23 +192,27 @@ impl Plan {
             }
         }
         let mut wanted = vec![("time".to_owned(), "s", Some(time))];
-        for (kind, (letter, unit)) in DOF.iter().enumerate() {
+        for (place, kind) in DOF.iter().enumerate() {
             for (dof, found) in &dofs {
-                wanted.push((format!("{letter}{dof}"), unit, found[kind]));
+                wanted.push((kind.of_dof(*dof), kind.unit_of(false), found[place]));
             }
         }
         for ((specimen, axis), found) in &axes {
-            for ((word, unit), place) in AXIS.iter().zip(found) {
-                wanted.push((format!("{word}_{specimen}_{axis}"), unit, *place));
+            for (kind, place) in AXIS.iter().zip(found) {
+                wanted.push((kind.of_axis(*specimen, *axis), kind.unit, *place));
             }
         }
         for (specimen, place) in statuses {
-            wanted.push((format!("status_{specimen}"), "1", Some(place)));
+            wanted.push((column::STATUS.of_specimen(specimen), "1", Some(place)));
         }
         if !dofs.is_empty()
-            && let Some(place) = layout.index_of("ground")
+            && let Some(place) = layout.index_of(column::GROUND.name())
         {
-            wanted.push(("ground".to_owned(), "m/s2", Some(place)));
+            wanted.push((
+                column::GROUND.name().to_owned(),
+                column::GROUND.unit,
+                Some(place),
+            ));
         }
         let sums = sums
             .iter()
@@ -376,16 +381,14 @@ fn column(name: String, unit: &str, meaning: &str) -> Column {
 
 /// `x3` → (0, 3).
 fn dof_column(name: &str) -> Option<(usize, u32)> {
-    let kind = DOF
-        .iter()
-        .position(|(letter, _)| name.starts_with(letter))?;
+    let kind = DOF.iter().position(|kind| name.starts_with(kind.stem))?;
     Some((kind, number(name.get(1..)?)?))
 }
 
 /// `cmd_2_1` → (1, (2, 1)).
 fn axis_column(name: &str) -> Option<(usize, (u32, u32))> {
     let (word, rest) = name.split_once('_')?;
-    let kind = AXIS.iter().position(|(known, _)| *known == word)?;
+    let kind = AXIS.iter().position(|kind| kind.stem == word)?;
     let (specimen, axis) = rest.split_once('_')?;
     Some((kind, (number(specimen)?, number(axis)?)))
 }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use crate::catalog::column::{FORCE, STATUS};
 use crate::catalog::phase::{GIVEN_UP, Phase};
 use crate::record::summary::Peak;
 use crate::record::{FolderError, Run};
@@ -80,10 +81,10 @@ impl Places {
     fn of(run: &Run, specimens: usize) -> Self {
         let layout = run.layout();
         let forces = |number: usize| {
-            let axes = (1..).map(|axis| layout.index_of(&format!("force_{number}_{axis}")));
+            let axes = (1..).map(|axis| layout.index_of(&FORCE.of_axis(number, axis)));
             axes.map_while(|place| place).collect()
         };
-        let status = |number: usize| layout.index_of(&format!("status_{number}"));
+        let status = |number: usize| layout.index_of(&STATUS.of_specimen(number));
         Self {
             structure: ['x', 'v', 'a'].map(|letter| crate::session::borne::places(run, letter)),
             specimens: (1..=specimens)

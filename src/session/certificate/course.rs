@@ -2,6 +2,7 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
+use crate::catalog::column;
 use crate::engine::{Experiment, Phase};
 use crate::record::{Event, Recorder};
 
@@ -79,13 +80,13 @@ impl Course {
         let dofs: Vec<usize> = experiment
             .record_dofs
             .iter()
-            .filter_map(|dof| place(&format!("x{}", dof + 1)))
+            .filter_map(|dof| place(&column::DISP.of_dof(dof + 1)))
             .collect();
         let mut axes = Vec::new();
         for (index, port) in experiment.ports.iter().enumerate() {
             for axis in 1..=port.axes() {
-                let of = |kind: &str| place(&format!("{kind}_{}_{axis}", index + 1));
-                axes.extend(of("target").zip(of("meas")));
+                let of = |kind: &column::Kind| place(&kind.of_axis(index + 1, axis));
+                axes.extend(of(&column::TARGET).zip(of(&column::MEASURED)));
             }
         }
         let rows = usize::try_from(experiment.steps).unwrap_or(usize::MAX);
@@ -93,7 +94,7 @@ impl Course {
         let stride = rows.saturating_mul(dofs.len()).div_ceil(MOST).max(1);
         let room = rows / stride + 1;
         let sheet = Sheet {
-            phase: place("state").unwrap_or(0),
+            phase: place(column::STATE.name()).unwrap_or(0),
             kept: keep.then(|| Reference {
                 stride,
                 disp: Vec::with_capacity(room.saturating_mul(dofs.len())),

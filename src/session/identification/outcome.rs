@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 
 use super::IdentificationError as Error;
 use super::plan::{Driven, Plan, gear};
+use crate::catalog::column;
 use crate::config::Loaded;
 use crate::engine::Phase;
 use crate::identify::{Felt, Identification, IdentifyError, Record, felt, identify};
@@ -57,7 +58,8 @@ impl Outcome {
     /// The record cannot be read, or has gaps.
     pub fn read(folder: &Path, plan: &Plan, driven: &Loaded) -> Result<Self, Error> {
         let run = Run::open(folder)?;
-        let book = run.columns(&["state", "step", "stretched"])?;
+        let book =
+            run.columns(&[column::STATE, column::STEP, column::STRETCHED].map(|kind| kind.name()))?;
         let [state, step, stretched] = book.as_slice() else {
             return Err(Error::Broken("the record lacks its own columns"));
         };
@@ -124,16 +126,16 @@ fn axis(
     };
     let (metres, newtons) = unit(one.axis);
     let specimen = one.place + 1;
-    let column = |kind: &str, axis: usize| format!("{kind}_{specimen}_{}", axis + 1);
+    let of_axis = |kind: &column::Kind, axis: usize| kind.of_axis(specimen, axis + 1);
     let others = (0..one.axes).filter(|axis| *axis != one.axis);
     let others: Vec<usize> = others.collect();
     let mut names = vec![
-        column("cmd", one.axis),
-        column("raw_disp", one.axis),
-        column("raw_force", one.axis),
-        format!("status_{specimen}"),
+        of_axis(&column::COMMAND, one.axis),
+        of_axis(&column::RAW_DISP, one.axis),
+        of_axis(&column::RAW_FORCE, one.axis),
+        column::STATUS.of_specimen(specimen),
     ];
-    names.extend(others.iter().map(|axis| column("raw_force", *axis)));
+    names.extend(others.iter().map(|axis| of_axis(&column::RAW_FORCE, *axis)));
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     let columns = run.columns(&names).map_err(|source| Error::Axis {
         axis: one.words(),

@@ -6,6 +6,7 @@
 use std::collections::VecDeque;
 
 use super::ResumeError;
+use crate::catalog::column;
 use crate::control::Port;
 use crate::engine::{Left, Phase};
 use crate::record::summary::{Peak, Status};
@@ -282,13 +283,13 @@ fn axes_of(
     for (index, port) in ports.iter().enumerate() {
         let mut axes = Vec::new();
         for axis in 0..port.axes() {
-            let of_axis = |kind: &str| find(format!("{kind}_{}_{}", index + 1, axis + 1));
+            let of_axis = |kind: &column::Kind| find(kind.of_axis(index + 1, axis + 1));
             let columns = Columns {
-                command: of_axis("cmd")?,
-                disp: of_axis("raw_disp")?,
-                force: of_axis("raw_force")?,
-                state: find("state".to_owned())?,
-                status: find(format!("status_{}", index + 1))?,
+                command: of_axis(&column::COMMAND)?,
+                disp: of_axis(&column::RAW_DISP)?,
+                force: of_axis(&column::RAW_FORCE)?,
+                state: find(column::STATE.name().to_owned())?,
+                status: find(column::STATUS.of_specimen(index + 1))?,
             };
             let found = before.and_then(|origin| origin.axis(index, axis));
             axes.push(Axis::new(columns, found, rate_hz));

@@ -2,10 +2,11 @@
 
 use super::encode::{a_sequence, axes_inside, may_write};
 use super::header::{Header, begins_right, reserved};
+use super::kind::Kind;
 use super::layout::{
     CRC_LEN, HEADER_LEN, HISTORY, MEASURED_WORDS, WORD, earlier_words, trailer_len,
 };
-use super::view::{Cause, CommandFrame, Frame, Heartbeat, Kind, MeasurementFrame, Notice};
+use super::view::{Cause, CommandFrame, Frame, Heartbeat, MeasurementFrame, Notice};
 use crate::substructure::Status;
 use crate::wire::bytes::{Word, array, finite, finite_words, halves};
 use crate::wire::key::{MAC_LEN, SessionKey};

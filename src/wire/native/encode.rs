@@ -1,10 +1,11 @@
 //! Values to frames.
 
+use super::kind::Kind;
 use super::layout::{
     CONTROL_LIMIT, CRC_LEN, FLAG_KEYED, FLAG_SPECIMEN, HEADER_LEN, HEADER_WORDS, HISTORY, MAGIC,
     MAX_AXES, NO_SEQUENCE, VERSION, WORD, body_end, earlier_words, trailer_len,
 };
-use super::view::{Heartbeat, Kind, Notice};
+use super::view::{Heartbeat, Notice};
 use crate::substructure::{Command, Measurement};
 use crate::wire::bytes::{Word, finite, joined, put, same_length};
 use crate::wire::key::{MAC_LEN, SessionKey};

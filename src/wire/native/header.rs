@@ -1,11 +1,11 @@
 //! The header that all frames have in common, taken apart and checked.
 
 use super::encode::axes_inside;
+use super::kind::Kind;
 use super::layout::{
     CONTROL_LIMIT, FLAG_KEYED, FLAG_SPECIMEN, HEADER_LEN, HEADER_WORDS, MAGIC, VERSION, WORD,
     body_end, trailer_len,
 };
-use super::view::Kind;
 use crate::wire::bytes::halves;
 use crate::wire::{Side, WireError};
 

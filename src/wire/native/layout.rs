@@ -3,7 +3,7 @@
 //! Everything before the trailer of a frame with vectors is whole words of eight bytes, and no field crosses a word: the
 //! codecs take frames apart word by word.
 
-use super::view::Kind;
+use super::kind::Kind;
 use crate::wire::key::MAC_LEN;
 
 /// The first four bytes of every frame.

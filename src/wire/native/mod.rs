@@ -60,18 +60,20 @@
 mod decode;
 mod encode;
 mod header;
+mod kind;
 mod layout;
 mod peek;
 mod view;
 
 pub use decode::{Decoder, Received, split};
 pub use encode::{Encoder, Moment};
+pub use kind::Kind;
 pub use layout::{
     CONTROL_LIMIT, CRC_LEN, HEADER_LEN, HISTORY, LARGEST_FRAME, MAGIC, MAX_AXES, NO_SEQUENCE,
     VERSION, frame_len,
 };
 pub use peek::{Peek, commanded, forge_force, forge_length, forge_sequence, peek};
-pub use view::{Cause, CommandFrame, Earlier, Frame, Heartbeat, Kind, MeasurementFrame, Notice};
+pub use view::{Cause, CommandFrame, Earlier, Frame, Heartbeat, MeasurementFrame, Notice};
 
 #[cfg(test)]
 mod tests;

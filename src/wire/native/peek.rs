@@ -4,8 +4,8 @@
 //! Nothing is checked here but the length; a frame of a keyed session that was changed fails its MAC. The two ends use
 //! [`super::Decoder`] and [`super::Encoder`].
 
+use super::kind::Kind;
 use super::layout::{COMMAND_WORDS, CRC_LEN, HEADER_LEN, MEASURED_WORDS, WORD, frame_len};
-use super::view::Kind;
 use crate::wire::bytes::{Word, halves, put};
 
 /// What a frame says of itself.

@@ -29,6 +29,7 @@ use test::{Test, is_of_dof, is_of_specimen};
 use super::csv::Sheet;
 use super::plan::{Choice, Exposed, Plan};
 use super::{ExportError, Exported, Extra};
+use crate::catalog::column::GROUND;
 use crate::record::atomic;
 use crate::record::run::Run;
 
@@ -138,7 +139,7 @@ fn sheets_of<'a>(plan: &'a Plan, test: &Test) -> Vec<(String, Vec<&'a Exposed>)>
         "coordinator_output/response.csv".to_owned(),
         plan.csv_columns().iter().collect(),
     )];
-    let computed = some(&|name| is_of_dof(name) || name == "ground");
+    let computed = some(&|name| is_of_dof(name) || name == GROUND.name());
     if computed.len() > 1 {
         sheets.push(("simulation_output/response.csv".to_owned(), computed));
     }

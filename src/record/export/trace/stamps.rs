@@ -1,5 +1,6 @@
 //! The stamps of a tick, as they stand in its row.
 
+use crate::catalog::column;
 use crate::record::export::ExportError;
 use crate::record::layout::Layout;
 
@@ -38,18 +39,18 @@ impl Stamps {
             place.ok_or(ExportError::NoTimeline(name))
         };
         Ok(Self {
-            step: need("step")?,
+            step: need(column::STEP.name())?,
             time,
-            sub_tick: layout.index_of("sub_tick"),
-            state: layout.index_of("state"),
-            stretched: layout.index_of("stretched"),
-            record_before: layout.index_of("record_before_s"),
+            sub_tick: layout.index_of(column::SUB_TICK.name()),
+            state: layout.index_of(column::STATE.name()),
+            stretched: layout.index_of(column::STRETCHED.name()),
+            record_before: layout.index_of(column::RECORD_BEFORE.name()),
             durations: [
-                need("release_s")?,
-                need("wakeup_lateness_s")?,
-                need("command_lateness_s")?,
-                need("round_trip_s")?,
-                need("compute_s")?,
+                need(column::RELEASE.name())?,
+                need(column::WAKEUP.name())?,
+                need(column::COMMAND_LATENESS.name())?,
+                need(column::ROUND_TRIP.name())?,
+                need(column::COMPUTE.name())?,
             ],
         })
     }

@@ -1,0 +1,40 @@
+//! A number beside its noise floor: what noise alone would make of it.
+
+use serde::{Deserialize, Serialize};
+
+/// Scatters that a number must exceed to count as seen.
+const SEEN: f64 = 2.0;
+
+/// A number, what noise alone would make of it, and what is left without the noise; null where no noise was measured.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Judged {
+    /// As it comes out of the samples.
+    pub value: f64,
+    /// Noise floor.
+    pub floor: Option<f64>,
+    /// Corrected for the noise floor.
+    pub corrected: Option<f64>,
+}
+
+impl Judged {
+    /// A number whose square grows by that of its floor.
+    pub(super) fn grown(value: f64, floor: Option<f64>) -> Self {
+        let corrected = floor.map(|floor| (value * value - floor * floor).max(0.0).sqrt());
+        Self {
+            value,
+            floor,
+            corrected,
+        }
+    }
+
+    /// A number that noise scatters about `perfect`.
+    pub(super) fn scattered(value: f64, floor: Option<f64>, perfect: f64) -> Self {
+        let is_seen = |floor: f64| (value - perfect).abs() > SEEN * floor;
+        let corrected = floor.map(|floor| if is_seen(floor) { value } else { perfect });
+        Self {
+            value,
+            floor,
+            corrected,
+        }
+    }
+}
