@@ -73,6 +73,23 @@ impl KeyPath {
         &self.0
     }
 
+    /// The path with `[*]` in place of each index: `specimen[*].limits`.
+    #[must_use]
+    pub fn shape(&self) -> String {
+        let mut shape = String::new();
+        for segment in &self.0 {
+            match segment {
+                Segment::Index(_) => shape.push_str("[*]"),
+                Segment::Key(key) if shape.is_empty() => shape.push_str(key),
+                Segment::Key(key) => {
+                    shape.push('.');
+                    shape.push_str(key);
+                }
+            }
+        }
+        shape
+    }
+
     /// The last key of the path, if it ends in one.
     #[must_use]
     pub fn last_key(&self) -> Option<&str> {

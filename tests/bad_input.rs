@@ -460,7 +460,7 @@ fn a_rate_beyond_any_machine_is_refused_and_a_long_window_of_misses_is_not() {
     let long = FRAME.replace("rate_hz = 200", "rate_hz = 1e7");
     let long = long.replace("duration_s = 0.5", "duration_s = 1e-4");
     let folder = tempfile::tempdir().unwrap();
-    let text = format!("{long}\n[timing]\nmiss_window_s = 3600\n");
+    let text = format!("{long}\n[timing]\nmisses.window_s = 3600\n");
     let test = write(folder.path(), "test.toml", &text);
     let said = say(["check".as_ref(), test.as_os_str(), "--verbose".as_ref()]);
     assert_eq!(said.code, Some(0), "{}", said.stderr);

@@ -410,9 +410,9 @@ fn an_uncertain_specimen_behind_a_link_is_the_same_whichever_way_it_is_said() {
     let uncertain = |key: &str, share: f64| {
         format!("[[uncertainty]]\nkey = \"specimen.0.{key}\"\nstd_share = {share}\n")
     };
-    let stand_in = format!("[specimen.stand_in.law.linear]\nstiffness_n_per_m = {stiffness}\n");
+    let stand_in = format!("[specimen.law.linear]\nstiffness_n_per_m = {stiffness}\n");
     let own = storey(&uncertain("stiffness_n_per_m", 0.2));
-    let other = uncertain("stand_in.law.linear.stiffness_n_per_m", 0.2);
+    let other = uncertain("law.linear.stiffness_n_per_m", 0.2);
     let found = [own, storey(&format!("{stand_in}{other}"))].map(|text| {
         // Softer by half, or stiffer: the force is another, and in the reference, too.
         let more = ["--trials", "8", "--set", "time.duration_s=5"];

@@ -31,14 +31,14 @@ fn test(rate: u32, start: &str, structure: &str, excitation: &str) -> String {
         [[structure.element]]
         from = "ground"
         to = 2
-        law = {{ viscous = {{ damping_n_s_per_m = 2e3 }} }}
+        law = {{ linear = {{ stiffness_n_per_m = 0, damping_n_s_per_m = 2e3 }} }}
         [excitation]
         {excitation}
         [[specimen]]
         name = "isolator"
         storey = 1
         law = {{ parallel = [ {{ cubic = {{ stiffness_n_per_m = 3e5, cubic_n_per_m3 = 2e7 }} }},
-                              {{ viscous = {{ damping_n_s_per_m = 3e3 }} }} ] }}"#
+                              {{ linear = {{ stiffness_n_per_m = 0, damping_n_s_per_m = 3e3 }} }} ] }}"#
     )
 }
 

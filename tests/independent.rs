@@ -127,7 +127,7 @@ fn two_floors(rate: u32, start: &str) -> Run {
         [[structure.element]]
         from = "fixed"
         to = 2
-        law = {{ viscous = {{ damping_n_s_per_m = 1e3 }} }}
+        law = {{ linear = {{ stiffness_n_per_m = 0, damping_n_s_per_m = 1e3 }} }}
         [[excitation.nodal_force]]
         dofs = [2]
         [excitation.nodal_force.signal.sine]
@@ -138,7 +138,7 @@ fn two_floors(rate: u32, start: &str) -> Run {
         name = "base"
         storey = 1
         law = {{ parallel = [ {{ cubic = {{ stiffness_n_per_m = {}, cubic_n_per_m3 = {} }} }},
-                              {{ viscous = {{ damping_n_s_per_m = {DASHPOT} }} }} ] }}"#,
+                              {{ linear = {{ stiffness_n_per_m = 0, damping_n_s_per_m = {DASHPOT} }} }} ] }}"#,
         std::f64::consts::FRAC_PI_2,
         CUBIC[0],
         CUBIC[1]

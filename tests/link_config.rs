@@ -209,8 +209,6 @@ fn what_is_believed_of_a_specimen_behind_a_link_must_be_said() {
     shows(&complaint(&silent), "`stiffness_n_per_m` is missing");
     let softening = text.replace("storey = 1\n", "storey = 1\nhardening_bound = 0.5\n");
     shows(&complaint(&softening), "must be 1 or greater");
-    let both = format!("{text}{ONE_AXIS_LAW}");
-    shows(&complaint(&both), "must have exactly one of");
     let inches = text.replace(
         "[specimen.link]",
         "[[specimen.axis]]\nunit_disp = \"in\"\n[specimen.link]",

@@ -24,8 +24,8 @@ const STEPS: u32 = 50;
 const WARM_UP: u32 = 5;
 
 /// Of `[timing]`: on the real clock no machine is too slow.
-const PATIENT: &str = "[timing]\npolicy = \"ordinary\"\nmax_total_misses = 1000000\nmax_consecutive_misses = 1000000\n\
-                       max_misses_in_window = 1000000\n";
+const PATIENT: &str = "[timing]\npolicy = \"ordinary\"\nmisses.in_total.trip = 1000000\nmisses.in_a_row.trip = 1000000\n\
+                       misses.in_window.trip = 1000000\n";
 
 fn local(steps: u32) -> String {
     test_file(steps, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"))
@@ -242,7 +242,7 @@ fn a_sampled_specimen_whose_sequence_is_frozen_runs_into_the_bound_of_stale_tick
         .replace("clock = \"simulated\"", "clock = \"real\"\nscale = 5")
         .replace(
             "[timing]",
-            "[timing]\nmax_consecutive_misses = 100000\nmax_total_misses = 100000",
+            "[timing]\nmisses.in_a_row.trip = 100000\nmisses.in_total.trip = 100000",
         );
     let (code, said) = run(folder.path(), "run", &text);
     assert_eq!(code, 1, "{said}");
@@ -498,7 +498,7 @@ fn a_sampled_test_over_a_bad_network_ends_in_order_and_its_books_balance() {
         .replace("clock = \"simulated\"", "clock = \"real\"\nscale = 5")
         .replace(
             "[timing]",
-            "[timing]\nmax_consecutive_misses = 100000\nmax_total_misses = 100000",
+            "[timing]\nmisses.in_a_row.trip = 100000\nmisses.in_total.trip = 100000",
         );
     let (code, said) = run(folder, "run", &text);
     relay.stop();

@@ -158,8 +158,8 @@ fn a_partner_that_is_commanded_once_a_step_takes_the_same_course_in_real_time() 
             .replace("clock = \"simulated\"", &format!("clock = \"{clock}\""))
             .replace(
                 "[timing]",
-                "[timing]\npolicy = \"ordinary\"\nmax_total_misses = 1000000\nmax_consecutive_misses = 1000000\n\
-                 max_misses_in_window = 1000000",
+                "[timing]\npolicy = \"ordinary\"\nmisses.in_total.trip = 1000000\nmisses.in_a_row.trip = 1000000\n\
+                 misses.in_window.trip = 1000000",
             )
     };
     let local = paced(1, "simulated", &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));

@@ -167,7 +167,7 @@ fn python_template_is_its_bilinear_law() {
     );
     let text = fs::read_to_string(at.join("mine.toml")).unwrap();
     let (before, link) = text.split_once("# How the controller reaches").unwrap();
-    let (_, law) = link.split_once("[specimen.stand_in.law.bilinear]").unwrap();
+    let (_, law) = link.split_once("[specimen.law.bilinear]").unwrap();
     write(
         at,
         "law.toml",

@@ -243,8 +243,7 @@ fn what_is_declared_stands_for_a_specimen_behind_a_link() {
         "{test}stiffness_n_per_m = 5e5\n{}{LIMITS}",
         laws("law")
     ));
-    let far =
-        Found::of(&behind_a_link("").replace(LIMITS, &format!("{}{LIMITS}", laws("stand_in.law"))));
+    let far = Found::of(&behind_a_link("").replace(LIMITS, &format!("{}{LIMITS}", laws("law"))));
     assert_eq!(far.0["stand_in"], "stand_in");
     same(&itself, &far);
     let linear = Found::of(&format!(
@@ -280,15 +279,15 @@ fn every_stand_in_begins_where_the_deformation_is_zero() {
     };
     // Through a lever of 2 the specimen has a quarter of the stiffness that the structure sees.
     for belief in [
-        "stand_in.law.linear = { stiffness_n_per_m = 1.25e5 }",
+        "law.linear = { stiffness_n_per_m = 1.25e5 }",
         "identified = { noise_disp_m = 1e-12 }",
-        "stand_in_transfer = { delay_s = 0.0 }",
+        "transfer = { delay_s = 0.0 }",
     ] {
         same(force(&behind(belief, offsets)), off, belief);
     }
     // What yields does so where it would without an offset.
     let plastic =
-        "stand_in.law.elastic_plastic = { stiffness_n_per_m = 1.25e5, yield_force_n = 150 }";
+        "law.bilinear = { post_yield_ratio = 0, stiffness_n_per_m = 1.25e5, yield_force_n = 150 }";
     let (far, near) = (
         force(&behind(plastic, offsets)),
         force(&behind(plastic, "")),
@@ -589,15 +588,18 @@ fn a_stand_in_that_cannot_be_is_refused_at_its_place() {
     };
     refused(
         &format!("{FRAME}[specimen.stand_in.law.linear]\nstiffness_n_per_m = 1e5\n"),
-        &["stand_in", "only for a specimen behind a link"],
+        &["`specimen[0].stand_in` was removed", "beside a `link`"],
     );
     refused(
-        &behind_a_link("stand_in.law.linear = { stiffness_n_per_m = -1e5 }\n"),
+        &behind_a_link("law.linear = { stiffness_n_per_m = -1e5 }\n"),
         &["stiffness_n_per_m = -1e5"],
     );
     refused(
         &behind_a_link("stand_in.lore.linear = { stiffness_n_per_m = 1e5 }\n"),
-        &["cannot be `lore`", "`law`, `laws` or `coupled`"],
+        &[
+            "`specimen[0].stand_in` was removed",
+            "`law`, `laws` or `coupled`",
+        ],
     );
 }
 

@@ -279,9 +279,9 @@ fn check_says_which_limits_there_are_who_checks_them_and_what_happens_then() {
                   ease_s = 0.75\nzero_s = 0.25\n";
     let text = text
         .replace("[safety]\nzero_s = 0\n", safety)
-        .replace("[timing]\n", "[timing]\nmiss_window_s = 7\n")
+        .replace("[timing]\n", "[timing]\nmisses.window_s = 7\n")
         .replace("\"simulated\"", "\"real\"");
-    assert!(text.contains("ramp_s = 3") && text.contains("miss_window_s = 7"));
+    assert!(text.contains("ramp_s = 3") && text.contains("misses.window_s = 7"));
     let file = write(folder.path(), "test.toml", &text);
     let said = |json: bool| {
         let mut command = gusset();
@@ -451,7 +451,7 @@ fn misses_in_a_window_end_a_test_that_is_late_too_often() {
     let late = |every: u64| {
         let text = test_file(2000, &format!("{ONE_AXIS}{ONE_AXIS_LAW}")).replace(
             "[timing]",
-            "[timing]\nmax_total_misses = 1000\nmax_misses_in_window = 9\nmiss_window_s = 0.1",
+            "[timing]\nmisses.in_total.trip = 1000\nmisses.in_window.trip = 9\nmisses.window_s = 0.1",
         );
         let clock = Late {
             clock: SimClock::new(),

@@ -30,7 +30,7 @@ fn frame(scale: &str) -> Run {
         name = "s"
         storey = 1
         law = {{ parallel = [ {{ bouc_wen = {{ stiffness_n_per_m = 15e6, yield_force_n = 60e3, post_yield_ratio = 0.08,
-                 beta = 0.55, gamma = 0.45, exponent = 1.6 }} }}, {{ viscous = {{ damping_n_s_per_m = 1e5 }} }} ] }}"#
+                 beta = 0.55, gamma = 0.45, exponent = 1.6 }} }}, {{ linear = {{ stiffness_n_per_m = 0, damping_n_s_per_m = 1e5 }} }} ] }}"#
     ))
 }
 

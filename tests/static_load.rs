@@ -435,11 +435,10 @@ fn a_specimen_that_never_rests_ends_the_test() {
     assert!(matches!(stop, Stop::NotAtRest { port: 0, .. }), "{stop}");
 }
 
-/// Twenty ways of 0.5 mm, and an actuator that ends at 1 mm and does not say so, beside a spring and without one: it is not
-/// sent on without end.
+/// An actuator that does not move ends the test, beside a spring and without one.
 #[test]
 fn an_actuator_that_does_not_follow_ends_the_test() {
-    let ends = "stroke_m = 0.001\ntell_saturation = false";
+    let ends = "actuator = { proportional = { gain = 1e-9 } }";
     for (rest, law) in [
         (0.0, SPRING),
         (2e6, "{ linear = { stiffness_n_per_m = 2e6 } }"),
@@ -454,7 +453,7 @@ fn an_actuator_that_does_not_follow_ends_the_test() {
         else {
             panic!("{:?}", run.outcome.ending);
         };
-        assert!((read - 1e-3).abs() < 1e-12, "{read}");
+        assert!(read.abs() < 1e-9, "{read}");
         assert!(sent > read + 4e-4 && sent < 4.5e-3, "{sent}");
         let way = run.all("cmd_1_1");
         assert!(way.iter().all(|disp| *disp <= sent));

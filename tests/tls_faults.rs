@@ -224,7 +224,7 @@ fn a_sampled_test_over_tls_ends_when_the_peer_stops_in_the_middle_of_a_record() 
         .replace("clock = \"simulated\"", "clock = \"real\"\nscale = 5")
         .replace(
             "[timing]",
-            "[timing]\nmax_consecutive_misses = 1000000\nmax_total_misses = 1000000",
+            "[timing]\nmisses.in_a_row.trip = 1000000\nmisses.in_total.trip = 1000000",
         );
     let test = Running::start(folder, "run", &text);
     served.hears("armed for");

@@ -225,7 +225,7 @@ fn an_actuator_that_does_not_come_to_terms_with_its_law_is_told_of_before_and_af
             "title = \"slip\"\n[time]\nrate_hz = {rate}\nduration_s = 1\nclock = \"simulated\"\n\
              [[excitation.prescribed_displacement]]\nspecimen = \"brace\"\nease_in_s = 0.25\n\
              signal.sine = {{ amplitude = 6, unit = \"mm\", frequency_hz = 2 }}\n\
-             [[specimen]]\nname = \"brace\"\nlaw.coulomb = {{ stiffness_n_per_m = {stiffness:?}, slip_force_n = 900.0 }}\n\
+             [[specimen]]\nname = \"brace\"\nlaw.bilinear = {{ post_yield_ratio = 0, stiffness_n_per_m = {stiffness:?}, yield_force_n = 900.0 }}\n\
              limits.measured_disp_m = {{ trip = [-1e30, 1e30] }}\n[specimen.transfer]\nactuator = {{ servo_hydraulic = {{}} }}\n"
         )
     };
@@ -319,7 +319,7 @@ fn what_makes_up_for_a_delay_makes_up_for_that_of_the_velocity() {
             "[time]\nrate_hz = 1000\nduration_s = 4\nclock = \"simulated\"\n[structure.shear_building]\nmass_kg = [1000]\n\
              stiffness_n_per_m = [1e6]\n[integrator]\nlambda = 4\n[excitation.ground_acceleration.signal.sine]\n\
              amplitude = 1.0\nfrequency_hz = 5.0\n[[specimen]]\nname = \"damper\"\nstorey = 1\n\
-             law.viscous = {{ damping_n_s_per_m = 6000 }}\n{more}"
+             law.linear = {{ stiffness_n_per_m = 0, damping_n_s_per_m = 6000 }}\n{more}"
         ));
         assert_eq!(run.outcome.ending, Ending::Completed);
         let disp = run.column("x1");
@@ -415,13 +415,6 @@ fn what_cannot_be_is_refused_with_its_place_before_anything_moves() {
                 "[integrator]\nmethod = \"kr_alpha\"\nrho_infinity = 0.8\n[timing]",
             ),
             ["newton", "gui"],
-        ),
-        (
-            "link",
-            "[specimen.transfer]\ndelay_s = 0.01\n[specimen.link]\naddress = \"127.0.0.1:9\"\n"
-                .to_owned(),
-            same,
-            ["transfer", "its own actuator"],
         ),
     ] {
         refused(name, &specimen, change, &words);

@@ -42,7 +42,7 @@ fn lag(table: &str, seconds: f64) -> String {
 fn linked(port: u16, lag_s: f64) -> String {
     format!(
         "{FRAME}{SPECIMEN}[specimen.link]\naddress = \"127.0.0.1:{port}\"\nconnect_timeout_s = 0.5\n{LIMITS}{}",
-        lag("stand_in_transfer", lag_s)
+        lag("transfer", lag_s)
     )
 }
 
@@ -103,10 +103,7 @@ fn late_actuator_behind_a_link_is_refused_before_anything_connects() {
     let verdict = &check.json["verdict"];
     assert_eq!(verdict["outcome"], "refused");
     let found = kinds(verdict);
-    assert_eq!(
-        found[0],
-        is("unstable", "error", "specimen[0].stand_in_transfer")
-    );
+    assert_eq!(found[0], is("unstable", "error", "specimen[0].transfer"));
     let trips = is("rehearsal", "error", "specimen[0].limits.command_disp_m");
     assert!(found.contains(&trips), "{found:?}");
     let numbers = &verdict["findings"][0]["numbers"];
@@ -242,7 +239,7 @@ fn rehearsed_trip_is_refused_behind_a_link_and_a_warning_in_simulation() {
 fn linked_machine_without_a_known_delay_is_a_warning() {
     let folder = TempDir::new().unwrap();
     let text = linked(1, 0.001);
-    let unknown = text.split("[specimen.stand_in_transfer").next().unwrap();
+    let unknown = text.split("[specimen.transfer").next().unwrap();
     let check = gusset(folder.path(), "check", unknown, &[]);
     assert_eq!(check.code, 0, "{}", check.stderr);
     let found = kinds(&check.json["verdict"]);
@@ -256,7 +253,7 @@ fn two_actuators_that_are_tolerated_alone_are_unstable_together() {
             format!(
                 "[[specimen]]\nname = \"{name}\"\nstorey = {storey}\nstiffness_n_per_m = 1.5e6\n\
                  [specimen.link]\naddress = \"127.0.0.1:{storey}\"\n{LIMITS}{}",
-                lag("stand_in_transfer", lag_s)
+                lag("transfer", lag_s)
             )
         };
         let frame = FRAME.replace("[0, 1.5e6, 1.5e6, 1.5e6, 1.5e6]", "[0, 0]");
@@ -273,7 +270,7 @@ fn two_actuators_that_are_tolerated_alone_are_unstable_together() {
     );
     assert_eq!(found.code, 1, "{}", found.stderr);
     assert_eq!(found.json["verdict"]["unstable"], true);
-    let unstable = is("unstable", "error", "specimen[0].stand_in_transfer");
+    let unstable = is("unstable", "error", "specimen[0].transfer");
     assert_eq!(kinds(&found.json["verdict"]), [unstable]);
     let run = gusset(folder.path(), "run", &both(8.5e-4), &[]);
     assert_eq!(run.code, 2, "{}", run.stderr);

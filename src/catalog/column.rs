@@ -1,13 +1,13 @@
 //! The columns of a row: name, unit, meaning, origin, and when a row has them.
 //!
 //! [`TEST`] lists the kinds of columns of a test in the order of a row, [`SERVER`] those of a server. Every reader and writer of rows
-//! takes names from here. A kind stands for one column per DOF, specimen, axis or coordinate; all of these count from 1.
+//! takes names from here. A kind has one column per DOF, specimen, axis or coordinate; all of these count from 1.
 //! Two kinds may share a name where the meaning depends on the test. The column of a limit of the whole test has the key of
 //! that limit, which the table of limits holds. A name never changes its meaning, because old records hold it.
 
 use std::fmt::Display;
 
-/// What a kind has one column for.
+/// Scope of a kind: it has one column for each of these.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Each {
     /// The test.
@@ -29,17 +29,17 @@ pub enum Each {
 pub struct Kind {
     /// Name without numbers.
     pub stem: &'static str,
-    /// What it has one column for.
+    /// Scope: it has one column for each of these.
     pub each: Each,
     /// Unit, or that of a translation and that of a rotation.
     pub unit: &'static str,
-    /// Meaning; `{specimen}` stands for the specimen.
+    /// Meaning; `{specimen}` marks the place of the specimen.
     pub meaning: &'static str,
     /// Codes of the values, as the meaning in a file continues.
     pub codes: &'static str,
     /// Where the number comes from.
     pub origin: Origin,
-    /// When a row has it.
+    /// When a row contains it.
     pub when: &'static str,
 }
 
@@ -180,7 +180,7 @@ impl Kind {
         }
     }
 
-    /// Meaning as a file has it; `specimen` names the specimen.
+    /// Meaning as in a file; `specimen` names the specimen.
     #[must_use]
     pub fn told(&self, specimen: &str) -> String {
         let meaning = self.meaning.replace("{specimen}", specimen);
@@ -194,7 +194,7 @@ impl Kind {
     }
 }
 
-/// The kind of a column of a test of this name; none if no kind has such a name. The columns of limits are none of them.
+/// The kind of a column of a test of this name; none if no kind has such a name. The columns of limits of the whole test have no kind.
 #[must_use]
 pub fn of_test(name: &str) -> Option<&'static Kind> {
     TEST.iter().find(|kind| kind.fits(name))

@@ -501,7 +501,7 @@ const ROWS: [Row; LIMITS] = [
         key: "max_misses_in_window",
         name: "max_misses_in_window",
         words: "deadlines missed in the last while",
-        judged: "deadline misses within `miss_window_s`",
+        judged: "deadline misses within `timing.misses.window_s`",
         default: "one tick in ten, at least 100",
         ..MISSES
     },

@@ -1,6 +1,6 @@
 //! The phases of a test, and every number that the column `state` holds.
 //!
-//! [`STATES`] is the table: a state stands at the place of its code. Most states are a [`Phase`] of the test, three are a
+//! [`STATES`] is the table: the index of a state is its code. Most states are a [`Phase`] of the test, three are a
 //! [`Stage`] between two steps, and two mark the row of a trip that no other column explains. A code never changes its
 //! meaning, because old records hold it. [`Phase::may_become`] says which phase may follow which:
 //!
@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 pub enum Phase {
     /// Every specimen is connected; nothing has moved.
     Connected = 0,
-    /// The static load is applied; test time stands still.
+    /// The static load is applied; test time is stopped.
     Settling = 1,
     /// The loop runs while the specimens hold the first command.
     Armed = 10,
@@ -32,7 +32,7 @@ pub enum Phase {
     Zeroing = 4,
     /// The specimens move to the position where the test begins.
     Ramping = 5,
-    /// Test time stands still and the specimens hold.
+    /// Test time is stopped and the specimens hold.
     Holding = 6,
     /// The specimens move to their end position.
     Leaving = 7,

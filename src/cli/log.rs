@@ -8,7 +8,7 @@ use tracing::level_filters::LevelFilter;
 use super::{aside, screen};
 use crate::text::printable;
 
-/// A line to whoever reads stderr while something runs.
+/// A line on stderr while something runs.
 pub fn remark(text: impl Display) {
     screen::step_aside();
     // Much of it comes from other machines.
@@ -28,7 +28,7 @@ pub fn begin_log(level: LevelFilter) {
         .init();
 }
 
-/// The program's log, below what stands on the terminal and changes.
+/// The program's log. Its lines appear above the status line of the terminal.
 #[derive(Debug)]
 struct Log;
 

@@ -13,7 +13,7 @@ use super::run::refused;
 use super::{answer, tell};
 use crate::config::{Finding, KeyPath, Locator};
 
-/// What is wrong with a wish of `flag`, or else of the file at `key` below `[serve]`: at its place there, if it says so.
+/// An error in the option `flag`, or else in the key `key` below `[serve]`, shown at its place in the file.
 pub(super) fn misasked(
     locator: &Locator,
     flag: Option<&str>,
@@ -34,7 +34,7 @@ pub(super) fn misasked(
 
 /// Says that the port is open.
 pub(super) fn say_ready(address: SocketAddr) -> anyhow::Result<()> {
-    // Whoever started us waits for this line, or for the message below.
+    // The caller waits for this line, or for the message below.
     answer(format_args!("listening on {address}")).context("stdout")?;
     if let Err(error) = notify_ready() {
         tell(format_args!(
@@ -44,7 +44,7 @@ pub(super) fn say_ready(address: SocketAddr) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The readiness message of systemd (sd_notify(3)); nothing where nobody waits for one.
+/// The readiness message of systemd (sd_notify(3)); it sends nothing without a service manager.
 fn notify_ready() -> std::io::Result<()> {
     let Some(path) = std::env::var_os("NOTIFY_SOCKET") else {
         return Ok(());

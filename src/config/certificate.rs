@@ -4,12 +4,12 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::document::{KeyPath, Segment};
-use super::{ConfigError, Loaded, parse};
+use super::{ConfigError, Loaded, parse, renamed};
 use crate::transfer::{ActuatorSpec, ProportionalSpec, TransferSpec};
 
 /// Measured properties of a specimen with its actuator and sensors, written by `gusset identify`. A
 /// certificate compares the delay with the critical delay and varies all values that have a
-/// standard deviation. Without `stand_in_transfer`, the stand-in of a specimen with `link` uses its
+/// standard deviation. Without `transfer`, the stand-in of a specimen with `link` uses its
 /// delay, gain and noise.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -238,7 +238,8 @@ impl Uncertain {
     /// True if it is a number of an actuator or of sensors.
     #[must_use]
     pub fn is_of_transfer(&self) -> bool {
-        let transfer = |segment: &Segment| matches!(segment, Segment::Key(key) if key == "transfer" || key == "stand_in_transfer");
+        let transfer =
+            |segment: &Segment| matches!(segment, Segment::Key(key) if key == "transfer");
         let segments = self.key.segments();
         matches!(segments.first(), Some(Segment::Key(key)) if key == "specimen")
             && segments.get(2).is_some_and(transfer)
@@ -254,6 +255,7 @@ impl Loaded {
         };
         let each = self.file.uncertainty.iter().filter_map(|one| {
             let key = KeyPath::parse(&one.key).ok()?;
+            let key = renamed::current(&key, None).map_or(key, |(new, _)| new);
             let number = number_at(&complete, &key).ok()?;
             let nominal = number.value();
             let spread = match (one.std, one.std_share, one.range) {

@@ -65,15 +65,83 @@ impl Node {
         path.segments().iter().try_fold(self, Self::child)
     }
 
-    /// Takes the key of a table at the root out of it.
-    pub(crate) fn remove(&mut self, table: &str, key: &str) {
-        let Datum::Table(tables) = &mut self.datum else {
+    /// Calls `visit` for this node and each table below it, parents first.
+    pub(crate) fn each_table(
+        &mut self,
+        path: &KeyPath,
+        visit: &mut impl FnMut(&KeyPath, &mut Self),
+    ) {
+        if matches!(self.datum, Datum::Table(_)) {
+            visit(path, self);
+        }
+        match &mut self.datum {
+            Datum::Table(entries) => {
+                for (key, node) in entries {
+                    node.each_table(&path.key(key), visit);
+                }
+            }
+            // An array of numbers holds no table.
+            Datum::Array(elements)
+                if elements.iter().any(|e| matches!(e.datum, Datum::Table(_))) =>
+            {
+                for (index, element) in elements.iter_mut().enumerate() {
+                    element.each_table(&path.index(index), visit);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// Takes the entry at `keys` out of this table, and each table that this empties.
+    pub(crate) fn take(&mut self, keys: &[&str]) -> Option<Self> {
+        let Datum::Table(entries) = &mut self.datum else {
+            return None;
+        };
+        let (first, rest) = keys.split_first()?;
+        let at = entries.iter().position(|(key, _)| key == first)?;
+        if rest.is_empty() {
+            return Some(entries.remove(at).1);
+        }
+        let taken = entries.get_mut(at)?.1.take(rest)?;
+        if matches!(&entries.get(at)?.1.datum, Datum::Table(left) if left.is_empty()) {
+            entries.remove(at);
+        }
+        Some(taken)
+    }
+
+    /// Puts `node` at `keys` of this table. Tables that are created have the place of `node`.
+    pub(crate) fn put(&mut self, keys: &[&str], node: Self) {
+        let (Datum::Table(entries), Some((first, rest))) = (&mut self.datum, keys.split_first())
+        else {
             return;
         };
-        for (_, node) in tables.iter_mut().filter(|(name, _)| name == table) {
-            if let Datum::Table(entries) = &mut node.datum {
-                entries.retain(|(name, _)| name != key);
+        if rest.is_empty() {
+            entries.push(((*first).to_owned(), node));
+            return;
+        }
+        if !entries.iter().any(|(key, _)| key == first) {
+            let table = Self {
+                datum: Datum::Table(Vec::new()),
+                ..node.clone()
+            };
+            entries.push(((*first).to_owned(), table));
+        }
+        if let Some((_, table)) = entries.iter_mut().find(|(key, _)| key == first) {
+            table.put(rest, node);
+        }
+    }
+
+    /// True if a value is at `keys` of this table, or a value in place of one of its tables.
+    pub(crate) fn is_taken(&self, keys: &[&str]) -> bool {
+        let Some((first, rest)) = keys.split_first() else {
+            return true;
+        };
+        match &self.datum {
+            Datum::Table(entries) => {
+                let mut found = entries.iter().filter(|(key, _)| key == first);
+                found.any(|(_, node)| node.is_taken(rest))
             }
+            _ => true,
         }
     }
 

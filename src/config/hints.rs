@@ -13,9 +13,9 @@ const DEPTH: usize = 2;
 /// References and alternatives in a row that are followed.
 const MOST_HOPS: usize = 16;
 
-/// Tables whose keys have another meaning outside of them: scale factors, and what is assumed of a specimen.
-const OWN_MEANING: [&str; 3] = ["similitude", "stand_in", "stand_in_transfer"];
-/// Keys of one table that exclude each other.
+/// Tables whose keys have another meaning outside of them: scale factors.
+const OWN_MEANING: [&str; 1] = ["similitude"];
+/// Keys of one table of which a file usually has one.
 const EXCLUSIVE: [&[&str]; 3] = [
     &["law", "laws", "coupled", "link"],
     &["transfer", "link"],

@@ -31,6 +31,7 @@ mod overrides;
 mod read;
 mod reader;
 mod removed;
+mod renamed;
 mod resolve;
 mod safety;
 mod schema;
@@ -81,7 +82,7 @@ pub use specimen::{AxisTable, DispUnit, DrillTable, ForceUnit, SimilitudeTable, 
 pub use steps::Time;
 pub use suggest::nearest;
 pub use timetable::{ClockChoice, TimeTable};
-pub use timing_table::{OnMiss, Policy, TimingSpec, TimingSpecError};
+pub use timing_table::{CountSpec, MissesSpec, OnMiss, Policy, TimingSpec, TimingSpecError};
 pub use value::{DofChoice, LambdaValue, MatrixValue, RateValue};
 
 /// Why a test file cannot be used.
@@ -158,6 +159,25 @@ pub fn load(path: &Path, sets: &[String]) -> Result<Loaded, ConfigError> {
     parse(path, read_text(path)?, sets)
 }
 
+/// Reads the `resolved.toml` of a run folder for a report or an export, which move nothing.
+///
+/// A removed key is ignored at any value, and nothing is refused that only a new run must refuse.
+///
+/// # Errors
+/// [`ConfigError`]: the file cannot be read, or it is no test file.
+pub fn load_recorded(path: &Path) -> Result<Loaded, ConfigError> {
+    parse_for(Purpose::View, path, read_text(path)?, &[])
+}
+
+/// What a file is read for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Purpose {
+    /// A test, or a specimen that is served.
+    Run,
+    /// A report or an export of a recorded test.
+    View,
+}
+
 /// A test's matrices may stand in it.
 const LONGEST_TEST_MIB: u64 = 64;
 
@@ -188,19 +208,34 @@ struct Opened {
     effective: String,
     root: document::Node,
     locator: Locator,
+    /// Warnings about old names of keys.
+    notes: Vec<Finding>,
 }
 
-fn open(path: &Path, text: String, sets: &[String]) -> Result<Opened, ConfigError> {
+fn open(
+    purpose: Purpose,
+    path: &Path,
+    text: String,
+    sets: &[String],
+) -> Result<Opened, ConfigError> {
     let source = Arc::new(Source {
         name: plain(&path.display().to_string()),
         text: text.clone(),
     });
-    let original = document::Node::parse(&text)
+    let mut original = document::Node::parse(&text)
         .map_err(|errors| ConfigError::Invalid(Diagnostics(diagnose::syntax(&source, errors))))?;
-    let (overrides, refused) = parse_overrides(sets);
+    let mut moves = renamed::rename(&mut original);
+    let (mut overrides, refused) = parse_overrides(sets);
+    for one in &mut overrides {
+        if let Some((path, moved)) = renamed::current(&one.path(), Some(&original)) {
+            one.moved_to(&path);
+            moves.push(moved);
+        }
+    }
     let mut document: DocumentMut = text.parse().map_err(|error| {
         ConfigError::Invalid(Diagnostics(vec![diagnose::second_parser(&source, &error)]))
     })?;
+    renamed::rename_text(document.as_table_mut(), &moves);
     let refused = [refused, overrides::apply_all(&mut document, &overrides)].concat();
     if !refused.is_empty() {
         return Err(ConfigError::Invalid(Diagnostics(refused)));
@@ -215,12 +250,20 @@ fn open(path: &Path, text: String, sets: &[String]) -> Result<Opened, ConfigErro
         });
         ConfigError::Invalid(Diagnostics(diagnose::syntax(&source, errors)))
     })?;
-    removed::pass_over(path, &mut root);
+    // The value of an override may have old names inside.
+    moves.append(&mut renamed::rename(&mut root));
+    removed::pass_over(purpose, path, &mut root);
+    let notes = match removed::is_resolved(path) {
+        // Gusset wrote this file, and the user does not change it.
+        true => Vec::new(),
+        false => renamed::notes(&moves),
+    };
     Ok(Opened {
         text,
         effective,
         root,
         locator,
+        notes,
     })
 }
 
@@ -229,20 +272,34 @@ fn open(path: &Path, text: String, sets: &[String]) -> Result<Opened, ConfigErro
 /// # Errors
 /// [`ConfigError::Invalid`] with everything that is wrong.
 pub fn parse(path: &Path, text: String, sets: &[String]) -> Result<Loaded, ConfigError> {
+    parse_for(Purpose::Run, path, text, sets)
+}
+
+fn parse_for(
+    purpose: Purpose,
+    path: &Path,
+    text: String,
+    sets: &[String],
+) -> Result<Loaded, ConfigError> {
     let Opened {
         text,
         effective,
         root,
         locator,
-    } = open(path, text, sets)?;
+        notes,
+    } = open(purpose, path, text, sets)?;
     if let Some(finding) = serve::not_a_test(&root) {
         return Err(locator.refusal(finding));
     }
     let clock = KeyPath::root().key("time").key("clock");
     let clock_is_chosen = locator.overrides(&clock);
-    let (file, findings) = judge(&root, |file| check::check(file, clock_is_chosen));
-    let (errors, warnings): (Vec<_>, Vec<_>) = findings
+    let (file, findings) = judge(&root, |file| match purpose {
+        Purpose::Run => check::check(file, clock_is_chosen),
+        Purpose::View => Vec::new(),
+    });
+    let (errors, warnings): (Vec<_>, Vec<_>) = notes
         .into_iter()
+        .chain(findings)
         .map(|f| locator.diagnose(f))
         .partition(|d| d.severity == Severity::Error);
     let accepted = file.and_then(|file| Some((Time::of(&file.time).ok()?, file)));
@@ -301,7 +358,9 @@ fn judge<T: serde::de::DeserializeOwned + schemars::JsonSchema>(
     let hints = std::cell::OnceCell::new();
     let told = |mistake: read::Mistake| {
         let removed = match &mistake.kind {
-            read::Kind::UnknownKey { .. } => removed::finding(&mistake.path),
+            read::Kind::UnknownKey { .. } => {
+                removed::finding(&mistake.path).or_else(|| renamed::finding(&mistake.path))
+            }
             _ => None,
         };
         removed.unwrap_or_else(|| {

@@ -131,6 +131,18 @@ impl Override {
         self.segments.iter().map(|(s, _)| s.clone()).collect()
     }
 
+    /// Overrides `path` instead: the new name of what the argument names.
+    pub(super) fn moved_to(&mut self, path: &KeyPath) {
+        let last = self.segments.last().map_or(0..0, |(_, span)| span.clone());
+        let named = self.segments.clone();
+        let place = |segment: &Segment| {
+            let own = named.iter().find(|(other, _)| other == segment);
+            own.map_or(last.clone(), |(_, span)| span.clone())
+        };
+        let segments = path.segments().iter();
+        self.segments = segments.map(|s| (s.clone(), place(s))).collect();
+    }
+
     /// Puts the value into `document`.
     ///
     /// # Errors

@@ -1,37 +1,116 @@
 //! Removed keys: the finding for a file that still has one, and the files that may have one.
 //!
-//! In a test file a removed key is refused, and the finding names what to use instead. The `resolved.toml` of a run folder
-//! holds the defaults of the version that wrote it: there a removed key is passed over at the default that it had. At
-//! another value the file means what this version cannot do, and the finding names the last version that could.
+//! A test file with a removed key is refused, and the finding names what to use instead.
+//! The `resolved.toml` of a run folder holds the defaults of the version that wrote it.
+//! There a removed key is ignored at the default that it had.
+//! At any other value, this version cannot run the same test. The finding names the last version that can.
 
 use std::path::Path;
 
-use super::Finding;
 use super::document::{Datum, KeyPath, Node};
+use super::{Finding, Purpose};
 
 /// A key that was removed.
 struct RemovedKey {
-    /// Its table, and its name there.
-    table: &'static str,
+    /// The tables that contained it, as [`KeyPath::shape`] writes them.
+    tables: &'static [&'static str],
     key: &'static str,
-    /// True of the value that it had by default.
-    is_default: fn(&Datum) -> bool,
+    /// Its default, as TOML; none for a key without one.
+    default: Option<&'static str>,
     /// The last version that knew it.
     last: &'static str,
+    /// What to do instead.
     instead: &'static str,
 }
 
-const REMOVED: [RemovedKey; 1] = [RemovedKey {
-    table: "timing",
-    key: "catch_up_remote",
-    is_default: |datum| matches!(datum, Datum::Boolean(false)),
-    last: "0.1.0",
-    instead: "set `on_miss = \"stretch\"`: `on_miss = \"catch_up\"` with a specimen behind a link is always refused",
-}];
+const LIMITS: &[&str] = &["specimen[*].limits", "specimen[*].axis[*].limits"];
+
+const REMOVED: &[RemovedKey] = &[
+    RemovedKey {
+        tables: &["timing"],
+        key: "catch_up_remote",
+        default: Some("false"),
+        last: "0.1.0",
+        instead: "set `on_miss = \"stretch\"`: `on_miss = \"catch_up\"` with a specimen behind a link is always refused",
+    },
+    RemovedKey {
+        tables: &["timing"],
+        key: "prefault_stack_kb",
+        default: Some("256"),
+        last: "0.2.0",
+        instead: "remove this key: Gusset always touches 256 kB of stack before the first tick",
+    },
+    RemovedKey {
+        tables: &["specimen[*].transfer"],
+        key: "tell_saturation",
+        default: Some("true"),
+        last: "0.2.0",
+        instead: "remove this key: a simulated specimen always reports the end of a stroke, force or sensor range",
+    },
+    RemovedKey {
+        tables: &["specimen[*].link.openfresco"],
+        key: "udp_endian",
+        default: Some("false"),
+        last: "0.2.0",
+        instead: "remove this key: use TCP with OpenFresco 2.7",
+    },
+    RemovedKey {
+        tables: &["specimen[*].link"],
+        key: "max_stale_s",
+        default: None,
+        last: "0.2.0",
+        instead: "set `max_stale`, a number of measurements: divide the time by the time of one tick and round up",
+    },
+    RemovedKey {
+        tables: &["specimen[*]"],
+        key: "stand_in",
+        default: None,
+        last: "0.2.0",
+        instead: "beside a `link`, give one `law`, `laws` or `coupled`: it is the stand-in for rehearsals",
+    },
+    RemovedKey {
+        tables: &["specimen[*]"],
+        key: "stand_in_transfer",
+        default: None,
+        last: "0.2.0",
+        instead: "beside a `link`, give one `transfer`: it is that of the stand-in for rehearsals",
+    },
+    RemovedKey {
+        tables: LIMITS,
+        key: "alternating_m",
+        default: Some("0.0"),
+        last: "0.2.0",
+        instead: "remove this key, or set `alternating_ticks` to a larger number of ticks",
+    },
+    RemovedKey {
+        tables: LIMITS,
+        key: "tangent_step_m",
+        default: Some("0.0"),
+        last: "0.2.0",
+        instead: "remove this key: Gusset determines the step from the noise of the sensors",
+    },
+];
 
 impl RemovedKey {
-    fn path(&self) -> KeyPath {
-        KeyPath::root().key(self.table).key(self.key)
+    fn was_default(&self, node: &Node) -> bool {
+        let default = self.default.map(|text| Node::parse(&format!("v = {text}")));
+        let Some(Ok(default)) = default else {
+            return false;
+        };
+        let default = default.find(&KeyPath::root().key("v"));
+        default.is_some_and(|default| same(&default.datum, &node.datum))
+    }
+}
+
+fn same(one: &Datum, other: &Datum) -> bool {
+    let number = |datum: &Datum| match datum {
+        Datum::Integer(value) => Some(*value as f64),
+        Datum::Float(value) => Some(*value),
+        _ => None,
+    };
+    match (one, other) {
+        (Datum::Boolean(one), Datum::Boolean(other)) => one == other,
+        _ => number(one).is_some() && number(one) == number(other),
     }
 }
 
@@ -40,30 +119,38 @@ pub(super) fn is_resolved(path: &Path) -> bool {
     path.file_name().is_some_and(|name| name == "resolved.toml")
 }
 
-/// Takes the removed keys at their defaults out of the resolved configuration of a run folder. Any other file stays unchanged.
-pub(super) fn pass_over(path: &Path, root: &mut Node) {
+/// Takes the removed keys at their defaults out of the resolved configuration of a run folder, for a view at any value. Any
+/// other file stays unchanged.
+pub(super) fn pass_over(purpose: Purpose, path: &Path, root: &mut Node) {
     if !is_resolved(path) {
         return;
     }
-    for removed in &REMOVED {
-        let at = removed.path();
-        let by_default = |node: &Node| (removed.is_default)(&node.datum);
-        if root.find(&at).is_some_and(by_default) {
-            root.remove(removed.table, removed.key);
+    root.each_table(&KeyPath::root(), &mut |table, node| {
+        let shape = table.shape();
+        for removed in REMOVED {
+            if !removed.tables.contains(&shape.as_str()) {
+                continue;
+            }
+            let found = node.find(&KeyPath::root().key(removed.key));
+            let passes = |found: &Node| purpose == Purpose::View || removed.was_default(found);
+            if found.is_some_and(passes) {
+                node.take(&[removed.key]);
+            }
         }
-    }
+    });
 }
 
 /// The finding for an unknown key that was removed; none for other keys.
 pub(super) fn finding(path: &KeyPath) -> Option<Finding> {
-    let removed = REMOVED.iter().find(|removed| removed.path() == *path)?;
-    let RemovedKey {
-        table, key, last, ..
-    } = removed;
+    let table = path.parent()?.shape();
+    let is_it = |removed: &&RemovedKey| {
+        removed.tables.contains(&table.as_str()) && path.last_key() == Some(removed.key)
+    };
+    let removed = REMOVED.iter().find(is_it)?;
     Some(
-        Finding::error(path.clone(), format!("`{table}.{key}` was removed"))
+        Finding::error(path.clone(), format!("`{path}` was removed"))
             .at_key()
-            .label(format!("known up to version {last}"))
+            .label(format!("known up to version {}", removed.last))
             .help(removed.instead),
     )
 }

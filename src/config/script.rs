@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{ConfigError, Finding, KeyPath, judge, open, read_text};
+use super::{ConfigError, Finding, KeyPath, Purpose, judge, open, read_text};
 use crate::engine::Phase;
 use crate::link::fault::{Script, ScriptError};
 
@@ -19,7 +19,7 @@ pub fn load_script(path: &Path) -> Result<Script, ConfigError> {
 /// # Errors
 /// [`ConfigError::Invalid`] with everything that is wrong.
 pub fn parse_script(path: &Path, text: String) -> Result<Script, ConfigError> {
-    let opened = open(path, text, &[])?;
+    let opened = open(Purpose::Run, path, text, &[])?;
     let (script, findings) = judge::<Script>(&opened.root, check);
     match script {
         Some(script) if findings.is_empty() => Ok(script),

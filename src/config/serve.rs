@@ -13,8 +13,8 @@ use super::safety::SafetyTable;
 use super::schema::RecordTable;
 use super::timing_table::TimingSpec;
 use super::{
-    ConfigError, Finding, KeyPath, Locator, Severity, SpecimenTable, check, judge, open, plain,
-    read_text,
+    ConfigError, Finding, KeyPath, Locator, Purpose, Severity, SpecimenTable, check, judge, open,
+    plain, read_text,
 };
 use crate::link::openfresco::{OpenFrescoServeSpec, Transformation};
 use crate::link::secret::read_key;
@@ -191,7 +191,7 @@ impl Served {
 /// [`ConfigError`]: the file cannot be read, or everything that is wrong with it.
 pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigError> {
     let text = read_text(path)?;
-    let opened = open(path, text.clone(), &[])?;
+    let opened = open(Purpose::Run, path, text.clone(), &[])?;
     let locator = opened.locator.clone();
     let refuse = |finding: Finding| locator.refusal(finding);
     let of_a_test = is_test(&opened.root);
@@ -208,8 +208,10 @@ pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigErro
         (file, vec![])
     } else {
         let (file, findings) = judge::<ServeFile>(&opened.root, check::check_served);
-        let (findings, told): (Vec<_>, Vec<_>) = findings
+        let (findings, told): (Vec<_>, Vec<_>) = opened
+            .notes
             .into_iter()
+            .chain(findings)
             .partition(|finding| finding.severity == Severity::Error);
         match file {
             Some(file) if findings.is_empty() => {
@@ -236,7 +238,8 @@ pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigErro
     if let Some(timing) = &file.timing
         && let Err(error) = timing.check()
     {
-        let at = KeyPath::root().key("timing").key(error.key());
+        let timing = KeyPath::root().key("timing");
+        let at = error.keys().iter().fold(timing, |at, key| at.key(key));
         return Err(refuse(Finding::error(at, error.to_string())));
     }
     for (name, value) in [

@@ -17,8 +17,8 @@ use crate::specimen::SpecimenLaw;
 use crate::transfer::TransferSpec;
 use crate::wire::handshake::Unit;
 
-/// One specimen. Give exactly one of `law`, `laws`, `coupled` and `link`. In a test with a
-/// structure, also give exactly one of `storey` and `rows`.
+/// One specimen: simulated by exactly one of `law`, `laws` and `coupled`, or reached by a `link`. In a
+/// test with a structure, also give exactly one of `storey` and `rows`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SpecimenTable {
@@ -81,7 +81,9 @@ pub struct SpecimenTable {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub limits: Option<LimitsSpec>,
     /// Force law of a simulated specimen. All axes have the same law, and each axis has its own
-    /// state.
+    /// state. Beside a `link`, it is the stand-in: a rehearsal uses it in place of the specimen, at
+    /// the specimen's scale. Default of the stand-in: linear, with `stiffness_n_per_m` and
+    /// `damping_n_s_per_m`.
     #[serde(
         default,
         deserialize_with = "read_law",
@@ -91,6 +93,7 @@ pub struct SpecimenTable {
     #[schemars(schema_with = "law_schema")]
     pub law: Option<SpecimenLaw>,
     /// Force law of each axis of a simulated specimen. The axes are independent of each other.
+    /// Beside a `link`, it is the stand-in for rehearsals.
     #[serde(
         default,
         deserialize_with = "read_laws",
@@ -100,7 +103,8 @@ pub struct SpecimenTable {
     #[schemars(schema_with = "laws_schema")]
     #[schemars(example = serde_json::json!([{"linear": {"stiffness_n_per_m": 1.0e6}}, {"linear": {"stiffness_n_per_m": 5.0e5}}]))]
     pub laws: Option<SpecimenLaw>,
-    /// Linear law of a simulated specimen with several coupled axes.
+    /// Linear law of a simulated specimen with several coupled axes. Beside a `link`, it is the
+    /// stand-in for rehearsals.
     #[serde(
         default,
         deserialize_with = "read_coupled",
@@ -110,7 +114,8 @@ pub struct SpecimenTable {
     #[schemars(schema_with = "coupled_schema")]
     pub coupled: Option<SpecimenLaw>,
     /// Simulated actuator and sensors of a simulated specimen. Default: none, the specimen follows
-    /// its command at once.
+    /// its command at once. Beside a `link`, they are those of the stand-in for rehearsals. Their
+    /// default is then the delay, gain and noise of `identified`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transfer: Option<TransferSpec>,
     /// Compensation of the actuator dynamics. It computes the commands from the targets. Default:
@@ -125,15 +130,6 @@ pub struct SpecimenTable {
     /// Network connection to a specimen that another program controls or computes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub link: Option<LinkSpec>,
-    /// Simulated specimen that replaces a specimen with `link` in a rehearsal: `law`, `laws` or
-    /// `coupled`, at the specimen's scale. Default: linear, with `stiffness_n_per_m` and
-    /// `damping_n_s_per_m`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub stand_in: Option<SpecimenLaw>,
-    /// Simulated actuator and sensors that replace those of a specimen with `link` in a rehearsal.
-    /// Default: delay, gain and noise of `identified`, otherwise none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub stand_in_transfer: Option<TransferSpec>,
     /// Fault injection: this simulated specimen fails on purpose. Use it to see how the test ends
     /// after an internal error. Rehearsals, replays and resumed tests ignore it. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -162,12 +158,27 @@ impl SpecimenTable {
     /// `pace` is the test time in a second of wall time.
     #[must_use]
     pub fn believed_transfer(&self, pace: f64) -> Option<TransferSpec> {
-        let own = match &self.link {
-            Some(_) => self.stand_in_transfer.as_ref(),
-            None => return self.transfer.clone(),
+        let identified = || {
+            self.link.as_ref()?;
+            self.identified?.transfer(pace)
         };
-        let identified = || self.identified?.transfer(pace);
-        own.cloned().or_else(identified)
+        self.transfer.clone().or_else(identified)
+    }
+
+    /// The simulated actuator and sensors of a simulated specimen; none behind a link.
+    #[must_use]
+    pub const fn own_transfer(&self) -> Option<&TransferSpec> {
+        match &self.link {
+            Some(_) => None,
+            None => self.transfer.as_ref(),
+        }
+    }
+
+    /// The law that replaces a specimen behind a link in a rehearsal, with its key; none for a simulated specimen.
+    #[must_use]
+    pub fn stand_in(&self) -> Option<(&'static str, &SpecimenLaw)> {
+        self.link.as_ref()?;
+        self.sources().into_iter().next()
     }
 
     /// Number of axes as far as the table alone says it, without a structure to take deformations from.
@@ -176,10 +187,10 @@ impl SpecimenTable {
         if let Some(geometry) = &self.geometry {
             return geometry.actuators();
         }
-        let said = match (&self.laws, &self.coupled, &self.link) {
-            (Some(SpecimenLaw::Laws(laws)), ..) => laws.len(),
-            (_, Some(SpecimenLaw::Coupled(coupled)), _) => coupled.stiffness_n_per_m.len(),
-            (_, _, Some(link)) => {
+        let said = match (&self.link, &self.laws, &self.coupled) {
+            (None, Some(SpecimenLaw::Laws(laws)), _) => laws.len(),
+            (None, _, Some(SpecimenLaw::Coupled(coupled))) => coupled.stiffness_n_per_m.len(),
+            (Some(link), ..) => {
                 let estimate = self.stiffness_n_per_m.as_ref();
                 let named = link.axis_names.as_ref().map_or(0, Vec::len);
                 estimate.map_or(0, |matrix| matrix.rows().len()).max(named)
@@ -260,7 +271,7 @@ impl SpecimenTable {
         (0..axes).map(units).collect()
     }
 
-    /// The laws of a simulated specimen, by key. A checked file has exactly one, or a link.
+    /// The laws that are given, by key. A checked file has exactly one, or a link and at most one.
     #[must_use]
     pub fn sources(&self) -> Vec<(&'static str, &SpecimenLaw)> {
         [

@@ -10,6 +10,7 @@ mod keys;
 mod nodal;
 mod overrides;
 mod places;
+mod renamed;
 mod schema;
 mod stability;
 mod values;

@@ -59,10 +59,6 @@ pub struct TimingSpec {
     /// If true, idle cores stay out of deep sleep during the test (/dev/cpu_dma_latency).
     #[schemars(example = false)]
     pub hold_cpu_awake: bool,
-    /// Size of the stack that is touched before the first tick, in kB.
-    #[schemars(range(min = 0, max = 1024))]
-    #[schemars(example = 512)]
-    pub prefault_stack_kb: u32,
     /// If true, the test is refused with exit code 4 unless the system grants all real-time
     /// settings of this table.
     #[schemars(example = true)]
@@ -76,41 +72,87 @@ pub struct TimingSpec {
     #[schemars(range(min = 1))]
     #[schemars(example = 50)]
     pub max_catch_up_ticks: u64,
-    /// Number of successive deadline misses after which the test stops.
-    #[schemars(range(min = 1))]
-    #[schemars(example = 20)]
-    pub max_consecutive_misses: u64,
-    /// Number of deadline misses after which the test stops. Default: one percent of all ticks, at
-    /// least 100.
-    #[schemars(range(min = 1))]
-    #[schemars(example = 200)]
-    pub max_total_misses: Option<u64>,
-    /// Number of deadline misses within `miss_window_s` after which the test stops. Default: ten
-    /// percent of the ticks in the window, at least 100.
-    #[schemars(range(min = 1))]
-    #[schemars(example = 100)]
-    pub max_misses_in_window: Option<u64>,
-    /// Wall time over which `max_misses_in_window` counts, at most 3600 s.
-    #[schemars(example = 5.0)]
-    pub miss_window_s: f64,
-    /// Number of successive deadline misses beyond which the controller warns. Default: half of
-    /// `max_consecutive_misses`.
-    #[schemars(example = 10)]
-    pub warn_consecutive_misses: Option<u64>,
-    /// Number of deadline misses beyond which the controller warns. Default: half of
-    /// `max_total_misses`.
-    #[schemars(example = 100)]
-    pub warn_total_misses: Option<u64>,
-    /// Number of deadline misses within `miss_window_s` beyond which the controller warns. Default:
-    /// half of `max_misses_in_window`.
-    #[schemars(example = 50)]
-    pub warn_misses_in_window: Option<u64>,
+    /// Limits of the number of deadline misses.
+    pub misses: MissesSpec,
     /// Number of ticks before t = 0 in which the specimens hold. The test starts only if the second
     /// half of them keeps the miss limits. Default: 200, at most 0.5 s, at least 2 ticks. A larger
     /// number must not exceed 600 s.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = 500)]
     pub warmup_ticks: Option<u64>,
+}
+
+/// Limits of the number of deadline misses. The test stops when a number of misses reaches its `trip`
+/// level, and the controller warns beyond its `warn` level.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default, rename_all = "snake_case")]
+pub struct MissesSpec {
+    /// Successive misses. Default of `trip`: 50.
+    #[schemars(example = serde_json::json!({"warn": 10, "trip": 20}))]
+    pub in_a_row: CountSpec,
+    /// All misses of a test. Default of `trip`: one percent of all ticks, at least 100.
+    #[schemars(example = serde_json::json!({"warn": 100, "trip": 200}))]
+    pub in_total: CountSpec,
+    /// Misses within `window_s`. Default of `trip`: ten percent of the ticks in the window, at least
+    /// 100.
+    #[schemars(example = serde_json::json!({"warn": 50, "trip": 100}))]
+    pub in_window: CountSpec,
+    /// Wall time over which `in_window` counts, at most 3600 s.
+    #[schemars(example = 5.0)]
+    pub window_s: f64,
+}
+
+/// Levels of a number of deadline misses.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default, rename_all = "snake_case")]
+pub struct CountSpec {
+    /// Number of misses beyond which the controller warns. Default: half of `trip`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 10)]
+    pub warn: Option<u64>,
+    /// Number of misses after which the test stops.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1))]
+    #[schemars(example = 20)]
+    pub trip: Option<u64>,
+}
+
+/// Default number of successive misses after which a test stops.
+const MISSES_IN_A_ROW: u64 = 50;
+
+impl Default for MissesSpec {
+    fn default() -> Self {
+        Self {
+            in_a_row: CountSpec {
+                warn: None,
+                trip: Some(MISSES_IN_A_ROW),
+            },
+            in_total: CountSpec::default(),
+            in_window: CountSpec::default(),
+            window_s: 10.0,
+        }
+    }
+}
+
+impl MissesSpec {
+    /// The three numbers by key.
+    fn entries(&self) -> [(&'static str, CountSpec); 3] {
+        let in_a_row = CountSpec {
+            trip: Some(self.max_in_a_row()),
+            ..self.in_a_row
+        };
+        [
+            ("in_a_row", in_a_row),
+            ("in_total", self.in_total),
+            ("in_window", self.in_window),
+        ]
+    }
+
+    /// Number of successive misses after which the test stops.
+    #[must_use]
+    pub fn max_in_a_row(&self) -> u64 {
+        self.in_a_row.trip.unwrap_or(MISSES_IN_A_ROW)
+    }
 }
 
 impl Default for TimingSpec {
@@ -122,17 +164,10 @@ impl Default for TimingSpec {
             spin_us: 60.0,
             lock_memory: true,
             hold_cpu_awake: true,
-            prefault_stack_kb: 256,
             require_realtime: false,
             on_miss: OnMiss::Stretch,
             max_catch_up_ticks: 100,
-            max_consecutive_misses: 50,
-            max_total_misses: None,
-            max_misses_in_window: None,
-            miss_window_s: 10.0,
-            warn_consecutive_misses: None,
-            warn_total_misses: None,
-            warn_misses_in_window: None,
+            misses: MissesSpec::default(),
             warmup_ticks: None,
         }
     }
@@ -169,28 +204,28 @@ pub enum TimingSpecError {
         /// As written.
         found: f64,
     },
-    /// More stack than a thread safely has.
-    #[error("prefault_stack_kb is {found}, wanted 0 to 1024")]
-    Prefault {
-        /// As written.
-        found: u32,
-    },
     /// A bound of zero would stop every test at once.
     #[error("{key} is 0, wanted at least 1")]
     ZeroBound {
         /// Which bound.
         key: &'static str,
     },
+    /// A number of misses of zero would stop every test at once.
+    #[error("misses.{key}.trip is 0, wanted at least 1")]
+    ZeroTrip {
+        /// Which number.
+        key: &'static str,
+    },
     /// A window without length, or too long to remember.
-    #[error("miss_window_s is {found}, wanted more than 0 and at most 3600")]
+    #[error("misses.window_s is {found}, wanted more than 0 and at most 3600")]
     Window {
         /// As written.
         found: f64,
     },
     /// A warning that would come with the end of the test, or after it.
-    #[error("{key} is {warn}, wanted less than the {most} after which the test stops")]
+    #[error("misses.{key}.warn is {warn}, wanted less than the {most} after which the test stops")]
     Warning {
-        /// Which level.
+        /// Which number.
         key: &'static str,
         /// As written.
         warn: u64,
@@ -208,16 +243,17 @@ pub enum TimingSpecError {
 }
 
 impl TimingSpecError {
-    /// The key that is wrong, for the diagnostic's caret.
+    /// The keys within `[timing]` that lead to the wrong value, for the caret of the diagnostic.
     #[must_use]
-    pub const fn key(&self) -> &'static str {
+    pub fn keys(&self) -> Vec<&'static str> {
         match self {
-            Self::Priority { .. } => "priority",
-            Self::Spin { .. } => "spin_us",
-            Self::Prefault { .. } => "prefault_stack_kb",
-            Self::ZeroBound { key } | Self::Warning { key, .. } => key,
-            Self::Window { .. } => "miss_window_s",
-            Self::Cpu { .. } => "cpu",
+            Self::Priority { .. } => vec!["priority"],
+            Self::Spin { .. } => vec!["spin_us"],
+            Self::ZeroBound { key } => vec![key],
+            Self::ZeroTrip { key } => vec!["misses", key, "trip"],
+            Self::Warning { key, .. } => vec!["misses", key, "warn"],
+            Self::Window { .. } => vec!["misses", "window_s"],
+            Self::Cpu { .. } => vec!["cpu"],
         }
     }
 }
@@ -238,47 +274,21 @@ impl TimingSpec {
                 found: self.spin_us,
             });
         }
-        if self.prefault_stack_kb > 1024 {
-            return Err(TimingSpecError::Prefault {
-                found: self.prefault_stack_kb,
-            });
+        if self.max_catch_up_ticks == 0 {
+            let key = "max_catch_up_ticks";
+            return Err(TimingSpecError::ZeroBound { key });
         }
-        for (key, bound) in [
-            ("max_catch_up_ticks", self.max_catch_up_ticks),
-            ("max_consecutive_misses", self.max_consecutive_misses),
-            ("max_total_misses", self.max_total_misses.unwrap_or(1)),
-            (
-                "max_misses_in_window",
-                self.max_misses_in_window.unwrap_or(1),
-            ),
-        ] {
-            if bound == 0 {
-                return Err(TimingSpecError::ZeroBound { key });
+        for (key, levels) in self.misses.entries() {
+            if levels.trip == Some(0) {
+                return Err(TimingSpecError::ZeroTrip { key });
             }
         }
-        if !(self.miss_window_s > 0.0 && self.miss_window_s <= 3600.0) {
-            return Err(TimingSpecError::Window {
-                found: self.miss_window_s,
-            });
+        let found = self.misses.window_s;
+        if !(found > 0.0 && found <= 3600.0) {
+            return Err(TimingSpecError::Window { found });
         }
-        for (key, warn, most) in [
-            (
-                "warn_consecutive_misses",
-                self.warn_consecutive_misses,
-                Some(self.max_consecutive_misses),
-            ),
-            (
-                "warn_total_misses",
-                self.warn_total_misses,
-                self.max_total_misses,
-            ),
-            (
-                "warn_misses_in_window",
-                self.warn_misses_in_window,
-                self.max_misses_in_window,
-            ),
-        ] {
-            if let (Some(warn), Some(most)) = (warn, most)
+        for (key, levels) in self.misses.entries() {
+            if let (Some(warn), Some(most)) = (levels.warn, levels.trip)
                 && warn >= most
             {
                 return Err(TimingSpecError::Warning { key, warn, most });
@@ -310,25 +320,32 @@ impl TimingSpec {
     /// Number of misses that a test of `ticks` ticks may have before it stops.
     #[must_use]
     pub fn miss_bound(&self, ticks: u64) -> u64 {
-        self.max_total_misses.unwrap_or((ticks / 100).max(100))
+        self.misses.in_total.trip.unwrap_or((ticks / 100).max(100))
     }
 
     /// Ticks of `period_s` in the window of misses.
     #[must_use]
     pub fn window_ticks(&self, period_s: f64) -> u64 {
-        ((self.miss_window_s / period_s).round() as u64).max(1)
+        ((self.misses.window_s / period_s).round() as u64).max(1)
     }
 
     /// Number of misses that a window of `ticks` ticks may have before the test stops.
     #[must_use]
     pub fn window_bound(&self, ticks: u64) -> u64 {
-        self.max_misses_in_window.unwrap_or((ticks / 10).max(100))
+        self.misses.in_window.trip.unwrap_or((ticks / 10).max(100))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn trip(trip: u64) -> CountSpec {
+        CountSpec {
+            warn: None,
+            trip: Some(trip),
+        }
+    }
 
     #[test]
     fn an_empty_table_is_the_default_and_unknown_keys_are_refused() {
@@ -349,7 +366,10 @@ mod tests {
         let spec = TimingSpec {
             cpu: Some(3),
             on_miss: OnMiss::CatchUp,
-            max_total_misses: Some(5),
+            misses: MissesSpec {
+                in_total: trip(5),
+                ..MissesSpec::default()
+            },
             ..TimingSpec::default()
         };
         let text = toml::to_string(&spec).unwrap();
@@ -362,33 +382,38 @@ mod tests {
         let wrong = |change: fn(&mut TimingSpec)| {
             let mut spec = TimingSpec::default();
             change(&mut spec);
-            spec.check().unwrap_err().key()
+            spec.check().unwrap_err().keys().join(".")
         };
         assert_eq!(wrong(|s| s.priority = 0), "priority");
         assert_eq!(wrong(|s| s.priority = 99), "priority");
         assert_eq!(wrong(|s| s.spin_us = f64::NAN), "spin_us");
         assert_eq!(wrong(|s| s.spin_us = -1.0), "spin_us");
-        assert_eq!(wrong(|s| s.prefault_stack_kb = 4096), "prefault_stack_kb");
+        assert_eq!(wrong(|s| s.max_catch_up_ticks = 0), "max_catch_up_ticks");
         assert_eq!(
-            wrong(|s| s.max_consecutive_misses = 0),
-            "max_consecutive_misses"
+            wrong(|s| s.misses.in_a_row = trip(0)),
+            "misses.in_a_row.trip"
         );
-        assert_eq!(wrong(|s| s.max_total_misses = Some(0)), "max_total_misses");
         assert_eq!(
-            wrong(|s| s.max_misses_in_window = Some(0)),
-            "max_misses_in_window"
+            wrong(|s| s.misses.in_total = trip(0)),
+            "misses.in_total.trip"
         );
-        assert_eq!(wrong(|s| s.miss_window_s = 0.0), "miss_window_s");
         assert_eq!(
-            wrong(|s| s.warn_consecutive_misses = Some(50)),
-            "warn_consecutive_misses"
+            wrong(|s| s.misses.in_window = trip(0)),
+            "misses.in_window.trip"
+        );
+        assert_eq!(wrong(|s| s.misses.window_s = 0.0), "misses.window_s");
+        assert_eq!(
+            wrong(|s| s.misses.in_a_row.warn = Some(50)),
+            "misses.in_a_row.warn"
         );
         assert_eq!(
             wrong(|s| {
-                s.max_misses_in_window = Some(7);
-                s.warn_misses_in_window = Some(8);
+                s.misses.in_window = CountSpec {
+                    warn: Some(8),
+                    trip: Some(7),
+                };
             }),
-            "warn_misses_in_window"
+            "misses.in_window.warn"
         );
         let spec = TimingSpec {
             cpu: Some(7),
@@ -406,7 +431,10 @@ mod tests {
             (100, 10_000)
         );
         let own = TimingSpec {
-            max_total_misses: Some(3),
+            misses: MissesSpec {
+                in_total: trip(3),
+                ..MissesSpec::default()
+            },
             ..spec
         };
         assert_eq!(own.miss_bound(1_000_000), 3);

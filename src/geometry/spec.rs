@@ -41,7 +41,7 @@ pub struct GeometrySpec {
     #[schemars(example = false)]
     pub exact: Option<bool>,
     /// Reference of the law and of the estimates of stiffness and damping: the platform or the
-    /// actuators. It applies to `law`, `laws`, `coupled`, `stand_in`, `stiffness_n_per_m` and
+    /// actuators. It applies to `law`, `laws`, `coupled`, `stiffness_n_per_m` and
     /// `damping_n_s_per_m`.
     #[schemars(example = &"actuators")]
     pub law_at: LawPlace,

@@ -12,7 +12,7 @@ square_root_softening = "square_root = { stiffness_n_per_m = 1e7, hardening_per_
 cubic = "cubic = { stiffness_n_per_m = 1e6, cubic_n_per_m3 = 6e9 }"
 snap_through = "cubic = { stiffness_n_per_m = -1e5, cubic_n_per_m3 = 6e9, reference_stiffness_n_per_m = 1e6 }"
 bilinear = "bilinear = { stiffness_n_per_m = 1.19e6, yield_force_n = 1190.0, post_yield_ratio = 0.1 }"
-elastic_plastic = "elastic_plastic = { stiffness_n_per_m = 1.19e6, yield_force_n = 1190.0 }"
+elastic_plastic = "bilinear = { post_yield_ratio = 0, stiffness_n_per_m = 1.19e6, yield_force_n = 1190.0 }"
 bouc_wen_1 = "bouc_wen = { stiffness_n_per_m = 1.19e6, yield_force_n = 1190.0, post_yield_ratio = 0.1, beta = 0.9, gamma = 0.1, exponent = 1 }"
 bouc_wen_2 = "bouc_wen = { stiffness_n_per_m = 1.19e6, yield_force_n = 1190.0, post_yield_ratio = 0.0, beta = 0.7, gamma = -0.2, exponent = 2, a = 1.3 }"
 bouc_wen_n = "bouc_wen = { stiffness_n_per_m = 1.19e6, yield_force_n = 1190.0, post_yield_ratio = 0.1, beta = 0.5, gamma = 0.5, exponent = 2.5 }"
@@ -20,14 +20,14 @@ bouc_wen_worn = "bouc_wen = { stiffness_n_per_m = 1.19e6, yield_force_n = 1190.0
 tension_only = "gap = { stiffness_n_per_m = 1e6, gap_m = 0.0, side = 'tension' }"
 pounding = "gap = { stiffness_n_per_m = 1e7, gap_m = 2e-3, side = 'compression' }"
 pin = "gap = { stiffness_n_per_m = 1e7, gap_m = 1e-3, side = 'both' }"
-coulomb = "coulomb = { slip_force_n = 750.0, stiffness_n_per_m = 5e7 }"
+coulomb = "bilinear = { post_yield_ratio = 0, yield_force_n = 750.0, stiffness_n_per_m = 5e7 }"
 smooth_friction = "smooth_friction = { slip_force_n = 750.0, reference_velocity_m_per_s = 0.01 }"
-viscous = "viscous = { damping_n_s_per_m = 1e4 }"
+viscous = "linear = { stiffness_n_per_m = 0, damping_n_s_per_m = 1e4 }"
 biviscous = "biviscous = { damping_n_s_per_m = 180.0, post_yield_damping_n_s_per_m = 90.0, yield_velocity_m_per_s = 0.3333333333333333 }"
 power_low = "power_damper = { force_at_unit_velocity_n = 1e3, exponent = 0.4, linear_below_m_per_s = 1e-3 }"
 power_bare = "power_damper = { force_at_unit_velocity_n = 1e3, exponent = 0.4, reference_damping_n_s_per_m = 5e3 }"
 power_high = "power_damper = { force_at_unit_velocity_n = 1e3, exponent = 1.8, reference_damping_n_s_per_m = 5e3 }"
-isolator = "parallel = [ { bilinear = { stiffness_n_per_m = 1.19e6, yield_force_n = 1190.0, post_yield_ratio = 0.1 } }, { viscous = { damping_n_s_per_m = 2e4 } }, { bouc_wen = { stiffness_n_per_m = 1e6, yield_force_n = 700.0, post_yield_ratio = 0.0, beta = 0.5, gamma = 0.5, exponent = 2 } } ]"
+isolator = "parallel = [ { bilinear = { stiffness_n_per_m = 1.19e6, yield_force_n = 1190.0, post_yield_ratio = 0.1 } }, { linear = { stiffness_n_per_m = 0, damping_n_s_per_m = 2e4 } }, { bouc_wen = { stiffness_n_per_m = 1e6, yield_force_n = 700.0, post_yield_ratio = 0.0, beta = 0.5, gamma = 0.5, exponent = 2 } } ]"
 "#;
 
 fn laws() -> Vec<(String, LawSpec)> {

@@ -211,8 +211,8 @@ impl Law for PowerDamper {
     }
 }
 
-/// Smoothed friction, f = F tanh(v/v_r). It creeps under a constant force. Use `coulomb` if the
-/// surface must stick.
+/// Smoothed friction, f = F tanh(v/v_r). It creeps under a constant force. Use `bilinear`
+/// with `post_yield_ratio = 0` if the surface must stick.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct SmoothFrictionSpec {

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::domain::{declared, finite, non_negative, positive, reference};
 use super::{Law, LawError, Memoryless, Reach, Tangent};
 
-/// Linear spring and dashpot in parallel, f = k d + c v.
+/// Linear spring and dashpot in parallel, f = k d + c v. With k = 0 it is a viscous damper.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct LinearSpec {
@@ -26,26 +26,6 @@ impl LinearSpec {
     pub fn build(&self) -> Result<Linear, LawError> {
         Ok(Linear {
             stiffness: non_negative("stiffness_n_per_m", self.stiffness_n_per_m)?,
-            damping: non_negative("damping_n_s_per_m", self.damping_n_s_per_m)?,
-        })
-    }
-}
-
-/// Linear dashpot, f = c v.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, rename_all = "snake_case")]
-pub struct ViscousSpec {
-    /// Damping c. It must not be negative.
-    #[schemars(example = 2.0e4)]
-    pub damping_n_s_per_m: f64,
-}
-
-impl ViscousSpec {
-    /// # Errors
-    /// A parameter outside its domain.
-    pub fn build(&self) -> Result<Linear, LawError> {
-        Ok(Linear {
-            stiffness: 0.0,
             damping: non_negative("damping_n_s_per_m", self.damping_n_s_per_m)?,
         })
     }

@@ -161,7 +161,7 @@ mod tests {
     fn plain_numbers_give_the_bits_of_the_law_and_its_tangents() {
         let specs = [
             "linear = { stiffness_n_per_m = 3.1, damping_n_s_per_m = 0.7 }",
-            "viscous = { damping_n_s_per_m = 0.7 }",
+            "linear = { stiffness_n_per_m = 0, damping_n_s_per_m = 0.7 }",
             "biviscous = { damping_n_s_per_m = 180.0, post_yield_damping_n_s_per_m = 90.0, yield_velocity_m_per_s = 0.3333333333333333 }",
             "square_root = { stiffness_n_per_m = 1e7, hardening_per_sqrt_m = 1.3 }",
             "cubic = { stiffness_n_per_m = 2.5e4, cubic_n_per_m3 = 1e6 }",

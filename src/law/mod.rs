@@ -29,10 +29,10 @@ pub use contact::{Gap, GapSpec, Side};
 pub use damper::{
     Biviscous, BiviscousSpec, PowerDamper, PowerDamperSpec, SmoothFriction, SmoothFrictionSpec,
 };
-pub use elastic::{Cubic, CubicSpec, Linear, LinearSpec, SquareRoot, SquareRootSpec, ViscousSpec};
+pub use elastic::{Cubic, CubicSpec, Linear, LinearSpec, SquareRoot, SquareRootSpec};
 pub use memoryless::Memoryless;
 pub use parallel::Parallel;
-pub use plastic::{Bilinear, BilinearSpec, CoulombSpec, ElasticPlasticSpec};
+pub use plastic::{Bilinear, BilinearSpec};
 pub use spec::LawSpec;
 
 /// Stiffness in N/m and damping in N s/m.

@@ -107,8 +107,8 @@ mod tests {
     fn laws_in_parallel_are_their_sum_all_along_a_path() {
         let text = "parallel = [ \
             { bilinear = { stiffness_n_per_m = 1e6, yield_force_n = 800.0, post_yield_ratio = 0.1 } }, \
-            { viscous = { damping_n_s_per_m = 2e4 } }, \
-            { elastic_plastic = { stiffness_n_per_m = 2e6, yield_force_n = 300.0 } } ]";
+            { linear = { stiffness_n_per_m = 0, damping_n_s_per_m = 2e4 } }, \
+            { bilinear = { post_yield_ratio = 0, stiffness_n_per_m = 2e6, yield_force_n = 300.0 } } ]";
         let spec: LawSpec = toml::from_str(text).unwrap();
         let LawSpec::Parallel(parts) = &spec else {
             panic!("{spec:?}");

@@ -1,8 +1,8 @@
-//! Elastic, then slipping: bilinear with kinematic hardening, elastic–perfectly plastic, Coulomb friction.
+//! Bilinear spring with kinematic hardening. Without hardening it is perfectly plastic, or Coulomb friction.
 //!
-//! One return map serves the three: a spring in series with a slider, and a spring beside both. The state is the
-//! slider's displacement and the force a function of it, so nothing drifts however long the test. For a straight
-//! path the return map is exact; one step equals any number of partial steps.
+//! It is a spring in series with a slider, and a spring beside both.
+//! The state is the displacement of the slider, and the force is a function of it, so nothing drifts in a long test.
+//! For a straight path the return map is exact: one step equals any number of partial steps.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -11,7 +11,8 @@ use super::domain::{fraction, positive, yield_disp};
 use super::{Law, LawError, Reach, Tangent};
 
 /// Bilinear spring with kinematic hardening. The stiffness is k up to the yield force and b k
-/// beyond it. Unloading has stiffness k over twice the yield force.
+/// beyond it. Unloading has stiffness k over twice the yield force. With b = 0 it is perfectly plastic.
+/// It is then also Coulomb friction with slip at the yield force.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct BilinearSpec {
@@ -30,66 +31,20 @@ impl BilinearSpec {
     /// # Errors
     /// A parameter outside its domain.
     pub fn build(&self) -> Result<Bilinear, LawError> {
-        Bilinear::new(
-            self.stiffness_n_per_m,
-            ("yield_force_n", self.yield_force_n),
-            self.post_yield_ratio,
-        )
+        let stiffness = positive("stiffness_n_per_m", self.stiffness_n_per_m)?;
+        let yield_force = positive("yield_force_n", self.yield_force_n)?;
+        Ok(Bilinear {
+            stiffness,
+            yield_force,
+            yield_disp: yield_disp("yield_force_n", yield_force, stiffness)?,
+            ratio: fraction("post_yield_ratio", self.post_yield_ratio)?,
+            committed: Slider::default(),
+            trial: Slider::default(),
+        })
     }
 }
 
-/// Elastic–perfectly plastic spring. The stiffness is k up to the yield force, and the force is
-/// constant beyond it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, rename_all = "snake_case")]
-pub struct ElasticPlasticSpec {
-    /// Elastic stiffness k, greater than 0.
-    #[schemars(example = 1.0e6)]
-    pub stiffness_n_per_m: f64,
-    /// Yield force, greater than 0.
-    #[schemars(example = 2.0e4)]
-    pub yield_force_n: f64,
-}
-
-impl ElasticPlasticSpec {
-    /// # Errors
-    /// A parameter outside its domain.
-    pub fn build(&self) -> Result<Bilinear, LawError> {
-        Bilinear::new(
-            self.stiffness_n_per_m,
-            ("yield_force_n", self.yield_force_n),
-            0.0,
-        )
-    }
-}
-
-/// Coulomb friction. The force grows with an elastic slope up to the slip force, then it is
-/// constant and opposes the motion.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, rename_all = "snake_case")]
-pub struct CoulombSpec {
-    /// Slip force, greater than 0: friction coefficient times normal force.
-    #[schemars(example = 2.0e4)]
-    pub slip_force_n: f64,
-    /// Elastic slope before slip, greater than 0. It is the stiffness of the support of the
-    /// friction surface.
-    #[schemars(example = 1.0e7)]
-    pub stiffness_n_per_m: f64,
-}
-
-impl CoulombSpec {
-    /// # Errors
-    /// A parameter outside its domain.
-    pub fn build(&self) -> Result<Bilinear, LawError> {
-        Bilinear::new(
-            self.stiffness_n_per_m,
-            ("slip_force_n", self.slip_force_n),
-            0.0,
-        )
-    }
-}
-
-/// See [`BilinearSpec`], [`ElasticPlasticSpec`], [`CoulombSpec`].
+/// See [`BilinearSpec`].
 #[derive(Debug, Clone)]
 pub struct Bilinear {
     stiffness: f64,
@@ -123,25 +78,6 @@ impl Slider {
             slipping: number == 1.0,
             flows: number != 0.0,
         }
-    }
-}
-
-impl Bilinear {
-    fn new(
-        stiffness: f64,
-        (force_name, yield_force): (&'static str, f64),
-        ratio: f64,
-    ) -> Result<Self, LawError> {
-        let stiffness = positive("stiffness_n_per_m", stiffness)?;
-        let yield_force = positive(force_name, yield_force)?;
-        Ok(Self {
-            stiffness,
-            yield_force,
-            yield_disp: yield_disp(force_name, yield_force, stiffness)?,
-            ratio: fraction("post_yield_ratio", ratio)?,
-            committed: Slider::default(),
-            trial: Slider::default(),
-        })
     }
 }
 
@@ -301,9 +237,10 @@ mod tests {
 
     #[test]
     fn perfect_plasticity_holds_its_force_and_unloads_elastically() {
-        let mut law = ElasticPlasticSpec {
+        let mut law = BilinearSpec {
             stiffness_n_per_m: 2e6,
             yield_force_n: 1000.0,
+            post_yield_ratio: 0.0,
         }
         .build()
         .unwrap();
@@ -319,9 +256,10 @@ mod tests {
     #[test]
     fn friction_takes_four_slip_forces_times_the_slip_each_cycle() {
         let (force, stiffness, amplitude) = (750.0, 5e7, 0.02);
-        let mut law = CoulombSpec {
-            slip_force_n: force,
+        let mut law = BilinearSpec {
             stiffness_n_per_m: stiffness,
+            yield_force_n: force,
+            post_yield_ratio: 0.0,
         }
         .build()
         .unwrap();

@@ -6,36 +6,29 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    BilinearSpec, BiviscousSpec, BoucWenSpec, CoulombSpec, CubicSpec, ElasticPlasticSpec, GapSpec,
-    Law, LawError, LinearSpec, Parallel, PowerDamperSpec, SmoothFrictionSpec, SquareRootSpec,
-    ViscousSpec,
+    BilinearSpec, BiviscousSpec, BoucWenSpec, CubicSpec, GapSpec, Law, LawError, LinearSpec,
+    Parallel, PowerDamperSpec, SmoothFrictionSpec, SquareRootSpec,
 };
 
 /// Uniaxial force law, for an element of the structure or for a simulated specimen.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub enum LawSpec {
-    /// Linear spring and dashpot, f = k d + c v.
+    /// Linear spring and dashpot, f = k d + c v, or one of them alone.
     Linear(LinearSpec),
     /// Spring that hardens or softens with the square root of the displacement. Source: Gui et al.
     /// 2014, equation 42.
     SquareRoot(SquareRootSpec),
     /// Cubic (Duffing) spring, f = k d + k₃ d³.
     Cubic(CubicSpec),
-    /// Bilinear spring with kinematic hardening.
+    /// Bilinear spring with kinematic hardening, perfectly plastic spring or Coulomb friction.
     Bilinear(BilinearSpec),
-    /// Elastic–perfectly plastic spring.
-    ElasticPlastic(ElasticPlasticSpec),
     /// Bouc–Wen hysteresis, with optional degradation and pinching.
     BoucWen(BoucWenSpec),
     /// Spring behind a gap, in tension, compression or both.
     Gap(GapSpec),
-    /// Coulomb friction with sticking and slipping.
-    Coulomb(CoulombSpec),
     /// Friction that is smoothed around zero velocity by a hyperbolic tangent.
     SmoothFriction(SmoothFrictionSpec),
-    /// Linear dashpot, f = c v.
-    Viscous(ViscousSpec),
     /// Dashpot with a second damping coefficient above a yield velocity.
     Biviscous(BiviscousSpec),
     /// Fluid damper whose force is a power of the velocity.
@@ -66,12 +59,9 @@ impl LawSpec {
             Self::SquareRoot(spec) => Box::new(spec.build()?),
             Self::Cubic(spec) => Box::new(spec.build()?),
             Self::Bilinear(spec) => Box::new(spec.build()?),
-            Self::ElasticPlastic(spec) => Box::new(spec.build()?),
             Self::BoucWen(spec) => Box::new(spec.build()?),
             Self::Gap(spec) => Box::new(spec.build()?),
-            Self::Coulomb(spec) => Box::new(spec.build()?),
             Self::SmoothFriction(spec) => Box::new(spec.build()?),
-            Self::Viscous(spec) => Box::new(spec.build()?),
             Self::Biviscous(spec) => Box::new(spec.build()?),
             Self::PowerDamper(spec) => Box::new(spec.build()?),
             Self::Parallel(specs) => Box::new(Parallel::new(Self::build_all("parallel", specs)?)?),
@@ -83,7 +73,6 @@ impl LawSpec {
     pub const fn yield_force(&self) -> Option<f64> {
         match self {
             Self::Bilinear(spec) => Some(spec.yield_force_n),
-            Self::ElasticPlastic(spec) => Some(spec.yield_force_n),
             Self::BoucWen(spec) => Some(spec.yield_force_n),
             _ => None,
         }
@@ -113,7 +102,7 @@ mod tests {
 
     #[test]
     fn a_wrong_law_in_a_list_is_named_by_its_place_and_key() {
-        let text = "parallel = [ { viscous = { damping_n_s_per_m = 3.0 } }, \
+        let text = "parallel = [ { linear = { stiffness_n_per_m = 0.0, damping_n_s_per_m = 3.0 } }, \
                     { gap = { stiffness_n_per_m = 1e6, gap_m = -0.1, side = \"both\" } } ]";
         let error = toml::from_str::<LawSpec>(text)
             .unwrap()

@@ -52,16 +52,11 @@ pub struct LinkSpec {
     #[schemars(example = &"every_step")]
     pub commands: CommandPace,
     /// Number of successive stale measurements after which the test stops. If no measurement
-    /// arrives before the first tick, it stops at once. Default: determined by `max_stale_s`.
+    /// arrives before the first tick, it stops at once. Default: the number of ticks in 0.1 s, at
+    /// least ten.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(example = 20)]
     pub max_stale: Option<u64>,
-    /// Wall time with only stale measurements after which the test stops, at most 3600 s. With
-    /// `max_stale`, the first limit counts. Default: determined by `max_stale`; without it 0.1 s,
-    /// at least ten ticks.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(example = 0.05)]
-    pub max_stale_s: Option<f64>,
     /// Time without a command after which the specimen must hold, at most 3600 s. Default: 0.25 s,
     /// at least ten ticks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -167,13 +162,8 @@ impl LinkSpec {
     /// Largest number of successive stale measurements, with ticks of `period` seconds.
     #[must_use]
     pub fn stale_bound(&self, period: f64) -> u64 {
-        let fit = |seconds: f64| ((seconds / period).ceil() as u64).max(1);
-        match (self.max_stale, self.max_stale_s) {
-            (Some(count), Some(seconds)) => count.min(fit(seconds)),
-            (Some(count), None) => count,
-            (None, Some(seconds)) => fit(seconds),
-            (None, None) => fit(STALE_S).max(STALE_TICKS),
-        }
+        self.max_stale
+            .unwrap_or_else(|| ((STALE_S / period).ceil() as u64).max(STALE_TICKS))
     }
 }
 

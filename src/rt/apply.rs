@@ -12,6 +12,9 @@ use super::os::{self, Errno, Privileges};
 use super::throttle::{Spin, Throttle};
 use super::{Feature, Granted, RtPlan, Want};
 
+/// Stack that is touched before the first tick, in kB.
+const PREFAULT_STACK_KB: u32 = 256;
+
 /// The kernel as the calling thread meets it.
 pub trait System {
     /// Processors the process may use, in rising order.
@@ -147,11 +150,9 @@ pub fn apply_to(plan: &RtPlan, system: &mut dyn System) -> Granted {
         let asked = "all memory locked".into();
         features.push(lock(asked, system, &privileges));
     }
-    if plan.prefault_stack_kb > 0 {
-        system.touch_stack(plan.prefault_stack_kb);
-        let asked = format!("{} kB of stack touched", plan.prefault_stack_kb);
-        features.push(feature(Want::Prefault, asked, Ok(()), String::new));
-    }
+    system.touch_stack(PREFAULT_STACK_KB);
+    let asked = format!("{PREFAULT_STACK_KB} kB of stack touched");
+    features.push(feature(Want::Prefault, asked, Ok(()), String::new));
 
     Granted {
         complete: features.iter().all(|feature| feature.granted),
@@ -346,7 +347,6 @@ mod tests {
             cpu: None,
             lock_memory: true,
             hold_cpu_awake: true,
-            prefault_stack_kb: 256,
             spin_ns: 60_000,
             period_ns: 1_000_000,
             require: false,
@@ -459,12 +459,11 @@ mod tests {
             fifo_priority: None,
             lock_memory: false,
             hold_cpu_awake: false,
-            prefault_stack_kb: 0,
             ..plan()
         };
         let mut system = Told::new(Some(Errno::PERM), false, Some(0), Some(0));
         let granted = apply_to(&modest, &mut system);
-        assert_eq!(system.asked, ["pin", "signals", "timers"]);
+        assert_eq!(system.asked, ["pin", "signals", "timers", "stack"]);
         assert!(granted.complete);
     }
 

@@ -55,8 +55,6 @@ pub struct RtPlan {
     pub lock_memory: bool,
     /// Keep idle processors out of deep sleep.
     pub hold_cpu_awake: bool,
-    /// Stack to touch before the first tick, in kB.
-    pub prefault_stack_kb: u32,
     /// Spin before each edge, in nanoseconds.
     pub spin_ns: u64,
     /// Length of a tick in nanoseconds: bounds the spin.

@@ -85,7 +85,7 @@ pub fn derived(run: &Run, wanted: &[Derived], rows: Rows) -> Result<Vec<Sum>, De
     if wanted.is_empty() {
         return Ok(Vec::new());
     }
-    let loaded = config::load(&run.path().join("resolved.toml"), &[])?;
+    let loaded = config::load_recorded(&run.path().join("resolved.toml"))?;
     let test = Described::of(&loaded.file, run)?;
     let mut sums = Vec::new();
     for kind in wanted {

@@ -122,7 +122,7 @@ fn structure(
             .trim()
             .to_owned()
     };
-    let loaded = config::load(&path, &[]).map_err(|e| {
+    let loaded = config::load_recorded(&path).map_err(|e| {
         because(format!(
             "resolved.toml cannot be read again ({})",
             first_line(e.to_string())

@@ -366,8 +366,8 @@ pub(super) fn words(ending: &Ending, outcome: &Outcome) -> String {
         Stop::Link { fault, .. } => reason = format!("{reason}: {}", fault.advice()),
         Stop::Stale { .. } => {
             reason.push_str(
-                ": its replies are late, lost or all to one old command. `link` in the summary counts them. The limits are \
-                 `max_stale` and `max_stale_s` in [specimen.link]",
+                ": its replies are late, lost or all to one old command. `link` in the summary counts them. The limit is \
+                 `max_stale` in [specimen.link]",
             );
         }
         Stop::Moved { .. } => {

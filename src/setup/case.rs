@@ -49,10 +49,9 @@ fn actuator(number: usize, table: &SpecimenTable) -> Actuator {
 
 /// Key of what decides how a specimen follows: the compensation, or else the actuator.
 const fn decides(table: &SpecimenTable) -> &'static str {
-    match (&table.compensation, &table.link, &table.stand_in_transfer) {
+    match (&table.compensation, &table.link, &table.transfer) {
         (Some(_), _, _) => "compensation",
-        (None, None, _) => "transfer",
-        (None, Some(_), Some(_)) => "stand_in_transfer",
+        (None, None, _) | (None, Some(_), Some(_)) => "transfer",
         (None, Some(_), None) => "identified",
     }
 }

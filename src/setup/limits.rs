@@ -195,7 +195,7 @@ pub(super) fn facts(
         "not counted in the {} ticks of the warm-up; the test starts only if the second half of the warm-up keeps the limits",
         limits.warmup_ticks
     );
-    let window = format!("in {} s, {warm_up}", file.timing.miss_window_s);
+    let window = format!("in {} s, {warm_up}", file.timing.misses.window_s);
     for (quantity, unit, judged) in [
         (Limit::MissesInARow, "in a row", &warm_up),
         (Limit::MissesInWindow, "in a window", &window),

@@ -158,11 +158,11 @@ fn build_as<'a>(
 
 fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
     let file = &site.loaded.file;
-    if let Err(error) = file.timing.check() {
-        return site.refuse_key(&path("timing"), error.key(), &error);
-    }
-    if let Err(error) = file.timing.check_cpu(&rt::os::process_cpus()) {
-        return site.refuse_key(&path("timing"), error.key(), &error);
+    let on_this_machine = || file.timing.check_cpu(&rt::os::process_cpus());
+    if let Err(error) = file.timing.check().and_then(|()| on_this_machine()) {
+        let keys = error.keys();
+        let at = keys.iter().fold(path("timing"), |at, key| at.key(key));
+        return site.refuse(Finding::error(at, error.to_string()));
     }
     let specimens = specimens::specimens(site)?;
     let (side, settling, mut structure) = match &file.structure {

@@ -43,10 +43,7 @@ fn initial_forces(table: &SpecimenTable) -> Vec<InitialForce> {
     let axes = table.axes_by_itself();
     let limits = table.limits_of(axes);
     let of_axis = |(axis, limits): (usize, &LimitsSpec)| {
-        let yields = table
-            .stand_in
-            .as_ref()
-            .and_then(|law| law.yield_force(axis));
+        let yields = table.stand_in().and_then(|(_, law)| law.yield_force(axis));
         let trip = limits.trip(Limit::MeasuredForce);
         let limit = trip.map(|levels| levels[0].abs().min(levels[1].abs()));
         let (of, force) = match (yields, limit.filter(|limit| limit.is_finite())) {
@@ -127,13 +124,10 @@ pub(super) fn test_limits(file: &TestFile, time: &Time) -> TestLimits {
             Bound::NONE,
         ),
         misses: MissLevels {
-            warn_in_a_row: half(
-                timing.warn_consecutive_misses,
-                timing.max_consecutive_misses,
-            ),
-            warn_in_all: half(timing.warn_total_misses, timing.miss_bound(ticks)),
+            warn_in_a_row: half(timing.misses.in_a_row.warn, timing.misses.max_in_a_row()),
+            warn_in_all: half(timing.misses.in_total.warn, timing.miss_bound(ticks)),
             window_ticks,
-            warn_in_window: half(timing.warn_misses_in_window, most_in_window),
+            warn_in_window: half(timing.misses.in_window.warn, most_in_window),
             most_in_window,
         },
     }

@@ -217,7 +217,7 @@ mod tests {
         let text = "bouc_wen = { stiffness_n_per_m = 1.19e6, yield_force_n = 1190.0, \
                     post_yield_ratio = 0.1, beta = 0.5, gamma = 0.5, exponent = 2.5 }";
         let spec: LawSpec = toml::from_str(text).unwrap();
-        let damper = "viscous = { damping_n_s_per_m = 500.0 }";
+        let damper = "linear = { stiffness_n_per_m = 0, damping_n_s_per_m = 500.0 }";
         let damper: LawSpec = toml::from_str(damper).unwrap();
         vec![spec.build().unwrap(), damper.build().unwrap()]
     }

@@ -96,7 +96,8 @@ mod tests {
     use crate::specimen::SpecimenLaw;
 
     fn plastic() -> Box<dyn Specimen> {
-        let text = "elastic_plastic = { stiffness_n_per_m = 1e5, yield_force_n = 300.0 }";
+        let text =
+            "bilinear = { post_yield_ratio = 0, stiffness_n_per_m = 1e5, yield_force_n = 300.0 }";
         let law: LawSpec = toml::from_str(text).unwrap();
         SpecimenLaw::Law(law).build(1).unwrap()
     }

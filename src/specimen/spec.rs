@@ -97,7 +97,7 @@ mod tests {
     fn the_three_keys_of_a_specimen_build_what_they_say() {
         let one = "law = { bouc_wen = { stiffness_n_per_m = 1e6, yield_force_n = 1e3, \
                    post_yield_ratio = 0.1, beta = 0.5, gamma = 0.5, exponent = 2 } }";
-        let two = "laws = [ { linear = { stiffness_n_per_m = 2.0 } }, { viscous = { damping_n_s_per_m = 3.0 } } ]";
+        let two = "laws = [ { linear = { stiffness_n_per_m = 2.0 } }, { linear = { stiffness_n_per_m = 0, damping_n_s_per_m = 3.0 } } ]";
         let full = "coupled = { stiffness_n_per_m = [[2.0, -1.0], [-1.0, 2.0]] }";
         for (text, axes) in [(one, 1), (one, 3), (two, 2), (full, 2)] {
             let specimen = read(text).unwrap().unwrap().build(axes).unwrap();

@@ -121,7 +121,6 @@ pub struct Transfer {
     is_noisy: bool,
     feels: bool,
     limits_force: bool,
-    tells: bool,
     seed: u64,
     /// Committed ticks and test time.
     ticks: u64,
@@ -180,7 +179,6 @@ impl Transfer {
             is_noisy: sensors.0.is_noisy() || sensors.1.is_noisy(),
             feels,
             limits_force: !feels && bounds.force.is_finite(),
-            tells: spec.tell_saturation.unwrap_or(true),
             seed: spec.seed,
             ticks: 0,
             elapsed: 0.0,
@@ -389,7 +387,7 @@ impl Specimen for Transfer {
     }
 
     fn is_saturated(&self) -> bool {
-        self.saturated && self.tells
+        self.saturated
     }
 
     fn is_settled(&self) -> bool {

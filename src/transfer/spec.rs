@@ -42,11 +42,6 @@ pub struct TransferSpec {
     pub force_sensor: ForceSensorSpec,
     /// Seed of the sensor noise. Equal seeds give equal noise.
     pub seed: u64,
-    /// If false, the specimen does not report that it reached the end of its stroke, force or
-    /// sensor range. The test then continues with the limited measurements. Default: true.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(example = false)]
-    pub tell_saturation: Option<bool>,
 }
 
 /// Dynamics of an actuator with command u and position x.

@@ -54,11 +54,11 @@ exponent = 1.5
 /// Bounds that a busy machine does not reach: the tests judge numbers, never lateness.
 pub const PATIENT: [&str; 6] = [
     "--set",
-    "timing.max_total_misses=1000000",
+    "timing.misses.in_total.trip=1000000",
     "--set",
-    "timing.max_consecutive_misses=1000000",
+    "timing.misses.in_a_row.trip=1000000",
     "--set",
-    "timing.max_misses_in_window=1000000",
+    "timing.misses.in_window.trip=1000000",
 ];
 
 /// The binary, with nothing from the terminal that runs the tests.

@@ -71,8 +71,8 @@ fn long() -> String {
         .replace("duration_s = 0.5", "duration_s = 600")
         .replace("\"simulated\"", "\"real\"");
     format!(
-        "{text}[timing]\npolicy = \"ordinary\"\nmax_total_misses = 1000000\nmax_consecutive_misses = 1000000\n\
-         max_misses_in_window = 1000000\n"
+        "{text}[timing]\npolicy = \"ordinary\"\nmisses.in_total.trip = 1000000\nmisses.in_a_row.trip = 1000000\n\
+         misses.in_window.trip = 1000000\n"
     )
 }
 

@@ -30,8 +30,8 @@ fn in_real_time(steps: u32, address: &str, transport: &str, keys: &str) -> Strin
     .replace("clock = \"simulated\"", "clock = \"real\"\nscale = 5")
     .replace(
         "[timing]",
-        "[timing]\npolicy = \"ordinary\"\nmax_consecutive_misses = 100000\nmax_total_misses = 100000\n\
-         max_misses_in_window = 100000",
+        "[timing]\npolicy = \"ordinary\"\nmisses.in_a_row.trip = 100000\nmisses.in_total.trip = 100000\n\
+         misses.in_window.trip = 100000",
     )
 }
 

@@ -196,7 +196,12 @@ impl Clock for Jumping {
 
 #[test]
 fn a_clock_that_jumps_costs_wall_time_and_no_step() {
-    let test = || two_floors(80, "[timing]\nwarmup_ticks = 2\nmax_total_misses = 1000\n");
+    let test = || {
+        two_floors(
+            80,
+            "[timing]\nwarmup_ticks = 2\nmisses.in_total.trip = 1000\n",
+        )
+    };
     let smooth = run_on(test(), SimClock::new());
     let clock = Jumping {
         clock: SimClock::new(),

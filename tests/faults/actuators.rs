@@ -47,7 +47,7 @@ fn test(compensation: &str, rig: Option<&str>) -> Loaded {
         "title = \"Behind a wire\"\n[time]\nrate_hz = 1000\nduration_s = 0.6\nclock = \"simulated\"\n\
          [structure.shear_building]\nmass_kg = [1000.0, 900.0]\nstiffness_n_per_m = [0, 4e5]\n\
          [structure.damping.rayleigh_ratio]\nratio = 0.1\nmodes = [1, 2]\n[integrator]\nlambda = 4\n\
-         [excitation.ground_acceleration.signal.sine]\namplitude = 2.0\nfrequency_hz = 3.0\n[timing]\nwarmup_ticks = 5\nmax_total_misses = 1000000\nmax_consecutive_misses = 1000000\nmax_misses_in_window = 1000000\n\
+         [excitation.ground_acceleration.signal.sine]\namplitude = 2.0\nfrequency_hz = 3.0\n[timing]\nwarmup_ticks = 5\nmisses.in_total.trip = 1000000\nmisses.in_a_row.trip = 1000000\nmisses.in_window.trip = 1000000\n\
          [safety]\nzero_s = 0.02\nramp_s = 0.01\n[[specimen]]\nname = \"column\"\nstorey = 1\nstiffness_n_per_m = 6e5\n\
          damping_n_s_per_m = 0\nlimits = {{ command_disp_m = {{ trip = [-0.5, 0.5] }}, measured_force_n = {{ trip = [-1e5, 1e5] }} }}\n\
          compensation = {{ {compensation} }}\n{behind}"

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use gusset::catalog::limit::{CheckedBy, Judges, Kind, Row, Scope, TABLE};
 
 /// Further limits of the test and of links: key, unit, what is judged, default, table.
-pub const FURTHER_LIMITS: [[&str; 5]; 6] = [
+pub const FURTHER_LIMITS: [[&str; 5]; 5] = [
     [
         "divergence_m",
         "m",
@@ -17,14 +17,7 @@ pub const FURTHER_LIMITS: [[&str; 5]; 6] = [
         "max_stale",
         "ticks",
         "stale measurements in a row",
-        "from `max_stale_s`",
-        "specimen.link",
-    ],
-    [
-        "max_stale_s",
-        "s",
-        "time with stale measurements only",
-        "0.1 s, at least ten ticks",
+        "the ticks in 0.1 s, at least ten",
         "specimen.link",
     ],
     [
@@ -94,12 +87,13 @@ pub fn limit_table() -> String {
          `gusset serve` with a specimen behind a link. A *Gusset server* is any server of the Gusset protocol: the controller \
          announces these limits to it when a test begins.\n\n\
          ## Limits of the test\n\n\
-         The controller checks them.\n\n\
+         The controller checks them. The limits of deadline misses have these names in events. Their keys are `in_a_row`, \
+         `in_window` and `in_total`.\n\n\
          | key | unit | what is judged | levels | default | table |\n|---|---|---|---|---|---|\n",
     );
     for row in TABLE.iter().filter(|row| row.scope() == Scope::Test) {
         let table = if row.judges == Judges::Misses {
-            "`[timing]`"
+            "`[timing.misses]`"
         } else {
             "`[safety]`"
         };

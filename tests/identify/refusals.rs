@@ -115,10 +115,10 @@ fn bands_durations_and_specimens_that_cannot_be_are_refused() {
 
 #[test]
 fn a_dead_sensor_ends_with_1_and_says_why() {
-    // A stroke of nothing: the actuator does not move, only its sensor's noise is left.
+    // The actuator does not move, and the sensor reads noise only.
     let dead = TEST.replace(
         "actuator.first_order = { time_constant_s = 0.0123 }",
-        "stroke_m = 1e-9\ntell_saturation = false",
+        "actuator.proportional = { gain = 1e-9 }",
     );
     let said = attempt(&dead, &SHORT, |out| {
         assert!(out.join("samples.bin").exists() && out.join("report.html").exists());

@@ -243,7 +243,7 @@ fn a_specimen_that_is_commanded_once_a_step_has_as_many_exchanges_as_steps() {
 #[test]
 fn every_limit_of_the_test_as_a_whole_is_shown_and_scraped() {
     let text = format!(
-        "{}\n[safety]\nadded_energy_share = {{ warn = 0.1, trip = 0.2, floor_j = 1.0 }}\n[timing]\nmax_misses_in_window = 9\n",
+        "{}\n[safety]\nadded_energy_share = {{ warn = 0.1, trip = 0.2, floor_j = 1.0 }}\n[timing]\nmisses.in_window.trip = 9\n",
         crate::common::FRAME
     );
     let experiment = prepare(&text).experiment;

@@ -31,10 +31,7 @@ fn a_new_test_warns_of_a_specimen_that_has_yielded_before() {
             "[specimen.limits]\nmeasured_force_n = { trip = [-5e3, 5e3] }\n",
             "measured_force_n",
         ),
-        (
-            &format!("[specimen.stand_in.law]\n{law}\n"),
-            "yield_force_n",
-        ),
+        (&format!("[specimen.law]\n{law}\n"), "yield_force_n"),
     ] {
         let served = link_common::Served::start(home.path(), &serve, &[]);
         let text = link_common::linked(300, &served.address, "watchdog_s = 20\n") + more;

@@ -191,10 +191,10 @@ fn grouped(needs: &Needs, place: usize) -> Vec<Line> {
 const fn in_words(stand_in: StandIn) -> &'static str {
     match stand_in {
         StandIn::Itself => "computed by its own law",
-        StandIn::Law => "behind a link; rehearsed with its `stand_in`",
+        StandIn::Law => "behind a link; rehearsed with its stand-in",
         StandIn::Linear => "behind a link; rehearsed as a linear spring of its declared stiffness",
         StandIn::Nothing => {
-            "behind a link; its force is unknown: set its stiffness or a `stand_in`"
+            "behind a link; its force is unknown: set its stiffness or a stand-in `law`"
         }
     }
 }

@@ -4,6 +4,7 @@ use super::Findings;
 use crate::config::certificate::{UncertaintyTable, number_at};
 use crate::config::diagnose::Finding;
 use crate::config::document::{KeyPath, Segment};
+use crate::config::renamed;
 use crate::config::schema::TestFile;
 use crate::config::specimen::SpecimenTable;
 use crate::config::suggest::nearest;
@@ -11,7 +12,7 @@ use crate::config::suggest::nearest;
 /// Tables whose numbers may be uncertain.
 const UNCERTAIN: [&str; 3] = ["structure", "excitation", "specimen"];
 
-/// `identified`, `capacity` and `stand_in_transfer` of one specimen.
+/// `identified` and `capacity` of one specimen.
 pub(super) fn check_known(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
     if let Some(identified) = &specimen.identified {
         let at = at.key("identified");
@@ -41,13 +42,6 @@ pub(super) fn check_known(specimen: &SpecimenTable, at: &KeyPath, findings: &mut
         for (key, _, value) in capacity.entries() {
             findings.positive(at.key("capacity").key(key), value);
         }
-    }
-    if specimen.stand_in_transfer.is_some() && specimen.link.is_none() {
-        let text = "a simulated law has its own `transfer`";
-        let finding = Finding::error(at.key("stand_in_transfer"), text).at_key();
-        findings
-            .0
-            .push(finding.label("only for a specimen behind a link"));
     }
 }
 
@@ -106,7 +100,7 @@ pub(super) fn check_certificate(file: &TestFile, findings: &mut Findings) {
         }
         let at = at.key("key");
         let path = match KeyPath::parse(&one.key) {
-            Ok(path) => path,
+            Ok(path) => renamed::current(&path, None).map_or(path, |(new, _)| new),
             Err(error) => {
                 let headline = format!("{:?} is no dotted path: {}", one.key, error.message);
                 findings.0.push(Finding::error(at, headline));
@@ -191,16 +185,15 @@ fn unfelt(file: &TestFile, path: &KeyPath) -> Option<(&'static str, &'static str
     };
     let table = file.specimen.get(*index).filter(|_| key(0) == "specimen")?;
     let is_remote = table.link.is_some();
-    let of_law = if !is_remote {
+    let has_law = !table.sources().is_empty();
+    let of_law = if has_law {
         "vary a parameter of its law"
-    } else if table.stand_in.is_some() {
-        "vary a parameter of its `stand_in`"
     } else {
-        "vary `stiffness_n_per_m`, a parameter of a `stand_in`, or set `identified.stiffness_std_n_per_m`"
+        "vary `stiffness_n_per_m`, a parameter of its stand-in `law`, or set `identified.stiffness_std_n_per_m`"
     };
     match (key(2), key(3)) {
         ("stiffness_n_per_m" | "damping_n_s_per_m", _) => {
-            (!is_remote || table.stand_in.is_some()).then_some((
+            has_law.then_some((
                 "this is an estimate of the controller, not a property of the specimen: it is the same in every trial",
                 of_law,
             ))
@@ -221,9 +214,9 @@ fn unfelt(file: &TestFile, path: &KeyPath) -> Option<(&'static str, &'static str
         ("identified", _) if !is_remote => {
             Some(("a simulated law has its own actuator", "vary a parameter of its `transfer`"))
         }
-        ("identified", _) if table.stand_in_transfer.is_some() => Some((
-            "its stand-in has the actuator of `stand_in_transfer`",
-            "vary a parameter of its `stand_in_transfer`",
+        ("identified", _) if table.transfer.is_some() => Some((
+            "its stand-in has the actuator of `transfer`",
+            "vary a parameter of its `transfer`",
         )),
         _ => None,
     }

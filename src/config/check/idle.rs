@@ -227,17 +227,10 @@ fn of_real_time(timing: &TimingSpec) -> Vec<&'static str> {
         spin_us,
         lock_memory,
         hold_cpu_awake,
-        prefault_stack_kb,
         require_realtime,
         on_miss,
         max_catch_up_ticks: _,
-        max_consecutive_misses,
-        max_total_misses,
-        max_misses_in_window,
-        miss_window_s,
-        warn_consecutive_misses,
-        warn_total_misses,
-        warn_misses_in_window,
+        misses,
         // Its ticks are run on every clock.
         warmup_ticks: _,
     } = timing;
@@ -248,22 +241,9 @@ fn of_real_time(timing: &TimingSpec) -> Vec<&'static str> {
         ("spin_us", *spin_us != usual.spin_us),
         ("lock_memory", *lock_memory != usual.lock_memory),
         ("hold_cpu_awake", *hold_cpu_awake != usual.hold_cpu_awake),
-        (
-            "prefault_stack_kb",
-            *prefault_stack_kb != usual.prefault_stack_kb,
-        ),
         ("require_realtime", *require_realtime),
         ("on_miss", *on_miss != usual.on_miss),
-        (
-            "max_consecutive_misses",
-            *max_consecutive_misses != usual.max_consecutive_misses,
-        ),
-        ("max_total_misses", max_total_misses.is_some()),
-        ("max_misses_in_window", max_misses_in_window.is_some()),
-        ("miss_window_s", *miss_window_s != usual.miss_window_s),
-        ("warn_consecutive_misses", warn_consecutive_misses.is_some()),
-        ("warn_total_misses", warn_total_misses.is_some()),
-        ("warn_misses_in_window", warn_misses_in_window.is_some()),
+        ("misses", *misses != usual.misses),
     ];
     let given = keys.into_iter().filter(|(_, given)| *given);
     given.map(|(key, _)| key).collect()
@@ -292,7 +272,6 @@ pub(super) fn check_idle_served(
             "spin_us",
             "lock_memory",
             "hold_cpu_awake",
-            "prefault_stack_kb",
             "require_realtime",
         ];
         let why = "a server has no ticks: the controller keeps the deadlines";

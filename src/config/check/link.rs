@@ -57,7 +57,6 @@ pub(super) fn check_link(
                 .label("must be zero or greater"),
         );
     }
-    findings.positive(here.key("max_stale_s"), link.max_stale_s);
     if link.max_stale == Some(0) {
         findings.0.push(
             Finding::error(here.key("max_stale"), "`max_stale` is 0")

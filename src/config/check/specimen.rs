@@ -27,31 +27,24 @@ pub(super) fn check_specimen(
     at: &KeyPath,
     findings: &mut Findings,
 ) {
-    let mut given: Vec<_> = specimen.sources().iter().map(|(key, _)| *key).collect();
-    if specimen.link.is_some() {
-        given.push("link");
+    let laws: Vec<_> = specimen.sources().iter().map(|(key, _)| *key).collect();
+    match (&specimen.link, laws.len()) {
+        (Some(_), 0 | 1) => {}
+        (Some(_), _) => findings.exactly_one(
+            at,
+            &laws,
+            &["law", "laws", "coupled"],
+            "beside a `link` it is the stand-in for rehearsals",
+        ),
+        (None, _) => findings.exactly_one(
+            at,
+            &laws,
+            &["law", "laws", "coupled", "link"],
+            "a specimen is either simulated (`law`, `laws`, `coupled`) or behind a `link`",
+        ),
     }
-    findings.exactly_one(
-        at,
-        &given,
-        &["law", "laws", "coupled", "link"],
-        "a specimen is either simulated (`law`, `laws`, `coupled`) or behind a `link`",
-    );
     match &specimen.link {
-        Some(link) => {
-            check_link(specimen, link, at, findings);
-            if specimen.transfer.is_some() {
-                findings.0.push(
-                    Finding::error(
-                        at.key("transfer"),
-                        "a specimen behind a link has its own actuator",
-                    )
-                    .at_key()
-                    .label("only for a law")
-                    .help("give the `transfer` in the file of `gusset serve`"),
-                );
-            }
-        }
+        Some(link) => check_link(specimen, link, at, findings),
         None if specimen.hardening_bound.is_some() => findings.0.push(
             Finding::error(at.key("hardening_bound"), "a law has its own bound")
                 .at_key()
@@ -72,16 +65,6 @@ pub(super) fn check_specimen(
                 .help("`gusset serve --fault` injects faults at the server"),
             );
         }
-    }
-    if specimen.stand_in.is_some() && specimen.link.is_none() {
-        findings.0.push(
-            Finding::error(
-                at.key("stand_in"),
-                "a simulated specimen needs no `stand_in`",
-            )
-            .at_key()
-            .label("only for a specimen behind a link"),
-        );
     }
     let seen: Vec<_> = [
         ("storey", specimen.storey.is_some()),
@@ -166,24 +149,20 @@ fn check_time(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
     if specimen.similitude.time == 1.0 {
         return;
     }
-    for (key, spec) in [
-        ("transfer", &specimen.transfer),
-        ("stand_in_transfer", &specimen.stand_in_transfer),
-    ] {
-        if spec.as_ref().is_some_and(TransferSpec::has_its_own_time) {
-            findings.0.push(
-                Finding::error(
-                    at.key(key),
-                    "a simulated actuator runs in test time: `similitude.time` must be 1",
-                )
-                .at_key()
-                .label("runs in test time")
-                .beside(
-                    at.key("similitude").key("time"),
-                    "the specimen has another time scale",
-                ),
-            );
-        }
+    let spec = specimen.transfer.as_ref();
+    if spec.is_some_and(TransferSpec::has_its_own_time) {
+        findings.0.push(
+            Finding::error(
+                at.key("transfer"),
+                "a simulated actuator runs in test time: `similitude.time` must be 1",
+            )
+            .at_key()
+            .label("runs in test time")
+            .beside(
+                at.key("similitude").key("time"),
+                "the specimen has another time scale",
+            ),
+        );
     }
 }
 
@@ -390,7 +369,7 @@ pub(super) fn check_names(specimens: &[SpecimenTable], findings: &mut Findings) 
 /// Noise that is meant to be independent, but comes of one seed.
 pub(super) fn check_seeds(specimens: &[SpecimenTable], findings: &mut Findings) {
     let seed = |table: &SpecimenTable| {
-        let noisy = table.transfer.as_ref().filter(|spec| spec.is_noisy());
+        let noisy = table.own_transfer().filter(|spec| spec.is_noisy());
         noisy.map(|spec| spec.seed)
     };
     for (index, specimen) in specimens.iter().enumerate() {

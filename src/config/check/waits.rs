@@ -163,7 +163,6 @@ pub(super) fn check_link_waits(
     for (key, value) in [
         ("connect_timeout_s", Some(link.connect_timeout_s)),
         ("reply_timeout_s", Some(link.reply_timeout_s)),
-        ("max_stale_s", link.max_stale_s),
     ] {
         findings.at_most(at, key, value, (OWED_S, "s"), owed);
     }

@@ -71,11 +71,6 @@ fn what_was_identified_has_its_ranges() {
             "`specimen[0].capacity.power_w` must be greater than zero",
         ),
         ("power_w = 4e3", "power_kw = 4", "did you mean `power_w`?"),
-        (
-            "capacity",
-            "stand_in_transfer.delay_s = 0.01\ncapacity",
-            "only for a specimen behind a link",
-        ),
     ] {
         shows(&complaint_of(&with(KNOWN), change, to), words);
     }
@@ -143,19 +138,15 @@ fn what_no_trial_feels_is_refused_with_what_is_in_its_place() {
     let (before, _) = GOOD.split_once("law = ").unwrap();
     let remote = |more: &str| format!("{before}{LINK}{KNOWN}{more}");
     let law = "reach_disp_m = 0.1\nstiffness_n_per_m = 1e6\n";
-    let stand_in = "stand_in.law.linear = { stiffness_n_per_m = 1e6 }\n";
-    let transfer = "stand_in_transfer = { delay_s = 0.01 }\n";
+    let stand_in = "law.linear = { stiffness_n_per_m = 1e6 }\n";
+    let transfer = "transfer = { delay_s = 0.01 }\n";
     for (text, key, instead) in [
         (remote(""), "stiffness_n_per_m", None),
         (remote(""), "damping_n_s_per_m", None),
         (remote(""), "identified.delay_s", None),
         (remote(""), "identified.noise_force_n", None),
-        (remote(transfer), "stand_in_transfer.delay_s", None),
-        (
-            remote(stand_in),
-            "stand_in.law.linear.stiffness_n_per_m",
-            None,
-        ),
+        (remote(transfer), "transfer.delay_s", None),
+        (remote(stand_in), "law.linear.stiffness_n_per_m", None),
         (
             with(law),
             "stiffness_n_per_m",
@@ -174,12 +165,12 @@ fn what_no_trial_feels_is_refused_with_what_is_in_its_place() {
         (
             remote(stand_in),
             "stiffness_n_per_m",
-            Some("vary a parameter of its `stand_in`"),
+            Some("vary a parameter of its law"),
         ),
         (
             remote(stand_in),
             "damping_n_s_per_m",
-            Some("vary a parameter of its `stand_in`"),
+            Some("vary a parameter of its law"),
         ),
         (
             remote(""),
@@ -199,7 +190,7 @@ fn what_no_trial_feels_is_refused_with_what_is_in_its_place() {
         (
             remote(transfer),
             "identified.delay_s",
-            Some("vary a parameter of its `stand_in_transfer`"),
+            Some("vary a parameter of its `transfer`"),
         ),
         (
             remote(""),

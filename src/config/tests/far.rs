@@ -80,7 +80,7 @@ fn a_structure_without_floors_is_refused_as_one() {
 fn an_estimate_that_is_far_from_what_stands_in_for_the_specimen_is_told_of() {
     let linked = TEST.replace(
         "law = { linear = { stiffness_n_per_m = 1e5 } }",
-        "stand_in = { law = { linear = { stiffness_n_per_m = 1e5 } } }\nlimits = { command_disp_m = { trip = [-0.1, 0.1] }, \
+        "law = { linear = { stiffness_n_per_m = 1e5 } }\nlimits = { command_disp_m = { trip = [-0.1, 0.1] }, \
          measured_force_n = { trip = [-1e4, 1e4] } }\nlink = { address = \"127.0.0.1:4823\" }",
     );
     for (given, told) in [("1e8", true), ("1.2e5", false)] {

@@ -84,21 +84,19 @@ fn defaults_that_are_written_down_are_nothing_to_be_told_of() {
 #[test]
 fn keys_of_a_link_that_wait_for_another_are_told_of() {
     let stop = "specimen.0.link.on_stale=stop";
-    for (key, value) in [("max_stale", "3"), ("max_stale_s", "0.1")] {
-        let set = format!("specimen.0.link.{key}={value}");
-        let path = format!("specimen[0].link.{key}");
-        idle(LINKED, &[stop, &set], &path, "stops at the first one");
-        let lockstep = "specimen.0.link.coupling=lockstep";
-        idle(LINKED, &[lockstep, &set], &path, "waits for every reply");
-        let openfresco = "specimen.0.link.protocol=openfresco";
-        let stands = "specimen.0.link.stands_at_m=[0]";
-        idle(
-            LINKED,
-            &[openfresco, stands, &set],
-            &path,
-            "OpenFresco's protocols wait",
-        );
-    }
+    let set = "specimen.0.link.max_stale=3";
+    let path = "specimen[0].link.max_stale";
+    idle(LINKED, &[stop, set], path, "stops at the first one");
+    let lockstep = "specimen.0.link.coupling=lockstep";
+    idle(LINKED, &[lockstep, set], path, "waits for every reply");
+    let openfresco = "specimen.0.link.protocol=openfresco";
+    let stands = "specimen.0.link.stands_at_m=[0]";
+    idle(
+        LINKED,
+        &[openfresco, stands, set],
+        path,
+        "OpenFresco's protocols wait",
+    );
     idle(
         LINKED,
         &[
@@ -115,12 +113,7 @@ fn keys_of_a_link_that_wait_for_another_are_told_of() {
         "`probe_m`, which is missing",
     );
     let openfresco = "specimen.0.link.protocol=openfresco";
-    for (key, value) in [
-        ("udp_hello", "true"),
-        ("udp_endian", "true"),
-        ("version", "2.7"),
-        ("site", "3"),
-    ] {
+    for (key, value) in [("udp_hello", "true"), ("version", "2.7"), ("site", "3")] {
         let set = format!("specimen.0.link.openfresco.{key}={value}");
         let path = format!("specimen[0].link.openfresco.{key}");
         let stands = "specimen.0.link.stands_at_m=[0]";
@@ -249,13 +242,6 @@ fn keys_of_a_specimen_that_need_another_are_told_of() {
         "specimen[0].transfer.seed",
         "no sensor of this specimen has noise",
     );
-    let silent = "specimen.0.transfer={delay_s=0.01,tell_saturation=false}";
-    idle(
-        GOOD,
-        &[silent],
-        "specimen[0].transfer.tell_saturation",
-        "only with `stroke_m`",
-    );
     let held = "specimen.0.transfer={delay_s=0.01,between_ticks=\"held\"}";
     idle(
         GOOD,
@@ -307,14 +293,14 @@ fn what_is_asked_of_the_machine_on_the_simulated_clock_is_told_of_once() {
     let text = GOOD.replace("duration_s = 20", "duration_s = 20\nclock = \"simulated\"");
     let asked = [
         "timing.priority=50",
-        "timing.max_total_misses=3",
+        "timing.misses.in_total.trip=3",
         "timing.warmup_ticks=4",
     ];
     let told_of = told(&text, &asked);
     let [one] = told_of.as_slice() else {
         panic!("{told_of:?}");
     };
-    shows(one, "`priority`, `max_total_misses`");
+    shows(one, "`priority`, `misses`");
     assert!(!one.contains("warmup_ticks"), "{one}");
     // Whoever leads a test on the simulated clock this once knows it.
     let chosen = [asked.as_slice(), &["time.clock=simulated"]].concat();

@@ -33,28 +33,6 @@ error: unknown key `duration` in `time`
 }
 
 #[test]
-fn a_removed_key_is_refused_and_passed_over_in_a_run_folder_at_its_default() {
-    let with = |value: &str| format!("{GOOD}[timing]\ncatch_up_remote = {value}\n");
-    for (name, value, refused) in [
-        ("test.toml", "false", true),
-        ("test.toml", "true", true),
-        ("resolved.toml", "false", false),
-        ("resolved.toml", "true", true),
-    ] {
-        match parse(Path::new(name), with(value), &[]) {
-            Ok(_) => assert!(!refused, "{name} {value}"),
-            Err(error) => {
-                assert!(refused, "{name} {value}: {error}");
-                let text = error.to_string();
-                shows(&text, "`timing.catch_up_remote` was removed");
-                shows(&text, "up to version 0.1.0");
-                shows(&text, "on_miss");
-            }
-        }
-    }
-}
-
-#[test]
 fn an_override_of_the_wrong_type_is_shown_in_the_argument() {
     let text = complaint_about_set(&["time.duration_s=2o"]);
     shows(

@@ -171,8 +171,8 @@ fn a_damping_of_the_wrong_sign_is_refused_unless_something_makes_up_for_it() {
     // No damping, a singular one, and one with digits that were rounded away are none of that; dashpots beside it make up for it.
     let singular = dashpots(100.0, "").replace("[[200,", "[[100,");
     let rounded = singular.replace("[[100, -100], [-100,", "[[100, -100.00001], [-100.00001,");
-    let element = "[[structure.element]]\nfrom = \"ground\"\nto = 1\nlaw.viscous.damping_n_s_per_m = 1e3\n\
-                   [[structure.element]]\nfrom = 1\nto = 2\nlaw.viscous.damping_n_s_per_m = 1e3\n";
+    let element = "[[structure.element]]\nfrom = \"ground\"\nto = 1\nlaw.linear = { stiffness_n_per_m = 0, damping_n_s_per_m = 1e3 }\n\
+                   [[structure.element]]\nfrom = 1\nto = 2\nlaw.linear = { stiffness_n_per_m = 0, damping_n_s_per_m = 1e3 }\n";
     for text in [
         dashpots(0.0, ""),
         singular,
@@ -242,7 +242,7 @@ fn a_branch_that_falls_at_rest_proves_no_growth() {
 fn what_is_tied_to_the_inertial_frame_wants_absolute_coordinates() {
     let tied = GOOD.replace(
         "[excitation.ground",
-        "[[structure.element]]\nfrom = \"fixed\"\nto = 3\nlaw.viscous.damping_n_s_per_m = 1e3\n[excitation.ground",
+        "[[structure.element]]\nfrom = \"fixed\"\nto = 3\nlaw.linear = { stiffness_n_per_m = 0, damping_n_s_per_m = 1e3 }\n[excitation.ground",
     );
     let said = read(&tied, &[]).unwrap_err().to_string();
     for words in [
@@ -254,7 +254,7 @@ fn what_is_tied_to_the_inertial_frame_wants_absolute_coordinates() {
         assert!(said.contains(words), "{said}");
     }
     let chain = "[time]\nstep_s = 0.01\nduration_s = 1\n[structure.chain]\ndofs = 3\nmass_kg = 1\nstiffness_n_per_m = 1e3\n\
-                 absolute_damper.viscous.damping_n_s_per_m = 1\n[excitation.MOVED.signal.sine]\namplitude = 1\nfrequency_hz = 1\n";
+                 absolute_damper.linear = { stiffness_n_per_m = 0, damping_n_s_per_m = 1 }\n[excitation.MOVED.signal.sine]\namplitude = 1\nfrequency_hz = 1\n";
     let said = read(&chain.replace("MOVED", "ground_acceleration"), &[])
         .unwrap_err()
         .to_string();

@@ -75,7 +75,6 @@ fn the_waits_of_a_link_have_longest_ones_too() {
     for (key, value, most) in [
         ("connect_timeout_s", "1e18", "3600 s"),
         ("reply_timeout_s", "3601", "3600 s"),
-        ("max_stale_s", "1e4", "3600 s"),
         ("watchdog_s", "3601", "3600 s"),
         ("probe_ramp_s", "1e4", "600 s"),
         ("spin_us", "1e7", "1000000 µs"),

@@ -276,7 +276,7 @@ mod tests {
     use crate::specimen::SpecimenLaw;
 
     const LINEAR: &str = "law = { linear = { stiffness_n_per_m = 8000.0 } }";
-    const VISCOUS: &str = "law = { viscous = { damping_n_s_per_m = 50.0 } }";
+    const VISCOUS: &str = "law = { linear = { stiffness_n_per_m = 0, damping_n_s_per_m = 50.0 } }";
     /// Doubles of a vector.
     const N: usize = 4;
 

@@ -516,8 +516,10 @@ mod tests {
 
     #[test]
     fn a_load_factor_that_falls_is_no_length_of_a_step() {
-        let law: SpecimenLaw =
-            toml::from_str("law = { viscous = { damping_n_s_per_m = 50.0 } }").unwrap();
+        let law: SpecimenLaw = toml::from_str(
+            "law = { linear = { stiffness_n_per_m = 0, damping_n_s_per_m = 50.0 } }",
+        )
+        .unwrap();
         let law = law.build(1).unwrap();
         let mut host = Host::new(law, Nature::Simulated, Some(0.1));
         host.begin(&visitor(), &mut || Ok(())).unwrap();
@@ -768,7 +770,7 @@ mod tests {
     #[test]
     fn a_velocity_that_is_not_sent_is_the_difference_over_the_step() {
         let mut host = host(
-            "law = { viscous = { damping_n_s_per_m = 50.0 } }",
+            "law = { linear = { stiffness_n_per_m = 0, damping_n_s_per_m = 50.0 } }",
             1,
             Nature::Simulated,
         );

@@ -27,10 +27,6 @@ pub struct OpenFrescoSpec {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = true)]
     pub udp_hello: Option<bool>,
-    /// Whether a UDP connection of "openfresco-shadow" exchanges the byte order, as OpenFresco 2.7
-    /// does.
-    #[schemars(example = true)]
-    pub udp_endian: bool,
     /// Numbers of displacements, velocities, accelerations, forces and times in a command. The last
     /// number is 0 or 1. Default: the numbers that the other end is known to accept.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -173,7 +169,6 @@ impl RemoteSettings {
         if let Some(hello) = more.udp_hello {
             settings.greeting.hello = hello;
         }
-        settings.greeting.endian = more.udp_endian;
         if let Some(version) = more.version {
             if !version.is_finite() {
                 return Err(RemoteError::Setting {

@@ -46,7 +46,7 @@ const LAWS: [&str; 5] = [
     "square_root = { stiffness_n_per_m = 10.0, hardening_per_sqrt_m = 1.3 }",
     "cubic = { stiffness_n_per_m = 2.5, cubic_n_per_m3 = 1e2 }",
     // Has a memory: never in a run.
-    "coulomb = { stiffness_n_per_m = 10.0, slip_force_n = 1.0 }",
+    "bilinear = { post_yield_ratio = 0, stiffness_n_per_m = 10.0, yield_force_n = 1.0 }",
 ];
 
 fn built(text: &str, hidden: bool) -> Box<dyn Law> {

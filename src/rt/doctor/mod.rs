@@ -86,7 +86,6 @@ mod tests {
             cpu: None,
             lock_memory: true,
             hold_cpu_awake: true,
-            prefault_stack_kb: 256,
             spin_ns: 60_000,
             period_ns: 1_000_000,
             require: false,

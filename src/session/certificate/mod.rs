@@ -292,7 +292,6 @@ fn reference(drawn: &Loaded, trial: &Trial) -> Result<Arc<Reference>, ConfigErro
     let mut ideal = drawn.clone();
     for table in &mut ideal.file.specimen {
         table.transfer = None;
-        table.stand_in_transfer = None;
         table.identified = None;
         table.compensation = None;
     }

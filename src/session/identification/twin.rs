@@ -68,8 +68,7 @@ pub(super) fn text(
          #   gusset identify identified.toml {}    finds the same again\n\
          #\n\
          # For the real specimen, copy `stiffness_n_per_m`, `damping_n_s_per_m`, `identified` and `compensation` from its table\n\
-         # below. Here `law` and `transfer` simulate the specimen and its actuator; for a specimen behind a link they are\n\
-         # `stand_in` and `stand_in_transfer`.",
+         # below. Here `law` and `transfer` simulate the specimen and its actuator. Beside a `link` they are its stand-in.",
         driven.file.title, plan.asked
     );
     let text = format!("# {said}\n\n{document}");
@@ -229,7 +228,7 @@ fn put(table: &mut SpecimenTable, known: &[(&Axis, &Identification)], plan: &Pla
 fn specimen(table: &mut SpecimenTable, known: &[(&Axis, &Identification)], to_hz: f64) {
     let Found { law, estimate } = matrices::found(table, known, to_hz);
     (table.law, table.laws, table.coupled) = (None, None, None);
-    (table.link, table.stand_in, table.stand_in_transfer) = (None, None, None);
+    table.link = None;
     table.hardening_bound = None;
     let linear = |axis: usize| {
         LawSpec::Linear(LinearSpec {

@@ -220,7 +220,7 @@ fn nearly_singular(needs: &Needs, specimen: usize) -> Option<Finding> {
 fn unsettled(loaded: &Loaded, needs: &Needs, specimen: usize) -> Option<Finding> {
     (needs.unsettled > 0).then(|| {
         let at = KeyPath::root().key("specimen").index(specimen);
-        let keys = ["transfer", "stand_in_transfer", "identified"];
+        let keys = ["transfer", "identified"];
         let place = keys.iter().map(|key| at.key(key));
         let place = place.into_iter().find(|at| loaded.locator.holds(at));
         Finding::warning(

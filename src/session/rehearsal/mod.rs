@@ -11,7 +11,7 @@
 //! What an operator's hold asks for is rehearsed by itself ([`rehearse_hold`]), where the test is fastest.
 //!
 //! What a stand-in cannot show is not judged: sensors that stick, late answers, and lag and noise where neither `identified`
-//! nor `stand_in_transfer` says anything of them.
+//! nor `transfer` says anything of them.
 
 mod budget;
 mod capacity;
@@ -64,7 +64,7 @@ impl StandIn {
     pub fn of(table: &SpecimenTable) -> Self {
         let known = [&table.stiffness_n_per_m, &table.damping_n_s_per_m];
         let known = known.into_iter().flatten().flat_map(MatrixValue::rows);
-        match (&table.link, &table.stand_in) {
+        match (&table.link, table.stand_in()) {
             (None, _) => Self::Itself,
             (Some(_), Some(_)) => Self::Law,
             (Some(_), None) if known.flatten().all(|entry| entry == 0.0) => Self::Nothing,
@@ -77,12 +77,12 @@ impl StandIn {
     pub const fn words(self) -> &'static str {
         match self {
             Self::Itself => "its own law",
-            Self::Law => "its `stand_in`, for it is behind a link",
+            Self::Law => "its stand-in, because it is behind a link",
             Self::Linear => {
-                "a linear spring of its declared stiffness, for it is behind a link; a `stand_in` that yields would be closer"
+                "a linear spring of its declared stiffness, because it is behind a link; a stand-in `law` that yields would be closer"
             }
             Self::Nothing => {
-                "nothing: it is behind a link, its declared stiffness is 0, and it has no `stand_in`. Its force is unknown"
+                "nothing: it is behind a link, its declared stiffness is 0, and it has no stand-in `law`. Its force is unknown"
             }
         }
     }

@@ -186,7 +186,7 @@ fn direction(link: &LinkSpec, port: &Port) -> String {
 
 /// Where the actuator and the sensors of a law end.
 fn ends(table: &SpecimenTable) -> Option<String> {
-    let spec = table.transfer.as_ref()?;
+    let spec = table.own_transfer()?;
     let ends = [
         ("stroke", spec.stroke_m, "m"),
         ("force", spec.force_limit_n, "N"),
@@ -202,10 +202,5 @@ fn ends(table: &SpecimenTable) -> Option<String> {
     if ends.is_empty() {
         return None;
     }
-    let then = if spec.tell_saturation.unwrap_or(true) {
-        "reaching one trips"
-    } else {
-        "reaching one is not reported, and the test continues (`tell_saturation = false`)"
-    };
-    Some(format!("{}; {then}", ends.join(", ")))
+    Some(format!("{}; reaching one trips", ends.join(", ")))
 }

@@ -91,7 +91,7 @@ pub(super) fn test_time(time: Time) -> f64 {
 pub(super) fn is_tracked(file: &TestFile, table: &SpecimenTable, axes: usize) -> bool {
     let limited = |limits: &LimitsSpec| limits.has(Limit::Lag) || limits.has(Limit::GainError);
     file.safety.delay_used.is_some()
-        || table.transfer.is_some()
+        || table.own_transfer().is_some()
         || table.compensation.is_some()
         || table.limits_of(axes).iter().any(limited)
 }

@@ -37,7 +37,8 @@ pub(super) fn entry(
     let n = rows.len();
     let laws = loading.as_ref().map_or(n, |_| table.law_axes());
     let mut law = match (table.sources().into_iter().next(), &table.link) {
-        (Some((key, source)), _) => {
+        (_, Some(_)) => None,
+        (Some((key, source)), None) => {
             let mut law = built(site, at, table, (key, source), laws)?;
             if site.trial.is_none() {
                 rest::says_its_force(site, at, table, (key, law.as_mut()));
@@ -47,7 +48,6 @@ pub(super) fn entry(
             let law = stand_in::behind_transfer(site, &at, spec, law, (&offsets, &drawn))?;
             Some(law)
         }
-        (None, Some(_)) => None,
         (None, None) => {
             let text = "the specimen has neither a law nor a link";
             return site.refuse(Finding::error(at.clone(), text));
@@ -143,14 +143,14 @@ pub(super) fn entry(
     if let Ok((largest, _)) = &bounds {
         warn_of_identified(site, at, table, largest);
     }
-    let stand_in = match &table.stand_in {
-        Some(source) => Some(built(site, at, table, ("stand_in", source), laws)?),
+    let stand_in = match table.stand_in() {
+        Some(source) => Some(built(site, at, table, source, laws)?),
         None => None,
     };
     if let (Some(law), true) = (&stand_in, table.stiffness_n_per_m.is_some()) {
         law.reference(&mut k, &mut c, &mut m);
         let own = scaled(&k, |axis| axis.disp_gain);
-        let help = "`stand_in` is its law in rehearsals";
+        let help = "this law is its stand-in in rehearsals";
         warn_of_distance(
             site,
             at.key("stiffness_n_per_m"),

@@ -105,8 +105,8 @@ pub(super) fn stand_in(
             }
         }
     };
-    let key = if known.table.stand_in_transfer.is_some() {
-        "stand_in_transfer"
+    let key = if known.table.transfer.is_some() {
+        "transfer"
     } else {
         "identified"
     };

@@ -34,13 +34,8 @@ pub(in crate::config::check) fn check_idle_specimen(
         specimen.mass_in_force_kg > 0.0 && !with_structure,
         "acts on a structure, and this file has no `[structure]`",
     );
-    for (key, transfer) in [
-        ("transfer", &specimen.transfer),
-        ("stand_in_transfer", &specimen.stand_in_transfer),
-    ] {
-        if let Some(transfer) = transfer {
-            check_transfer(transfer, &at.key(key), findings);
-        }
+    if let Some(transfer) = &specimen.transfer {
+        check_transfer(transfer, &at.key("transfer"), findings);
     }
     let own = specimen.axis.iter().enumerate();
     for (index, axis) in own {
@@ -77,18 +72,6 @@ fn check_transfer(spec: &TransferSpec, at: &KeyPath, findings: &mut Findings) {
         "between_ticks",
         spec.between_ticks == BetweenTicks::Held && !spec.lags(),
         "only for an `actuator` with a lag",
-    );
-    let ends = [
-        spec.stroke_m,
-        spec.force_limit_n,
-        spec.disp_sensor.range_m,
-        spec.force_sensor.range_n,
-    ];
-    findings.idle(
-        at,
-        "tell_saturation",
-        spec.tell_saturation.is_some() && ends.iter().all(Option::is_none),
-        "only with `stroke_m`, `force_limit_n` or a range of a sensor",
     );
 }
 
@@ -136,16 +119,15 @@ fn check_start(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) 
 fn check_reach(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
     let axes = specimen.law_axes();
     let far = Some(1.0);
-    let (disp, vel) = match specimen.sources().first() {
+    let (disp, vel) = match (specimen.sources().first(), &specimen.link) {
         _ if specimen.geometry.is_some() => return,
-        None => {
+        (_, Some(_)) => {
             let why = "for a specimen behind a link use `hardening_bound`";
-            (
-                (specimen.link.is_some(), why),
-                (specimen.link.is_some(), why),
-            )
+            ((true, why), (true, why))
         }
-        Some((_, source)) => {
+        // No law is an error, found elsewhere.
+        (None, None) => return,
+        (Some((_, source)), None) => {
             // A law that cannot be built is an error, said elsewhere.
             let Ok(law) = source.build(axes) else { return };
             let is_bounded = |disp, vel| {
@@ -190,19 +172,22 @@ fn check_served(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings)
         let keys = [
             ("on_stale", link.on_stale != StaleChoice::default()),
             ("max_stale", link.max_stale.is_some()),
-            ("max_stale_s", link.max_stale_s.is_some()),
             ("commands", link.commands != CommandPace::default()),
             ("computed", link.computed),
         ];
         let why = "a gateway forwards each command and waits for its reply";
         findings.all_idle(&at.key("link"), &keys, why);
     }
+    let in_rehearsals = specimen.stand_in().map(|(key, _)| key);
+    let in_rehearsals = in_rehearsals.into_iter();
+    let actuator = specimen.link.as_ref().and(specimen.transfer.as_ref());
+    for key in in_rehearsals.chain(actuator.map(|_| "transfer")) {
+        findings.idle(at, key, true, "a gateway has no rehearsal");
+    }
     for (key, given) in [
         ("reach_disp_m", specimen.reach_disp_m.is_some()),
         ("reach_vel_m_per_s", specimen.reach_vel_m_per_s.is_some()),
         ("hardening_bound", specimen.hardening_bound.is_some()),
-        ("stand_in", specimen.stand_in.is_some()),
-        ("stand_in_transfer", specimen.stand_in_transfer.is_some()),
         ("identified", specimen.identified.is_some()),
         ("capacity", specimen.capacity.is_some()),
         ("drill", specimen.drill.is_some()),
@@ -220,10 +205,7 @@ pub(in crate::config::check) fn check_idle_link(
 ) {
     let native = link.protocol == Protocol::Gusset;
     let lockstep = !native || link.coupling == LinkCoupling::Lockstep;
-    let stale = [
-        ("max_stale", link.max_stale.is_some()),
-        ("max_stale_s", link.max_stale_s.is_some()),
-    ];
+    let stale = link.max_stale.is_some();
     let why_lockstep = if native {
         "`coupling = \"lockstep\"` waits for every reply, so no measurement is stale"
     } else {
@@ -232,9 +214,10 @@ pub(in crate::config::check) fn check_idle_link(
     if lockstep {
         let usual = StaleChoice::default();
         findings.idle(at, "on_stale", link.on_stale != usual, why_lockstep);
-        findings.all_idle(at, &stale, why_lockstep);
+        findings.idle(at, "max_stale", stale, why_lockstep);
     } else if link.on_stale == StaleChoice::Stop {
-        findings.all_idle(at, &stale, "`on_stale = \"stop\"` stops at the first one");
+        let why = "`on_stale = \"stop\"` stops at the first one";
+        findings.idle(at, "max_stale", stale, why);
     }
     findings.idle(
         at,
@@ -251,13 +234,6 @@ pub(in crate::config::check) fn check_idle_link(
         "udp_hello",
         more.udp_hello.is_some() && !over_udp,
         "only for `transport = \"udp\"`",
-    );
-    let why = "only for `protocol = \"openfresco-shadow\"` over UDP";
-    findings.idle(
-        &at,
-        "udp_endian",
-        more.udp_endian && !(over_udp && shadow),
-        why,
     );
     let why = "only for `protocol = \"openfresco-shadow\"`";
     findings.idle(&at, "version", more.version.is_some() && !shadow, why);

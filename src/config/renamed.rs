@@ -1,0 +1,300 @@
+//! Renamed keys: each is read under its old name too, and a warning gives the new one.
+//!
+//! The entries are moved in the tree of the file before it is read, so that all later code knows the new names alone.
+//! A moved entry keeps its place in the text: a diagnostic points at what the user wrote.
+//! `--set` and the keys of `[[uncertainty]]` accept the old names as well.
+//! An old name beside the new one is not moved, and the file is refused.
+//! A law that is a special case of another is a renamed key that adds parameters.
+
+use std::ops::Range;
+
+use toml_edit::{Item, TableLike, Value};
+
+use super::Finding;
+use super::document::{KeyPath, Node, Segment};
+use super::edit::put_in_table;
+
+/// A key with a new name.
+struct RenamedKey {
+    /// The tables that contain it, as [`KeyPath::shape`] writes them. `*` at the beginning means any table above.
+    tables: &'static [&'static str],
+    /// Old and new name: dotted paths within the table.
+    from: &'static str,
+    to: &'static str,
+    /// Old and new name of a parameter.
+    inside: &'static [(&'static str, &'static str)],
+    /// A parameter that the old name implies, as TOML.
+    implied: Option<(&'static str, &'static str)>,
+    /// The key of the table without which the old name has no meaning.
+    beside: Option<&'static str>,
+}
+
+const fn renamed(
+    table: &'static [&'static str],
+    from: &'static str,
+    to: &'static str,
+) -> RenamedKey {
+    RenamedKey {
+        tables: table,
+        from,
+        to,
+        inside: &[],
+        implied: None,
+        beside: None,
+    }
+}
+
+const fn stand_in(from: &'static str, to: &'static str) -> RenamedKey {
+    RenamedKey {
+        beside: Some("link"),
+        ..renamed(&["specimen[*]"], from, to)
+    }
+}
+
+const TIMING: &[&str] = &["timing"];
+/// Tables and lists that hold a law.
+const LAWS: &[&str] = &["*.law", "*.laws[*]", "*.parallel[*]", "*.absolute_damper"];
+const PERFECTLY_PLASTIC: Option<(&str, &str)> = Some(("post_yield_ratio", "0.0"));
+
+/// A key of an outer table stands before those inside it.
+const RENAMED: &[RenamedKey] = &[
+    renamed(TIMING, "max_consecutive_misses", "misses.in_a_row.trip"),
+    renamed(TIMING, "warn_consecutive_misses", "misses.in_a_row.warn"),
+    renamed(TIMING, "max_total_misses", "misses.in_total.trip"),
+    renamed(TIMING, "warn_total_misses", "misses.in_total.warn"),
+    renamed(TIMING, "max_misses_in_window", "misses.in_window.trip"),
+    renamed(TIMING, "warn_misses_in_window", "misses.in_window.warn"),
+    renamed(TIMING, "miss_window_s", "misses.window_s"),
+    stand_in("stand_in.law", "law"),
+    stand_in("stand_in.laws", "laws"),
+    stand_in("stand_in.coupled", "coupled"),
+    stand_in("stand_in_transfer", "transfer"),
+    RenamedKey {
+        implied: PERFECTLY_PLASTIC,
+        ..renamed(LAWS, "elastic_plastic", "bilinear")
+    },
+    RenamedKey {
+        inside: &[("slip_force_n", "yield_force_n")],
+        implied: PERFECTLY_PLASTIC,
+        ..renamed(LAWS, "coulomb", "bilinear")
+    },
+    RenamedKey {
+        implied: Some(("stiffness_n_per_m", "0.0")),
+        ..renamed(LAWS, "viscous", "linear")
+    },
+];
+
+fn keys(dotted: &str) -> Vec<&str> {
+    dotted.split('.').collect()
+}
+
+/// The path of a dotted name within `table`.
+fn under(table: &KeyPath, dotted: &str) -> KeyPath {
+    keys(dotted)
+        .iter()
+        .fold(table.clone(), |at, key| at.key(key))
+}
+
+impl RenamedKey {
+    fn is_of(&self, table: &KeyPath) -> bool {
+        let shape = table.shape();
+        self.tables.iter().any(|of| match of.strip_prefix('*') {
+            Some(end) => shape.ends_with(end),
+            None => shape == *of,
+        })
+    }
+
+    /// Moves the entry within the table `node`. True if it did.
+    fn move_in(&self, node: &mut Node) -> bool {
+        let (from, to) = (keys(self.from), keys(self.to));
+        let has = |key: &str| node.find(&KeyPath::root().key(key)).is_some();
+        if self.beside.is_some_and(|key| !has(key)) || node.is_taken(&to) {
+            return false;
+        }
+        let Some(mut entry) = node.take(&from) else {
+            return false;
+        };
+        for (old, new) in self.inside {
+            if let Some(parameter) = entry.take(&[old]) {
+                entry.put(&[new], parameter);
+            }
+        }
+        if let Some((key, value)) = self.implied
+            && !entry.is_taken(&[key])
+            && let Ok(parsed) = Node::parse(&format!("v = {value}"))
+            && let Some(value) = parsed.find(&KeyPath::root().key("v"))
+        {
+            let implied = Node {
+                datum: value.datum.clone(),
+                ..entry.clone()
+            };
+            entry.put(&[key], implied);
+        }
+        node.put(&to, entry);
+        true
+    }
+
+    /// [`RenamedKey::move_in`] in the text of a file.
+    fn move_in_text(&self, table: &mut dyn TableLike) {
+        let Some(mut value) = take(table, &keys(self.from)) else {
+            return;
+        };
+        if let Some(entry) = value.as_inline_table_mut() {
+            for (old, new) in self.inside {
+                if let Some(parameter) = entry.remove(old) {
+                    entry.insert(*new, parameter);
+                }
+            }
+            if let Some((key, implied)) = self.implied
+                && !entry.contains_key(key)
+                && let Ok(implied) = implied.parse::<Value>()
+            {
+                entry.insert(key, implied);
+            }
+        }
+        let to = keys(self.to);
+        let rest: Vec<(Segment, Range<usize>)> = to
+            .iter()
+            .skip(1)
+            .map(|key| (Segment::Key((*key).to_owned()), 0..0))
+            .collect();
+        if let Some(first) = to.first() {
+            // The tree has a place for it, and so has the text.
+            let _placed = put_in_table(table, first, &rest, &value);
+        }
+    }
+
+    fn note(&self, table: &KeyPath) -> Finding {
+        let (old, new) = (under(table, self.from), under(table, self.to));
+        let headline = format!("`{old}` is now called `{new}`");
+        let finding = Finding::warning(new, headline).at_key();
+        let finding = finding.label("the old name; it is still accepted");
+        match self.implied {
+            Some((key, value)) => finding.help(format!("add `{key} = {value}`")),
+            None => finding,
+        }
+    }
+}
+
+/// An entry that was moved.
+pub(super) struct Move {
+    key: &'static RenamedKey,
+    table: KeyPath,
+}
+
+/// Moves each entry with an old name in the tree of a file.
+pub(super) fn rename(root: &mut Node) -> Vec<Move> {
+    let mut moves = Vec::new();
+    root.each_table(&KeyPath::root(), &mut |table, node| {
+        for key in RENAMED.iter().filter(|key| key.is_of(table)) {
+            if key.move_in(node) {
+                let table = table.clone();
+                moves.push(Move { key, table });
+            }
+        }
+    });
+    moves
+}
+
+/// Makes these moves in the text of the file.
+pub(super) fn rename_text(document: &mut dyn TableLike, moves: &[Move]) {
+    for Move { key, table } in moves {
+        if let Some(table) = table_at(document, table.segments()) {
+            key.move_in_text(table);
+        }
+    }
+}
+
+/// One warning for each old name that the file uses.
+pub(super) fn notes(moves: &[Move]) -> Vec<Finding> {
+    let mut noted: Vec<&Move> = Vec::new();
+    for one in moves {
+        if !noted.iter().any(|other| std::ptr::eq(other.key, one.key)) {
+            noted.push(one);
+        }
+    }
+    noted.iter().map(|one| one.key.note(&one.table)).collect()
+}
+
+/// The path under which an entry stands today, with the move of its old name. `root` is the file, without old names; without
+/// it, an old name always has its meaning.
+pub(super) fn current(path: &KeyPath, root: Option<&Node>) -> Option<(KeyPath, Move)> {
+    let segments = path.segments();
+    for length in 0..segments.len() {
+        let table: KeyPath = segments[..length].iter().cloned().collect();
+        for key in RENAMED.iter().filter(|key| key.is_of(&table)) {
+            let old = under(&table, key.from);
+            let has =
+                |beside: &str| root.is_none_or(|root| root.find(&table.key(beside)).is_some());
+            if !path.starts_with(&old) || key.beside.is_some_and(|beside| !has(beside)) {
+                continue;
+            }
+            let mut now = under(&table, key.to);
+            for segment in &segments[old.segments().len()..] {
+                let renamed = key
+                    .inside
+                    .iter()
+                    .find(|(old, _)| matches!(segment, Segment::Key(name) if name == old));
+                now = match (renamed, segment) {
+                    (Some((_, new)), _) => now.key(new),
+                    (None, Segment::Key(name)) => now.key(name),
+                    (None, Segment::Index(index)) => now.index(*index),
+                };
+            }
+            // A law inside a stand-in may have an old name, too.
+            let now = current(&now, root).map_or(now, |(now, _)| now);
+            return Some((now, Move { key, table }));
+        }
+    }
+    None
+}
+
+/// The finding for an unknown key with an old name: its new name is given too.
+pub(super) fn finding(path: &KeyPath) -> Option<Finding> {
+    let table = path.parent()?;
+    let is_it = |key: &&RenamedKey| key.is_of(&table) && path.last_key() == Some(key.from);
+    let key = RENAMED.iter().find(is_it)?;
+    let new = under(&table, key.to);
+    let finding = Finding::error(path.clone(), format!("`{path}` is the old name of `{new}`"));
+    Some(
+        finding
+            .at_key()
+            .label("the old name")
+            .beside(new, "the new name is given too")
+            .help("remove the old key"),
+    )
+}
+
+/// Takes the entry at `keys` out of `table`, and each table that this empties.
+fn take(table: &mut dyn TableLike, keys: &[&str]) -> Option<Value> {
+    let (first, rest) = keys.split_first()?;
+    if rest.is_empty() {
+        return table.remove(first)?.into_value().ok();
+    }
+    let inner = table.get_mut(first)?.as_table_like_mut()?;
+    let taken = take(inner, rest)?;
+    if inner.is_empty() {
+        table.remove(first);
+    }
+    Some(taken)
+}
+
+fn table_at<'a>(table: &'a mut dyn TableLike, path: &[Segment]) -> Option<&'a mut dyn TableLike> {
+    let Some((first, rest)) = path.split_first() else {
+        return Some(table);
+    };
+    let Segment::Key(key) = first else {
+        return None;
+    };
+    let item = table.get_mut(key)?;
+    match rest.split_first() {
+        Some((Segment::Index(index), rest)) => match item {
+            Item::ArrayOfTables(tables) => table_at(tables.get_mut(*index)?, rest),
+            Item::Value(Value::Array(array)) => {
+                table_at(array.get_mut(*index)?.as_inline_table_mut()?, rest)
+            }
+            _ => None,
+        },
+        _ => table_at(item.as_table_like_mut()?, rest),
+    }
+}

@@ -1,0 +1,223 @@
+//! Old names of keys and laws: read, noted, overridden, refused beside the new name; and removed keys.
+
+use super::*;
+use crate::law::LawSpec;
+use crate::specimen::SpecimenLaw;
+
+fn law(text: &str) -> LawSpec {
+    toml::from_str(text).unwrap()
+}
+
+fn with_law(text: &str) -> String {
+    let (before, _) = GOOD.split_once("law = ").unwrap();
+    format!("{before}law.{text}\n")
+}
+
+#[test]
+fn a_renamed_key_is_read_and_noted_at_its_place() {
+    let text = format!("{GOOD}[timing]\nmax_total_misses = 7\nwarn_total_misses = 3\n");
+    let loaded = accepted(&text, &[]);
+    let levels = loaded.file.timing.misses.in_total;
+    assert_eq!((levels.warn, levels.trip), (Some(3), Some(7)));
+    assert_eq!(loaded.text, text);
+    let notes: Vec<String> = loaded.warnings.iter().map(|w| w.render(false)).collect();
+    shows(
+        &notes.concat(),
+        "`timing.max_total_misses` is now called `timing.misses.in_total.trip`",
+    );
+    shows(
+        &notes.concat(),
+        "max_total_misses = 7\n   | ^^^^^^^^^^^^^^^^",
+    );
+    // The text with overrides has the new names, and says the same.
+    let again = accepted(&loaded.effective, &[]);
+    assert_eq!(again.file, loaded.file);
+    assert!(again.warnings.is_empty());
+}
+
+#[test]
+fn the_resolved_configuration_of_a_run_folder_gives_no_notes() {
+    let text = format!("{GOOD}[timing]\nmax_consecutive_misses = 9\n");
+    let loaded = parse(Path::new("resolved.toml"), text, &[]).unwrap();
+    assert!(loaded.warnings.is_empty());
+    assert_eq!(loaded.file.timing.misses.max_in_a_row(), 9);
+}
+
+#[test]
+fn an_override_may_use_either_name_for_either_name_in_the_file() {
+    let file = |key: &str| format!("{GOOD}[timing]\n{key} = 7\n");
+    let names = ["max_total_misses", "misses.in_total.trip"];
+    for given in names {
+        for overridden in names {
+            let set = format!("timing.{overridden}=11");
+            let loaded = accepted(&file(given), &[&set]);
+            let found = loaded.file.timing.misses.in_total.trip;
+            assert_eq!(found, Some(11), "{given} {overridden}");
+        }
+    }
+    let loaded = accepted(GOOD, &["timing={max_total_misses=5}"]);
+    assert_eq!(loaded.file.timing.misses.in_total.trip, Some(5));
+}
+
+#[test]
+fn an_old_name_beside_the_new_one_is_refused() {
+    let both = "[timing]\nmax_total_misses = 7\nmisses.in_total.trip = 8\n";
+    let text = read(&format!("{GOOD}{both}"), &[]).unwrap_err().to_string();
+    shows(
+        &text,
+        "`timing.max_total_misses` is the old name of `timing.misses.in_total.trip`",
+    );
+    // One level under its old name, and the other under its new one.
+    let apart = "[timing]\nmax_total_misses = 7\nmisses.in_total.warn = 2\n";
+    let levels = accepted(&format!("{GOOD}{apart}"), &[])
+        .file
+        .timing
+        .misses
+        .in_total;
+    assert_eq!((levels.warn, levels.trip), (Some(2), Some(7)));
+}
+
+#[test]
+fn a_law_under_its_old_name_is_the_special_case_of_another() {
+    for (old, new) in [
+        (
+            "elastic_plastic = { stiffness_n_per_m = 2e6, yield_force_n = 1e3 }",
+            "bilinear = { stiffness_n_per_m = 2e6, yield_force_n = 1e3, post_yield_ratio = 0.0 }",
+        ),
+        (
+            "coulomb = { stiffness_n_per_m = 2e6, slip_force_n = 1e3 }",
+            "bilinear = { stiffness_n_per_m = 2e6, yield_force_n = 1e3, post_yield_ratio = 0.0 }",
+        ),
+        (
+            "viscous = { damping_n_s_per_m = 3e3 }",
+            "linear = { stiffness_n_per_m = 0.0, damping_n_s_per_m = 3e3 }",
+        ),
+        (
+            "parallel = [{ gap = { stiffness_n_per_m = 1, gap_m = 1, side = \"both\" } }, { viscous = { damping_n_s_per_m = 3 } }]",
+            "parallel = [{ gap = { stiffness_n_per_m = 1, gap_m = 1, side = \"both\" } }, \
+             { linear = { stiffness_n_per_m = 0.0, damping_n_s_per_m = 3 } }]",
+        ),
+    ] {
+        let loaded = accepted(&with_law(old), &[]);
+        let SpecimenLaw::Law(found) = loaded.file.specimen[0].law.clone().unwrap() else {
+            panic!("{old}");
+        };
+        assert_eq!(found, law(new), "{old}");
+        let again = accepted(&loaded.effective, &[]);
+        assert_eq!(again.file, loaded.file, "{}", loaded.effective);
+    }
+    let coulomb = with_law("coulomb = { stiffness_n_per_m = 2e6, slip_force_n = 1e3 }");
+    let set = "specimen.0.law.coulomb.slip_force_n=5e3";
+    let loaded = accepted(&coulomb, &[set]);
+    let SpecimenLaw::Law(found) = loaded.file.specimen[0].law.clone().unwrap() else {
+        panic!("no law");
+    };
+    assert_eq!(found.yield_force(), Some(5e3));
+    let text = read(&coulomb.replace("1e3", "-1"), &[]);
+    let build = |loaded: Loaded| crate::setup::build(&loaded).map(|_| ());
+    let refused = text.and_then(build).unwrap_err().to_string();
+    shows(&refused, "slip_force_n = -1");
+}
+
+const LINKED: &str = "stiffness_n_per_m = 1e6\nlink = { address = \"127.0.0.1:9\", probe = \"none\" }\n\
+    limits = { command_disp_m = { trip = [-1, 1] }, measured_force_n = { trip = [-1e6, 1e6] } }\n";
+
+#[test]
+fn a_stand_in_is_the_law_and_the_transfer_beside_a_link() {
+    let (before, _) = GOOD.split_once("law = ").unwrap();
+    let file = |stand_in: &str| format!("{before}{LINKED}{stand_in}");
+    let old = file(
+        "stand_in.law.elastic_plastic = { stiffness_n_per_m = 1e6, yield_force_n = 10 }\n\
+         stand_in_transfer.delay_s = 0.01\n[[uncertainty]]\nkey = \"specimen.0.stand_in.law.elastic_plastic.yield_force_n\"\nstd = 1\n",
+    );
+    let loaded = accepted(&old, &[]);
+    let table = &loaded.file.specimen[0];
+    assert!(table.link.is_some() && table.own_transfer().is_none());
+    let (key, law) = table.stand_in().unwrap();
+    assert_eq!((key, law.yield_force(0)), ("law", Some(10.0)));
+    assert_eq!(table.believed_transfer(1.0).unwrap().delay_s, 0.01);
+    let [uncertain] = loaded.uncertain().try_into().unwrap();
+    let key = "specimen[0].law.bilinear.yield_force_n";
+    assert_eq!(
+        (uncertain.key.to_string().as_str(), uncertain.nominal),
+        (key, 10.0)
+    );
+    let varied = loaded.varied(&[format!("{}=12.0", uncertain.key)]).unwrap();
+    assert_eq!(
+        varied.file.specimen[0].stand_in().unwrap().1.yield_force(0),
+        Some(12.0)
+    );
+
+    let two =
+        "law.linear = { stiffness_n_per_m = 1 }\nstand_in.law.linear = { stiffness_n_per_m = 1 }\n";
+    for refused in [
+        file(two),
+        format!("{GOOD}stand_in.law.linear = {{ stiffness_n_per_m = 1 }}\n"),
+    ] {
+        let text = read(&refused, &[]).unwrap_err().to_string();
+        shows(&text, "`specimen[0].stand_in` was removed");
+    }
+}
+
+#[test]
+fn a_removed_key_is_refused_and_passed_over_in_a_run_folder_at_its_default() {
+    let timing = |value: &str| format!("{GOOD}[timing]\ncatch_up_remote = {value}\n");
+    let touched = |value: &str| format!("{GOOD}[timing]\nprefault_stack_kb = {value}\n");
+    let told =
+        |value: &str| format!("{GOOD}transfer = {{ delay_s = 0.01, tell_saturation = {value} }}\n");
+    for (text, default, key, last) in [
+        (timing("false"), true, "timing.catch_up_remote", "0.1.0"),
+        (timing("true"), false, "timing.catch_up_remote", "0.1.0"),
+        (touched("256"), true, "timing.prefault_stack_kb", "0.2.0"),
+        (touched("128"), false, "timing.prefault_stack_kb", "0.2.0"),
+        (
+            told("true"),
+            true,
+            "specimen[0].transfer.tell_saturation",
+            "0.2.0",
+        ),
+        (
+            told("false"),
+            false,
+            "specimen[0].transfer.tell_saturation",
+            "0.2.0",
+        ),
+    ] {
+        for name in ["test.toml", "resolved.toml"] {
+            let resolved = name == "resolved.toml";
+            match parse(Path::new(name), text.clone(), &[]) {
+                Ok(_) => assert!(resolved && default, "{name} {text}"),
+                Err(error) => {
+                    assert!(!(resolved && default), "{name}: {error}");
+                    let error = error.to_string();
+                    shows(&error, &format!("`{key}` was removed"));
+                    shows(&error, &format!("up to version {last}"));
+                }
+            }
+        }
+        // A report reads it at any value.
+        let read = parse_for(Purpose::View, Path::new("resolved.toml"), text, &[]);
+        assert!(read.is_ok(), "{key}");
+    }
+}
+
+#[test]
+fn the_schema_lists_neither_removed_keys_nor_old_names() {
+    let schema = [json_schema(), serve_json_schema()].concat();
+    for key in [
+        "catch_up_remote",
+        "prefault_stack_kb",
+        "tell_saturation",
+        "udp_endian",
+        "max_stale_s",
+        "stand_in",
+        "stand_in_transfer",
+        "max_total_misses",
+        "miss_window_s",
+        "elastic_plastic",
+        "coulomb",
+        "viscous",
+    ] {
+        assert!(!schema.contains(&format!("\"{key}\"")), "{key}");
+    }
+}
