@@ -78,8 +78,6 @@ fn every_published_value_holds_and_stands_in_the_page() {
         "fig-15",
         "fig-16",
         "fig-16-sparse",
-        "own-lambda-error",
-        "own-lambda-period",
     ] {
         assert!(
             page.contains(&format!("<figure id=\"{figure}\"><svg")),

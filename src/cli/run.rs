@@ -178,11 +178,7 @@ fn conclude(facts: &Facts, finished: &Finished, page: Option<&Page>) {
                     "automatic"
                 };
                 let limit = integration::brief(structure);
-                let own = structure.lambda_apart.iter();
-                let own: String = own
-                    .map(|(name, own)| format!(", {own} for {name}"))
-                    .collect();
-                table.row("lambda", &format!("{lambda}{own} ({how}; {limit})"));
+                table.row("lambda", &format!("{lambda} ({how}; {limit})"));
             }
         }
     }

@@ -3,8 +3,6 @@
 //! Plain data. [`super::check`] reports contradictions. The comments on the fields are the text of `gusset schema` and of
 //! the configuration reference, so they are written for users. Unknown keys are refused everywhere.
 
-use std::collections::BTreeMap;
-
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -162,17 +160,6 @@ pub struct IntegratorTable {
     /// Parameter λ of the Gui-λ family: a number, `inf` or "auto". "auto" takes the largest λ that
     /// is proven stable, at most 11.5. λ = 4 is the Chen–Ricles method.
     pub lambda: LambdaValue,
-    /// Own λ of single parts, by name: storeys ("storey 2"), springs of a chain ("spring 7"),
-    /// elements or specimens. All other parts use `lambda`. With `lambda = "auto"`, that value is
-    /// the largest that is stable together with these.
-    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    #[schemars(example = serde_json::json!({"storey 1": 4, "brace": 2}))]
-    pub lambda_of_element: BTreeMap<String, LambdaValue>,
-    /// Own λ of the lowest modes of the initial structure, in ascending order. All other modes use
-    /// `lambda`. The structure may have at most 300 DOFs.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    #[schemars(example = [4.0, 4.0])]
-    pub lambda_of_mode: Vec<LambdaValue>,
     /// Older form of `safety.accept_unstable`, without a reason. Use `safety.accept_unstable` in
     /// new files. Default: false.
     #[serde(skip_serializing_if = "std::ops::Not::not")]

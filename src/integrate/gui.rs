@@ -17,8 +17,7 @@ use std::ops::Range;
 
 use thiserror::Error;
 
-use super::apart::Correction;
-use super::{Apart, Integrator, Lambda, LambdaError, Start, State};
+use super::{Integrator, Lambda, LambdaError, Start, State};
 use crate::linalg::lanes::{Isa, Kernel};
 use crate::linalg::{Lanes, NotPositiveDefinite, Spd, Storage, SymMatrix};
 
@@ -49,9 +48,6 @@ pub enum GuiError {
     /// M_eff has a pivot that is not positive: a massless degree of freedom that nothing holds, or a wrong sign.
     #[error("the effective mass M + (Δt/2) C0 + (Δt²/λ) K0 is {0}")]
     EffectiveMass(NotPositiveDefinite),
-    /// The modes with a λ of their own and the rest together have no factor.
-    #[error("the modes with a separate lambda leave no effective mass")]
-    Modes,
 }
 
 /// One member of the family, ready to step.
@@ -63,8 +59,6 @@ pub struct Gui {
     effective_mass: Spd,
     reciprocal_condition: f64,
     lanes: Lanes,
-    /// What modes with a λ of their own add to the factor.
-    correction: Option<Correction>,
 }
 
 impl Gui {
@@ -80,22 +74,6 @@ impl Gui {
         lambda: Lambda,
         start: Start,
     ) -> Result<Self, GuiError> {
-        Self::with_apart(mass, damping, stiffness, dt, lambda, start, None)
-    }
-
-    /// The same with a λ of their own for the elements or modes in `apart`, and `lambda` for the rest of K0.
-    ///
-    /// # Errors
-    /// See [`GuiError`].
-    pub fn with_apart(
-        mass: &SymMatrix,
-        damping: &SymMatrix,
-        stiffness: &SymMatrix,
-        dt: f64,
-        lambda: Lambda,
-        start: Start,
-        apart: Option<&Apart>,
-    ) -> Result<Self, GuiError> {
         if !(dt > 0.0 && dt.is_finite()) {
             return Err(GuiError::Step { found: dt });
         }
@@ -107,36 +85,15 @@ impl Gui {
                 stiffness: stiffness.n(),
             });
         }
-        let factored = |matrix: &SymMatrix| {
-            let mut factor = Spd::factor(matrix).map_err(GuiError::EffectiveMass)?;
-            let condition = factor.reciprocal_condition(matrix);
-            Ok::<_, GuiError>((factor, condition))
-        };
-        let ((effective_mass, reciprocal_condition), correction) = match apart {
-            Some(apart) if apart.is_of_modes() => {
-                let matrix = effective_mass(mass, damping, stiffness, dt, lambda);
-                let mut factor = factored(&matrix)?;
-                let correction = apart.correction(&mut factor.0, dt, lambda);
-                (factor, Some(correction.ok_or(GuiError::Modes)?))
-            }
-            Some(apart) => {
-                let settled = mass.plus(dt * dt, apart.settled());
-                let rest = apart.rest(stiffness);
-                let matrix = effective_mass(&settled, damping, &rest, dt, lambda);
-                (factored(&matrix)?, None)
-            }
-            None => {
-                let matrix = effective_mass(mass, damping, stiffness, dt, lambda);
-                (factored(&matrix)?, None)
-            }
-        };
+        let matrix = effective_mass(mass, damping, stiffness, dt, lambda);
+        let mut effective_mass = Spd::factor(&matrix).map_err(GuiError::EffectiveMass)?;
+        let reciprocal_condition = effective_mass.reciprocal_condition(&matrix);
         Ok(Self {
             dt,
             lambda,
             start,
             effective_mass,
             reciprocal_condition,
-            correction,
             lanes: Lanes::best_for(mass.n()),
         })
     }
@@ -147,7 +104,7 @@ impl Gui {
         self.lambda
     }
 
-    /// 1/κ of M_eff, see [`Spd::reciprocal_condition`]; without what modes with a λ of their own add to it.
+    /// 1/κ of M_eff, see [`Spd::reciprocal_condition`].
     #[must_use]
     pub const fn reciprocal_condition(&self) -> f64 {
         self.reciprocal_condition
@@ -221,18 +178,9 @@ impl Integrator for Gui {
                 });
             }
         };
-        match &mut self.correction {
-            // Rows are moved while the solve still has them at hand.
-            None => self
-                .effective_mass
-                .solve_into(residual, weighted_accel, go_on),
-            Some(correction) => {
-                self.effective_mass
-                    .solve_into(residual, weighted_accel, |_, _| {});
-                correction.apply(weighted_accel);
-                go_on(0..weighted_accel.len(), weighted_accel);
-            }
-        }
+        // Rows are moved while the solve still has them at hand.
+        self.effective_mass
+            .solve_into(residual, weighted_accel, go_on);
         *begun = true;
     }
 }

@@ -17,7 +17,6 @@
 //! with one solve: nothing at n + 1 is needed to command n + 1. Forces, loads and accelerations are not computed
 //! here ([`crate::model`] does).
 
-mod apart;
 mod central_difference;
 mod chang_2002;
 mod equilibrium;
@@ -34,7 +33,6 @@ use thiserror::Error;
 
 use crate::linalg::Aligned;
 
-pub use apart::Apart;
 pub use central_difference::CentralDifference;
 pub use chang_2002::Chang2002;
 pub use equilibrium::NewtonSettings;

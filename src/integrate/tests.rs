@@ -10,7 +10,6 @@ use crate::linalg::SymMatrix;
 use crate::model::Part;
 use crate::stability::*;
 
-mod apart;
 mod companions;
 mod family;
 mod forms;
@@ -147,7 +146,6 @@ fn random_proof() -> impl Strategy<Value = StabilityProof> {
                     damping,
                     stiffness,
                     dt,
-                    apart: None,
                     late_mass: None,
                 }
             })
@@ -158,14 +156,13 @@ fn random_proof() -> impl Strategy<Value = StabilityProof> {
 fn spectral_radius(proof: &StabilityProof, lambda: f64) -> f64 {
     let n = proof.mass.n();
     let lambda = Lambda::new(lambda).unwrap();
-    let mut gui = Gui::with_apart(
+    let mut gui = Gui::new(
         &proof.mass,
         &proof.damping,
         &proof.stiffness,
         proof.dt,
         lambda,
         Start::Published,
-        proof.apart.as_ref(),
     )
     .unwrap();
     let mut step = DMatrix::zeros(2 * n, 2 * n);

@@ -132,31 +132,6 @@ impl Structure {
         self.assemble(&self.damping, |element| element.law.reference().damping)
     }
 
-    /// Names of everything that has a share of K0 of its own: storeys or springs, then elements.
-    pub fn part_names(&self) -> impl Iterator<Item = Cow<'_, str>> {
-        let (word, storeys) = &self.storeys;
-        let linear = (1..=storeys.len()).map(move |number| Cow::Owned(format!("{word} {number}")));
-        linear.chain(self.element_names())
-    }
-
-    /// The share of K0 of everything that is called `name`, n × n in N/m; none if nothing is.
-    #[must_use]
-    pub fn stiffness_of(&self, name: &str) -> Option<SymMatrix> {
-        let (word, storeys) = &self.storeys;
-        let linear = storeys.iter().enumerate();
-        let linear = linear.filter(|(i, _)| name == format!("{word} {}", i + 1));
-        let linear = linear.map(|(i, storey)| stamp(&storey_row(i), storey.stiffness));
-        let elements = self.elements.iter();
-        let elements = elements.filter(|element| element.name == name);
-        let elements = elements.map(|element| {
-            let stiffness = element.law.reference().stiffness;
-            stamp(&row(element.from, element.to), stiffness)
-        });
-        let stamps: Vec<_> = linear.chain(elements).collect();
-        let entries = stamps.iter().flatten().copied();
-        (!stamps.is_empty()).then(|| SymMatrix::from_triplets(self.dofs(), entries))
-    }
-
     /// Tangent stiffness at the last internal force.
     #[must_use]
     pub fn tangent_stiffness(&self) -> SymMatrix {

@@ -115,8 +115,6 @@ fn lambda_and_limit(structure: &StructureFacts) -> [String; 2] {
 
 /// The method with its λ, as `lambda` spells it, and the origin of λ.
 fn method_of(structure: &StructureFacts, lambda: &str) -> String {
-    /// Elements and modes with a separate λ that are named.
-    const NAMED: usize = 3;
     if structure.lambda.is_none() {
         return method_name(structure.method);
     }
@@ -125,20 +123,7 @@ fn method_of(structure: &StructureFacts, lambda: &str) -> String {
     } else {
         "chosen automatically"
     };
-    let apart = &structure.lambda_apart;
-    let named = apart.iter().take(NAMED);
-    let mut named: Vec<String> = named
-        .map(|(name, own)| format!("{} for {name}", number(own.value())))
-        .collect();
-    if apart.len() > NAMED {
-        named.push(format!("{} more with another λ", apart.len() - NAMED));
-    }
-    let own = if named.is_empty() {
-        String::new()
-    } else {
-        format!(", {}", named.join(", "))
-    };
-    format!("Gui-λ with λ = {lambda} ({origin}){own}")
+    format!("Gui-λ with λ = {lambda} ({origin})")
 }
 
 /// The judgement of a certificate on the integration.

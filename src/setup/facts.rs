@@ -86,8 +86,6 @@ pub struct StructureFacts {
     pub lambda: Option<Lambda>,
     /// Whether λ was asked for by number.
     pub lambda_by_number: bool,
-    /// Elements and modes with a λ of their own; every other λ here is that of the rest.
-    pub lambda_apart: Vec<(String, Lambda)>,
     /// What is known of its stability at the declared bounds.
     pub stability: Stability,
     /// Gain bound g of the automatic choice.

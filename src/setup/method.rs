@@ -3,8 +3,8 @@
 use super::{Refused, Site, path};
 use crate::config::{Finding, Method, Start, Weighting};
 use crate::integrate::{
-    self, AlphaWeights, Apart, CentralDifference, Chang2002, Gui, Integrator, KrAlpha,
-    KrAlphaAtState, Lambda, MethodError, Newmark, NewmarkBeta, NewtonSettings, Offline, Stepper,
+    self, AlphaWeights, CentralDifference, Chang2002, Gui, Integrator, KrAlpha, KrAlphaAtState,
+    Lambda, MethodError, Newmark, NewmarkBeta, NewtonSettings, Offline, Stepper,
 };
 use crate::linalg::SymMatrix;
 use crate::model::Structure;
@@ -21,18 +21,10 @@ pub(super) struct Initial<'a> {
 
 impl Initial<'_> {
     /// M_eff of a member of the family, whole.
-    pub(super) fn effective_mass(
-        &self,
-        mass: &SymMatrix,
-        lambda: Lambda,
-        apart: Option<&Apart>,
-    ) -> SymMatrix {
+    pub(super) fn effective_mass(&self, mass: &SymMatrix, lambda: Lambda) -> SymMatrix {
         let square = self.dt * self.dt;
         let damped = mass.plus(self.dt / 2.0, self.damping);
-        match apart {
-            Some(apart) => damped.plus(square, &apart.weighted(self.stiffness, lambda)),
-            None => damped.plus(square * lambda.inverse(), self.stiffness),
-        }
+        damped.plus(square * lambda.inverse(), self.stiffness)
     }
 }
 
@@ -42,20 +34,18 @@ pub(super) fn family(
     structure: &Structure,
     initial: &Initial<'_>,
     lambda: Lambda,
-    apart: Option<&Apart>,
 ) -> Result<(Stepper, String, f64), Refused> {
     let start = match site.loaded.file.integrator.start {
         Start::Published => integrate::Start::Published,
         Start::SecondOrder => integrate::Start::SecondOrder,
     };
-    let made = Gui::with_apart(
+    let made = Gui::new(
         structure.mass(),
         initial.damping,
         initial.stiffness,
         initial.dt,
         lambda,
         start,
-        apart,
     );
     match made {
         Ok(gui) => {

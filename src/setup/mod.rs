@@ -7,7 +7,6 @@
 //! [`build`] makes the experiment, [`build_rehearsal`] the same experiment without its links. [`load_served`] makes the specimen
 //! that `gusset serve` offers.
 
-mod apart;
 mod case;
 mod excitation;
 mod facts;
@@ -317,31 +316,22 @@ fn numerical(
         dt,
     };
     let mut of_companion = Stability::NoProof;
-    let (mut proof, stepper, storage, condition, own, audit) =
+    let (mut proof, stepper, storage, condition, audit) =
         match method::companion(site, &structure, &initial)? {
             Some((stepper, condition)) => {
                 proof::warn_of_limit(site, &structure, specimens, method);
                 of_companion = proof::of_alpha(site, &structure, specimens, method, &initial);
-                (None, stepper, None, condition, None, None)
+                (None, stepper, None, condition, None)
             }
             None => {
-                let own = apart::own(site, &structure, specimens, &initial_stiffness)?;
-                let apart = own.as_ref().map(|own| &own.apart);
-                let proof = proof::choose(site, &structure, specimens, &initial, apart)?;
+                let proof = proof::choose(site, &structure, specimens, &initial)?;
                 let (stepper, storage, condition) =
-                    method::family(site, &structure, &initial, proof.lambda, apart)?;
+                    method::family(site, &structure, &initial, proof.lambda)?;
                 let audit = safety::audits(&site.loaded.file, n).then(|| {
-                    let mass = initial.effective_mass(structure.mass(), proof.lambda, apart);
+                    let mass = initial.effective_mass(structure.mass(), proof.lambda);
                     StepAudit::new(mass, site.loaded.time.step.value())
                 });
-                (
-                    Some(proof),
-                    stepper,
-                    Some(storage),
-                    Some(condition),
-                    own,
-                    audit,
-                )
+                (Some(proof), stepper, Some(storage), Some(condition), audit)
             }
         };
     if let Some(condition) = condition {
@@ -373,7 +363,6 @@ fn numerical(
         matrices,
         specimens.attached(),
         proof.as_ref().map(|proof| (dt, proof.lambda)),
-        own.as_ref().map(|own| own.apart.clone()),
     );
     let ground = excitation.ground_accel();
     let facts = StructureFacts {
@@ -383,7 +372,6 @@ fn numerical(
         storage,
         reciprocal_condition: condition,
         lambda: proof.as_ref().map(|proof| proof.lambda),
-        lambda_apart: own.map(|own| own.named).unwrap_or_default(),
         lambda_by_number: proof.as_ref().is_some_and(|proof| proof.by_number),
         gain: proof.as_ref().map_or(f64::INFINITY, |proof| proof.gain),
         gains: proof

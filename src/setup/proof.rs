@@ -5,7 +5,7 @@ use super::specimens::Specimens;
 use super::{Refused, Site, path};
 use crate::config::{Finding, LambdaValue, Method, Severity};
 use crate::finding::KeyPath;
-use crate::integrate::{Apart, Gui, Lambda, Start};
+use crate::integrate::{Gui, Lambda, Start};
 use crate::linalg::SymMatrix;
 use crate::model::{ModelError, Part, Structure};
 use crate::spectral::Weights;
@@ -28,7 +28,6 @@ pub(super) fn choose(
     structure: &Structure,
     specimens: &Specimens,
     initial: &Initial<'_>,
-    apart: Option<&Apart>,
 ) -> Result<Proven, Refused> {
     let table = &site.loaded.file.integrator;
     let gain = table.gain_bound.unwrap_or(if specimens.is_empty() {
@@ -58,10 +57,7 @@ pub(super) fn choose(
         }
     };
     let late_mass = specimens.late_mass(structure.dofs());
-    let proof = StabilityProof {
-        apart: apart.cloned(),
-        ..bounds.proof(structure, initial, late_mass)
-    };
+    let proof = bounds.proof(structure, initial, late_mass);
     let wanted = Request {
         lambda: request,
         gain,
@@ -89,11 +85,8 @@ pub(super) fn choose(
                 return site.refuse(finding);
             }
             let finding = Finding::error(lambda_path(), error.to_string());
-            let finding = finding.help(if apart.is_some() {
-                "choose a smaller lambda where a separate one is set, a smaller step, or a larger estimate of a hardening stiffness"
-            } else {
-                "choose a smaller step, or a larger estimate of a hardening stiffness"
-            });
+            let help = "choose a smaller step, or a larger estimate of a hardening stiffness";
+            let finding = finding.help(help);
             site.refuse(specimens.advice().on(finding))
         }
     }
@@ -114,7 +107,6 @@ impl Bounds {
             damping_bound: self.damping,
             stiffness_bound: self.stiffness,
             dt: initial.dt,
-            apart: None,
             late_mass,
         }
     }

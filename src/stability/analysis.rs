@@ -4,12 +4,12 @@
 
 use nalgebra::DMatrix;
 
-use crate::integrate::{Apart, Lambda};
+use crate::integrate::Lambda;
 use crate::linalg::{self, SymMatrix};
 use crate::spectral::delay::{
-    Critical, DelayError, Delayed, DiscreteLimit, Weights, continuous, discrete, recursion,
+    Critical, DelayError, Delayed, DiscreteLimit, Weights, continuous, discrete,
 };
-use crate::spectral::{Apparent, Locus, Pole, eigenvalues};
+use crate::spectral::{Apparent, Locus};
 
 /// Largest structure of which anything is analysed: some dozens of factorisations and a few vectors of its size.
 const LARGEST: usize = 50_000;
@@ -29,8 +29,6 @@ pub struct Analysis {
     /// K0 and C0, as in M_eff: an open gap counts as closed.
     stiffness: SymMatrix,
     damping: SymMatrix,
-    /// What has a λ of its own.
-    apart: Option<Apart>,
     /// Δt in s and λ, of a member of the family.
     pub(super) step: Option<(f64, Lambda)>,
     /// One per specimen; empty where the structure is too large.
@@ -216,7 +214,6 @@ impl Analysis {
         matrices: Matrices,
         specimens: Vec<Attached>,
         step: Option<(f64, Lambda)>,
-        apart: Option<Apart>,
     ) -> Option<Self> {
         let Matrices {
             mass,
@@ -233,7 +230,6 @@ impl Analysis {
             at_rest,
             stiffness,
             damping,
-            apart,
             step,
             loops: Vec::new(),
             specimens,
@@ -303,12 +299,9 @@ impl Analysis {
         Some(self.weighted(lambda).plus(0.5 / dt, &less).to_dense())
     }
 
-    /// K̃ of M_eff: K0/λ, or what stands for it.
+    /// K̃ = K0/λ of M_eff.
     fn weighted(&self, lambda: Lambda) -> SymMatrix {
-        match &self.apart {
-            Some(apart) => apart.weighted(&self.stiffness, lambda),
-            None => SymMatrix::zeros(self.mass.n()).plus(lambda.inverse(), &self.stiffness),
-        }
+        SymMatrix::zeros(self.mass.n()).plus(lambda.inverse(), &self.stiffness)
     }
 
     /// M with the mass whose inertia is in the forces of specimens.
@@ -351,7 +344,6 @@ impl Analysis {
             return Vec::new();
         };
         let weighted = self.weighted(lambda);
-        let exact = self.poles(dt, lambda);
         let each = modes.frequencies.iter().zip(modes.shapes.column_iter());
         each.map(|(&frequency, shape)| {
             let damping = self.damping.quadratic(shape.as_slice());
@@ -363,13 +355,10 @@ impl Analysis {
                 lambda: 1.0,
             };
             let [pole, _] = locus.roots(frequency * frequency);
-            let distance = |other: &Pole| (other - pole).norm();
-            let nearest = exact.iter().filter(|other| other.im >= 0.0);
-            let nearest = nearest.min_by(|a, b| distance(a).total_cmp(&distance(b)));
             ModeFacts {
                 frequency,
                 ratio: damping / (2.0 * frequency),
-                apparent: Apparent::of(nearest.copied().unwrap_or(pole)),
+                apparent: Apparent::of(pole),
             }
         })
         .collect()
@@ -396,24 +385,6 @@ impl Analysis {
         let AtRest { stiffness, damping } = &self.at_rest;
         let at_rest = of([damping, stiffness])?;
         of([&self.damping, &self.stiffness]).map(|_| at_rest)
-    }
-
-    /// Poles of the whole recursion at rest, where elements with a λ of their own couple the modes in M_eff; empty
-    /// elsewhere, and for a structure that is too large.
-    fn poles(&self, dt: f64, lambda: Lambda) -> Vec<Pole> {
-        let n = self.mass.n();
-        match &self.apart {
-            Some(apart) if !apart.is_of_modes() && n <= LARGEST_DELAYED => {
-                let both = [&self.damping, &self.at_rest.stiffness];
-                let system = Delayed {
-                    weighted: Some(self.weighted(lambda).to_dense()),
-                    ..Self::on_time(&self.mass, both)
-                };
-                let step = recursion(&system, dt, lambda.value(), 0.0).ok();
-                step.and_then(|step| eigenvalues(&step)).unwrap_or_default()
-            }
-            _ => Vec::new(),
-        }
     }
 
     /// Degrees of freedom.

@@ -17,7 +17,7 @@ use std::fmt;
 
 use thiserror::Error;
 
-use crate::integrate::{Apart, Lambda};
+use crate::integrate::Lambda;
 use crate::linalg::{Spd, SymMatrix};
 use crate::model::Part;
 
@@ -50,8 +50,6 @@ pub struct StabilityProof {
     pub dt: f64,
     /// Mass whose inertia is inside the measured forces: not in M, and a step late. Nothing if there is none.
     pub late_mass: Option<SymMatrix>,
-    /// Elements or modes with a λ of their own: every λ asked for and found here is then that of the rest of K0.
-    pub apart: Option<Apart>,
 }
 
 /// What sets the limit.
@@ -167,15 +165,7 @@ impl StabilityProof {
     #[must_use]
     pub fn matrix(&self, lambda: Lambda, gain: f64) -> SymMatrix {
         self.without_lambda(gain)
-            .plus(self.per_inverse() * lambda.inverse(), &self.following())
-    }
-
-    /// What of K0 follows λ.
-    fn following(&self) -> SymMatrix {
-        match &self.apart {
-            Some(apart) => apart.rest(&self.stiffness),
-            None => self.stiffness.clone(),
-        }
+            .plus(self.per_inverse() * lambda.inverse(), &self.stiffness)
     }
 
     /// The terms of S that do not depend on λ.
@@ -187,12 +177,8 @@ impl StabilityProof {
             .plus(-2.0 * self.dt, &self.damping_bound)
             .plus(-square / gain, &self.stiffness)
             .plus(-square, &self.stiffness_bound);
-        let terms = match &self.late_mass {
+        match &self.late_mass {
             Some(late) => terms.plus(-4.0, late),
-            None => terms,
-        };
-        match &self.apart {
-            Some(apart) => terms.plus(self.per_inverse(), apart.settled()),
             None => terms,
         }
     }
@@ -218,14 +204,14 @@ impl StabilityProof {
     }
 
     fn limit_of(&self, gain: f64, parts: Parts<'_>) -> Result<Option<f64>, StabilityError> {
-        let (fixed, following) = (self.without_lambda(gain), self.following());
+        let fixed = self.without_lambda(gain);
         let admissible = |inverse: f64| {
-            let matrix = fixed.plus(self.per_inverse() * inverse, &following);
+            let matrix = fixed.plus(self.per_inverse() * inverse, &self.stiffness);
             Spd::factor(&matrix).is_ok()
         };
         let is_finite =
             |matrix: &SymMatrix| matrix.entries().all(|(_, _, value)| value.is_finite());
-        if !(is_finite(&fixed) && is_finite(&following)) {
+        if !(is_finite(&fixed) && is_finite(&self.stiffness)) {
             return Err(StabilityError::Overflow { dt: self.dt });
         }
         if admissible(0.0) {
@@ -286,7 +272,7 @@ impl StabilityProof {
     ) -> Result<LambdaChoice, StabilityError> {
         let limit = self.limit_of(f64::INFINITY, parts)?;
         let limit_with_gain = match (self.limit_of(gain, parts), request) {
-            // Who asks for a λ need not keep the gain bound, which parts with a λ of their own may leave to none.
+            // A λ that the user gives need not keep the gain bound.
             (Err(StabilityError::NoneAdmissible { .. }), Some(_)) => Some(0.0),
             (found, _) => found?,
         };
@@ -310,7 +296,7 @@ impl StabilityProof {
     /// Names what carries the near-null vector of S at 1/λ = `inverse`.
     fn governing(&self, inverse: f64, gain: f64, parts: Parts<'_>) -> Option<Governing> {
         let fixed = self.without_lambda(gain);
-        let shape = near_null(&fixed.plus(self.per_inverse() * inverse, &self.following()))?;
+        let shape = near_null(&fixed.plus(self.per_inverse() * inverse, &self.stiffness))?;
         let n = shape.len();
         let square = self.dt * self.dt;
         let mut pulled = vec![0.0; n];
@@ -427,7 +413,6 @@ mod tests {
             stiffness_bound: SymMatrix::diagonal(&[1.0, 1.0]),
             dt: 0.01,
             late_mass: None,
-            apart: None,
         };
         assert_eq!(
             proof.limit(f64::INFINITY, &[]),

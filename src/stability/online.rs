@@ -117,7 +117,6 @@ mod tests {
             damping_bound: one(c_max),
             stiffness_bound: one(k_max),
             dt,
-            apart: None,
             late_mass: None,
         };
         let axis = Part {
@@ -162,7 +161,6 @@ mod tests {
             damping_bound: SymMatrix::zeros(2),
             stiffness_bound: chain(6e5, 2e5),
             dt,
-            apart: None,
             late_mass: None,
         };
         let axis = Part {

@@ -89,7 +89,6 @@ pub(super) fn limits() -> Vec<Check> {
         damping_bound: tridiagonal(n, DAMPING).plus(1.0, &SymMatrix::diagonal(&vec![180.0; n])),
         stiffness_bound: tridiagonal(n, STIFFNESS),
         dt: DT,
-        apart: None,
         late_mass: None,
     };
     vec![

@@ -51,7 +51,6 @@ pub(super) fn random_system(random: &mut Random, damped: bool) -> StabilityProof
         stiffness: storeys(random, n, 1000.0),
         stiffness_bound: storeys(random, n, 1000.0 * hardening),
         dt: random.between(0.02, 0.5),
-        apart: None,
         late_mass: None,
     }
 }

@@ -215,7 +215,6 @@ pub(super) fn transition(
             damping_bound: scalar(c),
             stiffness_bound: scalar(k),
             dt,
-            apart: None,
             late_mass: None,
         },
         lambda,
@@ -227,14 +226,13 @@ pub(super) fn transition(
 pub(super) fn transition_of(proof: &StabilityProof, lambda: f64) -> Option<DMatrix<f64>> {
     let n = proof.mass.n();
     let lambda = Lambda::new(lambda).ok()?;
-    let mut gui = Gui::with_apart(
+    let mut gui = Gui::new(
         &proof.mass,
         &proof.damping,
         &proof.stiffness,
         proof.dt,
         lambda,
         Start::Published,
-        proof.apart.as_ref(),
     )
     .ok()?;
     let mut step = DMatrix::zeros(2 * n, 2 * n);
@@ -261,9 +259,8 @@ pub(super) fn transition_of(proof: &StabilityProof, lambda: f64) -> Option<DMatr
 /// w = M_eff⁻¹ r for the residual r, by the program's step.
 pub(super) fn solved(proof: &StabilityProof, lambda: f64, residual: &[f64]) -> Option<Vec<f64>> {
     let (n, lambda) = (proof.mass.n(), Lambda::new(lambda).ok()?);
-    let apart = proof.apart.as_ref();
     let (m, c, k) = (&proof.mass, &proof.damping, &proof.stiffness);
-    let mut gui = Gui::with_apart(m, c, k, proof.dt, lambda, Start::Published, apart).ok()?;
+    let mut gui = Gui::new(m, c, k, proof.dt, lambda, Start::Published).ok()?;
     let mut state = State::at_rest(n);
     gui.advance(&mut state, residual, &mut vec![0.0; n]);
     Some(state.weighted_accel.to_vec())

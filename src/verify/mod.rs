@@ -19,7 +19,6 @@ mod formulas;
 mod linear;
 mod nonlinear;
 mod order;
-mod own_lambda;
 mod page;
 mod stability;
 mod storeys;
@@ -261,7 +260,7 @@ impl Topic {
 }
 
 /// All topics, in the order of the paper.
-pub const TOPICS: [Topic; 16] = [
+pub const TOPICS: [Topic; 15] = [
     Topic {
         name: "table-1",
         title: "Table 1 and equation (13): poles, and one α for all",
@@ -351,12 +350,6 @@ pub const TOPICS: [Topic; 16] = [
         title: "Example 4.3, Table 2, Figs. 15 and 16: the cost of a step",
         says: "No damping matrix is factorised within a step, diagonal or not, and the step stays explicit; the cost of the other methods relative to the family grows with the number of DOFs.",
         prove: cost::example,
-    },
-    Topic {
-        name: "own-lambda",
-        title: "Beyond the paper: separate λ for elements and modes",
-        says: "Not in the paper, which sees accuracy and stability pull one λ in opposite directions. The proof needs only 4M + 4Δt²K̃ − Δt²K_t ⪰ 0, so that the stiff storey may have the small λ and the mode that governs the response the accurate one.",
-        prove: |effort, _| own_lambda::extensions(effort).into(),
     },
 ];
 

@@ -1,7 +1,6 @@
 //! The two-storey structures of examples 4.1 and 4.2.
 
 use super::drive::{Method, histories};
-use crate::integrate::{Apart, Gui, Lambda, Start, Stepper};
 use crate::law::SquareRootSpec;
 use crate::linalg::SymMatrix;
 use crate::model::{Element, End, Structure};
@@ -60,7 +59,6 @@ impl TwoStoreys {
             damping_bound: SymMatrix::zeros(2),
             stiffness_bound: Self::matrix(tangents),
             dt,
-            apart: None,
             late_mass: None,
         }
     }
@@ -82,40 +80,8 @@ impl TwoStoreys {
         seconds: f64,
         every: usize,
     ) -> Option<[Vec<f64>; 2]> {
-        let structure = self.structure()?;
-        let stepper = method.stepper(&structure, dt).ok()?;
-        self.run_by(stepper, dt, seconds, every)
-    }
-
-    /// The same by the family with a λ of their own for what is in `apart`.
-    pub(super) fn run_apart(
-        &self,
-        apart: &Apart,
-        lambda: f64,
-        dt: f64,
-        seconds: f64,
-    ) -> Option<[Vec<f64>; 2]> {
-        let none = SymMatrix::zeros(2);
-        let gui = Gui::with_apart(
-            &SymMatrix::diagonal(&self.mass),
-            &none,
-            &Self::matrix(self.stiffness),
-            dt,
-            Lambda::new(lambda).ok()?,
-            Start::Published,
-            Some(apart),
-        );
-        self.run_by(Stepper::Explicit(Box::new(gui.ok()?)), dt, seconds, 1)
-    }
-
-    fn run_by(
-        &self,
-        stepper: Stepper,
-        dt: f64,
-        seconds: f64,
-        every: usize,
-    ) -> Option<[Vec<f64>; 2]> {
         let mut structure = self.structure()?;
+        let stepper = method.stepper(&structure, dt).ok()?;
         let steps = libm::round(seconds / dt) as usize;
         let mass = self.mass;
         let load = move |t: f64, out: &mut [f64]| {

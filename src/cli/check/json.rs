@@ -58,8 +58,6 @@ fn structure_json(structure: &StructureFacts, spectrum: Option<&Spectrum>) -> Va
         "method": structure.method,
         "lambda": structure.lambda.map(|lambda| number(lambda.value())),
         "lambda_by_number": structure.lambda_by_number,
-        "lambda_apart": structure.lambda_apart.iter().map(|(name, own)| (name.clone(), number(own.value())))
-            .collect::<serde_json::Map<_, _>>(),
         "lambda_limit": choice.map(|choice| choice.limit),
         "criterion": choice.map(|_| "S(lambda) positive semi-definite at the declared bounds"),
         "margin": choice.map(|choice| number(choice.margin)),

@@ -96,16 +96,7 @@ fn describe_lambda(table: &mut Table, structure: &StructureFacts, lambda: Lambda
             structure.gain
         )
     };
-    let own = structure.lambda_apart.iter();
-    let own: Vec<String> = own.map(|(name, own)| format!("{own} for {name}")).collect();
-    if own.is_empty() {
-        table.row("λ", &format!("{lambda} ({how})"));
-    } else {
-        table.row(
-            "λ",
-            &format!("{lambda} for the rest ({how});\n{}", own.join(", ")),
-        );
-    }
+    table.row("λ", &format!("{lambda} ({how})"));
 }
 
 /// Natural frequencies alone, where nothing is known of what the method makes of them.

@@ -60,8 +60,6 @@ fn check_integrator(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
     let IntegratorTable {
         method,
         lambda,
-        lambda_of_element,
-        lambda_of_mode,
         allow_unstable_lambda,
         gain_bound,
         start,
@@ -75,8 +73,6 @@ fn check_integrator(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
         let keys = [
             ("method", *method != usual.method),
             ("lambda", *lambda != usual.lambda),
-            ("lambda_of_element", !lambda_of_element.is_empty()),
-            ("lambda_of_mode", !lambda_of_mode.is_empty()),
             ("allow_unstable_lambda", *allow_unstable_lambda),
             ("gain_bound", gain_bound.is_some()),
             ("start", *start != usual.start),

@@ -39,9 +39,8 @@ use crate::text::is_hidden;
 /// Every number of the document that is not finite, but λ, which may be infinite.
 pub(crate) fn not_finite(root: &Node) -> Vec<Finding> {
     let integrator = KeyPath::root().key("integrator");
-    let lambdas = ["lambda", "lambda_of_element", "lambda_of_mode"];
-    let lambdas = lambdas.map(|key| integrator.key(key));
-    let is_lambda = |path: &KeyPath| lambdas.iter().any(|lambda| path.starts_with(lambda));
+    let lambda = integrator.key("lambda");
+    let is_lambda = |path: &KeyPath| path.starts_with(&lambda);
     let mut findings = Vec::new();
     root.walk(&KeyPath::root(), &mut |path, node| {
         if let Datum::Float(value) = node.datum
@@ -293,16 +292,6 @@ fn check_integrator(file: &TestFile, findings: &mut Findings) {
     let idle = [
         ("lambda", table.lambda != LambdaValue::Auto, of_family),
         ("gain_bound", table.gain_bound.is_some(), of_family),
-        (
-            "lambda_of_element",
-            !table.lambda_of_element.is_empty(),
-            of_family,
-        ),
-        (
-            "lambda_of_mode",
-            !table.lambda_of_mode.is_empty(),
-            of_family,
-        ),
         ("start", table.start != Start::Published, of_family),
         (
             "rho_infinity",
@@ -331,20 +320,6 @@ fn check_integrator(file: &TestFile, findings: &mut Findings) {
                 .0
                 .push(finding.at_key().beside(method.clone(), "the method"));
         }
-    }
-    if !table.lambda_of_element.is_empty() && !table.lambda_of_mode.is_empty() {
-        let finding = Finding::error(
-            integrator.key("lambda_of_mode"),
-            "`lambda_of_element` and `lambda_of_mode` cannot be used together",
-        );
-        findings.0.push(
-            finding
-                .at_key()
-                .beside(integrator.key("lambda_of_element"), "one of the two")
-                .help(
-                    "every mode contains a part of every element, so the two lambdas of that part would contradict",
-                ),
-        );
     }
     match table.rho_infinity {
         Some(rho) if rho.is_finite() && !(0.0..=1.0).contains(&rho) => findings.0.push(

@@ -169,7 +169,6 @@ fn keys_of_safety_that_nothing_follows_from_are_told_of() {
     for (key, value) in [
         ("lambda", "1000"),
         ("start", "\"second-order\""),
-        ("lambda_of_element", "{x=3}"),
         ("gain_bound", "3"),
     ] {
         let set = format!("integrator.{key}={value}");

@@ -45,7 +45,6 @@ fn a_changed_tangent_is_stable_up_to_the_published_bound() {
             damping_bound: scalar(ct),
             stiffness_bound: scalar(k),
             dt,
-            apart: None,
             late_mass: None,
         };
         let largest = |k: f64| {
@@ -92,7 +91,6 @@ impl TwoStoreys {
             damping_bound: SymMatrix::zeros(2),
             stiffness_bound: storeys(&self.k),
             dt: 0.05,
-            apart: None,
             late_mass: None,
         }
     }
@@ -225,7 +223,6 @@ fn automatic_lambda_follows_its_rule_and_names_what_governs() {
             damping_bound: scalar(0.0),
             stiffness_bound: scalar(1e4),
             dt: 1.0,
-            apart: None,
             late_mass: None,
         };
         let limit = single.limit(gain, &[]).unwrap().unwrap();
@@ -276,7 +273,6 @@ fn a_critical_shape_of_a_dof_without_mass_has_no_frequency() {
         stiffness_bound: stiffness.clone(),
         dt: 1.0 / 1024.0,
         late_mass: None,
-        apart: None,
     };
     for (mass, said) in [
         (0.0, "which moves no mass)"),
@@ -303,7 +299,6 @@ fn what_no_lambda_can_hold_is_an_error_with_a_name() {
         damping_bound: SymMatrix::diagonal(&[0.0, 50.0]),
         stiffness_bound: SymMatrix::diagonal(&[100.0, 0.0]),
         dt: 0.1,
-        apart: None,
         late_mass: None,
     };
     let damper = Part {

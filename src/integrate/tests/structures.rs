@@ -36,7 +36,6 @@ fn a_free_chain_drifts_straight_and_keeps_its_momentum() {
         damping_bound: c,
         stiffness_bound: k.clone(),
         dt: 0.2,
-        apart: None,
         late_mass: None,
     };
     let limit = proof.limit(f64::INFINITY, &[]).unwrap().unwrap();
@@ -141,7 +140,6 @@ fn the_limit_of_a_long_chain_is_that_of_its_highest_mode() {
         damping_bound: SymMatrix::zeros(n),
         stiffness_bound: k,
         dt,
-        apart: None,
         late_mass: None,
     };
     let angle = (2 * n - 1) as f64 * PI / (2 * (2 * n + 1)) as f64;

@@ -11,20 +11,6 @@ impl Specimens {
         self.gathered(dofs, |entry| Some(&entry.stiffness))
     }
 
-    /// Names, in order.
-    pub(in crate::setup) fn each_name(&self) -> impl Iterator<Item = &str> {
-        self.0.iter().map(|entry| entry.name.as_str())
-    }
-
-    /// Bᵀ k̂ B of the specimen that is called `name`.
-    pub(in crate::setup) fn stiffness_of(&self, name: &str, dofs: usize) -> Option<SymMatrix> {
-        let named = |entry: &&Entry| entry.name == name;
-        self.0.iter().find(named)?;
-        Some(self.gathered(dofs, |entry| {
-            Some(entry).filter(named).map(|entry| &entry.stiffness)
-        }))
-    }
-
     /// Σ Bᵀ k B before anything moves.
     pub(in crate::setup) fn stiffness_at_rest(&self, dofs: usize) -> SymMatrix {
         self.gathered(dofs, |entry| Some(&entry.stiffness_at_rest))
