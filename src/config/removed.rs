@@ -25,7 +25,23 @@ struct RemovedKey {
 
 const LIMITS: &[&str] = &["specimen[*].limits", "specimen[*].axis[*].limits"];
 
+const ONE_LAMBDA: &str = "set one `lambda` for all elements and modes";
+
 const REMOVED: &[RemovedKey] = &[
+    RemovedKey {
+        tables: &["integrator"],
+        key: "lambda_of_element",
+        default: None,
+        last: "0.2.0",
+        instead: ONE_LAMBDA,
+    },
+    RemovedKey {
+        tables: &["integrator"],
+        key: "lambda_of_mode",
+        default: None,
+        last: "0.2.0",
+        instead: ONE_LAMBDA,
+    },
     RemovedKey {
         tables: &["timing"],
         key: "catch_up_remote",

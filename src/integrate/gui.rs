@@ -161,7 +161,7 @@ impl Integrator for Gui {
             (Start::SecondOrder, true) => (dt / 2.0, dt),
         };
         let lanes = self.lanes;
-        let mut go_on = |rows: Range<usize>, weighted_accel: &[f64]| {
+        let go_on = |rows: Range<usize>, weighted_accel: &[f64]| {
             if let (Some(disp), Some(vel), Some(reported)) = (
                 disp.get_mut(rows.clone()),
                 vel.get_mut(rows.clone()),

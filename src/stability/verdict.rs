@@ -276,7 +276,7 @@ mod tests {
             ticks: Vec::new(),
         };
         let step = Some((1e-3, Lambda::Finite(4.0)));
-        Analysis::new(matrices, vec![specimen], step, None).unwrap()
+        Analysis::new(matrices, vec![specimen], step).unwrap()
     }
 
     /// A specimen behind a link with this delay, in s; none: its actuator is not known.
