@@ -12,7 +12,6 @@ type Module = Vec<String>;
 /// Folders with cycles that are still to be mended. This list may only shrink.
 const EXEMPT: &[(&str, &str)] = &[
     ("cli", "rebuilt later"),
-    ("config", "rebuilt later"),
     ("engine", "rebuilt later"),
     ("link", "rebuilt later"),
     ("link/native", "rebuilt later"),
