@@ -523,6 +523,7 @@ fn log_level_decides_which_messages_reach_stderr() {
     assert!(run("option", &["--log", "info"], None));
     assert!(run("variable", &[], Some("info")));
     assert!(!run("both", &["--log", "error"], Some("info")));
+    assert!(!run("unknown", &[], Some("gusset=info")));
     let wrong = say(["--log", "loud", "schema"]);
     assert_eq!(wrong.code, Some(2));
 }

@@ -247,12 +247,12 @@ impl Cause {
             .find(|cause| f64::from(cause.code()) == code)
     }
 
-    /// The cause of an event with this word. A word that no row has is the key of a limit. The word `link` alone does not tell
+    /// The cause of an event with this word; none for an empty word. A word that no row has is the key of a limit. The word `link` alone does not tell
     /// why the link failed.
     #[must_use]
-    pub fn of_word(word: &str) -> Self {
+    pub fn of_word(word: &str) -> Option<Self> {
         let known = Self::ALL.iter().copied().find(|cause| cause.word() == word);
-        known.unwrap_or(Self::Limit)
+        known.or_else(|| (!word.is_empty()).then_some(Self::Limit))
     }
 }
 
@@ -314,7 +314,8 @@ mod tests {
     fn every_row_leads_from_its_word_to_its_exit_and_sentence() {
         for &cause in Cause::ALL {
             assert_eq!(Cause::from_code(cause.code()), Some(cause));
-            assert_eq!(Cause::of_word(cause.word()).word(), cause.word());
+            let found = Cause::of_word(cause.word()).unwrap();
+            assert_eq!(found.word(), cause.word());
             assert_eq!(cause.status(), cause.exit().status());
             assert!(cause.sentence().ends_with('.') && !cause.heading().is_empty());
             let is_completed = cause.exit() == Exit::Done;
@@ -324,7 +325,8 @@ mod tests {
             assert_eq!(cause.kind() == Kind::Operator, is_interrupted);
         }
         assert_eq!(Cause::from_code(0), None);
-        assert_eq!(Cause::of_word("stroke_m"), Cause::Limit);
+        assert_eq!(Cause::of_word("stroke_m"), Some(Cause::Limit));
+        assert_eq!(Cause::of_word(""), None);
         for cause in [Cause::Link, Cause::LinkNotFinite, Cause::LinkDiverged] {
             assert_eq!(cause.word(), "link");
         }

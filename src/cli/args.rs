@@ -43,17 +43,15 @@ use super::benchmark;
                   More: gusset guide first-test"
 )]
 pub(super) struct Cli {
-    /// Least severe messages to log on stderr.
+    /// Least severe messages to log on stderr. The default is that of the environment variable GUSSET_LOG, or else `warn`.
     #[arg(
         long,
         global = true,
         value_enum,
-        value_name = "LEVEL",
-        env = "GUSSET_LOG",
-        hide_env_values = true,
-        default_value_t = LogArg::Warn
+        ignore_case = true,
+        value_name = "LEVEL"
     )]
-    pub log: LogArg,
+    pub log: Option<LogArg>,
     #[command(subcommand)]
     pub command: Command,
 }
@@ -61,6 +59,8 @@ pub(super) struct Cli {
 /// Severity of a message of the log.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(super) enum LogArg {
+    /// No messages.
+    Off,
     /// Errors only.
     Error,
     /// Warnings too.
@@ -76,6 +76,7 @@ pub(super) enum LogArg {
 impl From<LogArg> for LevelFilter {
     fn from(log: LogArg) -> Self {
         match log {
+            LogArg::Off => LevelFilter::OFF,
             LogArg::Error => LevelFilter::ERROR,
             LogArg::Warn => LevelFilter::WARN,
             LogArg::Info => LevelFilter::INFO,

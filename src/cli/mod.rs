@@ -55,7 +55,8 @@ use clap::{CommandFactory, Parser};
 pub use exit::Exit;
 pub use log::tell_panics;
 
-use args::{Cli, Command};
+use args::{Cli, Command, LogArg};
+use clap::ValueEnum as _;
 
 use crate::config::Diagnostics;
 use crate::rt::os;
@@ -68,7 +69,7 @@ pub fn main() -> ExitCode {
     os::ignore_file_size_signal();
     progress::show_long_work();
     let cli = Cli::parse();
-    log::begin_log(cli.log.into());
+    begin_log(cli.log);
     match caught(|| enough_files().and_then(|()| dispatch(cli.command))) {
         Ok(exit) => exit.code().into(),
         Err(error) => {
@@ -78,6 +79,21 @@ pub fn main() -> ExitCode {
             }
             exit::of(&error).code().into()
         }
+    }
+}
+
+/// The level of the option, or else of the environment. A variable that is no level must not keep anybody from `gusset stop`.
+fn begin_log(option: Option<LogArg>) {
+    let variable = std::env::var("GUSSET_LOG")
+        .ok()
+        .filter(|text| !text.is_empty());
+    let found = variable.as_ref().map(|text| LogArg::from_str(text, true));
+    let level = option.or_else(|| found.clone()?.ok());
+    log::begin_log(level.unwrap_or(LogArg::Warn).into());
+    if let (None, Some(text), Some(Err(_))) = (option, variable, found) {
+        tracing::warn!(
+            "GUSSET_LOG is {text:?}, but must be off, error, warn, info, debug or trace; the level is warn"
+        );
     }
 }
 

@@ -24,7 +24,7 @@ use crate::units::{duration, number, quantity};
 pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     let test = prepare(args)?;
     warn(&test.warnings);
-    for text in &test.facts.announced {
+    for text in test.facts.announced.iter().chain(&test.facts.moved) {
         tell(format_args!("note: {text}"));
     }
     let mut judged = Judged::of(test).map_err(refused)?;

@@ -154,7 +154,13 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
 
 /// Obeys the verdict of a test file whose specimen this gateway would move.
 fn judge(file: &Path) -> anyhow::Result<()> {
-    let loaded = config::load(file, &[]).map_err(refused)?;
+    tell(format_args!(
+        "note: {} is a test file: the gateway rehearses the test and obeys its verdict; a file for `gusset serve` needs no test",
+        file.display()
+    ));
+    let mut loaded = config::load(file, &[]).map_err(refused)?;
+    // It is a processor of the controller's computer.
+    loaded.file.timing.cpu = None;
     let test = setup::build(&loaded).map_err(refused)?;
     conduct::obey(&Judged::of(test).map_err(refused)?)
 }

@@ -255,7 +255,7 @@ impl Loaded {
         };
         let each = self.file.uncertainty.iter().filter_map(|one| {
             let key = KeyPath::parse(&one.key).ok()?;
-            let key = renamed::current(&key, None).map_or(key, |(new, _)| new);
+            let key = current_key(&complete, key);
             let number = number_at(&complete, &key).ok()?;
             let nominal = number.value();
             let spread = match (one.std, one.std_share, one.range) {
@@ -300,6 +300,20 @@ impl Number {
             Self::Real(value) => value,
         }
     }
+}
+
+/// The key under which the number of an uncertainty stands today in the complete file.
+pub(super) fn current_key(complete: &toml::Value, key: KeyPath) -> KeyPath {
+    let holds = |path: &KeyPath| value_at(complete, path).is_some();
+    renamed::current(&key, &holds).map_or(key, |(new, _)| new)
+}
+
+fn value_at<'a>(root: &'a toml::Value, path: &KeyPath) -> Option<&'a toml::Value> {
+    let mut segments = path.segments().iter();
+    segments.try_fold(root, |node, segment| match segment {
+        Segment::Key(key) => node.get(key.as_str()),
+        Segment::Index(index) => node.get(*index),
+    })
 }
 
 /// The number at `path` of a complete configuration; else how far the path goes: the last part that is there, and the keys

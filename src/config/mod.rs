@@ -251,7 +251,9 @@ fn open(
     let mut moves = renamed::rename(&mut original);
     let (mut overrides, refused) = parse_overrides(sets);
     for one in &mut overrides {
-        if let Some((path, moved)) = renamed::current(&one.path(), Some(&original)) {
+        if let Some((path, moved)) =
+            renamed::current(&one.path(), &|path| original.find(path).is_some())
+        {
             one.moved_to(&path);
             moves.push(moved);
         }

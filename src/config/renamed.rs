@@ -216,16 +216,15 @@ pub(super) fn notes(moves: &[Move]) -> Vec<Finding> {
     noted.iter().map(|one| one.key.note(&one.table)).collect()
 }
 
-/// The path under which an entry stands today, with the move of its old name. `root` is the file, without old names; without
-/// it, an old name always has its meaning.
-pub(super) fn current(path: &KeyPath, root: Option<&Node>) -> Option<(KeyPath, Move)> {
+/// The path under which an entry stands today, with the move of its old name. `holds` says whether the file has a key: some old
+/// names have a meaning only beside another key.
+pub(super) fn current(path: &KeyPath, holds: &dyn Fn(&KeyPath) -> bool) -> Option<(KeyPath, Move)> {
     let segments = path.segments();
     for length in 0..segments.len() {
         let table: KeyPath = segments[..length].iter().cloned().collect();
         for key in RENAMED.iter().filter(|key| key.is_of(&table)) {
             let old = under(&table, key.from);
-            let has =
-                |beside: &str| root.is_none_or(|root| root.find(&table.key(beside)).is_some());
+            let has = |beside: &str| holds(&table.key(beside));
             if !path.starts_with(&old) || key.beside.is_some_and(|beside| !has(beside)) {
                 continue;
             }
@@ -242,7 +241,7 @@ pub(super) fn current(path: &KeyPath, root: Option<&Node>) -> Option<(KeyPath, M
                 };
             }
             // A law inside a stand-in may have an old name, too.
-            let now = current(&now, root).map_or(now, |(now, _)| now);
+            let now = current(&now, holds).map_or(now, |(now, _)| now);
             return Some((now, Move { key, table }));
         }
     }

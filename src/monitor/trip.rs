@@ -47,7 +47,7 @@ impl Trip {
             } => {
                 let specimen = place("specimen").and_then(|place| names.get(place));
                 let of = specimen.map_or_else(String::new, |name| format!("{name}: "));
-                let words = format!("{of}{}", Cause::of_word(cause).sentence());
+                let words = format!("{of}{}", Cause::of_word(cause)?.sentence());
                 (cause.clone(), words, [f64::NAN; 2])
             }
             kind => (kind.trip_row()?.name.into(), line.sentence(), [f64::NAN; 2]),
@@ -85,7 +85,11 @@ fn limit_words(names: &[String], reached: &LimitReached) -> String {
         Some((port, axis)) => {
             let name = names.get(port).map_or("", String::as_str);
             if !value.is_finite() {
-                return format!("{name}: the next command is not a finite number; it was not sent");
+                return if limit.is_of_command() {
+                    format!("{name}: the next command is not a finite number; it was not sent")
+                } else {
+                    format!("{name}: the {} is not a finite number", limit.row().words)
+                };
             }
             let hit = Hit {
                 axis,

@@ -261,7 +261,10 @@ pub(super) fn miss_classes(run: &RunData) -> BTreeMap<String, u64> {
     }
     let mut classes = BTreeMap::new();
     for event in run.events.iter().filter(|e| is_miss(e)) {
-        let class = event.fields().get("class").and_then(Value::as_str);
+        let fields = event.fields();
+        // The first records named it so.
+        let class = fields.get("class").or_else(|| fields.get("cause"));
+        let class = class.and_then(Value::as_str);
         *classes
             .entry(class.unwrap_or("class not recorded").to_owned())
             .or_insert(0) += 1;

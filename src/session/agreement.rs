@@ -394,10 +394,12 @@ impl Events {
                     from, to, cause, ..
                 } => {
                     let cause = match Cause::of_word(cause) {
-                        Cause::Link => of_link,
+                        Some(Cause::Link) => Some(of_link),
                         cause => cause,
                     };
-                    status = Self::next(status, [*from, *to], cause);
+                    if let Some(cause) = cause {
+                        status = Self::next(status, [*from, *to], cause);
+                    }
                 }
                 _ => {}
             }

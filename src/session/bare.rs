@@ -84,6 +84,7 @@ pub fn loop_round(
         force_noise_n: Vec::new(),
         resumed: None,
         announced: Vec::new(),
+        moved: Vec::new(),
         records: Vec::new(),
         confirm: false,
         limits: LimitFacts::default(),

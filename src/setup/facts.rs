@@ -48,6 +48,8 @@ pub struct Facts {
     pub resumed: Option<(PathBuf, u64)>,
     /// What is moved before the test, and why.
     pub announced: Vec<String>,
+    /// Specimens behind links that have a law for rehearsals, too, in sentences.
+    pub moved: Vec<String>,
     /// Whether an operator must confirm what was read before anything moves.
     pub confirm: bool,
     /// Facts about the records of its motions, in the order of the test file.

@@ -224,6 +224,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         force_noise_n: safety::force_noise_n(file, &time),
         resumed: None,
         announced: announced(file),
+        moved: moved(file),
         records: std::mem::take(&mut site.records),
         confirm: safety::needs_confirmation(file),
         warnings: warnings.iter().map(|w| w.headline.clone()).collect(),
@@ -279,6 +280,18 @@ fn announced(file: &TestFile) -> Vec<String> {
         ))
     });
     probed.collect()
+}
+
+/// Specimens behind links that have a law, too, in sentences: a test may have been meant for the law alone.
+fn moved(file: &TestFile) -> Vec<String> {
+    let with_law = file.specimen.iter().filter_map(|specimen| {
+        let (link, (key, _)) = (specimen.link.as_ref()?, specimen.stand_in()?);
+        Some(format!(
+            "specimen \"{}\" is behind the link to {} and will move; its `{key}` is used in rehearsals only",
+            specimen.name, link.address
+        ))
+    });
+    with_law.collect()
 }
 
 /// The numerical side: structure, loads, integrator, initial state, and the static load before t = 0.

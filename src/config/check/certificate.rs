@@ -1,10 +1,9 @@
 //! What a certificate goes by: ranges, and numbers that are not there.
 
 use super::Findings;
-use crate::config::certificate::{UncertaintyTable, number_at};
+use crate::config::certificate::{UncertaintyTable, current_key, number_at};
 use crate::config::diagnose::Finding;
 use crate::config::document::{KeyPath, Segment};
-use crate::config::renamed;
 use crate::config::schema::TestFile;
 use crate::config::specimen::SpecimenTable;
 use crate::config::suggest::nearest;
@@ -100,7 +99,10 @@ pub(super) fn check_certificate(file: &TestFile, findings: &mut Findings) {
         }
         let at = at.key("key");
         let path = match KeyPath::parse(&one.key) {
-            Ok(path) => renamed::current(&path, None).map_or(path, |(new, _)| new),
+            Ok(path) => match &complete {
+                Some(complete) => current_key(complete, path),
+                None => path,
+            },
             Err(error) => {
                 let headline = format!("{:?} is no dotted path: {}", one.key, error.message);
                 findings.0.push(Finding::error(at, headline));

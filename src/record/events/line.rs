@@ -31,8 +31,8 @@ pub struct EventLine {
     fields: Map<String, Value>,
 }
 
-/// Fields that every line has; `kind` is an earlier spelling of `event`.
-const HEAD: [&str; 6] = ["tick", "time", "wall", "clock_ns", "event", "kind"];
+/// Fields that every line has.
+const HEAD: [&str; 5] = ["tick", "time", "wall", "clock_ns", "event"];
 
 impl EventLine {
     /// A line that is to be written. Hidden characters of a text are spelled.
@@ -140,8 +140,11 @@ fn own(mut fields: Map<String, Value>) -> Map<String, Value> {
 impl From<Map<String, Value>> for EventLine {
     /// Reads a line of any version.
     fn from(mut line: Map<String, Value>) -> Self {
-        if let (None, Some(kind)) = (line.get("event"), line.get("kind")) {
-            line.insert("event".to_owned(), kind.clone());
+        // `kind` is an earlier spelling of `event`.
+        if !line.contains_key("event")
+            && let Some(kind) = line.remove("kind")
+        {
+            line.insert("event".to_owned(), kind);
         }
         let name = line.get("event").and_then(Value::as_str);
         let name = name.unwrap_or_default().to_owned();

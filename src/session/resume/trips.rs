@@ -73,15 +73,21 @@ impl Told {
     }
 
     fn take(&mut self, line: &EventLine) {
+        let mut trip = line.event.latched().map(|trip| trip.into_owned());
         match &line.event {
             Event::Ended => self.have_end = true,
-            Event::Link { .. }
-            | Event::Phase {
-                to: Phase::Tripped, ..
-            } => self.explained = true,
+            Event::Phase {
+                to: Phase::Tripped,
+                cause,
+                ..
+            } => match Cause::of_word(cause) {
+                // The event of the trip itself may be lost.
+                Some(known) if known.is_trip() => trip = Some(cause.to_string()),
+                Some(_) => self.explained = true,
+                None => {}
+            },
             _ => {}
         }
-        let trip = line.event.latched().map(|trip| trip.into_owned());
         self.trips
             .extend(trip.filter(|trip| !self.trips.contains(trip)));
     }
