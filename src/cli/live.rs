@@ -12,11 +12,12 @@ use super::args::RunArgs;
 use super::exit::{Exit, WithExit};
 #[cfg(feature = "monitor")]
 use super::tell;
-use crate::config::{Carrier, ClockChoice};
+#[cfg(feature = "monitor")]
+use crate::config::Carrier;
+use crate::config::ClockChoice;
 #[cfg(feature = "monitor")]
 use crate::engine::Operator;
 use crate::engine::PhaseCell;
-#[cfg(feature = "monitor")]
 #[cfg(feature = "monitor")]
 use crate::monitor::Ended;
 #[cfg(feature = "monitor")]

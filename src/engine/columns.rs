@@ -73,7 +73,7 @@ pub struct Row {
 pub struct Lateness {
     /// Misses in a row.
     pub in_a_row: u64,
-    /// Misses in the window `miss_window_s`.
+    /// Misses in the window `timing.misses.window_s`.
     pub in_window: u64,
     /// Misses in total.
     pub in_total: u64,

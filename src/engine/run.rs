@@ -231,7 +231,8 @@ impl Engine {
                 self.goes_on = true;
             }
             Some(Operator::Confirm) => {
-                if std::mem::take(&mut self.unconfirmed) {
+                let was_asked = std::mem::take(&mut self.unconfirmed);
+                if was_asked {
                     commands.add(OperatorCommands::CONFIRM);
                 }
             }

@@ -240,10 +240,6 @@ impl<S: Store> EventLog<S> {
     /// Writes the sentence of an event to the log, with the test time once the test runs. Of a frequent event only the first few
     /// are shown.
     fn show(&mut self, line: &EventLine, severity: Severity) {
-        let sentence = line.sentence();
-        if sentence.is_empty() {
-            return;
-        }
         if let Some(row) = line.row().filter(|row| row.is_frequent) {
             let count = self.logged.entry(row.name).or_default();
             *count = count.saturating_add(1);
@@ -256,6 +252,10 @@ impl<S: Store> EventLog<S> {
             if *count > LOUD {
                 return;
             }
+        }
+        let sentence = line.sentence();
+        if sentence.is_empty() {
+            return;
         }
         let at = match line.time {
             Some(time) if time.is_finite() && time != 0.0 => format!("t = {time:.4} s: "),

@@ -203,12 +203,16 @@ impl Recorder for RingRecorder {
     fn event(&mut self, event: TimedEvent) -> bool {
         let mut waiting = Some(event);
         let taken = push(&mut self.events, self.when_full, |events| {
-            let Some(Err(PushError::Full(event))) = waiting.take().map(|event| events.push(event))
-            else {
+            let Some(event) = waiting.take() else {
                 return true;
             };
-            waiting = Some(event);
-            false
+            match events.push(event) {
+                Ok(()) => true,
+                Err(PushError::Full(event)) => {
+                    waiting = Some(event);
+                    false
+                }
+            }
         });
         if !taken {
             self.lost.0.events.fetch_add(1, Ordering::Relaxed);

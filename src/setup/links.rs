@@ -206,7 +206,7 @@ pub(super) fn wire_axes(table: &SpecimenTable, axes: usize, tick_s: Option<f64>)
             let disp = gear.unit_disp.on_the_wire().unwrap_or(Unit::Metre);
             let force = gear.unit_force.on_the_wire().unwrap_or(Unit::Newton);
             let limits = match (limits.get(index), units.get(index)) {
-                (Some(spec), Some(units)) => announce(&AxisLimits::of(&spec), units, tick_s),
+                (Some(spec), Some(units)) => announce(&AxisLimits::of(spec), units, tick_s),
                 _ => Limits::NONE,
             };
             Axis {

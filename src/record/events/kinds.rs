@@ -519,6 +519,8 @@ impl Event {
                 _ => None,
             },
             Self::Misfit { .. } | Self::Moved(_) | Self::NoGo(_) | Self::Trip { .. } => None,
+            // There may be one in every tick, and the name of an event is found by writing it.
+            Self::Miss { .. } | Self::Stale { .. } | Self::Recovered { .. } => None,
             _ => self.trip_row().map(|row| Cow::Borrowed(row.name)),
         }
     }

@@ -43,8 +43,12 @@ impl EventLine {
         clock_ns: Option<u64>,
         specimens: &[String],
     ) -> Self {
+        let mut name = String::new();
         let mut fields = Map::new();
         for (key, value) in event.fields() {
+            if let (true, Value::String(text)) = (key == "event", &value) {
+                name.clone_from(text);
+            }
             let number = value.as_u64().filter(|_| key == "specimen");
             let value = match value {
                 Value::String(text) => Value::String(printable(&text)),
@@ -61,7 +65,7 @@ impl EventLine {
             time,
             wall: Some(rfc3339(wall_ns)),
             clock_ns,
-            name: event.name(),
+            name,
             event,
             fields: own(fields),
         }

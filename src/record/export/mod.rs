@@ -4,7 +4,7 @@
 //! |---|---|---|---|
 //! | [`Format::Csv`] | steps, or all ticks | those of a CSV | text, 17 significant digits |
 //! | [`Format::Npz`], [`Format::Mat`], [`Format::Hdf5`] | the same | the same, then all others of the log | the bits of the log, units and meanings beside them |
-//! | [`Format::Trace`] | all ticks | those of the timing | what the loop and the other threads did when |
+//! | [`Format::Trace`] | all ticks | those of the timing | what the loop did when |
 //! | [`Format::DesignSafe`] | the same, and a copy of the log | those of a CSV, and all | a folder in the shape of a hybrid-simulation project |
 //!
 //! `plan` chooses the rows and columns; each format is one small writer. An export appears

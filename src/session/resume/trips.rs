@@ -148,7 +148,7 @@ mod tests {
         let mut told = Told::default();
         all.iter().for_each(|event| told.take(event));
         assert_eq!(told.trips, ["not_finite", "diverged"]);
-        assert!(told.explained);
+        assert!(!told.explained);
         let causes = [
             Cause::Link,
             Cause::Stale,
@@ -159,5 +159,22 @@ mod tests {
         let trips = causes.map(|cause| trip_of(f64::from(cause.code())));
         assert_eq!(trips, [None, None, None, Some("link"), Some("late")]);
         assert_eq!([trip_of(0.0), trip_of(f64::NAN)], [None; 2]);
+    }
+
+    #[test]
+    fn a_phase_tells_of_a_trip_whose_own_event_is_lost() {
+        let told = |cause: &str| {
+            let line =
+                json!({"event": "phase", "from": "running", "to": "tripped", "cause": cause});
+            let mut told = Told::default();
+            told.take(&EventLine::from(line));
+            (told.trips, told.explained)
+        };
+        let trip = |name: &str| (vec![name.to_owned()], false);
+        assert_eq!(told("measured_force_n"), trip("measured_force_n"));
+        assert_eq!(told("interlock"), trip("interlock"));
+        assert_eq!(told("stale"), (Vec::new(), true));
+        assert_eq!(told("link"), (Vec::new(), true));
+        assert_eq!(told(""), (Vec::new(), false));
     }
 }
