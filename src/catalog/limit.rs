@@ -639,6 +639,12 @@ impl Limit {
         matches!(self.row().checked_by, CheckedBy::Server)
     }
 
+    /// Its place in [`Limit::OF_TEST`]; none of a limit of an axis.
+    #[must_use]
+    pub const fn place_in_test(self) -> Option<usize> {
+        (self as usize).checked_sub(AXIS_LIMITS)
+    }
+
     /// Its place in a set of limits.
     #[must_use]
     pub const fn bit(self) -> u32 {
@@ -720,6 +726,8 @@ mod tests {
     fn every_limit_has_its_row_and_its_own_names() {
         for (place, limit) in Limit::OF_AXIS.into_iter().chain(Limit::OF_TEST).enumerate() {
             assert_eq!(limit as usize, place);
+            let in_test = limit.place_in_test().map(|place| Limit::OF_TEST[place]);
+            assert_eq!(in_test, (limit.scope() == Scope::Test).then_some(limit));
             let row = limit.row();
             assert_eq!(row.limit, limit);
             assert_eq!(Limit::of_key(row.key), Some(limit));
