@@ -846,6 +846,37 @@ mod tests {
     }
 
     #[test]
+    fn every_limit_goes_through_its_events_with_its_key_and_unit() {
+        for limit in Limit::OF_AXIS.into_iter().chain(Limit::OF_TEST) {
+            let reached = LimitReached {
+                port: Some(1),
+                axis: Some(0),
+                limit: limit.key().into(),
+                value: 3.0,
+                bound: 2.0,
+            };
+            let is_of_test = limit.scope() == Scope::Test;
+            assert_eq!(reached.is_of_test(), is_of_test, "{limit:?}");
+            for event in [
+                Event::LimitWarning(reached.clone()),
+                Event::LimitTrip(reached.clone()),
+            ] {
+                let fields = event.fields();
+                assert_eq!(fields["limit"], limit.key());
+                let read = EventLine::from(Value::Object(fields));
+                assert_eq!(read.event, event);
+                let sentence = read.sentence();
+                let unit = match limit.shown_unit() {
+                    "1" => "",
+                    unit => unit,
+                };
+                let found = format!("{} is 3 {unit}", limit.key());
+                assert!(sentence.contains(found.trim_end()), "{sentence}");
+            }
+        }
+    }
+
+    #[test]
     fn a_sentence_names_the_specimen_and_rounds_its_numbers() {
         let sentence = |line: Value| EventLine::from(line).sentence();
         let trip = json!({"event": "limit_trip", "specimen": 1, "name": "column", "axis": 2, "limit": "measured_force_n", "value": 70_043.014_535, "bound": 7e4});
