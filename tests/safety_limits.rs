@@ -308,7 +308,6 @@ fn check_says_which_limits_there_are_who_checks_them_and_what_happens_then() {
         // How a bound is judged, what the other end does by itself, and how everything begins and ends.
         "in motion 30 ms of it more",
         "once the command has gone 100 µm",
-        "of second differences beyond 1 µm",
         "in 7 s, not counted in the",
         "holds after 500 ms without a command",
         "no wiring check",
