@@ -4,10 +4,9 @@
 
 use super::board::AxisView;
 use super::marks::Mark;
-use super::specimen::Course;
-use super::subject::WatchedAxis;
-use super::tap::at;
+use super::subject::{WatchedAxis, at};
 use crate::catalog::limit::Limit;
+use crate::catalog::phase::Part;
 use crate::engine::Phase;
 
 /// What one row says of an axis, SI at the specimen's own scale.
@@ -86,7 +85,7 @@ impl AxisTap {
     }
 
     /// Takes the command of a row. Commands count from the one at which the sensor's zero is read.
-    pub fn begin(&mut self, row: &[f64], axis: &WatchedAxis, state: f64, course: Course) {
+    pub fn begin(&mut self, row: &[f64], axis: &WatchedAxis, state: f64, part: Part) {
         let command = at(row, axis.places.command);
         self.now.command = command * axis.metres;
         if self.zero.is_some() {
@@ -94,7 +93,7 @@ impl AxisTap {
         }
         if state == Phase::Zeroing.code() {
             self.zeroing = Some(command);
-        } else if matches!(course, Course::Opening | Course::Test) {
+        } else if matches!(part, Part::Startup | Part::Test) {
             self.zero = self.zeroing.take();
         }
     }
