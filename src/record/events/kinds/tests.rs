@@ -3,6 +3,7 @@
 use super::super::EventLine;
 use super::*;
 use crate::catalog::event::{EVENTS, Severity};
+use crate::catalog::limit::{Limit, Scope};
 use serde_json::json;
 
 /// A line of every variant, as folders have it; the server's lines of a name that a test has, too, come after.
