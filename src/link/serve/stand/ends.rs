@@ -40,7 +40,7 @@ pub(in crate::link::serve) fn said_goodbye(cause: u32, text: &str) -> TestEnd {
         None => ": for an unknown reason",
     };
     TestEnd {
-        // The cause of a later version is none that is known: it is taken for a trip.
+        // A cause of a later version is unknown here. It counts as a trip.
         cause: cause.map_or(ending::Cause::ControllerTripped, Cause::ending),
         text: with_words(format!("the controller said goodbye{why}"), text.trim()),
     }
