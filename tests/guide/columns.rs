@@ -10,7 +10,10 @@ use gusset::catalog::phase::{Phase, STATES};
 const HOLDS: [[&str; 2]; 4] = [
     ["1", "a hold is in force"],
     ["2", "`continue` since the row before"],
-    ["4", "confirmation of the sensor readings since the row before"],
+    [
+        "4",
+        "confirmation of the sensor readings since the row before",
+    ],
     [
         "-1",
         "a test that the operator stopped trips on its return move",
@@ -22,7 +25,10 @@ const COMMANDS: [[&str; 2]; 6] = [
     ["2", "continue; it takes effect before a hold of one row"],
     ["4", "confirmation of the sensor readings"],
     ["8", "stop"],
-    ["16", "no command: the test ended because a tick was too late"],
+    [
+        "16",
+        "no command: the test ended because a tick was too late",
+    ],
     ["32", "stop while a reply was awaited"],
 ];
 
@@ -84,10 +90,16 @@ pub fn columns() -> String {
     for [value, meaning] in COMMANDS {
         let _ = writeln!(text, "| {value} | {meaning} |");
     }
-    text.push_str("\n## The column `cause`\n\n| value | cause | meaning | exit code |\n|---|---|---|---|\n");
+    text.push_str(
+        "\n## The column `cause`\n\n| value | cause | meaning | exit code |\n|---|---|---|---|\n",
+    );
     for cause in Cause::ALL {
         let (code, word, exit) = (cause.code(), cause.word(), cause.exit().code());
-        let _ = writeln!(text, "| {code} | `{word}` | {} | {exit} |", cause.sentence());
+        let _ = writeln!(
+            text,
+            "| {code} | `{word}` | {} | {exit} |",
+            cause.sentence()
+        );
     }
     text.push_str("\n## The column `status_S`\n\nThe flags add up.\n\n| flag | set by | meaning |\n|---|---|---|\n");
     for [flag, by, meaning] in FLAGS {
