@@ -271,7 +271,7 @@ pub const EVENTS: &[EventRow] = &[
          {longest_ns} at most: the test starts",
     )
     .guide(
-        "The warm-up kept the limits of `[timing]`: the test begins.",
+        "The warm-up kept the limits of `[timing.misses]`: the test begins.",
         "`ticks`: judged; `missed`, `in_a_row`: misses; `mean_ns`, `longest_ns`: duration of a tick",
     ),
     row(
@@ -283,7 +283,7 @@ pub const EVENTS: &[EventRow] = &[
     )
     .trip()
     .guide(
-        "The warm-up did not keep the limits of `[timing]`: the test does not begin.",
+        "The warm-up did not keep the limits of `[timing.misses]`: the test does not begin.",
         "as `go`",
     ),
     row("started", Info, Other, "started").guide("The first command of the test is sent.", ""),
