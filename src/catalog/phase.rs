@@ -78,6 +78,12 @@ impl Part {
     pub fn of(state: f64) -> Option<Self> {
         State::of(state).map(|state| state.part)
     }
+
+    /// True if a row with this number in the column `state` belongs to this part.
+    #[must_use]
+    pub fn has(self, state: f64) -> bool {
+        Self::of(state) == Some(self)
+    }
 }
 
 /// A value of the column `state`.

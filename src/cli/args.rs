@@ -7,6 +7,7 @@ mod check;
 mod files;
 mod folders;
 mod guide;
+mod identify;
 mod machine;
 mod run;
 mod serve;
@@ -22,11 +23,12 @@ pub(super) use folders::{
     DerivedArg, ExportArgs, FormatArg, OperateArgs, RateArg, ReplayArgs, ReportArgs, ResetArgs,
 };
 pub(super) use guide::GuideArgs;
+pub(super) use identify::IdentifyArgs;
 pub(super) use machine::{DoctorArgs, JitterArgs, ModelArg};
 pub(super) use run::{RunArgs, StatusArg, TestRunArgs};
 pub(super) use serve::{ProtocolArg, ServeArgs, SignalOrderArg, TlsArgs, TransportArg};
 
-use super::{benchmark, identify};
+use super::benchmark;
 
 /// Real-time hybrid simulation: couples a computed structure to a measured specimen.
 #[derive(Debug, Parser)]
@@ -111,7 +113,7 @@ pub(super) enum Command {
     /// Repeat a recorded test from its measurements and prove that every number is equal.
     Replay(ReplayArgs),
     /// Identify a specimen and its actuator with a small motion.
-    Identify(identify::IdentifyArgs),
+    Identify(IdentifyArgs),
     /// Serve a specimen to controllers on a network, until Ctrl-C.
     Serve(ServeArgs),
     /// Clear the latched trip of a served specimen.

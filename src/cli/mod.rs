@@ -42,6 +42,7 @@ mod shell;
 mod spectrum;
 mod status;
 mod table;
+mod test_file;
 mod verify;
 
 use std::fmt::Display;

@@ -13,7 +13,7 @@ use crate::session;
 /// Replays one run folder.
 pub fn replay(args: &ReplayArgs) -> anyhow::Result<Exit> {
     let found = session::replay(&args.run).map_err(|error| match error {
-        session::ReplayError::Config(error) => super::run::refused(error),
+        session::ReplayError::Config(error) => super::test_file::refused(error),
         columns @ session::ReplayError::Columns { .. } => {
             let text = format!(
                 "{}: {columns}: resolved.toml and samples.json are not of one test, or of another version of this program",

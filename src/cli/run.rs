@@ -1,19 +1,16 @@
 //! `gusset run`.
 
-use std::path::Path;
-
 use anyhow::Context;
 
 use super::args::RunArgs;
 use super::attend;
 use super::conduct;
-use super::exit::{Exit, Mistakes, WithExit};
+use super::exit::{Exit, WithExit};
 use super::live;
-use super::screen;
 use super::status::Status;
 use super::table::Table;
+use super::test_file::refused;
 use super::{answer, only_with, tell, warn};
-use crate::config::{self, ConfigError, Loaded};
 use crate::record::Progress;
 use crate::report::told;
 use crate::session::{
@@ -110,21 +107,6 @@ fn prepare(args: &RunArgs) -> anyhow::Result<Prepared> {
     let test = args.test.as_deref().context("no test file is given")?;
     let loaded = args.test_run.load(test)?;
     setup::build(&loaded).map_err(refused)
-}
-
-/// Reads a test file; its mistakes are shown with file, line and caret.
-pub fn load(path: &Path, sets: &[String]) -> anyhow::Result<Loaded> {
-    config::load(path, sets).map_err(refused)
-}
-
-/// A mistake of the user as it is shown: in colour on a terminal.
-pub fn refused(error: ConfigError) -> anyhow::Error {
-    match error {
-        ConfigError::Invalid(diagnostics) => {
-            Mistakes(diagnostics.render(screen::in_colour())).into()
-        }
-        other => other.into(),
-    }
 }
 
 /// Which steps were made, and the test time that they took; `after` is the last step that was made by another test.

@@ -9,7 +9,7 @@ use std::os::unix::net::UnixDatagram;
 use anyhow::Context;
 
 use super::exit::{Exit, WithExit};
-use super::run::refused;
+use super::test_file::refused;
 use super::{answer, tell};
 use crate::config::{Finding, KeyPath, Locator};
 

@@ -3,6 +3,7 @@
 use super::misses::{MissLevels, Missed};
 use super::numerical::Side;
 use super::telling::limit_event;
+use super::test_hit::TestHit;
 use super::tick::Tick;
 use super::{Engine, Limits, Stop};
 use crate::catalog::limit::{Judges, Limit};
@@ -132,59 +133,6 @@ impl Limits {
             Limit::MissesInWindow => counts(test.misses.warn_in_window, test.misses.most_in_window),
             Limit::Misses => counts(test.misses.warn_in_all, self.misses_in_total),
             _ => Bound::NONE,
-        }
-    }
-}
-
-/// One limit of the test that was reached.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TestHit {
-    /// Of what.
-    pub quantity: Limit,
-    /// What was found.
-    pub value: f64,
-    /// What is allowed.
-    pub bound: f64,
-    /// Specimen and axis, from 0, that have the most of it, where that can be said.
-    pub worst: Option<(usize, usize)>,
-    /// It was found in the warm-up, and the test was not begun.
-    pub in_warm_up: bool,
-}
-
-impl std::fmt::Display for TestHit {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self {
-            quantity,
-            value,
-            bound,
-            worst,
-            in_warm_up,
-        } = self;
-        let (words, key) = (quantity.words(), quantity.key());
-        match quantity {
-            Limit::MissesInARow if *in_warm_up => write!(
-                f,
-                "not ready: the warm-up ends with {value} {words}, allowed {bound} ({key}); the test was not begun"
-            ),
-            Limit::MissesInWindow | Limit::Misses if *in_warm_up => write!(
-                f,
-                "not ready: the warm-up lets expect {value} {words}, allowed {bound} ({key}); the test was not begun"
-            ),
-            Limit::StabilityUsed
-            | Limit::DelayUsed
-            | Limit::StepAudit
-            | Limit::AddedEnergyShare => {
-                write!(f, "{words}: {value:.3e}, allowed {bound:.3e} ({key})")?;
-                worst.map_or(Ok(()), |(port, axis)| {
-                    write!(
-                        f,
-                        ", most of it of specimen {}, axis {}",
-                        port + 1,
-                        axis + 1
-                    )
-                })
-            }
-            _ => write!(f, "{words}: {value}, allowed {bound} ({key})"),
         }
     }
 }

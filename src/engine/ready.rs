@@ -5,7 +5,7 @@
 //! test's own bounds. A share of misses is believed less three standard deviations of their count, so that a hiccup stops
 //! nothing.
 
-use super::checks::TestHit;
+use super::test_hit::TestHit;
 use super::{Engine, Stop};
 use crate::catalog::limit::Limit;
 use crate::record::{Event, WarmUp};

@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-use super::TestHit;
+use super::test_hit::TestHit;
 use crate::catalog::ending::Cause;
 use crate::control::Misfit;
 use crate::control::limits::Hit;

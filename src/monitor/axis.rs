@@ -4,10 +4,9 @@
 
 use super::board::AxisView;
 use super::marks::Mark;
-use super::specimen::Course;
-use super::subject::WatchedAxis;
-use super::tap::at;
+use super::subject::{WatchedAxis, at};
 use crate::catalog::limit::Limit;
+use crate::catalog::phase::Part;
 use crate::engine::Phase;
 
 /// What one row says of an axis, SI at the specimen's own scale.
@@ -106,7 +105,7 @@ impl AxisTap {
     }
 
     /// Takes the command of a row, and the zero that the sensor has by it.
-    pub fn begin(&mut self, row: &[f64], axis: &WatchedAxis, state: f64, course: Course) {
+    pub fn begin(&mut self, row: &[f64], axis: &WatchedAxis, state: f64, part: Part) {
         let places = &axis.places;
         let command = at(row, places.command);
         self.now.command = command * axis.metres;
@@ -120,7 +119,7 @@ impl AxisTap {
             if self.zero.is_awaited {
                 self.zero.command = command;
             }
-        } else if self.zero.is_new && matches!(course, Course::Opening | Course::Test) {
+        } else if self.zero.is_new && matches!(part, Part::Startup | Part::Test) {
             let stands = axis.zero.gain * at(row, places.measured) + self.zero.command;
             self.zero.beyond = at(row, places.raw_disp) - stands;
             (self.zero.is_new, self.zero.is_awaited) = (false, false);

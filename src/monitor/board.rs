@@ -8,13 +8,14 @@ use serde::Serialize;
 use super::history::{Bin, History};
 use super::latency::LatencyView;
 use super::subject::Subject;
-use super::tap::WINDOW_NS;
 use super::trip::Trip;
 use crate::engine::{Glimpse, Phase, PhaseCell};
 use crate::record::MissClasses;
 use crate::stability::OnlineLimit;
 use crate::text::printable;
 
+/// Time over which the stiffest tangent is kept: once to twice this, ns.
+pub(super) const WINDOW_NS: u64 = 1_000_000_000;
 /// Least time between two looks for the limit of λ, ns: no tangent is forgotten before one.
 pub(super) const MARGIN_EVERY_NS: u64 = WINDOW_NS / 2;
 

@@ -5,35 +5,9 @@
 
 use super::axis::{AxisTap, Told};
 use super::board::SpecimenView;
-use super::subject::WatchedSpecimen;
-use super::tap::at;
+use super::subject::{WatchedSpecimen, at};
 use crate::catalog::phase::Part;
 use crate::substructure::Status;
-
-/// Where in the life of a test a row stands.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Course {
-    /// Before its first tick.
-    Opening,
-    /// In it, held or not.
-    Test,
-    /// On the way out.
-    Leaving,
-    /// The last row of one of these.
-    Cut,
-}
-
-impl Course {
-    /// By the column `state`.
-    pub fn of(state: f64) -> Self {
-        match Part::of(state) {
-            Some(Part::Trip) => Self::Cut,
-            Some(Part::Test) => Self::Test,
-            Some(Part::Shutdown) => Self::Leaving,
-            Some(Part::Startup) | None => Self::Opening,
-        }
-    }
-}
 
 /// What belongs to all specimens of a row.
 #[derive(Debug, Clone, Copy)]
@@ -73,11 +47,11 @@ impl SpecimenTap {
     }
 
     pub fn row(&mut self, head: RowHead, row: &[f64], specimen: &WatchedSpecimen) {
-        let course = Course::of(head.state);
-        let in_test = match course {
-            Course::Test => true,
-            Course::Cut => self.in_test,
-            Course::Opening | Course::Leaving => false,
+        let part = Part::of(head.state).unwrap_or(Part::Startup);
+        let in_test = match part {
+            Part::Test => true,
+            Part::Trip => self.in_test,
+            Part::Startup | Part::Shutdown => false,
         };
         let begins = in_test && !self.in_test;
         let next = self.sequence.map(|last| last + 1);
@@ -114,7 +88,7 @@ impl SpecimenTap {
             is_silent,
         };
         for (tap, axis) in self.axes.iter_mut().zip(&specimen.axes) {
-            tap.begin(row, axis, head.state, course);
+            tap.begin(row, axis, head.state, part);
             tap.row(row, axis, told);
         }
     }

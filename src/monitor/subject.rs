@@ -295,6 +295,12 @@ const fn way_out(exit: &Exit) -> &'static str {
     }
 }
 
+/// The number at a place; not a number where there is none.
+pub(super) fn at(row: &[f64], place: Option<usize>) -> f64 {
+    let value = place.and_then(|place| row.get(place));
+    value.copied().unwrap_or(f64::NAN)
+}
+
 /// A few of all DOFs (from 0), the ends among them.
 fn some_of(dofs: &[usize]) -> Vec<usize> {
     if dofs.len() <= MOST_DOFS {

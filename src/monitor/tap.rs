@@ -7,11 +7,11 @@ use std::sync::Arc;
 use crossbeam_channel::Receiver;
 
 use super::axis::AxisTap;
-use super::board::{Board, Snapshot};
+use super::board::{Board, Snapshot, WINDOW_NS};
 use super::history::Bin;
 use super::latency::{KEYS, Latency, Stall};
 use super::specimen::{RowHead, SpecimenTap};
-use super::subject::ChannelKind;
+use super::subject::{ChannelKind, at};
 use super::trip::Trip;
 use crate::catalog::limit::Limit;
 use crate::engine::Phase;
@@ -27,8 +27,6 @@ const SNAPSHOT_NS: u64 = 50_000_000;
 const WAITING: usize = 512;
 /// Reasons of a trip that are told at most.
 const MOST_TRIPS: usize = 16;
-/// Time over which the stiffest tangent is kept: once to twice this, ns.
-pub(super) const WINDOW_NS: u64 = 1_000_000_000;
 
 /// Looks at every row of a test and keeps a [`Board`] up to date.
 #[derive(Debug)]
@@ -220,12 +218,6 @@ fn axes(specimens: &[SpecimenTap]) -> impl Iterator<Item = &AxisTap> {
 
 fn axes_mut(specimens: &mut [SpecimenTap]) -> impl Iterator<Item = &mut AxisTap> {
     specimens.iter_mut().flat_map(|specimen| &mut specimen.axes)
-}
-
-/// The number at a place; not a number where there is none.
-pub(super) fn at(row: &[f64], place: Option<usize>) -> f64 {
-    let value = place.and_then(|place| row.get(place));
-    value.copied().unwrap_or(f64::NAN)
 }
 
 impl Onlooker for Tap {

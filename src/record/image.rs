@@ -1,7 +1,7 @@
 //! A run folder's samples and events in memory, byte for byte as they would stand in the files: for tests by the
 //! thousand.
 
-use super::events::{EventContext, EventLog, Moment};
+use super::event_log::{EventContext, EventLog, Moment};
 use super::journal::encode;
 use super::{Recorder, TimedEvent};
 

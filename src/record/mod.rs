@@ -10,6 +10,7 @@
 //! | [`onlooker`] | who looks at the rows as they pass through the writer |
 //! | [`layout`], [`journal`], [`append`] | the format of `samples.bin`; its reader; appending that survives a full disk |
 //! | [`events`], [`note`], [`miss`] | what happened and its line in `events.jsonl`; events from outside the loop; the class of a miss |
+//! | `event_log` | events on their way into the file and the log |
 //! | [`folder`], [`run`], [`summary`] | the run folder, written; read; `summary.json` |
 //! | `missing`, `intact` | what the rows lack at their end; what others did to a file |
 //! | [`export`] | CSV, NumPy, MATLAB, HDF5, a trace of the loop, a project folder |
@@ -19,6 +20,7 @@
 
 pub mod append;
 pub mod atomic;
+mod event_log;
 pub mod events;
 pub mod export;
 pub mod folder;

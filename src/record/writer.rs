@@ -31,7 +31,7 @@ use sync::SyncThread;
 pub use super::onlooker::Progress;
 
 use super::append::Store;
-use super::events::Moment;
+use super::event_log::Moment;
 use super::intact::Extent;
 use super::miss::{MissClasses, SchedSample};
 use super::note::Note;

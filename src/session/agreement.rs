@@ -11,10 +11,11 @@ use std::fmt::{Display, Formatter};
 use serde::Serialize;
 
 use super::lineage::Origin;
-use super::summary::{finite, named, stop_words};
-use super::tape::is_under_way;
+use super::reason::{named, stop_words};
+use super::summary::finite;
 use crate::catalog::ending::{Cause, Kind};
 use crate::catalog::limit::Limit;
+use crate::catalog::phase::Part;
 use crate::config::{Time, TimeTable};
 use crate::engine::{Ending, Outcome, Phase, Stop, Unfinished};
 use crate::record::summary::{Peak, Status};
@@ -155,7 +156,7 @@ pub(super) fn may_trip_after_its_rows(run: &Run) -> Result<bool, FolderError> {
     let state = run.layout().index_of("state");
     let last = run.last_row()?;
     let last = last.and_then(|(_, row)| row.get(state?).copied());
-    Ok(!ended_before && last.is_some_and(is_under_way))
+    Ok(!ended_before && last.is_some_and(|state| Part::Test.has(state)))
 }
 
 /// A status that differs; none where it is not known.

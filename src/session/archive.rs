@@ -1,7 +1,7 @@
 //! What a test is made of, in its run folder, and on record with its digests.
 
+use super::checksum::sha256;
 use super::lineage::{ORIGIN, Origin};
-use super::retrace::sha256;
 use crate::record::{Event, FolderError, Layout, RunFolder};
 use crate::setup::Files;
 

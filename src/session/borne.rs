@@ -1,7 +1,7 @@
 //! What an interrupted test has come to, also after the last step that counts: the state goes back to that step, what the
 //! specimens have borne does not.
 
-use super::tape::{is_a_trip, is_under_way};
+use crate::catalog::phase::Part;
 use crate::control::Port;
 use crate::engine::{Borne, Peaks};
 use crate::record::summary::Peak;
@@ -113,8 +113,8 @@ impl RowPeaks {
     pub fn take(&mut self, row: &[f64], counts: bool) {
         let value = |place: usize| row.get(place).copied().unwrap_or(f64::NAN);
         let state = value(self.state);
-        if !is_a_trip(state) {
-            self.is_in_test = is_under_way(state);
+        if !Part::Trip.has(state) {
+            self.is_in_test = Part::Test.has(state);
         }
         if !counts || !(self.is_in_test || self.every_row) {
             return;

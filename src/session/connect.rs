@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use crossbeam_channel::{Receiver, Sender};
 
-use super::summary::ACCEPT;
+use super::lineage::ACCEPT;
 use crate::catalog::event::Remark;
 use crate::config::ClockChoice;
 use crate::control::Port;
@@ -17,12 +17,11 @@ use crate::engine::{Control, Experiment, Operator};
 use crate::record::{Event, FolderError, Run, Writer};
 use crate::substructure::{Introduction, LinkFault, Retirement, Unavailable};
 
-/// Where a specimen said that it stands, in the note on its connection: numbers in its own unit, one per axis, in words,
-/// since JSON's numbers need not come back to the last bit.
-
 /// How often the operator's line is looked at meanwhile.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 
+/// The position that a specimen reports, one number per axis in its own unit, as text: JSON's numbers need not come back to the
+/// last bit.
 fn in_words(numbers: &[f64]) -> String {
     let words: Vec<String> = numbers.iter().map(|number| format!("{number:?}")).collect();
     words.join(" ")

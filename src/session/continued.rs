@@ -12,8 +12,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::lineage::{Generation, Lineage, Origin};
-use super::retrace::{places, way_from};
+use super::lineage::{Generation, Lineage, Origin, places, way_from};
 use crate::catalog::phase::{NOT_AWAITED, Part};
 use crate::control::Port;
 use crate::record::summary::Status;

@@ -3,8 +3,7 @@
 //! Recordings of versions up to 0.2.0 have no column `operator`. The commands of the operator follow from `hold`, from `state` and
 //! from the row before. Nothing else in the program knows such rows.
 
-use super::tape::is_a_trip;
-use crate::catalog::phase::{GIVEN_UP, NOT_AWAITED, Phase};
+use crate::catalog::phase::{GIVEN_UP, NOT_AWAITED, Part, Phase};
 use crate::engine::OperatorCommands;
 use crate::record::{Column, Layout};
 
@@ -61,7 +60,7 @@ impl EarlierRows {
         if state == leaving {
             return stop_if(before.is_some_and(|(before, step)| {
                 let is_complete = before == Phase::Running.code() && step >= self.steps as f64;
-                !is_complete && before != leaving && !is_a_trip(before)
+                !is_complete && before != leaving && !Part::Trip.has(before)
             }));
         }
         if hold < 0.0 {

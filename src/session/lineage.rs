@@ -4,12 +4,12 @@
 //! [`Lineage`] walks from a run to the first of its ancestors. It is the only way through `resumed.json`: a folder that names
 //! itself, or one whose ancestors name it again, is refused there.
 
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::replay::ReplayError;
-use super::retrace::{places, read, rows_sha256, same, way_from};
+use super::checksum::{read, rows_sha256, same};
+use super::replay_error::ReplayError;
 use crate::control::Port;
 use crate::engine::Place;
 use crate::record::Run;
@@ -17,6 +17,35 @@ use crate::record::summary::Peak;
 
 /// Name of the file in the folder of a resumed test.
 pub(super) const ORIGIN: &str = "resumed.json";
+
+/// How the user resumes a test although a specimen has changed.
+pub(super) const ACCEPT: &str = "`--accept-changed \"reason\"` resumes the test all the same";
+
+/// Where another folder may be now: where it was from `folder`, beside that one, or where it was then.
+pub(super) fn places(
+    folder: &Path,
+    near: &Path,
+    absolute: &Path,
+) -> impl Iterator<Item = PathBuf> + use<> {
+    let beside = absolute
+        .file_name()
+        .map(|name| folder.join("..").join(name));
+    let places = [Some(folder.join(near)), beside, Some(absolute.to_owned())];
+    places.into_iter().flatten()
+}
+
+/// The way from one folder to another, which are both there; none where they have nothing in common but the root.
+pub(super) fn way_from(folder: &Path, to: &Path) -> Option<PathBuf> {
+    way_between(&folder.canonicalize().ok()?, &to.canonicalize().ok()?)
+}
+
+/// The way from one folder to another, both absolute; none where they have nothing in common but the root.
+fn way_between(from: &Path, to: &Path) -> Option<PathBuf> {
+    let pairs = from.components().zip(to.components());
+    let common = pairs.take_while(|(one, other)| one == other).count();
+    let up = from.components().skip(common).map(|_| Component::ParentDir);
+    (common > 1).then(|| up.chain(to.components().skip(common)).collect())
+}
 
 /// Where one axis was left, and how far off it may be, in its own units.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -319,4 +348,26 @@ pub(super) fn ancestors(folder: &Path) -> Result<Vec<Ancestor>, ReplayError> {
     }
     all.reverse();
     Ok(all)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_way_to_the_parent_is_short_and_stays_on_this_side_of_the_root() {
+        let way = |from: &str, to: &str| way_between(Path::new(from), Path::new(to));
+        for (from, to, wanted) in [
+            ("/data/runs/two", "/data/runs/one", "../one"),
+            (
+                "/data/may/two",
+                "/data/april/deep/one",
+                "../../april/deep/one",
+            ),
+            ("/data/one/two", "/data/one", ".."),
+        ] {
+            assert_eq!(way(from, to), Some(PathBuf::from(wanted)), "{from} {to}");
+        }
+        assert_eq!(way("/data/two", "/other/one"), None);
+    }
 }

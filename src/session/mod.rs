@@ -16,6 +16,7 @@ mod archive;
 mod bare;
 mod borne;
 pub mod certificate;
+mod checksum;
 mod compare;
 mod connect;
 mod continued;
@@ -30,13 +31,14 @@ pub mod identification;
 pub mod integration;
 mod judged;
 mod kept;
-mod last_words;
 mod lineage;
 mod page;
 mod ready;
+mod reason;
 mod recorded;
 pub mod rehearsal;
 mod replay;
+mod replay_error;
 mod reset;
 mod resume;
 mod retrace;
@@ -53,6 +55,7 @@ use thiserror::Error;
 
 pub use agreement::SummaryDifference;
 pub use bare::{bare_loop, loop_round};
+pub use checksum::altered;
 pub use compare::{Compared, compare, compared_name};
 pub use continued::{Now, Unsaid, WentOn};
 pub use derived::{Derived, DerivedError, derived};
@@ -60,12 +63,13 @@ pub use desk::{Answer, Request, Unanswered, ask};
 pub use judged::{Judged, Subject};
 pub use page::{Page, PageError, conclude, hero, write_report};
 pub use ready::missing;
-pub use replay::{Difference, Replay, ReplayError, replay, replay_rows};
+pub use reason::ending;
+pub use replay::{Replay, replay, replay_rows};
+pub use replay_error::ReplayError;
 pub use reset::{ControlError, ControlPlace, ResetError, ServerControl, reset};
 pub use resume::{Allowed, ResumeError, resume, resume_allowed, resume_over};
-pub use retrace::altered;
 pub use signals::{Signal, Signals, Taken};
-pub use summary::ending;
+pub use tape::Difference;
 pub use watches::{Attendance, Watches};
 
 use connect::Line;
@@ -269,7 +273,7 @@ fn carry_out(
     if let Some(fault) = &ended.fault {
         writer.note(Event::said(Remark::InternalError, fault.as_str()));
     }
-    let last_words = ended.outcome.as_ref().map(last_words::last_words);
+    let last_words = ended.outcome.as_ref().map(reason::last_words);
     for (index, text) in last_words.into_iter().flatten() {
         let port = index as u32;
         writer.note(Event::LastWords { port, text });

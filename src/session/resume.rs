@@ -14,14 +14,12 @@ mod trips;
 use std::path::Path;
 
 use super::borne::{borne, peak_of};
+use super::checksum::{check_files as check_files_of, read, rows_sha256, sha256};
 use super::continued;
 use super::desk::{Request, Unanswered, ask};
 use super::lineage::Origin;
 use super::recorded::Replaced;
-use super::retrace::{
-    Build, Retraced, check_files as check_files_of, prepared_by, read, retrace, rows_sha256,
-    sha256, take_over,
-};
+use super::retrace::{Build, Retraced, prepared_by, retrace, take_over};
 use crate::config::Loaded;
 use crate::control::Port;
 use crate::record::summary::Status;

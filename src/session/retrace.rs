@@ -3,97 +3,24 @@
 //! A resumed test has its parent's rows before its own ([`super::lineage`]). So the state is made of
 //! all its ancestors. Rows and events are read one after the other: no record is held whole.
 
-use std::fs::File;
-use std::io::Read as _;
-use std::path::{Component, Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-use sha2::{Digest, Sha256};
-
 use super::borne::borne;
+use super::checksum::check_inputs;
 use super::connect::put_standing;
 use super::earlier_rows::may_be_absent;
 use super::lineage::{Ancestor, Origin, ancestors};
 use super::recorded::{Replaced, put_recorded};
-use super::replay::ReplayError;
+use super::replay_error::ReplayError;
 use super::tape::{Comparing, Recording, Tape, Verified, with};
 use crate::config::{self, ConfigError, Loaded};
 use crate::control::Port;
 use crate::engine::{Control, Ending, Engine, Experiment, Resumption, Side};
-use crate::record::{Column, Event, FolderError, Run, keeps_waiting};
+use crate::record::{Column, Run};
 use crate::setup::{self, Prepared};
-
-/// Where another folder may be now: where it was from `folder`, beside that one, or where it was then.
-pub(super) fn places(
-    folder: &Path,
-    near: &Path,
-    absolute: &Path,
-) -> impl Iterator<Item = PathBuf> + use<> {
-    let beside = absolute
-        .file_name()
-        .map(|name| folder.join("..").join(name));
-    let places = [Some(folder.join(near)), beside, Some(absolute.to_owned())];
-    places.into_iter().flatten()
-}
-
-/// The way from one folder to another, which are both there; none where they have nothing in common but the root.
-pub(super) fn way_from(folder: &Path, to: &Path) -> Option<PathBuf> {
-    way_between(&folder.canonicalize().ok()?, &to.canonicalize().ok()?)
-}
-
-/// The way from one folder to another, both absolute; none where they have nothing in common but the root.
-fn way_between(from: &Path, to: &Path) -> Option<PathBuf> {
-    let pairs = from.components().zip(to.components());
-    let common = pairs.take_while(|(one, other)| one == other).count();
-    let up = from.components().skip(common).map(|_| Component::ParentDir);
-    (common > 1).then(|| up.chain(to.components().skip(common)).collect())
-}
 
 /// Makes the experiment of a test file.
 pub(super) type Build<'a> = dyn FnMut(&Loaded) -> Result<Prepared, ConfigError> + 'a;
-
-pub(super) fn read(path: &Path) -> Result<Vec<u8>, ReplayError> {
-    let bytes = if keeps_waiting(path) {
-        Err(std::io::Error::other("it is not a file"))
-    } else {
-        std::fs::read(path)
-    };
-    bytes.map_err(|source| unreadable(path, source))
-}
-
-pub(super) fn sha256(bytes: &[u8]) -> String {
-    in_hex(&Sha256::digest(bytes))
-}
-
-fn in_hex(digest: &[u8]) -> String {
-    digest.iter().map(|byte| format!("{byte:02x}")).collect()
-}
-
-pub(super) fn unreadable(path: &Path, source: std::io::Error) -> ReplayError {
-    ReplayError::Unreadable {
-        path: path.to_owned(),
-        source,
-    }
-}
-
-/// SHA-256 of the first `rows` rows of a run, read in pieces.
-pub(super) fn rows_sha256(run: &Run, rows: u64) -> Result<String, ReplayError> {
-    let path = run.path().join("samples.bin");
-    let failed = |source| unreadable(&path, source);
-    if keeps_waiting(&path) {
-        return Err(failed(std::io::Error::other("it is not a file")));
-    }
-    let file = File::open(&path).map_err(failed)?;
-    let bytes = rows.saturating_mul(run.layout().stride() as u64);
-    let mut piece = vec![0; 1 << 16];
-    let (mut file, mut digest) = (file.take(bytes), Sha256::new());
-    loop {
-        match file.read(&mut piece).map_err(failed)? {
-            0 => return Ok(in_hex(&digest.finalize())),
-            count => digest.update(piece.get(..count).unwrap_or_default()),
-        }
-    }
-}
 
 /// The test of a run folder, as it was built, with the state of its ancestors if it has any. Nobody is connected.
 pub(super) fn prepared(run: &Run, replaced: Replaced, keys: bool) -> Result<Prepared, ReplayError> {
@@ -277,60 +204,6 @@ fn follow(
     }))
 }
 
-/// The files of the test and their SHA-256, as its events say; none if they do not.
-pub(super) fn files_of(run: &Run) -> Result<Option<Vec<(PathBuf, String)>>, FolderError> {
-    for line in run.event_lines()? {
-        if let Some(Event::Files { sha256, .. }) = line?.map(|line| line.event) {
-            let each = sha256.iter().map(|(name, wanted)| {
-                let wanted = wanted.as_str().unwrap_or_default();
-                (run.path().join(name), wanted.to_owned())
-            });
-            return Ok(Some(each.collect()));
-        }
-    }
-    Ok(None)
-}
-
-/// The files are those of the test, as far as it says which they were. True if it does.
-pub(super) fn check_files(run: &Run) -> Result<bool, ReplayError> {
-    let files = files_of(run)?;
-    for (path, wanted) in files.iter().flatten() {
-        same(path, wanted)?;
-    }
-    Ok(files.is_some())
-}
-
-/// What says that a file of the run was changed after the test, if one was; none of those that are not there.
-#[must_use]
-pub fn altered(run: &Run) -> Option<ReplayError> {
-    let files = files_of(run).ok().flatten().unwrap_or_default();
-    let errors = files
-        .iter()
-        .filter_map(|(path, wanted)| same(path, wanted).err());
-    let mut changed = errors.filter(|error| matches!(error, ReplayError::Input { .. }));
-    changed.next()
-}
-
-pub(super) fn check_inputs(run: &Run) -> Result<(), ReplayError> {
-    for input in run.summary().map_or(&[][..], |summary| &summary.inputs) {
-        same(&run.path().join(&input.path), &input.sha256)?;
-    }
-    Ok(())
-}
-
-/// A file is what it was.
-pub(super) fn same(path: &Path, wanted: &str) -> Result<(), ReplayError> {
-    let found = sha256(&read(path)?);
-    if found == wanted {
-        return Ok(());
-    }
-    Err(ReplayError::Input {
-        path: path.to_owned(),
-        wanted: wanted.to_owned(),
-        found,
-    })
-}
-
 /// The recording has the columns that the loop makes, in any order, but for those that earlier versions did not record.
 pub(super) fn same_columns(found: &[Column], wanted: &[Column]) -> Result<(), ReplayError> {
     let lacks = |columns: &[Column], name: &str| columns.iter().all(|column| column.name != name);
@@ -360,23 +233,6 @@ mod tests {
             timing: name.ends_with("_s"),
         };
         names.iter().map(column).collect()
-    }
-
-    #[test]
-    fn the_way_to_the_parent_is_short_and_stays_on_this_side_of_the_root() {
-        let way = |from: &str, to: &str| way_between(Path::new(from), Path::new(to));
-        for (from, to, wanted) in [
-            ("/data/runs/two", "/data/runs/one", "../one"),
-            (
-                "/data/may/two",
-                "/data/april/deep/one",
-                "../../april/deep/one",
-            ),
-            ("/data/one/two", "/data/one", ".."),
-        ] {
-            assert_eq!(way(from, to), Some(PathBuf::from(wanted)), "{from} {to}");
-        }
-        assert_eq!(way("/data/two", "/other/one"), None);
     }
 
     #[test]

@@ -7,10 +7,10 @@ use serde_json::{Value, json};
 
 use super::connect::Unconnected;
 use super::guarded::Ended;
-use super::last_words::{last_words, news};
+use super::reason::{ending, last_words};
 use crate::catalog::ending::Cause;
 use crate::config::ClockChoice;
-use crate::engine::{Ending, Gaps, Left, Outcome, Stop, Unfinished};
+use crate::engine::{Gaps, Outcome};
 use crate::record::summary::{ClockKind, Lambda, LinkCounts, Peak};
 use crate::record::{FolderError, Recorded, RunFolder, Summary, times};
 use crate::rt::Granted;
@@ -18,10 +18,6 @@ use crate::rt::timing::export::write_hgrm;
 use crate::rt::timing::{Quantity, Timing};
 use crate::rt::wall::Wall;
 use crate::setup::Facts;
-use crate::substructure::{AGREED, Holder};
-
-/// How the user resumes a test although a specimen has changed.
-pub(super) const ACCEPT: &str = "`--accept-changed \"reason\"` resumes the test all the same";
 
 /// When the loop began, and how long it took on the wall.
 #[derive(Debug, Clone, Copy)]
@@ -206,141 +202,6 @@ fn machine() -> Value {
         .filter(|finding| MACHINE.contains(&finding.topic));
     told.map(|finding| (finding.topic.to_owned(), Value::from(finding.found)))
         .collect()
-}
-
-/// How a test ended, and why in words.
-#[must_use]
-pub fn ending(outcome: &Outcome) -> (Cause, String) {
-    let of = |index: usize| named(index, outcome);
-    let mut reason = match &outcome.unfinished {
-        None => {
-            let mut reason = words(&outcome.ending, outcome);
-            for (index, left) in outcome.left.iter().enumerate() {
-                let Left::NotReached(why) = left else {
-                    continue;
-                };
-                reason = format!("{reason}; {} did not reach its end position", of(index));
-                if let Some(why) = why {
-                    reason = format!("{reason}: {why}");
-                }
-            }
-            reason
-        }
-        Some(Unfinished { stop, after }) => {
-            let (stop, before) = (
-                words(&Ending::Stopped(*stop), outcome),
-                words(after, outcome),
-            );
-            if outcome.ending == *after {
-                format!("{before}; shutdown not completed: {stop}")
-            } else {
-                format!(
-                    "{stop}; this happened during the shutdown ({before}), which is not completed"
-                )
-            }
-        }
-    };
-    let lost = left_as(outcome, Left::Lost);
-    for (index, _) in lost.filter(|(index, _)| !outcome.unheard.contains(index)) {
-        let name = of(index);
-        reason.push_str(&match outcome.holders.get(index) {
-            Some(Holder::ItsWatchdog) => {
-                format!("; {name}: {AGREED}")
-            }
-            Some(Holder::NeverArmed) => {
-                format!("; {name} was never armed: no command was sent to it")
-            }
-            Some(Holder::Unknown) => {
-                format!("; only the server of {name} knows its position")
-            }
-            Some(Holder::Nobody) => {
-                format!("; no watchdog holds {name}: it is where its own controller leaves it")
-            }
-            Some(Holder::Needless) | None => String::new(),
-        });
-    }
-    for index in &outcome.unarmed {
-        reason = format!(
-            "{reason}; {} was being armed: it moved a little if a wiring check was due, and its server holds it",
-            of(*index)
-        );
-    }
-    for index in &outcome.unheard {
-        reason = format!(
-            "{reason}; {} did not acknowledge the end of the test: {AGREED}",
-            of(*index)
-        );
-    }
-    for (index, text) in news(outcome) {
-        reason = format!("{reason}; {} reported after the test: {text}", of(*index));
-    }
-    (outcome.ending.cause(), reason)
-}
-
-/// The specimens that were left so.
-fn left_as(outcome: &Outcome, how: Left) -> impl Iterator<Item = (usize, &Left)> {
-    let left = outcome.left.iter().enumerate();
-    left.filter(move |(_, left)| **left == how)
-}
-
-/// Why a test stopped, with the specimen by its name.
-pub(super) fn stop_words(stop: &Stop, outcome: &Outcome) -> String {
-    let text = stop.to_string();
-    match stop.port() {
-        None => text,
-        Some(port) => text.replacen(&format!("specimen {}", port + 1), &named(port, outcome), 1),
-    }
-}
-
-/// A specimen by its name.
-pub(super) fn named(port: usize, outcome: &Outcome) -> String {
-    match outcome.ports.get(port) {
-        Some((name, ..)) => format!("specimen \"{name}\""),
-        None => format!("specimen {}", port + 1),
-    }
-}
-
-pub(super) fn words(ending: &Ending, outcome: &Outcome) -> String {
-    let Ending::Stopped(stop) = ending else {
-        return ending.to_string();
-    };
-    let told = match stop {
-        // A gateway says which of its limits opened the interlock.
-        Stop::Link { port, .. } | Stop::Interlock { port } => {
-            outcome.complaints.iter().find(|(index, _)| index == port)
-        }
-        _ => None,
-    };
-    let mut reason = stop_words(stop, outcome);
-    if let Some((_, text)) = told {
-        reason = format!("{reason} ({text})");
-    }
-    match stop {
-        Stop::Link { fault, .. } => reason = format!("{reason}: {}", fault.advice()),
-        Stop::Stale { .. } => {
-            reason.push_str(
-                ": its replies are late, lost or all to one old command. `link` in the summary counts them. The limit is \
-                 `max_stale` in [specimen.link]",
-            );
-        }
-        Stop::Moved { .. } => {
-            reason = format!(
-                "{reason}: the specimen has changed since the interruption. Nothing was moved. `[safety] resume_within_m` is the tolerance; {ACCEPT}"
-            );
-        }
-        Stop::ForceChanged { .. } => {
-            reason = format!(
-                "{reason}: the specimen has changed since the interruption. Nothing was moved. `[safety] resume_within_n` is the tolerance; {ACCEPT}"
-            );
-        }
-        Stop::HoldsOn { .. } => {
-            reason.push_str(
-                ": look at the specimen's server, whose watchdog acted when commands stopped",
-            );
-        }
-        _ => {}
-    }
-    reason
 }
 
 pub(super) fn finite(values: &[f64]) -> Vec<Option<f64>> {

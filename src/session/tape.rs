@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex};
 use crossbeam_channel::Sender;
 
 use super::earlier_rows::EarlierRows;
-use super::replay::{Difference, ReplayError};
+use super::replay_error::ReplayError;
 use crate::catalog::ending::Cause;
 use crate::catalog::phase::{NOT_AWAITED, Part};
 use crate::engine::{Experiment, Operator, OperatorCommands, Phase};
@@ -32,6 +32,23 @@ pub(super) struct Verified {
     pub step: u64,
     /// Rows up to it.
     pub rows: u64,
+}
+
+/// The first number that came out otherwise.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Difference {
+    /// Row, from 0.
+    pub row: u64,
+    /// Its step and test time.
+    pub step: u64,
+    /// Test time in s.
+    pub time: f64,
+    /// Name of the column.
+    pub column: String,
+    /// What the file says.
+    pub recorded: f64,
+    /// What came out.
+    pub replayed: f64,
 }
 
 /// A recording: rows, and the digests of checkpoints.
@@ -373,19 +390,9 @@ impl Checkpoints {
     }
 }
 
-/// True of a row of the running test.
-pub(super) fn is_under_way(state: f64) -> bool {
-    Part::of(state) == Some(Part::Test)
-}
-
-/// True of the row that ended a test before its time.
-pub(super) fn is_a_trip(state: f64) -> bool {
-    Part::of(state) == Some(Part::Trip)
-}
-
-/// True of that row, and of those of the way out.
+/// True of the row of a trip, and of those of the way out.
 fn is_after_the_test(state: f64) -> bool {
-    is_a_trip(state) || state == Phase::Leaving.code()
+    Part::Trip.has(state) || state == Phase::Leaving.code()
 }
 
 /// A number of a row; NaN where there is none.
@@ -412,7 +419,7 @@ impl Recorder for Comparing {
     /// Where the rows of the test come next, nothing of the warm-up was kept.
     fn warm_up(&mut self) -> WarmUpRows {
         with(&self.0, |tape| match tape.phase() {
-            Some(state) if is_under_way(state) => WarmUpRows::Never,
+            Some(state) if Part::Test.has(state) => WarmUpRows::Never,
             _ => WarmUpRows::AsTheyCome,
         })
     }

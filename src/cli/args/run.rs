@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 
-use crate::cli::run::load;
+use crate::cli::test_file::load;
 use crate::config::Loaded;
 
 /// A reason that says something.

@@ -114,7 +114,7 @@ impl EventLine {
     /// Its sentence for people, without the time; empty for an event that only programs read.
     #[must_use]
     pub fn sentence(&self) -> String {
-        sentence::of(self)
+        sentence::of(&self.name, &self.fields)
     }
 
     /// The line as JSON.

@@ -5,17 +5,16 @@
 
 use serde_json::{Map, Value};
 
-use super::line::EventLine;
+use crate::catalog::event;
 use crate::record::miss::{ON_MISS, late_words};
 use crate::units::{
     compared, compared_within, duration, in_axis_unit, number, reading, unit_of_key,
 };
 
-/// The sentence; empty if the event has none.
-pub(super) fn of(line: &EventLine) -> String {
-    let fields = line.fields();
-    let Some(row) = line.row() else {
-        return plain(line);
+/// The sentence of the event of this name with these fields; empty if the event has none.
+pub(super) fn of(name: &str, fields: &Map<String, Value>) -> String {
+    let Some(row) = event::find(name) else {
+        return plain(name, fields);
     };
     // A server says the details in words.
     if !row.sentence.contains("{text}")
@@ -31,14 +30,13 @@ pub(super) fn of(line: &EventLine) -> String {
     ) {
         return format!("TRIP: {}", late_words(value, bound));
     }
-    filled(row.sentence, fields).unwrap_or_else(|| plain(line))
+    filled(row.sentence, fields).unwrap_or_else(|| plain(name, fields))
 }
 
 /// Name and fields of an event without a sentence.
-fn plain(line: &EventLine) -> String {
+fn plain(name: &str, fields: &Map<String, Value>) -> String {
     let words = |text: &str| text.replace('_', " ");
-    let details: Vec<String> = line
-        .fields()
+    let details: Vec<String> = fields
         .iter()
         .filter(|(_, value)| !value.is_object() && !value.is_array())
         .map(|(key, value)| {
@@ -47,8 +45,8 @@ fn plain(line: &EventLine) -> String {
         })
         .collect();
     match details.as_slice() {
-        [] => words(line.name()),
-        details => format!("{} ({})", words(line.name()), details.join(", ")),
+        [] => words(name),
+        details => format!("{} ({})", words(name), details.join(", ")),
     }
 }
 
@@ -158,7 +156,7 @@ fn cause_words(class: &str) -> &str {
 }
 
 /// Reference of the force that is allowed at the beginning, in words.
-pub(in crate::record) fn reference_words(of: &str) -> &'static str {
+fn reference_words(of: &str) -> &'static str {
     match of {
         "yield_force_n" => "1 % of the yield force of its stand-in",
         "measured_force_n" => "1 % of its limit `measured_force_n`",

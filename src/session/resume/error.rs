@@ -8,7 +8,7 @@ use crate::config::ConfigError;
 use crate::record::{FolderError, MissingEnd};
 use crate::session::continued::{Now, WentOn};
 use crate::session::desk::Unanswered;
-use crate::session::replay::ReplayError;
+use crate::session::replay_error::ReplayError;
 
 /// Why a test cannot go on. Nothing was moved.
 #[derive(Debug, Error)]

@@ -11,8 +11,8 @@ use crate::control::Port;
 use crate::engine::{Left, Phase};
 use crate::record::summary::{Peak, Status};
 use crate::record::{Row, Run};
+use crate::session::checksum::unreadable;
 use crate::session::lineage::{Kept, Origin};
-use crate::session::retrace::unreadable;
 use crate::substructure::Status as LinkStatus;
 
 /// Wall time in s of which the record may be lost, and before that the time in which it went as fast as then.

@@ -8,7 +8,7 @@ use crate::catalog::ending::Cause;
 use crate::catalog::phase::Phase;
 use crate::record::summary::Status;
 use crate::record::{Event, EventLine, FolderError, Run};
-use crate::session::retrace::unreadable;
+use crate::session::checksum::unreadable;
 
 /// Name of a trip that neither events nor rows name.
 const UNKNOWN: &str = "unknown";

@@ -1,0 +1,104 @@
+//! Groups of fields that several kinds of events share, or that other modules fill in.
+
+use std::borrow::Cow;
+
+use serde::{Deserialize, Serialize};
+
+use super::encoding::{from_one, from_one_if_any, real};
+use crate::catalog::limit::{Limit, Scope};
+use crate::record::miss::ON_MISS;
+
+/// A word of the program: a constant where the program writes it, a text where it reads a file.
+pub type Word = Cow<'static, str>;
+
+/// A limit and what was found.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LimitReached {
+    /// Specimen. Of a limit of the whole test: the specimen with the largest share, where that can be said.
+    #[serde(
+        rename = "specimen",
+        default,
+        skip_serializing_if = "Option::is_none",
+        with = "from_one_if_any"
+    )]
+    pub port: Option<u32>,
+    /// Axis.
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        with = "from_one_if_any"
+    )]
+    pub axis: Option<u32>,
+    /// Its key in the test file.
+    pub limit: Word,
+    /// What was found, SI.
+    #[serde(default = "unknown", with = "real")]
+    pub value: f64,
+    /// What is allowed, SI.
+    #[serde(default = "unknown", with = "real")]
+    pub bound: f64,
+}
+
+impl LimitReached {
+    /// True for a limit of the test as a whole.
+    #[must_use]
+    pub fn is_of_test(&self) -> bool {
+        let limit = Limit::of_key(&self.limit);
+        limit.map_or(self.limit == ON_MISS, |limit| limit.scope() == Scope::Test)
+    }
+}
+
+/// Where an axis of a resumed test stands, in its own unit.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Standing {
+    /// Specimen.
+    #[serde(rename = "specimen", with = "from_one")]
+    pub port: u32,
+    /// Axis.
+    #[serde(with = "from_one")]
+    pub axis: u32,
+    /// Where it stands.
+    #[serde(with = "real")]
+    pub found: f64,
+    /// Where it was left.
+    #[serde(with = "real")]
+    pub left: f64,
+    /// How far off it may be.
+    #[serde(with = "real")]
+    pub within: f64,
+}
+
+/// How well the warm-up kept its ticks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct WarmUp {
+    /// Ticks that were judged.
+    pub ticks: u64,
+    /// Those that missed their deadline.
+    pub missed: u64,
+    /// The most of them in a row.
+    pub in_a_row: u64,
+    /// What a tick took on the average.
+    pub mean_ns: u64,
+    /// What the longest took.
+    pub longest_ns: u64,
+}
+
+/// The value of a limit that ended a controller's test, in the unit that the line names.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TripValue {
+    /// Axis.
+    #[serde(with = "from_one")]
+    pub axis: u32,
+    /// Unit.
+    pub unit: Word,
+    /// What was found.
+    #[serde(with = "real")]
+    pub value: f64,
+    /// What is allowed.
+    #[serde(with = "real")]
+    pub bound: f64,
+}
+
+const fn unknown() -> f64 {
+    f64::NAN
+}

@@ -1,0 +1,80 @@
+//! Why a run folder cannot be replayed or resumed.
+
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+use crate::config::ConfigError;
+use crate::record::FolderError;
+
+/// Why a folder cannot be replayed.
+#[derive(Debug, Error)]
+pub enum ReplayError {
+    /// It is no run folder, or a damaged one.
+    #[error(transparent)]
+    Folder(#[from] FolderError),
+    /// Its configuration is not one of this program.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// A server wrote it: what it commanded came from elsewhere.
+    #[error("{}: this is a server's record of what its controller commanded: there is nothing to be computed again, but in the run folder of that controller", .0.display())]
+    Served(PathBuf),
+    /// A copy of an input is not what the test read.
+    #[error("{} was changed: its SHA-256 is {found}, but the test had {wanted}", path.display())]
+    Input {
+        /// The copy.
+        path: PathBuf,
+        /// As the summary has it.
+        wanted: String,
+        /// As it is.
+        found: String,
+    },
+    /// A copy of an input cannot be read.
+    #[error("{}: {source}", path.display())]
+    Unreadable {
+        /// The copy.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// `resumed.json` is damaged.
+    #[error("{} is damaged: {source}", path.display())]
+    Origin {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: serde_json::Error,
+    },
+    /// The interrupted test that this one goes on with is nowhere to be found.
+    #[error("this run resumed the interrupted run {1} (named in {0}), which is neither there nor beside this run; the replay needs it", path.display(), parent.display())]
+    NoParent {
+        /// `resumed.json`.
+        path: PathBuf,
+        /// Where the interrupted test was.
+        parent: PathBuf,
+    },
+    /// A run continues itself, directly or through others.
+    #[error(
+        "{} says that the test continued {}, which is this test or one that continued it: no test can be its own ancestor. The file \
+         was changed; put back the one that the test wrote",
+        path.display(),
+        parent.display()
+    )]
+    Circle {
+        /// `resumed.json`.
+        path: PathBuf,
+        /// The folder that it names.
+        parent: PathBuf,
+    },
+    /// The interrupted test that this one goes on with does not come out again.
+    #[error("the interrupted run {}, which this run resumed, does not replay identically", .0.display())]
+    Parent(PathBuf),
+    /// The columns are not those of the configuration.
+    #[error("the samples have {}, but the configuration makes {}", found.as_deref().unwrap_or("no such column"), wanted.as_deref().unwrap_or("no such column"))]
+    Columns {
+        /// First column that differs, as recorded.
+        found: Option<String>,
+        /// As it should be.
+        wanted: Option<String>,
+    },
+}
