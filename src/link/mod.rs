@@ -16,6 +16,7 @@ pub mod secret;
 pub mod serve;
 pub mod socket;
 pub mod tls;
+mod tls_fault;
 
 pub use native::{NativeLink, NativeSetup};
 pub use serve::Simulated;

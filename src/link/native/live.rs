@@ -4,9 +4,10 @@ mod ends;
 
 use std::time::Duration;
 
+use super::ask::{nudge_ns, watchdog_ns};
 use super::book::Book;
 use super::refused::{parting, reason};
-use super::setup::{NativeSetup, nudge_ns, watchdog_ns};
+use super::setup::NativeSetup;
 use crate::link::Transport;
 use crate::link::inbox::Inbox;
 use crate::link::rig::LOST;

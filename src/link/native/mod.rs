@@ -5,10 +5,12 @@
 //! final; an open interlock stays in the status of every later measurement. The stiffness that the specimen reports is
 //! only compared, in number and sign, with what the test file believes: nothing is moved to find out.
 
+mod ask;
 mod book;
 mod live;
 mod refused;
 mod setup;
+mod start;
 
 pub use refused::SetupError;
 pub(super) use refused::with_words;
@@ -99,7 +101,7 @@ impl Substructure for NativeLink {
     }
 
     fn connect(&mut self) -> Result<Introduction, Unavailable> {
-        match self.setup.connect(self.tls.as_ref(), self.wire.take()) {
+        match start::connect(&self.setup, self.tls.as_ref(), self.wire.take()) {
             Ok((live, introduction)) => {
                 self.live = Some(live);
                 Ok(introduction)

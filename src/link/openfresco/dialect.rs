@@ -6,24 +6,12 @@
 use thiserror::Error;
 
 use super::host::{Host, HostFault};
+use super::role::Role;
 use crate::wire::WireError;
 use crate::wire::openfresco::{
     Actor, ActorEvent, Carrier, Course, Event, Interface, Server, ServerDialect, SignalOrder,
     Simulink, SimulinkEvent, Sizes,
 };
-
-/// Which program a server takes the place of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Role {
-    /// A: OpenFresco's `startSimAppElemServer`, for OpenSees `genericClient`, OpenFresco's elements, the C library.
-    Application,
-    /// B: OpenFresco's `expSite ActorSite`.
-    Actor,
-    /// D: a laboratory controller behind OpenFresco's `expControl GenericTCP` or `expControl SimFEAdapter`.
-    Controller,
-    /// D: the Simulink model behind OpenFresco's `expControl SimSimulink`.
-    Simulink,
-}
 
 /// Why an exchange ends badly.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]

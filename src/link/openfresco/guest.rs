@@ -6,8 +6,7 @@ use std::net::{SocketAddr, UdpSocket};
 use super::dialect::{Machine, Said};
 use super::door::{Door, Socket};
 use super::host::Host;
-use super::news::{End, News};
-use super::server::{lost, seconds};
+use super::news::{End, News, lost};
 use crate::link::Transport;
 use crate::link::socket::LOOK;
 use crate::link::tls::{TlsFault, TlsStream, is_client_hello};
@@ -149,4 +148,9 @@ fn post(socket: &UdpSocket, part: &[u8], peer: SocketAddr) -> Result<(), End> {
         Ok(_) => Ok(()),
         Err(_) => Err(End::Vanished),
     }
+}
+
+/// Seconds from one time in ns to another.
+pub(super) fn seconds(now: u64, since: u64) -> f64 {
+    now.saturating_sub(since) as f64 * 1e-9
 }

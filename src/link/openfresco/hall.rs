@@ -12,9 +12,11 @@ use std::net::{SocketAddr, TcpStream};
 use super::dialect::{Machine, Said};
 use super::door::{Caller, Door, DoorError, Socket, socket_to, stream_to, watch_over};
 use super::guest::{Guest, Heard, Line};
-use super::host::{Host, Nature, Tally};
+use super::host::Host;
 use super::news::{End, News};
-use super::server::{LOOK_NS, ServeSettings};
+use super::role::Nature;
+use super::settings::ServeSettings;
+use super::tally::Tally;
 use crate::link::Transport;
 use crate::link::socket::SocketOptions;
 use crate::rt::os::monotonic_ns;
@@ -22,6 +24,8 @@ use crate::wire::openfresco::{Carrier, Sizes};
 
 /// Most guests at a time.
 const SEATS: usize = 16;
+/// The server looks for strangers and for the word to stop this often.
+pub(super) const LOOK_NS: u64 = 50_000_000;
 /// From one look at the guests to the next, while there are any.
 const GLANCE_NS: u64 = 1_000_000;
 /// Datagrams of others that are read in one look while a client is served.

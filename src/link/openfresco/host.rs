@@ -9,23 +9,14 @@ use thiserror::Error;
 
 use super::Transformation;
 use super::remarks::Remark;
+use super::role::Nature;
+use super::tally::Tally;
 use crate::catalog::ending::Cause;
 use crate::link::rig::{Law, Rig as _, Station, TestEnd, Trip, Visitor, Wanted};
 use crate::specimen::Specimen;
 use crate::substructure::{Command, Measurement};
 use crate::units::AxisUnits;
 use crate::wire::openfresco::{Course, Matrix, Response};
-
-/// Whether a specimen can go back.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub enum Nature {
-    /// A formula: a step that is taken back is forgotten, and each client finds it in its virgin state.
-    #[default]
-    Simulated,
-    /// Something that moves, or a gateway to it: a step that is taken back is refused and the test ends, and a new
-    /// client finds it as the last one left it.
-    Physical,
-}
 
 /// Why a host refuses to go on. A formula is left at its last committed state, what moves where it is.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
@@ -64,23 +55,6 @@ pub enum HostFault {
     /// The specimen cannot take part in this test; why was told when the sizes came.
     #[error("the specimen cannot take part")]
     Unavailable,
-}
-
-/// What a host has done for one client.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Tally {
-    /// Commands, repeats included.
-    pub commands: u64,
-    /// Commands that repeat the one before them.
-    pub repeats: u64,
-    /// Commands at a test time further from 0 than all before them: a load factor may fall from there.
-    pub later_times: u64,
-    /// Accepted steps.
-    pub commits: u64,
-    /// Steps taken back.
-    pub taken_back: u64,
-    /// Requests answered.
-    pub answers: u64,
 }
 
 /// Test time in s beyond which there is no test.

@@ -3,11 +3,22 @@
 use std::net::SocketAddr;
 
 use super::dialect::ExchangeFault;
-use super::host::{HostFault, Tally};
+use super::host::HostFault;
+use super::tally::Tally;
 use crate::catalog::ending::Cause;
+use crate::link::Transport;
 use crate::link::tls::TlsFault;
 use crate::substructure::LinkFault;
 use crate::wire::openfresco::Sizes;
+/// The end of a test whose link failed.
+pub(super) fn lost(link: &dyn Transport, fault: LinkFault) -> End {
+    match (link.tls_fault(), fault) {
+        (Some(why), _) => End::Tls(why),
+        (None, LinkFault::Closed) => End::Vanished,
+        (None, fault) => End::Lost(fault),
+    }
+}
+
 /// How a client's test ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum End {

@@ -1,8 +1,8 @@
 //! Warnings about a client, for the log and the run folder, each once in a session. Its commands show them; the protocol has
 //! no message for them.
 
-use super::dialect::Role;
-use super::host::{Nature, Tally};
+use super::role::{Nature, Role};
+use super::tally::Tally;
 use crate::catalog::event as catalog;
 use crate::wire::openfresco::Sizes;
 

@@ -8,12 +8,15 @@
 
 use std::net::SocketAddr;
 
-use super::dialect::{ExchangeFault, Machine, Role, Said};
+use super::dialect::{ExchangeFault, Machine, Said};
 use super::door::{Door, DoorError, Socket};
-use super::hall::{Client, Hall};
-use super::host::{Host, HostFault, Tally};
-use super::news::{End, News};
+use super::guest::seconds;
+use super::hall::{Client, Hall, LOOK_NS};
+use super::host::{Host, HostFault};
+use super::news::{End, News, lost};
 use super::remarks::Remarks;
+use super::settings::ServeSettings;
+use super::tally::Tally;
 use crate::link::Transport;
 use crate::link::quota::{Allowance, Quota};
 use crate::link::rig::{TestEnd, Visitor};
@@ -21,44 +24,8 @@ use crate::link::socket::LOOK;
 use crate::rt::os::monotonic_ns;
 use crate::substructure::LinkFault;
 use crate::time::Nanos;
-use crate::wire::openfresco::{SignalOrder, Sizes, datagrams};
+use crate::wire::openfresco::{Sizes, datagrams};
 
-/// How a server treats its clients.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ServeSettings {
-    /// The program it takes the place of.
-    pub role: Role,
-    /// From the connection to the sizes, in s: who connects and says nothing must not keep the port.
-    pub setup_limit_s: f64,
-    /// Silence after which a client counts as gone, in s; none: as long as the connection stands. Over UDP there is
-    /// no connection, so there it should be set.
-    pub idle_limit_s: Option<f64>,
-    /// Order of the signals behind `SimSimulink`; none: a client for which it matters is refused.
-    pub signal_order: Option<SignalOrder>,
-    /// Computed specimens over UDP: silence after which a new client of the same machine takes over, in s. A client that was
-    /// killed says no goodbye there.
-    pub takeover_s: f64,
-}
-
-impl ServeSettings {
-    /// Silence that a UDP client may keep unless told otherwise, in s.
-    pub const UDP_IDLE_S: f64 = 60.0;
-
-    /// The usual limits.
-    #[must_use]
-    pub const fn new(role: Role, idle_limit_s: Option<f64>) -> Self {
-        Self {
-            role,
-            setup_limit_s: 10.0,
-            idle_limit_s,
-            signal_order: None,
-            takeover_s: 2.0,
-        }
-    }
-}
-
-/// The server looks for strangers and for the word to stop this often.
-pub(super) const LOOK_NS: u64 = 50_000_000;
 /// After the goodbye the client is given so long to close first.
 const LINGER_NS: u64 = 500_000_000;
 /// Longest chunk that is read at once; no datagram is longer.
@@ -323,16 +290,4 @@ fn hear_early(
         early.push(buffer.get(..count).unwrap_or_default().to_vec());
     }
     Ok(())
-}
-
-pub(super) fn lost(link: &dyn Transport, fault: LinkFault) -> End {
-    match (link.tls_fault(), fault) {
-        (Some(why), _) => End::Tls(why),
-        (None, LinkFault::Closed) => End::Vanished,
-        (None, fault) => End::Lost(fault),
-    }
-}
-
-pub(super) fn seconds(now: u64, since: u64) -> f64 {
-    now.saturating_sub(since) as f64 * 1e-9
 }

@@ -1,9 +1,12 @@
 //! How to reach a specimen behind OpenFresco or OpenSees, with the defaults that suit the current programs.
 
+use super::role::Role;
 use crate::link::socket::Wait;
 use crate::link::tls::TlsClient;
 use crate::wire::WireError;
-use crate::wire::openfresco::{Carrier, Counts, DEFAULT_DATA_SIZE, Peer, Sizes, UdpGreeting};
+use crate::wire::openfresco::{
+    Carrier, Counts, DEFAULT_DATA_SIZE, Peer, SignalOrder, Sizes, UdpGreeting,
+};
 
 /// How to reach a specimen behind OpenFresco or OpenSees.
 #[derive(Debug, Clone, PartialEq)]
@@ -85,5 +88,39 @@ impl RemoteSettings {
     pub(super) fn sizes(&self) -> Result<Sizes, WireError> {
         let matrices = self.peer == Peer::Element;
         Sizes::fitted(self.ctrl, self.daq, self.data_size, matrices)
+    }
+}
+
+/// How a server treats its clients.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ServeSettings {
+    /// The program it takes the place of.
+    pub role: Role,
+    /// From the connection to the sizes, in s: who connects and says nothing must not keep the port.
+    pub setup_limit_s: f64,
+    /// Silence after which a client counts as gone, in s; none: as long as the connection stands. Over UDP there is
+    /// no connection, so there it should be set.
+    pub idle_limit_s: Option<f64>,
+    /// Order of the signals behind `SimSimulink`; none: a client for which it matters is refused.
+    pub signal_order: Option<SignalOrder>,
+    /// Computed specimens over UDP: silence after which a new client of the same machine takes over, in s. A client that was
+    /// killed says no goodbye there.
+    pub takeover_s: f64,
+}
+
+impl ServeSettings {
+    /// Silence that a UDP client may keep unless told otherwise, in s.
+    pub const UDP_IDLE_S: f64 = 60.0;
+
+    /// The usual limits.
+    #[must_use]
+    pub const fn new(role: Role, idle_limit_s: Option<f64>) -> Self {
+        Self {
+            role,
+            setup_limit_s: 10.0,
+            idle_limit_s,
+            signal_order: None,
+            takeover_s: 2.0,
+        }
     }
 }

@@ -1,8 +1,30 @@
-//! The columns of a server's rows: one row per exchange.
+//! The rows of a server: one per exchange, and their columns.
 
+use super::Trip;
 use crate::catalog::column::{Each, Kind, SERVER};
+use crate::catalog::phase::Phase;
 use crate::record::Column;
+use crate::substructure::{Command, Measurement};
 use crate::units::AxisUnits;
+
+/// One exchange as it is recorded.
+pub(super) struct Exchange<'a> {
+    pub state: f64,
+    pub command: &'a Command<'a>,
+    pub elapsed: f64,
+    pub commits: u64,
+    pub measured: &'a Measurement,
+    pub trip: Option<Trip>,
+    pub received_ns: u64,
+    pub answered_ns: u64,
+}
+
+impl Exchange<'_> {
+    /// Values of the column `state`, as those of a controller's own record: what is kept back has tripped.
+    pub const PROBING: f64 = Phase::Probing.code();
+    pub const RUNNING: f64 = Phase::Running.code();
+    pub const KEPT_BACK: f64 = Phase::Tripped.code();
+}
 
 /// Columns before those of the axes.
 pub(super) const HEAD: usize = count(Each::Test);

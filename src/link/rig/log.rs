@@ -5,12 +5,11 @@
 
 use std::path::{Path, PathBuf};
 
-use super::columns::{HEAD, WIDTH, columns};
+use super::columns::{Exchange, HEAD, WIDTH, columns};
 use super::summary::{self, Counted};
 use super::{Trip, Visitor};
 use crate::catalog::ending::{Cause, Status as Ended};
 use crate::catalog::event::{Remark, Severity};
-use crate::catalog::phase::Phase;
 use crate::record::writer::Clocks;
 use crate::record::{
     Event, FolderError, Layout, Note, Position, Recorder, RingRecorder, RingSize, RunFolder,
@@ -19,7 +18,7 @@ use crate::record::{
 use crate::rt::timing::Timing;
 use crate::rt::wall::Wall;
 use crate::rt::{os, pin_away};
-use crate::substructure::{Command, LinkStats, Measurement, Status};
+use crate::substructure::{LinkStats, Status};
 use crate::units::AxisUnits;
 
 /// Where and what a server records.
@@ -43,25 +42,6 @@ pub struct LogSettings {
 const USUAL_RATE_HZ: f64 = 1000.0;
 /// Highest number of a folder.
 const MOST_FOLDERS: u32 = 999_999;
-
-/// One exchange as it is recorded.
-pub(super) struct Exchange<'a> {
-    pub state: f64,
-    pub command: &'a Command<'a>,
-    pub elapsed: f64,
-    pub commits: u64,
-    pub measured: &'a Measurement,
-    pub trip: Option<Trip>,
-    pub received_ns: u64,
-    pub answered_ns: u64,
-}
-
-impl Exchange<'_> {
-    /// Values of the column `state`, as those of a controller's own record: what is kept back has tripped.
-    pub const PROBING: f64 = Phase::Probing.code();
-    pub const RUNNING: f64 = Phase::Running.code();
-    pub const KEPT_BACK: f64 = Phase::Tripped.code();
-}
 
 /// A test that is being recorded.
 pub(super) struct Log {

@@ -4,86 +4,18 @@
 
 use std::net::SocketAddr;
 
-use super::data::{self, Session};
+use super::armed::Session;
+use super::data;
 use super::greet::{self, Greeted};
 use super::line::{Carried, Line};
 use super::stand::Stand;
+use super::wire_end::FarEnd;
 use super::{Desk, Heard};
 use crate::link::Transport;
-use crate::link::fault::Queue;
 use crate::link::inbox::Inbox;
-use crate::substructure::LinkFault;
 use crate::time::Nanos;
 use crate::wire::Side;
 use crate::wire::native::{Decoder, Frame};
-
-/// The far end's end of the wire.
-#[derive(Debug)]
-pub(super) struct FarEnd {
-    incoming: Queue,
-    outgoing: Queue,
-    now: Nanos,
-    /// Time does not pass beyond this.
-    limit: Nanos,
-    delay_ns: u64,
-}
-
-impl FarEnd {
-    pub fn new(now: Nanos, delay_ns: u64) -> Self {
-        Self {
-            incoming: Queue::default(),
-            outgoing: Queue::default(),
-            now,
-            limit: now,
-            delay_ns,
-        }
-    }
-
-    /// A frame of the controller's leaves its end at `now`.
-    pub fn carry(&mut self, now: Nanos, frame: &[u8]) {
-        self.incoming.push(now.plus(self.delay_ns), frame);
-    }
-
-    /// When the next frame is at the controller's end.
-    pub fn next_at(&self) -> Option<Nanos> {
-        self.outgoing.next_at()
-    }
-
-    /// Puts a frame that is at the controller's end by `at` into `buffer`, and tells its size.
-    pub fn arrived(&mut self, at: Nanos, buffer: &mut [u8]) -> Option<usize> {
-        self.outgoing.take(at, buffer)
-    }
-
-    /// Lets time pass up to `limit`.
-    pub const fn allow(&mut self, limit: Nanos) {
-        self.limit = limit;
-    }
-
-    /// True if something happens here until `limit`, before something arrives at the other end.
-    pub fn is_due(&self, limit: Nanos) -> bool {
-        let coming = self.incoming.next_at().is_some_and(|at| at <= limit);
-        (self.now < limit || coming) && self.outgoing.next_at().is_none()
-    }
-}
-
-impl Transport for FarEnd {
-    fn send(&mut self, frame: &[u8]) -> Result<(), LinkFault> {
-        self.outgoing.push(self.now.plus(self.delay_ns), frame);
-        Ok(())
-    }
-
-    /// Returns before the deadline where the present of the controller's end is reached.
-    fn recv(&mut self, buffer: &mut [u8], deadline: Nanos) -> Result<Option<usize>, LinkFault> {
-        let until = deadline.min(self.limit).max(self.now);
-        let at = self.incoming.next_at().filter(|at| *at <= until);
-        self.now = self.now.max(at.unwrap_or(until));
-        Ok(self.incoming.take(until, buffer))
-    }
-
-    fn now(&self) -> Nanos {
-        self.now
-    }
-}
 
 /// Where in its life the far end is.
 pub(super) enum Far {
@@ -145,8 +77,7 @@ impl Far {
             Far::Over(line) => {
                 if let Some(end) = line.far_end() {
                     // What comes now is heard by nobody.
-                    end.incoming = Queue::default();
-                    end.now = end.now.max(limit);
+                    end.drop_what_comes(limit);
                 }
                 return;
             }

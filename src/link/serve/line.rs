@@ -1,6 +1,6 @@
 //! What a session's bytes go over, with the faults that are played on it.
 
-use super::far::FarEnd;
+use super::wire_end::FarEnd;
 use crate::config::fault_script::Script;
 use crate::link::fault::FaultyWire;
 use crate::link::tls::{TlsFault, TlsStream};

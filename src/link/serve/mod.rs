@@ -5,6 +5,7 @@
 //! with a specimen in its virgin state, or a connection of its own to it; a second controller, a stranger or nonsense is
 //! refused and named, and cannot reach the data thread; beyond loopback a key or TLS is required; every wait has an end.
 
+mod armed;
 mod caller;
 mod data;
 mod far;
@@ -17,6 +18,7 @@ mod simulated;
 mod stand;
 mod tcp;
 mod udp;
+mod wire_end;
 
 pub use heard::Heard;
 pub use host::{Build, Host};
@@ -100,7 +102,7 @@ struct Desk {
     /// A controller has armed the specimen.
     present: AtomicBool,
     stop: AtomicBool,
-    sessions: Sender<data::Session>,
+    sessions: Sender<armed::Session>,
     heard: UnboundedSender<Heard>,
     /// One quota for each kind of event.
     quotas: Mutex<[Quota; KINDS]>,

@@ -10,7 +10,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use tokio::sync::mpsc::UnboundedReceiver;
 
-use super::far::{Far, FarEnd};
+use super::far::Far;
+use super::wire_end::FarEnd;
 use super::{Desk, Heard, Host};
 use crate::link::Transport;
 use crate::substructure::LinkFault;

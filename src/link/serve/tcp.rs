@@ -8,8 +8,8 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::task::AbortHandle;
 use tokio::time::timeout;
 
+use super::armed::Session;
 use super::caller::{Caller, Lost};
-use super::data::Session;
 use super::greet::{self, Greeted};
 use super::{Desk, Heard};
 use crate::link::inbox::Inbox;

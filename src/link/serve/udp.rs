@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use tokio::net::UdpSocket;
 
-use super::data::Session;
+use super::armed::Session;
 use super::greet::{self, Greeted};
 use super::line::Carried;
 use super::{Desk, Heard};

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use thiserror::Error;
 
-use crate::link::tls::TlsFault;
+use crate::link::tls_fault::TlsFault;
 
 /// Why there is no connection.
 #[derive(Debug, Clone, PartialEq, Error)]

@@ -12,12 +12,12 @@ use rustls::{
     ClientConfig, ClientConnection, DigitallySignedStruct, Error, RootCertStore, SignatureScheme,
 };
 
-use super::fault::TlsFault;
 use super::files::{FileError, Identity, TlsFiles};
 use super::stream::TlsStream;
 use super::thread::TlsTransport;
 use super::{RECORD_LIMIT_NS, provider};
 use crate::link::socket::{ConnectError, SocketOptions, TcpTransport};
+use crate::link::tls_fault::TlsFault;
 use crate::rt::os;
 use crate::time::Nanos;
 

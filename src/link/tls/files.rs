@@ -13,8 +13,8 @@ use rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use rustls::{Error, InconsistentKeys, RootCertStore};
 use thiserror::Error as Thiserror;
 
-use super::fault::TlsFault;
 use crate::config::{ServeTlsSpec, TlsSpec};
+use crate::link::tls_fault::TlsFault;
 use crate::rt::secret_file::{SecretError, open_secret};
 
 /// No PEM file of use is longer.

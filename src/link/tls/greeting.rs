@@ -4,11 +4,11 @@ use std::io::{self, Read, Write};
 
 use tokio::net::TcpStream;
 
-use super::fault::TlsFault;
 use super::server::TlsServer;
 use super::session::Session;
 use super::stream::TlsStream;
 use crate::link::socket::{SocketOptions, TcpTransport};
+use crate::link::tls_fault::TlsFault;
 
 /// One caller.
 pub(in crate::link) struct Greeting {

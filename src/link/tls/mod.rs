@@ -24,7 +24,6 @@
 //! name ([`TlsFault`]); keys never leave this module. What is not here: revocation lists, and what the bytes mean.
 
 mod client;
-mod fault;
 mod files;
 mod greeting;
 mod record;
@@ -33,8 +32,8 @@ mod session;
 mod stream;
 mod thread;
 
+pub use crate::link::tls_fault::TlsFault;
 pub use client::TlsClient;
-pub use fault::TlsFault;
 pub use files::{End, FileError, TlsFiles};
 pub(in crate::link) use greeting::Greeting;
 pub use server::TlsServer;

@@ -6,9 +6,9 @@ use std::io::{self, Read, Write};
 
 use rustls::{Connection, Error};
 
-use super::fault::{TlsFault, names};
 use super::record::Records;
 use crate::link::socket::{Verdict, verdict};
+use crate::link::tls_fault::{TlsFault, names};
 use crate::rt::os;
 
 /// A TLS session.

@@ -9,9 +9,9 @@ use rustix::net::sockopt;
 use rustls::Connection;
 
 use super::RECORD_LIMIT_NS;
-use super::fault::TlsFault;
 use super::session::Session;
 use crate::link::socket::{Pause, SocketOptions, Wait};
+use crate::link::tls_fault::TlsFault;
 use crate::link::{TcpTransport, Transport};
 use crate::rt::os;
 use crate::substructure::LinkFault;

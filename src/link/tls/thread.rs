@@ -18,10 +18,10 @@ use std::thread::JoinHandle;
 use rtrb::{Consumer, Producer, RingBuffer};
 use rustix::event::{EventfdFlags, PollFd, PollFlags, Timespec, eventfd};
 
-use super::fault::TlsFault;
 use super::stream::TlsStream;
 use crate::link::Transport;
 use crate::link::socket::{Pause, Wait};
+use crate::link::tls_fault::TlsFault;
 use crate::rt::os;
 use crate::substructure::LinkFault;
 use crate::time::Nanos;

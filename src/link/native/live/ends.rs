@@ -1,8 +1,8 @@
 //! The first and the last word of a session: arming and retiring. Both wait, within time limits.
 
 use super::{Detail, Live};
+use crate::link::native::ask::{ask, explained, not_welcome};
 use crate::link::native::refused::SetupError;
-use crate::link::native::setup::{ask, explained, not_welcome};
 use crate::substructure::{Coupling, LinkFault, Retirement, Status};
 use crate::time::Nanos;
 use crate::wire::handshake::{self, Arm, Bye, Control};

@@ -5,8 +5,8 @@ use std::sync::atomic::Ordering;
 use super::Stand;
 use crate::catalog::ending::{self, Kind};
 use crate::link::Transport;
-use crate::link::native::with_words;
 use crate::link::rig::{TestEnd, Trip, with_last_words};
+use crate::link::serve::armed::said_goodbye;
 use crate::link::serve::{Desk, greet};
 use crate::text::is_hidden;
 use crate::wire::WireError;
@@ -28,21 +28,6 @@ impl From<WireError> for Wrong {
 impl From<TestEnd> for Wrong {
     fn from(end: TestEnd) -> Self {
         Wrong::End(end)
-    }
-}
-
-/// The controller leaves, and says so: the code of its cause, and its words, which may be none.
-pub(in crate::link::serve) fn said_goodbye(cause: u32, text: &str) -> TestEnd {
-    let cause = Cause::from_code(cause).ok();
-    let why = match cause {
-        Some(Cause::Orderly) => " at the end of the test",
-        Some(cause) => &format!(": {}", cause.why()),
-        None => ": for an unknown reason",
-    };
-    TestEnd {
-        // A cause of a later version is unknown here. It counts as a trip.
-        cause: cause.map_or(ending::Cause::ControllerTripped, Cause::ending),
-        text: with_words(format!("the controller said goodbye{why}"), text.trim()),
     }
 }
 

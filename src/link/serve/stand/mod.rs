@@ -11,18 +11,17 @@ mod watch;
 
 use commands::Moves;
 use ends::Wrong;
-pub(super) use ends::said_goodbye;
 use std::net::SocketAddr;
 use std::sync::atomic::Ordering;
 
-use super::data::Session;
+use super::armed::{Session, hear, lost_controller};
 use super::line::Line;
 use super::parted::Parted;
 use super::{Desk, Heard};
 use crate::link::Transport;
 use crate::link::inbox::Inbox;
 use crate::link::rig::{Station, TestEnd, Trip};
-use crate::substructure::{LinkFault, Measurement, Status};
+use crate::substructure::{Measurement, Status};
 use crate::time::Nanos;
 use crate::wire::WireError;
 use crate::wire::handshake::Arm;
@@ -354,46 +353,6 @@ impl Stand {
         let sent = self.line.send(frame);
         let is_stream = self.inbox.is_stream();
         sent.map_err(|fault| lost_controller(&self.line, is_stream, self.peer, fault))
-    }
-}
-
-/// Nothing was heard of the controller for so many ns.
-pub(super) fn gone_silent(peer: SocketAddr, silent_ns: u64) -> TestEnd {
-    let seconds = silent_ns / 1_000_000_000;
-    TestEnd::vanished(format_args!("{peer} has been silent for {seconds} s"))
-}
-
-/// Takes what comes from the controller until then; false if nothing does.
-pub(super) fn hear(
-    line: &mut Line,
-    inbox: &mut Inbox,
-    peer: SocketAddr,
-    until: Nanos,
-) -> Result<bool, TestEnd> {
-    match line.recv(inbox.space(), until) {
-        Ok(Some(count)) => {
-            inbox.filled(count);
-            Ok(true)
-        }
-        Ok(None) => Ok(false),
-        Err(fault) => Err(lost_controller(line, inbox.is_stream(), peer, fault)),
-    }
-}
-
-/// Why nothing more comes from the controller.
-fn lost_controller(line: &Line, is_stream: bool, peer: SocketAddr, fault: LinkFault) -> TestEnd {
-    match (line.tls_fault(), fault) {
-        _ if line.is_cut() => TestEnd::vanished(format_args!(
-            "the connection to {peer} is cut: a fault that is played (closed)"
-        )),
-        (Some(why), _) => TestEnd::vanished(format_args!("{peer}: TLS: {why}")),
-        (None, LinkFault::Closed) if !is_stream => TestEnd::vanished(format_args!(
-            "{peer} left without a goodbye: its port is closed"
-        )),
-        (None, LinkFault::Closed) => TestEnd::vanished(format_args!(
-            "{peer} closed the connection without a goodbye"
-        )),
-        (None, fault) => TestEnd::vanished(fault),
     }
 }
 

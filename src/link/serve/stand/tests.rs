@@ -669,7 +669,7 @@ fn a_controller_that_leaves_without_a_retire_is_told_of_in_its_own_words() {
             encoder.control(&message.unwrap(), out).unwrap()
         });
         assert_eq!(bye, format!("the controller said goodbye{told}: lunch"));
-        let over = super::said_goodbye(cause.code(), "");
+        let over = crate::link::serve::armed::said_goodbye(cause.code(), "");
         assert_eq!(over.cause, cause.ending());
     }
 }

@@ -2,10 +2,11 @@
 //!
 //! The thread sleeps until shortly before the next command is expected, then reads in a busy loop until shortly after.
 
-use super::{Stand, gone_silent};
+use super::Stand;
 use crate::catalog::event::Remark;
 use crate::link::Wait;
 use crate::link::rig::TestEnd;
+use crate::link::serve::armed::gone_silent;
 use crate::link::serve::{Desk, Heard};
 use crate::substructure::Status;
 use crate::time::Nanos;
