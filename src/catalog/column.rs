@@ -239,7 +239,7 @@ kinds! {
     /// Requests of the operator.
     HOLD = "hold", Test, "1", Operator, ALWAYS,
         "requests of the operator",
-        ", as a sum: 1 a hold is in force, 2 `continue` since the row before, 4 confirmation of the sensor readings since the \
+        ", as a sum: 1 from `hold` until `continue`, 2 `continue` since the row before, 4 confirmation of the sensor readings since the \
      row before; -1 a test that the operator stopped trips on its return move";
     /// Test time.
     TIME = "time", Test, "s", Loop, ALWAYS, "test time";
@@ -250,7 +250,7 @@ kinds! {
     /// Commands of the operator.
     OPERATOR = "operator", Test, "1", Operator, ALWAYS, "commands of the operator since the row before",
         ", as a sum: 1 hold, 2 continue, 4 confirm, 8 stop, 16 end because a tick was too late, 32 stop while a reply was \
-     awaited; a `continue` takes effect before a `hold` of one row";
+     awaited; `continue` takes effect before a `hold` in the same row";
     /// Cause of the ending, see [`super::ending::Cause`].
     CAUSE = "cause", Test, "1", Loop, ALWAYS, "code of the cause that ended the test or its shutdown; 0 in the rows before";
     /// Displacement of a DOF.

@@ -8,7 +8,7 @@ use gusset::catalog::limit::Limit;
 use gusset::catalog::phase::{Phase, STATES};
 
 const HOLDS: [[&str; 2]; 4] = [
-    ["1", "a hold is in force"],
+    ["1", "from `hold` until `continue`"],
     ["2", "`continue` since the row before"],
     [
         "4",
@@ -22,7 +22,7 @@ const HOLDS: [[&str; 2]; 4] = [
 
 const COMMANDS: [[&str; 2]; 6] = [
     ["1", "hold"],
-    ["2", "continue; it takes effect before a hold of one row"],
+    ["2", "continue; it takes effect before a hold in the same row"],
     ["4", "confirmation of the sensor readings"],
     ["8", "stop"],
     [
@@ -117,6 +117,7 @@ pub fn columns() -> String {
 /// The row of a kind.
 fn row(text: &mut String, kind: &Kind) {
     let meaning = kind.meaning.replace("{specimen}", "the specimen");
+    let meaning = meaning.trim_end_matches(',');
     let of = if kind.each == Each::Dof {
         " (DOF N)"
     } else {
