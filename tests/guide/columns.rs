@@ -22,7 +22,10 @@ const HOLDS: [[&str; 2]; 4] = [
 
 const COMMANDS: [[&str; 2]; 6] = [
     ["1", "hold"],
-    ["2", "continue; it takes effect before a hold in the same row"],
+    [
+        "2",
+        "continue; it takes effect before a hold in the same row",
+    ],
     ["4", "confirmation of the sensor readings"],
     ["8", "stop"],
     [
