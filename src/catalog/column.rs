@@ -467,7 +467,8 @@ mod tests {
         assert_eq!(TEST[..HEAD.len()], HEAD);
         assert_eq!(TEST[TEST.len() - TIMING.len()..], TIMING);
         assert!(TIMING.iter().all(Kind::is_timing));
-        let timing = TEST.iter().filter(|kind| kind.is_timing()).count();
+        let of_test = TEST.iter().filter(|kind| kind.each == Each::Test);
+        let timing = of_test.filter(|kind| kind.is_timing()).count();
         assert_eq!(timing, TIMING.len());
     }
 
