@@ -5,11 +5,11 @@ use crate::catalog::limit::{Judges, Limit};
 /// One limit of the test that was reached.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TestHit {
-    /// Of what.
+    /// The limit.
     pub quantity: Limit,
-    /// What was found.
+    /// Value that the limit judged.
     pub value: f64,
-    /// What is allowed.
+    /// Level of the limit.
     pub bound: f64,
     /// Specimen and axis, from 0, that have the most of it, where that can be said.
     pub worst: Option<(usize, usize)>,

@@ -1,6 +1,6 @@
 //! One axis of a specimen, row by row: present values, the values that its limits judged, and its hysteresis loop.
 //!
-//! All values stand in the rows. Nothing here decides anything.
+//! The rows contain all values. Nothing here decides anything.
 
 use super::board::AxisView;
 use super::marks::Mark;

@@ -24,7 +24,7 @@ pub struct Mark {
     pub size: bool,
     #[serde(skip)]
     pub(super) quantity: Limit,
-    /// Place of the column with its judged value, where it has one of its own.
+    /// Place of the column with its judged value, where it has its own column.
     #[serde(skip)]
     pub(super) place: Option<usize>,
 }

@@ -302,7 +302,7 @@ const fn way_out(exit: &Exit) -> &'static str {
     }
 }
 
-/// The number at a place; not a number where there is none.
+/// The number at a place; NaN without a place.
 pub(super) fn at(row: &[f64], place: Option<usize>) -> f64 {
     let value = place.and_then(|place| row.get(place));
     value.copied().unwrap_or(f64::NAN)

@@ -8,8 +8,7 @@
 //! | signals | SIGINT, SIGTERM and their like | the channel of operator requests |
 //! | caller | everything else | joins the rest |
 //!
-//! No shared mutable state with the loop, no mutex it could meet. On the real clock every thread but the loop's leaves stamps
-//! of what it does ([`crate::record::threads`]).
+//! No shared mutable state with the loop, no mutex it could meet.
 
 mod agreement;
 mod archive;

@@ -6,7 +6,7 @@ use crate::catalog::event::{EVENTS, Severity};
 use crate::catalog::limit::{Limit, Scope};
 use serde_json::json;
 
-/// A line of every variant, as folders have it; the server's lines of a name that a test has, too, come after.
+/// A line of every variant, as in run folders. The lines of a server with the name of a test's event come last.
 fn examples() -> Vec<Value> {
     let standing = json!({"specimen": 1, "axis": 2, "found": 0.5, "left": 0.25, "within": 0.125});
     let warm_up =
