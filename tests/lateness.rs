@@ -11,6 +11,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use common::engine::{Run, run_on};
 use common::rig::{Act, Call, Log, Phase, attach, storey, two_floors};
 use gusset::catalog::limit::Limit;
+use gusset::control::limits::Bound;
 use gusset::engine::{Ending, Gaps, OnMiss, Stop, TestHit};
 use gusset::record::Event;
 use gusset::rt::timing::Quantity;
@@ -291,8 +292,9 @@ fn misses_have_bounds_in_a_row_and_in_all() {
     let apart: Vec<Stall> = (5..15).map(|at| Answering(2 * at, 1_100_000)).collect();
     let run = |stalls: &[Stall], in_a_row, in_total| {
         let bounds = |limits: &mut gusset::engine::Limits| {
-            limits.misses_in_a_row = in_a_row;
-            limits.misses_in_total = in_total;
+            for (limit, most) in [(Limit::MissesInARow, in_a_row), (Limit::Misses, in_total)] {
+                limits.test.set(limit, Bound::trip(most));
+            }
         };
         run_warm(0, OnMiss::Stretch, stalls, bounds).0
     };
@@ -313,19 +315,23 @@ fn misses_have_bounds_in_a_row_and_in_all() {
         }) => (total, in_a_row),
         other => panic!("{other:?}"),
     };
-    assert_eq!(late(ending(&every, 3, 100)), (4, 4));
-    assert_eq!(ending(&apart, 3, 100), Ending::Completed);
-    assert_eq!(late(ending(&apart, 3, 6)), (7, 1));
-    let in_a_row = trip(&run(&every, 3, 100));
+    assert_eq!(late(ending(&every, 3.0, 100.0)), (4, 4));
+    assert_eq!(ending(&apart, 3.0, 100.0), Ending::Completed);
+    assert_eq!(late(ending(&apart, 3.0, 6.0)), (7, 1));
+    let in_a_row = trip(&run(&every, 3.0, 100.0));
     assert_eq!(in_a_row, ("max_consecutive_misses".to_owned(), 4.0, 3.0));
-    let in_all = trip(&run(&apart, 3, 6));
+    let in_all = trip(&run(&apart, 3.0, 6.0));
     assert_eq!(in_all, ("max_total_misses".to_owned(), 7.0, 6.0));
 }
 
 #[test]
 fn misses_in_a_row_are_warned_of_once_each_time() {
     let stalls = [10, 11, 12, 20, 21, 22].map(|at| Answering(at, 1_100_000));
-    let levels = |limits: &mut gusset::engine::Limits| limits.test.misses.warn_in_a_row = 1;
+    let levels = |limits: &mut gusset::engine::Limits| {
+        let mut levels = limits.test.of_test(Limit::MissesInARow);
+        levels.warn = 1.0;
+        limits.test.set(Limit::MissesInARow, levels);
+    };
     let (run, _) = run_warm(0, OnMiss::Stretch, &stalls, levels);
     assert_eq!(run.outcome.ending, Ending::Completed);
     let warned = run.events.iter().filter_map(|event| match &event.kind {
@@ -347,8 +353,9 @@ fn a_warm_up_that_misses_its_deadlines_in_a_row_ends_before_the_test() {
             .map(|k| Answering(k, 1_100_000))
             .collect();
         let bounds = |limits: &mut gusset::engine::Limits| {
-            limits.misses_in_a_row = 10;
-            limits.misses_in_total = 20;
+            for (limit, most) in [(Limit::MissesInARow, 10.0), (Limit::Misses, 20.0)] {
+                limits.test.set(limit, Bound::trip(most));
+            }
         };
         let (run, log) = run_warm(WARMUP, OnMiss::Stretch, &stalls, bounds);
         let told = run.events.iter().find_map(|event| match event.kind {

@@ -14,6 +14,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use common::engine::prepare;
 use common::rig::{Act, Log, Phase, attach, storey};
+use gusset::catalog::limit::Limit;
+use gusset::control::limits::Bound;
 use gusset::engine::{Control, Ending, Engine, Experiment, OnMiss, Operator};
 use gusset::record::{RingReader, RingSize, WhenFull, ring};
 use gusset::rt::clock::MonotonicClock;
@@ -282,8 +284,9 @@ fn in_the_child() {
     let short = format!("safety.ramp_s = 0\n{short}");
     let mut experiment = prepare(&short).experiment;
     // The machine may be busy: lateness is not what this is about.
-    experiment.limits.misses_in_a_row = u64::MAX;
-    experiment.limits.misses_in_total = u64::MAX;
+    for limit in [Limit::MissesInARow, Limit::Misses] {
+        experiment.limits.test.set(limit, Bound::NONE);
+    }
     // The same rig for both, but for its one call more.
     let log = Log::default();
     log.lock().unwrap().reserve(1 << 16);

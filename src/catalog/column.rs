@@ -228,18 +228,19 @@ kinds! {
     /// All kinds of a test, in the order of a row.
     TEST:
     /// Step of the integration.
-    STEP = "step", Test, "1", Loop, ALWAYS, "step of the integration, from 0 at t = 0";
+    STEP = "step", Test, "1", Loop, ALWAYS, "integration step, 0 at t = 0";
     /// Tick within the step.
     SUB_TICK = "sub_tick", Test, "1", Loop, ALWAYS, "tick within the step, from 0";
     /// Phase of the test, see [`super::phase::STATES`].
-    STATE = "state", Test, "1", Loop, ALWAYS, "phase",
-        ": 1 static load, 2 wiring check, 3 running, 4 zeroing, 5 startup ramp, 6 holding, 7 shutdown, 8 tripped, \
-     10 warm-up (kept where it matters), 14 stopped for missed deadlines, 15 stopped by the operator during a wait for a reply; \
+    STATE = "state", Test, "1", Loop, ALWAYS, "phase of the test",
+        ": 1 static load, 2 wiring check, 3 running, 4 zeroing, 5 ramp to the start position, 6 hold, 7 return move at the end, \
+     8 tripped, 10 warm-up, 14 ended because a tick was too late, 15 ended by the operator while a reply was awaited; \
      between two steps: 11 towards a known target, 12 along the prediction, 13 slowing down";
     /// Requests of the operator.
     HOLD = "hold", Test, "1", Operator, ALWAYS,
-        "1 from a `hold` of the operator until `continue`; plus 2 where `continue` arrived before this tick; plus 4 where a confirmation \
-     of the readings arrived before it; -1 where a test that the operator stopped trips during the shutdown";
+        "requests of the operator",
+        ", as a sum: 1 from `hold` until `continue`, 2 `continue` since the row before, 4 confirmation of the sensor readings since the \
+     row before; -1 a test that the operator stopped trips on its return move";
     /// Test time.
     TIME = "time", Test, "s", Loop, ALWAYS, "test time";
     /// Acceleration of the ground.
@@ -248,117 +249,117 @@ kinds! {
     BASE = "ground", Test, "m", Excitation, "with a base displacement", "displacement of the base";
     /// Commands of the operator.
     OPERATOR = "operator", Test, "1", Operator, ALWAYS, "commands of the operator since the row before",
-        ", as a sum: 1 hold, 2 continue, 4 confirm, 8 stop, 16 given up for missed \
-     deadlines, 32 stop during a wait for a reply; `continue` comes before `hold`";
+        ", as a sum: 1 hold, 2 continue, 4 confirm, 8 stop, 16 end because a tick was too late, 32 stop while a reply was \
+     awaited; `continue` takes effect before a `hold` in the same row";
     /// Cause of the ending, see [`super::ending::Cause`].
-    CAUSE = "cause", Test, "1", Loop, ALWAYS, "code of the cause that ended the test or its shutdown; 0 before the end";
+    CAUSE = "cause", Test, "1", Loop, ALWAYS, "code of the cause that ended the test or its shutdown; 0 in the rows before";
     /// Displacement of a DOF.
     DISP = "x", Dof, "m", Integrator, STRUCTURE, "displacement";
     /// Rotation of a DOF, in the same column.
     ROTATION = "x", Dof, "rad", Integrator, "with a structure whose DOF is a rotation", "rotation";
     /// Velocity of a DOF.
-    VEL = "v", Dof, "m/s or rad/s", Integrator, STRUCTURE, "velocity as the integrator reports it";
+    VEL = "v", Dof, "m/s or rad/s", Integrator, STRUCTURE, "velocity";
     /// Acceleration of a DOF.
     ACCEL = "a", Dof, "m/s2 or rad/s2", Integrator, STRUCTURE,
-        "acceleration from equilibrium at the end of the step, M^-1 r,";
+        "acceleration from equilibrium at the end of the step, M⁻¹r,";
     /// Acceleration of a DOF in a method that has its own, in the same column.
     OWN_ACCEL = "a", Dof, "m/s2 or rad/s2", Integrator, "with a method that carries an acceleration",
-        "acceleration that the method uses in its next step, not that of equilibrium at the end of the step,";
+        "acceleration that the method uses in its next step, not from equilibrium,";
     /// Target of an axis.
-    TARGET = "target", Axis, "m", Integrator, ALWAYS, "deformation B·x that the structure asks for";
+    TARGET = "target", Axis, "m", Integrator, ALWAYS, "target: the deformation B·x of the structure";
     /// Target of an actuator of a loading unit, in the same column.
-    STROKE = "target", Axis, "m", Integrator, UNIT, "stroke of the actuator for the pose B·x";
+    STROKE = "target", Axis, "m", Integrator, UNIT, "target: the stroke of the actuator for the pose B·x";
     /// Command of an axis.
-    COMMAND = "cmd", Axis, "specimen unit", Controller, ALWAYS, "displacement that was sent";
+    COMMAND = "cmd", Axis, "specimen unit", Controller, ALWAYS, "command that was sent";
     /// Measured displacement of an axis.
-    MEASURED = "meas", Axis, "m", Measured, ALWAYS, "measured displacement in the structure's units";
+    MEASURED = "meas", Axis, "m", Measured, ALWAYS, "measured displacement at the structure's scale";
     /// Force of an axis.
     FORCE = "force", Axis, "N", Measured, ALWAYS, "restoring force that entered equilibrium";
     /// Force of an actuator of a loading unit, in the same column.
-    ACTUATOR_FORCE = "force", Axis, "N", Measured, UNIT, "force of the actuator, at the structure's scale";
+    ACTUATOR_FORCE = "force", Axis, "N", Measured, UNIT, "force of the actuator at the structure's scale";
     /// Measured displacement of an axis, as received.
-    RAW_DISP = "raw_disp", Axis, "specimen unit", Measured, ALWAYS, "measured displacement as it came";
+    RAW_DISP = "raw_disp", Axis, "specimen unit", Measured, ALWAYS, "measured displacement as received";
     /// Measured force of an axis, as received.
-    RAW_FORCE = "raw_force", Axis, "specimen unit", Measured, ALWAYS, "measured force as it came";
+    RAW_FORCE = "raw_force", Axis, "specimen unit", Measured, ALWAYS, "measured force as received";
     /// Tangent stiffness of an axis.
-    TANGENT = "kt", Axis, "N/m", Estimated, ALWAYS, "tangent stiffness, estimated; the declared one until the axis has moved";
+    TANGENT = "kt", Axis, "N/m", Estimated, ALWAYS, "estimated tangent stiffness; the declared one until the axis has moved";
     /// Energy that an axis added by tracking errors.
-    ADDED = "added", Axis, "J", Estimated, ALWAYS, "energy that the transfer system has added, negative if it has taken some";
+    ADDED = "added", Axis, "J", Estimated, ALWAYS, "energy that the axis has added to the structure through its tracking error; negative if it has removed energy";
     /// Tangent damping of an axis.
-    TANGENT_DAMPING = "ct", Axis, "N s/m", Estimated, "where damping is declared", "tangent damping, estimated";
+    TANGENT_DAMPING = "ct", Axis, "N s/m", Estimated, "where damping is declared", "estimated tangent damping";
     /// Lag of an axis.
-    LAG = "lag", Axis, "s", Estimated, TRACKED, "lag behind the target, estimated";
+    LAG = "lag", Axis, "s", Estimated, TRACKED, "estimated lag of the measured displacement behind the target";
     /// Gain of an axis.
-    GAIN = "gain", Axis, "1", Estimated, TRACKED, "measured displacement over the target, estimated";
+    GAIN = "gain", Axis, "1", Estimated, TRACKED, "estimated gain of the measured displacement over the target";
     /// Fitted stiffness of an axis.
-    STIFFNESS = "stiffness", Axis, "N/m", Estimated, TRACKED, "stiffness as fitted over the last seconds of motion";
+    STIFFNESS = "stiffness", Axis, "N/m", Estimated, TRACKED, "stiffness fitted over the last seconds of motion";
     /// Damping that the lag of an axis adds.
-    FALSE_DAMPING = "false_c", Axis, "N s/m", Estimated, TRACKED, "damping that the lag adds to it";
+    FALSE_DAMPING = "false_c", Axis, "N s/m", Estimated, TRACKED, "damping that the lag adds; negative if the lag removes energy";
     /// Margin of an axis to its critical delay.
     MARGIN = "margin", Axis, "s", Estimated, "where the critical delay is known",
-        "critical delay at the stiffness of the last seconds less their lag: below 0 the test grows; inf where every delay is \
-     stable";
+        "critical delay minus lag, at the stiffness of the last seconds of motion; the response grows below 0; inf if every \
+     delay is stable";
     /// Parameter of the compensator of an axis.
     COMPENSATION = "comp", Parameter, "of the parameter", Controller, "with a compensator that has parameters",
-        "parameter NAME of the compensation";
+        "parameter NAME of the compensator";
     /// Target of a coordinate.
-    POSE = "pose", Coordinate, "m or rad", Integrator, UNIT, "pose B·x that the structure asks for";
+    POSE = "pose", Coordinate, "m or rad", Integrator, UNIT, "target pose B·x of the loading unit";
     /// Measured coordinate.
-    MEASURED_POSE = "pose_meas", Coordinate, "m or rad", Measured, UNIT, "pose that the measured strokes have";
+    MEASURED_POSE = "pose_meas", Coordinate, "m or rad", Measured, UNIT, "pose from the measured strokes";
     /// Force in a coordinate.
     POSE_FORCE = "pose_force", Coordinate, "N or N m", Measured, UNIT, "force that entered equilibrium";
     /// Value that a limit of an axis judged.
     JUDGED = "judged", Parameter, "of the limit", Controller, "where the limit has a level",
-        "value that limit NAME judged in this tick, none where nothing was judged";
+        "value that the limit NAME judged in this tick; none if it judged nothing";
     /// Number of a command.
-    SEQUENCE = "seq", Specimen, "1", Measured, ALWAYS, "newest command in force when {specimen} was sampled";
+    SEQUENCE = "seq", Specimen, "1", Measured, ALWAYS, "number of the newest command in force when {specimen} was sampled";
     /// Status flags.
     STATUS = "status", Specimen, "1", Measured, ALWAYS, "status flags of {specimen}",
-        ": 1 interlock, 2 holding, 4 saturated, 8 its simulated actuator not \
-     settled; of the loop: 65536 lost, 131072 before its last command left, 262144 stale, \
-     524288 its answer not waited for, 1048576 beside 2 it held until its last command came";
+        ", as a sum: 1 interlock open, 2 held by its own watchdog, 4 a sensor or an actuator at the end of its range, \
+     8 simulated actuator: iteration not converged; set by the loop: 65536 link lost, 131072 before the last command was sent, \
+     262144 stale: no new measurement, 524288 reply not waited for, 1048576 with 2: it held until its last command came";
     /// Commands that were sent. Whether a reply comes in time depends on the wall clock.
-    EXCHANGES = "exchanges", Specimen, "1", Clock, ALWAYS, "commands sent so far to {specimen}, repeated ones included";
-    /// Stale replies.
-    STALE = "stale", Specimen, "1", Clock, ALWAYS, "replies of {specimen} so far that were not there in time";
+    EXCHANGES = "exchanges", Specimen, "1", Clock, ALWAYS, "commands sent to {specimen} so far, with repeated ones";
+    /// Stale measurements.
+    STALE = "stale", Specimen, "1", Clock, ALWAYS, "stale measurements of {specimen} so far: no reply arrived in time";
     /// Edge of the tick.
     RELEASE = "release_s", Test, "s", Clock, ALWAYS, "wall time from the first edge to the edge of this tick";
     /// Lateness of the wake-up.
-    WAKEUP = "wakeup_lateness_s", Test, "s", Clock, ALWAYS, "from the edge to the first instruction after the wait";
+    WAKEUP = "wakeup_lateness_s", Test, "s", Clock, ALWAYS, "from the edge of the tick to the first instruction after waiting";
     /// Lateness of the command.
-    COMMAND_LATENESS = "command_lateness_s", Test, "s", Clock, ALWAYS, "from the edge to the end of the last send";
+    COMMAND_LATENESS = "command_lateness_s", Test, "s", Clock, ALWAYS, "from the edge of the tick to the end of the last send";
     /// Round trip.
     ROUND_TRIP = "round_trip_s", Test, "s", Clock, ALWAYS, "from the last send to the last decoded reply";
     /// Time of the computation.
-    COMPUTE = "compute_s", Test, "s", Clock, ALWAYS, "from the last decoded reply to the next command ready";
+    COMPUTE = "compute_s", Test, "s", Clock, ALWAYS, "from the last decoded reply until the next command is ready";
     /// Moves of the grid.
-    STRETCHED = "stretched", Test, "1", Clock, ALWAYS, "whole ticks by which the grid has been moved so far";
+    STRETCHED = "stretched", Test, "1", Clock, ALWAYS, "whole ticks by which the grid has moved so far";
     /// Time of recording.
     RECORD_BEFORE = "record_before_s", Test, "s", Clock, ALWAYS,
-        "of the tick whose row is the one before: from the next command ready to the row handed over; none in the first row, \
+        "for the tick of the row before: from the next command being ready until the row is handed over; none in the first row, \
      and where it was not measured";
     /// Deadline misses in a row.
     MISSES_IN_A_ROW = "misses_in_a_row", Test, "1", Clock, ALWAYS, "deadline misses in a row, up to the tick of the row before";
     /// Deadline misses in the window.
     MISSES_IN_WINDOW = "misses_in_window", Test, "1", Clock, ALWAYS,
-        "deadline misses within `timing.misses.window_s`, up to the tick of the row before; counted up to one more than allowed";
+        "deadline misses within `timing.misses.window_s`, up to the tick of the row before; the count ends at one more than allowed";
     /// Deadline misses.
     MISSES_IN_TOTAL = "misses_in_total", Test, "1", Clock, ALWAYS, "deadline misses in total, up to the tick of the row before";
     /// Ticks skipped before this one.
     SKIPPED_BY_WAKEUP = "skipped_by_wakeup", Test, "1", Clock, ALWAYS,
-        "ticks by which the grid was moved because this tick woke late, by `wakeup_lateness_s`";
+        "ticks by which the grid moved because this tick woke late; `wakeup_lateness_s` holds how late";
     /// Ticks skipped behind the one before.
     SKIPPED_BY_WORK = "skipped_by_work", Test, "1", Clock, ALWAYS,
-        "ticks by which the grid was moved because the work of the tick before ended late, by `overrun_s`";
+        "ticks by which the grid moved because the work of the tick before ended late; `overrun_s` holds how late";
     /// Lateness of the work that skipped them.
     OVERRUN = "overrun_s", Test, "s", Clock, ALWAYS,
-        "from the moved edge of the tick before to the end of its work; 0 where no tick was skipped by work";
+        "from the edge that moved to the end of the work of the tick before; 0 if `skipped_by_work` is 0";
 }
 
 /// Columns at the beginning of a row, in their order.
 pub const HEAD: [Kind; 5] = [STEP, SUB_TICK, STATE, HOLD, TIME];
 
-/// What follows the ground, in this order.
+/// Columns after the ground, in their order.
 pub const CAUSES: [Kind; 2] = [OPERATOR, CAUSE];
 
 /// Columns at the end of a row, in their order. Recordings without the last ones are replayed.
@@ -387,7 +388,8 @@ kinds! {
     SERVER_SUB_TICK = "sub_tick", Test, "1", Server, ALWAYS, "always 0: one row per exchange";
     /// Phase of the exchange.
     SERVER_STATE = "state", Test, "1", Server, ALWAYS,
-        "2 = before the test: which way round it is wired is tried, or what it resists where it stands, 3 = running, 8 = not passed on, at a trip before it left or after one";
+        "phase of the exchange: 2 before the test (wiring check, force in the start position), 3 running, \
+         8 command not passed on: it tripped, or came after a trip";
     /// Test time of the command.
     SERVER_TIME = "time", Test, "s", Controller, ALWAYS, "test time of the command";
     /// Test time since the command before.
@@ -398,22 +400,23 @@ kinds! {
     COMMITS = "commits", Test, "1", Server, ALWAYS, "commands accepted so far";
     /// Cause of a trip.
     TRIP = "trip", Test, "1", Server, ALWAYS,
-        "0 = none; a limit: 1 command_disp, 2 command_step, 3 command_vel, 4 command_accel, 5 measured_disp, \
+        "cause of a trip: 0 none; a limit: 1 command_disp, 2 command_step, 3 command_vel, 4 command_accel, 5 measured_disp, \
          6 measured_force, 7 following_error, 8 force_step, 9 stuck_sensor, 10 sensor_disp, 11 sensor_force; \
-         50 command and 51 measurement not finite; 52 first command not where it was armed; 60 interlock, 61 saturated, 62 held by its own watchdog, 70 specimen lost";
+         50 command not finite, 51 measurement not finite, 52 first command not the armed position, 60 interlock open, \
+         61 a sensor or an actuator at the end of its range, 62 held by its own watchdog, 70 specimen lost";
     /// Arrival of the command.
     RECEIVED = "received_s", Test, "s", Clock, ALWAYS, "wall time from the start of the test to the command";
     /// Time of the exchange.
-    SERVER_ROUND_TRIP = "round_trip_s", Test, "s", Clock, ALWAYS, "from the command to the specimen's answer";
+    SERVER_ROUND_TRIP = "round_trip_s", Test, "s", Clock, ALWAYS, "wall time from the command to the specimen's reply";
     /// Target that the controller asks for.
-    SERVER_TARGET = "target", Axis, "m or rad", Controller, ALWAYS, "displacement that the controller asks for, in m";
+    SERVER_TARGET = "target", Axis, "m or rad", Controller, ALWAYS, "target displacement from the controller; a translation in m";
     /// Command of an axis.
     SERVER_COMMAND = "cmd", Axis, "unit of the axis", Server, ALWAYS,
-        "command sent to the specimen, in the unit of the axis; no command was sent where the state is 8";
+        "command sent to the specimen, in the unit of the axis; none was sent where `state` is 8";
     /// Measured displacement of an axis.
-    SERVER_MEASURED = "meas", Axis, "m or rad", Measured, ALWAYS, "measured displacement, in m";
+    SERVER_MEASURED = "meas", Axis, "m or rad", Measured, ALWAYS, "measured displacement; a translation in m";
     /// Force of an axis.
-    SERVER_FORCE = "force", Axis, "N or N m", Measured, ALWAYS, "measured force, in N";
+    SERVER_FORCE = "force", Axis, "N or N m", Measured, ALWAYS, "measured force; of a translation in N";
     /// Measured displacement of an axis, as received.
     SERVER_RAW_DISP = "raw_disp", Axis, "unit of the axis", Measured, ALWAYS, "measured displacement in the unit of the axis";
     /// Measured force of an axis, as received.
@@ -424,7 +427,7 @@ kinds! {
         "velocity that came with the command, in units of the axis per s";
     /// Status flags.
     SERVER_STATUS = "status", Specimen, "1", Server, ALWAYS,
-        "status flags as they went to the controller, and 262144 where nothing was measured, for the command was not passed on";
+        "status flags that the controller received; 262144 if nothing was measured because the command was not passed on";
 }
 
 #[cfg(test)]

@@ -21,7 +21,7 @@ pub enum Exit {
     Link = 3,
     /// Real-time conditions were required and not granted; nothing was moved.
     NoRealTime = 4,
-    /// A panic of our own, caught; the specimens were retired.
+    /// A panic of this program, caught; the specimens were retired.
     Panic = 5,
     /// SIGINT or `gusset stop`, after an orderly stop.
     Interrupted = 130,
@@ -75,7 +75,7 @@ impl Status {
     }
 }
 
-/// What kind of cause it is: decides whether an interrupted test may be resumed.
+/// Kind of a cause. It decides whether an interrupted test may be resumed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// The test came to its end.
@@ -178,7 +178,7 @@ causes! {
     ForceChanged = 18, "force_changed", Refusal, Usage, "REFUSED: a specimen has changed since the interruption",
         "A load cell reads another force than when the test was interrupted.";
     Internal = 19, "internal_error", Internal, Panic, "FAILED: internal error, the specimens were retired",
-        "The program failed; it retired the specimens.";
+        "The program failed. It retired the specimens.";
     CannotCommand = 20, "cannot_command", Refusal, Stopped, "STOPPED",
         "The integration method cannot command a specimen.";
     NotSettled = 21, "not_settled", Trip, Stopped, "STOPPED",
@@ -202,11 +202,11 @@ causes! {
     SpecimenLost = 30, "specimen_lost", Link, Link, "FAILED: a link was lost",
         "The server lost the link to its specimen.";
     ControllerTripped = 31, "controller_tripped", Trip, Stopped, "STOPPED",
-        "The controller ended its test by a trip of its own.";
+        "The controller tripped and ended its test.";
     ControllerVanished = 32, "controller_vanished", Link, Link, "FAILED: the controller was lost",
         "The link to the controller was lost without a goodbye.";
     Shutdown = 33, "shutdown", Operator, Interrupted, "interrupted",
-        "A program was told to end: the server or the controller.";
+        "A signal or command ended the server or the controller.";
     Protocol = 34, "protocol", Link, Link, "FAILED: the link broke the protocol",
         "The test could not be served: a refusal, or bytes that the protocol does not allow.";
     TakenBack = 35, "taken_back", Trip, Stopped, "STOPPED",
@@ -238,7 +238,7 @@ impl Cause {
         Self::ALL.iter().copied().find(|cause| cause.code() == code)
     }
 
-    /// The cause in the column `cause`; none of 0 and of what is no code.
+    /// The cause in the column `cause`; none for 0 and for a number that is no code.
     #[must_use]
     pub fn of_column(code: f64) -> Option<Self> {
         Self::ALL

@@ -3,7 +3,7 @@
 //! A row has the name of the event, how grave it is, the group in which it is listed, whether it ends a test out of order, a
 //! sentence for people, and the text of the guide. Names are firm: programs read them.
 //!
-//! The sentence is a template. `{key}` stands for a field of the line, rounded and with its unit. `{specimen}` is the specimen by
+//! The sentence is a template. `{key}` shows a field of the line, rounded and with its unit. `{specimen}` is the specimen by
 //! name, `{place}` the specimen with its axis. A part in brackets is left out where a field of it is missing.
 //! `{flag?yes|no}` chooses by a field that is true or false. An empty template means that no sentence is shown.
 
@@ -160,7 +160,7 @@ pub const EVENTS: &[EventRow] = &[
         "connected",
         Info,
         Other,
-        "{specimen}: connected to {peer}[, it stands at {standing}]",
+        "{specimen}: connected to {peer}[, its position is {standing}]",
     )
     .guide(
         "A specimen behind a link is connected.",
@@ -188,7 +188,7 @@ pub const EVENTS: &[EventRow] = &[
         "initial_force",
         Warning,
         Limits,
-        "{place}: it bears a force at the beginning that its displacement does not explain: {force}, allowed {most} ({of})",
+        "{place}: it carries a force at the start that its displacement does not explain: {force}, allowed {most} ({of})",
     )
     .guide(
         "An axis carries a force at the start that its displacement does not explain.",
@@ -217,7 +217,7 @@ pub const EVENTS: &[EventRow] = &[
         "direction_unknown",
         Warning,
         Other,
-        "{place}: the static load does not show which way round it is wired",
+        "{place}: the static load does not show the direction of its wiring",
     )
     .guide("The wiring check found no direction.", OF_AXIS),
     row(
@@ -235,28 +235,28 @@ pub const EVENTS: &[EventRow] = &[
         "stands",
         Info,
         Other,
-        "{place}: it is at {found}, and was left at {left} ± {within} (unit of the axis)",
+        "{place}: position {found}; the interrupted test left it at {left} ± {within} (unit of the axis)",
     )
     .guide(
-        "Resume: an axis stands where the interrupted test left it.",
+        "Resume: an axis is at the position in which the interrupted test left it.",
         "`specimen`, `name`, `axis`; `found`, `left`, `within`: position, earlier position, allowed difference, in the axis' unit",
     ),
     row(
         "moved",
         Error,
         Limits,
-        "{place}: it is at {found}, and was left at {left} ± {within} (unit of the axis): it has moved since the interruption",
+        "{place}: position {found}; the interrupted test left it at {left} ± {within} (unit of the axis): it has moved since",
     )
     .trip()
     .guide(
-        "Resume: an axis does not stand where the interrupted test left it.",
+        "Resume: an axis is not at the position in which the interrupted test left it.",
         "as `stands`",
     ),
     row(
         "force_changed",
         Warning,
         Other,
-        "{place}: the load cell reads {found}, and {left} ± {within} is expected after the interruption (unit of the axis); \
+        "{place}: the load cell reads {found}, expected {left} ± {within} after the interruption (unit of the axis); \
          {taken_for_drift?the difference is taken for drift of its zero|its zero stays unchanged}",
     )
     .guide(
@@ -271,7 +271,7 @@ pub const EVENTS: &[EventRow] = &[
          {longest_ns} at most: the test starts",
     )
     .guide(
-        "The warm-up kept the limits of `[timing]`: the test begins.",
+        "The warm-up kept the limits of `[timing.misses]`: the test begins.",
         "`ticks`: judged; `missed`, `in_a_row`: misses; `mean_ns`, `longest_ns`: duration of a tick",
     ),
     row(
@@ -283,7 +283,7 @@ pub const EVENTS: &[EventRow] = &[
     )
     .trip()
     .guide(
-        "The warm-up did not keep the limits of `[timing]`: the test does not begin.",
+        "The warm-up did not keep the limits of `[timing.misses]`: the test does not begin.",
         "as `go`",
     ),
     row("started", Info, Other, "started").guide("The first command of the test is sent.", ""),
@@ -378,14 +378,14 @@ pub const EVENTS: &[EventRow] = &[
         "specimen_holds",
         Warning,
         Answers,
-        "{specimen}: it reports that its own watchdog holds it: commands do not move it",
+        "{specimen}: its own watchdog holds it, so commands do not move it",
     )
     .guide("The specimen reports that its own watchdog holds it.", OF_SPECIMEN),
     row(
         "specimen_holds_on",
         Error,
         Answers,
-        "{specimen}: it still reports that its own watchdog holds it",
+        "{specimen}: its own watchdog still holds it",
     )
     .trip()
     .guide("The specimen still reports that its own watchdog holds it.", OF_SPECIMEN),
@@ -437,7 +437,7 @@ pub const EVENTS: &[EventRow] = &[
         "unacknowledged",
         Warning,
         Answers,
-        "{specimen}: the server did not acknowledge the end of the test: its watchdog must hold the specimen; check that it does",
+        "{specimen}: the server did not acknowledge the end of the test. Check that its watchdog holds the specimen",
     )
     .guide("A specimen did not acknowledge the end of the test.", OF_SPECIMEN),
     row("last_words", Warning, Answers, "{text}").guide(

@@ -60,7 +60,7 @@ pub enum Limit {
     Misses,
 }
 
-/// What a limit belongs to.
+/// Scope of a limit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Scope {
     /// One axis of a specimen.
@@ -80,7 +80,7 @@ pub enum Kind {
     Count,
 }
 
-/// What a limit judges. A look at an axis judges in this order, then in the order of [`Limit`].
+/// Value that a limit judges. The limits of an axis are judged in this order, then in the order of [`Limit`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Judges {
     /// A command, before it leaves.
@@ -136,7 +136,7 @@ pub struct Row {
     pub unit: &'static str,
     /// Which numbers its levels are.
     pub kind: Kind,
-    /// What it judges.
+    /// The value that it judges.
     pub judges: Judges,
     /// Number of earlier values that its value is a difference from.
     pub differs_from: u8,
@@ -146,7 +146,7 @@ pub struct Row {
     pub needs_measured_disp: bool,
     /// Who checks it.
     pub checked_by: CheckedBy,
-    /// What is judged, for the guide.
+    /// The judged value, for the guide.
     pub judged: &'static str,
     /// The default, in words.
     pub default: &'static str,
@@ -407,7 +407,7 @@ const ROWS: [Row; LIMITS] = [
         limit: Limit::AddedEnergy,
         key: "added_energy_j",
         name: "added_energy",
-        words: "energy added by the transfer system",
+        words: "energy added by the tracking error",
         unit: "J",
         judges: Judges::Estimate,
         has_column: true,
@@ -438,13 +438,13 @@ const ROWS: [Row; LIMITS] = [
         limit: Limit::GainError,
         key: "gain_error",
         name: "gain_error",
-        words: "error of the gain from target to measurement",
+        words: "error of the gain of the measured displacement over the target",
         unit: "1",
         judges: Judges::Tracking,
         has_column: true,
         needs_measured_disp: true,
         checked_by: CheckedBy::Controller,
-        judged: "difference between 1 and the gain of the measured displacement over the target",
+        judged: "amplitude error: difference between 1 and the gain of the measured displacement over the target",
         sentence: "Amplitude error |gain − 1| of the measured displacement relative to the target. It is estimated over the \
                    last seconds of motion, after two periods.",
         example: Some(r#"{"warn": 0.05, "trip": 0.1}"#),
@@ -454,7 +454,7 @@ const ROWS: [Row; LIMITS] = [
         limit: Limit::StabilityUsed,
         key: "stability_used",
         name: "stability_used",
-        words: "stability margin used by tangents beyond their declared bounds",
+        words: "stability margin used",
         judged: "stability margin used, from the estimated stiffness and damping",
         default: "warns above 1",
         ..TEST
@@ -463,7 +463,7 @@ const ROWS: [Row; LIMITS] = [
         limit: Limit::DelayUsed,
         key: "delay_used",
         name: "delay_used",
-        words: "lag in parts of the critical delay at the stiffness of the last seconds",
+        words: "largest lag over the critical delay",
         judged: "lag of a specimen over its critical delay",
         default: "warns above 1",
         needs_measured_disp: true,
@@ -473,7 +473,7 @@ const ROWS: [Row; LIMITS] = [
         limit: Limit::StepAudit,
         key: "step_audit",
         name: "step_audit",
-        words: "energy that the exact audit of the steps leaves over, relative",
+        words: "relative energy error of the integration",
         judged: "energy error of the integration over the energy turned over",
         default: "warns above 1e-9, trips above 1e-6, up to 64 DOFs",
         ..TEST
@@ -482,7 +482,7 @@ const ROWS: [Row; LIMITS] = [
         limit: Limit::AddedEnergyShare,
         key: "added_energy_share",
         name: "added_energy_share",
-        words: "energy that the transfer systems have added, in parts of what the test has taken in",
+        words: "energy added by tracking errors over the energy that the test has taken in",
         judged: "energy added by all tracking errors over the energy that the test has taken in",
         needs_measured_disp: true,
         ..TEST
@@ -500,7 +500,7 @@ const ROWS: [Row; LIMITS] = [
         limit: Limit::MissesInWindow,
         key: "max_misses_in_window",
         name: "max_misses_in_window",
-        words: "deadlines missed in the last while",
+        words: "deadlines missed in the window",
         judged: "deadline misses within `timing.misses.window_s`",
         default: "one tick in ten, at least 100",
         ..MISSES
@@ -509,7 +509,7 @@ const ROWS: [Row; LIMITS] = [
         limit: Limit::Misses,
         key: "max_total_misses",
         name: "max_total_misses",
-        words: "deadlines missed",
+        words: "deadlines missed in total",
         judged: "deadline misses in the whole test",
         default: "one tick in a hundred, at least 100",
         ..MISSES
@@ -590,7 +590,7 @@ impl Limit {
         }
     }
 
-    /// What it belongs to.
+    /// Scope: an axis or the test.
     #[must_use]
     pub const fn scope(self) -> Scope {
         self.row().scope()
@@ -639,13 +639,19 @@ impl Limit {
         matches!(self.row().checked_by, CheckedBy::Server)
     }
 
+    /// Its place in [`Limit::OF_TEST`]; none of a limit of an axis.
+    #[must_use]
+    pub const fn place_in_test(self) -> Option<usize> {
+        (self as usize).checked_sub(AXIS_LIMITS)
+    }
+
     /// Its place in a set of limits.
     #[must_use]
     pub const fn bit(self) -> u32 {
         1 << self as u32
     }
 
-    /// The limits of an axis whose judged value stands in no column of every test.
+    /// The limits of an axis whose judged value has no column in every test.
     #[must_use]
     #[expect(clippy::indexing_slicing, reason = "runs when the program is compiled")]
     pub const fn without_column<const N: usize>() -> [Limit; N] {
@@ -687,7 +693,7 @@ impl Limit {
 }
 
 impl Row {
-    /// What it belongs to.
+    /// Scope: an axis or the test.
     #[must_use]
     pub const fn scope(&self) -> Scope {
         match self.judges {
@@ -720,6 +726,8 @@ mod tests {
     fn every_limit_has_its_row_and_its_own_names() {
         for (place, limit) in Limit::OF_AXIS.into_iter().chain(Limit::OF_TEST).enumerate() {
             assert_eq!(limit as usize, place);
+            let in_test = limit.place_in_test().map(|place| Limit::OF_TEST[place]);
+            assert_eq!(in_test, (limit.scope() == Scope::Test).then_some(limit));
             let row = limit.row();
             assert_eq!(row.limit, limit);
             assert_eq!(Limit::of_key(row.key), Some(limit));

@@ -120,18 +120,18 @@ fn line(limit: &LimitFact, table: &mut Table) {
         sizes => sizes.iter().map(|size| number(*size)).collect(),
     };
     let star = if limit.also_at_the_specimen { " *" } else { "" };
-    let judged = match (limit.unit, &limit.judged) {
-        (_, None) => String::new(),
-        ("", Some(judged)) => judged.clone(),
-        (_, Some(judged)) => format!("; {judged}"),
+    let (unit, judged) = match (limit.unit, &limit.judged) {
+        ("1", None) => ("", String::new()),
+        ("1", Some(judged)) => ("", judged.clone()),
+        (unit, None) => (unit, String::new()),
+        (unit, Some(judged)) => (unit, format!("; {judged}")),
     };
     table.row(
         &format!("  {}{star}", limit.key),
         format!(
-            "warns {:<20} trips {:<20} {}{judged}",
+            "warns {:<20} trips {:<20} {unit}{judged}",
             level(&limit.warn),
-            level(&limit.trip),
-            limit.unit
+            level(&limit.trip)
         )
         .trim_end(),
     );

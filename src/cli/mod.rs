@@ -171,8 +171,8 @@ fn in_one_line(error: &anyhow::Error) -> String {
     text
 }
 
-/// A line to whoever reads stderr, and is waited for: before something runs, and when it is over ([`log::remark`] is for in
-/// between). If nobody can read, nothing is lost but the line.
+/// Writes a line to stderr and waits for it. For use before and after a run; [`log::remark`] is for lines during a run.
+/// A failure to write loses only the line.
 fn tell(text: impl Display) {
     show(printable(&text.to_string()));
 }

@@ -1,7 +1,7 @@
 //! The files that a user writes: test files, files of `gusset serve` and fault scripts. Schema, reading, checks, diagnostics.
 //!
 //! This module knows no engine. It says what a file contains, and the module `setup` builds an experiment from that. A view may
-//! use it too. Each table of a file has a Rust file of its own.
+//! use it too. Each table of a file has its own Rust file.
 //!
 //! [`load`] reads a test file with the `--set` arguments. The [`TestFile`] that it returns has no mistake that the file alone can
 //! show. Otherwise a [`ConfigError`] shows every mistake with file, line and caret. Later modules report a mistake by its path,
@@ -193,7 +193,7 @@ pub fn load_recorded(path: &Path) -> Result<Loaded, ConfigError> {
     parse_for(Purpose::View, path, read_text(path)?, &[])
 }
 
-/// What a file is read for.
+/// Purpose for which a file is read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Purpose {
     /// A test, or a specimen that is served.

@@ -58,11 +58,7 @@ pub struct DispZero {
     pub gain: f64,
     /// Command at which the deformation is zero, in the specimen's unit.
     pub command: f64,
-    /// What the sensor reads there beyond it.
-    pub measured: f64,
-    /// Whether the zero is one that is read.
-    pub is_relative: bool,
-    /// Whether that is still to come.
+    /// Whether the sensor's zero is still to be read.
     pub is_awaited: bool,
 }
 
@@ -270,12 +266,9 @@ impl Port {
 
     /// How the displacement sensor of each axis belongs to its commands, as it stands now.
     pub fn disp_zeros(&self) -> impl Iterator<Item = DispZero> {
-        let axes = self.axes.iter().zip(&self.opening.references).enumerate();
-        axes.map(|(index, (axis, reference))| DispZero {
+        self.axes.iter().enumerate().map(|(index, axis)| DispZero {
             gain: axis.disp_gain,
             command: axis.disp_offset,
-            measured: axis.measured_offset,
-            is_relative: reference.disp == Zero::Relative,
             is_awaited: self.opening.awaits_zero(index),
         })
     }

@@ -1,12 +1,11 @@
 //! Limits of the test as a whole: what belongs to no specimen alone.
 
-use super::misses::{MissLevels, Missed};
 use super::numerical::Side;
 use super::telling::limit_event;
 use super::test_hit::TestHit;
 use super::tick::Tick;
-use super::{Engine, Limits, Stop};
-use crate::catalog::limit::{Judges, Limit};
+use super::{Engine, Stop};
+use crate::catalog::limit::{AXIS_LIMITS, Judges, LIMITS, Limit};
 use crate::control::Port;
 use crate::control::limits::{Bound, Level};
 use crate::record::LimitReached;
@@ -82,57 +81,35 @@ pub fn kept_limits(side: &Side, ports: &[Port]) -> Vec<Limit> {
     kept
 }
 
-/// Levels of all that belongs to the test as a whole.
+/// Levels of the limits of the test as a whole.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TestLimits {
-    /// Of [`Limit::StabilityUsed`].
-    pub stability_used: Bound,
-    /// Of [`Limit::DelayUsed`].
-    pub delay_used: Bound,
-    /// Of [`Limit::StepAudit`].
-    pub step_audit: Bound,
-    /// Of [`Limit::AddedEnergyShare`].
-    pub added_energy_share: Bound,
-    /// Of misses, beside those that [`super::Limits`] has.
-    pub misses: MissLevels,
+    /// In the order of [`Limit::OF_TEST`]; infinite where there is no level.
+    levels: [Bound; LIMITS - AXIS_LIMITS],
+    /// Length in ticks of the window of [`Limit::MissesInWindow`].
+    pub window_ticks: u64,
 }
 
-impl Default for TestLimits {
-    fn default() -> Self {
-        Self {
-            stability_used: Bound::NONE,
-            delay_used: Bound::NONE,
-            step_audit: Bound::NONE,
-            added_energy_share: Bound::NONE,
-            misses: MissLevels::NONE,
-        }
-    }
-}
+impl TestLimits {
+    /// No level at all.
+    pub const NONE: Self = Self {
+        levels: [Bound::NONE; LIMITS - AXIS_LIMITS],
+        window_ticks: 0,
+    };
 
-impl Limits {
-    /// The levels of what belongs to the test as a whole, infinite where there is none.
+    /// The levels of a limit; none of one that belongs to an axis. Real-time: yes.
     #[must_use]
-    pub fn of_test(&self, quantity: Limit) -> Bound {
-        let test = &self.test;
-        let counts = |warn: u64, trip: u64| {
-            let level = |count: u64| match count {
-                u64::MAX => f64::INFINITY,
-                count => count as f64,
-            };
-            Bound {
-                warn: level(warn),
-                trip: level(trip),
-            }
-        };
-        match quantity {
-            Limit::StabilityUsed => test.stability_used,
-            Limit::DelayUsed => test.delay_used,
-            Limit::StepAudit => test.step_audit,
-            Limit::AddedEnergyShare => test.added_energy_share,
-            Limit::MissesInARow => counts(test.misses.warn_in_a_row, self.misses_in_a_row),
-            Limit::MissesInWindow => counts(test.misses.warn_in_window, test.misses.most_in_window),
-            Limit::Misses => counts(test.misses.warn_in_all, self.misses_in_total),
-            _ => Bound::NONE,
+    pub fn of_test(&self, limit: Limit) -> Bound {
+        let place = limit.place_in_test();
+        let levels = place.and_then(|place| self.levels.get(place));
+        levels.copied().unwrap_or(Bound::NONE)
+    }
+
+    /// Sets the levels of a limit of the test.
+    pub fn set(&mut self, limit: Limit, levels: Bound) {
+        let place = limit.place_in_test();
+        if let Some(place) = place.and_then(|place| self.levels.get_mut(place)) {
+            *place = levels;
         }
     }
 }
@@ -145,14 +122,9 @@ impl Engine {
         let mut place = 0;
         while let Some((quantity, in_row)) = self.row.kept_at(place) {
             place += 1;
-            let limits = &self.limits.test;
             // What cannot be estimated is no finding; a step that leaves no number is one.
-            let (bound, is_estimate) = match quantity {
-                Limit::StabilityUsed => (limits.stability_used, true),
-                Limit::DelayUsed => (limits.delay_used, true),
-                Limit::AddedEnergyShare => (limits.added_energy_share, false),
-                _ => (limits.step_audit, false),
-            };
+            let is_estimate = matches!(quantity, Limit::StabilityUsed | Limit::DelayUsed);
+            let bound = self.limits.test.of_test(quantity);
             // Estimates are made of measurements only: nothing has changed since the row. The others know of the step.
             let value = if is_estimate {
                 in_row
@@ -169,18 +141,33 @@ impl Engine {
         result
     }
 
-    /// Judges a miss that was just counted. Real-time: yes.
+    /// Judges a miss that was just counted, except for [`Engine::misses_beyond`]. Real-time: yes.
     pub(super) fn judge_misses(&mut self, tick: &Tick) -> Result<(), Stop> {
-        let missed = Missed {
-            in_a_row: self.misses_in_a_row,
-            in_window: self.row.lateness.in_window,
-            in_all: self.misses,
-        };
         let mut result = Ok(());
-        for (quantity, value, judged) in self.limits.test.misses.judge(missed) {
-            result = result.and(self.heed(tick, quantity, value, judged));
+        for (limit, found) in [
+            (Limit::MissesInARow, self.misses_in_a_row),
+            (Limit::MissesInWindow, self.row.lateness.in_window),
+            (Limit::Misses, self.misses),
+        ] {
+            let mut bound = self.limits.test.of_test(limit);
+            if limit != Limit::MissesInWindow {
+                bound.trip = f64::INFINITY;
+            }
+            let value = found as f64;
+            result = result.and(self.heed(tick, limit, value, bound.judge(value)));
         }
         result
+    }
+
+    /// More misses in a row or in total than allowed: the limit, how many, and how many are allowed. Real-time: yes.
+    pub(super) fn misses_beyond(&self) -> Option<(Limit, f64, f64)> {
+        [
+            (Limit::MissesInARow, self.misses_in_a_row),
+            (Limit::Misses, self.misses),
+        ]
+        .map(|(limit, found)| (limit, found as f64, self.limits.test.of_test(limit).trip))
+        .into_iter()
+        .find(|(_, found, most)| found > most)
     }
 
     /// A warning is told when its level is crossed, a trip ends the test. Real-time: yes.
@@ -239,5 +226,30 @@ impl Engine {
         } else {
             Ok(())
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_limit_of_the_test_has_its_own_level_and_is_passed_only_beyond_it() {
+        let mut limits = TestLimits::NONE;
+        for (count, limit) in (1..).zip(Limit::OF_TEST) {
+            let warn = f64::from(2 * count);
+            let trip = warn + 1.0;
+            limits.set(limit, Bound { warn, trip });
+        }
+        for (count, limit) in (1..).zip(Limit::OF_TEST) {
+            let level = f64::from(2 * count);
+            let judged = [level, level + 1.0, level + 2.0];
+            let judged = judged.map(|value| limits.of_test(limit).judge(value));
+            let warned = Some((Level::Warning, level));
+            let tripped = Some((Level::Trip, level + 1.0));
+            assert_eq!(judged, [None, warned, tripped], "{limit:?}");
+        }
+        limits.set(Limit::CommandDisp, Bound::trip(1.0));
+        assert_eq!(limits.of_test(Limit::CommandDisp), Bound::NONE);
     }
 }

@@ -1,70 +1,7 @@
-//! Deadline misses in a stretch of time, and when they are warned of.
+//! Deadline misses in a stretch of time.
 
+use super::TestLimits;
 use crate::catalog::limit::Limit;
-use crate::control::limits::{Bound, Level};
-
-/// Levels of misses; the trip levels in a row and in all are in [`super::Limits`], where the loop looks at them first.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct MissLevels {
-    /// More than so many in a row are warned of.
-    pub warn_in_a_row: u64,
-    /// More than so many in all are warned of.
-    pub warn_in_all: u64,
-    /// Length of the window in ticks.
-    pub window_ticks: u64,
-    /// More than so many in the window are warned of.
-    pub warn_in_window: u64,
-    /// More than so many in the window end the test.
-    pub most_in_window: u64,
-}
-
-/// What was judged, its value, and what it is beyond.
-pub(super) type Judged = (Limit, f64, Option<(Level, f64)>);
-
-/// Misses so far.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Missed {
-    pub in_a_row: u64,
-    pub in_window: u64,
-    pub in_all: u64,
-}
-
-impl MissLevels {
-    /// No level at all.
-    pub const NONE: MissLevels = MissLevels {
-        warn_in_a_row: u64::MAX,
-        warn_in_all: u64::MAX,
-        window_ticks: 0,
-        warn_in_window: u64::MAX,
-        most_in_window: u64::MAX,
-    };
-
-    /// Real-time: yes.
-    pub(super) fn judge(&self, missed: Missed) -> [Judged; 3] {
-        let at = |quantity, found: u64, warn: u64, most: u64| {
-            let bound = Bound {
-                warn: warn as f64,
-                trip: most as f64,
-            };
-            (quantity, found as f64, bound.judge(found as f64))
-        };
-        [
-            at(
-                Limit::MissesInARow,
-                missed.in_a_row,
-                self.warn_in_a_row,
-                u64::MAX,
-            ),
-            at(
-                Limit::MissesInWindow,
-                missed.in_window,
-                self.warn_in_window,
-                self.most_in_window,
-            ),
-            at(Limit::Misses, missed.in_all, self.warn_in_all, u64::MAX),
-        ]
-    }
-}
 
 /// Most entries that a window keeps: there may be a window of an hour at any rate.
 const MOST_KEPT: u64 = 1 << 14;
@@ -90,19 +27,17 @@ pub(super) struct MissWindow {
 
 impl MissWindow {
     /// For these levels; remembers nothing where there is no bound.
-    pub fn new(levels: &MissLevels) -> Self {
-        let kept = if levels.window_ticks == 0 {
+    pub fn new(limits: &TestLimits) -> Self {
+        let kept = if limits.window_ticks == 0 {
             0
         } else {
             // A window cannot hold more misses than ticks.
-            levels
-                .most_in_window
-                .min(levels.window_ticks)
-                .saturating_add(1)
+            let most = limits.of_test(Limit::MissesInWindow).trip as u64;
+            most.min(limits.window_ticks).saturating_add(1)
         };
         let share = kept.div_ceil(MOST_KEPT).max(1);
         Self {
-            ticks: levels.window_ticks,
+            ticks: limits.window_ticks,
             share,
             // One more, for the entry that is being filled.
             latest: Vec::with_capacity((kept.div_ceil(share) + u64::from(share > 1)) as usize),
@@ -171,30 +106,31 @@ impl MissWindow {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::limits::Bound;
 
-    const LEVELS: MissLevels = MissLevels {
-        window_ticks: 100,
-        warn_in_window: 2,
-        most_in_window: 3,
-        warn_in_a_row: 4,
-        ..MissLevels::NONE
-    };
+    /// Levels of the window.
+    fn levels(window_ticks: u64, most: f64) -> TestLimits {
+        let mut limits = TestLimits::NONE;
+        limits.window_ticks = window_ticks;
+        limits.set(Limit::MissesInWindow, Bound::trip(most));
+        limits
+    }
 
     #[test]
     fn misses_are_counted_in_the_last_ticks_only() {
-        let mut window = MissWindow::new(&LEVELS);
+        let mut window = MissWindow::new(&levels(100, 3.0));
         let counted: Vec<u64> = [10, 20, 109, 110, 111, 112, 300]
             .into_iter()
             .map(|tick| window.note(tick))
             .collect();
         // At 110 the one at 10 is a hundred ticks old and outside; at 120 that at 20 would be.
         assert_eq!(counted, [1, 2, 3, 3, 4, 4, 1]);
-        assert_eq!(MissWindow::new(&MissLevels::NONE).note(5), 0);
+        assert_eq!(MissWindow::new(&TestLimits::NONE).note(5), 0);
     }
 
     #[test]
     fn the_count_of_every_tick_is_that_of_the_misses_inside_the_window() {
-        let mut window = MissWindow::new(&LEVELS);
+        let mut window = MissWindow::new(&levels(100, 3.0));
         let missed = |tick: u64| tick * tick % 101 < 3;
         for tick in 0..2000_u64 {
             let found = if missed(tick) {
@@ -209,13 +145,8 @@ mod tests {
 
     #[test]
     fn a_window_of_any_length_takes_little_memory_and_still_counts_up_to_its_bound() {
-        let levels = |window_ticks, most_in_window| MissLevels {
-            window_ticks,
-            most_in_window,
-            ..MissLevels::NONE
-        };
         for most in [MOST_KEPT - 2, MOST_KEPT, 100_000] {
-            let mut window = MissWindow::new(&levels(1_000_000, most));
+            let mut window = MissWindow::new(&levels(1_000_000, most as f64));
             for tick in 0..=most {
                 assert_eq!(window.note(tick), tick + 1);
             }
@@ -224,25 +155,8 @@ mod tests {
             let exact = most - most / 2 + 1;
             assert!((exact..=exact + window.share).contains(&found), "{found}");
         }
-        let mut endless = MissWindow::new(&levels(u64::MAX, u64::MAX - 1));
+        let mut endless = MissWindow::new(&levels(u64::MAX, f64::MAX));
         assert!(endless.latest.capacity() as u64 <= MOST_KEPT + 1);
         assert_eq!([endless.note(1), endless.note(2)], [1, 2]);
-    }
-
-    #[test]
-    fn each_level_is_passed_by_the_miss_beyond_it_and_not_by_the_one_before() {
-        let judged = |in_a_row, in_window| {
-            let missed = Missed {
-                in_a_row,
-                in_window,
-                in_all: 9,
-            };
-            LEVELS.judge(missed).map(|(_, _, judged)| judged)
-        };
-        assert_eq!(judged(4, 2), [None, None, None]);
-        let warned = judged(5, 3);
-        assert_eq!(warned[0], Some((Level::Warning, 4.0)));
-        assert_eq!(warned[1], Some((Level::Warning, 2.0)));
-        assert_eq!(judged(1, 4)[1], Some((Level::Trip, 3.0)));
     }
 }

@@ -35,7 +35,6 @@ pub use audit::StepAudit;
 pub use before::{InitialForce, Opening};
 pub use checks::{TestLimits, kept_limits};
 pub use intake::Intake;
-pub use misses::MissLevels;
 pub use numerical::{Numerical, Side};
 pub use operator::{Control, Notice, Operator, OperatorCommands, Watch};
 pub use peaks::Peaks;
@@ -76,10 +75,6 @@ pub enum OnMiss {
 pub struct Limits {
     /// What to do about a tick that starts a period or more late.
     pub on_miss: OnMiss,
-    /// Deadline misses in a row after which the test stops.
-    pub misses_in_a_row: u64,
-    /// Deadline misses in all after which the test stops.
-    pub misses_in_total: u64,
     /// Whether a stale force is moved along the estimate k̂ (true) or held (false).
     pub extrapolate_stale: bool,
     /// Stale measurements in a row after which the test stops.
@@ -353,7 +348,7 @@ impl Engine {
             held_back: Vec::new(),
             unanswered: false,
             ports,
-            miss_window: misses::MissWindow::new(&limits.test.misses),
+            miss_window: misses::MissWindow::new(&limits.test),
             test_warned: 0,
             limits,
             clock,

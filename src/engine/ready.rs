@@ -73,30 +73,23 @@ impl Engine {
     }
 
     fn what_is_missed_too_often(&self, found: &Readiness) -> Option<TestHit> {
-        let (limits, misses) = (&self.limits, &self.limits.test.misses);
+        let limits = &self.limits.test;
         let ticks_per_step = self.ride.tempo.ticks_per_step();
         let left = (self.steps - self.steps_done) as f64 * ticks_per_step;
         let [in_window, in_all] =
-            [misses.window_ticks, left as u64].map(|ticks| found.expected(ticks));
+            [limits.window_ticks, left as u64].map(|ticks| found.expected(ticks));
         [
-            (
-                Limit::MissesInARow,
-                found.most_in_a_row as f64,
-                limits.misses_in_a_row,
-            ),
-            (
-                Limit::MissesInWindow,
-                in_window.min(in_all).floor(),
-                misses.most_in_window,
-            ),
-            (Limit::Misses, in_all.floor(), limits.misses_in_total),
+            (Limit::MissesInARow, found.most_in_a_row as f64),
+            (Limit::MissesInWindow, in_window.min(in_all).floor()),
+            (Limit::Misses, in_all.floor()),
         ]
+        .map(|(quantity, value)| (quantity, value, limits.of_test(quantity).trip))
         .into_iter()
-        .find(|(_, value, most)| *value > *most as f64)
-        .map(|(quantity, value, most)| TestHit {
+        .find(|(_, value, most)| value > most)
+        .map(|(quantity, value, bound)| TestHit {
             quantity,
             value,
-            bound: most as f64,
+            bound,
             worst: None,
             in_warm_up: true,
         })

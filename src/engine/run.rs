@@ -8,7 +8,6 @@ use super::operator::{Control, Operator, OperatorCommands};
 use super::phase::{Glimpse, Phase};
 use super::tick::Tick;
 use super::{Ending, Engine, OnMiss, Outcome, Stop};
-use crate::catalog::limit::Limit;
 use crate::control::Port;
 use crate::record::{Event, GridOf, LimitReached, MissCause, ON_MISS};
 use crate::rt::timing::{Suspect, TickStamps};
@@ -356,18 +355,12 @@ impl Engine {
             },
         );
         self.judge_misses(tick)?;
-        let bounds = &self.limits;
         let whole_period = stamps.woke.since(stamps.release).max(late_ns) >= period;
-        let beyond = if bounds.on_miss == OnMiss::Stop && whole_period {
+        let beyond = if self.limits.on_miss == OnMiss::Stop && whole_period {
             Some((ON_MISS, number(late_ns) * 1e-9, number(period) * 1e-9))
-        } else if self.misses_in_a_row > bounds.misses_in_a_row {
-            let (found, bound) = (self.misses_in_a_row, bounds.misses_in_a_row);
-            Some((Limit::MissesInARow.key(), number(found), number(bound)))
-        } else if self.misses > bounds.misses_in_total {
-            let (found, bound) = (self.misses, bounds.misses_in_total);
-            Some((Limit::Misses.key(), number(found), number(bound)))
         } else {
-            None
+            let beyond = self.misses_beyond();
+            beyond.map(|(limit, found, most)| (limit.key(), found, most))
         };
         if let Some((limit, value, bound)) = beyond {
             self.report(

@@ -1,15 +1,15 @@
 //! A limit of the test as a whole that was reached, and its sentence.
 
-use crate::catalog::limit::Limit;
+use crate::catalog::limit::{Judges, Limit};
 
 /// One limit of the test that was reached.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TestHit {
-    /// Of what.
+    /// The limit.
     pub quantity: Limit,
-    /// What was found.
+    /// Value that the limit judged.
     pub value: f64,
-    /// What is allowed.
+    /// Level of the limit.
     pub bound: f64,
     /// Specimen and axis, from 0, that have the most of it, where that can be said.
     pub worst: Option<(usize, usize)>,
@@ -36,10 +36,7 @@ impl std::fmt::Display for TestHit {
                 f,
                 "not ready: the warm-up lets expect {value} {words}, allowed {bound} ({key}); the test was not begun"
             ),
-            Limit::StabilityUsed
-            | Limit::DelayUsed
-            | Limit::StepAudit
-            | Limit::AddedEnergyShare => {
+            limit if limit.row().judges == Judges::Step => {
                 write!(f, "{words}: {value:.3e}, allowed {bound:.3e} ({key})")?;
                 worst.map_or(Ok(()), |(port, axis)| {
                     write!(

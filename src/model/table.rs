@@ -1,4 +1,4 @@
-//! A matrix as a file has it: its size and its entries that are not zero.
+//! A matrix as read from a file: its size and its entries that are not zero.
 
 use nalgebra::DMatrix;
 

@@ -1,6 +1,6 @@
 //! One axis of a specimen, row by row: present values, the values that its limits judged, and its hysteresis loop.
 //!
-//! All values stand in the rows. Nothing here decides anything.
+//! The rows contain all values. Nothing here decides anything.
 
 use super::board::AxisView;
 use super::marks::Mark;
@@ -29,19 +29,6 @@ pub(super) struct Told {
     pub is_silent: bool,
 }
 
-/// Where the displacement sensor has its zero, in the specimen's unit.
-#[derive(Debug, Clone, Copy)]
-struct SensorZero {
-    /// Command at which the deformation is zero.
-    command: f64,
-    /// What the sensor reads there beyond it.
-    beyond: f64,
-    /// It is still to be taken.
-    is_awaited: bool,
-    /// It may have been taken since the last row.
-    is_new: bool,
-}
-
 /// Past values of an axis.
 #[derive(Debug, Clone)]
 pub(super) struct AxisTap {
@@ -49,7 +36,10 @@ pub(super) struct AxisTap {
     pub now: Now,
     /// The same, not a number where nothing was measured.
     pub drawn: Now,
-    zero: SensorZero,
+    /// Command at which the deformation is zero, in the specimen's unit; none before it is known.
+    zero: Option<f64>,
+    /// Command at which the sensor's zero is being read.
+    zeroing: Option<f64>,
     stiffness: f64,
     tangent_damping: f64,
     added: f64,
@@ -78,12 +68,8 @@ impl AxisTap {
         Self {
             now: nothing,
             drawn: nothing,
-            zero: SensorZero {
-                command: axis.zero.command,
-                beyond: axis.zero.measured,
-                is_awaited: axis.zero.is_awaited,
-                is_new: false,
-            },
+            zero: (!axis.zero.is_awaited).then_some(axis.zero.command),
+            zeroing: None,
             stiffness: none,
             tangent_damping: none,
             added: none,
@@ -98,61 +84,34 @@ impl AxisTap {
         }
     }
 
-    /// Whether its command is another than that of the last row.
-    pub fn moves(&self, row: &[f64], axis: &WatchedAxis) -> bool {
-        let command = at(row, axis.places.command) * axis.metres;
-        command.to_bits() != self.now.command.to_bits()
-    }
-
-    /// Takes the command of a row, and the zero that the sensor has by it.
+    /// Takes the command of a row. Commands count from the one at which the sensor's zero is read.
     pub fn begin(&mut self, row: &[f64], axis: &WatchedAxis, state: f64, part: Part) {
-        let places = &axis.places;
-        let command = at(row, places.command);
+        let command = at(row, axis.places.command);
         self.now.command = command * axis.metres;
-        if !axis.zero.is_relative {
+        if self.zero.is_some() {
             return;
         }
         if state == Phase::Zeroing.code() {
-            self.zero.is_new = true;
-            // Commands count from the one that the zero is taken at. A test that is gone on with has its zero, and takes the
-            // drift of the sensor only.
-            if self.zero.is_awaited {
-                self.zero.command = command;
-            }
-        } else if self.zero.is_new && matches!(part, Part::Startup | Part::Test) {
-            let stands = axis.zero.gain * at(row, places.measured) + self.zero.command;
-            self.zero.beyond = at(row, places.raw_disp) - stands;
-            (self.zero.is_new, self.zero.is_awaited) = (false, false);
+            self.zeroing = Some(command);
+        } else if matches!(part, Part::Startup | Part::Test) {
+            self.zero = self.zeroing.take();
         }
-    }
-
-    /// Displacement and force of a fresh answer, and the displacement that is held against the command, SI.
-    fn measured(&self, row: &[f64], axis: &WatchedAxis) -> (f64, f64, f64) {
-        let disp = at(row, axis.places.raw_disp);
-        let force = at(row, axis.places.raw_force);
-        let stands = if self.zero.is_awaited {
-            self.now.command
-        } else {
-            (disp - self.zero.beyond) * axis.metres
-        };
-        (disp * axis.metres, force * axis.newtons, stands)
     }
 
     /// Takes the rest of a row.
     pub fn row(&mut self, row: &[f64], axis: &WatchedAxis, told: Told) {
         let places = &axis.places;
         if told.is_fresh {
-            let (measured, force, stands) = self.measured(row, axis);
-            let is_known = !self.zero.is_awaited;
+            let measured = at(row, places.raw_disp) * axis.metres;
+            let force = at(row, places.raw_force) * axis.newtons;
+            // The measured displacement of the column counts from the sensor's zero.
+            let stands = axis.zero.gain * at(row, places.measured);
+            let stands = self.zero.map_or(f64::NAN, |zero| stands + zero);
             self.now = Now {
                 command: self.now.command,
                 measured,
                 force,
-                error: if is_known {
-                    stands - self.now.command
-                } else {
-                    f64::NAN
-                },
+                error: stands * axis.metres - self.now.command,
             };
             self.take_point(measured, force);
         }
@@ -276,8 +235,6 @@ mod tests {
             zero: DispZero {
                 gain: -1e3 / 3.0,
                 command: 0.0,
-                measured: 0.0,
-                is_relative: false,
                 is_awaited: false,
             },
             stiffness_bound: f64::INFINITY,

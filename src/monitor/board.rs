@@ -93,9 +93,9 @@ pub struct AxisView {
 /// One specimen's link, as far as rows tell.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct SpecimenView {
-    /// Ticks in which it was commanded.
+    /// Commands sent so far, repeated ones included.
     pub exchanges: u64,
-    /// Of these, without a fresh answer in time.
+    /// Replies so far that were not there in time.
     pub stale: u64,
     /// Status flags of the last row; the README of the run folder names them.
     pub status: u32,

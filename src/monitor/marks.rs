@@ -24,7 +24,7 @@ pub struct Mark {
     pub size: bool,
     #[serde(skip)]
     pub(super) quantity: Limit,
-    /// Place of the column with its judged value, where it has one of its own.
+    /// Place of the column with its judged value, where it has its own column.
     #[serde(skip)]
     pub(super) place: Option<usize>,
 }
@@ -68,7 +68,7 @@ pub(super) fn mark(
 /// Every limit of the test as a whole that is judged in it.
 pub(super) fn test_marks(experiment: &Experiment, columns: &[Column]) -> Vec<TestMark> {
     let marks = Limit::OF_TEST.into_iter().map(|quantity| {
-        let Bound { warn, trip } = experiment.limits.of_test(quantity);
+        let Bound { warn, trip } = experiment.limits.test.of_test(quantity);
         TestMark {
             key: quantity.key(),
             words: quantity.words(),

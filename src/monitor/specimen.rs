@@ -14,8 +14,6 @@ use crate::substructure::Status;
 pub(super) struct RowHead {
     /// Number of the row, with the lost ones.
     pub sequence: u64,
-    /// The column `step`.
-    pub step: f64,
     /// The column `state`.
     pub state: f64,
 }
@@ -30,8 +28,6 @@ pub(super) struct SpecimenTap {
     /// The column `seq` of the last row.
     newest: f64,
     in_test: bool,
-    /// Of one that is commanded once a step: its answer is not here.
-    owes: bool,
 }
 
 impl SpecimenTap {
@@ -42,7 +38,6 @@ impl SpecimenTap {
             sequence: None,
             newest: f64::NAN,
             in_test: false,
-            owes: false,
         }
     }
 
@@ -54,47 +49,32 @@ impl SpecimenTap {
             Part::Startup | Part::Shutdown => false,
         };
         let begins = in_test && !self.in_test;
-        let next = self.sequence.map(|last| last + 1);
-        let follows = next == Some(head.sequence);
-        let by_steps = in_test && specimen.per_step;
-        if !follows || (begins && by_steps && head.step > 0.0) {
-            self.owes = false;
-        }
-        let was_heard = is_heard(Status(self.view.status));
+        let follows = self.sequence.map(|last| last + 1) == Some(head.sequence);
         let status = at(row, specimen.status);
         // Flags below 2²⁴ are whole numbers in every float.
         let status = Status(if status >= 0.0 { status as u32 } else { 0 });
-        let is_stale = status.has(Status::STALE);
         let newest = at(row, specimen.newest);
-        let is_silent = is_stale || !is_heard(status);
+        let is_silent = [Status::STALE, Status::LOST, Status::OWED]
+            .into_iter()
+            .any(|flag| status.has(flag));
         // One that is commanded once a step gives each command one answer; the first of the test cannot be told from that before.
-        let answers = follows && !begins && newest != self.newest && !is_silent;
-        let is_fresh = !is_silent && (!by_steps || answers);
-        let moves = self.axes.iter().zip(&specimen.axes);
-        let moves = moves.fold(false, |moves, (tap, axis)| moves || tap.moves(row, axis));
-        let starts = begins && head.step == 0.0;
-        let is_told = was_heard
-            && !status.has(Status::UNSENT)
-            && (!by_steps || starts || moves || (answers && !self.owes));
-        (self.sequence, self.newest, self.in_test) = (Some(head.sequence), newest, in_test);
-        self.owes = by_steps && (self.owes || is_told) && !answers && !is_stale;
-        self.view.status = status.0;
-        self.view.exchanges += u64::from(is_told);
-        self.view.stale += u64::from(is_told && is_stale);
-
+        let answers = follows && !begins && newest != self.newest;
+        let by_steps = in_test && specimen.per_step;
+        let exchanges = at(row, specimen.exchanges) as u64;
         let told = Told {
-            is_told,
-            is_fresh,
+            is_told: exchanges != self.view.exchanges,
+            is_fresh: !is_silent && (!by_steps || answers),
             is_silent,
+        };
+        (self.sequence, self.newest, self.in_test) = (Some(head.sequence), newest, in_test);
+        self.view = SpecimenView {
+            status: status.0,
+            exchanges,
+            stale: at(row, specimen.stale) as u64,
         };
         for (tap, axis) in self.axes.iter_mut().zip(&specimen.axes) {
             tap.begin(row, axis, head.state, part);
             tap.row(row, axis, told);
         }
     }
-}
-
-/// False of a specimen that is lost, or whose answer is not waited for: it is told nothing.
-const fn is_heard(status: Status) -> bool {
-    !status.has(Status::LOST) && !status.has(Status::OWED)
 }

@@ -93,6 +93,11 @@ pub struct WatchedSpecimen {
     /// Place of the number of the command that was answered last.
     #[serde(skip)]
     pub(super) newest: Option<usize>,
+    /// Places of the counts of its commands and of its stale replies.
+    #[serde(skip)]
+    pub(super) exchanges: Option<usize>,
+    #[serde(skip)]
+    pub(super) stale: Option<usize>,
     /// Commanded once a step while the test runs.
     #[serde(skip)]
     pub(super) per_step: bool,
@@ -200,6 +205,8 @@ impl Subject {
                 at_end: way_out(port.exits.after(false)),
                 status: find(&column::STATUS.of_specimen(number)),
                 newest: find(&column::SEQUENCE.of_specimen(number)),
+                exchanges: find(&column::EXCHANGES.of_specimen(number)),
+                stale: find(&column::STALE.of_specimen(number)),
                 per_step: port.is_per_step(),
                 axes: (1..)
                     .zip(
@@ -295,7 +302,7 @@ const fn way_out(exit: &Exit) -> &'static str {
     }
 }
 
-/// The number at a place; not a number where there is none.
+/// The number at a place; NaN without a place.
 pub(super) fn at(row: &[f64], place: Option<usize>) -> f64 {
     let value = place.and_then(|place| row.get(place));
     value.copied().unwrap_or(f64::NAN)

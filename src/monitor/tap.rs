@@ -239,7 +239,6 @@ impl Onlooker for Tap {
         };
         let head = RowHead {
             sequence,
-            step: self.seen.step,
             state: self.seen.state,
         };
         for (tap, specimen) in self.specimens.iter_mut().zip(&subject.specimens) {

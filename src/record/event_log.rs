@@ -65,7 +65,7 @@ pub(super) struct EventLog<S> {
     scratch: Vec<u8>,
 }
 
-/// What the log must know of the test.
+/// Facts of the test that the log needs.
 #[derive(Debug, Default)]
 pub(super) struct EventContext {
     pub sampler: Option<Receiver<SchedSample>>,
@@ -98,7 +98,7 @@ impl<S: Store> EventLog<S> {
         self.lines.store()
     }
 
-    /// The file as it is, and what was written: see [`Appender::extent`].
+    /// The present and the written extent of the file: see [`Appender::extent`].
     pub fn extent(&self) -> Option<Extent> {
         self.lines.extent()
     }
@@ -213,7 +213,7 @@ impl<S: Store> EventLog<S> {
         true
     }
 
-    /// A miss with its class by the counters of the system; every other event as it is.
+    /// A miss with its class by the counters of the system; every other event unchanged.
     fn classified(&mut self, event: Event, clock_ns: u64) -> Event {
         let Event::Miss {
             class,

@@ -218,7 +218,7 @@ mod tests {
     fn keys_are_told_in_words_without_their_units() {
         assert_eq!(words("command_disp_m"), "commanded displacement");
         assert_eq!(words("following_error_m"), "following error");
-        assert_eq!(words("max_total_misses"), "deadlines missed");
+        assert_eq!(words("max_total_misses"), "deadlines missed in total");
         assert_eq!(words("divergence_m"), "divergence");
     }
 }

@@ -89,10 +89,10 @@ fn sizes(values: &[f64]) -> Vec<f64> {
     }
 }
 
-fn of_test(quantity: Limit, unit: &'static str, bound: Bound, judged: Option<String>) -> LimitFact {
+fn of_test(quantity: Limit, bound: Bound, judged: Option<String>) -> LimitFact {
     LimitFact {
         key: quantity.key(),
-        unit,
+        unit: quantity.unit(),
         warn: sizes(&[bound.warn]),
         trip: sizes(&[bound.trip]),
         also_at_the_specimen: false,
@@ -176,38 +176,29 @@ pub(super) fn facts(
     limits: &Limits,
     columns: &[Limit],
 ) -> LimitFacts {
-    let mut test = Vec::new();
-    for quantity in Limit::OF_TEST {
-        let bound = limits.of_test(quantity);
-        if columns.contains(&quantity) {
-            let judged = match (quantity, file.safety.added_energy_share) {
-                (Limit::AddedEnergyShare, Some(share)) => Some(format!(
-                    "{} J count as taken in from the start",
-                    share.floor_j
-                )),
-                _ => None,
-            };
-            test.push(of_test(quantity, "", bound, judged));
-        }
-    }
     let is_real = time.clock == ClockChoice::Real;
     let warm_up = format!(
         "not counted in the {} ticks of the warm-up; the test starts only if the second half of the warm-up keeps the limits",
         limits.warmup_ticks
     );
-    let window = format!("in {} s, {warm_up}", file.timing.misses.window_s);
-    for (quantity, unit, judged) in [
-        (Limit::MissesInARow, "in a row", &warm_up),
-        (Limit::MissesInWindow, "in a window", &window),
-        (Limit::Misses, "in all", &warm_up),
-    ] {
-        let bound = limits.of_test(quantity);
-        let judged = if is_real {
-            judged.clone()
-        } else {
-            "not checked: the simulated clock misses no deadlines".to_owned()
+    let mut test = Vec::new();
+    for quantity in Limit::OF_TEST {
+        let judged = match (quantity, file.safety.added_energy_share) {
+            _ if quantity.is_of_misses() && !is_real => {
+                Some("not checked: the simulated clock misses no deadlines".to_owned())
+            }
+            (Limit::MissesInWindow, _) => {
+                Some(format!("in {} s, {warm_up}", file.timing.misses.window_s))
+            }
+            (Limit::AddedEnergyShare, Some(share)) => Some(format!(
+                "{} J count as taken in from the start",
+                share.floor_j
+            )),
+            _ => quantity.is_of_misses().then(|| warm_up.clone()),
         };
-        test.push(of_test(quantity, unit, bound, Some(judged)));
+        if quantity.is_of_misses() || columns.contains(&quantity) {
+            test.push(of_test(quantity, limits.test.of_test(quantity), judged));
+        }
     }
     if limits.divergence < f64::MAX {
         test.push(LimitFact {

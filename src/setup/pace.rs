@@ -43,7 +43,6 @@ pub(super) fn pacing(file: &TestFile, time: Time) -> Pacing {
 /// What the loop puts up with.
 pub(super) fn limits(file: &TestFile, time: Time) -> Limits {
     let timing = &file.timing;
-    let ticks = time.steps.saturating_mul(u64::from(time.ticks_per_step));
     Limits {
         on_miss: match timing.on_miss {
             config::OnMiss::Stretch => OnMiss::Stretch,
@@ -52,8 +51,6 @@ pub(super) fn limits(file: &TestFile, time: Time) -> Limits {
             },
             config::OnMiss::Stop => OnMiss::Stop,
         },
-        misses_in_a_row: timing.misses.max_in_a_row(),
-        misses_in_total: timing.miss_bound(ticks),
         extrapolate_stale: false,
         stale_in_a_row: STALE_IN_A_ROW,
         reply_timeout_ns: REPLY_TIMEOUT_NS,

@@ -9,7 +9,7 @@ use crate::config::{
 };
 use crate::control::limits::Bound;
 use crate::control::{Axis, Exit, Exits, Reference, Zero};
-use crate::engine::{InitialForce, Intake, MissLevels, Numerical, Opening, TestLimits};
+use crate::engine::{InitialForce, Intake, Numerical, Opening, TestLimits};
 
 /// Wall time in s over which sensors are averaged, unless the file says otherwise.
 const ZERO_S: f64 = 0.2;
@@ -112,26 +112,37 @@ const DELAY_USED: Bound = Bound {
 pub(super) fn test_limits(file: &TestFile, time: &Time) -> TestLimits {
     let (safety, timing) = (&file.safety, &file.timing);
     let or = |spec: Option<BoundSpec>, usual| spec.map_or(usual, Bound::of);
+    // A count without a level is the largest number.
+    let counts = |warn: Option<u64>, most: u64| {
+        let level = |count: u64| match count {
+            u64::MAX => f64::INFINITY,
+            count => count as f64,
+        };
+        Bound {
+            warn: level(warn.unwrap_or(most / 2)),
+            trip: level(most),
+        }
+    };
+    let (misses, share) = (&timing.misses, safety.added_energy_share);
     let ticks = time.steps.saturating_mul(u64::from(time.ticks_per_step));
-    let half = |warn: Option<u64>, most: u64| warn.unwrap_or(most / 2);
     let window_ticks = timing.window_ticks(time.period.value());
     let most_in_window = timing.window_bound(window_ticks);
-    TestLimits {
-        stability_used: or(safety.stability_used, STABILITY_USED),
-        step_audit: or(safety.step_audit, AUDIT),
-        delay_used: or(safety.delay_used, DELAY_USED),
-        added_energy_share: or(
-            safety.added_energy_share.map(ShareSpec::levels),
-            Bound::NONE,
-        ),
-        misses: MissLevels {
-            warn_in_a_row: half(timing.misses.in_a_row.warn, timing.misses.max_in_a_row()),
-            warn_in_all: half(timing.misses.in_total.warn, timing.miss_bound(ticks)),
-            window_ticks,
-            warn_in_window: half(timing.misses.in_window.warn, most_in_window),
-            most_in_window,
-        },
+    let mut limits = TestLimits::NONE;
+    limits.window_ticks = window_ticks;
+    for limit in Limit::OF_TEST {
+        let levels = match limit {
+            Limit::StabilityUsed => or(safety.stability_used, STABILITY_USED),
+            Limit::DelayUsed => or(safety.delay_used, DELAY_USED),
+            Limit::StepAudit => or(safety.step_audit, AUDIT),
+            Limit::AddedEnergyShare => or(share.map(ShareSpec::levels), Bound::NONE),
+            Limit::MissesInARow => counts(misses.in_a_row.warn, misses.max_in_a_row()),
+            Limit::MissesInWindow => counts(misses.in_window.warn, most_in_window),
+            Limit::Misses => counts(misses.in_total.warn, timing.miss_bound(ticks)),
+            _ => Bound::NONE,
+        };
+        limits.set(limit, levels);
     }
+    limits
 }
 
 /// Bounds of the test that are given and of what is not known in it.

@@ -3,13 +3,17 @@
 use std::fmt::Write as _;
 
 use gusset::catalog::column::{Each, Kind, SERVER, TEST};
+use gusset::catalog::ending::Cause;
 use gusset::catalog::limit::Limit;
 use gusset::catalog::phase::{Phase, STATES};
 
 const HOLDS: [[&str; 2]; 4] = [
-    ["1", "the operator asks for a hold"],
-    ["2", "the operator lets the test go on"],
-    ["4", "the operator confirms the sensor readings"],
+    ["1", "from `hold` until `continue`"],
+    ["2", "`continue` since the row before"],
+    [
+        "4",
+        "confirmation of the sensor readings since the row before",
+    ],
     [
         "-1",
         "a test that the operator stopped trips on its return move",
@@ -18,10 +22,16 @@ const HOLDS: [[&str; 2]; 4] = [
 
 const COMMANDS: [[&str; 2]; 6] = [
     ["1", "hold"],
-    ["2", "continue; before a hold in the same row"],
+    [
+        "2",
+        "continue; it takes effect before a hold in the same row",
+    ],
     ["4", "confirmation of the sensor readings"],
     ["8", "stop"],
-    ["16", "the test was given up for missed deadlines"],
+    [
+        "16",
+        "no command: the test ended because a tick was too late",
+    ],
     ["32", "stop while a reply was awaited"],
 ];
 
@@ -60,7 +70,7 @@ pub fn columns() -> String {
         let (key, words) = (quantity.key(), quantity.words());
         let _ = writeln!(
             text,
-            "| `{key}` | 1 | {words} | estimated | where the test keeps it |"
+            "| `{key}` | 1 | {words} | estimated | if the test can judge this limit |"
         );
     }
     let timing = TEST.iter().filter(|kind| kind.is_timing());
@@ -83,13 +93,24 @@ pub fn columns() -> String {
     for [value, meaning] in COMMANDS {
         let _ = writeln!(text, "| {value} | {meaning} |");
     }
+    text.push_str(
+        "\n## The column `cause`\n\n| value | cause | meaning | exit code |\n|---|---|---|---|\n",
+    );
+    for cause in Cause::ALL {
+        let (code, word, exit) = (cause.code(), cause.word(), cause.exit().code());
+        let _ = writeln!(
+            text,
+            "| {code} | `{word}` | {} | {exit} |",
+            cause.sentence()
+        );
+    }
     text.push_str("\n## The column `status_S`\n\nThe flags add up.\n\n| flag | set by | meaning |\n|---|---|---|\n");
     for [flag, by, meaning] in FLAGS {
         let _ = writeln!(text, "| {flag} | {by} | {meaning} |");
     }
     text.push_str(
         "\n## Columns of a server\n\n\
-         `gusset serve --out DIR` writes one row per exchange.\n\n\
+         `gusset serve --out DIR` writes one row per exchange. It has one specimen, so S is 1.\n\n\
          | column | unit | meaning | origin | recorded |\n|---|---|---|---|---|\n",
     );
     SERVER.iter().for_each(|kind| row(&mut text, kind));

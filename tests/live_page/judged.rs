@@ -232,12 +232,27 @@ fn a_zero_that_was_read_is_no_following_error_and_what_was_not_measured_is_no_po
 }
 
 #[test]
-fn a_specimen_that_is_commanded_once_a_step_has_as_many_exchanges_as_steps() {
-    let (board, latest, _) = shown(true, open());
-    let steps = board.subject.steps + 1;
-    let beside = latest.specimens[0].exchanges - steps;
-    // Beside the test: what it was read in, and the way out. Before the mend it was every tick.
-    assert!(beside < 20, "{beside} and {steps}");
+fn the_exchanges_that_are_shown_are_those_that_the_loop_counted() {
+    for per_step in [false, true] {
+        let experiment = shaken(per_step, open());
+        let columns = experiment.columns();
+        let (board, mut tap) = looked_at(&experiment, &PhaseCell::default());
+        let run = run_on(experiment, SimClock::new());
+        // A lost row changes no count.
+        let rows = (0..).zip(&run.rows);
+        let kept: Vec<_> = rows.filter(|(number, _)| number % 7 != 3).collect();
+        for (number, row) in &kept {
+            tap.row(*number, row);
+        }
+        tap.finish(1, &Progress::default());
+        let shown = &board.latest().specimens[0];
+        let counts = ["exchanges_1", "stale_1"].map(|name| {
+            let place = columns.iter().position(|column| column.name == name);
+            kept.last().unwrap().1[place.unwrap()]
+        });
+        assert_eq!([shown.exchanges, shown.stale].map(|n| n as f64), counts);
+        assert!(shown.exchanges > 100, "{per_step}");
+    }
 }
 
 #[test]

@@ -83,7 +83,7 @@ impl Range {
     }
 }
 
-/// What is inside of both.
+/// The values inside of both.
 const fn both([low, high]: [f64; 2], [other_low, other_high]: [f64; 2]) -> [f64; 2] {
     [higher(low, other_low), lower(high, other_high)]
 }
@@ -103,7 +103,7 @@ pub(super) struct Look<'a> {
     pub limits: &'a AxisLimits,
     pub warned: &'a mut u32,
     pub trips: &'a mut Trips,
-    /// Of what is measured during the shutdown.
+    /// Of measurements during the shutdown.
     pub goes_on: GoesOn,
     pub found: &'a mut Found,
 }

@@ -1,10 +1,10 @@
-//! What a specimen may be commanded and may answer: the limits of one axis, each with a warning and a trip level.
+//! The limits of one axis for commands and measurements, each with a warning and a trip level.
 //!
 //! All numbers are SI at the specimen's own scale, except energy and tangents, which are the structure's. The catalogue says
 //! what each limit is; [`AxisLimits`] holds its levels; [`Watch`] keeps the few past values that the judgement needs.
 //! One loop compares all values of a look with inner bounds. Only beyond one of them the table of limits is walked.
 //! Invariant: a command is judged before it leaves, and a command or a measurement that is not a number trips.
-//! What a trip leads to is decided elsewhere.
+//! The reaction to a trip is decided elsewhere.
 
 mod judge;
 mod lately;
@@ -59,7 +59,7 @@ impl std::fmt::Display for Hit {
     }
 }
 
-/// A size to warn of, and one to trip at; infinite where there is none.
+/// Size of the warning and of the trip level; infinite without a level.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bound {
     /// The controller warns above this.
@@ -104,7 +104,7 @@ impl Bound {
     }
 }
 
-/// Smallest and largest value of each level; infinite where there is none. A size has no smallest value.
+/// Smallest and largest value of each level; infinite without a level. A size has no smallest value.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Range {
     /// The controller warns outside of this.
@@ -235,14 +235,14 @@ impl AxisLimits {
         }
     }
 
-    /// The same with other levels of a limit.
+    /// A copy with other levels of one limit.
     #[must_use]
     pub fn with(mut self, limit: Limit, levels: impl Into<Range>) -> Self {
         self.set(limit, levels);
         self
     }
 
-    /// The levels that a value is judged by: `divergence` stands in for a trip level of the measured displacement.
+    /// The levels that a value is judged by: `divergence` is the trip level where the measured displacement has none.
     fn in_force(&self, limit: Limit) -> Range {
         let mut levels = self.get(limit);
         if limit == Limit::MeasuredDisp {
@@ -257,13 +257,13 @@ impl AxisLimits {
         levels
     }
 
-    /// All limits with their levels, infinite where there is none.
+    /// All limits with their levels; infinite without a level.
     pub fn levels(&self) -> impl Iterator<Item = (Limit, Range)> {
         Limit::OF_AXIS.into_iter().zip(self.levels)
     }
 }
 
-/// The numbers of a level, as they are listed: one of a size, two of a range, none where there is no level.
+/// The numbers of a level, for a list: one for a size, two for a range, none without a level.
 #[must_use]
 pub fn listed(limit: Limit, ends: [f64; 2]) -> Vec<f64> {
     match limit.row().kind {

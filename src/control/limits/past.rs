@@ -23,7 +23,7 @@ pub(super) struct Past {
     pub stuck_ticks: u32,
     pub stuck_travel: f64,
     pub sawtooth: Sawtooth,
-    /// The values of the command that stands ready, of those in [`RECORDED`].
+    /// The values of the next command, of those in [`RECORDED`].
     pub ready: [f64; 4],
     /// The values that were judged in this tick, in the order of [`RECORDED`]; NaN where nothing was judged.
     pub judged: [f64; RECORDED.len()],
@@ -64,7 +64,7 @@ impl Past {
         self.judged = [f64::NAN; RECORDED.len()];
     }
 
-    /// The command that stands ready leaves, and its values are those of this tick. Real-time: yes.
+    /// The next command is sent, and its values become those of this tick. Real-time: yes.
     #[inline]
     pub fn note_sent(&mut self) {
         const {

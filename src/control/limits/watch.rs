@@ -7,7 +7,7 @@ use super::trips::GoesOn;
 use super::{AxisLimits, Found, Hit};
 use crate::catalog::limit::Limit;
 
-/// One axis: its limits, the bounds inside of which nothing is beyond a level, and its past values.
+/// One axis: its limits, the bounds within which no value is beyond a level, and its past values.
 #[derive(Debug, Clone)]
 struct Axis {
     limits: AxisLimits,

@@ -12,7 +12,7 @@ use crate::wire::handshake::{Control, Welcome};
 /// A question whose answer is missing is repeated after so long, over UDP.
 const REPEAT_NS: u64 = 200_000_000;
 
-/// What the transport knows about a lost connection.
+/// The error with the details that the transport knows about a lost connection.
 pub(super) fn explained(error: SetupError, transport: &dyn Transport) -> SetupError {
     match (&error, transport.tls_fault()) {
         (SetupError::Lost(_) | SetupError::Silent { .. }, Some(why)) => SetupError::Tls(why),
@@ -38,8 +38,8 @@ pub(super) fn not_welcome(message: Control, expected: &'static str) -> SetupErro
     }
 }
 
-/// Asks and waits for the answer as long as it is `wanted`; over UDP the question is repeated until there is one, and what
-/// makes no sense is passed over, but named if nothing better comes.
+/// Asks, and waits for the answer while `wanted` returns true. Over UDP it repeats the question until an answer comes. It skips a
+/// message without meaning, and reports it if no better one comes.
 pub(super) fn ask<R>(
     transport: &mut dyn Transport,
     inbox: &mut Inbox,
@@ -85,7 +85,7 @@ pub(super) fn ask<R>(
         } else {
             deadline.min(repeat)
         };
-        // A wait on simulated time takes none of whoever may not want it any more.
+        // A wait on simulated time takes no wall time.
         let look = if transport.is_simulated() {
             deadline
         } else {
@@ -109,7 +109,7 @@ pub(super) fn ask<R>(
 }
 
 /// After so long without an answer a lost datagram is sent again, well within the time limit of the answer; on a stream nothing is
-/// lost, and the specimen is told within its watchdog time that we are here.
+/// lost, and the specimen receives a sign of life within its watchdog time.
 pub(super) fn nudge_ns(watchdog_ns: u64, reply_timeout_ns: u64, is_stream: bool) -> u64 {
     let sign_of_life = watchdog_ns / 4;
     let nudge = if is_stream {
@@ -120,7 +120,7 @@ pub(super) fn nudge_ns(watchdog_ns: u64, reply_timeout_ns: u64, is_stream: bool)
     nudge.max(1_000_000)
 }
 
-/// What a Welcome settles for the session.
+/// Watchdog time of the session, as its Welcome gives it.
 pub(super) fn watchdog_ns(welcome: &Welcome) -> u64 {
     (welcome.watchdog_s * 1e9) as u64
 }
@@ -145,7 +145,7 @@ mod tests {
                 );
             }
         }
-        // As it was where the watchdog asks for more than that.
+        // Unchanged if the watchdog asks for a longer time.
         assert_eq!(nudge_ns(S / 4, S, false), S / 16);
     }
 }

@@ -1,4 +1,4 @@
-//! What a controller wants of a specimen that speaks our own protocol, and the hello that says so.
+//! The requests of a controller to a specimen of the Gusset protocol, and the hello that contains them.
 
 use std::time::Duration;
 

@@ -58,7 +58,7 @@ pub(super) fn connect(
             let frame = out.get(..length).unwrap_or_default();
             transport.send(frame).map_err(SetupError::Lost)
         },
-        // Who connects waits on a thread of its own, which is left behind.
+        // A separate thread connects and waits. It is not joined.
         &mut || true,
         |frame| {
             let received = decoder.open(frame)?;
@@ -72,7 +72,7 @@ pub(super) fn connect(
         },
     );
     let (welcome, welcome_bytes) = answer.map_err(|error| match error {
-        // Nobody listens on that UDP port: the machine itself says so.
+        // The machine reports that no program listens on that UDP port.
         SetupError::Lost(LinkFault::Closed) if setup.carrier == Carrier::Udp => {
             ConnectError::Refused {
                 address: setup.address.clone(),

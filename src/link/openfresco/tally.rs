@@ -1,6 +1,6 @@
 //! Counts of one client.
 
-/// What a host has done for one client.
+/// Messages that a host has handled for one client.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Tally {
     /// Commands, repeats included.

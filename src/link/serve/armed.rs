@@ -28,7 +28,7 @@ pub(super) struct Session {
     pub(super) peer: SocketAddr,
     pub(super) greeted: Greeted,
     pub(super) arm: Arm,
-    /// When something of it was heard last.
+    /// Time of its last message.
     pub(super) heard_at: Nanos,
 }
 
@@ -56,8 +56,8 @@ impl Session {
             desk.give_back();
         }
     }
-    /// While its specimen is got ready: the controller, who waits for that, is still there, and nobody told us to stop. Other
-    /// words of his before he is armed are repeated questions and signs of life.
+    /// Checks, while the specimen gets ready, that the controller is still connected and that no stop was requested. Before it is
+    /// armed, other messages of the controller are repeated questions and signs of life.
     pub(super) fn is_wanted(&mut self, desk: &Desk) -> Result<(), TestEnd> {
         if desk.stop.load(Ordering::Acquire) {
             return Err(TestEnd::told_to_stop());
@@ -123,7 +123,7 @@ impl Session {
     }
 }
 
-/// The controller leaves, and says so: the code of its cause, and its words, which may be none.
+/// The controller said goodbye, with the code of its cause and a text that may be empty.
 pub(super) fn said_goodbye(cause: u32, text: &str) -> TestEnd {
     let cause = native::Cause::from_code(cause).ok();
     let why = match cause {
@@ -132,13 +132,13 @@ pub(super) fn said_goodbye(cause: u32, text: &str) -> TestEnd {
         None => ": for an unknown reason",
     };
     TestEnd {
-        // The cause of a later version is none that is known: it is taken for a trip.
+        // A cause of a later version is unknown here. It counts as a trip.
         cause: cause.map_or(Cause::ControllerTripped, native::Cause::ending),
         text: with_words(format!("the controller said goodbye{why}"), text.trim()),
     }
 }
 
-/// Nothing was heard of the controller for so many ns.
+/// The controller has sent no message for `silent_ns`.
 pub(super) fn gone_silent(peer: SocketAddr, silent_ns: u64) -> TestEnd {
     let seconds = silent_ns / 1_000_000_000;
     TestEnd::vanished(format_args!("{peer} has been silent for {seconds} s"))

@@ -32,7 +32,7 @@ pub(super) mod from_one {
     }
 }
 
-/// The same where there may be none.
+/// The number of an optional index, from 1.
 pub(super) mod from_one_if_any {
     use serde::{Deserialize as _, Deserializer, Serializer};
 

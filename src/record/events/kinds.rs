@@ -1,7 +1,7 @@
 //! [`Event`]: everything that can happen in a test, with the fields of its line in `events.jsonl`.
 //!
 //! A new event is one variant here and one row of [`crate::catalog::event`], which has its severity and its sentence. The name of
-//! an event is that of its variant in snake_case. The loop makes only variants without text of its own, which need no memory.
+//! an event is that of its variant in snake_case. The loop makes only variants without an own text, which allocate nothing.
 //! Specimens, axes and degrees of freedom count from 0 here and from 1 in the file. A line that no variant fits is
 //! [`Event::Other`]: a line of another version is kept, and shown by its name.
 
@@ -43,11 +43,11 @@ pub enum Event {
         /// Whole ticks by which the grid was moved (0: the next edge stood).
         #[serde(default)]
         stretched: u64,
-        /// What the system counted meanwhile, as the writer knows it.
+        /// Counters of the system around the miss, from the writer.
         #[serde(flatten)]
         evidence: Option<Evidence>,
     },
-    /// Outside of the ticks of the test no command left for this long, and so many ticks had none.
+    /// No command was sent for a time outside of the steps of the test.
     Gap {
         /// How late the next one is.
         late_ns: u64,
@@ -62,7 +62,7 @@ pub enum Event {
         /// Age in commands.
         age: u64,
     },
-    /// A measurement that was stale or late and never came by itself stood in the history of a later one.
+    /// A missing measurement arrived within the history of a later one.
     Recovered {
         /// Specimen.
         #[serde(rename = "specimen", with = "from_one")]
@@ -159,7 +159,7 @@ pub enum Event {
         #[serde(rename = "specimen", with = "from_one")]
         port: u32,
     },
-    /// What the wiring check found of an axis.
+    /// Result of the wiring check for one axis.
     Direction {
         /// Specimen.
         #[serde(rename = "specimen", with = "from_one")]
@@ -194,7 +194,7 @@ pub enum Event {
         /// The expected reading: the last one, moved elastically to where the axis is found, in its own unit.
         #[serde(with = "real")]
         left: f64,
-        /// What it reads now.
+        /// Present reading.
         #[serde(with = "real")]
         found: f64,
         /// How far it may differ, in its own unit.
@@ -289,7 +289,7 @@ pub enum Event {
         #[serde(with = "real")]
         most: f64,
     },
-    /// What was read of one axis while zeroing, in its own units. Noise that too few readings show is not a number.
+    /// Readings of one axis during zeroing, in its own units. Noise is not a number if there are too few readings.
     Zeroed {
         /// Specimen.
         #[serde(rename = "specimen", with = "from_one")]
@@ -401,7 +401,7 @@ pub enum Event {
     RecordDamaged {
         /// The file.
         file: Word,
-        /// What was done to it.
+        /// Description of the damage.
         text: String,
     },
     /// A server: a controller begins a test.

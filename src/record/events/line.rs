@@ -168,7 +168,7 @@ impl From<Map<String, Value>> for EventLine {
 }
 
 impl From<Value> for EventLine {
-    /// Of what is no map nothing remains.
+    /// A value that is no map gives an empty line.
     fn from(line: Value) -> Self {
         match line {
             Value::Object(line) => Self::from(line),

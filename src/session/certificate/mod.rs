@@ -302,7 +302,7 @@ fn reference(drawn: &Loaded, trial: &Trial) -> Result<Arc<Reference>, ConfigErro
     let mut experiment: Experiment = setup::build_trial(&ideal, &trial)?.experiment;
     experiment.opening.confirm = false;
     experiment.limits.divergence = f64::MAX;
-    experiment.limits.test = TestLimits::default();
+    experiment.limits.test = TestLimits::NONE;
     let course = Course::of(&experiment, None, true);
     let _its_needs = staged(experiment, Box::new(course.clone()), Staging::WithoutLimits);
     Ok(Arc::new(course.kept().unwrap_or_default()))

@@ -3,9 +3,10 @@
 use super::super::EventLine;
 use super::*;
 use crate::catalog::event::{EVENTS, Severity};
+use crate::catalog::limit::{Limit, Scope};
 use serde_json::json;
 
-/// A line of every variant, as folders have it; the server's lines of a name that a test has, too, come after.
+/// A line of every variant, as in run folders. The lines of a server with the name of a test's event come last.
 fn examples() -> Vec<Value> {
     let standing = json!({"specimen": 1, "axis": 2, "found": 0.5, "left": 0.25, "within": 0.125});
     let warm_up =
@@ -151,6 +152,37 @@ fn a_number_that_is_none_is_null_in_the_file_and_nan_when_it_is_read() {
     match serde_json::from_value(Value::Object(fields)).unwrap() {
         Event::LimitTrip(read) => assert!(read.value.is_nan() && read.port == Some(0)),
         other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn every_limit_goes_through_its_events_with_its_key_and_unit() {
+    for limit in Limit::OF_AXIS.into_iter().chain(Limit::OF_TEST) {
+        let reached = LimitReached {
+            port: Some(1),
+            axis: Some(0),
+            limit: limit.key().into(),
+            value: 3.0,
+            bound: 2.0,
+        };
+        let is_of_test = limit.scope() == Scope::Test;
+        assert_eq!(reached.is_of_test(), is_of_test, "{limit:?}");
+        for event in [
+            Event::LimitWarning(reached.clone()),
+            Event::LimitTrip(reached.clone()),
+        ] {
+            let fields = event.fields();
+            assert_eq!(fields["limit"], limit.key());
+            let read = EventLine::from(Value::Object(fields));
+            assert_eq!(read.event, event);
+            let sentence = read.sentence();
+            let unit = match limit.shown_unit() {
+                "1" => "",
+                unit => unit,
+            };
+            let found = format!("{} is 3 {unit}", limit.key());
+            assert!(sentence.contains(found.trim_end()), "{sentence}");
+        }
     }
 }
 
