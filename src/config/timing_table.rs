@@ -82,7 +82,7 @@ pub struct TimingSpec {
     pub warmup_ticks: Option<u64>,
 }
 
-/// Limits of the number of deadline misses. The test stops when a number of misses reaches its `trip`
+/// Limits of the number of deadline misses. The test stops when a number of misses exceeds its `trip`
 /// level, and the controller warns beyond its `warn` level.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default, rename_all = "snake_case")]
