@@ -329,6 +329,7 @@ pub enum Event {
         #[serde(rename = "specimen", with = "from_one")]
         port: u32,
         /// Its server.
+        #[serde(default)]
         peer: String,
         /// False if its measured displacement is the command.
         #[serde(default, skip_serializing_if = "Option::is_none")]
