@@ -63,6 +63,18 @@ pub enum Status {
 }
 
 impl Status {
+    /// The status of a file.
+    #[must_use]
+    pub fn of_word(word: &str) -> Option<Self> {
+        let all = [
+            Self::Completed,
+            Self::Stopped,
+            Self::Interrupted,
+            Self::Failed,
+        ];
+        all.into_iter().find(|status| status.word() == word)
+    }
+
     /// As the files spell it.
     #[must_use]
     pub const fn word(self) -> &'static str {

@@ -49,7 +49,31 @@ pub(super) fn value(limit: Limit, side: &Side, ports: &[Port]) -> f64 {
             let intake = numerical.intake();
             intake.map_or(f64::NAN, |intake| intake.share(added))
         }
-        _ => f64::NAN,
+        (Limit::StepAudit | Limit::AddedEnergyShare, Side::Prescribed(_)) => f64::NAN,
+        // No limits of the steps of a test. A new limit of these must be computed above.
+        (
+            Limit::CommandDisp
+            | Limit::CommandStep
+            | Limit::CommandVel
+            | Limit::CommandAccel
+            | Limit::MeasuredDisp
+            | Limit::MeasuredForce
+            | Limit::FollowingError
+            | Limit::ForceStep
+            | Limit::StuckSensor
+            | Limit::SensorDisp
+            | Limit::SensorForce
+            | Limit::Alternation
+            | Limit::StiffnessRatio
+            | Limit::DampingRatio
+            | Limit::AddedEnergy
+            | Limit::Lag
+            | Limit::GainError
+            | Limit::MissesInARow
+            | Limit::MissesInWindow
+            | Limit::Misses,
+            _,
+        ) => f64::NAN,
     }
 }
 

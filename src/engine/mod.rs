@@ -39,7 +39,7 @@ pub use numerical::{Numerical, Side};
 pub use operator::{Control, Notice, Operator, OperatorCommands, Watch};
 pub use peaks::Peaks;
 pub use phase::{Glimpse, Phase, PhaseCell};
-pub use resume::{Borne, Place, Resumption};
+pub use resume::{EarlierPeaks, Place, Resumption};
 pub use ride::Pacing;
 pub use settle::Settling;
 pub use stop::{Ending, Stop};
@@ -162,7 +162,7 @@ pub struct Engine {
     timing: Timing,
     peaks: Peaks,
     /// Largest |force| of each axis of each specimen in the test that this one goes on with.
-    borne: Vec<Vec<f64>>,
+    earlier_forces: Vec<Vec<f64>>,
     resume: Option<Resumption>,
     /// Where the commands are between two targets.
     ride: ride::Ride,
@@ -357,7 +357,7 @@ impl Engine {
             columns,
             schedule,
             peaks: Peaks::zeros(dofs),
-            borne: Vec::new(),
+            earlier_forces: Vec::new(),
             edge: 0,
             sequence: 0,
             clock_now: Nanos(0),
@@ -407,7 +407,7 @@ impl Engine {
             holders: self.ports.iter().map(Port::left_to).collect(),
             steps: self.steps_done,
             peaks: self.peaks.clone(),
-            ports: (self.ports.iter().zip(self.forces_borne()))
+            ports: (self.ports.iter().zip(self.peak_forces()))
                 .map(|(port, forces)| (port.name.clone(), forces, port.link_count()))
                 .collect(),
             forces_on_the_way_in: (self.ports.iter())

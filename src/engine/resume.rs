@@ -41,10 +41,10 @@ impl Place {
     }
 }
 
-/// The largest magnitudes that the interrupted test has come to, those after the last step that counts, too: the state goes
-/// back, what the specimens have borne does not.
+/// The largest magnitudes of the interrupted test. The state goes back to the last step that counts; these include the steps
+/// after it, because the specimens have borne them.
 #[derive(Debug, Clone, Default)]
-pub struct Borne {
+pub struct EarlierPeaks {
     /// Of the structure.
     pub peaks: Peaks,
     /// |force| of each axis of each specimen, N.
@@ -60,8 +60,8 @@ pub struct Resumption {
     pub(super) peaks: Peaks,
     /// Where the axes of each specimen were left.
     pub left: Vec<Vec<Place>>,
-    /// What was borne already.
-    pub borne: Borne,
+    /// Largest magnitudes so far.
+    pub earlier: EarlierPeaks,
     /// The user has accepted that a specimen changed since the interruption: what differs is reported, and refuses nothing.
     pub accepts_changed: bool,
 }
@@ -128,7 +128,7 @@ impl Engine {
             steps_done: self.steps_done,
             peaks: self.peaks,
             left: Vec::new(),
-            borne: Borne::default(),
+            earlier: EarlierPeaks::default(),
             accepts_changed: false,
         };
         Some((self.side, self.ports, resumption))
@@ -139,8 +139,8 @@ impl Engine {
         self.sequence = from.sequence;
         self.steps_done = from.steps_done;
         self.peaks = from.peaks;
-        self.peaks.raise(&from.borne.peaks);
-        self.borne = from.borne.forces;
+        self.peaks.raise(&from.earlier.peaks);
+        self.earlier_forces = from.earlier.forces;
         self.ride = from.ride;
         self.ride.tempo.stand();
         // What moves the specimens before the test goes on teaches no compensator anything.
@@ -181,8 +181,8 @@ impl Engine {
 
     /// Largest |force| per axis of each specimen, over the whole test. A way out knows the own ones only: what tripped the test
     /// before is no force that it may come to again.
-    pub(super) fn forces_borne(&self) -> impl Iterator<Item = Vec<f64>> {
-        let before = self.borne.iter().map(Vec::as_slice);
+    pub(super) fn peak_forces(&self) -> impl Iterator<Item = Vec<f64>> {
+        let before = self.earlier_forces.iter().map(Vec::as_slice);
         let before = before.chain(std::iter::repeat(&[][..]));
         self.ports.iter().zip(before).map(|(port, before)| {
             let before = before.iter().copied().chain(std::iter::repeat(0.0));

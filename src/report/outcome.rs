@@ -10,6 +10,7 @@ use serde_json::Value;
 
 use super::RunData;
 use super::text::{count, exact, plural, quantity};
+use crate::catalog::ending::Status;
 use crate::catalog::event::Remark;
 use crate::record::{Event, EventLine};
 use crate::stability::RecordedVerdict;
@@ -49,7 +50,8 @@ pub(super) fn number(run: &RunData, path: &str) -> Option<f64> {
 /// The verdict on `run`, which goes on after step `after` of another if it does; `more` are sentences on which steps of the test these are and how its specimens were left.
 pub(super) fn verdict(run: &RunData, after: Option<u64>, more: &[String]) -> Verdict {
     let status = text(run, "status");
-    let (mut tone, headline) = match status {
+    let known = status.and_then(Status::of_word);
+    let (mut tone, headline) = match known {
         _ if run.unfinished.is_some() => (
             Tone::Bad,
             "Unfinished: this run did not come to an orderly end",
@@ -59,14 +61,14 @@ pub(super) fn verdict(run: &RunData, after: Option<u64>, more: &[String]) -> Ver
             "Contradicted: the files of this run contradict each other",
         ),
         _ if !run.damaged.is_empty() => (Tone::Bad, "Damaged: this record is not whole any more"),
-        Some("completed") => (Tone::Good, "Completed: the test ran to its end"),
-        Some("interrupted") => (
+        Some(Status::Completed) => (Tone::Good, "Completed: the test ran to its end"),
+        Some(Status::Interrupted) => (
             Tone::Warning,
             "Interrupted: the test was ended by the operator",
         ),
-        Some("stopped") => (Tone::Bad, "Stopped: a limit or bound ended the test"),
-        Some("failed") => (Tone::Bad, "Failed: the test could not go on"),
-        Some(_) => (
+        Some(Status::Stopped) => (Tone::Bad, "Stopped: a limit or bound ended the test"),
+        Some(Status::Failed) => (Tone::Bad, "Failed: the test could not go on"),
+        None if status.is_some() => (
             Tone::Warning,
             "Ended with a status that this report does not know",
         ),
@@ -131,8 +133,8 @@ pub(super) fn verdict(run: &RunData, after: Option<u64>, more: &[String]) -> Ver
     if let Some(reason) = text(run, "reason").filter(|r| !r.trim().is_empty()) {
         sentences.push(ended(&format!("Reason: {reason}")));
     }
-    let is_known = |s: &&str| !matches!(*s, "interrupted" | "completed");
-    if let (Some(status), Tone::Warning) = (status.filter(is_known), tone) {
+    let is_shown = !matches!(known, Some(Status::Interrupted | Status::Completed));
+    if let (Some(status), Tone::Warning) = (status.filter(|_| is_shown), tone) {
         sentences.push(ended(&format!("Status: {status}")));
     }
     sentences.extend(extent(run, after));

@@ -289,7 +289,7 @@ pub(super) fn with_record(
     }
     let mut peak = rows.peak;
     if let Some(origin) = &origin {
-        super::borne::raise_all(&mut peak, &origin.peak);
+        super::row_peaks::raise_all(&mut peak, &origin.peak);
     }
     all.extend(lower_peaks(&summary.peak, &peak));
     // Steps of a parent folder have their peaks there; a test without a step has the force before it.

@@ -13,7 +13,6 @@
 mod agreement;
 mod archive;
 mod bare;
-mod borne;
 pub mod certificate;
 mod checksum;
 mod compare;
@@ -41,6 +40,7 @@ mod replay_error;
 mod reset;
 mod resume;
 mod retrace;
+mod row_peaks;
 mod sampling;
 mod signals;
 mod summary;

@@ -13,13 +13,13 @@ mod trips;
 
 use std::path::Path;
 
-use super::borne::{borne, peak_of};
 use super::checksum::{check_files as check_files_of, read, rows_sha256, sha256};
 use super::continued;
 use super::desk::{Request, Unanswered, ask};
 use super::lineage::Origin;
 use super::recorded::Replaced;
 use super::retrace::{Build, Retraced, prepared_by, retrace, take_over};
+use super::row_peaks::{earlier_peaks, peak_of};
 use crate::config::Loaded;
 use crate::control::Port;
 use crate::record::summary::Status;
@@ -124,7 +124,7 @@ fn resume_by(
     let on_its_way_in = traced.on_its_way_in;
     let origin = origin_of(&run, &traced, &ports, (step, &next.facts), before, allowed)?;
     resumption.left = origin.places();
-    resumption.borne = borne(&origin.peak, &ports);
+    resumption.earlier = earlier_peaks(&origin.peak, &ports);
     resumption.accepts_changed = origin.accepts_changed();
     take_over(&mut next.experiment, side, ports);
     origin.put(&mut next.experiment.ports);

@@ -5,13 +5,13 @@
 
 use std::sync::{Arc, Mutex};
 
-use super::borne::borne;
 use super::checksum::check_inputs;
 use super::connect::put_standing;
 use super::earlier_rows::may_be_absent;
 use super::lineage::{Ancestor, Origin, ancestors};
 use super::recorded::{Replaced, put_recorded};
 use super::replay_error::ReplayError;
+use super::row_peaks::earlier_peaks;
 use super::tape::{Comparing, Recording, Tape, Verified, with};
 use crate::config::{self, ConfigError, Loaded};
 use crate::control::Port;
@@ -82,7 +82,7 @@ type State = (Side, Vec<Port>, Resumption);
 fn go_on_from(experiment: &mut Experiment, origin: &Origin, state: State) {
     let (side, ports, mut resumption) = state;
     resumption.left = origin.places();
-    resumption.borne = borne(&origin.peak, &ports);
+    resumption.earlier = earlier_peaks(&origin.peak, &ports);
     resumption.accepts_changed = origin.accepts_changed();
     take_over(experiment, side, ports);
     origin.put(&mut experiment.ports);

@@ -6,8 +6,8 @@ mod common;
 #[path = "../link_common/mod.rs"]
 mod link_common;
 
-mod borne;
 mod changed;
+mod earlier_peaks;
 mod fresh;
 mod lineage;
 mod memory;

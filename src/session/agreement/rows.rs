@@ -3,7 +3,7 @@
 use crate::catalog::phase::{GIVEN_UP, Phase};
 use crate::record::summary::Peak;
 use crate::record::{FolderError, Run};
-use crate::session::borne::RowPeaks;
+use crate::session::row_peaks::RowPeaks;
 
 /// Findings in the rows of a run.
 #[derive(Debug, Default)]

@@ -1,9 +1,12 @@
-//! What an interrupted test has come to, also after the last step that counts: the state goes back to that step, what the
-//! specimens have borne does not.
+//! The largest magnitudes of a recorded test, from its rows.
+//!
+//! A process that is killed leaves no summary, so the rows are the only source of its peaks. [`RowPeaks`] is the one place that
+//! folds rows: a resume and the check of a run folder use it. Steps after the last one that counts are included, because the
+//! specimens have borne them. Invariant: a stale measurement raises no peak.
 
 use crate::catalog::phase::Part;
 use crate::control::Port;
-use crate::engine::{Borne, Peaks};
+use crate::engine::{EarlierPeaks, Peaks};
 use crate::record::summary::Peak;
 use crate::record::{FolderError, Run};
 use crate::substructure::Status;
@@ -30,13 +33,13 @@ pub(super) fn peak_of(
 }
 
 /// For the loop of the test that goes on, with these specimens.
-pub(super) fn borne(peak: &Peak, ports: &[Port]) -> Borne {
+pub(super) fn earlier_peaks(peak: &Peak, ports: &[Port]) -> EarlierPeaks {
     let numbers = |values: &Vec<Option<f64>>| {
         let values = values.iter().map(|value| value.unwrap_or(f64::NAN));
         values.collect::<Vec<f64>>()
     };
     let forces = ports.iter().map(|port| peak.force.get(&port.name));
-    Borne {
+    EarlierPeaks {
         peaks: Peaks {
             disp: numbers(&peak.displacement),
             vel: numbers(&peak.velocity),

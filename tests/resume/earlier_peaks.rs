@@ -1,4 +1,4 @@
-//! The state of a test goes back to its last step that counts; what the specimens have borne after it does not.
+//! The state of a resumed test goes back to its last step that counts. Its largest magnitudes keep what came after that step.
 
 use super::*;
 use gusset::setup::Prepared;
@@ -71,11 +71,11 @@ fn what_was_measured_after_the_checkpoint_that_a_test_goes_back_to_is_a_peak_of_
         let rows = rows.filter(|(_, (state, step))| **state == 3.0 && **step > from.step() as f64);
         rows.map(|(value, _)| value.abs()).fold(0.0, f64::max)
     };
-    let borne = &from.borne;
-    assert_eq!(borne.forces, [[later("force_1_1")]]);
-    assert_eq!(borne.peaks.disp, [later("x1"), later("x2")]);
-    assert_eq!(borne.peaks.vel, [later("v1"), later("v2")]);
-    assert_eq!(borne.peaks.accel, [later("a1"), later("a2")]);
+    let earlier = &from.earlier;
+    assert_eq!(earlier.forces, [[later("force_1_1")]]);
+    assert_eq!(earlier.peaks.disp, [later("x1"), later("x2")]);
+    assert_eq!(earlier.peaks.vel, [later("v1"), later("v2")]);
+    assert_eq!(earlier.peaks.accel, [later("a1"), later("a2")]);
     assert!(later("force_1_1") > 0.0);
 
     let stopped = concluded(next, &at("second"), 12);
