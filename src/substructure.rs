@@ -209,7 +209,7 @@ pub enum Retirement {
 }
 
 impl From<Cause> for Retirement {
-    /// How a specimen is told of the end.
+    /// Message to a specimen about the end.
     fn from(cause: Cause) -> Self {
         match cause {
             Cause::Done => Self::Orderly,

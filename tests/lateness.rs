@@ -161,7 +161,7 @@ fn a_stall_in_the_wait_moves_the_grid_by_whole_ticks() {
     assert_eq!(edges(&run), wanted);
     assert_eq!(run.column("stretched")[9..12], [0.0, 3.0, 3.0]);
     assert_eq!(run.column("skipped_by_wakeup")[9..12], [0.0, 3.0, 0.0]);
-    // A miss is known when its tick is over: the next row has it.
+    // A miss is known when its tick is over, so the next row contains it.
     assert_eq!(run.column("misses_in_a_row")[10..13], [0.0, 1.0, 0.0]);
     assert_eq!(run.column("misses_in_total")[10..13], [0.0, 1.0, 1.0]);
     assert_counted(&run, 3);

@@ -11,7 +11,7 @@ pub fn load(path: &Path, sets: &[String]) -> anyhow::Result<Loaded> {
     config::load(path, sets).map_err(refused)
 }
 
-/// A mistake of the user as it is shown: in colour on a terminal.
+/// A mistake of the user, in colour on a terminal.
 pub fn refused(error: ConfigError) -> anyhow::Error {
     match error {
         ConfigError::Invalid(diagnostics) => {

@@ -42,7 +42,7 @@ impl Place {
 }
 
 /// The largest magnitudes of the interrupted test. The state goes back to the last step that counts; these include the steps
-/// after it, because the specimens have borne them.
+/// after it, because the specimens were loaded by them.
 #[derive(Debug, Clone, Default)]
 pub struct EarlierPeaks {
     /// Of the structure.

@@ -1,7 +1,7 @@
 //! One specimen, row by row: in which ticks it was commanded and has answered.
 //!
-//! The values that its limits judge stand in the rows: nothing is computed again here. A row without an answer changes nothing
-//! of what was measured.
+//! The rows contain the values that its limits judge, so nothing is computed again here. A row without an answer changes no
+//! measured value.
 
 use super::axis::{AxisTap, Told};
 use super::board::SpecimenView;

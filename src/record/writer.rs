@@ -186,7 +186,7 @@ impl Writer {
         Self::spawn_watched(ring, samples, events, sampler, clocks, settings, None)
     }
 
-    /// The same with an onlooker that sees the rows as they pass.
+    /// Starts a writer whose observer receives each row.
     ///
     /// # Errors
     /// As [`Writer::spawn`].

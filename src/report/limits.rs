@@ -167,7 +167,7 @@ fn row(who: &str, limit: &Value) -> Vec<String> {
     ]
 }
 
-/// A key of a limit in words. Units stand beside the sizes.
+/// A key of a limit in words. The table shows units with the values.
 fn words(key: &str) -> String {
     match Limit::of_key(key) {
         Some(limit) => limit.words().to_owned(),

@@ -21,7 +21,7 @@ const fn ink(group: Group) -> Ink {
     }
 }
 
-/// The loop's own clock at an event, in s; it goes on where test time stands still.
+/// The loop's own clock at an event, in s. It runs during a hold, too, when test time does not.
 pub(super) fn loop_seconds(line: &EventLine) -> Option<f64> {
     Some(line.clock_ns? as f64 * 1e-9)
 }

@@ -238,8 +238,9 @@ impl Line {
 /// A port that has said what it has to say.
 type Said = (Port, Result<Introduction, Unavailable>);
 
-/// Each on a thread of its own, for they wait; those of this process have nothing to wait for. Who is still waited for when the operator asks for an end is left behind with its thread: it
-/// was told of nothing that could move, and its connection closes with it. None for these, and for one whose thread panicked.
+/// Connects each linked specimen on a separate thread, because connecting waits. When the operator asks for an end, a thread that
+/// still waits is abandoned: it has sent nothing that moves a specimen, and its connection closes with it. Such a thread, and
+/// one that panicked, gives no result.
 fn connect_all(ports: Vec<Port>, line: &mut Line) -> Vec<Option<Said>> {
     let mut all: Vec<Option<Said>> = ports.iter().map(|_| None).collect();
     let (done, said) = mpsc::channel::<(usize, Said)>();

@@ -18,7 +18,7 @@ pub(super) fn may_be_absent(column: &Column) -> bool {
     column.timing || NEWER.contains(&name) || name.starts_with(JUDGED)
 }
 
-/// A recording without the column `operator`, as far as it was read.
+/// State of the reading of a recording without the column `operator`.
 pub(super) struct EarlierRows {
     /// Places of `state` and `hold`.
     state: usize,
@@ -30,7 +30,7 @@ pub(super) struct EarlierRows {
 }
 
 impl EarlierRows {
-    /// Of a recording with this layout; none of one that has the column.
+    /// For a recording with this layout; none if it has the column.
     pub fn of(layout: &Layout, steps: u64) -> Option<Self> {
         let place = |name: &str| layout.index_of(name).unwrap_or(usize::MAX);
         let is_earlier = layout.index_of("operator").is_none();
@@ -42,7 +42,7 @@ impl EarlierRows {
         })
     }
 
-    /// What the column `operator` of the next row would be. `before`: state and step of the row before it.
+    /// Value that the column `operator` of the next row would have. `before`: state and step of the row before it.
     pub fn commands(&mut self, before: Option<(f64, f64)>, row: &[f64]) -> OperatorCommands {
         let at = |place: usize| row.get(place).copied().unwrap_or(f64::NAN);
         let (state, hold) = (at(self.state), at(self.hold));

@@ -151,7 +151,7 @@ pub(super) fn last_words(outcome: &Outcome) -> Vec<(usize, String)> {
     news(outcome).map(sentence).collect()
 }
 
-/// The same in the specimens' own words.
+/// Sentences about the ending in the specimens' own words.
 fn news(outcome: &Outcome) -> impl Iterator<Item = &(usize, String)> {
     let mut reason = words(&outcome.ending, outcome);
     if let Some(Unfinished { stop, after }) = &outcome.unfinished {

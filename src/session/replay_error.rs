@@ -24,9 +24,9 @@ pub enum ReplayError {
     Input {
         /// The copy.
         path: PathBuf,
-        /// As the summary has it.
+        /// SHA-256 in the summary.
         wanted: String,
-        /// As it is.
+        /// SHA-256 of the file.
         found: String,
     },
     /// A copy of an input cannot be read.
@@ -42,10 +42,10 @@ pub enum ReplayError {
     Origin {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The mistake.
         source: serde_json::Error,
     },
-    /// The interrupted test that this one goes on with is nowhere to be found.
+    /// The interrupted test that this one resumed was not found.
     #[error("this run resumed the interrupted run {1} (named in {0}), which is neither there nor beside this run; the replay needs it", path.display(), parent.display())]
     NoParent {
         /// `resumed.json`.
@@ -66,7 +66,7 @@ pub enum ReplayError {
         /// The folder that it names.
         parent: PathBuf,
     },
-    /// The interrupted test that this one goes on with does not come out again.
+    /// The interrupted test that this one resumed does not replay identically.
     #[error("the interrupted run {}, which this run resumed, does not replay identically", .0.display())]
     Parent(PathBuf),
     /// The columns are not those of the configuration.

@@ -1,8 +1,8 @@
 //! The largest magnitudes of a recorded test, from its rows.
 //!
 //! A process that is killed leaves no summary, so the rows are the only source of its peaks. [`RowPeaks`] is the one place that
-//! folds rows: a resume and the check of a run folder use it. Steps after the last one that counts are included, because the
-//! specimens have borne them. Invariant: a stale measurement raises no peak.
+//! folds rows: a resume and the check of a run folder use it. Steps after the last one that counts are included, because they
+//! loaded the specimens. Invariant: a stale measurement raises no peak.
 
 use crate::catalog::phase::Part;
 use crate::control::Port;
@@ -82,7 +82,7 @@ pub(super) struct RowPeaks {
 }
 
 impl RowPeaks {
-    /// Of the rows of the test, and of the one that ended it. A stale measurement was not taken in its tick.
+    /// Folds the rows of the test and the row that ended it. A stale measurement was not taken in its tick.
     pub fn of_test(run: &Run, specimens: usize) -> Self {
         let layout = run.layout();
         let at = |name: &str| layout.index_of(name).unwrap_or(usize::MAX);

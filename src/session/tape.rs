@@ -1,7 +1,7 @@
 //! The recorded rows of a test, fed to the loop in place of its specimens, and compared with what the loop makes of them.
 //!
-//! What was decided while the test ran is recorded in the rows: the commands of the operator, stale measurements, and when a slow
-//! specimen answered. So all of it happens again where it happened. Checkpoints are compared as they come. Columns are found by
+//! The rows contain all decisions of the test: the commands of the operator, stale measurements, and when a slow specimen
+//! answered. So each of them happens again in the same row. Checkpoints are compared as they come. Columns are found by
 //! name; a column that the recording does not have is not compared.
 
 use std::fs::File;
@@ -45,9 +45,9 @@ pub struct Difference {
     pub time: f64,
     /// Name of the column.
     pub column: String,
-    /// What the file says.
+    /// Value in the recording.
     pub recorded: f64,
-    /// What came out.
+    /// Value of the replay.
     pub replayed: f64,
 }
 
@@ -84,7 +84,7 @@ impl Recording {
 /// The recorded rows, as far as the loop has come.
 pub(super) struct Tape {
     journal: Journal<Box<dyn Read + Send>>,
-    /// What is compared: name, place in the recording, place in the rows of the loop.
+    /// Compared columns: name, place in the recording, place in the rows of the loop.
     compared: Vec<(String, usize, usize)>,
     /// The row that comes; empty if none is left.
     coming: Vec<f64>,
@@ -100,7 +100,7 @@ pub(super) struct Tape {
     places: [usize; 4],
     /// One step, s.
     dt: f64,
-    /// Of a recording without the column `operator`.
+    /// For a recording without the column `operator`.
     earlier: Option<EarlierRows>,
     /// Number of steps of the test, and state and step of the row before the one that comes.
     steps: u64,
@@ -340,7 +340,7 @@ impl Tape {
     }
 }
 
-/// What is compared of a recording with these columns: all that do not depend on wall time and that the loop makes, too.
+/// Columns to compare: those of the recording that do not depend on wall time and that the loop makes, too.
 fn compared(recorded: &[Column], made: &[Column]) -> Vec<(String, usize, usize)> {
     let place = |name: &str| made.iter().position(|column| column.name == name);
     let columns = recorded.iter().enumerate().filter(|(_, c)| !c.timing);
@@ -390,7 +390,7 @@ impl Checkpoints {
     }
 }
 
-/// True of the row of a trip, and of those of the way out.
+/// True of the row of a trip and of the rows of the shutdown.
 fn is_after_the_test(state: f64) -> bool {
     Part::Trip.has(state) || state == Phase::Leaving.code()
 }

@@ -38,7 +38,7 @@ pub fn columns_of(layout: &str) -> Vec<String> {
         if kinds.peek().is_none() {
             wrong.push(format!("column `{name}` is not in the catalogue"));
         }
-        // A kind that has the unit of the axis or of a parameter says so in words.
+        // Words replace the unit of a kind whose unit depends on the axis or parameter.
         let fits = |kind: &Kind| {
             let named = ["specimen unit", "of the parameter", "of the limit"].contains(&kind.unit);
             named || kind.unit.split(" or ").any(|one| one == unit)

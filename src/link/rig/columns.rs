@@ -7,7 +7,7 @@ use crate::record::Column;
 use crate::substructure::{Command, Measurement};
 use crate::units::AxisUnits;
 
-/// One exchange as it is recorded.
+/// One recorded exchange.
 pub(super) struct Exchange<'a> {
     pub state: f64,
     pub command: &'a Command<'a>,

@@ -31,10 +31,10 @@ pub struct LimitReached {
     pub axis: Option<u32>,
     /// Its key in the test file.
     pub limit: Word,
-    /// What was found, SI.
+    /// Value, SI.
     #[serde(default = "unknown", with = "real")]
     pub value: f64,
-    /// What is allowed, SI.
+    /// Allowed value, SI.
     #[serde(default = "unknown", with = "real")]
     pub bound: f64,
 }
@@ -77,9 +77,9 @@ pub struct WarmUp {
     pub missed: u64,
     /// The most of them in a row.
     pub in_a_row: u64,
-    /// What a tick took on the average.
+    /// Average duration of a tick.
     pub mean_ns: u64,
-    /// What the longest took.
+    /// Longest duration of a tick.
     pub longest_ns: u64,
 }
 
@@ -91,10 +91,10 @@ pub struct TripValue {
     pub axis: u32,
     /// Unit.
     pub unit: Word,
-    /// What was found.
+    /// Value.
     #[serde(with = "real")]
     pub value: f64,
-    /// What is allowed.
+    /// Allowed value.
     #[serde(with = "real")]
     pub bound: f64,
 }

@@ -74,7 +74,7 @@ fn filled(template: &str, fields: &Map<String, Value>) -> Option<String> {
 /// One field in words.
 fn field(key: &str, fields: &Map<String, Value>) -> Option<String> {
     let word = |key: &str| fields.get(key).and_then(Value::as_str);
-    // Null is a number that is none.
+    // A number that is not finite is null in the file.
     let real = |key: &str| {
         let value = fields.get(key)?;
         Some(value.as_f64().unwrap_or(f64::NAN))

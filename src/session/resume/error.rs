@@ -116,7 +116,7 @@ pub enum ResumeError {
     },
 }
 
-/// What the user can do with a test that was resumed already.
+/// Advice for a test that was resumed already.
 fn what_may_be(before: &WentOn) -> String {
     match before.now {
         Now::Running => "one test at a time moves its specimens".to_owned(),

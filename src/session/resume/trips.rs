@@ -16,16 +16,16 @@ const UNKNOWN: &str = "unknown";
 /// Everything that tripped a test, or may have.
 #[derive(Debug)]
 pub(super) struct Trips {
-    /// Keys of limits, and words of other causes. A lost link is none, but a force that is not finite is one.
+    /// Keys of limits, and words of other causes. A lost link is no trip, but a force that is not finite is a trip.
     pub names: Vec<String>,
-    /// False where events cannot be read that might tell of a trip.
+    /// False where unreadable events might report a trip.
     pub certain: bool,
     /// Lines of the events that cannot be read.
     pub unreadable: usize,
 }
 
 impl Trips {
-    /// Of a run.
+    /// Reads the trips of a run.
     pub fn of(run: &Run) -> Result<Self, ResumeError> {
         let told = Told::of(run)?;
         let in_rows = trips_in_rows(run, told.explained)?;
@@ -46,7 +46,7 @@ impl Trips {
     }
 }
 
-/// What the events of a test say, which are read one after the other.
+/// Findings in the events of a test.
 #[derive(Debug, Default)]
 struct Told {
     trips: Vec<String>,

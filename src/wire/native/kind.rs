@@ -8,7 +8,7 @@ use crate::wire::WireError;
 pub enum Kind {
     /// Displacement to go to.
     Command = 1,
-    /// What was measured.
+    /// A measurement.
     Measurement = 2,
     /// I am here.
     Heartbeat = 3,
@@ -43,7 +43,7 @@ impl Kind {
     /// The kind with this code.
     ///
     /// # Errors
-    /// [`WireError::Code`] if there is none.
+    /// [`WireError::Code`] for an unknown code.
     pub const fn from_code(code: u8) -> Result<Self, WireError> {
         Ok(match code {
             1 => Kind::Command,

@@ -64,7 +64,7 @@ impl Cause {
             Cause::Orderly => ending::Cause::Done,
             Cause::Operator => ending::Cause::Operator,
             Cause::Shutdown => ending::Cause::Shutdown,
-            // Of a gateway: its own controller is lost.
+            // A gateway lost its own controller.
             Cause::Watchdog => ending::Cause::ControllerVanished,
             Cause::Tripped | Cause::Interlock => ending::Cause::ControllerTripped,
         }

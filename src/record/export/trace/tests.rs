@@ -1,4 +1,4 @@
-//! What a trace shows, judged by its text: rows and events made by hand.
+//! Tests of a trace by its text. Rows and events are made by hand.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
