@@ -1,7 +1,8 @@
-//! Run folders that version 0.1.0 wrote are still read, and their tests are repeated or refused with a reason.
+//! Run folders that versions 0.1.0 and 0.2.0 wrote are still read, and their tests are repeated or refused with a reason.
 //!
 //! `defaults` completed with all keys at their defaults. `tripped` was stopped by a limit.
-//! `keys` has removed keys at other values, and old names of keys and laws.
+//! `keys` has removed keys at other values, and old names of keys and laws. `held` is of version 0.2.0: its specimen was behind a
+//! link, and the operator held, continued and stopped the test.
 
 mod common;
 
@@ -9,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use common::{Said, json, physics, say};
 
-const FOLDERS: [&str; 3] = ["defaults", "tripped", "keys"];
+const FOLDERS: [&str; 4] = ["defaults", "tripped", "keys", "held"];
 
 /// A copy of an old run folder, which a command may change.
 fn old(home: &Path, name: &str) -> PathBuf {
@@ -52,7 +53,7 @@ fn old_run_folders_are_reported_exported_and_listed() {
 #[test]
 fn an_old_run_without_removed_keys_is_replayed_to_the_last_bit() {
     let home = tempfile::tempdir().unwrap();
-    for name in ["defaults", "tripped"] {
+    for name in ["defaults", "tripped", "held"] {
         let said = on("replay", &old(home.path(), name), &[]);
         assert_eq!(said.code, Some(0), "{name}: {}{}", said.stdout, said.stderr);
     }

@@ -401,8 +401,8 @@ kinds! {
     /// Cause of a trip.
     TRIP = "trip", Test, "1", Server, ALWAYS,
         "cause of a trip: 0 none; a limit: 1 command_disp, 2 command_step, 3 command_vel, 4 command_accel, 5 measured_disp, \
-         6 measured_force, 7 following_error, 8 force_step, 9 stuck_sensor, 10 sensor_disp, 11 sensor_force; \
-         50 command not finite, 51 measurement not finite, 52 first command not the armed position, 60 interlock open, \
+         6 measured_force, 7 following_error, 8 force_step, 9 stuck_sensor, 10 sensor_disp, 11 sensor_force, \
+         12 alternating_ticks; 100 more for a limit that the controller announced; 50 command not finite, 51 measurement not finite, 52 first command not the armed position, 60 interlock open, \
          61 a sensor or an actuator at the end of its range, 62 held by its own watchdog, 70 specimen lost";
     /// Arrival of the command.
     RECEIVED = "received_s", Test, "s", Clock, ALWAYS, "wall time from the start of the test to the command";
