@@ -397,6 +397,12 @@ fn the_guide_prints_pages_and_keys_and_names_the_nearest_topic() {
     );
     let table = say(["guide", "integrator"]);
     assert!(table.stdout.contains("`lambda`"), "{}", table.stdout);
+    for (name, page) in [("limit_trip", "events"), ("target_1_1", "columns")] {
+        let said = say(["guide", name]);
+        assert_eq!(said.code, Some(0), "{name}: {}", said.stderr);
+        let more = format!("gusset guide {page}");
+        assert!(said.stdout.contains(&more), "{}", said.stdout);
+    }
     let unknown = say(["guide", "trouble-shooting"]);
     assert_eq!(unknown.code, Some(2));
     assert!(

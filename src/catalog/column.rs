@@ -194,6 +194,9 @@ impl Kind {
     }
 }
 
+/// Page of the guide with this table.
+pub const PAGE: &str = "columns";
+
 /// The kind of a column of a test of this name; none if no kind has such a name. The columns of limits of the whole test have no kind.
 #[must_use]
 pub fn of_test(name: &str) -> Option<&'static Kind> {

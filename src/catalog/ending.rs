@@ -104,6 +104,9 @@ pub enum Kind {
     Internal,
 }
 
+/// Page of the guide with this table.
+pub const PAGE: &str = "columns";
+
 /// Makes [`Cause`] and its table from the rows.
 macro_rules! causes {
     ($($name:ident = $code:literal, $word:literal, $kind:ident, $exit:ident, $heading:literal, $sentence:literal;)*) => {

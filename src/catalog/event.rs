@@ -143,6 +143,9 @@ const OF_AXIS: &str = "`specimen`, `name`, `axis`";
 const OF_SPECIMEN: &str = "`specimen`, `name`";
 const TEXT: &str = "`text`";
 
+/// Page of the guide with this table.
+pub const PAGE: &str = "events";
+
 /// All events, in the order of the guide.
 pub const EVENTS: &[EventRow] = &[
     row("files", Severity::Debug, Silent, "").guide(

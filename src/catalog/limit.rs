@@ -163,7 +163,7 @@ pub const AXIS_LIMITS: usize = 17;
 /// Number of all limits.
 pub const LIMITS: usize = 24;
 /// Page of the guide that explains the limits.
-pub const PAGE: &str = "limits";
+pub const PAGE: &str = "limit-table";
 
 /// A row that the others change.
 const AXIS: Row = Row {

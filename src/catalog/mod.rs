@@ -11,9 +11,11 @@
 //! | [`ending`] | why a test ends, its exit code and `status` |
 //! | [`phase`] | the phases of a test, and their codes |
 //! | [`column`] | the columns of a row |
+//! | [`explained`] | the meaning of a name, from all tables |
 
 pub mod column;
 pub mod ending;
 pub mod event;
+pub mod explained;
 pub mod limit;
 pub mod phase;

@@ -116,6 +116,9 @@ const fn state(code: u8, word: &'static str, part: Part, sentence: &'static str)
     }
 }
 
+/// Page of the guide with this table.
+pub const PAGE: &str = "columns";
+
 /// All states, each at the place of its code.
 pub const STATES: [State; 16] = [
     state(0, "connected", Part::Startup, "connected"),

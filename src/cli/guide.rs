@@ -10,6 +10,7 @@ use anyhow::Context;
 use super::args::GuideArgs;
 use super::exit::{Exit, WithExit};
 use super::{answer, tell};
+use crate::catalog::explained::explain;
 use crate::config::nearest;
 use crate::guide::{self, CONTENTS, Entry, MANUAL_LIST, PAGES, plain_text};
 
@@ -51,7 +52,10 @@ fn text_of(topic: &str) -> anyhow::Result<String> {
         });
     }
     match entries.as_slice() {
-        [] => Err(WithExit(Exit::Usage, no_such_topic(topic)).into()),
+        [] => match explained(topic) {
+            Some(text) => Ok(text),
+            None => Err(WithExit(Exit::Usage, no_such_topic(topic)).into()),
+        },
         several if several.len() > MOST_ENTRIES => {
             let mut text = format!("Several entries end with `{topic}`:\n\n");
             for entry in several {
@@ -70,6 +74,18 @@ fn shown(entry: &Entry) -> String {
     } else {
         format!("## {}\n\n{}", entry.path, entry.text)
     }
+}
+
+/// The meanings of a name in the files of a run.
+fn explained(name: &str) -> Option<String> {
+    let found = explain(name);
+    let each = found.iter().map(|one| {
+        format!(
+            "- {} `{}`: {}\n  More: `gusset guide {}`\n",
+            one.kind, one.name, one.meaning, one.page
+        )
+    });
+    (!found.is_empty()).then(|| each.collect())
 }
 
 fn no_such_topic(topic: &str) -> String {
