@@ -231,7 +231,7 @@ fn a_static_load_shows_the_direction_and_stops_a_reversed_specimen_at_its_beginn
     };
     let (code, said, ..) = loaded(|d| (d, K * d));
     assert_eq!(code, 0, "{said}");
-    assert!(!said.contains("which way round"), "{said}");
+    assert!(!said.contains("does not show the direction"), "{said}");
     for (wiring, words) in [
         ((|d| (d, -K * d)) as fn(f64) -> (f64, f64), "force channel"),
         (|d| (-d, K * d), "displacement sensor"),
@@ -246,5 +246,5 @@ fn a_static_load_shows_the_direction_and_stops_a_reversed_specimen_at_its_beginn
     // A force that says nothing is not a reversed one: the user is told.
     let (code, said, ..) = loaded(|d| (d, 0.5 * K * d - 0.499 * K * d));
     assert_eq!(code, 0, "{said}");
-    assert!(said.contains("does not show which way round"), "{said}");
+    assert!(said.contains("does not show the direction"), "{said}");
 }
