@@ -193,7 +193,7 @@ fn counts_of_signals_are_none_or_the_number_of_axes_and_answer_signals_is_named(
     };
     for signals in ["[2, 0, 0, 2, 0]", "[1, 0, 0, 2, 0]", "[1, 2, 0, 1, 0]"] {
         let found = said(&format!("answer_signals = {signals}"), "");
-        shows(&found, "answer_signals is 2");
+        shows(&found, "`answer_signals` is 2");
         shows(&found, "the number of axes");
     }
     let found = said("answer_signals = [1, 1, 1, 1, 1]", "stands_at_m = [0]");

@@ -402,7 +402,7 @@ fn schema_of_a_served_file_has_its_tables() {
 #[test]
 fn help_is_short_names_the_guide_and_fits_into_a_terminal() {
     let overview = say(["--help"]).stdout;
-    assert!(overview.contains("Usage: gusset <COMMAND>"));
+    assert!(overview.contains("Usage: gusset [OPTIONS] <COMMAND>"));
     let commands = overview
         .lines()
         .skip_while(|line| !line.starts_with("Commands:"))

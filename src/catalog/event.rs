@@ -153,7 +153,7 @@ pub const EVENTS: &[EventRow] = &[
         "`sha256`: hash by file name; `version`",
     ),
     row("warning", Warning, Limits, "{text}").guide("A warning before the test.", TEXT),
-    row("not_granted", Warning, Limits, "{text}").guide(
+    row("not_granted", Warning, Limits, "not granted: {text}").guide(
         "The operating system refused a real-time setting.",
         TEXT,
     ),

@@ -48,13 +48,13 @@ fn a_new_test_warns_of_a_specimen_that_has_yielded_before() {
         let warnings = summary["warnings"].as_array().unwrap();
         let sentence = warnings.iter().find_map(|warning| {
             let text = warning.as_str().unwrap();
-            text.contains("bears a force").then_some(text)
+            text.contains("carries a force").then_some(text)
         });
         assert!(sentence.unwrap().contains("column"), "{warnings:?}");
         let logged = said
             .stderr
             .lines()
-            .find(|line| line.contains("bears a force"));
+            .find(|line| line.contains("carries a force"));
         let reference = match of {
             "yield_force_n" => "yield force of its stand-in",
             "measured_force_n" => "`measured_force_n`",
@@ -65,7 +65,7 @@ fn a_new_test_warns_of_a_specimen_that_has_yielded_before() {
             "{logged:?}"
         );
         let page = std::fs::read_to_string(second.join("report.html")).unwrap();
-        assert!(page.contains("bears a force"));
+        assert!(page.contains("carries a force"));
     }
 }
 
