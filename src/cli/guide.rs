@@ -81,8 +81,8 @@ fn explained(name: &str) -> Option<String> {
     let found = explain(name);
     let each = found.iter().map(|one| {
         format!(
-            "- {} `{}`: {}\n  More: `gusset guide {}`\n",
-            one.kind, one.name, one.meaning, one.page
+            "## {}: {}\n\n{}\n\nMore: `gusset guide {}`\n\n",
+            one.name, one.kind, one.meaning, one.page
         )
     });
     (!found.is_empty()).then(|| each.collect())
