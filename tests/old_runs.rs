@@ -73,6 +73,7 @@ fn a_removed_key_at_another_value_refuses_the_replay_and_names_the_version() {
             ("timing.catch_up_remote", "0.1.0"),
             ("timing.prefault_stack_kb", "0.2.0"),
             ("specimen[0].transfer.tell_saturation", "0.2.0"),
+            ("specimen[0].limits.alternating_m", "0.2.0"),
         ] {
             let refused = format!("`{key}` was removed");
             let (_, rest) = said.stderr.split_once(&refused).unwrap_or_else(|| {

@@ -5,6 +5,7 @@
 
 use std::borrow::Cow;
 use std::fmt;
+use std::sync::LazyLock;
 
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::de::{self, MapAccess, Visitor};
@@ -58,6 +59,28 @@ impl Key {
     }
 }
 
+impl<'de> Deserialize<'de> for Key {
+    /// Reads the name of a key. An unknown one is refused as that of any other table, so that the reader finds its place.
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Name;
+
+        impl Visitor<'_> for Name {
+            type Value = Key;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a limit")
+            }
+
+            fn visit_str<E: de::Error>(self, name: &str) -> Result<Key, E> {
+                static KEYS: LazyLock<Vec<&'static str>> = LazyLock::new(|| keys().collect());
+                Key::find(name).ok_or_else(|| E::unknown_field(name, &KEYS))
+            }
+        }
+
+        deserializer.deserialize_identifier(Name)
+    }
+}
+
 impl<'de> Deserialize<'de> for LimitsSpec {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         struct Table;
@@ -71,9 +94,9 @@ impl<'de> Deserialize<'de> for LimitsSpec {
 
             fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<LimitsSpec, A::Error> {
                 let mut spec = LimitsSpec::default();
-                while let Some(name) = map.next_key::<String>()? {
-                    match Key::find(&name) {
-                        Some(Key::Limit(row)) => {
+                while let Some(key) = map.next_key::<Key>()? {
+                    match key {
+                        Key::Limit(row) => {
                             let levels = match row.kind {
                                 Kind::Range => map.next_value()?,
                                 Kind::Size | Kind::Count => {
@@ -82,13 +105,12 @@ impl<'de> Deserialize<'de> for LimitsSpec {
                             };
                             spec.set(row.limit, levels);
                         }
-                        Some(Key::Setting(limit)) => {
+                        Key::Setting(limit) => {
                             let value = map.next_value()?;
                             if let Some(place) = spec.setting_mut(limit) {
                                 *place = value;
                             }
                         }
-                        None => return Err(unknown(&name)),
                     }
                 }
                 Ok(spec)
@@ -97,15 +119,6 @@ impl<'de> Deserialize<'de> for LimitsSpec {
 
         deserializer.deserialize_map(Table)
     }
-}
-
-/// An unknown key, in the words of serde.
-fn unknown<E: de::Error>(name: &str) -> E {
-    let known: Vec<String> = keys().map(|key| format!("`{key}`")).collect();
-    let known = known.join(", ");
-    E::custom(format_args!(
-        "unknown field `{name}`, expected one of {known}"
-    ))
 }
 
 impl Serialize for LimitsSpec {

@@ -165,7 +165,14 @@ fn a_removed_key_is_refused_and_passed_over_in_a_run_folder_at_its_default() {
     let touched = |value: &str| format!("{GOOD}[timing]\nprefault_stack_kb = {value}\n");
     let told =
         |value: &str| format!("{GOOD}transfer = {{ delay_s = 0.01, tell_saturation = {value} }}\n");
+    let limit = |key: &str, value: &str| format!("{GOOD}limits = {{ {key} = {value} }}\n");
+    let sawtooth = "specimen[0].limits.alternating_m";
+    let step = "specimen[0].limits.tangent_step_m";
     for (text, default, key, last) in [
+        (limit("alternating_m", "0.0"), true, sawtooth, "0.2.0"),
+        (limit("alternating_m", "1e-6"), false, sawtooth, "0.2.0"),
+        (limit("tangent_step_m", "0"), true, step, "0.2.0"),
+        (limit("tangent_step_m", "1e-5"), false, step, "0.2.0"),
         (timing("false"), true, "timing.catch_up_remote", "0.1.0"),
         (timing("true"), false, "timing.catch_up_remote", "0.1.0"),
         (touched("256"), true, "timing.prefault_stack_kb", "0.2.0"),
