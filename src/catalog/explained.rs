@@ -13,7 +13,7 @@ use super::{column, ending, event, limit, phase};
 pub struct Explained {
     /// Kind of the name: "event", "column", …
     pub kind: &'static str,
-    /// The name; letters stand for the numbers of a column.
+    /// The name; of a column with letters in place of its numbers.
     pub name: String,
     /// Meaning in one sentence, with the unit where it has one.
     pub meaning: String,

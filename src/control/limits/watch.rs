@@ -1,6 +1,6 @@
 //! The limits of one specimen, tick by tick: past values, differences, and the warnings that were given already.
 
-use super::judge::{AllInner, COMMAND, ESTIMATE, MEASUREMENT, RECORDED, TRACKING};
+use super::judge::{AllInner, COMMAND, ESTIMATE, Inner, MEASUREMENT, RECORDED, TRACKING};
 use super::past::{Pace, Past};
 use super::sawtooth::Sawtooth;
 use super::trips::GoesOn;
@@ -324,16 +324,7 @@ impl Watch {
     /// finite is not known. Real-time: yes.
     #[inline]
     pub fn estimated(&mut self, values: impl Iterator<Item = Estimated>, found: &mut Found) {
-        for ((index, axis), values) in self.axes.iter_mut().enumerate().zip(values) {
-            let Axis {
-                limits,
-                inner,
-                past,
-            } = axis;
-            if !(past.warned == 0 && inner.estimate.covers_known(&values)) {
-                past.look(index, limits, found).at_all(ESTIMATE, &values, 0);
-            }
-        }
+        self.judge_known(ESTIMATE, |inner| &inner.estimate, values, found);
     }
 
     /// Judges [|lag| in s, |gain − 1|] behind the targets of each axis, and adds the findings to `found`. A value that is not
@@ -342,14 +333,26 @@ impl Watch {
         const {
             assert!(matches!(TRACKING, [Limit::Lag, Limit::GainError]));
         }
+        self.judge_known(TRACKING, |inner| &inner.tracking, values, found);
+    }
+
+    /// Judges a group of values that may be unknown, one entry per axis. Real-time: yes.
+    #[inline]
+    fn judge_known<const N: usize>(
+        &mut self,
+        group: [Limit; N],
+        bounds: impl Fn(&AllInner) -> &Inner<N>,
+        values: impl Iterator<Item = [f64; N]>,
+        found: &mut Found,
+    ) {
         for ((index, axis), values) in self.axes.iter_mut().enumerate().zip(values) {
             let Axis {
                 limits,
                 inner,
                 past,
             } = axis;
-            if !(past.warned == 0 && inner.tracking.covers_known(&values)) {
-                past.look(index, limits, found).at_all(TRACKING, &values, 0);
+            if !(past.warned == 0 && bounds(inner).covers_known(&values)) {
+                past.look(index, limits, found).at_all(group, &values, 0);
             }
         }
     }
