@@ -16,7 +16,7 @@ use std::sync::{Arc, Mutex};
 use gusset::config;
 use gusset::config::LimitsSpec;
 use gusset::config::fault_script::Script;
-use gusset::engine::{Control, Ending, Engine};
+use gusset::engine::{Connected, Control, Ending};
 use gusset::law::LawSpec;
 use gusset::link::serve::{Host, Simulated};
 use gusset::link::{NativeSetup, Transport};
@@ -166,9 +166,9 @@ fn run(reached: Reached, memory: &mut Vec<u8>) -> Found {
     let image = FolderImage::into_memory(std::mem::take(memory), columns, test.facts.specimens);
     let kept = Kept(Arc::new(Mutex::new(image)));
     let recorder = Box::new(kept.clone());
-    let mut engine = Engine::new(experiment, Box::new(clock), recorder);
+    let test = Connected::new(experiment, Box::new(clock), recorder);
     let began = cpu_s();
-    let outcome = engine.run(&Control::unattended());
+    let outcome = test.run(&Control::unattended()).into_outcome();
     let seconds = cpu_s() - began;
     assert_eq!(
         outcome.ending,
@@ -177,7 +177,6 @@ fn run(reached: Reached, memory: &mut Vec<u8>) -> Found {
         outcome.complaints
     );
     assert_eq!(outcome.rows_lost, 0, "every row is kept");
-    drop(engine);
     let image = Arc::into_inner(kept.0).and_then(|image| image.into_inner().ok());
     *memory = image.map(FolderImage::into_samples).unwrap_or_default();
     let bytes = memory.len();

@@ -12,7 +12,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::sync::{Arc, Mutex};
 
 use gusset::config;
-use gusset::engine::{Control, Engine, Side};
+use gusset::engine::{Connected, Control, Side};
 use gusset::integrate::Integrator;
 use gusset::record::{RingSize, WhenFull, ring};
 use gusset::rt::os::monotonic_ns;
@@ -89,10 +89,12 @@ fn ticks(sets: &[&str]) -> (Vec<u64>, Vec<u64>, u64) {
         readings: Arc::clone(&readings),
         skipped: AtomicU64::new(0),
     };
-    let mut engine = Engine::new(test.experiment, Box::new(clock), Box::new(recorder));
     let mark = Arc::clone(&readings);
-    engine.before_first_tick = Some(Box::new(move || mark.lock().expect("one thread").clear()));
-    let outcome = engine.run(&Control::unattended());
+    let before = move || mark.lock().expect("one thread").clear();
+    let outcome = Connected::new(test.experiment, Box::new(clock), Box::new(recorder))
+        .watched(Some(Box::new(before)), None)
+        .run(&Control::unattended())
+        .into_outcome();
     let all = readings.lock().expect("one thread").clone();
     let between = |from: usize| {
         all.split(|reading| *reading == SLEEP)

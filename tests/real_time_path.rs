@@ -16,7 +16,7 @@ use common::engine::prepare;
 use common::rig::{Act, Log, Phase, attach, storey};
 use gusset::catalog::limit::Limit;
 use gusset::control::limits::Bound;
-use gusset::engine::{Control, Ending, Engine, Experiment, OnMiss, Operator};
+use gusset::engine::{Connected, Control, Ending, Experiment, OnMiss, Operator};
 use gusset::record::{RingReader, RingSize, WhenFull, ring};
 use gusset::rt::clock::MonotonicClock;
 use gusset::substructure::Coupling;
@@ -152,15 +152,16 @@ fn cost(experiment: Experiment, clock: Box<dyn Clock>, at_once: bool) -> (u64, u
     let (recorder, mut reader) = recorder(&experiment);
     let (ask, requests) = crossbeam_channel::bounded(1);
     let control = Control::from(requests);
-    let mut engine = Engine::new(experiment, clock, Box::new(recorder));
-    engine.before_first_tick = Some(Box::new(move || {
+    let before = move || {
         if at_once {
             ask.try_send(Operator::Stop).unwrap();
         }
-    }));
+    };
+    let test =
+        Connected::new(experiment, clock, Box::new(recorder)).watched(Some(Box::new(before)), None);
     let mut ending = None;
     let counted = allocation_counter::measure(|| {
-        let outcome = engine.run(&control);
+        let outcome = test.run(&control).into_outcome();
         ending = Some((outcome.ending, outcome.rows_lost, outcome.events_lost));
     });
     let mut rows = 0;
@@ -307,21 +308,22 @@ fn in_the_child() {
     let flag = done.clone();
     let thread = std::thread::spawn(move || {
         let clock = Box::new(MonotonicClock::new(60_000));
-        let mut engine = Engine::new(experiment, clock, Box::new(recorder));
         let filter = clock_calls_only();
-        engine.before_first_tick = Some(Box::new(move || {
+        let before = move || {
             if seccompiler::apply_filter(&filter).is_err() {
                 std::process::exit(NOT_PERMITTED);
             }
-        }));
+        };
         // Not one call more, not even to end: the other thread ends the process.
-        engine.after_last_tick = Some(Box::new(move || {
+        let after = move || {
             flag.store(true, Ordering::Release);
             loop {
                 std::hint::spin_loop();
             }
-        }));
-        engine.run(&Control::unattended());
+        };
+        Connected::new(experiment, clock, Box::new(recorder))
+            .watched(Some(Box::new(before)), Some(Box::new(after)))
+            .run(&Control::unattended());
     });
     while !done.load(Ordering::Acquire) {
         if thread.is_finished() {

@@ -135,7 +135,7 @@ impl Row {
             })
             .collect();
         let start = columns.len();
-        let kept = super::checks::kept_limits(side, ports_given);
+        let kept = super::test_limits::kept_limits(side, ports_given);
         for quantity in &kept {
             columns.push(Column {
                 name: quantity.key().into(),
@@ -230,7 +230,7 @@ impl Row {
         }
         if let Some(slots) = self.values.get_mut(self.checks.clone()) {
             for (to, quantity) in slots.iter_mut().zip(&self.kept) {
-                *to = super::checks::value(*quantity, side, ports);
+                *to = super::test_limits::value(*quantity, side, ports);
             }
         }
     }

@@ -165,16 +165,16 @@ const MOST_ASKED: usize = 16;
 
 /// What the operator has said and is not heard yet: one word a tick. Only an end is heard before its turn, by whoever waits.
 #[derive(Debug)]
-pub(super) struct Asked(VecDeque<Operator>);
+pub(super) struct Requests(VecDeque<Operator>);
 
-impl Default for Asked {
+impl Default for Requests {
     /// With all the room that it will ever need.
     fn default() -> Self {
         Self(VecDeque::with_capacity(MOST_ASKED))
     }
 }
 
-impl Asked {
+impl Requests {
     /// The next word stays where it is. Real-time: yes.
     pub fn next(&mut self, control: &Control) -> Option<Operator> {
         if self.0.is_empty()

@@ -1,14 +1,10 @@
-//! The boundary of the loop's thread: no panic of ours leaves a specimen without its last words.
+//! Runs a test on the loop's thread.
 //!
-//! What it does not do: decide what a panic means for the exit code, or write anything.
-
-use std::any::Any;
-use std::panic::{AssertUnwindSafe, catch_unwind};
+//! The life cycle of the engine catches a panic and retires every specimen. What it means for the exit code is decided elsewhere.
 
 use super::connect::Unconnected;
-use crate::engine::{Control, Ending, Engine, Outcome, Stop};
+use crate::engine::{Connected, Control, Outcome};
 use crate::rt::os;
-use crate::substructure::Retirement;
 
 /// How the loop's thread ended.
 pub(super) struct Ended {
@@ -34,43 +30,18 @@ impl Ended {
     }
 }
 
-/// Whatever happens in the loop, the specimens are retired: a panic is caught here and named.
-pub(super) fn run_retired(engine: &mut Engine, control: &Control, real: bool) -> Ended {
+/// Runs a test to its end; `real`: on the real clock.
+pub(super) fn run_to_the_end(test: Connected, control: &Control, real: bool) -> Ended {
     let began = os::monotonic_ns();
-    let result = catch_unwind(AssertUnwindSafe(|| engine.run(control)));
+    let retired = test.run(control);
     let since = os::monotonic_ns().saturating_sub(began);
-    match result {
-        Ok(outcome) => Ended {
-            // From the first edge; the simulated clock does not know how long it took.
-            wall_ns: if real { outcome.wall_ns } else { since },
-            outcome: Some(outcome),
-            fault: None,
-            unconnected: None,
-        },
-        Err(panic) => {
-            let mut fault = panic_text(panic.as_ref());
-            // Ends: each call takes at least one specimen off the list, whose goodbye may panic too.
-            while let Err(again) =
-                catch_unwind(AssertUnwindSafe(|| engine.retire(Retirement::Tripped)))
-            {
-                let text = panic_text(again.as_ref());
-                fault.push_str(&format!("; retiring a specimen failed too: {text}"));
-            }
-            let close = || engine.conclude(Ending::Stopped(Stop::Internal));
-            Ended {
-                outcome: catch_unwind(AssertUnwindSafe(close)).ok(),
-                fault: Some(fault),
-                unconnected: None,
-                wall_ns: since,
-            }
-        }
+    // From the first edge; the simulated clock does not know how long it took.
+    let from_first_edge = retired.outcome.as_ref().map(|outcome| outcome.wall_ns);
+    let is_timed = real && retired.fault.is_none();
+    Ended {
+        wall_ns: from_first_edge.filter(|_| is_timed).unwrap_or(since),
+        outcome: retired.outcome,
+        fault: retired.fault,
+        unconnected: None,
     }
-}
-
-fn panic_text(panic: &(dyn Any + Send)) -> String {
-    panic
-        .downcast_ref::<&str>()
-        .map(|text| (*text).to_owned())
-        .or_else(|| panic.downcast_ref::<String>().cloned())
-        .unwrap_or_else(|| "without a message".to_owned())
 }

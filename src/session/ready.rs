@@ -3,12 +3,12 @@
 use std::sync::mpsc::{self, SyncSender};
 use std::thread::JoinHandle;
 
-use super::guarded::{Ended, run_retired};
+use super::guarded::{Ended, run_to_the_end};
 use super::sampling::spawn_sampler;
 use super::{SessionError, Watches, archive};
 use crate::catalog::event::{Remark, Severity};
 use crate::config::ClockChoice;
-use crate::engine::{Control, Engine, Experiment};
+use crate::engine::{Connected, Control, Experiment};
 use crate::record::writer::Clocks;
 use crate::record::{
     Event, Layout, Note, RingSize, RunFolder, WhenFull, Writer, WriterSettings, ring,
@@ -72,11 +72,9 @@ pub(super) fn prepare(
                 Some(granted) => Box::new(granted.clock()),
                 None => Box::new(SimClock::new()),
             };
-            let mut engine = Engine::new(experiment, clock, Box::new(recorder));
-            engine.phase_cell = control.phase.clone();
-            engine.before_first_tick = before_first_tick;
-            engine.after_last_tick = after_last_tick;
-            let _ = done_in.send(run_retired(&mut engine, &control, granted.is_some()));
+            let test = Connected::new(experiment, clock, Box::new(recorder))
+                .watched(before_first_tick, after_last_tick);
+            let _ = done_in.send(run_to_the_end(test, &control, granted.is_some()));
         })
         .map_err(SessionError::Thread)?;
     let Ok((granted, thread_id)) = answered.recv() else {

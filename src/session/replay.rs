@@ -16,7 +16,7 @@ use super::recorded::{Replaced, put_recorded};
 use super::replay_error::ReplayError;
 use super::retrace::{prepared, same_columns};
 use super::tape::{Comparing, Difference, Recording, Tape, with};
-use crate::engine::{Control, Ending, Engine, Experiment, Outcome};
+use crate::engine::{Connected, Control, Ending, Experiment, Outcome};
 use crate::record::{End, Layout, MissingEnd, Run};
 
 /// What a replay came to.
@@ -131,8 +131,8 @@ fn follow(
     put_recorded(&mut experiment, &tape, layout, Replaced::All);
     let compared = layout.columns().iter().filter(|c| !c.timing).count();
     let recorder = Box::new(Comparing(Arc::clone(&tape)));
-    let mut engine = Engine::for_a_replay(experiment, recorder);
-    let outcome = engine.run(&Control::from(requests));
+    let test = Connected::for_a_replay(experiment, recorder);
+    let outcome = test.run(&Control::from(requests)).into_outcome();
     let (found, ran_out) = with(&tape, |tape| {
         let left = !tape.is_over() && tape.difference.is_none();
         let short = match (tape.end(), &outcome.ending) {

@@ -15,7 +15,9 @@ use super::row_peaks::earlier_peaks;
 use super::tape::{Comparing, Recording, Tape, Verified, with};
 use crate::config::{self, ConfigError, Loaded};
 use crate::control::Port;
-use crate::engine::{Control, Ending, Engine, Experiment, Resumption, Side};
+use crate::engine::{
+    Connected, Control, Ending, Experiment, Resumption, Retraced as Followed, Side,
+};
 use crate::record::{Column, Run};
 use crate::setup::{self, Prepared};
 
@@ -171,10 +173,10 @@ fn follow(
     let tape = Arc::new(Mutex::new(tape));
     put_recorded(&mut experiment, &tape, run.layout(), replaced);
     let recorder = Box::new(Comparing(Arc::clone(&tape)));
-    let mut engine = Engine::for_a_replay(experiment, recorder);
-    let ending = engine.retrace(&Control::from(requests));
+    let test = Connected::for_a_replay(experiment, recorder);
+    let Followed { ending, state } = test.retrace(&Control::from(requests));
     let completed = ending == Ending::Completed;
-    let state = if completed { None } else { engine.stand_by() };
+    let state = state.filter(|_| !completed);
     Ok(with(&tape, |tape| {
         let damage = tape.end().filter(|end| {
             use crate::record::End::{Clean, Torn};

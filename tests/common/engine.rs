@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
-use gusset::engine::{Control, Engine, Experiment, Outcome, Phase};
+use gusset::engine::{Connected, Control, Experiment, Outcome, Phase};
 use gusset::record::{Column, MemoryRecorder, Recorder, TimedEvent};
 use gusset::setup::{Facts, Prepared};
 use gusset::time::{Clock, SimClock};
@@ -87,9 +87,9 @@ pub fn run_on(experiment: Experiment, clock: impl Clock + 'static) -> Run {
 /// Runs an experiment with an operator.
 pub fn run_under(experiment: Experiment, clock: impl Clock + 'static, control: &Control) -> Run {
     let tape = Tape::with_columns(experiment.columns().len());
-    let mut engine = Engine::new(experiment, Box::new(clock), Box::new(tape.clone()));
-    let outcome = engine.run(control);
-    let columns = engine.columns().to_vec();
+    let test = Connected::new(experiment, Box::new(clock), Box::new(tape.clone()));
+    let columns = test.columns().to_vec();
+    let outcome = test.run(control).into_outcome();
     let tape = tape.0.lock().unwrap();
     Run {
         columns,

@@ -1,13 +1,12 @@
 //! One test in the virtual laboratory: the real loop, link, codecs, far end, records and replay, on simulated time.
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
 use crossbeam_channel::{Receiver, Sender};
 use gusset::config::Loaded;
 use gusset::config::fault_script::Script;
-use gusset::engine::{Control, Engine, Notice, Operator, Outcome, Phase};
+use gusset::engine::{Connected, Control, Notice, Operator, Outcome, Phase, Stopped};
 use gusset::link::fault::StallingClock;
 use gusset::link::serve::{Host, Simulated, Tap, Tapped};
 use gusset::link::{NativeSetup, Transport};
@@ -233,17 +232,27 @@ pub fn perform(prepared: Prepared, wires: Wires<'_>, extra: Extra<'_>) -> Result
     let image = FolderImage::new(layout.columns().len(), prepared.facts.specimens.clone());
     let shared = Shared(Arc::new(Mutex::new((image, Vec::new()))));
     let recorder = Box::new(shared.clone());
-    let mut engine = Engine::new(experiment, Box::new(lab_clock), recorder);
+    let test = Connected::new(experiment, Box::new(lab_clock), recorder);
     let control = Control {
         notices,
         ..Control::from(requests)
     };
-    let outcome = match catch_unwind(AssertUnwindSafe(|| engine.run(&control))) {
-        Ok(outcome) => Some(outcome),
-        Err(thrown) if thrown.is::<Killed>() => None,
-        Err(_) => return Err("the loop panicked".to_owned()),
+    let is_killed = || {
+        let looks = looks.load(Ordering::Relaxed);
+        extra.killed_at.is_some_and(|at| looks > at)
     };
-    drop(engine);
+    let stopped = match test.start(&control) {
+        Ok(ready) => ready.run(),
+        Err(stopped) => *stopped,
+    };
+    // A killed process moves nothing more, and says no goodbye.
+    let stopped = (!is_killed()).then(|| stopped.shut_down());
+    let retired = stopped.filter(|_| !is_killed()).map(Stopped::retire);
+    let outcome = match retired {
+        Some(retired) if retired.fault.is_none() => retired.outcome,
+        Some(_) => return Err("the loop panicked".to_owned()),
+        None => None,
+    };
     let mut both = shared.0.lock().unwrap();
     let taps = wires.taps.unwrap_or_default();
     Ok(Recorded {

@@ -39,7 +39,7 @@ use crate::catalog::limit::Limit;
 use crate::config::{CapacityTable, ConfigError, Loaded, MatrixValue, SpecimenTable};
 use crate::control::Poses;
 use crate::control::limits::{AxisLimits, Range};
-use crate::engine::{Control, Ending, Engine, Experiment, Outcome};
+use crate::engine::{Connected, Control, Ending, Experiment, Outcome};
 use crate::record::Recorder;
 use crate::rt::os;
 use crate::setup;
@@ -281,12 +281,14 @@ fn staged_with(
         }
     });
     experiment.ports = ports.collect();
-    let mut engine = Engine::new(experiment, Box::new(SimClock::new()), recorder);
-    let outcome = engine.run(control);
+    let test = Connected::new(experiment, Box::new(SimClock::new()), recorder);
+    let mut retired = test.run(control);
+    let poses = std::mem::take(&mut retired.poses);
     let taken = |book: &Arc<Mutex<Vec<AxisNeed>>>| {
         std::mem::take(&mut *book.lock().unwrap_or_else(PoisonError::into_inner))
     };
-    (outcome, books.iter().map(taken).collect(), engine.poses())
+    let needs = books.iter().map(taken).collect();
+    (retired.into_outcome(), needs, poses)
 }
 
 /// Ticks that an experiment makes from its warm-up to its last step, if nothing stops it.

@@ -1,14 +1,9 @@
 //! Limits of the test as a whole: what belongs to no specimen alone.
 
 use super::numerical::Side;
-use super::telling::limit_event;
-use super::test_hit::TestHit;
-use super::tick::Tick;
-use super::{Engine, Stop};
 use crate::catalog::limit::{AXIS_LIMITS, Judges, LIMITS, Limit};
 use crate::control::Port;
-use crate::control::limits::{Bound, Level};
-use crate::record::LimitReached;
+use crate::control::limits::Bound;
 
 /// Limits of the test that are judged at every step, in the order of their columns.
 const OF_STEPS: [Limit; 4] = Limit::judging(&[Judges::Step]);
@@ -78,7 +73,7 @@ pub(super) fn value(limit: Limit, side: &Side, ports: &[Port]) -> f64 {
 }
 
 /// Specimen and axis, from 0, with the largest part of the value, where it is a sum or a maximum over them.
-fn worst(limit: Limit, ports: &[Port]) -> Option<(usize, usize)> {
+pub(super) fn worst(limit: Limit, ports: &[Port]) -> Option<(usize, usize)> {
     let mut worst: Option<(f64, usize, usize)> = None;
     let mut note = |port: usize, shares: &mut dyn Iterator<Item = f64>| {
         for (axis, share) in shares.enumerate() {
@@ -138,124 +133,10 @@ impl TestLimits {
     }
 }
 
-impl Engine {
-    /// Judges the test as a whole: all of it, and the first that trips ends it. Real-time: yes.
-    #[inline]
-    pub(super) fn judge_test(&mut self, tick: &Tick) -> Result<(), Stop> {
-        let mut result = Ok(());
-        let mut place = 0;
-        while let Some((quantity, in_row)) = self.row.kept_at(place) {
-            place += 1;
-            // What cannot be estimated is no finding; a step that leaves no number is one.
-            let is_estimate = matches!(quantity, Limit::StabilityUsed | Limit::DelayUsed);
-            let bound = self.limits.test.of_test(quantity);
-            // Estimates are made of measurements only: nothing has changed since the row. The others know of the step.
-            let value = if is_estimate {
-                in_row
-            } else {
-                value(quantity, &self.side, &self.ports)
-            };
-            let judged = if value.is_nan() && is_estimate {
-                None
-            } else {
-                bound.judge(value)
-            };
-            result = result.and(self.heed(tick, quantity, value, judged));
-        }
-        result
-    }
-
-    /// Judges a miss that was just counted, except for [`Engine::misses_beyond`]. Real-time: yes.
-    pub(super) fn judge_misses(&mut self, tick: &Tick) -> Result<(), Stop> {
-        let mut result = Ok(());
-        for (limit, found) in [
-            (Limit::MissesInARow, self.misses_in_a_row),
-            (Limit::MissesInWindow, self.row.lateness.in_window),
-            (Limit::Misses, self.misses),
-        ] {
-            let mut bound = self.limits.test.of_test(limit);
-            if limit != Limit::MissesInWindow {
-                bound.trip = f64::INFINITY;
-            }
-            let value = found as f64;
-            result = result.and(self.heed(tick, limit, value, bound.judge(value)));
-        }
-        result
-    }
-
-    /// More misses in a row or in total than allowed: the limit, how many, and how many are allowed. Real-time: yes.
-    pub(super) fn misses_beyond(&self) -> Option<(Limit, f64, f64)> {
-        [
-            (Limit::MissesInARow, self.misses_in_a_row),
-            (Limit::Misses, self.misses),
-        ]
-        .map(|(limit, found)| (limit, found as f64, self.limits.test.of_test(limit).trip))
-        .into_iter()
-        .find(|(_, found, most)| found > most)
-    }
-
-    /// A warning is told when its level is crossed, a trip ends the test. Real-time: yes.
-    #[inline]
-    fn heed(
-        &mut self,
-        tick: &Tick,
-        quantity: Limit,
-        value: f64,
-        judged: Option<(Level, f64)>,
-    ) -> Result<(), Stop> {
-        match judged {
-            None => {
-                self.test_warned &= !quantity.bit();
-                Ok(())
-            }
-            Some(beyond) => self.heed_hit(tick, quantity, value, beyond),
-        }
-    }
-
-    #[cold]
-    fn heed_hit(
-        &mut self,
-        tick: &Tick,
-        quantity: Limit,
-        value: f64,
-        (level, bound): (Level, f64),
-    ) -> Result<(), Stop> {
-        let bit = quantity.bit();
-        let trip = level == Level::Trip;
-        let worst = worst(quantity, &self.ports);
-        if trip || self.test_warned & bit == 0 {
-            self.test_warned |= bit;
-            self.report(
-                tick,
-                limit_event(
-                    trip,
-                    LimitReached {
-                        port: worst.map(|(port, _)| port as u32),
-                        axis: worst.map(|(_, axis)| axis as u32),
-                        limit: quantity.key().into(),
-                        value,
-                        bound,
-                    },
-                ),
-            );
-        }
-        if trip {
-            Err(Stop::TestLimit(TestHit {
-                quantity,
-                value,
-                bound,
-                worst,
-                in_warm_up: false,
-            }))
-        } else {
-            Ok(())
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::limits::Level;
 
     #[test]
     fn each_limit_of_the_test_has_its_own_level_and_is_passed_only_beyond_it() {

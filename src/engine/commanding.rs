@@ -1,0 +1,62 @@
+//! Numbers and rules of the exchanges with the specimens.
+
+use crate::control::Port;
+
+/// When specimens that can take their time are commanded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Commanding {
+    /// At every tick, as all others: before and after the test.
+    EveryTick,
+    /// Once a step: in the test.
+    EveryStep,
+}
+
+/// Whether recordings in place of specimens have replies to the exchanges.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Recordings {
+    Reply,
+    /// They lack the rows of the warm-up.
+    AreSilent,
+}
+
+/// Numbers and rules of the exchanges.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Exchanges {
+    sequence: u64,
+    pub commanding: Commanding,
+    pub recordings: Recordings,
+}
+
+impl Exchanges {
+    /// The first exchange is number 0.
+    pub const fn new() -> Self {
+        Self {
+            sequence: 0,
+            commanding: Commanding::EveryTick,
+            recordings: Recordings::Reply,
+        }
+    }
+
+    /// Number of the next exchange. Real-time: yes.
+    #[inline]
+    pub const fn sequence(&self) -> u64 {
+        self.sequence
+    }
+
+    /// An interrupted test goes on at this number.
+    pub const fn go_on_at(&mut self, sequence: u64) {
+        self.sequence = sequence;
+    }
+
+    /// The exchange is accepted. Real-time: yes.
+    #[inline]
+    pub const fn count(&mut self) {
+        self.sequence += 1;
+    }
+
+    /// True if a specimen is commanded once a step now. Real-time: yes.
+    #[inline]
+    pub fn is_by_steps(&self, port: &Port) -> bool {
+        self.commanding == Commanding::EveryStep && port.is_per_step()
+    }
+}

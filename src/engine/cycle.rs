@@ -1,0 +1,239 @@
+//! The tick loop.
+//!
+//! Every tick of a test goes through [`Engine::perform`]: wait for the edge, exchange, judge, record, hand over. A
+//! [`Maneuver`] says what differs: the next command, the reaction to what was measured, and when it is complete. Each command is
+//! judged before its tick begins, so that nothing but the send stands between the edge and the wire. A stop leaves the loop at
+//! once, and the commands that stand ready do not leave.
+//! Everything here is on the real-time path: no allocation, no lock, no system call but the clock's and the links', no panic.
+
+use super::commanding::Exchanges;
+use super::deadlines::Deadlines;
+use super::end_positions::Ends;
+use super::environment::Environment;
+use super::numerical::Side;
+use super::operator::OperatorCommands;
+use super::order::{Kind, Order};
+use super::phase::Phase;
+use super::step_progress::StepProgress;
+use super::test_judge::TestJudge;
+use super::{Peaks, Plan, Settling, Stop};
+use crate::control::Port;
+use crate::record::{Event, LimitReached, ON_MISS, WarmUpRows};
+use crate::rt::timing::TickStamps;
+
+/// A motion, or a rest, of all specimens: what differs from tick to tick of the loop.
+pub(super) trait Maneuver {
+    /// The next tick, whose command stands ready and was judged; none when the maneuver is complete.
+    ///
+    /// # Errors
+    /// The test ends.
+    fn next(&mut self, engine: &mut Engine<'_>) -> Result<Option<Order>, Stop>;
+
+    /// What follows from the measurements, before the row is made.
+    ///
+    /// # Errors
+    /// The test ends. The tick has no row.
+    fn measured(
+        &mut self,
+        _: &mut Engine<'_>,
+        _: &mut Order,
+        _: &mut TickStamps,
+    ) -> Result<(), Stop> {
+        Ok(())
+    }
+
+    /// What follows from the measurements, after the row is made.
+    ///
+    /// # Errors
+    /// The test ends.
+    fn recorded(
+        &mut self,
+        engine: &mut Engine<'_>,
+        order: &Order,
+        stamps: &mut TickStamps,
+    ) -> Result<(), Stop>;
+}
+
+/// The running engine: a test with its ports, borrowed from the life cycle that owns them.
+pub(super) struct Engine<'a> {
+    pub plan: &'a Plan,
+    pub ports: &'a mut [Port],
+    pub side: &'a mut Side,
+    /// The static load that is still to be applied.
+    pub settling: &'a mut Option<Settling>,
+    pub peaks: &'a mut Peaks,
+    pub progress: &'a mut StepProgress,
+    pub exchanges: &'a mut Exchanges,
+    pub judge: &'a mut TestJudge,
+    pub environment: &'a mut Environment,
+    pub ends: &'a mut Ends,
+}
+
+impl Engine<'_> {
+    /// Performs a maneuver, tick by tick: the only tick loop. Real-time: yes.
+    ///
+    /// # Errors
+    /// What ends the test before the maneuver is complete.
+    #[inline]
+    pub fn perform(&mut self, maneuver: &mut impl Maneuver) -> Result<(), Stop> {
+        while let Some(mut order) = maneuver.next(self)? {
+            let mut stamps = TickStamps::default();
+            let skipped = self.wait_for_edge(&order, &mut stamps)?;
+            self.exchange(&order, &mut stamps)?;
+            maneuver.measured(self, &mut order, &mut stamps)?;
+            self.record(&order, &stamps);
+            maneuver.recorded(self, &order, &mut stamps)?;
+            self.hand_over(&order, stamps, skipped)?;
+        }
+        Ok(())
+    }
+
+    /// Waits for the edge of a tick and hears the operator. Returns the ticks by which the grid was moved.
+    #[inline]
+    fn wait_for_edge(&mut self, order: &Order, stamps: &mut TickStamps) -> Result<u64, Stop> {
+        self.environment.wait_for_edge(order.is_still(), stamps)?;
+        if order.kind == Kind::Test {
+            return Ok(self.environment.stretch_after_wakeup(stamps));
+        }
+        self.environment.skip_late_edges(stamps);
+        Ok(0)
+    }
+
+    /// Makes the row of a tick and hands it to the recorder; a lost row is an event and a count, never a wait.
+    #[inline]
+    fn record(&mut self, order: &Order, stamps: &TickStamps) {
+        let place = &order.place;
+        match order.kind {
+            Kind::WarmUp(WarmUpRows::Never) => return,
+            // The maneuver has filled it.
+            Kind::Test => self.environment.journal.drop_warm_up(),
+            Kind::Hold => self.fill_row_between(order, Phase::Holding),
+            Kind::WarmUp(_) => self.fill_row_between(order, Phase::Armed),
+            Kind::Beside(phase) => {
+                for port in &mut *self.ports {
+                    port.look_at_pose();
+                }
+                let row = &mut self.environment.journal.row;
+                row.exchange(place, phase, self.side, self.ports);
+                row.outputs(self.side);
+            }
+        }
+        self.time_row(stamps);
+        if order.kind == Kind::WarmUp(WarmUpRows::IfTheyMatter) {
+            self.environment.journal.hold_row_back();
+        } else if !self.environment.journal.keep_row() && order.kind == Kind::Test {
+            self.environment.report(place, Event::RowLost);
+        }
+    }
+
+    fn fill_row_between(&mut self, order: &Order, phase: Phase) {
+        let row = &mut self.environment.journal.row;
+        row.between(&order.place, phase.code(), self.side, self.ports);
+    }
+
+    /// The columns of the row that depend on wall time. Real-time: yes.
+    #[inline]
+    pub fn time_row(&mut self, stamps: &TickStamps) {
+        let pace = &self.environment.pace;
+        let (first_edge, stretched) = (pace.first_edge(), pace.stretched());
+        let row = &mut self.environment.journal.row;
+        row.timing(stamps, first_edge, stretched);
+    }
+
+    /// Ends a tick. In the test a deadline miss is counted, judged and answered by the policy.
+    #[inline]
+    fn hand_over(&mut self, order: &Order, stamps: TickStamps, skipped: u64) -> Result<(), Stop> {
+        if order.kind != Kind::Test {
+            return Ok(());
+        }
+        let Environment {
+            pace,
+            deadlines,
+            journal,
+            ..
+        } = &mut *self.environment;
+        match deadlines.close(pace, &mut journal.row, stamps, skipped) {
+            None => Ok(()),
+            Some(missed) => self.heed_miss(order, &missed),
+        }
+    }
+
+    #[cold]
+    fn heed_miss(&mut self, order: &Order, missed: &super::deadlines::Missed) -> Result<(), Stop> {
+        let tick = &order.tick;
+        let late_ns = missed.late_ns;
+        self.environment.report(
+            tick,
+            Event::Miss {
+                class: missed.cause,
+                late_ns,
+                stretched: missed.stretched,
+                evidence: None,
+            },
+        );
+        self.judge
+            .judge_misses(tick, self.ports, self.environment)?;
+        let pace = &self.environment.pace;
+        let (in_a_row, total) = (
+            self.environment.deadlines.in_a_row(),
+            self.environment.deadlines.total(),
+        );
+        let beyond = if Deadlines::ends_the_test(missed, pace.on_miss()) {
+            let seconds = |ns: u64| super::columns::number(ns) * 1e-9;
+            Some((ON_MISS, seconds(late_ns), seconds(pace.period_ns())))
+        } else {
+            let beyond = self.judge.misses_beyond(in_a_row, total);
+            beyond.map(|(limit, found, most)| (limit.key(), found, most))
+        };
+        let Some((limit, value, bound)) = beyond else {
+            return Ok(());
+        };
+        self.environment.report(
+            tick,
+            Event::LimitTrip(LimitReached {
+                port: None,
+                axis: None,
+                limit: limit.into(),
+                value,
+                bound,
+            }),
+        );
+        Err(Stop::Late {
+            total,
+            in_a_row,
+            late_ns,
+        })
+    }
+
+    /// Keeps the row of a step that ends the test: its measurements, without velocities and accelerations.
+    #[cold]
+    pub fn keep_last_row(&mut self, stamps: &TickStamps) {
+        self.environment.journal.row.no_outputs();
+        self.time_row(stamps);
+        self.environment.journal.keep_row();
+    }
+
+    /// The displacement of a step whose target was reached: what was only aimed at never was. Real-time: yes.
+    #[inline]
+    pub fn note_reached(&mut self) {
+        if let Side::Structure(numerical) = &*self.side {
+            self.peaks.note_disp(&numerical.state.disp);
+        }
+    }
+
+    /// Commands of a stop that ended the wait for a reply stand in the row. Real-time: yes.
+    pub fn mark_stop_in_wait(&mut self) {
+        let row = &mut self.environment.journal.row;
+        row.commands.add(OperatorCommands::STOP_IN_WAIT);
+    }
+
+    /// Test time of one tick that moves the specimens beside the test, in s.
+    pub fn tick_passes(&self) -> f64 {
+        self.plan.dt / self.progress.pacer().ticks_per_step()
+    }
+
+    /// A tick in which the last commands leave again: nothing moves, everything is read.
+    pub fn still(&self, phase: Phase) -> Order {
+        Order::still(self.environment.place.at_rest(0.0), phase)
+    }
+}

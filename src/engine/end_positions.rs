@@ -1,0 +1,90 @@
+//! Where the specimens of a test are left.
+
+use super::phase::Phase;
+use super::stop::{Ending, Stop};
+use crate::control::Astray;
+
+/// Where a specimen was left.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Left {
+    /// At its last command: nothing else is asked for, or too little was known of it to move it.
+    Stayed,
+    /// Where the test file wants it.
+    Reached,
+    /// Somewhere else, although the test file wants it moved; and why, where it was not something else that ended its way.
+    NotReached(Option<Astray>),
+    /// Its link is lost: wherever its own end holds or leaves it.
+    Lost,
+}
+
+impl Left {
+    /// As the files spell it.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Left::Stayed => "stayed",
+            Left::Reached => "reached",
+            Left::NotReached(_) => "not_reached",
+            Left::Lost => "lost",
+        }
+    }
+}
+
+/// A shutdown that did not complete.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Unfinished {
+    /// What stopped it.
+    pub stop: Stop,
+    /// How the test had ended before.
+    pub after: Ending,
+}
+
+/// How the specimens of a test ended.
+#[derive(Debug, Clone)]
+pub(super) struct Ends {
+    /// Where each specimen was left.
+    pub left: Vec<Left>,
+    /// Specimens that did not answer the last message.
+    pub unheard: Vec<usize>,
+    /// Specimens that were still getting ready when the operator ended the test.
+    pub unarmed: Vec<usize>,
+    /// What stopped the shutdown.
+    pub unfinished: Option<Unfinished>,
+    /// How the test ended whose shutdown is performed.
+    after: Option<Ending>,
+}
+
+impl Ends {
+    /// Every specimen stays where it is.
+    pub fn new(ports: usize) -> Self {
+        Self {
+            left: vec![Left::Stayed; ports],
+            unheard: Vec::new(),
+            unarmed: Vec::new(),
+            unfinished: None,
+            after: None,
+        }
+    }
+
+    /// The shutdown of a test that ended so begins.
+    pub fn begin(&mut self, after: Ending) {
+        self.after = Some(after);
+    }
+
+    /// True if the operator ended the test.
+    pub fn is_after_operator(&self) -> bool {
+        self.after == Some(Ending::Stopped(Stop::Operator))
+    }
+
+    /// True if what trips in this phase does so in the shutdown that the operator asked for. Real-time: yes.
+    pub fn is_operators(&self, phase: Phase) -> bool {
+        phase == Phase::Leaving && self.is_after_operator()
+    }
+
+    /// The link of a specimen is lost.
+    pub fn mark_lost(&mut self, port: usize) {
+        if let Some(left) = self.left.get_mut(port) {
+            *left = Left::Lost;
+        }
+    }
+}

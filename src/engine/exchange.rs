@@ -1,0 +1,642 @@
+//! One exchange with all specimens: commands leave, measurements come in and are judged.
+//!
+//! Commands are issued to all before any reply is collected, so that several links cost one round trip. What stops the test does
+//! not stop the exchange: a specimen that owes a reply is still heard, or it could not be commanded during the shutdown. The
+//! first stop counts. Everything here is on the real-time path.
+
+use super::commanding::{Commanding, Recordings};
+use super::cycle::Engine;
+use super::numerical::{Side, aim_along};
+use super::order::{Order, Sends};
+use super::phase::Phase;
+use super::test_judge::limit_event;
+use super::tick::Tick;
+use super::{Limits, Stop};
+use crate::catalog::phase::NOT_AWAITED;
+use crate::control::limits::{Found, Hit, Level};
+use crate::control::{OnStale, Port};
+use crate::record::{Event, LimitReached};
+use crate::rt::timing::TickStamps;
+use crate::substructure::{Coupling, Freshness, Holder, LISTEN_NS, LinkFault, Status};
+use crate::time::Nanos;
+
+/// Sends its target to a specimen that is commanded once a step, as soon as it is known; else there is nothing to send. In a hold
+/// (`holds`) nothing moves: it is sent afterwards. Real-time: yes.
+fn send_target(
+    port: &mut Port,
+    sequence: u64,
+    step: u64,
+    dt: f64,
+    holds: bool,
+) -> Result<(), LinkFault> {
+    if port.wants_to_be_told() && !holds {
+        let passed = if step == 0 { 0.0 } else { dt };
+        return port.tell(sequence, step as f64 * dt, passed);
+    }
+    port.skip_command();
+    Ok(())
+}
+
+/// False if the reply of a specimen that is commanded once a step is not here, or not owed. Real-time: yes.
+fn has_reply(
+    port: &mut Port,
+    now: Nanos,
+    patience_ns: u64,
+    simulated: bool,
+) -> Result<bool, LinkFault> {
+    if !port.is_asked() {
+        port.attend()?;
+        return Ok(false);
+    }
+    // A socket has a wall clock of its own: under the simulated clock it is waited for.
+    if (simulated && port.is_remote()) || port.is_answered(0)? {
+        return Ok(true);
+    }
+    let asked_at = port.partner.asked_at.get_or_insert(now);
+    if now.since(*asked_at) > patience_ns {
+        return Err(LinkFault::Timeout);
+    }
+    Ok(false)
+}
+
+/// The stop that the specimen itself reports.
+fn reported_stop(port: usize, status: Status) -> Option<Stop> {
+    if status.has(Status::INTERLOCK) {
+        Some(Stop::Interlock { port })
+    } else if status.has(Status::SATURATED) {
+        Some(Stop::Saturated { port })
+    } else {
+        None
+    }
+}
+
+/// What is done with stale data of a specimen, and how many in a row are accepted. Real-time: yes.
+fn stale_rules(port: &Port, limits: &Limits) -> (OnStale, u64) {
+    match port.wait {
+        Some(own) => (own.on_stale, own.stale_in_a_row),
+        None if limits.extrapolate_stale => (OnStale::Extrapolate, limits.stale_in_a_row),
+        None => (OnStale::Hold, limits.stale_in_a_row),
+    }
+}
+
+impl Engine<'_> {
+    /// The exchange of a tick: commands out, measurements in and judged. Real-time: yes.
+    ///
+    /// # Errors
+    /// The first stop, whose row is kept.
+    #[inline]
+    pub fn exchange(&mut self, order: &Order, stamps: &mut TickStamps) -> Result<(), Stop> {
+        let tick = &order.tick;
+        self.environment.place.exchanged(tick);
+        self.environment.journal.command_left();
+        self.ports.iter_mut().for_each(Port::begin_tick);
+        let issued = self.issue(order);
+        stamps.sent = self.environment.pace.read();
+        stamps.decoded = stamps.sent;
+        let result = self.collect_all(tick, stamps, issued);
+        if self.exchanges.commanding == Commanding::EveryStep {
+            self.ports.iter_mut().for_each(Port::note_peak);
+        } else if self.environment.supervision.phase().is_on_the_way_in() {
+            let ports = self.ports.iter_mut();
+            ports.for_each(Port::note_force_on_the_way_in);
+        }
+        if let Err(stop) = &result {
+            self.record_trip(tick, stamps, stop);
+        }
+        result
+    }
+
+    #[inline]
+    fn issue(&mut self, order: &Order) -> Result<(), Stop> {
+        let (tick, steps) = (&order.tick, self.plan.steps);
+        let held = self.environment.supervision.is_held();
+        let is_held = held || !self.progress.is_at_the_end(steps);
+        let holds = is_held && self.progress.pacer().stands() && tick.sub_tick > 0;
+        let sequence = self.exchanges.sequence();
+        let (step, dt) = (self.progress.step(), self.plan.dt);
+        for (index, port) in self.ports.iter_mut().enumerate() {
+            if port.partner.owes_the_last {
+                port.skip_command();
+            } else if !port.partner.lost {
+                let left = if self.exchanges.is_by_steps(port) {
+                    send_target(port, sequence, step, dt, holds)
+                } else {
+                    match order.sends {
+                        Sends::Next => port.issue(sequence, tick.time, tick.dt),
+                        Sends::Last => port.repeat(sequence, tick.time),
+                    }
+                };
+                left.map_err(|fault| Stop::Link { port: index, fault })?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Collects and judges what every specimen replies. Only the operator's stop ends a wait, and with it all of them.
+    #[inline]
+    fn collect_all(
+        &mut self,
+        tick: &Tick,
+        stamps: &mut TickStamps,
+        mut result: Result<(), Stop>,
+    ) -> Result<(), Stop> {
+        let mut waits = true;
+        for index in 0..self.ports.len() {
+            let Some(port) = self.ports.get(index) else {
+                break;
+            };
+            if !port.is_heard() || (result.is_err() && !port.owes()) {
+                continue;
+            }
+            if let Err(stop) = self.collect_from(index, tick, stamps, waits) {
+                let was_heard = !waits && stop == Stop::Operator;
+                waits &= stop != Stop::Operator;
+                if result.is_ok() {
+                    result = Err(stop);
+                } else if !was_heard {
+                    self.stops_too(&stop);
+                }
+            }
+        }
+        result
+    }
+
+    /// A second specimen ends a test that ends already: it is reported, and the shutdown knows of it. Real-time: yes.
+    #[cold]
+    pub fn stops_too(&mut self, stop: &Stop) {
+        // A limit that trips was reported where it was judged.
+        self.environment.report_stop(stop);
+        self.exclude(stop);
+        if let Stop::Link { port, .. } = stop
+            && let Some(port) = self.ports.get_mut(*port)
+        {
+            port.note_loss();
+        }
+    }
+
+    /// The specimen of a stop is not commanded during the shutdown: nobody knows whether it follows, or what it feels. Real-time:
+    /// yes.
+    pub fn exclude(&mut self, stop: &Stop) {
+        match stop {
+            Stop::Link { port, .. }
+            | Stop::Interlock { port }
+            | Stop::Saturated { port }
+            | Stop::HoldsOn { port, .. }
+            | Stop::Stale { port, .. } => {
+                if let Some(port) = self.ports.get_mut(*port) {
+                    port.partner.lost = true;
+                    port.partner.gone |= matches!(stop, Stop::Link { .. });
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// Collects and judges the reply of one specimen, if it is here. It is waited for only if the exchange `waits`, and if the
+    /// specimen does not take several ticks for it. Real-time: yes.
+    #[inline]
+    pub fn collect_from(
+        &mut self,
+        index: usize,
+        tick: &Tick,
+        stamps: &mut TickStamps,
+        waits: bool,
+    ) -> Result<(), Stop> {
+        let known = self.newest_of(index);
+        let result = self.take_from(index, tick, stamps, waits);
+        if self.newest_of(index) > known + 1 {
+            self.report_recovered(index, tick);
+        }
+        result
+    }
+
+    /// Number of the command whose reply came last. Real-time: yes.
+    #[inline]
+    fn newest_of(&self, index: usize) -> u64 {
+        self.ports.get(index).map_or(0, |port| port.raw().sequence)
+    }
+
+    #[inline]
+    fn take_from(
+        &mut self,
+        index: usize,
+        tick: &Tick,
+        stamps: &mut TickStamps,
+        waits: bool,
+    ) -> Result<(), Stop> {
+        let Some(port) = self.ports.get_mut(index) else {
+            return Ok(());
+        };
+        let broken = |fault| Stop::Link { port: index, fault };
+        let pace = &self.environment.pace;
+        let patience = port.patience_ns(self.plan.limits.reply_timeout_ns);
+        if self.exchanges.is_by_steps(port) || port.partner.owes_the_last {
+            let reply = has_reply(port, stamps.sent, patience, pace.is_simulated());
+            if !reply.map_err(broken)? {
+                return Ok(());
+            }
+        }
+        self.wait_for(index, waits)?;
+        let Some(port) = self.ports.get_mut(index) else {
+            return Ok(());
+        };
+        let pace = &self.environment.pace;
+        // A lockstep specimen was waited for, a sampled one has until its share of the tick is over.
+        let deadline = match port.coupling() {
+            Coupling::Lockstep => stamps.sent.plus(patience),
+            // The edge was counted when the tick began: this is the one that ends it.
+            Coupling::Sampled => pace.next_edge().minus(pace.period_ns() / 8),
+        };
+        let freshness = port.collect(deadline).map_err(broken)?;
+        port.answered();
+        stamps.decoded = pace.read();
+        if self.exchanges.recordings == Recordings::AreSilent && port.is_recorded() {
+            return Ok(());
+        }
+        // A slow specimen may have been asked some ticks ago.
+        let asked_at = port.partner.asked_at.take().unwrap_or(stamps.sent);
+        let round_trip_ns = stamps.decoded.since(asked_at);
+        self.environment.deadlines.round_trip(index, round_trip_ns);
+        self.judge_reply(index, freshness, tick)
+    }
+
+    #[inline]
+    fn judge_reply(&mut self, index: usize, freshness: Freshness, tick: &Tick) -> Result<(), Stop> {
+        let Some(port) = self.ports.get(index) else {
+            return Ok(());
+        };
+        let (status, was_holding) = (port.raw().status, port.partner.holding > 0);
+        if let Some(stop) = reported_stop(index, status) {
+            if freshness == Freshness::Fresh {
+                self.report_beside(index, tick);
+            }
+            return Err(stop);
+        }
+        if status.has(Status::HOLDING) || was_holding {
+            self.judge_holding(index, status, freshness, tick)?;
+        }
+        if freshness == Freshness::Stale {
+            return self.judge_age(index, tick);
+        }
+        let Some(port) = self.ports.get_mut(index) else {
+            return Ok(());
+        };
+        port.partner.stale = 0;
+        let found = port.judge();
+        if status.has(Status::UNSETTLED) {
+            self.count_unsettled(index, tick);
+        }
+        if found.is_something() {
+            self.act_on(index, &found, tick)?;
+        }
+        Ok(())
+    }
+
+    /// Waits for the reply that a lockstep specimen owes, part by part: in between the operator is heard, whose stop ends the
+    /// wait. That its own time limit has passed shows when its reply is taken. Real-time: yes.
+    #[inline]
+    fn wait_for(&mut self, index: usize, waits: bool) -> Result<(), Stop> {
+        let Some(port) = self.ports.get_mut(index) else {
+            return Ok(());
+        };
+        if !port.is_awaited() {
+            return Ok(());
+        }
+        let (wait_ns, parts) = if waits || port.is_recorded() {
+            let patience = port.patience_ns(self.plan.limits.reply_timeout_ns);
+            (LISTEN_NS, patience.div_ceil(LISTEN_NS))
+        } else {
+            (0, 1)
+        };
+        let supervision = &mut self.environment.supervision;
+        for _ in 0..parts {
+            let answered = port.is_answered(wait_ns);
+            if answered.map_err(|fault| Stop::Link { port: index, fault })? {
+                return Ok(());
+            }
+            // A recording replies unless the operator did not wait.
+            if port.is_recorded() || !waits || supervision.takes_a_stop() {
+                port.leave_owing();
+                return Err(Stop::Operator);
+            }
+        }
+        Ok(())
+    }
+
+    /// Judges the commands that stand ready, all of them: a trip beside the first is reported, too. Only after it may they
+    /// leave. Real-time: yes.
+    ///
+    /// # Errors
+    /// The first trip.
+    pub fn judge_commands(&mut self) -> Result<(), Stop> {
+        let mut result = Ok(());
+        for index in 0..self.ports.len() {
+            if let Err(stop) = self.judge_command(index) {
+                if result.is_ok() {
+                    result = Err(stop);
+                } else {
+                    self.stops_too(&stop);
+                }
+            }
+        }
+        result
+    }
+
+    #[inline]
+    fn judge_command(&mut self, index: usize) -> Result<(), Stop> {
+        let Some(port) = self.ports.get_mut(index) else {
+            return Ok(());
+        };
+        if self.exchanges.is_by_steps(port) && !port.wants_to_be_told() {
+            return Ok(());
+        }
+        let found = port.clear();
+        if let Some(fault) = port.geometry_fault() {
+            return Err(Stop::Geometry { port: index, fault });
+        }
+        if found.is_something() {
+            let tick = self.environment.place.of_event();
+            self.act_on(index, &found, &tick)?;
+        }
+        Ok(())
+    }
+
+    /// The specimen itself ends the test: limits that its reply passes are reported beside that, since a test that is resumed
+    /// needs them. Real-time: yes.
+    #[cold]
+    fn report_beside(&mut self, index: usize, tick: &Tick) {
+        if let Some(port) = self.ports.get_mut(index) {
+            let found = port.judge();
+            // That a limit ends the test, too, changes nothing: what the specimen reports comes first.
+            let _ = self.act_on(index, &found, tick);
+        }
+    }
+
+    /// Reports all warnings and trips of a specimen; a trip ends the test. Real-time: yes.
+    #[cold]
+    fn act_on(&mut self, index: usize, found: &Found, tick: &Tick) -> Result<(), Stop> {
+        for hit in found.warning.iter().chain(&found.trip) {
+            self.report_hit(index, hit, tick);
+        }
+        while let Some(hit) = self.ports.get_mut(index).and_then(Port::next_untold) {
+            self.report_hit(index, &hit, tick);
+        }
+        match found.trip {
+            None => Ok(()),
+            Some(hit) if hit.value.is_finite() => Err(Stop::Limit { port: index, hit }),
+            Some(_) => Err(Stop::NotFinite { port: index }),
+        }
+    }
+
+    fn report_hit(&mut self, index: usize, hit: &Hit, tick: &Tick) {
+        let reached = LimitReached {
+            port: Some(index as u32),
+            axis: Some(hit.axis as u32),
+            limit: hit.quantity.key().into(),
+            value: hit.value,
+            bound: hit.bound,
+        };
+        let event = limit_event(hit.level == Level::Trip, reached);
+        self.environment.report(tick, event);
+    }
+
+    /// Stale data are used as the policy says, a bounded number of times in a row. The test cannot use data that were never
+    /// measured. Real-time: yes.
+    #[cold]
+    fn judge_age(&mut self, index: usize, tick: &Tick) -> Result<(), Stop> {
+        let Some(port) = self.ports.get_mut(index) else {
+            return Ok(());
+        };
+        port.partner.stale += 1;
+        // While it stands, numbers stand, too: there the age is the count of exchanges without a measurement.
+        let sequence = self.exchanges.sequence();
+        let age = sequence.saturating_sub(port.raw().sequence);
+        let age = age.max(port.partner.stale);
+        let (on_stale, in_a_row) = stale_rules(port, &self.plan.limits);
+        if on_stale == OnStale::Extrapolate {
+            port.extrapolate();
+        }
+        let ticks = port.partner.stale;
+        let in_test = self.exchanges.commanding == Commanding::EveryStep;
+        let is_made_up = in_test && !port.partner.measured;
+        let port = index as u32;
+        self.environment.report(tick, Event::Stale { port, age });
+        if on_stale == OnStale::Stop || ticks > in_a_row || is_made_up {
+            return Err(Stop::Stale { port: index, ticks });
+        }
+        Ok(())
+    }
+
+    /// A specimen reports that its own watchdog holds it: no command moves it then, and its replies belong to none. Each time is
+    /// reported. More replies in a row than stale ones are accepted end the test. Real-time: yes.
+    #[cold]
+    fn judge_holding(
+        &mut self,
+        index: usize,
+        status: Status,
+        freshness: Freshness,
+        tick: &Tick,
+    ) -> Result<(), Stop> {
+        let Some(port) = self.ports.get_mut(index) else {
+            return Ok(());
+        };
+        let before = port.partner.holding;
+        let holds = status.has(Status::HOLDING);
+        let goes_on = holds && !status.has(Status::HELD);
+        port.partner.holding = match (goes_on, freshness) {
+            (true, Freshness::Fresh) => before + 1,
+            (true, Freshness::Stale) => before.max(1),
+            (false, Freshness::Fresh) => 0,
+            // Stale data say nothing new.
+            (false, Freshness::Stale) => before,
+        };
+        let answers = port.partner.holding;
+        let (_, in_a_row) = stale_rules(port, &self.plan.limits);
+        if holds && before == 0 {
+            port.link.holds += 1;
+            let port = index as u32;
+            self.environment.report(tick, Event::SpecimenHolds { port });
+        }
+        if answers > in_a_row {
+            let port = index;
+            return Err(Stop::HoldsOn { port, answers });
+        }
+        Ok(())
+    }
+
+    /// Replies that were lost and stand in a later one: the forces of their commands are recorded. Real-time: yes.
+    #[cold]
+    fn report_recovered(&mut self, index: usize, tick: &Tick) {
+        while let Some(sequence) = self.ports.get_mut(index).and_then(Port::recover) {
+            let age = self.exchanges.sequence().saturating_sub(sequence);
+            let mut axis = 0;
+            while let Some(&force) = self
+                .ports
+                .get(index)
+                .and_then(|port| port.recovered.get(axis))
+            {
+                let event = Event::Recovered {
+                    port: index as u32,
+                    axis: axis as u32,
+                    age,
+                    force,
+                };
+                self.environment.report(tick, event);
+                axis += 1;
+            }
+        }
+    }
+
+    /// Counts an iteration of a simulated actuator that did not converge; reported more and more seldom. Real-time: yes.
+    #[cold]
+    fn count_unsettled(&mut self, index: usize, tick: &Tick) {
+        let Some(port) = self.ports.get_mut(index) else {
+            return;
+        };
+        port.link.unsettled += 1;
+        let ticks = port.link.unsettled;
+        if ticks.is_power_of_two() {
+            let port = index as u32;
+            self.environment
+                .report(tick, Event::Unsettled { port, ticks });
+        }
+    }
+
+    /// Keeps the row of the tick that ends the test, or its shutdown, although nothing follows from it.
+    #[cold]
+    pub fn record_trip(&mut self, tick: &Tick, stamps: &TickStamps, stop: &Stop) {
+        let in_wait = *stop == Stop::Operator;
+        let has_row = matches!(
+            stop,
+            Stop::Limit { .. }
+                | Stop::Interlock { .. }
+                | Stop::Saturated { .. }
+                | Stop::HoldsOn { .. }
+                | Stop::Geometry { .. }
+                | Stop::Stale { .. }
+        );
+        if !in_wait && !has_row {
+            return;
+        }
+        let stopped = self.ends.is_operators(self.environment.supervision.phase());
+        let journal = &mut self.environment.journal;
+        journal.note_trip();
+        journal.row.stopped = stopped;
+        journal.row.cause = Some(stop.cause());
+        journal.keep_warm_up();
+        if in_wait {
+            self.mark_stop_in_wait();
+        }
+        let in_test = self.exchanges.commanding == Commanding::EveryStep;
+        let row = &mut self.environment.journal.row;
+        if tick.step == self.progress.step() && !in_wait {
+            // In the test it is the row of its step, as one that is closed is.
+            let sub_tick = if in_test { 0 } else { tick.sub_tick };
+            let tick = Tick { sub_tick, ..*tick };
+            row.exchange(&tick, Phase::Tripped, self.side, self.ports);
+            if in_test {
+                self.note_reached();
+            }
+        } else {
+            let state = if in_wait {
+                NOT_AWAITED
+            } else {
+                Phase::Tripped.code()
+            };
+            row.between(tick, state, self.side, self.ports);
+        }
+        self.keep_last_row(stamps);
+    }
+
+    /// Platform poses of loading units, and the forces that act there. Real-time: yes.
+    ///
+    /// # Errors
+    /// The actuators cannot have these strokes.
+    #[inline]
+    pub fn resolve_poses(&mut self) -> Result<(), Stop> {
+        for (index, port) in self.ports.iter_mut().enumerate() {
+            let found = port.resolve_pose();
+            found.map_err(|fault| Stop::Geometry { port: index, fault })?;
+        }
+        Ok(())
+    }
+
+    /// The command of this tick is accepted. Specimens commit, but for those that are commanded once a step. Real-time: yes.
+    ///
+    /// # Errors
+    /// A link is lost.
+    #[inline]
+    pub fn accept(&mut self) -> Result<(), Stop> {
+        let exchanges = *self.exchanges;
+        self.accept_if(|port| !exchanges.is_by_steps(port))
+    }
+
+    /// The step is accepted: all specimens commit. Real-time: yes.
+    ///
+    /// # Errors
+    /// A link is lost.
+    #[inline]
+    pub fn accept_step(&mut self) -> Result<(), Stop> {
+        self.accept_if(|_| true)
+    }
+
+    #[inline]
+    fn accept_if(&mut self, commits: impl Fn(&Port) -> bool) -> Result<(), Stop> {
+        let sequence = self.exchanges.sequence();
+        for (index, port) in self.ports.iter_mut().enumerate() {
+            if port.is_heard() && commits(port) {
+                port.accepted(sequence)
+                    .map_err(|fault| Stop::Link { port: index, fault })?;
+            }
+        }
+        self.exchanges.count();
+        Ok(())
+    }
+
+    /// The exchange was none of the test's: its number is used again. Real-time: yes.
+    #[inline]
+    pub fn reuse_number(&mut self) {
+        self.ports.iter_mut().for_each(Port::skip_number);
+    }
+
+    /// The first target, B·x[0]: held, and measured, before anything moves.
+    pub fn aim_at_start(&mut self) {
+        match &mut *self.side {
+            Side::Structure(numerical) => {
+                let base = numerical.base(0);
+                for port in &mut *self.ports {
+                    let state = &numerical.state;
+                    port.aim(&state.disp, &state.vel, base.disp, base.vel);
+                }
+                self.peaks.start(&numerical.state.disp);
+            }
+            Side::Prescribed(histories) => aim_along(histories, 0, self.ports),
+        }
+    }
+
+    /// Arms all specimens: all are asked before any is waited for, so that they get ready at the same time. The operator's stop is
+    /// heard meanwhile.
+    ///
+    /// # Errors
+    /// A specimen is not ready, or the operator ends the test.
+    pub fn arm(&mut self) -> Result<(), Stop> {
+        let sequence = self.exchanges.sequence();
+        for (index, port) in self.ports.iter_mut().enumerate() {
+            port.ask_to_arm(sequence)
+                .map_err(|fault| Stop::Link { port: index, fault })?;
+        }
+        let supervision = &mut self.environment.supervision;
+        let mut wanted = || !supervision.takes_a_stop();
+        for (index, port) in self.ports.iter_mut().enumerate() {
+            let is_armed = port.arm(sequence, &mut wanted);
+            if !is_armed.map_err(|fault| Stop::Link { port: index, fault })? {
+                let waited_for = self.ports.iter().enumerate().skip(index);
+                let gets_ready =
+                    waited_for.filter(|(_, port)| port.holder() == Holder::ItsWatchdog);
+                self.ends.unarmed = gets_ready.map(|(index, _)| index).collect();
+                return Err(Stop::Operator);
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,49 @@
+//! Everything a test needs, as plain data that can be sent to the loop's thread.
+
+use super::columns::Row;
+use super::{Limits, Opening, Pacing, Resumption, Settling, Side};
+use crate::control::Port;
+use crate::record::Column;
+use crate::time::Ratio;
+
+/// Everything a test needs, as plain data.
+#[derive(Debug)]
+pub struct Experiment {
+    /// Step Δt of test time.
+    pub dt: f64,
+    /// Period of the tick grid in s of wall time, exact.
+    pub period: Ratio,
+    /// Number of steps; rows 0 … steps.
+    pub steps: u64,
+    /// The numerical side.
+    pub side: Side,
+    /// How the specimens come to where the test begins.
+    pub opening: Opening,
+    /// Static load before t = 0.
+    pub settling: Option<Settling>,
+    /// One port per specimen.
+    pub ports: Vec<Port>,
+    /// DOFs to record, from 0.
+    pub record_dofs: Vec<usize>,
+    /// DOFs that are rotations, from 0: their columns are in rad.
+    pub rotations: Vec<usize>,
+    /// Bounds of what the loop puts up with.
+    pub limits: Limits,
+    /// How steps and ticks belong together.
+    pub pacing: Pacing,
+    /// Where an interrupted test stood that this one goes on with.
+    pub resume: Option<Resumption>,
+}
+
+impl Experiment {
+    /// Names, units and meanings of the columns that this experiment will record.
+    #[must_use]
+    pub fn columns(&self) -> Vec<Column> {
+        Row::new(
+            (&self.record_dofs, &self.rotations),
+            &self.side,
+            &self.ports,
+        )
+        .1
+    }
+}

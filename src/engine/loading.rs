@@ -1,0 +1,477 @@
+//! The static load before t = 0: it is applied in small parts and held.
+//!
+//! In each part the displacement moves by K⁻¹·(unbalanced force). K is an upper bound of the tangent, so for yielding and
+//! softening laws the approach is monotone, and no specimen is driven back and forth. Corrections use forces that were measured
+//! where the specimens stand: while a reply stays away they hold, and while one is on its way ([`Rest`]) the others wait for
+//! it. A specimen that does not go where it is sent ([`Follows`]) ends the test. Each correction is an accepted motion along half
+//! a cosine. The ramp's time is shared over the parts, and no speed limit is used beyond the ramp's share of it.
+//! The initial displacement counts from the position under the static load; it and the initial velocities come after it.
+
+use super::cycle::{Engine, Maneuver};
+use super::numerical::Side;
+use super::order::Order;
+use super::phase::Phase;
+use super::ramping::Ramp;
+use super::standing::Listening;
+use super::static_load::Settling;
+use super::tick::Tick;
+use super::{Ending, Stop};
+use crate::control::{Follows, Port, Rest, UNBOUNDED_RAMP_S};
+use crate::integrate::State;
+use crate::model::Base;
+use crate::record::Event;
+use crate::rt::timing::TickStamps;
+
+/// Relative unbalance at which all parts but the last are taken for carried.
+const ROUGHLY: f64 = 1e-3;
+/// A correction is not of the load alone if it is so many times as large as one part of it.
+const MORE_THAN_LOAD: f64 = 2.0;
+/// Relative unbalance that cannot get better.
+const ROUNDOFF: f64 = 4.0 * f64::EPSILON;
+/// So many corrections in a row without a better balance are the noise of sensors, their quantum, or what an actuator cannot
+/// resolve: the load counts as carried if the best of them was at this relative unbalance at most. Longer ones must be gone.
+const NO_BETTER: u32 = 8;
+const NO_BETTER_THAN: f64 = 1e-2;
+/// A balance of the forces to this share of the load is one, too, if it does not get better: what is soft goes far beside what
+/// carries the load for the noise of its load cell.
+const NO_BETTER_FORCE: f64 = 1e-3;
+/// All waits for specimens to come to rest take so many times as long as one of them may, at most.
+const WAITS: u64 = 30;
+
+/// What one correction has found.
+struct Unbalance {
+    /// How far it goes, and the displacement that it leads to.
+    correction: f64,
+    largest: f64,
+    /// What was left of the load, N.
+    force: f64,
+}
+
+impl Unbalance {
+    fn relative(&self) -> f64 {
+        if self.largest > 0.0 {
+            self.correction / self.largest
+        } else {
+            0.0
+        }
+    }
+}
+
+/// Largest size of a vector's entries.
+fn size(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |most, value| most.max(value.abs()))
+}
+
+/// The specimens on their way, one entry per port, and the exchanges in which they were waited for.
+struct Waits {
+    rests: Vec<Rest>,
+    follows: Vec<Follows>,
+    waited: u64,
+}
+
+impl Waits {
+    /// The commands that stand ready are where they are sent.
+    fn send(&mut self, ports: &[Port]) {
+        for (port, rest) in ports.iter().zip(&mut self.rests) {
+            let raw = port.partner.measured.then(|| port.raw());
+            rest.sent(&port.sent, &port.command, raw);
+        }
+    }
+
+    /// Those that were led there have answered their last command once.
+    fn note_led(&mut self, ports: &[Port]) {
+        for (port, rest) in ports.iter().zip(&mut self.rests) {
+            if port.is_fresh() && port.sent == port.command {
+                rest.led(port.raw());
+            }
+        }
+    }
+
+    /// Those that came to rest went where they were sent, or near; ways shorter than `least` are not judged.
+    fn judge(&mut self, ports: &[Port], least: f64) -> Result<(), Stop> {
+        for (index, (port, follows)) in ports.iter().zip(&mut self.follows).enumerate() {
+            if let Some(axis) = port.hold_against_ways(follows, least) {
+                let value = |values: &[f64]| values.get(axis).copied().unwrap_or(f64::NAN);
+                return Err(Stop::DoesNotFollow {
+                    port: index,
+                    axis,
+                    sent: value(&port.sent),
+                    read: value(&port.raw().disp),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// The port that was sent farthest by the last correction.
+    fn farthest(&self) -> Option<usize> {
+        let ways = self.follows.iter().map(Follows::longest_way).enumerate();
+        ways.max_by(|one, two| one.1.total_cmp(&two.1))
+            .map(|(port, _)| port)
+    }
+}
+
+/// The motion of the static load: one exchange after another of the command that stands ready, until every specimen has come to
+/// rest there. It is one exchange where all of them do so at once.
+struct Resting<'a> {
+    waits: &'a mut Waits,
+    exchanges: u64,
+    state: RestState,
+}
+
+/// What the next tick of it is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum RestState {
+    /// The command leaves.
+    Sends,
+    /// A reply stayed away: with it the same force would be taken off the load twice.
+    Refreshes,
+    /// The operator holds the test before the command leaves.
+    Held,
+}
+
+impl Resting<'_> {
+    /// Takes the replies; the specimen that is not at rest, if one is not.
+    fn take(&mut self, ports: &[Port]) -> Option<usize> {
+        for (port, rest) in ports.iter().zip(&mut self.waits.rests) {
+            rest.take(port.raw());
+        }
+        self.waits.rests.iter().position(|rest| !rest.rests())
+    }
+
+    /// One more exchange of a specimen that is not at rest.
+    fn count(&mut self, port: usize, period_s: f64) -> Result<(), Stop> {
+        self.exchanges += 1;
+        self.waits.waited += 1;
+        let rest = self.waits.rests.get(port);
+        if rest.is_some_and(|rest| self.exchanges > rest.patience()) {
+            return Err(Stop::NotAtRest {
+                port,
+                seconds: self.exchanges as f64 * period_s,
+            });
+        }
+        Ok(())
+    }
+}
+
+impl Maneuver for Resting<'_> {
+    fn next(&mut self, engine: &mut Engine<'_>) -> Result<Option<Order>, Stop> {
+        if self.state == RestState::Refreshes {
+            if !engine.ports.iter().all(Port::is_fresh) {
+                return Ok(Some(engine.still(Phase::Settling)));
+            }
+            let Some(port) = self.take(engine.ports) else {
+                return Ok(None);
+            };
+            self.count(port, engine.environment.pace.period_s())?;
+        }
+        if engine.environment.supervision.is_held() {
+            self.state = RestState::Held;
+            return Ok(Some(engine.still(Phase::Settling)));
+        }
+        self.state = RestState::Sends;
+        engine.judge_commands()?;
+        let tick = Tick::before_start(engine.tick_passes());
+        Ok(Some(Order::moving(tick, Phase::Settling)))
+    }
+
+    fn measured(
+        &mut self,
+        engine: &mut Engine<'_>,
+        order: &mut Order,
+        _: &mut TickStamps,
+    ) -> Result<(), Stop> {
+        if order.is_still() {
+            return Ok(());
+        }
+        engine.resolve_poses()
+    }
+
+    fn recorded(
+        &mut self,
+        engine: &mut Engine<'_>,
+        order: &Order,
+        _: &mut TickStamps,
+    ) -> Result<(), Stop> {
+        if !order.is_still() {
+            self.state = RestState::Refreshes;
+            return engine.accept();
+        }
+        engine.reuse_number();
+        if self.state == RestState::Refreshes {
+            engine.resolve_poses()?;
+        }
+        Ok(())
+    }
+}
+
+/// How near the load is to equilibrium in one of its parts.
+struct Balance {
+    before: f64,
+    best: f64,
+    best_force: f64,
+    /// Corrections in a row without a better balance.
+    no_better: u32,
+}
+
+impl Balance {
+    const fn new() -> Self {
+        Self {
+            before: f64::INFINITY,
+            best: f64::INFINITY,
+            best_force: f64::INFINITY,
+            no_better: 0,
+        }
+    }
+
+    /// True if the part is carried: its `tolerance` is reached, or the balance does not get better.
+    fn is_reached(&mut self, found: &Unbalance, tolerance: Option<f64>, enough_force: f64) -> bool {
+        let unbalance = found.relative();
+        let enough = match tolerance {
+            Some(tolerance) => {
+                unbalance <= tolerance && (unbalance <= ROUNDOFF || unbalance >= self.before)
+            }
+            None => unbalance <= ROUGHLY,
+        };
+        self.no_better = if unbalance < self.best {
+            0
+        } else {
+            self.no_better + 1
+        };
+        self.best = self.best.min(unbalance);
+        self.best_force = self.best_force.min(found.force);
+        self.before = unbalance;
+        let carried = self.best <= NO_BETTER_THAN || self.best_force <= enough_force;
+        enough || (self.no_better >= NO_BETTER && carried)
+    }
+}
+
+/// The static load on its way.
+pub(super) struct StaticLoad {
+    settling: Settling,
+    waits: Waits,
+    exchanges: u32,
+    /// How far the load alone takes the structure, which is what the ramp's time is meant for.
+    whole: f64,
+    /// Longest correction, and largest displacement.
+    longest: f64,
+    largest: f64,
+    /// Smallest relative unbalance of the part.
+    nearest: f64,
+}
+
+impl StaticLoad {
+    /// Applies the static load, if there is one.
+    ///
+    /// # Errors
+    /// The load found no equilibrium, or the test ends.
+    pub fn perform(engine: &mut Engine<'_>) -> Result<(), Stop> {
+        let Some(settling) = engine.settling.take() else {
+            return Ok(());
+        };
+        let Side::Structure(numerical) = &mut *engine.side else {
+            return Ok(());
+        };
+        let at_rest = State::at_rest(settling.load.len());
+        let initial = std::mem::replace(&mut numerical.state, at_rest);
+        let (state, base) = (&numerical.state, numerical.base(0));
+        for port in &mut *engine.ports {
+            port.aim(&state.disp, &state.vel, base.disp, 0.0);
+        }
+        let mut load = Self::new(settling, engine);
+        load.come_to_where_nothing_is_deformed(engine)?;
+        load.apply(engine)?;
+        if let Side::Structure(numerical) = &mut *engine.side {
+            let settled = std::mem::replace(&mut numerical.state, initial).disp;
+            for (disp, settled) in numerical.state.disp.iter_mut().zip(settled) {
+                *disp += settled;
+            }
+        }
+        Self::report_unshown(engine);
+        engine.aim_at_start();
+        // Exchanges before t = 0 are no ticks of the test.
+        engine.environment.deadlines.forget_timing();
+        Ok(())
+    }
+
+    fn new(mut settling: Settling, engine: &Engine<'_>) -> Self {
+        let period = engine.environment.pace.period_s();
+        let rests = engine.ports.iter();
+        let rests = rests.map(|port| Rest::new(port.axes(), period));
+        let mut whole = settling.load.clone();
+        settling.stiffness.solve_in_place(&mut whole);
+        Self {
+            waits: Waits {
+                rests: rests.collect(),
+                follows: (engine.ports.iter())
+                    .map(|port| Follows::new(port.axes()))
+                    .collect(),
+                waited: 0,
+            },
+            settling,
+            exchanges: 0,
+            whole: size(&whole),
+            longest: 0.0,
+            largest: 0.0,
+            nearest: f64::INFINITY,
+        }
+    }
+
+    fn come_to_where_nothing_is_deformed(&mut self, engine: &mut Engine<'_>) -> Result<(), Stop> {
+        self.waits.send(engine.ports);
+        Ramp::perform(engine)?;
+        self.waits.note_led(engine.ports);
+        engine.environment.enter(Phase::Settling, Ending::Completed);
+        let listened = engine.ports.iter().any(Port::is_listened_to);
+        if listened && !self.waits.rests.iter().all(Rest::rests) {
+            self.come_to_rest(engine)?;
+        }
+        let mut listening = Listening::new(engine);
+        engine.perform(&mut listening)
+    }
+
+    /// Applies the load part by part.
+    fn apply(&mut self, engine: &mut Engine<'_>) -> Result<(), Stop> {
+        let parts = self.settling.parts;
+        let enough_force = NO_BETTER_FORCE * size(&self.settling.load);
+        for part in 1..=parts {
+            let share = f64::from(part) / f64::from(parts);
+            let tolerance = (part == parts).then_some(self.settling.tolerance);
+            let mut balance = Balance::new();
+            loop {
+                let found = self.correct(share, engine)?;
+                let reached = balance.is_reached(&found, tolerance, enough_force);
+                self.nearest = balance.best;
+                if reached {
+                    break;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// One correction by what is measured at rest, and the motion to it.
+    fn correct(&mut self, share: f64, engine: &mut Engine<'_>) -> Result<Unbalance, Stop> {
+        self.exchanges += 1;
+        let rests = self.waits.rests.iter();
+        let most = rests.map(Rest::patience).max().unwrap_or(0);
+        if self.exchanges > self.settling.most_exchanges || self.waits.waited > WAITS * most {
+            return Err(Stop::NotSettled {
+                exchanges: self.exchanges.saturating_add(self.waits.waited as u32),
+                unbalance: self.nearest,
+                port: self.waits.farthest(),
+            });
+        }
+        self.come_to_rest(engine)?;
+        self.waits
+            .judge(engine.ports, NO_BETTER_THAN * self.largest)?;
+        let found = self.balance(share, engine)?;
+        self.largest = found.largest;
+        self.longest = self.longest.max(found.correction);
+        if found.correction > 0.0 {
+            self.approach(found.correction, engine)?;
+        }
+        Ok(found)
+    }
+
+    /// Leads the specimens to the corrected place that stands ready. A way that one tick can go is the next exchange itself.
+    fn approach(&mut self, correction: f64, engine: &mut Engine<'_>) -> Result<(), Stop> {
+        let (ramp_s, parts) = (engine.plan.opening.ramp_s, f64::from(self.settling.parts));
+        // A specimen that was found under a force of its own moves further: not faster for that, but no slower than any way
+        // from where one stands, however small the load is.
+        let unbounded = if correction > MORE_THAN_LOAD * self.whole / parts {
+            (ramp_s * (correction / self.whole)).min(ramp_s.max(UNBOUNDED_RAMP_S))
+        } else {
+            0.0
+        };
+        let shortest = ramp_s / parts * (correction / self.longest);
+        self.waits.send(engine.ports);
+        let tick = engine.environment.pace.period_s();
+        let ticks = Ramp::ticks(engine, |port, share| {
+            port.way_time(share, tick, shortest, unbounded)
+        });
+        if ticks > 1 {
+            let mut ramp = Ramp::of(ticks, Phase::Settling, engine)?;
+            engine.perform(&mut ramp)?;
+            engine.ports.iter_mut().for_each(Port::stand_still);
+        }
+        self.waits.note_led(engine.ports);
+        Ok(())
+    }
+
+    /// Exchanges the command that stands ready until every specimen is at rest there.
+    fn come_to_rest(&mut self, engine: &mut Engine<'_>) -> Result<(), Stop> {
+        let mut resting = Resting {
+            waits: &mut self.waits,
+            exchanges: 0,
+            state: RestState::Sends,
+        };
+        engine.perform(&mut resting)?;
+        let mut is_known_better = false;
+        for (port, rest) in engine.ports.iter_mut().zip(&self.waits.rests) {
+            is_known_better |= port.take_rest(rest);
+        }
+        if is_known_better {
+            engine.resolve_poses()?;
+        }
+        Ok(())
+    }
+
+    /// The unbalance of a share of the load, and the place that corrects it.
+    fn balance(&mut self, share: f64, engine: &mut Engine<'_>) -> Result<Unbalance, Stop> {
+        for (index, port) in engine.ports.iter_mut().enumerate() {
+            port.listen().map_err(|misfit| Stop::Misfit {
+                port: index,
+                misfit,
+            })?;
+        }
+        let mut found = Unbalance {
+            correction: 0.0,
+            largest: 0.0,
+            force: 0.0,
+        };
+        let Side::Structure(numerical) = &mut *engine.side else {
+            return Ok(found);
+        };
+        let load = self.settling.load.iter();
+        let mut residual: Vec<f64> = load.map(|load| share * load).collect();
+        let base = Base {
+            disp: numerical.base(0).disp,
+            vel: 0.0,
+        };
+        let still = vec![0.0; residual.len()];
+        numerical.structure.subtract_internal(
+            &numerical.state.disp,
+            &still,
+            base,
+            engine.plan.dt,
+            &mut residual,
+        );
+        for port in &mut *engine.ports {
+            port.subtract_force(&mut residual);
+        }
+        found.force = size(&residual);
+        self.settling.stiffness.solve_in_place(&mut residual);
+        for (disp, change) in numerical.state.disp.iter_mut().zip(&residual) {
+            *disp += change;
+        }
+        found.correction = size(&residual);
+        found.largest = size(&numerical.state.disp);
+        for port in &mut *engine.ports {
+            port.aim(&numerical.state.disp, &still, base.disp, base.vel);
+        }
+        Ok(found)
+    }
+
+    /// Reports the axes whose direction the static load did not show.
+    fn report_unshown(engine: &mut Engine<'_>) {
+        for (index, port) in engine.ports.iter().enumerate() {
+            for axis in port.unshown() {
+                engine.environment.report_now(Event::DirectionUnknown {
+                    port: index as u32,
+                    axis: axis as u32,
+                });
+            }
+        }
+    }
+}

@@ -1,0 +1,67 @@
+//! What one tick of a maneuver does.
+
+use super::phase::Phase;
+use super::tick::Tick;
+use crate::record::WarmUpRows;
+
+/// Which command leaves in a tick.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Sends {
+    /// The one that stands ready and was judged.
+    Next,
+    /// The last one again: nothing moves.
+    Last,
+}
+
+/// The rules of a tick: how a late edge is treated, and what its row holds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Kind {
+    /// A tick of the test. Late ticks follow the policy; the maneuver fills the row.
+    Test,
+    /// A tick of a hold within the test. Test time stands still.
+    Hold,
+    /// A tick of this phase, before or after the test.
+    Beside(Phase),
+    /// A tick of the warm-up.
+    WarmUp(WarmUpRows),
+}
+
+/// One tick of a maneuver.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Order {
+    /// Its place in the test, which the specimens are told.
+    pub tick: Tick,
+    /// The place that its row has. A step may close some ticks after its target was reached.
+    pub place: Tick,
+    /// The command that leaves.
+    pub sends: Sends,
+    /// Its rules.
+    pub kind: Kind,
+}
+
+impl Order {
+    /// A tick whose row has the same place.
+    pub const fn new(tick: Tick, sends: Sends, kind: Kind) -> Self {
+        Self {
+            tick,
+            place: tick,
+            sends,
+            kind,
+        }
+    }
+
+    /// A tick before or after the test in which nothing moves.
+    pub const fn still(tick: Tick, phase: Phase) -> Self {
+        Self::new(tick, Sends::Last, Kind::Beside(phase))
+    }
+
+    /// A tick before or after the test that moves specimens.
+    pub const fn moving(tick: Tick, phase: Phase) -> Self {
+        Self::new(tick, Sends::Next, Kind::Beside(phase))
+    }
+
+    /// True if nothing moves before or after the test.
+    pub const fn is_still(&self) -> bool {
+        matches!((self.sends, self.kind), (Sends::Last, Kind::Beside(_)))
+    }
+}

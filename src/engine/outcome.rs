@@ -1,0 +1,49 @@
+//! What a test leaves behind, besides its rows and events.
+
+use super::{Ending, Gaps, Left, Peaks, Unfinished};
+use crate::control::LinkCount;
+use crate::rt::timing::Timing;
+use crate::substructure::Holder;
+
+/// What a test leaves behind, besides its rows and events.
+#[derive(Debug)]
+pub struct Outcome {
+    /// How it ended.
+    pub ending: Ending,
+    /// What stopped the specimens on their way out, if anything did.
+    pub unfinished: Option<Unfinished>,
+    /// Where each specimen was left.
+    pub left: Vec<Left>,
+    /// Specimens, from 0, that should have answered the last words, and did not.
+    pub unheard: Vec<usize>,
+    /// Specimens, from 0, whose own ends were getting them ready when the operator ended the test.
+    pub unarmed: Vec<usize>,
+    /// Who holds each specimen if commands stay away.
+    pub holders: Vec<Holder>,
+    /// Last step whose row was made.
+    pub steps: u64,
+    /// Peaks over all DOFs.
+    pub peaks: Peaks,
+    /// Peaks and counts of each specimen: name, largest |force| per axis of answers that came in time, exchanges.
+    pub ports: Vec<(String, Vec<f64>, LinkCount)>,
+    /// Largest |force| of each specimen before the test, one per axis.
+    pub forces_on_the_way_in: Vec<Vec<f64>>,
+    /// Histograms of every timing quantity.
+    pub timing: Timing,
+    /// Deadline misses.
+    pub misses: u64,
+    /// Whole ticks by which the grid was moved.
+    pub stretched: u64,
+    /// Where no command left, outside of the ticks of the test.
+    pub gaps: Gaps,
+    /// Rows that found the queue full.
+    pub rows_lost: u64,
+    /// Events that found the queue full.
+    pub events_lost: u64,
+    /// From the first edge of the test to the end of its last tick.
+    pub wall_ns: u64,
+    /// What the links say about their faults: specimen (from 0) and words.
+    pub complaints: Vec<(usize, String)>,
+    /// What specimens answered to the last words beyond a plain goodbye: the same.
+    pub last_words: Vec<(usize, String)>,
+}

@@ -1,0 +1,163 @@
+//! When ticks begin: the grid of edges, and what a late tick does to it.
+//!
+//! All readings of the clock go through here. A step is never skipped: what moves is the grid, by whole ticks, so that the
+//! specimens see slower time and never a burst of commands.
+
+use super::OnMiss;
+use crate::rt::timing::TickStamps;
+use crate::time::{Clock, Nanos, Ratio, Schedule};
+
+/// From the end of the set-up to the first edge, so that the first edge can be met.
+const LEAD_NS: u64 = 2_000_000;
+
+/// The grid of edges and the clock that it belongs to.
+pub(super) struct Pace {
+    clock: Box<dyn Clock>,
+    period: Ratio,
+    on_miss: OnMiss,
+    schedule: Schedule,
+    /// Number of the next edge.
+    edge: u64,
+    /// The latest reading that was kept.
+    now: Nanos,
+    first_edge: Nanos,
+}
+
+impl Pace {
+    /// A grid of this period that has not begun.
+    pub fn new(clock: Box<dyn Clock>, period: Ratio, on_miss: OnMiss) -> Self {
+        Self {
+            clock,
+            period,
+            on_miss,
+            schedule: Schedule::new(Nanos(0), period),
+            edge: 0,
+            now: Nanos(0),
+            // No time has passed since an edge that is not there yet.
+            first_edge: Nanos(u64::MAX),
+        }
+    }
+
+    /// True on simulated time.
+    #[inline]
+    pub fn is_simulated(&self) -> bool {
+        self.clock.is_simulated()
+    }
+
+    /// Policy for a tick that is late by a period or more.
+    #[inline]
+    pub const fn on_miss(&self) -> OnMiss {
+        self.on_miss
+    }
+
+    /// Reads the clock. Real-time: yes.
+    #[inline]
+    pub fn read(&self) -> Nanos {
+        self.clock.now()
+    }
+
+    /// Reads the clock and keeps the reading for events. Real-time: yes.
+    #[inline]
+    pub fn keep_reading(&mut self) -> Nanos {
+        self.now = self.clock.now();
+        self.now
+    }
+
+    /// The reading that was kept. Real-time: yes.
+    #[inline]
+    pub const fn now(&self) -> Nanos {
+        self.now
+    }
+
+    /// Sleeps. Real-time: yes.
+    #[inline]
+    pub fn sleep_until(&self, at: Nanos) {
+        self.clock.sleep_until(at);
+    }
+
+    /// A new grid that begins shortly after now.
+    pub fn begin(&mut self) {
+        self.edge = 0;
+        let now = self.keep_reading();
+        self.schedule = Schedule::new(now.plus(LEAD_NS), self.period);
+        self.first_edge = self.schedule.tick(0);
+    }
+
+    /// The test begins: rows count wall time from its first edge, which can be met.
+    pub fn begin_test(&mut self) {
+        let now = self.read();
+        self.skip_edges_before(now);
+        self.first_edge = self.schedule.tick(self.edge);
+    }
+
+    /// The edge from which rows count wall time.
+    #[inline]
+    pub const fn first_edge(&self) -> Nanos {
+        self.first_edge
+    }
+
+    /// Time of the next edge. Real-time: yes.
+    #[inline]
+    pub fn next_edge(&self) -> Nanos {
+        self.schedule.tick(self.edge)
+    }
+
+    /// Number of the next edge. Real-time: yes.
+    #[inline]
+    pub const fn edge(&self) -> u64 {
+        self.edge
+    }
+
+    /// The tick of the next edge begins: reads the clock and moves on to the edge that ends the tick. Real-time: yes.
+    #[inline]
+    pub fn begin_tick(&mut self, stamps: &mut TickStamps) {
+        stamps.woke = self.keep_reading();
+        self.edge += 1;
+        stamps.deadline = self.schedule.tick(self.edge);
+    }
+
+    /// Period in ns, rounded. Real-time: yes.
+    #[inline]
+    pub const fn period_ns(&self) -> u64 {
+        self.schedule.period_ns()
+    }
+
+    /// Period in s.
+    pub fn period_s(&self) -> f64 {
+        self.period.value()
+    }
+
+    /// Whole ticks by which the grid was moved. Real-time: yes.
+    #[inline]
+    pub const fn stretched(&self) -> u64 {
+        self.schedule.stretched()
+    }
+
+    /// Moves on to the first edge at or after `now`. Returns the number of edges skipped. Steps are not counted by edges: none is
+    /// lost. Real-time: yes.
+    pub fn skip_edges_before(&mut self, now: Nanos) -> u64 {
+        let behind = now.since(self.schedule.tick(self.edge));
+        let ticks = behind.div_ceil(self.schedule.period_ns().max(1));
+        self.edge += ticks;
+        ticks
+    }
+
+    /// Moves the grid by the whole periods in `late_ns`, as far as the policy wants it. Returns the ticks. Real-time: yes.
+    #[inline]
+    pub fn stretch(&mut self, late_ns: u64) -> u64 {
+        let period = self.schedule.period_ns().max(1);
+        if late_ns < period {
+            return 0;
+        }
+        let whole = late_ns / period;
+        let ticks = match self.on_miss {
+            OnMiss::Stretch => whole,
+            OnMiss::CatchUp { at_most } => whole.saturating_sub(at_most),
+            OnMiss::Stop => 0,
+        };
+        if ticks > 0 {
+            self.schedule.stretch(ticks);
+        }
+        ticks
+    }
+}

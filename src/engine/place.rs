@@ -1,0 +1,62 @@
+//! Where the test stands in test time.
+
+use super::tick::Tick;
+
+/// The last step that was made, and the farthest tick that was exchanged.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Place {
+    /// Δt in s.
+    dt: f64,
+    steps_done: u64,
+    farthest: Tick,
+}
+
+impl Place {
+    /// At t = 0, with steps of `dt`.
+    pub const fn start(dt: f64) -> Self {
+        Self {
+            dt,
+            steps_done: 0,
+            farthest: Tick::before_start(0.0),
+        }
+    }
+
+    /// The last step whose row was made. Real-time: yes.
+    #[inline]
+    pub const fn steps_done(&self) -> u64 {
+        self.steps_done
+    }
+
+    /// A step is made. Real-time: yes.
+    #[inline]
+    pub const fn step_done(&mut self, step: u64) {
+        self.steps_done = step;
+    }
+
+    /// A tick is exchanged. Real-time: yes.
+    #[inline]
+    pub fn exchanged(&mut self, tick: &Tick) {
+        if tick.time > self.farthest.time {
+            self.farthest = *tick;
+        }
+    }
+
+    /// A tick in which test time stands at the last step; `dt` is the test time that passes for a motion beside the test.
+    pub fn at_rest(&self, dt: f64) -> Tick {
+        Tick {
+            time: self.steps_done as f64 * self.dt,
+            step: self.steps_done,
+            ..Tick::before_start(dt)
+        }
+    }
+
+    /// Place of an event: the farthest tick, whose step may never end, or the last step. Real-time: yes.
+    pub fn of_event(&self) -> Tick {
+        let made = self.at_rest(0.0);
+        if self.farthest.time > made.time {
+            self.farthest
+        } else {
+            made
+        }
+    }
+}

@@ -1,0 +1,19 @@
+//! What never changes while a test runs.
+
+use super::opening::Opening;
+use super::rules::Limits;
+
+/// The constants of a test.
+#[derive(Debug)]
+pub(super) struct Plan {
+    /// Step Δt of test time, in s.
+    pub dt: f64,
+    /// Number of the last step.
+    pub steps: u64,
+    /// How the specimens come to where the test begins.
+    pub opening: Opening,
+    /// Bounds of what the loop puts up with.
+    pub limits: Limits,
+    /// Ticks from one checkpoint to the next, at least.
+    pub checkpoint_ticks: u64,
+}

@@ -1,0 +1,299 @@
+//! The shutdown: every specimen holds, or is moved slowly to where it is to be left, and then receives the last message.
+//!
+//! A specimen that is saturated, whose interlock is open, or which its own watchdog holds is not commanded: its own end holds it.
+//! One whose load cell left its range is not led by a force. Until it is known how the specimens are wired, where their zeros
+//! are and that they stand where they should, none is moved. What stops the shutdown stops it for all, and is part of how the
+//! test ended: a test that trips there has tripped.
+
+use super::columns::Word;
+use super::cycle::{Engine, Maneuver};
+use super::end_positions::{Left, Unfinished};
+use super::operator::OperatorCommands;
+use super::order::Order;
+use super::phase::Phase;
+use super::tick::Tick;
+use super::{Ending, Stop};
+use crate::catalog::ending::Cause;
+use crate::catalog::phase::GIVEN_UP;
+use crate::control::{Astray, Departure, Port};
+use crate::rt::timing::TickStamps;
+
+/// The shutdown of one specimen.
+#[derive(Debug, Default)]
+struct Exit {
+    /// It is moved: the test file asks for it, and enough is known.
+    is_led: bool,
+    /// It was told that it stops.
+    is_halted: bool,
+    /// Its motion, once it has begun.
+    departure: Option<Departure>,
+}
+
+/// The motion of all specimens to where they are left. One may unload while another is lost.
+pub(super) struct Shutdown {
+    tripped: bool,
+    exits: Vec<Exit>,
+    /// The first link that was lost before its specimen could be commanded: it stops no other.
+    lost: Option<Stop>,
+}
+
+impl Shutdown {
+    /// Moves every specimen to where it is to be left. Returns how the test ended: what stops the shutdown freezes all, and
+    /// ends a test that had ended well.
+    pub fn perform(ending: Ending, engine: &mut Engine<'_>) -> Ending {
+        if let Ending::Stopped(stop) = &ending {
+            engine.environment.report_stop(stop);
+        }
+        engine.environment.journal.row.cause = Some(ending.cause());
+        let Err(stop) = Self::lead_out(ending, engine) else {
+            return ending;
+        };
+        let is_gone = |port: usize| engine.ports.get(port).is_some_and(|port| port.partner.gone);
+        // One that was lost while the others were led was reported then.
+        if !matches!(stop, Stop::Link { port, .. } if is_gone(port)) {
+            engine.environment.report_stop(&stop);
+        }
+        if engine.environment.journal.lacks_commands() {
+            Self::record_end(&Ending::Stopped(stop), engine);
+        }
+        if let Stop::Link { port, .. } = stop {
+            engine.ends.mark_lost(port);
+        }
+        engine.ends.unfinished = Some(Unfinished {
+            stop,
+            after: ending,
+        });
+        if stop != Stop::Operator {
+            let stopped = Ending::Stopped(stop);
+            engine.environment.enter(Phase::Tripped, stopped);
+        }
+        match ending {
+            Ending::Completed | Ending::Stopped(Stop::Operator) => Ending::Stopped(stop),
+            Ending::Stopped(_) => ending,
+        }
+    }
+
+    fn lead_out(ending: Ending, engine: &mut Engine<'_>) -> Result<(), Stop> {
+        let tripped = !matches!(
+            ending,
+            Ending::Completed | Ending::Stopped(Stop::Operator | Stop::Step(_))
+        );
+        let phase = engine.environment.supervision.phase();
+        let is_known = !matches!(phase, Phase::Connected | Phase::Probing | Phase::Zeroing)
+            && !matches!(
+                ending,
+                Ending::Stopped(
+                    Stop::Misfit { .. } | Stop::Moved { .. } | Stop::ForceChanged { .. }
+                )
+            );
+        engine.ends.begin(ending);
+        if tripped {
+            engine.environment.enter(Phase::Tripped, ending);
+        }
+        if let Ending::Stopped(stop) = &ending {
+            engine.exclude(stop);
+        }
+        if tripped {
+            engine.ports.iter_mut().for_each(Port::excuse);
+        }
+        engine.ports.iter_mut().for_each(Port::end_test);
+        let shutdown = Self::new(tripped, is_known, engine);
+        let ports = engine.ports.iter().zip(&shutdown.exits);
+        let moves = { ports }.any(|(port, exit)| exit.is_led && !port.partner.lost);
+        let journal = &mut engine.environment.journal;
+        journal.keep_warm_up();
+        if tripped && !journal.has_trip() && (moves || journal.lacks_commands()) {
+            Self::record_end(&ending, engine);
+        }
+        if !moves {
+            return Ok(());
+        }
+        let of_test = if tripped || engine.ends.is_after_operator() {
+            ending
+        } else {
+            Ending::Completed
+        };
+        engine.environment.enter(Phase::Leaving, of_test);
+        engine.environment.supervision.drop_hold();
+        // Whatever ends it, the specimens stand at their last commands.
+        shutdown.run(engine)
+    }
+
+    /// Which specimens are moved.
+    fn new(tripped: bool, is_known: bool, engine: &mut Engine<'_>) -> Self {
+        let mut exits = Vec::with_capacity(engine.ports.len());
+        for (left, port) in engine.ends.left.iter_mut().zip(&*engine.ports) {
+            // The position of one that never replied is unknown.
+            let replies = port.partner.measured || port.partner.owes_the_last;
+            let is_wanted = is_known && port.has_begun() && replies && port.exits.moves(tripped);
+            let unfelt = (!port.can_be_led(tripped)).then_some(Astray::Unfelt);
+            *left = if port.partner.gone {
+                Left::Lost
+            } else if is_wanted {
+                Left::NotReached(unfelt)
+            } else {
+                Left::Stayed
+            };
+            exits.push(Exit {
+                is_led: is_wanted && unfelt.is_none(),
+                ..Exit::default()
+            });
+        }
+        Self {
+            tripped,
+            exits,
+            lost: None,
+        }
+    }
+
+    fn run(mut self, engine: &mut Engine<'_>) -> Result<(), Stop> {
+        engine.perform(&mut self)?;
+        self.lost.map_or(Ok(()), Err)
+    }
+
+    /// Begins the motions that can begin now. One that owes a reply of the test is commanded nothing before. All that are
+    /// commanded stop first.
+    fn begin_motions(&mut self, engine: &mut Engine<'_>) {
+        let (period, sequence) = (
+            engine.environment.pace.period_s(),
+            engine.exchanges.sequence(),
+        );
+        let each = engine.ports.iter_mut().zip(&mut self.exits);
+        for (port, exit) in each.filter(|(port, _)| port.is_heard()) {
+            if !std::mem::replace(&mut exit.is_halted, true) {
+                port.halt();
+            }
+            if exit.is_led && exit.departure.is_none() {
+                exit.departure = port.depart(self.tripped, period);
+                port.leave_number(sequence);
+            }
+        }
+    }
+
+    /// Makes the next command of every specimen; true if one of them moves.
+    fn go_on(&mut self, engine: &mut Engine<'_>) -> bool {
+        let mut moving = false;
+        for (port, exit) in engine.ports.iter_mut().zip(&mut self.exits) {
+            match &mut exit.departure {
+                Some(departure) => moving |= port.go_on(departure),
+                None => port.stand_still(),
+            }
+        }
+        for (left, exit) in engine.ends.left.iter_mut().zip(&self.exits) {
+            match exit.departure.as_ref().and_then(Departure::end) {
+                Some(Ok(())) => *left = Left::Reached,
+                Some(Err(astray)) => *left = Left::NotReached(Some(astray)),
+                None => {}
+            }
+        }
+        moving
+    }
+
+    /// Hears specimens that owe the reply to their last command of the test; their patience began when they were asked. One that
+    /// is lost by that stops no other.
+    fn hear_those_who_owe(
+        &mut self,
+        engine: &mut Engine<'_>,
+        tick: &Tick,
+        stamps: &mut TickStamps,
+    ) -> Result<(), Stop> {
+        for index in 0..engine.ports.len() {
+            let port = engine.ports.get(index);
+            if !port.is_some_and(|port| port.partner.is_waited_for()) {
+                continue;
+            }
+            match engine.collect_from(index, tick, stamps, true) {
+                Ok(()) => {}
+                Err(stop @ Stop::Link { .. }) => {
+                    engine.stops_too(&stop);
+                    self.lost = self.lost.or(Some(stop));
+                }
+                Err(stop) => {
+                    engine.record_trip(tick, stamps, &stop);
+                    return Err(stop);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// A row for what ended the test, or its shutdown, without one of its own: a replay ends there, too, and the last command of
+    /// every specimen is on record.
+    fn record_end(ending: &Ending, engine: &mut Engine<'_>) {
+        if let Ending::Stopped(Stop::Link { port, .. }) = ending
+            && let Some(port) = engine.ports.get_mut(*port)
+        {
+            port.note_loss();
+        }
+        let tick = Self::tick_after_the_last(engine, 0.0);
+        let stopped = (engine.ends).is_operators(engine.environment.supervision.phase());
+        let row = &mut engine.environment.journal.row;
+        row.cause = Some(ending.cause());
+        let state = if ending.is_for_being_late() {
+            // What the operator said before the tick that was late stands in its own row.
+            row.word = Word {
+                holds: row.word.holds,
+                ..Word::default()
+            };
+            row.commands = OperatorCommands::GIVE_UP;
+            row.cause = Some(Cause::Late);
+            GIVEN_UP
+        } else {
+            Phase::Tripped.code()
+        };
+        row.stopped = stopped;
+        row.between(&tick, state, engine.side, engine.ports);
+        engine.keep_last_row(&TickStamps::default());
+    }
+
+    /// A tick in which test time stands still at the last row of the test, which may be between two steps.
+    fn tick_after_the_last(engine: &Engine<'_>, dt: f64) -> Tick {
+        let tick = engine.environment.place.at_rest(dt);
+        let (sub_tick, time) = engine.environment.journal.row.moment();
+        if time > tick.time {
+            return Tick {
+                sub_tick: sub_tick as u64,
+                time,
+                ..tick
+            };
+        }
+        tick
+    }
+}
+
+impl Maneuver for Shutdown {
+    fn next(&mut self, engine: &mut Engine<'_>) -> Result<Option<Order>, Stop> {
+        self.begin_motions(engine);
+        let moving = self.go_on(engine);
+        let mut ports = engine.ports.iter().zip(&self.exits);
+        let waits = ports.any(|(port, exit)| exit.is_led && port.partner.is_waited_for());
+        if !moving && !waits {
+            return Ok(None);
+        }
+        engine.judge_commands()?;
+        let tick = Self::tick_after_the_last(engine, engine.tick_passes());
+        Ok(Some(Order::moving(tick, Phase::Leaving)))
+    }
+
+    fn measured(
+        &mut self,
+        engine: &mut Engine<'_>,
+        order: &mut Order,
+        stamps: &mut TickStamps,
+    ) -> Result<(), Stop> {
+        self.hear_those_who_owe(engine, &order.tick, stamps)
+    }
+
+    fn recorded(
+        &mut self,
+        engine: &mut Engine<'_>,
+        _: &Order,
+        _: &mut TickStamps,
+    ) -> Result<(), Stop> {
+        engine.accept()?;
+        for port in &mut *engine.ports {
+            port.partner.owes_the_last &= port.owes();
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,223 @@
+//! What the operator sees of the test, and asks of it: phase, hold, confirmation.
+//!
+//! A hold is no maneuver. It stretches the time of the maneuver that runs, which goes on after it as if there had been none.
+
+use std::time::Duration;
+
+use super::operator::{Control, Operator, Requests};
+use super::phase::{Glimpse, Phase};
+use crate::substructure::LISTEN_NS;
+
+/// The operator's hold.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+enum Hold {
+    #[default]
+    Off,
+    Wanted,
+}
+
+/// Whether the operator is asked to confirm the sensor readings.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+enum Confirmation {
+    #[default]
+    NotAsked,
+    Awaited,
+}
+
+/// How the current tick moves the specimens, as far as the operator sees it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+enum Motion {
+    #[default]
+    Moves,
+    Still,
+}
+
+/// Whether the operator is heard.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Hearing {
+    On,
+    /// The replay of a test that did not record these ticks: nothing was asked in them.
+    Off,
+}
+
+/// The operator's line and what is shown on it.
+pub(super) struct Supervision {
+    control: Control,
+    requests: Requests,
+    hearing: Hearing,
+    phase: Phase,
+    hold: Hold,
+    /// Number of the latest hold, from 1.
+    hold_number: u32,
+    /// The operator said in this tick that the test continues.
+    continues: bool,
+    confirmation: Confirmation,
+    motion: Motion,
+}
+
+impl Supervision {
+    /// A connected test that nobody holds.
+    pub fn new(control: Control) -> Self {
+        Self {
+            control,
+            requests: Requests::default(),
+            hearing: Hearing::On,
+            phase: Phase::Connected,
+            hold: Hold::Off,
+            hold_number: 0,
+            continues: false,
+            confirmation: Confirmation::NotAsked,
+            motion: Motion::Moves,
+        }
+    }
+
+    /// The operator's line.
+    pub const fn control(&self) -> &Control {
+        &self.control
+    }
+
+    /// Puts another operator in place.
+    pub fn attend(&mut self, control: Control) {
+        self.control = control;
+    }
+
+    /// The phase. Real-time: yes.
+    #[inline]
+    pub const fn phase(&self) -> Phase {
+        self.phase
+    }
+
+    /// Enters a phase; returns the one before. Real-time: yes.
+    pub fn enter(&mut self, phase: Phase) -> Phase {
+        let from = self.phase;
+        debug_assert!(from.may_become(phase), "{from:?} to {phase:?}");
+        self.phase = phase;
+        self.show();
+        from
+    }
+
+    /// Shows the test on the operator's line. Real-time: yes.
+    pub fn show(&self) {
+        let still = self.motion == Motion::Still;
+        self.control.phase.show(Glimpse {
+            phase: self.phase,
+            hold: self.is_held(),
+            unconfirmed: self.is_unconfirmed(),
+            hold_number: self.hold_number,
+            stands: still || matches!(self.phase, Phase::Armed | Phase::Holding),
+        });
+    }
+
+    /// True while the operator wants a hold. Real-time: yes.
+    #[inline]
+    pub fn is_held(&self) -> bool {
+        self.hold == Hold::Wanted
+    }
+
+    /// Number of the latest hold, from 1; 0 before the first.
+    pub const fn hold_number(&self) -> u32 {
+        self.hold_number
+    }
+
+    /// Begins a hold; false if there is one. Real-time: yes.
+    pub fn begin_hold(&mut self) -> bool {
+        if self.is_held() {
+            return false;
+        }
+        self.hold = Hold::Wanted;
+        self.hold_number = self.hold_number.saturating_add(1);
+        true
+    }
+
+    /// The test continues; false if there was no hold. Real-time: yes.
+    pub fn end_hold(&mut self) -> bool {
+        let was_held = self.is_held();
+        self.hold = Hold::Off;
+        self.continues = true;
+        was_held
+    }
+
+    /// The shutdown is not held.
+    pub fn drop_hold(&mut self) {
+        self.hold = Hold::Off;
+    }
+
+    /// The operator said in this tick that the test continues. Real-time: yes.
+    #[inline]
+    pub const fn continues(&self) -> bool {
+        self.continues
+    }
+
+    /// A tick begins. Real-time: yes.
+    #[inline]
+    pub fn begin_tick(&mut self, is_still: bool) {
+        self.continues = false;
+        self.motion = if is_still {
+            Motion::Still
+        } else {
+            Motion::Moves
+        };
+    }
+
+    /// The wait for the edge is over. Real-time: yes.
+    #[inline]
+    pub fn end_wait(&mut self) {
+        self.motion = Motion::Moves;
+    }
+
+    /// Asks for a confirmation of the sensor readings.
+    pub fn ask_for_confirmation(&mut self) {
+        self.confirmation = Confirmation::Awaited;
+        self.show();
+    }
+
+    /// True while the confirmation is awaited. Real-time: yes.
+    #[inline]
+    pub fn is_unconfirmed(&self) -> bool {
+        self.confirmation == Confirmation::Awaited
+    }
+
+    /// The operator confirms; false if nothing was asked. Real-time: yes.
+    pub fn confirm(&mut self) -> bool {
+        let was_asked = self.is_unconfirmed();
+        self.confirmation = Confirmation::NotAsked;
+        was_asked
+    }
+
+    /// The operator is heard from here on, or not. Real-time: yes.
+    pub fn hears(&mut self, hears: bool) {
+        self.hearing = if hears { Hearing::On } else { Hearing::Off };
+    }
+
+    /// The next request, which leaves the queue. Real-time: yes.
+    #[inline]
+    pub fn take_request(&mut self) -> Option<Operator> {
+        match self.hearing {
+            Hearing::On => self.requests.take(&self.control),
+            Hearing::Off => None,
+        }
+    }
+
+    /// The next request, which stays in the queue.
+    pub fn next_request(&mut self) -> Option<Operator> {
+        match self.hearing {
+            Hearing::On => self.requests.next(&self.control),
+            Hearing::Off => None,
+        }
+    }
+
+    /// True if a stop was asked for; it leaves the queue, and what was asked before it. Real-time: yes.
+    pub fn takes_a_stop(&mut self) -> bool {
+        self.hearing == Hearing::On && self.requests.takes_an_end(&self.control)
+    }
+
+    /// On simulated time a test that stands until the operator speaks would make millions of rows: it waits for him a while.
+    pub fn wait_where_it_stands(&mut self) {
+        let stands = self.motion == Motion::Still || self.phase == Phase::Holding;
+        let is_waiting = stands && (self.is_unconfirmed() || self.is_held());
+        if is_waiting && self.control.desk.is_some() && self.hearing == Hearing::On {
+            let most = Duration::from_nanos(LISTEN_NS);
+            self.requests.wait(&self.control, most);
+        }
+    }
+}

@@ -1,0 +1,130 @@
+//! The wiring check: before anything of the test moves a specimen, a small motion and back shows which way round it is wired.
+//!
+//! Specimens are checked one after another, and the others hold. Of a computation nothing of it is accepted, and it is armed
+//! anew afterwards, so that it forgets it. Where there is a static load, its motion is judged instead.
+
+use super::cycle::{Engine, Maneuver};
+use super::order::Order;
+use super::phase::Phase;
+use super::ramping::HoldRamp;
+use super::tick::Tick;
+use super::{Ending, Side, Stop};
+use crate::control::{Port, Probe};
+use crate::integrate::State;
+use crate::record::{Event, GridOf};
+use crate::rt::timing::TickStamps;
+
+/// The check of one specimen.
+pub(super) struct WiringCheck {
+    port: usize,
+    probe: Probe,
+    hold: HoldRamp,
+}
+
+impl WiringCheck {
+    /// Checks every specimen that is to be checked.
+    ///
+    /// # Errors
+    /// A specimen is wired the wrong way round, or is lost.
+    pub fn perform(engine: &mut Engine<'_>) -> Result<(), Stop> {
+        if !engine.ports.iter().any(|port| port.probe().is_some()) {
+            return Ok(());
+        }
+        engine.environment.enter(Phase::Probing, Ending::Completed);
+        Self::aim_where_it_stands(engine);
+        engine.ports.iter_mut().for_each(Port::take_its_word);
+        engine.arm()?;
+        engine.environment.begin_grid(GridOf::Directions);
+        for index in 0..engine.ports.len() {
+            Self::check(index, engine)?;
+        }
+        // They are back where they stood; what stands ready next is the test's.
+        engine.ports.iter_mut().for_each(Port::forget_trial);
+        engine.aim_at_start();
+        engine.environment.deadlines.forget_timing();
+        Ok(())
+    }
+
+    fn check(index: usize, engine: &mut Engine<'_>) -> Result<(), Stop> {
+        let Some(probe) = engine.ports.get(index).and_then(Port::probe) else {
+            return Ok(());
+        };
+        let port = index as u32;
+        engine.environment.report_now(Event::Probing { port });
+        let mut check = Self {
+            port: index,
+            probe,
+            hold: HoldRamp::new(engine),
+        };
+        engine.perform(&mut check)?;
+        let verdict = check.probe.verdict();
+        let found = verdict.map_err(|misfit| Stop::Misfit {
+            port: index,
+            misfit,
+        })?;
+        for axis in found {
+            engine.environment.report_now(Event::Direction {
+                port,
+                axis: axis.axis as u32,
+                disp: axis.disp,
+                force: axis.force,
+            });
+        }
+        Ok(())
+    }
+
+    /// Where specimens that do not report it stand before the test: where nothing is deformed, if it begins gently or brings
+    /// a static load on; else where the first command is.
+    fn aim_where_it_stands(engine: &mut Engine<'_>) {
+        engine.aim_at_start();
+        if engine.settling.is_none() && !engine.plan.opening.is_gentle() {
+            return;
+        }
+        match &*engine.side {
+            Side::Structure(numerical) => {
+                let at_rest = State::at_rest(numerical.state.disp.len());
+                let base = numerical.base(0);
+                for port in &mut *engine.ports {
+                    port.aim(&at_rest.disp, &at_rest.vel, base.disp, 0.0);
+                }
+            }
+            Side::Prescribed(_) => {
+                for port in &mut *engine.ports {
+                    port.aim_at(&mut std::iter::repeat((0.0, 0.0)));
+                }
+            }
+        }
+    }
+}
+
+impl Maneuver for WiringCheck {
+    fn next(&mut self, engine: &mut Engine<'_>) -> Result<Option<Order>, Stop> {
+        let Some(pace) = self.hold.next(engine) else {
+            return Ok(Some(engine.still(Phase::Probing)));
+        };
+        let port = engine.ports.get_mut(self.port);
+        if !port.is_some_and(|port| port.aim_probe(&mut self.probe, pace)) {
+            return Ok(None);
+        }
+        engine.judge_commands()?;
+        let tick = Tick::before_start(engine.tick_passes() * pace);
+        Ok(Some(Order::moving(tick, Phase::Probing)))
+    }
+
+    fn recorded(
+        &mut self,
+        engine: &mut Engine<'_>,
+        order: &Order,
+        _: &mut TickStamps,
+    ) -> Result<(), Stop> {
+        if !order.is_still() {
+            let sequence = engine.exchanges.sequence();
+            if let Some(port) = engine.ports.get_mut(self.port) {
+                port.take_probe(&mut self.probe);
+                port.accept_probe(sequence);
+            }
+        }
+        engine.reuse_number();
+        Ok(())
+    }
+}
