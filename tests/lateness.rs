@@ -116,7 +116,7 @@ fn edges(run: &Run) -> Vec<u64> {
 /// Every step once, in order, with the numbers of a run in which nothing was late.
 fn assert_whole(run: &Run) {
     let calm = self::run(OnMiss::Stretch, &[]);
-    assert!(misses(&calm).is_empty() && calm.outcome.misses == 0);
+    assert!(misses(&calm).is_empty() && calm.outcome.pace.misses == 0);
     assert_eq!(run.outcome.ending, Ending::Completed);
     assert_eq!(run.rows.len(), calm.rows.len());
     for (a, b) in run.rows.iter().zip(&calm.rows) {
@@ -132,21 +132,21 @@ fn assert_whole(run: &Run) {
 
 /// Ticks that the histograms of lateness must have counted: those that were, and those that a stall swallowed.
 fn assert_counted(run: &Run, swallowed: u64) {
-    let counts = run.outcome.timing.counts();
+    let counts = run.outcome.pace.timing.counts();
     assert_eq!(
         (counts.ticks, counts.swallowed),
         (u64::from(STEPS) + 1, swallowed)
     );
     for quantity in [Quantity::WakeupLateness, Quantity::CommandLateness] {
         assert_eq!(
-            run.outcome.timing.histogram(quantity).len(),
+            run.outcome.pace.timing.histogram(quantity).len(),
             counts.ticks + swallowed
         );
     }
-    let missed = run.outcome.timing.histogram(Quantity::Miss).len();
+    let missed = run.outcome.pace.timing.histogram(Quantity::Miss).len();
     assert_eq!(
         (missed, counts.misses),
-        (run.outcome.misses, run.outcome.misses)
+        (run.outcome.pace.misses, run.outcome.pace.misses)
     );
 }
 
@@ -156,7 +156,10 @@ fn a_stall_in_the_wait_moves_the_grid_by_whole_ticks() {
     let run = run(OnMiss::Stretch, &[Waiting(10, 3_400_000)]);
     assert_whole(&run);
     assert_eq!(misses(&run), [(10, 2_400_000, 3)]);
-    assert_eq!((run.outcome.misses, run.outcome.stretched), (1, 3));
+    assert_eq!(
+        (run.outcome.pace.misses, run.outcome.pace.stretched),
+        (1, 3)
+    );
     let wanted: Vec<u64> = (0..=10).chain(14..=43).collect();
     assert_eq!(edges(&run), wanted);
     assert_eq!(run.column("stretched")[9..12], [0.0, 3.0, 3.0]);
@@ -166,7 +169,7 @@ fn a_stall_in_the_wait_moves_the_grid_by_whole_ticks() {
     assert_eq!(run.column("misses_in_total")[10..13], [0.0, 1.0, 1.0]);
     assert_counted(&run, 3);
     // 3.4 of the tick itself, then 2.4, 1.4 and 0.4 of those that were swallowed (3 significant digits).
-    let late = run.outcome.timing.histogram(Quantity::WakeupLateness);
+    let late = run.outcome.pace.timing.histogram(Quantity::WakeupLateness);
     for j in 0..4 {
         let middle = 400_000 + j * T;
         assert_eq!(
@@ -204,7 +207,7 @@ fn several_stalls_add_up() {
     // Tick 10 wakes 1.2 late (moved by 1), ends at 3.2, that is 1.2 after the edge at 2 (moved by 1 more).
     // Tick 11 is due at 3 and begins at 3.2; asleep until 8.3 it is 5.3 late: moved by 5.
     assert_eq!(misses(&run), [(10, 2_200_000, 2), (11, 4_300_000, 5)]);
-    assert_eq!(run.outcome.stretched, 7);
+    assert_eq!(run.outcome.pace.stretched, 7);
     assert_eq!(edges(&run)[9..14], [9, 10, 13, 19, 20]);
     assert_eq!(run.column("skipped_by_wakeup")[9..13], [0.0, 1.0, 5.0, 0.0]);
     assert_eq!(run.column("skipped_by_work")[9..13], [0.0, 0.0, 1.0, 0.0]);
@@ -237,7 +240,10 @@ fn catching_up_keeps_the_grid_and_runs_the_missed_ticks_back_to_back() {
         [(10, 2_400_000, 0), (11, 1_400_000, 0), (12, 400_000, 0)]
     );
     assert!(edges(&run).into_iter().eq(0..=u64::from(STEPS)));
-    assert_eq!((run.outcome.misses, run.outcome.stretched), (3, 0));
+    assert_eq!(
+        (run.outcome.pace.misses, run.outcome.pace.stretched),
+        (3, 0)
+    );
     assert_counted(&run, 0);
 }
 
@@ -255,7 +261,7 @@ fn catching_up_is_bounded() {
         (14, 500_000),
     ];
     assert_eq!(sizes, wanted);
-    assert_eq!(run.outcome.stretched, 15);
+    assert_eq!(run.outcome.pace.stretched, 15);
     let wanted: Vec<u64> = (0..=10).chain(26..=55).collect();
     assert_eq!(edges(&run), wanted);
     assert_counted(&run, 15);
@@ -420,7 +426,10 @@ fn a_stall_in_the_warm_up_is_neither_a_miss_nor_a_burst() {
             let (run, _) = run_warm(4, policy, &[stall], |_| {});
             assert_eq!(run.outcome.ending, Ending::Completed);
             assert!(misses(&run).is_empty(), "{:?}", misses(&run));
-            assert_eq!((run.outcome.misses, run.outcome.stretched), (0, 0));
+            assert_eq!(
+                (run.outcome.pace.misses, run.outcome.pace.stretched),
+                (0, 0)
+            );
             assert!(edges(&run).into_iter().eq(0..=u64::from(STEPS)));
             assert!(
                 run.column("wakeup_lateness_s")
@@ -482,11 +491,14 @@ fn what_stands_still_outside_of_the_test_is_told_as_a_gap() {
     assert_eq!(gaps, [gap]);
     let longest_ns = 250 * T;
     assert_eq!(
-        run.outcome.gaps,
+        run.outcome.pace.gaps,
         Gaps {
             times: 1,
             longest_ns
         }
     );
-    assert_eq!((run.outcome.misses, run.outcome.stretched), (0, 0));
+    assert_eq!(
+        (run.outcome.pace.misses, run.outcome.pace.stretched),
+        (0, 0)
+    );
 }

@@ -1,4 +1,4 @@
-//! A panic of our own in any maneuver, at any call of a specimen: nothing moves after it, and every specimen receives its last
+//! A panic in any maneuver, at any call of a specimen: nothing moves after it, and every specimen receives its last
 //! message exactly once.
 
 mod common;
@@ -8,7 +8,9 @@ use std::sync::{Arc, Mutex};
 
 use common::engine::prepare;
 use gusset::control::{Direction, Pace};
-use gusset::engine::{Connected, Control, Ending, Experiment, Notice, Operator, Phase, PhaseCell, Stop};
+use gusset::engine::{
+    Connected, Control, Ending, Experiment, Notice, Operator, Phase, PhaseCell, Stop,
+};
 use gusset::record::MemoryRecorder;
 use gusset::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
@@ -244,7 +246,11 @@ fn a_panic_in_any_maneuver_moves_nothing_more_and_retires_every_specimen_once() 
                 continue;
             }
             let (ending, has_fault, goodbyes, after, _) = run(Some((phase, call)));
-            assert_eq!(ending, Ending::Stopped(Stop::Internal), "{call:?} of {phase:?}");
+            assert_eq!(
+                ending,
+                Ending::Stopped(Stop::Internal),
+                "{call:?} of {phase:?}"
+            );
             assert!(has_fault, "{call:?} of {phase:?}");
             assert_eq!((goodbyes, after), ([1, 1], 0), "{call:?} of {phase:?}");
         }

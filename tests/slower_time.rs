@@ -54,7 +54,7 @@ fn a_test_ten_times_slower_has_the_same_bits_in_every_column_that_is_not_timing(
             }
         }
         // 4096 periods between the first edge and the last, each rounded down to a nanosecond at most once.
-        let wall = slow.outcome.wall_ns as f64;
+        let wall = slow.outcome.pace.wall_ns as f64;
         assert!((wall - 4e9 * factor).abs() <= 1.0, "{wall}");
         assert!((slow.column("release_s")[4096] - 4.0 * factor).abs() < 2e-9);
     }

@@ -182,7 +182,7 @@ fn exchanges_before_t_0_are_not_timed() {
         Quantity::Compute,
     ] {
         assert_eq!(
-            run.outcome.timing.histogram(quantity).len(),
+            run.outcome.pace.timing.histogram(quantity).len(),
             1025,
             "{quantity:?}"
         );

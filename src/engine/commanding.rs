@@ -43,8 +43,8 @@ impl Exchanges {
         self.sequence
     }
 
-    /// An interrupted test goes on at this number.
-    pub const fn go_on_at(&mut self, sequence: u64) {
+    /// A resumed test continues at this number.
+    pub const fn continue_at(&mut self, sequence: u64) {
         self.sequence = sequence;
     }
 

@@ -1,9 +1,9 @@
 //! The tick loop.
 //!
 //! Every tick of a test goes through [`Engine::perform`]: wait for the edge, exchange, judge, record, hand over. A
-//! [`Maneuver`] says what differs: the next command, the reaction to what was measured, and when it is complete. Each command is
+//! [`Maneuver`] defines the differences: the next command, the reaction to the measurements, and the completion. Each command is
 //! judged before its tick begins, so that nothing but the send stands between the edge and the wire. A stop leaves the loop at
-//! once, and the commands that stand ready do not leave.
+//! once, and the next commands do not leave.
 //! Everything here is on the real-time path: no allocation, no lock, no system call but the clock's and the links', no panic.
 
 use super::commanding::Exchanges;
@@ -21,15 +21,15 @@ use crate::control::Port;
 use crate::record::{Event, LimitReached, ON_MISS, WarmUpRows};
 use crate::rt::timing::TickStamps;
 
-/// A motion, or a rest, of all specimens: what differs from tick to tick of the loop.
+/// A motion or a rest of all specimens, tick by tick.
 pub(super) trait Maneuver {
-    /// The next tick, whose command stands ready and was judged; none when the maneuver is complete.
+    /// The next tick, whose command is made and judged; none when the maneuver is complete.
     ///
     /// # Errors
     /// The test ends.
     fn next(&mut self, engine: &mut Engine<'_>) -> Result<Option<Order>, Stop>;
 
-    /// What follows from the measurements, before the row is made.
+    /// Reacts to the measurements, before the row is made.
     ///
     /// # Errors
     /// The test ends. The tick has no row.
@@ -42,7 +42,7 @@ pub(super) trait Maneuver {
         Ok(())
     }
 
-    /// What follows from the measurements, after the row is made.
+    /// Reacts to the measurements, after the row is made.
     ///
     /// # Errors
     /// The test ends.
@@ -73,7 +73,7 @@ impl Engine<'_> {
     /// Performs a maneuver, tick by tick: the only tick loop. Real-time: yes.
     ///
     /// # Errors
-    /// What ends the test before the maneuver is complete.
+    /// The stop that ended the test before the maneuver was complete.
     #[inline]
     pub fn perform(&mut self, maneuver: &mut impl Maneuver) -> Result<(), Stop> {
         while let Some(mut order) = maneuver.next(self)? {
@@ -213,7 +213,7 @@ impl Engine<'_> {
         self.environment.journal.keep_row();
     }
 
-    /// The displacement of a step whose target was reached: what was only aimed at never was. Real-time: yes.
+    /// Notes the peak displacements of a step whose target was reached. Real-time: yes.
     #[inline]
     pub fn note_reached(&mut self) {
         if let Side::Structure(numerical) = &*self.side {
@@ -221,7 +221,7 @@ impl Engine<'_> {
         }
     }
 
-    /// Commands of a stop that ended the wait for a reply stand in the row. Real-time: yes.
+    /// The row records a stop that ended the wait for a reply. Real-time: yes.
     pub fn mark_stop_in_wait(&mut self) {
         let row = &mut self.environment.journal.row;
         row.commands.add(OperatorCommands::STOP_IN_WAIT);

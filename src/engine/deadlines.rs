@@ -94,7 +94,7 @@ impl Deadlines {
         self.timing.tick(stamps);
     }
 
-    /// What was timed so far is none of the test's.
+    /// Forgets the times so far: they do not belong to the test.
     pub fn forget_timing(&mut self) {
         self.timing.reset();
     }

@@ -7,7 +7,7 @@ use crate::control::Astray;
 /// Where a specimen was left.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Left {
-    /// At its last command: nothing else is asked for, or too little was known of it to move it.
+    /// At its last command: the test file asks for nothing else, or too little was known of it to move it.
     Stayed,
     /// Where the test file wants it.
     Reached,

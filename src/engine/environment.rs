@@ -1,4 +1,4 @@
-//! What surrounds the mechanics of a test: time, operator and record.
+//! The surroundings of the mechanics of a test: time, operator and record.
 
 use super::columns::Word;
 use super::deadlines::Deadlines;
@@ -15,7 +15,7 @@ use crate::record::{Event, GridOf, Standing, TimedEvent};
 use crate::rt::timing::TickStamps;
 use crate::time::Nanos;
 
-/// Longest wait for an edge in which the operator is not heard.
+/// Longest wait for an edge in which no request of the operator is taken.
 const NAP_NS: u64 = 100_000_000;
 
 /// Time, operator and record of one test.
@@ -75,7 +75,7 @@ impl Environment {
         });
     }
 
-    /// Waits for the next edge and hears the operator. Real-time: yes.
+    /// Waits for the next edge and takes a request of the operator. Real-time: yes.
     ///
     /// # Errors
     /// The operator ends the test.
@@ -104,7 +104,7 @@ impl Environment {
         heard
     }
 
-    /// A slow test has far edges: the operator is heard before them, too.
+    /// A slow test has far edges: requests of the operator are taken before them, too.
     #[inline]
     fn nap(&mut self, stamps: &TickStamps) -> Result<(), Stop> {
         if stamps.release.since(stamps.idle) > NAP_NS {
@@ -143,7 +143,7 @@ impl Environment {
         }
     }
 
-    /// Hears one request of the operator, if there is one. Real-time: yes.
+    /// Takes one request of the operator, if there is one. Real-time: yes.
     ///
     /// # Errors
     /// The operator ends the test.
@@ -201,7 +201,7 @@ impl Environment {
         Ok(())
     }
 
-    /// Hears that the test was given up, if that comes next: a replay says so, whose own clock is never late.
+    /// Takes the request to give the test up, if it is the next. A replay makes it, whose clock is never late.
     pub fn hear_if_given_up(&mut self) -> Result<(), Stop> {
         match self.supervision.next_request() {
             Some(Operator::GiveUp) => self.hear(),

@@ -1,8 +1,8 @@
 //! One exchange with all specimens: commands leave, measurements come in and are judged.
 //!
 //! Commands are issued to all before any reply is collected, so that several links cost one round trip. What stops the test does
-//! not stop the exchange: a specimen that owes a reply is still heard, or it could not be commanded during the shutdown. The
-//! first stop counts. Everything here is on the real-time path.
+//! not stop the exchange: a reply that is owed is still collected, or its specimen could not be commanded during the shutdown.
+//! The first stop counts. Everything here is on the real-time path.
 
 use super::commanding::{Commanding, Recordings};
 use super::cycle::Engine;
@@ -20,8 +20,8 @@ use crate::rt::timing::TickStamps;
 use crate::substructure::{Coupling, Freshness, Holder, LISTEN_NS, LinkFault, Status};
 use crate::time::Nanos;
 
-/// Sends its target to a specimen that is commanded once a step, as soon as it is known; else there is nothing to send. In a hold
-/// (`holds`) nothing moves: it is sent afterwards. Real-time: yes.
+/// Sends the target to a specimen that is commanded once a step, once the target is known. In a hold (`holds`) nothing moves: it
+/// is sent afterwards. Real-time: yes.
 fn send_target(
     port: &mut Port,
     sequence: u64,
@@ -48,7 +48,7 @@ fn has_reply(
         port.attend()?;
         return Ok(false);
     }
-    // A socket has a wall clock of its own: under the simulated clock it is waited for.
+    // A socket lives in wall time: under the simulated clock it is waited for.
     if (simulated && port.is_remote()) || port.is_answered(0)? {
         return Ok(true);
     }
@@ -70,7 +70,7 @@ fn reported_stop(port: usize, status: Status) -> Option<Stop> {
     }
 }
 
-/// What is done with stale data of a specimen, and how many in a row are accepted. Real-time: yes.
+/// The use of stale data of a specimen, and how many in a row are accepted. Real-time: yes.
 fn stale_rules(port: &Port, limits: &Limits) -> (OnStale, u64) {
     match port.wait {
         Some(own) => (own.on_stale, own.stale_in_a_row),
@@ -174,8 +174,7 @@ impl Engine<'_> {
         }
     }
 
-    /// The specimen of a stop is not commanded during the shutdown: nobody knows whether it follows, or what it feels. Real-time:
-    /// yes.
+    /// The specimen of a stop is not commanded during the shutdown: it may not follow, or its force may be wrong. Real-time: yes.
     pub fn exclude(&mut self, stop: &Stop) {
         match stop {
             Stop::Link { port, .. }
@@ -292,8 +291,8 @@ impl Engine<'_> {
         Ok(())
     }
 
-    /// Waits for the reply that a lockstep specimen owes, part by part: in between the operator is heard, whose stop ends the
-    /// wait. That its own time limit has passed shows when its reply is taken. Real-time: yes.
+    /// Waits for the reply that a lockstep specimen owes. A stop of the operator ends the wait. The time limit of the specimen is
+    /// judged when its reply is taken. Real-time: yes.
     #[inline]
     fn wait_for(&mut self, index: usize, waits: bool) -> Result<(), Stop> {
         let Some(port) = self.ports.get_mut(index) else {
@@ -323,8 +322,8 @@ impl Engine<'_> {
         Ok(())
     }
 
-    /// Judges the commands that stand ready, all of them: a trip beside the first is reported, too. Only after it may they
-    /// leave. Real-time: yes.
+    /// Judges the next command of every specimen: a trip beside the first is reported, too. Only judged commands may leave.
+    /// Real-time: yes.
     ///
     /// # Errors
     /// The first trip.
@@ -361,13 +360,12 @@ impl Engine<'_> {
         Ok(())
     }
 
-    /// The specimen itself ends the test: limits that its reply passes are reported beside that, since a test that is resumed
-    /// needs them. Real-time: yes.
+    /// The specimen itself ends the test. Limits that its reply passes are reported, too: a resumed test needs them. Real-time: yes.
     #[cold]
     fn report_beside(&mut self, index: usize, tick: &Tick) {
         if let Some(port) = self.ports.get_mut(index) {
             let found = port.judge();
-            // That a limit ends the test, too, changes nothing: what the specimen reports comes first.
+            // The stop that the specimen reports counts.
             let _ = self.act_on(index, &found, tick);
         }
     }
@@ -464,7 +462,7 @@ impl Engine<'_> {
         Ok(())
     }
 
-    /// Replies that were lost and stand in a later one: the forces of their commands are recorded. Real-time: yes.
+    /// Reports replies that were lost and that a later reply repeats: the forces of their commands are recorded. Real-time: yes.
     #[cold]
     fn report_recovered(&mut self, index: usize, tick: &Tick) {
         while let Some(sequence) = self.ports.get_mut(index).and_then(Port::recover) {
@@ -593,13 +591,13 @@ impl Engine<'_> {
         Ok(())
     }
 
-    /// The exchange was none of the test's: its number is used again. Real-time: yes.
+    /// The exchange did not belong to the test: its number is used again. Real-time: yes.
     #[inline]
     pub fn reuse_number(&mut self) {
         self.ports.iter_mut().for_each(Port::skip_number);
     }
 
-    /// The first target, B·x[0]: held, and measured, before anything moves.
+    /// Aims every specimen at the first target, B·x[0].
     pub fn aim_at_start(&mut self) {
         match &mut *self.side {
             Side::Structure(numerical) => {
@@ -614,8 +612,8 @@ impl Engine<'_> {
         }
     }
 
-    /// Arms all specimens: all are asked before any is waited for, so that they get ready at the same time. The operator's stop is
-    /// heard meanwhile.
+    /// Arms all specimens: all receive the request before the first wait, so that they get ready at the same time. A stop of the
+    /// operator ends the wait.
     ///
     /// # Errors
     /// A specimen is not ready, or the operator ends the test.

@@ -27,11 +27,11 @@ pub struct Experiment {
     pub record_dofs: Vec<usize>,
     /// DOFs that are rotations, from 0: their columns are in rad.
     pub rotations: Vec<usize>,
-    /// Bounds of what the loop puts up with.
+    /// Bounds that the loop tolerates.
     pub limits: Limits,
     /// How steps and ticks belong together.
     pub pacing: Pacing,
-    /// Where an interrupted test stood that this one goes on with.
+    /// The state of an interrupted test that this one continues.
     pub resume: Option<Resumption>,
 }
 

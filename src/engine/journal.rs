@@ -86,7 +86,7 @@ impl Journal {
         self.events_lost += u64::from(!self.recorder.event(event));
     }
 
-    /// Which rows of a warm-up of so many ticks are kept; makes the room for those that are held back.
+    /// Begins a warm-up: returns which of its rows are kept, and makes room for rows that are held back.
     pub fn begin_warm_up(&mut self, ticks: u64) -> WarmUpRows {
         let rows = match self.recorder.warm_up() {
             WarmUpRows::IfTheyMatter if ticks > MOST_HELD_BACK => WarmUpRows::AsTheyCome,

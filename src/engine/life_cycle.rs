@@ -24,7 +24,9 @@ use super::step_progress::StepProgress;
 use super::stepping::Stepping;
 use super::supervision::Supervision;
 use super::test_judge::TestJudge;
-use super::{Ending, Experiment, Outcome, Peaks, Plan, Resumption, Settling, Side, Stop};
+use super::{
+    Ending, Experiment, Outcome, PaceOutcome, Peaks, Plan, Resumption, Settling, Side, Stop,
+};
 use crate::control::{Port, Poses};
 use crate::record::{Column, Event, GridOf, Recorder};
 use crate::rt::timing::Timing;
@@ -54,7 +56,7 @@ struct Watches {
     after_last_tick: Option<Watch>,
 }
 
-/// What all states of the life cycle own.
+/// The content of every state of the life cycle.
 struct Test {
     ports: Vec<Port>,
     parts: Box<Parts>,
@@ -82,15 +84,15 @@ pub struct Stopped {
 /// A test whose specimens received their last message.
 #[derive(Debug)]
 pub struct Retired {
-    /// What the test leaves behind; none if the record of the end itself panicked.
+    /// The results of the test; none if the record of its end panicked.
     pub outcome: Option<Outcome>,
-    /// A panic of our own, in words.
+    /// The text of a panic of the program.
     pub fault: Option<String>,
     /// How far the platform of each specimen went; none where its axes are no actuators of one.
     pub poses: Vec<Option<Poses>>,
 }
 
-/// What a recorded test came to when it was retraced.
+/// The end of a recorded test that was retraced.
 #[derive(Debug)]
 pub struct Retraced {
     /// How it ended.
@@ -100,7 +102,7 @@ pub struct Retraced {
 }
 
 impl Retired {
-    /// The outcome of a test without real specimens: a panic of our own goes on, as a panic.
+    /// The outcome of a test without physical specimens. A panic of the program continues as a panic.
     #[must_use]
     pub fn into_outcome(self) -> Outcome {
         match (self.outcome, self.fault) {
@@ -185,7 +187,7 @@ impl Connected {
         }
     }
 
-    /// Follows a recorded test as far as the recording lets it, and leaves everything as it is then. No specimen is retired.
+    /// Retraces a recorded test to the end of the recording. No specimen is retired.
     #[must_use]
     pub fn retrace(self, control: &Control) -> Retraced {
         let Self(mut test) = self;
@@ -296,7 +298,7 @@ impl Stopped {
     }
 }
 
-/// The steps of the test, with what belongs to its first and its last tick.
+/// Runs the steps of the test, from its first tick to its last.
 fn run_steps(engine: &mut Engine<'_>, watches: &mut Watches) -> Result<(), Stop> {
     engine.environment.enter(Phase::Running, Ending::Completed);
     engine.ports.iter_mut().for_each(Port::begin_compensation);
@@ -448,7 +450,7 @@ impl Test {
             }
         }
         ends.unheard = unheard;
-        // Where the last message has no answer, the reply that is owed would have been the last that is heard of it.
+        // Without an answer to the last message, the owed reply would have been the last one.
         for (port, left) in self.ports.iter().zip(&mut ends.left) {
             if port.is_left_unasked() && port.is_left_owing() && !port.partner.gone {
                 *left = Left::Lost;
@@ -456,7 +458,7 @@ impl Test {
         }
     }
 
-    /// What each specimen reports, by its number from 0.
+    /// The report of each specimen, by its number from 0.
     fn said(&self, words: impl Fn(&Port) -> Option<String>) -> Vec<(usize, String)> {
         let ports = self.ports.iter().enumerate();
         ports
@@ -502,13 +504,15 @@ impl Test {
             forces_on_the_way_in: (self.ports.iter())
                 .map(|port| port.force_on_the_way_in.clone())
                 .collect(),
-            timing,
-            misses: deadlines.total(),
-            stretched: pace.stretched(),
-            gaps: deadlines.gaps(),
+            pace: PaceOutcome {
+                timing,
+                misses: deadlines.total(),
+                stretched: pace.stretched(),
+                gaps: deadlines.gaps(),
+                wall_ns: pace.now().since(pace.first_edge()),
+            },
             rows_lost,
             events_lost,
-            wall_ns: pace.now().since(pace.first_edge()),
             complaints: self.said(Port::complaint),
             last_words: self.said(Port::last_words),
         }

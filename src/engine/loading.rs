@@ -24,18 +24,18 @@ use crate::rt::timing::TickStamps;
 
 /// Relative unbalance at which all parts but the last are taken for carried.
 const ROUGHLY: f64 = 1e-3;
-/// A correction is not of the load alone if it is so many times as large as one part of it.
+/// Ratio of a correction to one part of the load above which the load alone does not explain it.
 const MORE_THAN_LOAD: f64 = 2.0;
 /// Relative unbalance that cannot get better.
 const ROUNDOFF: f64 = 4.0 * f64::EPSILON;
-/// So many corrections in a row without a better balance are the noise of sensors, their quantum, or what an actuator cannot
-/// resolve: the load counts as carried if the best of them was at this relative unbalance at most. Longer ones must be gone.
+/// Corrections in a row without a better balance that count as noise of sensors or the resolution of an actuator: the load
+/// counts as carried if the best of them was at this relative unbalance at most.
 const NO_BETTER: u32 = 8;
 const NO_BETTER_THAN: f64 = 1e-2;
 /// A balance of the forces to this share of the load is one, too, if it does not get better: what is soft goes far beside what
 /// carries the load for the noise of its load cell.
 const NO_BETTER_FORCE: f64 = 1e-3;
-/// All waits for specimens to come to rest take so many times as long as one of them may, at most.
+/// Longest sum of all waits for specimens to come to rest, as a multiple of the longest single wait.
 const WAITS: u64 = 30;
 
 /// What one correction has found.
@@ -43,7 +43,7 @@ struct Unbalance {
     /// How far it goes, and the displacement that it leads to.
     correction: f64,
     largest: f64,
-    /// What was left of the load, N.
+    /// Unbalanced force, N.
     force: f64,
 }
 
@@ -70,7 +70,7 @@ struct Waits {
 }
 
 impl Waits {
-    /// The commands that stand ready are where they are sent.
+    /// The specimens are sent to their next commands.
     fn send(&mut self, ports: &[Port]) {
         for (port, rest) in ports.iter().zip(&mut self.rests) {
             let raw = port.partner.measured.then(|| port.raw());
@@ -111,15 +111,14 @@ impl Waits {
     }
 }
 
-/// The motion of the static load: one exchange after another of the command that stands ready, until every specimen has come to
-/// rest there. It is one exchange where all of them do so at once.
+/// Exchanges of the next command until every specimen is at rest there: one exchange if all of them rest at once.
 struct Resting<'a> {
     waits: &'a mut Waits,
     exchanges: u64,
     state: RestState,
 }
 
-/// What the next tick of it is for.
+/// The purpose of the next tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum RestState {
     /// The command leaves.
@@ -350,7 +349,7 @@ impl StaticLoad {
         Ok(())
     }
 
-    /// One correction by what is measured at rest, and the motion to it.
+    /// One correction from the forces at rest, and the motion to it.
     fn correct(&mut self, share: f64, engine: &mut Engine<'_>) -> Result<Unbalance, Stop> {
         self.exchanges += 1;
         let rests = self.waits.rests.iter();
@@ -374,11 +373,11 @@ impl StaticLoad {
         Ok(found)
     }
 
-    /// Leads the specimens to the corrected place that stands ready. A way that one tick can go is the next exchange itself.
+    /// Leads the specimens to the corrected position. A way that one tick can go is the next exchange itself.
     fn approach(&mut self, correction: f64, engine: &mut Engine<'_>) -> Result<(), Stop> {
         let (ramp_s, parts) = (engine.plan.opening.ramp_s, f64::from(self.settling.parts));
-        // A specimen that was found under a force of its own moves further: not faster for that, but no slower than any way
-        // from where one stands, however small the load is.
+        // A specimen that began under a force moves further: not faster for that, but no slower than any way from a standstill,
+        // however small the load is.
         let unbounded = if correction > MORE_THAN_LOAD * self.whole / parts {
             (ramp_s * (correction / self.whole)).min(ramp_s.max(UNBOUNDED_RAMP_S))
         } else {
@@ -399,7 +398,7 @@ impl StaticLoad {
         Ok(())
     }
 
-    /// Exchanges the command that stands ready until every specimen is at rest there.
+    /// Exchanges the next command until every specimen is at rest there.
     fn come_to_rest(&mut self, engine: &mut Engine<'_>) -> Result<(), Stop> {
         let mut resting = Resting {
             waits: &mut self.waits,

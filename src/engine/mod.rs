@@ -4,8 +4,8 @@
 //! thread, and lets the engine run inside a panic boundary. The engine performs maneuvers: wiring check, zeroing, static load,
 //! ramp, warm-up, the steps of the test, and the shutdown. Each of them goes through the one tick loop, in `cycle`: wait for
 //! the edge, exchange, judge, record, hand over. Time, operator and record are in `environment`. No command leaves that was
-//! not judged, no step is skipped, and every specimen is retired however the test ends. The engine knows neither files nor
-//! threads nor what stands behind a port.
+//! not judged, no step is skipped, and every specimen is retired however the test ends. The engine knows neither files
+//! nor threads nor the links behind its ports.
 
 mod audit;
 mod columns;
@@ -60,7 +60,7 @@ pub use life_cycle::{Connected, Ready, Retired, Retraced, Stopped};
 pub use numerical::{Numerical, Side};
 pub use opening::{InitialForce, Opening};
 pub use operator::{Control, Notice, Operator, OperatorCommands, Watch};
-pub use outcome::Outcome;
+pub use outcome::{Outcome, PaceOutcome};
 pub use peaks::Peaks;
 pub use phase::{Glimpse, Phase, PhaseCell};
 pub use resumption::{EarlierPeaks, Place, Resumption};

@@ -9,7 +9,7 @@ pub struct Opening {
     pub confirm: bool,
     /// Shortest time of a ramp in s of wall time.
     pub ramp_s: f64,
-    /// Of a resumed test: whether a relative load cell's change is drift of its zero.
+    /// Whether a resumed test takes the change of a relative load cell for drift of its zero.
     pub takes_force_drift: bool,
     /// Of each axis of each specimen: the largest force that it may bear before the test moves it, without a warning.
     pub initial_forces: Vec<Vec<InitialForce>>,

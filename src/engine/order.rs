@@ -7,7 +7,7 @@ use crate::record::WarmUpRows;
 /// Which command leaves in a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Sends {
-    /// The one that stands ready and was judged.
+    /// The next one, which was judged.
     Next,
     /// The last one again: nothing moves.
     Last,
@@ -18,7 +18,7 @@ pub(super) enum Sends {
 pub(super) enum Kind {
     /// A tick of the test. Late ticks follow the policy; the maneuver fills the row.
     Test,
-    /// A tick of a hold within the test. Test time stands still.
+    /// A tick of a hold within the test. No test time passes.
     Hold,
     /// A tick of this phase, before or after the test.
     Beside(Phase),
@@ -29,7 +29,7 @@ pub(super) enum Kind {
 /// One tick of a maneuver.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Order {
-    /// Its place in the test, which the specimens are told.
+    /// Its place in the test, as the commands carry it.
     pub tick: Tick,
     /// The place that its row has. A step may close some ticks after its target was reached.
     pub place: Tick,

@@ -1,20 +1,20 @@
-//! What a test leaves behind, besides its rows and events.
+//! The results of a test beside its rows and events.
 
 use super::{Ending, Gaps, Left, Peaks, Unfinished};
 use crate::control::LinkCount;
 use crate::rt::timing::Timing;
 use crate::substructure::Holder;
 
-/// What a test leaves behind, besides its rows and events.
+/// The results of a test beside its rows and events.
 #[derive(Debug)]
 pub struct Outcome {
     /// How it ended.
     pub ending: Ending,
-    /// What stopped the specimens on their way out, if anything did.
+    /// The stop of the shutdown, if it did not complete.
     pub unfinished: Option<Unfinished>,
     /// Where each specimen was left.
     pub left: Vec<Left>,
-    /// Specimens, from 0, that should have answered the last words, and did not.
+    /// Specimens, from 0, that owe an answer to the last message.
     pub unheard: Vec<usize>,
     /// Specimens, from 0, whose own ends were getting them ready when the operator ended the test.
     pub unarmed: Vec<usize>,
@@ -28,6 +28,21 @@ pub struct Outcome {
     pub ports: Vec<(String, Vec<f64>, LinkCount)>,
     /// Largest |force| of each specimen before the test, one per axis.
     pub forces_on_the_way_in: Vec<Vec<f64>>,
+    /// How the loop kept its ticks.
+    pub pace: PaceOutcome,
+    /// Rows that found the queue full.
+    pub rows_lost: u64,
+    /// Events that found the queue full.
+    pub events_lost: u64,
+    /// Reports of the links about their faults: specimen (from 0) and text.
+    pub complaints: Vec<(usize, String)>,
+    /// Reports of the specimens after the last message: specimen (from 0) and text.
+    pub last_words: Vec<(usize, String)>,
+}
+
+/// How the loop kept its ticks.
+#[derive(Debug)]
+pub struct PaceOutcome {
     /// Histograms of every timing quantity.
     pub timing: Timing,
     /// Deadline misses.
@@ -36,14 +51,6 @@ pub struct Outcome {
     pub stretched: u64,
     /// Where no command left, outside of the ticks of the test.
     pub gaps: Gaps,
-    /// Rows that found the queue full.
-    pub rows_lost: u64,
-    /// Events that found the queue full.
-    pub events_lost: u64,
     /// From the first edge of the test to the end of its last tick.
     pub wall_ns: u64,
-    /// What the links say about their faults: specimen (from 0) and words.
-    pub complaints: Vec<(usize, String)>,
-    /// What specimens answered to the last words beyond a plain goodbye: the same.
-    pub last_words: Vec<(usize, String)>,
 }

@@ -1,4 +1,4 @@
-//! Where the test stands in test time.
+//! The place of the test in test time.
 
 use super::tick::Tick;
 
@@ -41,7 +41,7 @@ impl Place {
         }
     }
 
-    /// A tick in which test time stands at the last step; `dt` is the test time that passes for a motion beside the test.
+    /// A tick at the last step. `dt` is the test time that passes for a motion before or after the test.
     pub fn at_rest(&self, dt: f64) -> Tick {
         Tick {
             time: self.steps_done as f64 * self.dt,

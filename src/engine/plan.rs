@@ -12,7 +12,7 @@ pub(super) struct Plan {
     pub steps: u64,
     /// How the specimens come to where the test begins.
     pub opening: Opening,
-    /// Bounds of what the loop puts up with.
+    /// Bounds that the loop tolerates.
     pub limits: Limits,
     /// Ticks from one checkpoint to the next, at least.
     pub checkpoint_ticks: u64,

@@ -1,4 +1,4 @@
-//! The ramp: every specimen goes from its last command to the one that stands ready, along half a cosine.
+//! The ramp: every specimen goes from its last command to the next one, along half a cosine.
 //!
 //! All ramps end in the same tick, and none uses more than a share of a speed limit. No specimen moves before all have replied:
 //! how long that may take is bounded by how many replies may stay away in a row. A hold stretches the time of the way.
@@ -37,7 +37,7 @@ impl HoldRamp {
 enum Way {
     /// Some specimens have not replied yet.
     Awaits,
-    /// So many ticks of the way are gone, at the pace of the hold ramp.
+    /// The ticks of the way that are gone, and the hold ramp that sets the pace.
     Goes(f64, HoldRamp),
 }
 
@@ -52,8 +52,8 @@ pub(super) struct Ramp {
 }
 
 impl Ramp {
-    /// Begins the ramp of every specimen to the command that stands ready. Returns the ticks of the longest way; each way takes
-    /// so many `seconds` with the share of a speed limit that may be used.
+    /// Begins the ramp of every specimen to its next command. Returns the ticks of the longest way. `seconds` is the time of one
+    /// way with the share of a speed limit that may be used.
     pub fn ticks(engine: &mut Engine<'_>, seconds: impl Fn(&Port, f64) -> f64) -> u64 {
         // The poses on its way say how fast it is.
         engine.ports.iter_mut().for_each(Port::begin_ramp);
@@ -63,7 +63,7 @@ impl Ramp {
         (longest / engine.environment.pace.period_s()).ceil() as u64
     }
 
-    /// The ramp that was begun, in so many ticks.
+    /// The ramp that was begun, over this number of ticks.
     ///
     /// # Errors
     /// A command at rest passes a limit.
@@ -85,7 +85,7 @@ impl Ramp {
         })
     }
 
-    /// Performs a ramp from the last commands to those that stand ready, if they differ.
+    /// Performs a ramp from the last commands to the next ones, if they differ.
     ///
     /// # Errors
     /// The test ends.

@@ -17,7 +17,7 @@ use super::{Peaks, Stop};
 use crate::control::{Port, Reading};
 use crate::record::{Event, GridOf, Standing};
 
-/// A force that differs by so many times its noise differs.
+/// Multiple of the noise of a force beyond which it differs.
 const NOISE: f64 = 5.0;
 
 /// Where one axis was left, in its own units.
@@ -27,7 +27,7 @@ pub struct Place {
     pub disp: f64,
     /// What its load cell read last.
     pub force: f64,
-    /// How far from it it may stand; infinite for a formula, which stands where it is told.
+    /// Tolerance of the position; infinite for a computed specimen, which is always at its command.
     pub within: f64,
     /// Reading of the displacement sensor in the row of `force`.
     pub disp_of_force: f64,
@@ -49,13 +49,13 @@ impl Place {
 /// after it, because the specimens were loaded by them.
 #[derive(Debug, Clone, Default)]
 pub struct EarlierPeaks {
-    /// Of the structure.
+    /// Peaks of the structure.
     pub peaks: Peaks,
     /// |force| of each axis of each specimen, N.
     pub forces: Vec<Vec<f64>>,
 }
 
-/// What is carried over besides the numerical side and the ports.
+/// The state of an interrupted test beside its numerical side and its ports.
 #[derive(Debug, Clone)]
 pub struct Resumption {
     pub(super) progress: StepProgress,
@@ -119,7 +119,7 @@ impl Resumption {
         if !matches!(phase, Phase::Running | Phase::Holding) || progress.step() == 0 {
             return None;
         }
-        // The command that stood ready never left.
+        // The next command never left.
         progress.take_back_the_next();
         Some(Self {
             progress,
@@ -137,13 +137,13 @@ impl Resumption {
     /// # Errors
     /// A specimen has changed since the interruption, or the test ends.
     pub(super) fn perform(self, engine: &mut Engine<'_>) -> Result<(), Stop> {
-        engine.exchanges.go_on_at(self.sequence);
+        engine.exchanges.continue_at(self.sequence);
         engine.environment.place.step_done(self.steps_done);
         engine.peaks.clone_from(&self.peaks);
         engine.peaks.raise(&self.earlier.peaks);
         *engine.progress = self.progress;
         engine.progress.stand();
-        // Motions before the test goes on teach no compensator.
+        // Motions before the test continues teach no compensator.
         let mut learned = Vec::new();
         for port in &mut *engine.ports {
             port.freeze_compensation(&mut learned);

@@ -12,11 +12,11 @@ pub enum OnMiss {
         /// Ticks that may run back to back.
         at_most: u64,
     },
-    /// End the test in an orderly way.
+    /// End the test cleanly.
     Stop,
 }
 
-/// Bounds of what the loop puts up with.
+/// Bounds that the loop tolerates.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Limits {
     /// What to do about a tick that starts a period or more late.

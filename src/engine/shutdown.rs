@@ -23,7 +23,7 @@ use crate::rt::timing::TickStamps;
 struct Exit {
     /// It is moved: the test file asks for it, and enough is known.
     is_led: bool,
-    /// It was told that it stops.
+    /// It received the message that it stops.
     is_halted: bool,
     /// Its motion, once it has begun.
     departure: Option<Departure>,
@@ -115,7 +115,7 @@ impl Shutdown {
         };
         engine.environment.enter(Phase::Leaving, of_test);
         engine.environment.supervision.drop_hold();
-        // Whatever ends it, the specimens stand at their last commands.
+        // However it ends, the specimens hold their last commands.
         shutdown.run(engine)
     }
 
@@ -217,8 +217,7 @@ impl Shutdown {
         Ok(())
     }
 
-    /// A row for what ended the test, or its shutdown, without one of its own: a replay ends there, too, and the last command of
-    /// every specimen is on record.
+    /// Makes the row of a stop that has none: a replay ends there, too, and the last command of every specimen is on record.
     fn record_end(ending: &Ending, engine: &mut Engine<'_>) {
         if let Ending::Stopped(Stop::Link { port, .. }) = ending
             && let Some(port) = engine.ports.get_mut(*port)
@@ -230,7 +229,7 @@ impl Shutdown {
         let row = &mut engine.environment.journal.row;
         row.cause = Some(ending.cause());
         let state = if ending.is_for_being_late() {
-            // What the operator said before the tick that was late stands in its own row.
+            // Requests of the operator before the late tick are in an earlier row.
             row.word = Word {
                 holds: row.word.holds,
                 ..Word::default()
@@ -246,7 +245,7 @@ impl Shutdown {
         engine.keep_last_row(&TickStamps::default());
     }
 
-    /// A tick in which test time stands still at the last row of the test, which may be between two steps.
+    /// A tick at the last row of the test, which may be between two steps. No test time passes.
     fn tick_after_the_last(engine: &Engine<'_>, dt: f64) -> Tick {
         let tick = engine.environment.place.at_rest(dt);
         let (sub_tick, time) = engine.environment.journal.row.moment();

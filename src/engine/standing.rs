@@ -13,7 +13,7 @@ use crate::rt::timing::TickStamps;
 const AT_REST: f64 = 16.0;
 const AT_REST_S: f64 = 1.0;
 
-/// Reads every sensor so many times. It takes longer where replies stay away, which is bounded by how many may do so in a row.
+/// Reads every sensor a number of times. Missing replies make it longer; the limit of stale replies in a row bounds it.
 pub(super) struct Zeroing {
     readings: u32,
 }

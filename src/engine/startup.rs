@@ -26,7 +26,7 @@ const STIFFNESS_SHARE: f64 = 0.1;
 pub(super) struct Startup;
 
 impl Startup {
-    /// Brings the specimens to where the test begins, or goes on.
+    /// Brings the specimens to the first target, or to the target where a resumed test continues.
     ///
     /// # Errors
     /// The test ends before its first tick.

@@ -12,7 +12,7 @@ pub struct Settling {
     /// Number of equal parts.
     pub parts: u32,
     /// Unbalanced displacement, relative to the largest displacement, at which the load is in equilibrium. The last part
-    /// goes on beyond it as long as the balance still gets better, down to roundoff.
+    /// continues beyond it while the balance gets better, down to roundoff.
     pub tolerance: f64,
     /// Corrections after which the load counts as impossible to carry.
     pub most_exchanges: u32,

@@ -43,9 +43,9 @@ enum Target {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct StepProgress {
     pacer: Tempo,
-    /// The pacer before the stride that stands ready.
+    /// The pacer before it made the next stride.
     before: Tempo,
-    /// The way of the command that stands ready.
+    /// The stride of the next command.
     stride: Stride,
     step: u64,
     target: Target,
@@ -85,7 +85,7 @@ impl StepProgress {
         &self.pacer
     }
 
-    /// The way of the command that stands ready. Real-time: yes.
+    /// The stride of the next command. Real-time: yes.
     #[inline]
     pub const fn stride(&self) -> Stride {
         self.stride
@@ -101,7 +101,7 @@ impl StepProgress {
         self.pacer.stand();
     }
 
-    /// The command that stood ready never left: the pacer goes back to before it was made.
+    /// The next command never left: the pacer goes back to before it was made.
     pub fn take_back_the_next(&mut self) {
         self.pacer = self.before;
     }
@@ -112,7 +112,7 @@ impl StepProgress {
         self.target != Target::Ahead
     }
 
-    /// The tick of the command that stands ready, with steps of `dt`. Real-time: yes.
+    /// The tick of the next command, with steps of `dt`. Real-time: yes.
     #[inline]
     pub fn tick(&self, dt: f64) -> Tick {
         let reached = self.has_reached();
@@ -212,7 +212,7 @@ impl StepProgress {
         self.unchecked += 1;
     }
 
-    /// True if a checkpoint is due after so many ticks; the count begins anew. Real-time: yes.
+    /// True if a checkpoint is due after this number of ticks; the count restarts. Real-time: yes.
     #[inline]
     pub const fn is_checkpoint(&mut self, ticks: u64) -> bool {
         let due = self.unchecked >= ticks;

@@ -2,7 +2,7 @@
 //!
 //! A force belongs to the tick in which its target was reached. It is kept until the slowest specimen has replied; then the step
 //! is closed: equilibrium, the state of the next step, and its targets. A step is never skipped. At the last target all
-//! specimens stand until the last reply is in. A hold of the operator lets test time stand still between two ticks: no step
+//! specimens hold until the last reply is in. A hold of the operator stops test time between two ticks: no step
 //! ends by it, and the next tick follows as if there had been none.
 
 use super::cycle::{Engine, Maneuver};
@@ -25,7 +25,7 @@ enum Course {
     Moves,
     /// A tick of the test has ended: after it a hold may begin.
     MayHold(Tick),
-    /// Test time stands at this tick.
+    /// A hold after this tick.
     Holds(Tick),
 }
 

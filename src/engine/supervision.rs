@@ -1,6 +1,6 @@
-//! What the operator sees of the test, and asks of it: phase, hold, confirmation.
+//! The operator's view of the test and his requests: phase, hold, confirmation.
 //!
-//! A hold is no maneuver. It stretches the time of the maneuver that runs, which goes on after it as if there had been none.
+//! A hold is no maneuver. It stretches the time of the running maneuver, which continues after it as if there had been none.
 
 use std::time::Duration;
 
@@ -16,7 +16,7 @@ enum Hold {
     Wanted,
 }
 
-/// Whether the operator is asked to confirm the sensor readings.
+/// Whether the operator must confirm the sensor readings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 enum Confirmation {
     #[default]
@@ -32,7 +32,7 @@ enum Motion {
     Still,
 }
 
-/// Whether the operator is heard.
+/// Whether requests of the operator are taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Hearing {
     On,
@@ -56,7 +56,7 @@ pub(super) struct Supervision {
 }
 
 impl Supervision {
-    /// A connected test that nobody holds.
+    /// A connected test without a hold.
     pub fn new(control: Control) -> Self {
         Self {
             control,
@@ -184,7 +184,7 @@ impl Supervision {
         was_asked
     }
 
-    /// The operator is heard from here on, or not. Real-time: yes.
+    /// Requests of the operator are taken from here on, or not. Real-time: yes.
     pub fn hears(&mut self, hears: bool) {
         self.hearing = if hears { Hearing::On } else { Hearing::Off };
     }

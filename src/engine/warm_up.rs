@@ -2,8 +2,8 @@
 //!
 //! Nothing is counted as a miss. The first half is for caches and branch predictors. In the second half each step costs what it
 //! will cost in the test, so deadlines that are missed there would be missed there, too: they are held against the test's own
-//! bounds, and a loop that cannot keep its ticks does not begin. A share of misses is believed less three standard deviations
-//! of their count, so that a hiccup stops nothing.
+//! bounds, and a loop that cannot keep its ticks does not begin. The expected share of misses is the observed one less three standard
+//! deviations of their count, so that a hiccup stops nothing.
 
 use super::commanding::Recordings;
 use super::cycle::{Engine, Maneuver};
@@ -49,7 +49,7 @@ impl Readiness {
         }
     }
 
-    /// Misses to be expected at least among so many ticks.
+    /// Misses to be expected at least among this number of ticks.
     fn expected(&self, ticks: u64) -> f64 {
         let missed = self.missed as f64;
         let surely = (missed - CHANCE * missed.sqrt()).max(0.0);
@@ -76,7 +76,7 @@ impl WarmUp {
         engine.environment.enter(Phase::Armed, Ending::Completed);
         let journal = &mut engine.environment.journal;
         let rows = journal.begin_warm_up(engine.plan.limits.warmup_ticks);
-        // In a replay without these rows nothing is asked for, and nothing replied.
+        // A replay without these rows has neither requests nor replies.
         let is_silent = rows == WarmUpRows::Never;
         if is_silent {
             engine.exchanges.recordings = Recordings::AreSilent;
@@ -255,7 +255,7 @@ mod tests {
         let often = found((0..100).map(|k| k % 4 < 3), 0);
         assert_eq!((often.missed, often.most_in_a_row), (75, 3));
         assert_eq!(Readiness::default().expected(1000), 0.0);
-        // What was only waited for a partner that the test does not wait for.
+        // A wait for a specimen that the test does not wait for.
         let waited = found((0..100).map(|_| true), 600);
         assert_eq!((waited.missed, waited.longest_ns), (0, 900));
     }

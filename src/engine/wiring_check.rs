@@ -1,7 +1,7 @@
 //! The wiring check: before anything of the test moves a specimen, a small motion and back shows which way round it is wired.
 //!
-//! Specimens are checked one after another, and the others hold. Of a computation nothing of it is accepted, and it is armed
-//! anew afterwards, so that it forgets it. Where there is a static load, its motion is judged instead.
+//! Specimens are checked one after another, and the others hold. A computed specimen accepts nothing of it, and is armed again
+//! afterwards, so that it forgets it. Where there is a static load, its motion is judged instead.
 
 use super::cycle::{Engine, Maneuver};
 use super::order::Order;
@@ -38,7 +38,7 @@ impl WiringCheck {
         for index in 0..engine.ports.len() {
             Self::check(index, engine)?;
         }
-        // They are back where they stood; what stands ready next is the test's.
+        // They are back where they stood; the next command is the test's.
         engine.ports.iter_mut().for_each(Port::forget_trial);
         engine.aim_at_start();
         engine.environment.deadlines.forget_timing();

@@ -36,7 +36,7 @@ pub(super) fn run_to_the_end(test: Connected, control: &Control, real: bool) -> 
     let retired = test.run(control);
     let since = os::monotonic_ns().saturating_sub(began);
     // From the first edge; the simulated clock does not know how long it took.
-    let from_first_edge = retired.outcome.as_ref().map(|outcome| outcome.wall_ns);
+    let from_first_edge = retired.outcome.as_ref().map(|outcome| outcome.pace.wall_ns);
     let is_timed = real && retired.fault.is_none();
     Ended {
         wall_ns: from_first_edge.filter(|_| is_timed).unwrap_or(since),

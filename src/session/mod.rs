@@ -288,7 +288,7 @@ fn carry_out(
         seconds: ended.wall_ns as f64 * 1e-9,
     };
     if let Some(outcome) = &ended.outcome {
-        summary::write_timing(&folder, &outcome.timing, span, &mut unwritten);
+        summary::write_timing(&folder, &outcome.pace.timing, span, &mut unwritten);
     }
     let (mut cause, mut summary) = summary::summarise(
         &facts,

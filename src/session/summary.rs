@@ -108,7 +108,7 @@ pub(super) fn summarise(
     }
     warnings.extend(outcome.map(unsettled).into_iter().flatten());
     warnings.extend(outcome.map(held).into_iter().flatten());
-    warnings.extend(outcome.and_then(|outcome| gaps(outcome.gaps)));
+    warnings.extend(outcome.and_then(|outcome| gaps(outcome.pace.gaps)));
     let last_words = outcome.map(last_words).into_iter().flatten();
     warnings.extend(last_words.map(|(_, text)| text));
     let summary = Summary {
@@ -123,12 +123,12 @@ pub(super) fn summarise(
         },
         wall_seconds: ended.wall_ns as f64 * 1e-9,
         rate_hz: facts.rate_hz,
-        deadline_misses: outcome.map_or(0, |outcome| outcome.misses),
-        stretched_ticks: outcome.map_or(0, |outcome| outcome.stretched),
+        deadline_misses: outcome.map_or(0, |outcome| outcome.pace.misses),
+        stretched_ticks: outcome.map_or(0, |outcome| outcome.pace.stretched),
         peak: outcome
             .map(|outcome| peak(outcome, facts))
             .unwrap_or_default(),
-        timing: outcome.map_or(Value::Null, |outcome| outcome.timing.to_json()),
+        timing: outcome.map_or(Value::Null, |outcome| outcome.pace.timing.to_json()),
         realtime: granted.map_or_else(|| json!({ "asked": false }), |granted| json!(granted)),
         link: outcome.map(links).unwrap_or_default(),
         version: env!("CARGO_PKG_VERSION").to_owned(),

@@ -225,14 +225,14 @@ fn a_clock_that_jumps_costs_wall_time_and_no_step() {
     }
     // Both jumps forwards are late edges; the way back is waited for.
     assert!(
-        (2..=4).contains(&jumped.outcome.misses),
+        (2..=4).contains(&jumped.outcome.pace.misses),
         "{}",
-        jumped.outcome.misses
+        jumped.outcome.pace.misses
     );
     assert!(
-        jumped.outcome.stretched >= 3_600_000,
+        jumped.outcome.pace.stretched >= 3_600_000,
         "{}",
-        jumped.outcome.stretched
+        jumped.outcome.pace.stretched
     );
 }
 
