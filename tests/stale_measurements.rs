@@ -7,8 +7,8 @@ use std::collections::BTreeMap;
 
 use common::engine::{Run, run_on};
 use common::rig::{Act, Call, Log, Phase, STIFFNESS, attach, storey, two_floors};
-use gusset::control::{Direction, Exit, Pace, Reference, Zero};
 use gusset::engine::{Ending, Left, Phase as Ended, Stop};
+use gusset::port::{Direction, Exit, Pace, Reference, Zero};
 use gusset::record::Event;
 use gusset::substructure::{Coupling, Retirement, Status};
 use gusset::time::{Clock, SimClock};

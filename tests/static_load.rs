@@ -3,8 +3,8 @@
 mod common;
 
 use common::engine::{Run, distance, prepare, run, run_on, run_under};
-use gusset::control::{Direction, Exit, Trend};
 use gusset::engine::{Control, Ending, Experiment, Left, Operator, Phase, Stop};
+use gusset::port::{Direction, Exit, Trend};
 use gusset::rt::timing::Quantity;
 use gusset::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,

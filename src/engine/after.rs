@@ -15,7 +15,7 @@ use super::tick::Tick;
 use super::{Ending, Engine, Stop};
 use crate::catalog::ending::Cause;
 use crate::catalog::phase::GIVEN_UP;
-use crate::control::{Astray, Departure, Port};
+use crate::port::{Astray, Departure, Port};
 use crate::record::Event;
 use crate::rt::timing::TickStamps;
 

@@ -8,7 +8,7 @@ use super::phase::Phase;
 use super::ready::Readiness;
 use super::tick::Tick;
 use super::{Ending, Engine, Side, Stop};
-use crate::control::Port;
+use crate::port::Port;
 use crate::record::{Event, WarmUpRows};
 use crate::rt::timing::TickStamps;
 

@@ -6,8 +6,8 @@ use super::test_hit::TestHit;
 use super::tick::Tick;
 use super::{Engine, Stop};
 use crate::catalog::limit::{AXIS_LIMITS, Judges, LIMITS, Limit};
-use crate::control::Port;
-use crate::control::limits::{Bound, Level};
+use crate::port::Port;
+use crate::port::limits::{Bound, Level};
 use crate::record::LimitReached;
 
 /// Limits of the test that are judged at every step, in the order of their columns.

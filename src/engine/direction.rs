@@ -45,7 +45,7 @@ impl Engine {
         // They are back where they stood; what stands ready next is the test's.
         self.ports
             .iter_mut()
-            .for_each(crate::control::Port::forget_trial);
+            .for_each(crate::port::Port::forget_trial);
         self.aim_at_start();
         self.timing.reset();
         Ok(())
@@ -53,7 +53,7 @@ impl Engine {
 
     /// A hold of the operator eases out and in as in the test: what it stretches is the time of the motion.
     fn try_direction(&mut self, index: usize, control: &Control) -> Result<(), Stop> {
-        let Some(mut probe) = self.ports.get(index).and_then(crate::control::Port::probe) else {
+        let Some(mut probe) = self.ports.get(index).and_then(crate::port::Port::probe) else {
             return Ok(());
         };
         let port = index as u32;
@@ -134,7 +134,7 @@ impl Engine {
 
     /// Reads the specimens that are listened to while they stand, before the static load comes on.
     pub(super) fn listen_at_rest(&mut self, control: &Control) -> Result<(), Stop> {
-        if !self.ports.iter().any(crate::control::Port::is_listened_to) {
+        if !self.ports.iter().any(crate::port::Port::is_listened_to) {
             return Ok(());
         }
         let readings = (AT_REST_S / self.period.value()).clamp(2.0, AT_REST) as u32;
@@ -165,7 +165,7 @@ impl Engine {
     /// Says whose direction the static load did not show.
     pub(super) fn report_unshown(&mut self) {
         for index in 0..self.ports.len() {
-            let unshown = self.ports.get(index).map(crate::control::Port::unshown);
+            let unshown = self.ports.get(index).map(crate::port::Port::unshown);
             for axis in unshown.unwrap_or_default() {
                 self.report_now(Event::DirectionUnknown {
                     port: index as u32,

@@ -49,7 +49,7 @@ pub use waiting::Gaps;
 
 pub use crate::catalog::phase::{GIVEN_UP, NOT_AWAITED};
 
-use crate::control::{LinkCount, Port, Poses};
+use crate::port::{LinkCount, Port, Poses};
 use crate::record::{Column, Recorder};
 use crate::rt::timing::{TickStamps, Timing};
 use crate::substructure::Holder;

@@ -10,7 +10,7 @@ use crate::catalog::column::{
     Kind, LAG, MARGIN, MEASURED, MEASURED_POSE, POSE, POSE_FORCE, RAW_DISP, RAW_FORCE, SEQUENCE,
     STALE, STATUS, STIFFNESS, STROKE, TANGENT, TANGENT_DAMPING, TARGET,
 };
-use crate::control::Port;
+use crate::port::Port;
 use crate::record::Column;
 
 /// The numbers of a port, in the order of its columns. Real-time: yes.

@@ -10,7 +10,7 @@
 use super::operator::{Control, Notice};
 use super::phase::Phase;
 use super::{Ending, Engine, Peaks, Side, Stop};
-use crate::control::{Port, Reading};
+use crate::port::{Port, Reading};
 use crate::record::{Event, GridOf, Standing};
 
 /// A force that differs by so many times its noise differs.
@@ -408,7 +408,7 @@ impl Engine {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::{Axis, Believed};
+    use crate::port::{Axis, Believed};
 
     /// The force of a specimen of 1e5 N/m was 100 N at 1 mm; the specimen is found at 0.5 mm.
     fn passes(way_lost: f64, force: f64) -> bool {

@@ -8,7 +8,7 @@ use super::operator::{Control, Operator, OperatorCommands};
 use super::phase::{Glimpse, Phase};
 use super::tick::Tick;
 use super::{Ending, Engine, OnMiss, Outcome, Stop};
-use crate::control::Port;
+use crate::port::Port;
 use crate::record::{Event, GridOf, LimitReached, MissCause, ON_MISS};
 use crate::rt::timing::{Suspect, TickStamps};
 use crate::substructure::{LISTEN_NS, Retirement};

@@ -15,10 +15,10 @@ use super::operator::Control;
 use super::phase::Phase;
 use super::tick::Tick;
 use super::{Ending, Engine, Stop};
-use crate::control::{Follows, Port, Rest, UNBOUNDED_RAMP_S};
 use crate::integrate::State;
 use crate::linalg::Spd;
 use crate::model::Base;
+use crate::port::{Follows, Port, Rest, UNBOUNDED_RAMP_S};
 use crate::rt::timing::TickStamps;
 
 /// How the static load is brought on.

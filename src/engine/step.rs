@@ -11,7 +11,7 @@ use super::phase::Phase;
 use super::ride::{has_answer, tell};
 use super::tick::Tick;
 use super::{Engine, Stop};
-use crate::control::Port;
+use crate::port::Port;
 use crate::record::Event;
 use crate::rt::timing::TickStamps;
 use crate::substructure::{Coupling, Freshness, LinkFault, Status};

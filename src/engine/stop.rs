@@ -4,10 +4,10 @@ use thiserror::Error;
 
 use super::test_hit::TestHit;
 use crate::catalog::ending::Cause;
-use crate::control::Misfit;
-use crate::control::limits::Hit;
 use crate::geometry::Fault;
 use crate::integrate::StepError;
+use crate::port::Misfit;
+use crate::port::limits::Hit;
 use crate::substructure::LinkFault;
 use crate::units::{compared, compared_within, duration};
 

@@ -5,8 +5,8 @@
 use super::telling::limit_event;
 use super::tick::Tick;
 use super::{Engine, Limits, Stop};
-use crate::control::limits::{Found, Hit, Level};
-use crate::control::{OnStale, Port};
+use crate::port::limits::{Found, Hit, Level};
+use crate::port::{OnStale, Port};
 use crate::record::{Event, LimitReached};
 use crate::substructure::{Freshness, Status};
 

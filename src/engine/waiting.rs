@@ -3,7 +3,7 @@
 
 use super::operator::Control;
 use super::{Engine, Stop};
-use crate::control::Port;
+use crate::port::Port;
 use crate::record::Event;
 use crate::substructure::{Holder, LISTEN_NS};
 

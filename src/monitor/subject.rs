@@ -4,8 +4,8 @@ use serde::Serialize;
 
 use super::marks::{Mark, TestMark, mark, test_marks};
 use crate::catalog::column;
-use crate::control::{DispZero, Exit};
 use crate::engine::Experiment;
+use crate::port::{DispZero, Exit};
 use crate::record::Column;
 use crate::text::printable;
 

@@ -12,8 +12,8 @@ use crossbeam_channel::{Receiver, Sender};
 use super::lineage::ACCEPT;
 use crate::catalog::event::Remark;
 use crate::config::ClockChoice;
-use crate::control::Port;
 use crate::engine::{Control, Experiment, Operator};
+use crate::port::Port;
 use crate::record::{Event, FolderError, Run, Writer};
 use crate::substructure::{Introduction, LinkFault, Retirement, Unavailable};
 

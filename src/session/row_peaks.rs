@@ -5,8 +5,8 @@
 //! loaded the specimens. Invariant: a stale measurement raises no peak.
 
 use crate::catalog::phase::Part;
-use crate::control::Port;
 use crate::engine::{EarlierPeaks, Peaks};
+use crate::port::Port;
 use crate::record::summary::Peak;
 use crate::record::{FolderError, Run};
 use crate::substructure::Status;

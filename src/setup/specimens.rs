@@ -12,14 +12,14 @@ use super::gear::Rows;
 use super::{Refused, Site, path, safety};
 use crate::config::check::measured::needing_measured_disp;
 use crate::config::{Finding, LinkSpec, Loaded, ProbeChoice};
-use crate::control::limits::AxisLimits;
-use crate::control::{
-    Axis, Believed, Declared, Direction, NeedsMeasuredDisp, Order, Pace, Port, Trend, WaitRules,
-};
 use crate::geometry::Geometry;
 use crate::link::NativeLink;
 use crate::link::openfresco::Remote;
 use crate::model::StructureSpec;
+use crate::port::limits::AxisLimits;
+use crate::port::{
+    Axis, Believed, Declared, Direction, NeedsMeasuredDisp, Order, Pace, Port, Trend, WaitRules,
+};
 use crate::specimen::{InProcess, InUnits, Specimen};
 use crate::spectral::delay::Weights;
 use crate::stability::Attached;

@@ -7,8 +7,8 @@ use std::collections::VecDeque;
 
 use super::ResumeError;
 use crate::catalog::column;
-use crate::control::Port;
 use crate::engine::{Left, Phase};
+use crate::port::Port;
 use crate::record::summary::{Peak, Status};
 use crate::record::{Row, Run};
 use crate::session::checksum::unreadable;
@@ -302,7 +302,7 @@ fn axes_of(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::{Axis as Seen, Believed, Order};
+    use crate::port::{Axis as Seen, Believed, Order};
 
     #[test]
     fn who_is_commanded_once_a_step_loses_commands_by_steps_and_not_by_ticks() {

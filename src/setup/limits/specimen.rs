@@ -5,8 +5,8 @@ use super::super::specimens::loading;
 use super::{LimitFact, SpecimenLimits};
 use crate::catalog::limit::Limit;
 use crate::config::{ClockChoice, LinkSpec, Protocol, SpecimenTable, StaleChoice, Time};
-use crate::control::limits::{AxisLimits, listed};
-use crate::control::{Direction, Port};
+use crate::port::limits::{AxisLimits, listed};
+use crate::port::{Direction, Port};
 use crate::substructure::Coupling;
 use crate::units::{self, duration};
 

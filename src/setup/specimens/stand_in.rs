@@ -5,7 +5,7 @@ use super::super::{Refused, Rows, Site};
 use super::loading::offsets;
 use super::{Stand, compensation};
 use crate::config::{KeyPath, SpecimenTable};
-use crate::control::Axis;
+use crate::port::Axis;
 use crate::specimen::{CoupledSpec, Mounted, Specimen, Stiffened};
 use crate::transfer::{ActuatorSpec, ProportionalSpec, Transfer, TransferSpec};
 

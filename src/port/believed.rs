@@ -91,7 +91,7 @@ impl Substructure for Believed {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::Port;
+    use crate::port::Port;
 
     /// Reversed, in millimetres and kilonewtons, off its zero, coupled: the port brings back exactly k̂ d + ĉ v.
     #[test]

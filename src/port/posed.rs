@@ -319,8 +319,8 @@ impl Port {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::{Axis, Exit, Exits};
     use crate::geometry::{GeometrySpec, PlanePins};
+    use crate::port::{Axis, Exit, Exits};
     use crate::substructure::{
         Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
     };

@@ -265,7 +265,7 @@ mod tests {
     use std::collections::VecDeque;
 
     use super::*;
-    use crate::control::Axis;
+    use crate::port::Axis;
     use crate::substructure::{
         Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
     };

@@ -2,7 +2,7 @@
 
 use super::gap::Gap;
 use crate::compensation::Compensator;
-use crate::control::Axis;
+use crate::port::Axis;
 
 /// What is kept of one axis.
 #[derive(Debug)]

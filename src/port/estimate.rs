@@ -379,8 +379,8 @@ impl Port {
 mod tests {
     use super::*;
     use crate::catalog::limit::Limit;
-    use crate::control::Axis;
-    use crate::control::limits::{AxisLimits, Bound};
+    use crate::port::Axis;
+    use crate::port::limits::{AxisLimits, Bound};
     use crate::substructure::{
         Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
     };

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use super::*;
 use crate::compensation::CompensationSpec;
-use crate::control::{Axis, Order, Tempo};
+use crate::port::{Axis, Order, Tempo};
 use crate::substructure::Substructure;
 use crate::substructure::{Command, Coupling, Freshness, LinkFault, Measurement, Retirement};
 use crate::time::Nanos;

@@ -264,7 +264,7 @@ impl Port {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::Axis;
+    use crate::port::Axis;
     use crate::substructure::{
         Command, Coupling, Freshness, Measurement, Retirement, Substructure,
     };
