@@ -376,8 +376,8 @@ fn a_link_that_fails_on_the_way_out_fails_the_test() {
                 }
             },
         );
-        experiment.ports[number].exits.at_end = Exit::ZeroDisp;
-        experiment.ports[number].exits.speed = 1e-6;
+        experiment.ports[number].exits_mut().at_end = Exit::ZeroDisp;
+        experiment.ports[number].exits_mut().speed = 1e-6;
     }
     let run = run_on(experiment, SimClock::new());
     let lost = Stop::Link {

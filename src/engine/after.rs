@@ -15,7 +15,7 @@ use super::tick::Tick;
 use super::{Ending, Engine, Stop};
 use crate::catalog::ending::Cause;
 use crate::catalog::phase::GIVEN_UP;
-use crate::port::{Astray, Departure, Port};
+use crate::port::{Port, ReturnMove, UnloadFailure};
 use crate::record::Event;
 use crate::rt::timing::TickStamps;
 
@@ -27,7 +27,7 @@ pub enum Left {
     /// Where the test file wants it.
     Reached,
     /// Somewhere else, although the test file wants it moved; and why, where it was not something else that ended its way.
-    NotReached(Option<Astray>),
+    NotReached(Option<UnloadFailure>),
     /// Its link is lost: wherever its own end holds or leaves it.
     Lost,
 }
@@ -51,7 +51,7 @@ struct Leaving {
     /// It was told that it stops.
     is_halted: bool,
     /// Its own way, if it is led away.
-    departure: Option<Departure>,
+    departure: Option<ReturnMove>,
 }
 
 /// A way out that did not come to its end.
@@ -106,7 +106,7 @@ impl Engine {
         let Err(stop) = self.lead_out(&ending, control) else {
             return ending;
         };
-        let is_gone = |port: usize| self.ports.get(port).is_some_and(|port| port.partner.gone);
+        let is_gone = |port: usize| self.ports.get(port).is_some_and(|port| port.is_gone());
         // Whoever was lost while the others were led away was told of then.
         if !matches!(stop, Stop::Link { port, .. } if is_gone(port)) {
             self.report_stop(&stop);
@@ -157,16 +157,16 @@ impl Engine {
         self.ports.iter_mut().for_each(Port::end_test);
         let is_led = |port: &Port| {
             // Of one that never answered nobody knows where it is.
-            let answers = port.partner.measured || port.partner.owes_the_last;
-            is_known && port.has_begun() && answers && port.exits.moves(tripped)
+            let answers = port.has_answered() || port.owes_the_last();
+            is_known && port.has_begun() && answers && port.exits().moves(tripped)
         };
         let mut led: Vec<bool> = self.ports.iter().map(is_led).collect();
         let mut moves = false;
         for (left, (port, led)) in self.left.iter_mut().zip(self.ports.iter().zip(&mut led)) {
-            let unfelt = (!port.can_be_led(tripped)).then_some(Astray::Unfelt);
+            let unfelt = (!port.can_be_led(tripped)).then_some(UnloadFailure::Unfelt);
             let is_wanted = std::mem::replace(led, *led && unfelt.is_none());
-            moves |= *led && !port.partner.lost;
-            *left = if port.partner.gone {
+            moves |= *led && !port.is_lost();
+            *left = if port.is_gone() {
                 Left::Lost
             } else if is_wanted {
                 Left::NotReached(unfelt)
@@ -196,12 +196,12 @@ impl Engine {
     fn depart(&mut self, tripped: bool, led: &[bool], leaving: &mut [Leaving]) {
         let (period, sequence) = (self.period.value(), self.sequence);
         let each = self.ports.iter_mut().zip(led).zip(leaving);
-        for ((port, led), leaving) in each.filter(|((port, _), _)| port.is_heard()) {
+        for ((port, led), leaving) in each.filter(|((port, _), _)| port.may_be_commanded()) {
             if !std::mem::replace(&mut leaving.is_halted, true) {
                 port.halt();
             }
             if *led && leaving.departure.is_none() {
-                leaving.departure = port.depart(tripped, period);
+                leaving.departure = port.begin_return_move(tripped, period);
                 port.leave_number(sequence);
             }
         }
@@ -218,8 +218,7 @@ impl Engine {
             | Stop::HoldsOn { port, .. }
             | Stop::Stale { port, .. } => {
                 if let Some(port) = self.ports.get_mut(*port) {
-                    port.partner.lost = true;
-                    port.partner.gone |= matches!(stop, Stop::Link { .. });
+                    port.lose(matches!(stop, Stop::Link { .. }));
                 }
             }
             _ => {}
@@ -238,7 +237,7 @@ impl Engine {
         let mut first = None;
         for index in 0..self.ports.len() {
             let port = self.ports.get(index);
-            if !port.is_some_and(|port| port.partner.is_waited_for()) {
+            if !port.is_some_and(|port| port.owes_the_last()) {
                 continue;
             }
             match self.collect_from(index, tick, stamps, Some(control)) {
@@ -259,11 +258,11 @@ impl Engine {
     /// Who did not answer the last words is told of. Where its last answer was not to its last command, nobody knows where it
     /// is.
     pub(super) fn note_unheard(&mut self) {
-        let unheard = |(_, port): &(usize, &Port)| port.is_unheard() && !port.partner.gone;
+        let unheard = |(_, port): &(usize, &Port)| port.lacks_acknowledgement() && !port.is_gone();
         let unheard = self.ports.iter().enumerate().filter(unheard);
         self.unheard = unheard.map(|(index, _)| index).collect();
         for index in self.unheard.clone() {
-            let is_behind = |port: &Port| port.partner.stale > 0 || port.owes();
+            let is_behind = |port: &Port| port.stale_in_a_row() > 0 || port.owes();
             if self.ports.get(index).is_some_and(is_behind)
                 && let Some(left) = self.left.get_mut(index)
             {
@@ -273,7 +272,7 @@ impl Engine {
         }
         // Where nobody asks for that, the answer that is owed would have been the last that is heard of it.
         for (port, left) in self.ports.iter().zip(&mut self.left) {
-            if port.is_left_unasked() && port.is_left_owing() && !port.partner.gone {
+            if port.needs_no_acknowledgement() && port.is_left_owing() && !port.is_gone() {
                 *left = Left::Lost;
             }
         }
@@ -350,14 +349,14 @@ impl Engine {
                 }
             }
             for (left, leaving) in self.left.iter_mut().zip(&leaving) {
-                match leaving.departure.as_ref().and_then(Departure::end) {
+                match leaving.departure.as_ref().and_then(ReturnMove::end) {
                     Some(Ok(())) => *left = Left::Reached,
                     Some(Err(astray)) => *left = Left::NotReached(Some(astray)),
                     None => {}
                 }
             }
             let mut ports = self.ports.iter().zip(led);
-            let waits = ports.any(|(port, led)| *led && port.partner.is_waited_for());
+            let waits = ports.any(|(port, led)| *led && port.owes_the_last());
             if !moving && !waits {
                 return lost.map_or(Ok(()), Err);
             }
@@ -370,7 +369,7 @@ impl Engine {
             self.row_before_start(&tick, Phase::Leaving, &stamps);
             self.accept()?;
             for port in &mut self.ports {
-                port.partner.owes_the_last &= port.owes();
+                port.close_tick_of_shutdown();
             }
         }
     }

@@ -64,7 +64,7 @@ impl Engine {
         }
         // What stands shows its noise and no stiffness.
         for port in &mut self.ports {
-            port.rest();
+            port.pause_estimates();
         }
         self.read_at_rest(ticks, control)?;
         for port in &mut self.ports {
@@ -92,7 +92,7 @@ impl Engine {
             .enumerate()
         {
             // A law of this process begins in its virgin state; of one that has not answered nothing is known.
-            if port.is_formula() || !port.partner.measured {
+            if port.is_formula() || !port.has_answered() {
                 continue;
             }
             let all: Vec<[f64; 2]> = (0..port.axes()).map(|axis| measured(port, axis)).collect();
@@ -183,7 +183,7 @@ impl Engine {
     pub(super) fn lead(&mut self, ticks: u64, phase: Phase, control: &Control) -> Result<(), Stop> {
         let (whole, passes) = (ticks as f64, self.tick_passes());
         let seconds = whole * passes;
-        let all_answered = |ports: &[Port]| ports.iter().all(|port| port.partner.measured);
+        let all_answered = |ports: &[Port]| ports.iter().all(|port| port.has_answered());
         if !all_answered(&self.ports) {
             for port in &mut self.ports {
                 port.ramp_to(0.0, seconds);
@@ -263,7 +263,7 @@ impl Engine {
         if self.unanswered {
             // Who never answered before the test, and is late in its first tick, ends it there: then these rows are kept.
             for port in &mut self.ports {
-                port.partner.measured = true;
+                port.take_for_answered();
             }
         }
         let control = if self.unanswered { &nobody } else { control };
@@ -293,7 +293,7 @@ impl Engine {
 
     fn warm_up_ticks(&mut self, rows: WarmUpRows, control: &Control) -> Result<(), Stop> {
         for port in &mut self.ports {
-            port.rest();
+            port.pause_estimates();
         }
         self.clear_commands()?;
         let ticks_per_step = self.ride.tempo.ticks_per_step() as u64;
@@ -347,9 +347,9 @@ impl Engine {
             port.begin_test();
             port.is_told_by_steps(true);
             // Warm-up ticks do not count, but for one that has not answered yet.
-            if port.partner.measured {
-                port.partner.stale = 0;
-                port.partner.holding = 0;
+            if port.has_answered() {
+                port.forget_stale();
+                port.set_holding_in_a_row(0);
             }
         }
         self.clear_commands()

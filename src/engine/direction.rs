@@ -133,8 +133,12 @@ impl Engine {
     }
 
     /// Reads the specimens that are listened to while they stand, before the static load comes on.
-    pub(super) fn listen_at_rest(&mut self, control: &Control) -> Result<(), Stop> {
-        if !self.ports.iter().any(crate::port::Port::is_listened_to) {
+    pub(super) fn read_before_static_load(&mut self, control: &Control) -> Result<(), Stop> {
+        if !self
+            .ports
+            .iter()
+            .any(crate::port::Port::is_checked_by_static_load)
+        {
             return Ok(());
         }
         let readings = (AT_REST_S / self.period.value()).clamp(2.0, AT_REST) as u32;
@@ -144,7 +148,7 @@ impl Engine {
             self.exchange_again(&STILL, &mut stamps, control)?;
             self.row_before_start(&STILL, Phase::Settling, &stamps);
             for port in &mut self.ports {
-                port.listen_at_rest();
+                port.read_before_static_load();
                 port.skip_number();
             }
         }
@@ -154,7 +158,7 @@ impl Engine {
     /// Holds what was just measured against what the estimate expects. Real-time: yes.
     pub(super) fn listen(&mut self) -> Result<(), Stop> {
         for (index, port) in self.ports.iter_mut().enumerate() {
-            port.listen().map_err(|misfit| Stop::Misfit {
+            port.check_by_static_load().map_err(|misfit| Stop::Misfit {
                 port: index,
                 misfit,
             })?;
@@ -165,7 +169,10 @@ impl Engine {
     /// Says whose direction the static load did not show.
     pub(super) fn report_unshown(&mut self) {
         for index in 0..self.ports.len() {
-            let unshown = self.ports.get(index).map(crate::port::Port::unshown);
+            let unshown = self
+                .ports
+                .get(index)
+                .map(crate::port::Port::unchecked_by_static_load);
             for axis in unshown.unwrap_or_default() {
                 self.report_now(Event::DirectionUnknown {
                     port: index as u32,

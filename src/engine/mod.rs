@@ -268,7 +268,7 @@ impl Engine {
     #[must_use]
     pub fn new(experiment: Experiment, clock: Box<dyn Clock>, recorder: Box<dyn Recorder>) -> Self {
         let ports = &experiment.ports;
-        let names: Vec<&str> = ports.iter().map(|port| port.name.as_str()).collect();
+        let names: Vec<&str> = ports.iter().map(|port| port.name()).collect();
         let remote = ports.iter().any(Port::is_remote);
         let timing = if clock.is_simulated() {
             Timing::untouched
@@ -408,10 +408,10 @@ impl Engine {
             steps: self.steps_done,
             peaks: self.peaks.clone(),
             ports: (self.ports.iter().zip(self.peak_forces()))
-                .map(|(port, forces)| (port.name.clone(), forces, port.link_count()))
+                .map(|(port, forces)| (port.name().to_owned(), forces, port.link_count()))
                 .collect(),
             forces_on_the_way_in: (self.ports.iter())
-                .map(|port| port.force_on_the_way_in.clone())
+                .map(|port| port.force_at_startup().to_vec())
                 .collect(),
             // Megabytes, and nobody asks for them twice.
             timing: std::mem::replace(&mut self.timing, Timing::counting()),

@@ -186,7 +186,7 @@ impl Engine {
         let before = before.chain(std::iter::repeat(&[][..]));
         self.ports.iter().zip(before).map(|(port, before)| {
             let before = before.iter().copied().chain(std::iter::repeat(0.0));
-            let each = port.peak_force.iter().zip(before);
+            let each = port.peak_force().iter().zip(before);
             each.map(|(own, before)| own.max(before)).collect()
         })
     }
@@ -194,8 +194,8 @@ impl Engine {
     /// Specimens that say where they stand must stand where they were left; nothing has moved yet.
     fn stand_where_left(&mut self, left: &[Vec<Place>], accepts_changed: bool) -> Result<(), Stop> {
         for (index, (port, places)) in self.ports.iter().zip(left).enumerate() {
-            let stands = port.standing().unwrap_or(&port.sent);
-            let axes = stands.iter().zip(&port.sent).zip(places);
+            let stands = port.standing().unwrap_or(port.sent());
+            let axes = stands.iter().zip(port.sent()).zip(places);
             for (axis, ((found, left), place)) in axes.enumerate() {
                 let stands_there = (found - left).abs() <= place.within;
                 if !stands_there && !accepts_changed {
@@ -228,7 +228,7 @@ impl Engine {
             port.forget_readings();
             port.leave_test();
             // What stands shows its noise and no stiffness.
-            port.rest();
+            port.pause_estimates();
         }
         self.read_at_rest(self.opening.zero_ticks.max(1), control)?;
         self.tell_readings(control);
@@ -239,7 +239,7 @@ impl Engine {
         }
         self.take_drift(left);
         self.wait_for_confirmation(control)?;
-        self.ports.iter_mut().for_each(Port::stir);
+        self.ports.iter_mut().for_each(Port::resume_estimates);
         Ok(())
     }
 
@@ -394,12 +394,12 @@ impl Engine {
             self.show();
             let _ = control.notices.try_send(Notice::AwaitingConfirmation);
             // However long it takes: what stands shows its noise and no stiffness.
-            self.ports.iter_mut().for_each(Port::rest);
+            self.ports.iter_mut().for_each(Port::pause_estimates);
             while self.unconfirmed {
                 self.still_tick(Phase::Zeroing, control)?;
             }
             self.report_now(Event::Confirmed);
-            self.ports.iter_mut().for_each(Port::stir);
+            self.ports.iter_mut().for_each(Port::resume_estimates);
         }
         Ok(())
     }
@@ -408,12 +408,12 @@ impl Engine {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::port::{Axis, Believed};
+    use crate::port::{Axis, LinearStandIn};
 
     /// The force of a specimen of 1e5 N/m was 100 N at 1 mm; the specimen is found at 0.5 mm.
     fn passes(way_lost: f64, force: f64) -> bool {
         let axes = vec![Axis::plain(vec![(0, 1.0)])];
-        let rig = Believed::new(axes.clone(), vec![vec![1e5]], Vec::new());
+        let rig = LinearStandIn::new(axes.clone(), vec![vec![1e5]], Vec::new());
         let port = Port::new("rig", axes, Box::new(rig), 1, vec![1e5]).unwrap();
         let place = Place {
             disp: 1e-3,

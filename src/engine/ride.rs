@@ -1,15 +1,15 @@
 //! The running test: tick after tick, from target to target.
 //!
 //! With one tick a step every tick reaches a target. With more, or while the operator's hold eases in or out, or while a
-//! slow partner owes its answer, there are ticks in between: the command goes along its way ([`crate::port::Tempo`],
-//! [`crate::port::Path`]), the loop never waits. A force belongs to the tick in which its target was reached; it is kept
+//! slow partner owes its answer, there are ticks in between: the command goes along its way ([`crate::port::StepPacer`],
+//! [`crate::port::Interpolation`]), the loop never waits. A force belongs to the tick in which its target was reached; it is kept
 //! until the slowest partner has answered. At the last target everybody stands until the last answer is in.
 
 use super::numerical::Side;
 use super::operator::Control;
 use super::tick::Tick;
 use super::{Engine, Stop};
-use crate::port::{Port, Stage, Stride, Tempo};
+use crate::port::{PacerTick, Port, Stage, StepPacer};
 use crate::record::{Event, GridOf};
 use crate::rt::timing::TickStamps;
 use crate::substructure::LinkFault;
@@ -40,11 +40,11 @@ impl Default for Pacing {
 /// Where the loop is between two targets.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Ride {
-    pub tempo: Tempo,
+    pub tempo: StepPacer,
     /// The same before the stride that stands ready.
-    pub before: Tempo,
+    pub before: StepPacer,
     /// The way of the command that stands ready.
-    pub stride: Stride,
+    pub stride: PacerTick,
     /// Step whose target is on the way, or reached and not closed yet.
     pub step: u64,
     /// True if it is reached.
@@ -60,13 +60,13 @@ pub(super) struct Ride {
 
 impl Ride {
     pub fn new(pacing: Pacing) -> Self {
-        let mut tempo = Tempo::new(pacing.ticks_per_step, pacing.ease_ticks);
+        let mut tempo = StepPacer::new(pacing.ticks_per_step, pacing.ease_ticks);
         tempo.know();
         Self {
             tempo,
             before: tempo,
             // The specimens are at the first target already.
-            stride: Stride::none(),
+            stride: PacerTick::none(),
             step: 0,
             reached: false,
             kept: false,
@@ -110,9 +110,9 @@ pub(super) fn tell(
     dt: f64,
     holds: bool,
 ) -> Result<(), LinkFault> {
-    if port.wants_to_be_told() && !holds {
+    if port.has_pending_target() && !holds {
         let passed = if step == 0 { 0.0 } else { dt };
-        return port.tell(sequence, step as f64 * dt, passed);
+        return port.tell_target(sequence, step as f64 * dt, passed);
     }
     port.skip_command();
     Ok(())
@@ -125,7 +125,7 @@ pub(super) fn has_answer(
     patience_ns: u64,
     simulated: bool,
 ) -> Result<bool, LinkFault> {
-    if !port.is_asked() {
+    if !port.owes() {
         port.attend()?;
         return Ok(false);
     }
@@ -133,8 +133,8 @@ pub(super) fn has_answer(
     if (simulated && port.is_remote()) || port.is_answered(0)? {
         return Ok(true);
     }
-    let asked_at = port.partner.asked_at.get_or_insert(now);
-    if now.since(*asked_at) > patience_ns {
+    let asked_at = port.look_for_answer(now);
+    if now.since(asked_at) > patience_ns {
         return Err(LinkFault::Timeout);
     }
     Ok(false)
@@ -196,9 +196,9 @@ impl Engine {
     /// True if the step can be closed: its target is reached, and nobody owes an answer. Real-time: yes.
     #[inline]
     pub(super) fn can_close(&self) -> bool {
-        let owes = |port: &Port| port.is_asked() || port.wants_to_be_told();
+        let owes = |port: &Port| port.owes() || port.has_pending_target();
         let mut ports = self.ports.iter();
-        self.ride.reached && ports.all(|port| port.partner.lost || !owes(port))
+        self.ride.reached && ports.all(|port| port.is_lost() || !owes(port))
     }
 
     /// The row's place of the step that is closed in this tick. What was kept for it is taken. Real-time: yes.
@@ -257,7 +257,7 @@ impl Engine {
             return;
         }
         for port in &mut self.ports {
-            port.ride(&self.ride.stride, self.dt);
+            port.advance(&self.ride.stride, self.dt);
         }
     }
 
@@ -295,7 +295,7 @@ impl Engine {
 
     /// A change of the pace is an event; that targets become known tick by tick is not. Real-time: yes.
     #[inline]
-    pub(super) fn note_stage(&mut self, tick: &Tick, stride: &Stride) {
+    pub(super) fn note_stage(&mut self, tick: &Tick, stride: &PacerTick) {
         let stage = stride.stage;
         let slow = |stage| stage == Stage::SlowDown;
         if slow(stage) != slow(self.ride.stage) {
@@ -341,7 +341,7 @@ impl Engine {
             }
         }
         for port in &self.ports {
-            for value in port.force.iter().chain(&port.measured) {
+            for value in port.force().iter().chain(port.measured()) {
                 hash.take(*value);
             }
         }

@@ -127,7 +127,7 @@ impl Engine {
 
     /// Specimens that say where they stand are commanded to stay there, whatever the test begins with.
     pub(super) fn take_their_word(&mut self) {
-        self.ports.iter_mut().for_each(Port::take_its_word);
+        self.ports.iter_mut().for_each(Port::take_reported_position);
     }
 
     /// Command 0 is B·x[0]: held, and measured, before anything moves.

@@ -4,7 +4,7 @@
 //! bound of the tangent: for yielding and softening laws the approach is monotone, so that a specimen is
 //! never driven back and forth. Corrections are made of forces that were measured where the specimens stand: while an answer
 //! stays away they hold, and while one of them is still on its way ([`Rest`]) the others wait for it. Who does not go where it is
-//! sent ([`Follows`]) ends the test. Each correction is an
+//! sent ([`MotionCheck`]) ends the test. Each correction is an
 //! accepted motion of the specimen, along half a cosine: the ramp's time
 //! is shared over the parts, and no speed limit is used beyond the ramp's share of it.
 //! Nothing moves meanwhile: the initial displacement, which counts from the position under the static load, and the
@@ -18,7 +18,7 @@ use super::{Ending, Engine, Stop};
 use crate::integrate::State;
 use crate::linalg::Spd;
 use crate::model::Base;
-use crate::port::{Follows, Port, Rest, UNBOUNDED_RAMP_S};
+use crate::port::{MotionCheck, Port, Rest, UNBOUNDED_RAMP_S};
 use crate::rt::timing::TickStamps;
 
 /// How the static load is brought on.
@@ -80,7 +80,7 @@ fn size(values: &[f64]) -> f64 {
 /// The specimens on their way, one entry per port, and the exchanges in which they were waited for.
 struct Waits {
     rests: Vec<Rest>,
-    follows: Vec<Follows>,
+    follows: Vec<MotionCheck>,
     waited: u64,
 }
 
@@ -88,15 +88,15 @@ impl Waits {
     /// The commands that stand ready are where they are sent.
     fn send(&mut self, ports: &[Port]) {
         for (port, rest) in ports.iter().zip(&mut self.rests) {
-            let raw = port.partner.measured.then(|| port.raw());
-            rest.sent(&port.sent, &port.command, raw);
+            let raw = port.has_answered().then(|| port.raw());
+            rest.sent(port.sent(), port.command(), raw);
         }
     }
 
     /// Those that were led there have answered their last command once.
     fn note_led(&mut self, ports: &[Port]) {
         for (port, rest) in ports.iter().zip(&mut self.rests) {
-            if port.is_fresh() && port.sent == port.command {
+            if port.is_fresh() && port.sent() == port.command() {
                 rest.led(port.raw());
             }
         }
@@ -105,12 +105,12 @@ impl Waits {
     /// Those that came to rest went where they were sent, or near; ways shorter than `least` are not judged.
     fn judge(&mut self, ports: &[Port], least: f64) -> Result<(), Stop> {
         for (index, (port, follows)) in ports.iter().zip(&mut self.follows).enumerate() {
-            if let Some(axis) = port.hold_against_ways(follows, least) {
+            if let Some(axis) = port.check_motion(follows, least) {
                 let value = |values: &[f64]| values.get(axis).copied().unwrap_or(f64::NAN);
                 return Err(Stop::DoesNotFollow {
                     port: index,
                     axis,
-                    sent: value(&port.sent),
+                    sent: value(port.sent()),
                     read: value(&port.raw().disp),
                 });
             }
@@ -120,7 +120,11 @@ impl Waits {
 
     /// The port that was sent farthest by the last correction.
     fn farthest(&self) -> Option<usize> {
-        let ways = self.follows.iter().map(Follows::longest_way).enumerate();
+        let ways = self
+            .follows
+            .iter()
+            .map(MotionCheck::longest_way)
+            .enumerate();
         ways.max_by(|one, two| one.1.total_cmp(&two.1))
             .map(|(port, _)| port)
     }
@@ -145,17 +149,19 @@ impl Engine {
         let rests = self.ports.iter().map(|port| Rest::new(port.axes(), period));
         let mut waits = Waits {
             rests: rests.collect(),
-            follows: (self.ports.iter().map(|port| Follows::new(port.axes()))).collect(),
+            follows: (self.ports.iter().map(|port| MotionCheck::new(port.axes()))).collect(),
             waited: 0,
         };
         waits.send(&self.ports);
         self.ramp(control)?;
         waits.note_led(&self.ports);
         self.enter(Phase::Settling, Ending::Completed);
-        if self.ports.iter().any(Port::is_listened_to) && !waits.rests.iter().all(Rest::rests) {
+        if self.ports.iter().any(Port::is_checked_by_static_load)
+            && !waits.rests.iter().all(Rest::rests)
+        {
             self.come_to_rest(&mut waits, control)?;
         }
-        self.listen_at_rest(control)?;
+        self.read_before_static_load(control)?;
         let mut exchanges = 0;
         let (ramp_s, parts) = (self.opening.ramp_s, f64::from(settling.parts));
         let (shortest, mut longest) = (ramp_s / parts, 0.0f64);

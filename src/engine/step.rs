@@ -123,9 +123,9 @@ impl Engine {
         let holds = is_held && self.ride.tempo.stands() && tick.sub_tick > 0;
         self.ports.iter_mut().for_each(Port::begin_tick);
         for (index, port) in self.ports.iter_mut().enumerate() {
-            if port.partner.owes_the_last {
+            if port.owes_the_last() {
                 port.skip_command();
-            } else if !port.partner.lost {
+            } else if !port.is_lost() {
                 let left = if self.riding && port.is_per_step() {
                     tell(port, self.sequence, self.ride.step, self.dt, holds)
                 } else {
@@ -144,7 +144,7 @@ impl Engine {
             self.ports.iter_mut().for_each(Port::note_peak);
         } else if self.phase.is_on_the_way_in() {
             let ports = self.ports.iter_mut();
-            ports.for_each(Port::note_force_on_the_way_in);
+            ports.for_each(Port::note_force_at_startup);
         }
         if let Err(stop) = &result {
             self.record_trip(tick, stamps, stop);
@@ -168,7 +168,7 @@ impl Engine {
             let Some(port) = self.ports.get(index) else {
                 break;
             };
-            if !port.is_heard() || (result.is_err() && !port.owes()) {
+            if !port.may_be_commanded() || (result.is_err() && !port.owes()) {
                 continue;
             }
             if let Err(stop) = self.collect_from(index, tick, stamps, control) {
@@ -236,7 +236,7 @@ impl Engine {
         };
         let broken = |fault| Stop::Link { port: index, fault };
         let patience = port.patience_ns(self.limits.reply_timeout_ns);
-        if (self.riding && port.is_per_step()) || port.partner.owes_the_last {
+        if (self.riding && port.is_per_step()) || port.owes_the_last() {
             let simulated = self.clock.is_simulated();
             let answer = has_answer(port, stamps.sent, patience, simulated);
             if !answer.map_err(broken)? {
@@ -256,14 +256,13 @@ impl Engine {
                 .tick(self.edge)
                 .minus(self.schedule.period_ns() / 8),
         };
+        // A slow partner may have been asked some ticks ago.
+        let asked_at = port.asked_at().unwrap_or(stamps.sent);
         let freshness = port.collect(deadline).map_err(broken)?;
-        port.answered();
         stamps.decoded = self.clock.now();
         if self.unanswered && port.is_recorded() {
             return Ok(());
         }
-        // A slow partner may have been asked some ticks ago.
-        let asked_at = port.partner.asked_at.take().unwrap_or(stamps.sent);
         self.timing
             .round_trip(index, stamps.decoded.since(asked_at));
         let status = port.raw().status;
@@ -280,7 +279,7 @@ impl Engine {
             }
             return Err(stop);
         }
-        if status.has(Status::HOLDING) || port.partner.holding > 0 {
+        if status.has(Status::HOLDING) || port.holding_in_a_row() > 0 {
             self.judge_holding(index, status, freshness, tick)?;
         }
         if freshness == Freshness::Stale {
@@ -289,7 +288,7 @@ impl Engine {
         let Some(port) = self.ports.get_mut(index) else {
             return Ok(());
         };
-        port.partner.stale = 0;
+        port.forget_stale();
         let found = port.judge();
         if status.has(Status::UNSETTLED) {
             self.note_unsettled(index, tick);
@@ -339,7 +338,7 @@ impl Engine {
     #[inline]
     fn accept_if(&mut self, commits: impl Fn(&Port) -> bool) -> Result<(), Stop> {
         for (index, port) in self.ports.iter_mut().enumerate() {
-            if port.is_heard() && commits(port) {
+            if port.may_be_commanded() && commits(port) {
                 port.accepted(self.sequence)
                     .map_err(|fault| Stop::Link { port: index, fault })?;
             }

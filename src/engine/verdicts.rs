@@ -32,7 +32,7 @@ impl Engine {
         let Some(port) = self.ports.get_mut(index) else {
             return Ok(());
         };
-        if self.riding && port.is_per_step() && !port.wants_to_be_told() {
+        if self.riding && port.is_per_step() && !port.has_pending_target() {
             return Ok(());
         }
         let found = port.clear();
@@ -95,16 +95,15 @@ impl Engine {
         let Some(port) = self.ports.get_mut(index) else {
             return Ok(());
         };
-        port.partner.stale += 1;
+        let count = port.count_stale();
         // While it stands, numbers stand, too: there it is as old as the exchanges that brought nothing.
         let age = self.sequence.saturating_sub(port.raw().sequence);
-        let age = age.max(port.partner.stale);
+        let age = age.max(count);
         let (on_stale, in_a_row) = stale_rules(port, &self.limits);
         if on_stale == OnStale::Extrapolate {
             port.extrapolate();
         }
-        let count = port.partner.stale;
-        let is_made_up = self.riding && !port.partner.measured;
+        let is_made_up = self.riding && !port.has_answered();
         self.report(
             tick,
             Event::Stale {
@@ -135,20 +134,20 @@ impl Engine {
         let Some(port) = self.ports.get_mut(index) else {
             return Ok(());
         };
-        let before = port.partner.holding;
+        let before = port.holding_in_a_row();
         let holds = status.has(Status::HOLDING);
         let goes_on = holds && !status.has(Status::HELD);
-        port.partner.holding = match (goes_on, freshness) {
+        let answers = match (goes_on, freshness) {
             (true, Freshness::Fresh) => before + 1,
             (true, Freshness::Stale) => before.max(1),
             (false, Freshness::Fresh) => 0,
             // What is stale says nothing new.
             (false, Freshness::Stale) => before,
         };
-        let answers = port.partner.holding;
+        port.set_holding_in_a_row(answers);
         let (_, in_a_row) = stale_rules(port, &self.limits);
         if holds && before == 0 {
-            port.link.holds += 1;
+            port.count_hold();
             let port = index as u32;
             self.report(tick, Event::SpecimenHolds { port });
         }
@@ -168,7 +167,7 @@ impl Engine {
             while let Some(&force) = self
                 .ports
                 .get(index)
-                .and_then(|port| port.recovered.get(axis))
+                .and_then(|port| port.recovered_force().get(axis))
             {
                 let kind = Event::Recovered {
                     port: index as u32,
@@ -188,8 +187,7 @@ impl Engine {
         let Some(port) = self.ports.get_mut(index) else {
             return;
         };
-        port.link.unsettled += 1;
-        let ticks = port.link.unsettled;
+        let ticks = port.count_unsettled();
         if ticks.is_power_of_two() {
             let port = index as u32;
             self.report(tick, Event::Unsettled { port, ticks });
@@ -199,7 +197,7 @@ impl Engine {
 
 /// What is done with stale data of a specimen, and how many in a row are put up with. Real-time: yes.
 fn stale_rules(port: &Port, limits: &Limits) -> (OnStale, u64) {
-    match port.wait {
+    match port.wait_rules() {
         Some(own) => (own.on_stale, own.stale_in_a_row),
         None if limits.extrapolate_stale => (OnStale::Extrapolate, limits.stale_in_a_row),
         None => (OnStale::Hold, limits.stale_in_a_row),

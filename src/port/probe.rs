@@ -6,7 +6,7 @@
 //! are averaged; their scatter says what is noise. Quasi-static: a specimen without stiffness (a damper, an open gap) has
 //! no direction that this could show.
 
-use super::misfit::{Channel, Misfit};
+use super::wiring_fault::{Channel, WiringFault};
 use crate::units::AxisUnits;
 
 /// A difference of two averages below so many of its own standard deviations may be noise.
@@ -254,7 +254,7 @@ impl Probe {
     ///
     /// # Errors
     /// The first axis that must not be armed.
-    pub fn verdict(&self) -> Result<Vec<Found>, Misfit> {
+    pub fn verdict(&self) -> Result<Vec<Found>, WiringFault> {
         let probed = self.axes.iter().enumerate();
         let probed = probed.filter(|(_, axis)| axis.amplitude != 0.0);
         probed.map(|(index, axis)| axis.verdict(index)).collect()
@@ -272,7 +272,7 @@ fn change([bottom, top, again]: &[Average; 3]) -> (f64, f64) {
 }
 
 impl AxisProbe {
-    fn verdict(&self, axis: usize) -> Result<Found, Misfit> {
+    fn verdict(&self, axis: usize) -> Result<Found, WiringFault> {
         let (disp, disp_noise) = change(&self.disp);
         let (force, force_noise) = change(&self.force);
         let force_expected = self.stiffness * self.amplitude;
@@ -301,7 +301,7 @@ impl AxisProbe {
                 continue;
             }
             if noise >= expected.abs() {
-                return Err(Misfit::Noise {
+                return Err(WiringFault::Noise {
                     axis,
                     channel,
                     noise,
@@ -309,7 +309,7 @@ impl AxisProbe {
                     unit,
                 });
             }
-            return Err(Misfit::Dead {
+            return Err(WiringFault::Dead {
                 axis,
                 channel,
                 found,
@@ -325,7 +325,7 @@ impl AxisProbe {
             (false, true) => Channel::Disp,
             (false, false) => Channel::Command,
         };
-        Err(Misfit::Reversed {
+        Err(WiringFault::Reversed {
             axis,
             channel,
             disp,
@@ -349,7 +349,7 @@ mod tests {
     const STIFFNESS: f64 = 1e6;
 
     /// A probe of two axes of a spring; `wiring` makes readings of displacement and force of the true motion.
-    fn probed(mut wiring: impl FnMut(f64) -> (f64, f64)) -> Result<Vec<Found>, Misfit> {
+    fn probed(mut wiring: impl FnMut(f64) -> (f64, f64)) -> Result<Vec<Found>, WiringFault> {
         let mut probe = Probe::new(
             &[0.5, -0.25],
             &[AMPLITUDE, AMPLITUDE],
@@ -419,7 +419,7 @@ mod tests {
     #[test]
     fn each_reversed_channel_is_told_from_the_others() {
         let channel = |wiring: fn(f64) -> (f64, f64)| match probed(wiring) {
-            Err(Misfit::Reversed {
+            Err(WiringFault::Reversed {
                 axis: 0, channel, ..
             }) => channel,
             other => panic!("{other:?}"),
@@ -433,13 +433,13 @@ mod tests {
     fn a_dead_channel_is_named_with_what_was_expected() {
         let force = probed(|d| (d, 7.0)).unwrap_err();
         assert!(
-            matches!(force, Misfit::Dead { channel: Channel::Force, expected, .. }
+            matches!(force, WiringFault::Dead { channel: Channel::Force, expected, .. }
             if (expected - 100.0).abs() < 1e-9)
         );
         let disp = probed(|d| (0.0, STIFFNESS * d)).unwrap_err();
         assert!(matches!(
             disp,
-            Misfit::Dead {
+            WiringFault::Dead {
                 channel: Channel::Disp,
                 ..
             }
@@ -471,7 +471,10 @@ mod tests {
             assert_eq!(wrong.name(), "force_reversed", "seed {seed}");
             let hidden = probed(|d| (d, -STIFFNESS * d + noise(8.0)));
             assert!(
-                matches!(hidden, Err(Misfit::Noise { .. } | Misfit::Reversed { .. })),
+                matches!(
+                    hidden,
+                    Err(WiringFault::Noise { .. } | WiringFault::Reversed { .. })
+                ),
                 "never taken for right: seed {seed}: {hidden:?}"
             );
             let nothing = probed(|d| (d, noise(0.3))).unwrap_err();

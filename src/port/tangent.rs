@@ -162,7 +162,7 @@ impl Tangent {
 mod tests {
     use super::*;
 
-    /// Along d = A sin ωt at 1 kHz, half a hertz, with this law of force.
+    /// PlatformUnloading d = A sin ωt at 1 kHz, half a hertz, with this law of force.
     fn along(tangent: &mut Tangent, steps: usize, force: impl Fn(f64, f64) -> f64) {
         for k in 0..steps {
             let t = k as f64 * 1e-3;

@@ -7,8 +7,9 @@
 //! the noise that was read while zeroing, or is declared where too little was read, and two periods of it: a fit that has just begun
 //! overshoots. It moves nothing: columns and limits only.
 
-use super::Port;
-use super::limits::Found;
+use super::command_path::VelocityOf;
+use super::estimates::Observed;
+use crate::stability::CriticalDelay;
 
 /// Time in which the window forgets, s of test time.
 const WINDOW_S: f64 = 2.0;
@@ -21,22 +22,9 @@ const SETTLED: f64 = 4.0 * std::f64::consts::PI;
 /// 1 − ρ² of target and velocity below which they are one direction.
 const INDEPENDENT: f64 = 1e-3;
 
-/// Which moment the velocity that belongs to a target is of.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-enum VelOf {
-    /// That of the integrator, some part of a tick ago.
-    #[default]
-    Published,
-    /// Now: the slope of the way on which a command is led between two targets.
-    Now,
-}
-
-/// What is remembered of one axis.
+/// Fading sums of target x, velocity v, measured displacement m and force f.
 #[derive(Debug, Clone, Copy, Default)]
-struct Follow {
-    /// Target, measured displacement and force where the test began, and the target's velocity of the tick before.
-    start: Option<(f64, f64, f64)>,
-    last_vel: f64,
+struct Sums {
     weight: f64,
     xx: f64,
     xv: f64,
@@ -45,16 +33,72 @@ struct Follow {
     vm: f64,
     xf: f64,
     vf: f64,
+}
+
+impl Sums {
+    #[inline]
+    fn add(&mut self, keep: f64, [x, v]: [f64; 2], [m, f]: [f64; 2]) {
+        self.weight = keep * self.weight + 1.0;
+        self.xx = keep * self.xx + x * x;
+        self.xv = keep * self.xv + x * v;
+        self.vv = keep * self.vv + v * v;
+        self.xm = keep * self.xm + x * m;
+        self.vm = keep * self.vm + v * m;
+        self.xf = keep * self.xf + x * f;
+        self.vf = keep * self.vf + v * f;
+    }
+}
+
+/// What the fit says; NaN where nothing is known.
+#[derive(Debug, Clone, Copy)]
+struct Fit {
     lag: f64,
     gain: f64,
     stiffness: f64,
+}
+
+impl Fit {
+    const UNKNOWN: Self = Self {
+        lag: f64::NAN,
+        gain: f64::NAN,
+        stiffness: f64::NAN,
+    };
+}
+
+/// What is remembered of one axis.
+#[derive(Debug, Clone, Copy)]
+struct AxisTracking {
+    /// Target, measured displacement and force where the test began, and the target's velocity of the tick before.
+    start: Option<(f64, f64, f64)>,
+    last_vel: f64,
+    sums: Sums,
+    fit: Fit,
     /// Time since the window holds motion, s, and whether that was two periods.
     fitted_for: f64,
     settled: bool,
     least: f64,
 }
 
-impl Follow {
+impl AxisTracking {
+    const NONE: Self = Self {
+        start: None,
+        last_vel: 0.0,
+        sums: Sums {
+            weight: 0.0,
+            xx: 0.0,
+            xv: 0.0,
+            vv: 0.0,
+            xm: 0.0,
+            vm: 0.0,
+            xf: 0.0,
+            vf: 0.0,
+        },
+        fit: Fit::UNKNOWN,
+        fitted_for: 0.0,
+        settled: false,
+        least: LEAST_M,
+    };
+
     /// One tick of `dt` s in which `passed` s of test time pass, less where its pace eases: target, its velocity of `age` ticks ago,
     /// measured displacement and force. Real-time: yes.
     fn take(
@@ -70,177 +114,185 @@ impl Follow {
         self.last_vel = vel;
         let keep = 1.0 - (dt / WINDOW_S).min(1.0);
         let (x, m, f) = (target - x0, measured - m0, force - f0);
-        self.weight = keep * self.weight + 1.0;
-        self.xx = keep * self.xx + x * x;
-        self.xv = keep * self.xv + x * now;
-        self.vv = keep * self.vv + now * now;
-        self.xm = keep * self.xm + x * m;
-        self.vm = keep * self.vm + now * m;
-        self.xf = keep * self.xf + x * f;
-        self.vf = keep * self.vf + now * f;
-        let determinant = self.xx * self.vv - self.xv * self.xv;
-        let moves = self.xx > self.weight * self.least * self.least;
+        self.sums.add(keep, [x, now], [m, f]);
+        let Sums {
+            weight,
+            xx,
+            xv,
+            vv,
+            xm,
+            vm,
+            xf,
+            vf,
+        } = self.sums;
+        let determinant = xx * vv - xv * xv;
+        let moves = xx > weight * self.least * self.least;
         // Written so that NaN says nothing.
-        if !(moves && determinant > INDEPENDENT * self.xx * self.vv) {
-            (self.lag, self.gain, self.stiffness) = (f64::NAN, f64::NAN, f64::NAN);
+        if !(moves && determinant > INDEPENDENT * xx * vv) {
+            self.fit = Fit::UNKNOWN;
             (self.fitted_for, self.settled) = (0.0, false);
             return;
         }
-        let a = (self.xm * self.vv - self.vm * self.xv) / determinant;
-        let b = (self.vm * self.xx - self.xm * self.xv) / determinant;
-        let omega = (self.vv / self.xx).sqrt();
+        let a = (xm * vv - vm * xv) / determinant;
+        let b = (vm * xx - xm * xv) / determinant;
+        let omega = (vv / xx).sqrt();
         self.fitted_for += passed;
         self.settled |= omega * self.fitted_for >= SETTLED;
         if !self.settled {
             return;
         }
-        self.gain = (a * a + omega * omega * b * b).sqrt();
-        self.lag = libm::atan2(-omega * b, a) / omega;
-        let a_f = (self.xf * self.vv - self.vf * self.xv) / determinant;
-        let b_f = (self.vf * self.xx - self.xf * self.xv) / determinant;
-        self.stiffness = (a_f * a + omega * omega * b_f * b) / (self.gain * self.gain);
+        let gain = (a * a + omega * omega * b * b).sqrt();
+        let a_f = (xf * vv - vf * xv) / determinant;
+        let b_f = (vf * xx - xf * xv) / determinant;
+        self.fit = Fit {
+            lag: libm::atan2(-omega * b, a) / omega,
+            gain,
+            stiffness: (a_f * a + omega * omega * b_f * b) / (gain * gain),
+        };
     }
 }
 
-/// Of all axes of a port.
+/// How all axes of a specimen follow.
 #[derive(Debug)]
 pub(super) struct Tracking {
-    axes: Vec<Follow>,
+    axes: Vec<AxisTracking>,
     dt: f64,
-    /// By so many ticks the velocities that come with targets are older than these; and which velocity the last one is.
+    /// By this many ticks the velocities that come with targets are older than these.
     age: f64,
-    vel_of: VelOf,
+    /// Critical delays by stiffness: one per axis, or none at all.
+    critical: Vec<CriticalDelay>,
     /// Delay and gain are estimated.
-    pub on: bool,
-    /// A command that moves is in force.
-    pub moves: bool,
-    /// Test time in s that passes with it.
-    pub passes: f64,
+    is_on: bool,
+    /// The test runs: what moves the specimen is part of it.
+    test_runs: bool,
+    /// Test time in s that passes with the command in force; none if that is no motion of the test.
+    passes: Option<f64>,
 }
 
 impl Tracking {
     pub fn new(axes: usize) -> Self {
-        let unknown = Follow {
-            lag: f64::NAN,
-            gain: f64::NAN,
-            stiffness: f64::NAN,
-            least: LEAST_M,
-            ..Follow::default()
-        };
         Self {
-            axes: vec![unknown; axes],
+            axes: vec![AxisTracking::NONE; axes],
             dt: 0.0,
             age: 0.0,
-            vel_of: VelOf::Published,
-            on: false,
-            moves: false,
-            passes: 0.0,
+            critical: Vec::new(),
+            is_on: false,
+            test_runs: false,
+            passes: None,
         }
     }
 
-    /// The target came with the velocity that was published for it. Real-time: yes.
-    #[inline]
-    pub fn is_published(&mut self) {
-        self.vel_of = VelOf::Published;
+    /// Estimates delay and gain from here on: see [`super::Port::with_tracking`].
+    pub const fn begin(&mut self, dt: f64, age: f64) {
+        (self.is_on, self.dt, self.age) = (true, dt, age);
     }
 
-    /// True if it did. Real-time: yes.
-    #[inline]
-    pub fn has_published(&self) -> bool {
-        self.vel_of == VelOf::Published
-    }
-
-    /// The target lies on a way, and its velocity is the slope of that. Real-time: yes.
-    #[inline]
-    pub fn is_on_the_way(&mut self) {
-        self.vel_of = VelOf::Now;
-    }
-}
-
-impl Port {
-    /// True if delay and gain are estimated: columns of their own.
-    #[must_use]
-    pub fn tracks(&self) -> bool {
-        self.tracking.on
-    }
-
-    /// Estimates delay and gain; `dt` is the test time from command to command in s, and the velocity that comes with a target
-    /// is `age` of that older: half where it is the backward difference of the family, γ with the α methods, nothing where it
-    /// is prescribed.
-    #[must_use]
-    pub fn with_tracking(mut self, dt: f64, age: f64) -> Self {
-        (self.tracking.on, self.tracking.dt, self.tracking.age) = (true, dt, age);
-        self
-    }
-
-    /// What the displacement sensors are declared to add, m of the specimen rms: nothing is said of less, until it is read.
-    #[must_use]
-    pub fn with_declared_noise(mut self, rms_m: f64) -> Self {
-        let axes = self.axes.iter().zip(self.guard.units());
-        for (follow, (axis, (metres, _))) in self.tracking.axes.iter_mut().zip(axes) {
-            let least = ABOVE_NOISE * (rms_m / (metres * axis.disp_gain)).abs();
-            follow.least = follow.least.max(least);
-        }
-        self
-    }
-
-    /// The noise was read while zeroing. Too few readings may show less of it than there is.
-    pub(super) fn track_above_noise(&mut self) {
-        for index in 0..self.axes.len() {
-            let reading = self.reading(index);
-            let axes = self.tracking.axes.iter_mut().zip(&self.axes);
-            if let Some((follow, axis)) = axes.into_iter().nth(index) {
-                let known = reading.noise().map_or(follow.least, |_| LEAST_M);
-                let least = ABOVE_NOISE * (reading.disp_noise / axis.disp_gain).abs();
-                follow.least = known.max(least);
-            }
+    pub fn set_critical(&mut self, tables: Vec<CriticalDelay>) {
+        if tables.len() == self.axes.len() {
+            self.critical = tables;
         }
     }
 
-    /// Takes the measurement last taken, which must be a fresh one, and judges what it shows. Real-time: yes.
-    pub(super) fn track(&mut self, found: &mut Found) {
-        let ticks = (self.tracking.dt, self.tracking.passes);
-        let age = match self.tracking.vel_of {
-            VelOf::Published => self.tracking.age,
-            VelOf::Now => 0.0,
+    pub const fn is_on(&self) -> bool {
+        self.is_on
+    }
+
+    /// The test runs from here on, or does not. Real-time: yes.
+    pub const fn test_runs(&mut self, runs: bool) {
+        self.test_runs = runs;
+    }
+
+    /// A command leaves that moves the specimen for `passes` s of test time, or the last one leaves again. Real-time: yes.
+    #[inline]
+    pub fn note_sent(&mut self, passes: Option<f64>) {
+        self.passes = passes.filter(|_| self.test_runs);
+    }
+
+    /// Smallest motion that counts, of what the displacement sensors are declared to add, m rms per axis.
+    pub fn declare_noise(&mut self, rms: impl Iterator<Item = f64>) {
+        for (axis, rms) in self.axes.iter_mut().zip(rms) {
+            axis.least = axis.least.max(ABOVE_NOISE * rms);
+        }
+    }
+
+    /// The noise of each axis was read while zeroing, in m at the structure, from enough readings to know it or from fewer.
+    pub fn read_noise(&mut self, noise: impl Iterator<Item = (f64, bool)>) {
+        for (axis, (rms, is_known)) in self.axes.iter_mut().zip(noise) {
+            let known = if is_known { LEAST_M } else { axis.least };
+            axis.least = known.max(ABOVE_NOISE * rms);
+        }
+    }
+
+    /// Takes a fresh measurement; false if it is none of the test's, or nothing is estimated. Real-time: yes.
+    #[inline]
+    pub fn take(&mut self, observed: &Observed<'_>) -> bool {
+        let Some(passes) = self.passes.filter(|_| self.is_on) else {
+            return false;
         };
-        let targets = self.target.iter().zip(&self.target_vel);
-        let values = targets.zip(&self.measured).zip(&self.force).enumerate();
-        let axes = self.tracking.axes.iter_mut().zip(values);
-        for (follow, (index, (((target, vel), measured), force))) in axes {
-            let own = force - self.estimates.of_others(index, &self.measured);
-            follow.take(*target, (*vel, age), (*measured, own), ticks);
+        let Observed {
+            path,
+            feedback,
+            stiffness,
+            ..
+        } = observed;
+        let ticks = (self.dt, passes);
+        let age = match path.velocity_of() {
+            VelocityOf::Integrator => self.age,
+            VelocityOf::Path => 0.0,
+        };
+        let measured = feedback.disp();
+        let values = path.target().iter().zip(measured).zip(feedback.force());
+        let axes = self.axes.iter_mut().zip(values.enumerate());
+        for (axis, (index, (((target, vel), disp), force))) in axes {
+            let own = force - stiffness.force_of_others(index, measured);
+            axis.take(*target, (*vel, age), (*disp, own), ticks);
         }
-        let judged = self.tracking.axes.iter();
-        let judged = judged.map(|follow| [follow.lag.abs(), (follow.gain - 1.0).abs()]);
-        self.guard.watch.tracked(judged, found);
+        true
     }
 
-    /// Lag in s, gain, stiffness in N/m, and the damping in N s/m that the lag adds to it, per axis at the structure; NaN where
-    /// nothing is known. Empty where nothing is estimated. Real-time: yes.
+    /// What the limits judge of each axis. Real-time: yes.
     #[inline]
-    pub fn tracking(&self) -> impl Iterator<Item = [f64; 4]> + '_ {
-        let axes = if self.tracking.on {
-            self.tracking.axes.as_slice()
+    pub fn judged(&self) -> impl Iterator<Item = [f64; 2]> + '_ {
+        let axes = self.axes.iter();
+        axes.map(|axis| [axis.fit.lag.abs(), (axis.fit.gain - 1.0).abs()])
+    }
+
+    /// Lag, gain, stiffness, and the damping that the lag adds; empty where nothing is estimated. Real-time: yes.
+    #[inline]
+    pub fn values(&self) -> impl Iterator<Item = [f64; 4]> + '_ {
+        let axes = if self.is_on {
+            self.axes.as_slice()
         } else {
             &[]
         };
-        axes.iter().map(|follow| {
-            let Follow {
+        axes.iter().map(|axis| {
+            let Fit {
                 lag,
                 gain,
                 stiffness,
-                ..
-            } = *follow;
+            } = axis.fit;
             [lag, gain, stiffness, -stiffness * lag]
         })
+    }
+
+    /// True if delay margins are known as soon as the lag is. Real-time: yes.
+    #[inline]
+    pub fn knows_margin(&self) -> bool {
+        self.is_on && !self.critical.is_empty()
+    }
+
+    /// Lag and critical delay in s of test time, per axis; not a number where it is not known. Empty without tables. Real-time:
+    /// yes.
+    pub fn lags(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
+        let axes = self.critical.iter().zip(self.values());
+        axes.map(|(table, [lag, _, stiffness, _])| (lag, table.at(stiffness)))
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::Axis;
     use super::*;
+    use crate::port::{Axis, Port};
     use crate::substructure::{
         Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
     };
@@ -253,8 +305,8 @@ mod tests {
         Old(f64),
     }
 
-    fn follow(gain: f64, delay: f64, hertz: f64, dt: f64, kind: Vel) -> Follow {
-        let mut follow = Tracking::new(1).axes[0];
+    fn follow(gain: f64, delay: f64, hertz: f64, dt: f64, kind: Vel) -> AxisTracking {
+        let mut follow = AxisTracking::NONE;
         let omega = std::f64::consts::TAU * hertz;
         // From rest.
         let at = |t: f64| 0.01 * libm::sin(omega * t.max(0.0));
@@ -268,7 +320,10 @@ mod tests {
         for k in 0..(20.0 / dt) as i32 {
             let t = f64::from(k) * dt;
             // ω is known to a few percent when it is first said, and never by less than a period.
-            assert!(follow.lag.is_nan() || t > 1.0 / hertz, "{t}: {follow:?}");
+            assert!(
+                follow.fit.lag.is_nan() || t > 1.0 / hertz,
+                "{t}: {follow:?}"
+            );
             let vel = match kind {
                 Vel::Difference => ((at(t) - at(t - dt)) / dt, 0.5),
                 Vel::Old(age) => (rate(t - age * dt), age),
@@ -289,11 +344,11 @@ mod tests {
             (1.02, -4e-3, 5.0),
         ] {
             let found = follow(gain, delay, hertz, 1.0 / 4096.0, Vel::Difference);
-            assert!((found.stiffness / 3e5 - 1.0).abs() < 0.01, "{found:?}");
+            assert!((found.fit.stiffness / 3e5 - 1.0).abs() < 0.01, "{found:?}");
             // The window ripples with the sine, and forgets unevenly.
-            assert!((found.gain - gain).abs() < 0.01 * gain, "{found:?}");
+            assert!((found.fit.gain - gain).abs() < 0.01 * gain, "{found:?}");
             assert!(
-                (found.lag - delay).abs() < 0.03 * delay.abs() + 1e-5,
+                (found.fit.lag - delay).abs() < 0.03 * delay.abs() + 1e-5,
                 "{found:?}"
             );
         }
@@ -308,9 +363,9 @@ mod tests {
             for ticks in [0.0, 0.3, 0.5, 1.0, 2.5, 4.0, 7.0] {
                 let found = follow(0.97, ticks * dt, hertz, dt, kind);
                 // A straight line of velocities is up to 0.9 (ωΔt)² = 3.3 % too large, and so is the frequency.
-                let off = found.lag / dt - ticks;
+                let off = found.fit.lag / dt - ticks;
                 assert!(off.abs() < 0.02 + 0.04 * ticks, "{kind:?} {ticks}: {off}");
-                let gain = found.gain / 0.97 - 1.0;
+                let gain = found.fit.gain / 0.97 - 1.0;
                 assert!(gain.abs() < 0.02, "{kind:?} {ticks}: {gain}");
             }
         }
@@ -318,13 +373,13 @@ mod tests {
 
     #[test]
     fn nothing_is_said_of_noise_or_of_rest() {
-        let mut quiet = Tracking::new(1).axes[0];
+        let mut quiet = AxisTracking::NONE;
         quiet.least = 1e-4;
         for k in 0..10_000 {
             let target = 1e-6 * libm::sin(f64::from(k));
             quiet.take(target, (1e-3, 0.5), (1e-5, 1.0), (1e-3, 1e-3));
         }
-        assert!(quiet.lag.is_nan() && quiet.gain.is_nan() && quiet.stiffness.is_nan());
+        assert!(quiet.fit.lag.is_nan() && quiet.fit.gain.is_nan() && quiet.fit.stiffness.is_nan());
     }
 
     #[test]
@@ -332,14 +387,14 @@ mod tests {
         let (hertz, dt) = (2.0, 1e-3);
         let omega = std::f64::consts::TAU * hertz;
         let first_said = |pace: f64| {
-            let mut follow = Tracking::new(1).axes[0];
+            let mut follow = AxisTracking::NONE;
             let said = (1..100_000).find(|k| {
                 let at = 0.8 + omega * dt * pace * f64::from(*k);
                 let (sine, cosine) = libm::sincos(at);
                 let x = 0.01 * sine;
                 let ticks = (dt, pace * dt);
                 follow.take(x, (0.01 * omega * cosine, 0.0), (x, 3e5 * x), ticks);
-                !follow.lag.is_nan()
+                !follow.fit.lag.is_nan()
             });
             f64::from(said.unwrap()) * dt * pace
         };

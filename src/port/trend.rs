@@ -4,8 +4,8 @@
 //! of it: a force or a displacement that goes the other way, twice in a row and clearly, is a reversed channel, and it shows
 //! before the load has grown.
 
-use super::misfit::{Channel, Misfit};
 use super::probe::{Average, SIGMAS};
+use super::wiring_fault::{Channel, WiringFault};
 use crate::units::AxisUnits;
 
 /// A reading that goes the other way by this part of what is expected is no accident.
@@ -61,7 +61,12 @@ impl Trend {
     ///
     /// # Errors
     /// A channel goes the other way.
-    pub fn moved(&mut self, target: &[f64], disp: &[f64], force: &[f64]) -> Result<(), Misfit> {
+    pub fn moved(
+        &mut self,
+        target: &[f64],
+        disp: &[f64],
+        force: &[f64],
+    ) -> Result<(), WiringFault> {
         let n = self.axes.len().max(1);
         for (expected, row) in self.expected.iter_mut().zip(self.stiffness.chunks(n)) {
             let ways = row.iter().zip(target).zip(&self.axes);
@@ -93,7 +98,7 @@ impl Trend {
                 (true, true) => Channel::Command,
             };
             let sign = way.signum();
-            return Err(Misfit::Reversed {
+            return Err(WiringFault::Reversed {
                 axis: index,
                 channel,
                 disp: sign * disp.found,
@@ -152,7 +157,7 @@ mod tests {
     const K: f64 = 1e6;
 
     /// A load that comes on in twenty parts; after how many of them it was stopped, and why.
-    fn settled(mut wiring: impl FnMut(f64) -> (f64, f64)) -> (usize, Result<Trend, Misfit>) {
+    fn settled(mut wiring: impl FnMut(f64) -> (f64, f64)) -> (usize, Result<Trend, WiringFault>) {
         let mut trend = Trend::new(1, vec![K]);
         for _ in 0..16 {
             let (disp, force) = wiring(0.0);
@@ -168,9 +173,9 @@ mod tests {
         (20, Ok(trend))
     }
 
-    fn channel(outcome: Result<Trend, Misfit>) -> Channel {
+    fn channel(outcome: Result<Trend, WiringFault>) -> Channel {
         match outcome {
-            Err(Misfit::Reversed { channel, .. }) => channel,
+            Err(WiringFault::Reversed { channel, .. }) => channel,
             other => panic!("{other:?}"),
         }
     }

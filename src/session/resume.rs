@@ -320,7 +320,7 @@ fn check_way_back(
     let remember: Vec<&str> = ports
         .iter()
         .filter(|port| !port.is_formula())
-        .map(|port| port.name.as_str())
+        .map(|port| port.name())
         .collect();
     if again <= ticks_lost(rate_hz) || remember.is_empty() {
         return Ok(());

@@ -9,17 +9,18 @@
 //! A load cell that has broken leads nobody: the force must not have jumped before, must follow what is moved, may not grow, and
 //! does not go all at once. Everything here is at the structure, in m and N. Real-time after [`Unloading::new`].
 
-mod along;
-mod astray;
+mod axis_unloading;
+
 mod compliance;
-mod way;
+mod platform_unloading;
+mod unload_failure;
 
-pub use along::Along;
-pub use astray::Astray;
+use axis_unloading::AxisUnloading;
 use compliance::compliance;
-use way::Way;
+pub use platform_unloading::PlatformUnloading;
+pub use unload_failure::UnloadFailure;
 
-use super::rows::row_times;
+use super::row_product::row_times;
 
 /// Time constant in s of the approach, and the largest share of the way, by k̂, that one tick goes. Behind a delay of up to 1/e of it
 /// the approach does not go beyond, and it dies out behind one of up to π/2 of it.
@@ -77,7 +78,7 @@ pub struct Leg {
 #[derive(Debug)]
 pub struct Unloading {
     legs: Vec<Leg>,
-    ways: Vec<Way>,
+    ways: Vec<AxisUnloading>,
     /// By rows; where they do not say what K⁻¹ is, without what is beside the diagonal.
     stiffness: Vec<f64>,
     compliance: Vec<f64>,
@@ -102,7 +103,7 @@ pub struct Unloading {
     fell: u32,
     ticks: f64,
     most: f64,
-    outcome: Option<Result<(), Astray>>,
+    outcome: Option<Result<(), UnloadFailure>>,
 }
 
 impl Unloading {
@@ -111,9 +112,9 @@ impl Unloading {
         let n = legs.len();
         let of_a_block = (BLOCK_S / tick).ceil().max(1.0) as usize;
         let room = of_a_block.clamp(FEWEST, MOST);
-        let way = |_: &Leg| Way {
+        let way = |_: &Leg| AxisUnloading {
             block: Vec::with_capacity(room),
-            ..Way::default()
+            ..AxisUnloading::default()
         };
         let (stiffness, compliance) = compliance(stiffness, n);
         Self {
@@ -142,7 +143,7 @@ impl Unloading {
     }
 
     /// Its end: where the forces are small, or why it is somewhere else.
-    pub const fn end(&self) -> Option<Result<(), Astray>> {
+    pub const fn end(&self) -> Option<Result<(), UnloadFailure>> {
         self.outcome
     }
 
@@ -162,7 +163,7 @@ impl Unloading {
         self.ticks += 1.0;
         if self.ticks > self.most && self.outcome.is_none() {
             let seconds = (self.most * self.tick).round() as u32;
-            self.outcome = Some(Err(Astray::TooLong { seconds }));
+            self.outcome = Some(Err(UnloadFailure::TooLong { seconds }));
         }
         let is_known = answers.is_some();
         if let Some(answers) = answers.filter(|_| self.outcome.is_none()) {
@@ -261,7 +262,7 @@ impl Unloading {
     /// The forces stand still: how far it is, and beside what they must be small.
     fn begin(&mut self) {
         let n = self.ways.len();
-        let meant = |(way, leg): (&Way, &Leg)| {
+        let meant = |(way, leg): (&AxisUnloading, &Leg)| {
             let [least, most] = leg.meant;
             way.mean.max(least).min(most)
         };
@@ -272,7 +273,7 @@ impl Unloading {
                 way.reach = if reach.is_finite() { reach } else { 0.0 };
             }
         }
-        let carried = |(way, leg): (&Way, &Leg)| leg.largest.max(meant((way, leg)).abs());
+        let carried = |(way, leg): (&AxisUnloading, &Leg)| leg.largest.max(meant((way, leg)).abs());
         let of_all = self.ways.iter().zip(&self.legs).map(carried);
         let of_all = of_all.fold(0.0, f64::max);
         let answers = self.of_a_block.min(MOST) as f64;
@@ -312,9 +313,9 @@ impl Unloading {
         self.most = self.most.max(self.ticks + longest + SETTLES / self.share);
         self.begun = true;
         self.outcome = if jumped {
-            Some(Err(Astray::Jumped))
+            Some(Err(UnloadFailure::Jumped))
         } else if !self.rests && self.work == 0.0 {
-            Some(Err(Astray::Unknown))
+            Some(Err(UnloadFailure::Unknown))
         } else {
             None
         };
@@ -327,12 +328,13 @@ impl Unloading {
     /// A block on the way is over.
     fn judge(&mut self) {
         self.rests = self.is_small();
-        let is_still = |way: &Way| way.spread <= (STIR * way.still).max(2.0 * way.small);
+        let is_still = |way: &AxisUnloading| way.spread <= (STIR * way.still).max(2.0 * way.small);
         let arrives = self.rests && self.ways.iter().all(is_still);
         self.small_blocks = if arrives { self.small_blocks + 1 } else { 0 };
         // As work, in which all axes are one: shares of the way by the command and as measured, and of the force that is gone.
-        let share =
-            |of: fn(&Way) -> f64| -> f64 { self.ways.iter().map(of).sum::<f64>() / self.work };
+        let share = |of: fn(&AxisUnloading) -> f64| -> f64 {
+            self.ways.iter().map(of).sum::<f64>() / self.work
+        };
         let sent = share(|way| way.first * way.gone);
         let measured = share(|way| way.first * (way.began_at - way.measured));
         let noise = share(|way| (way.reach * way.still).abs()).abs();
@@ -340,16 +342,21 @@ impl Unloading {
         let had_none = self.ways.iter().all(|way| way.first.abs() <= way.small);
         self.outcome = if self.small_blocks >= BLOCKS {
             let is_gone = self.fell == 0 || had_none;
-            Some(if is_gone { Ok(()) } else { Err(Astray::Fell) })
+            Some(if is_gone {
+                Ok(())
+            } else {
+                Err(UnloadFailure::Fell)
+            })
         } else if self.rests {
             None
-        } else if !had_none && relief + noise < -GREW && self.ways.iter().any(Way::grows) {
-            Some(Err(Astray::Grows))
+        } else if !had_none && relief + noise < -GREW && self.ways.iter().any(AxisUnloading::grows)
+        {
+            Some(Err(UnloadFailure::Grows))
         } else if !had_none && relief + noise < FOLLOWS && (measured >= 1.0 || sent >= AT_MOST_SENT)
         {
-            Some(Err(Astray::DoesNotFollow))
+            Some(Err(UnloadFailure::DoesNotFollow))
         } else if self.is_at_its_end {
-            Some(Err(Astray::TooFar))
+            Some(Err(UnloadFailure::TooFar))
         } else {
             None
         };

@@ -19,7 +19,7 @@ struct End {
     at: Vec<f64>,
     ticks: u32,
     peaks: Vec<f64>,
-    outcome: Result<(), Astray>,
+    outcome: Result<(), UnloadFailure>,
 }
 
 /// From `at` with these axes and stiffness; `specimen` answers a command in a tick with displacements and forces as measured.
@@ -77,11 +77,11 @@ fn no_single_answer_decides_where_it_goes() {
 #[test]
 fn a_load_cell_that_is_stuck_leads_no_further_than_the_stiffness_says() {
     let end = spring(LEG, |_, _| 2e3);
-    assert_eq!(end.outcome, Err(Astray::DoesNotFollow));
+    assert_eq!(end.outcome, Err(UnloadFailure::DoesNotFollow));
     assert!(end.at[0] <= 0.0 && end.at[0] >= -0.003, "{}", end.at[0]);
     // It hangs on the way.
     let end = spring(LEG, |_, force| force.max(1.9e3));
-    assert_eq!(end.outcome, Err(Astray::DoesNotFollow));
+    assert_eq!(end.outcome, Err(UnloadFailure::DoesNotFollow));
 }
 
 /// Five times as soft as believed: its force follows, and is still there where the stiffness says that it is gone.
@@ -90,7 +90,7 @@ fn one_that_is_softer_than_believed_is_led_three_times_as_far_as_its_stiffness_s
     let end = unload(&[LEG], &[STIFFNESS], TICK, vec![0.01], |_, at| {
         vec![(at[0], STIFFNESS / 5.0 * at[0])]
     });
-    assert_eq!(end.outcome, Err(Astray::TooFar));
+    assert_eq!(end.outcome, Err(UnloadFailure::TooFar));
     // 2 mm by k̂, of a force that may be off by a twentieth.
     let gone = 0.01 - end.at[0];
     assert!(gone > 5.9e-3 && gone <= 3.0 * 2.1e-3 + 1e-12, "{gone}");
@@ -99,7 +99,7 @@ fn one_that_is_softer_than_believed_is_led_three_times_as_far_as_its_stiffness_s
 #[test]
 fn a_force_that_grows_is_followed_no_further() {
     let end = spring(LEG, |_, force| -force);
-    assert_eq!(end.outcome, Err(Astray::Grows));
+    assert_eq!(end.outcome, Err(UnloadFailure::Grows));
     assert!(end.at[0] <= 0.014, "{}", end.at[0]);
 }
 
@@ -107,7 +107,7 @@ fn a_force_that_grows_is_followed_no_further() {
 fn a_force_that_is_gone_at_once_is_no_arrival() {
     for last in [150, 163, 200, 250] {
         let end = spring(LEG, |tick, force| if tick < last { force } else { 0.0 });
-        assert_eq!(end.outcome, Err(Astray::Fell), "{last}");
+        assert_eq!(end.outcome, Err(UnloadFailure::Fell), "{last}");
     }
     // Ten times as stiff as believed, and thirty.
     for times in [10.0, 30.0] {
@@ -127,7 +127,7 @@ fn a_force_that_has_jumped_leads_nobody_unless_it_comes_back() {
     };
     for offset in [-2e3, 5e3, -4e3] {
         let end = spring(leg, |_, force| force + offset);
-        assert_eq!((end.outcome, end.at[0]), (Err(Astray::Jumped), 0.01));
+        assert_eq!((end.outcome, end.at[0]), (Err(UnloadFailure::Jumped), 0.01));
     }
     let back = spring(leg, |tick, force| if tick < 3 { 0.0 } else { force });
     assert_eq!(back.outcome, Ok(()));

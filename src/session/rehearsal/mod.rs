@@ -325,7 +325,7 @@ fn carry_out_with(
     experiment.record_dofs.clear();
     let ports = experiment.ports.iter();
     let known: Vec<_> = ports
-        .map(|port| (port.name.clone(), port.limits().to_vec()))
+        .map(|port| (port.name().to_owned(), port.limits().to_vec()))
         .collect();
     let (outcome, needs, poses) = staged_with(experiment, prompter, staging, control);
     let seen = needs.into_iter().zip(poses);

@@ -4,9 +4,11 @@
 //! All of it is at the structure, where the proof of stability is. Estimates come of fresh measurements only. They
 //! stand in the row and are judged by the limits; nothing else depends on them.
 
-use super::Port;
-use super::limits::{Estimated, Found};
-use super::rows::row_times;
+use super::axis::Axis;
+use super::command_path::CommandPath;
+use super::feedback::Feedback;
+use super::initial_stiffness::InitialStiffness;
+use super::limits::Estimated;
 use super::tangent::{Point, Tangent};
 
 /// Noise levels that a change must exceed to count for a tangent.
@@ -53,45 +55,33 @@ struct Estimate {
     force: f64,
 }
 
-/// k̂ between different axes, n × n by rows, zero on the diagonal; empty if they do not know of each other.
-#[derive(Debug)]
-struct Neighbours(Vec<f64>);
-
-impl Neighbours {
-    fn new(axes: usize, stiffness: &[Vec<f64>]) -> Self {
-        let rows = stiffness.iter().enumerate().flat_map(|(i, row)| {
-            let beside = move |(j, value): (usize, &f64)| if i == j { 0.0 } else { *value };
-            row.iter().enumerate().map(beside)
-        });
-        let between: Vec<f64> = rows.collect();
-        let known = between.len() == axes * axes && between.iter().any(|value| *value != 0.0);
-        Self(if known { between } else { Vec::new() })
-    }
-
-    /// Force in N on an axis that the others make where they were measured, as declared. Real-time: yes.
-    #[inline]
-    fn force_on(&self, index: usize, measured: &[f64]) -> f64 {
-        if self.0.is_empty() {
-            return 0.0;
-        }
-        row_times(&self.0, index, measured.len(), measured.iter().copied())
-    }
+/// Whether the energy is counted that the transfer system adds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum EnergyCount {
+    /// Beside the test.
+    Off,
+    /// The next measurement is the first to count from.
+    FromNext,
+    On,
 }
 
-/// The estimates of a port.
+/// The estimates of a specimen.
 #[derive(Debug)]
 pub(super) struct Estimates {
     axes: Vec<Estimate>,
-    neighbours: Neighbours,
     /// Δt of the integration.
     dt: f64,
-    /// Whether the command that is in force moves.
-    pub moves: bool,
-    /// Whether energy is counted, and whether there is a measurement to count from.
-    counts: bool,
-    has_last: bool,
+    energy: EnergyCount,
     /// Nothing is estimated for now.
-    pub rests: bool,
+    is_resting: bool,
+}
+
+/// A fresh measurement of all axes at the structure, and the command that it answers.
+pub(super) struct Observed<'a> {
+    pub axes: &'a [Axis],
+    pub path: &'a CommandPath,
+    pub feedback: &'a Feedback,
+    pub stiffness: &'a InitialStiffness,
 }
 
 impl Estimates {
@@ -105,12 +95,55 @@ impl Estimates {
         };
         Self {
             axes: stiffness.iter().map(estimate).collect(),
-            neighbours: Neighbours(Vec::new()),
             dt: 0.0,
-            moves: false,
-            counts: false,
-            has_last: false,
-            rests: false,
+            energy: EnergyCount::Off,
+            is_resting: false,
+        }
+    }
+
+    /// Takes what is declared of the axes, and the step Δt.
+    pub fn declare(&mut self, declared: &[Declared], dt: f64) {
+        let n = self.axes.len();
+        for (axis, declared) in self.axes.iter_mut().zip(declared) {
+            axis.declared = *declared;
+            let with_damping = declared.damping_bound > 0.0;
+            let stiffness = axis.tangent.stiffness();
+            axis.tangent = Tangent::new(stiffness, declared.damping, with_damping);
+        }
+        self.dt = dt;
+        self.begin(std::iter::repeat_n((0.0, 0.0), n));
+    }
+
+    /// Begins with what is declared again: the wiring check is not part of the test.
+    pub fn restart(&mut self, stiffness: &[f64]) {
+        for (axis, stiffness) in self.axes.iter_mut().zip(stiffness) {
+            let with_damping = axis.tangent.with_damping();
+            axis.tangent = Tangent::new(*stiffness, axis.declared.damping, with_damping);
+        }
+        self.begin(std::iter::repeat_n((0.0, 0.0), self.axes.len()));
+    }
+
+    /// Nothing is estimated from here on, or everything again.
+    pub const fn rest(&mut self, rests: bool) {
+        self.is_resting = rests;
+    }
+
+    #[inline]
+    pub const fn is_resting(&self) -> bool {
+        self.is_resting
+    }
+
+    /// The test begins, or goes on: energy counts from the next measurement on.
+    pub const fn begin_test(&mut self) {
+        self.is_resting = false;
+        self.energy = EnergyCount::FromNext;
+    }
+
+    /// The test is interrupted: no energy counts, and no sample belongs to the next.
+    pub fn leave_test(&mut self) {
+        self.energy = EnergyCount::Off;
+        for axis in &mut self.axes {
+            axis.tangent.forget_samples();
         }
     }
 
@@ -127,11 +160,6 @@ impl Estimates {
                 *initial
             }
         })
-    }
-
-    /// Force in N on an axis that the others make where they were measured, as declared. Real-time: yes.
-    pub fn of_others(&self, index: usize, measured: &[f64]) -> f64 {
-        self.neighbours.force_on(index, measured)
     }
 
     /// Changes of at least this size count from now on: as declared, or above the noise of (displacement, force) in m
@@ -152,6 +180,89 @@ impl Estimates {
             axis.tangent
                 .begin(if step.is_finite() { step } else { 0.0 });
         }
+    }
+
+    /// Takes a fresh measurement. Real-time: yes.
+    #[inline]
+    pub fn take(&mut self, observed: &Observed<'_>) {
+        let Observed {
+            axes,
+            path,
+            feedback,
+            stiffness,
+        } = observed;
+        let moves = path.moves();
+        let counts = self.energy == EnergyCount::On;
+        let measured = feedback.disp();
+        let values = measured.iter().zip(feedback.force());
+        let values = values.zip(&path.target().disp);
+        let motion = path.command().vel.iter().zip(*axes);
+        for (index, ((estimate, ((disp, force), target)), (vel, axis))) in
+            self.axes.iter_mut().zip(values).zip(motion).enumerate()
+        {
+            // The specimen is where the target is by now, not where the command is led.
+            let own = path.own_vel(index, *vel);
+            let vel = if moves { own / axis.vel_gain } else { 0.0 };
+            estimate.tangent.take(Point {
+                disp: *disp,
+                vel,
+                force: force - stiffness.force_of_others(index, measured),
+            });
+            let error = disp - target;
+            if counts {
+                // The force on the way is taken as the mean of both ends.
+                estimate.added_energy += 0.5 * (force + estimate.force) * (error - estimate.error);
+            }
+            (estimate.error, estimate.force) = (error, *force);
+        }
+        if self.energy == EnergyCount::FromNext {
+            self.energy = EnergyCount::On;
+        }
+    }
+
+    /// What the limits judge of each axis. Real-time: yes.
+    #[inline]
+    pub fn judged(&self) -> impl Iterator<Item = Estimated> + '_ {
+        self.axes.iter().map(Estimate::judged)
+    }
+
+    /// Tangent stiffness, tangent damping and added energy of each axis. Real-time: yes.
+    #[inline]
+    pub fn values(&self) -> impl Iterator<Item = (f64, Option<f64>, f64)> + '_ {
+        self.axes.iter().map(|axis| {
+            let tangent = &axis.tangent;
+            let damping = tangent.with_damping().then_some(tangent.damping());
+            (tangent.stiffness(), damping, axis.added_energy)
+        })
+    }
+
+    /// `others` J and the energy that the transfer system has added to each axis, one after the other. Real-time: yes.
+    #[inline]
+    pub fn added_energy(&self, others: f64) -> f64 {
+        let axes = self.axes.iter();
+        axes.fold(others, |sum, axis| sum + axis.added_energy)
+    }
+
+    /// Declared upper bounds of tangent stiffness and tangent damping, per axis; not a number where there is none.
+    pub fn tangent_bounds(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
+        let axes = self.axes.iter();
+        axes.map(|axis| (axis.declared.stiffness_bound, axis.declared.damping_bound))
+    }
+
+    /// Stability margin that each axis uses. Real-time: yes.
+    #[inline]
+    pub fn stability_used(&self) -> impl Iterator<Item = f64> + '_ {
+        let axes = self.axes.iter();
+        axes.map(|axis| axis.stability_used(self.dt))
+    }
+
+    /// True if there is a proof of stability to start from. Real-time: yes.
+    pub fn knows_stability(&self) -> bool {
+        let mut axes = self.axes.iter();
+        axes.all(|axis| {
+            let declared = &axis.declared;
+            !declared.gain.is_nan() && !declared.stiffness_bound.is_nan()
+        })
     }
 }
 
@@ -200,187 +311,12 @@ impl Estimate {
     }
 }
 
-impl Port {
-    /// What is declared of the axes, with k̂ between them (n × n by rows, the diagonal is not looked at) and the step Δt.
-    #[must_use]
-    pub fn with_declared(mut self, declared: &[Declared], stiffness: &[Vec<f64>], dt: f64) -> Self {
-        let estimates = &mut self.estimates;
-        let n = estimates.axes.len();
-        let axes = estimates.axes.iter_mut().zip(declared);
-        for (axis, declared) in axes {
-            axis.declared = *declared;
-            let with_damping = declared.damping_bound > 0.0;
-            let stiffness = axis.tangent.stiffness();
-            axis.tangent = Tangent::new(stiffness, declared.damping, with_damping);
-        }
-        estimates.dt = dt;
-        estimates.neighbours = Neighbours::new(n, stiffness);
-        estimates.begin(std::iter::repeat_n((0.0, 0.0), n));
-        self
-    }
-
-    /// k̂ of all axes in N/m at the structure, n × n by rows.
-    pub(super) fn declared_stiffness(&self) -> Vec<f64> {
-        let n = self.axes.len();
-        let mut matrix = self.estimates.neighbours.0.clone();
-        matrix.resize(n * n, 0.0);
-        for (entry, own) in matrix.iter_mut().step_by(n + 1).zip(&self.stiffness) {
-            *entry = *own;
-        }
-        matrix
-    }
-
-    /// The specimen stands, and what is measured stands in no row: nothing is estimated from it.
-    pub fn rest(&mut self) {
-        self.estimates.rests = true;
-    }
-
-    /// The rest is over.
-    pub fn stir(&mut self) {
-        self.estimates.rests = false;
-    }
-
-    /// Begins with what is declared again: a trial of the direction is not part of the test.
-    pub fn forget_trial(&mut self) {
-        let axes = self.estimates.axes.iter_mut();
-        for (axis, stiffness) in axes.zip(&self.stiffness) {
-            let with_damping = axis.tangent.with_damping();
-            axis.tangent = Tangent::new(*stiffness, axis.declared.damping, with_damping);
-        }
-        self.estimates
-            .begin(std::iter::repeat_n((0.0, 0.0), self.axes.len()));
-    }
-
-    /// The test begins, or goes on: energy counts from the next measurement on, beside what was counted before an
-    /// interruption, and what is remembered of the measurements is what stands in the rows, so that a replay remembers the same.
-    pub fn begin_test(&mut self) {
-        self.guard.watch.forget_measurements();
-        self.estimates.rests = false;
-        self.estimates.counts = true;
-        self.estimates.has_last = false;
-    }
-
-    /// The test is interrupted: what is measured from here on is not compared with what was measured in it, and no energy is
-    /// counted until it goes on.
-    pub fn leave_test(&mut self) {
-        self.guard.watch.forget_measurements();
-        self.estimates.counts = false;
-        self.estimates.has_last = false;
-        for axis in &mut self.estimates.axes {
-            axis.tangent.forget_samples();
-        }
-    }
-
-    /// Begins the estimates anew, with the noise that was read.
-    pub(super) fn estimate_above_noise(&mut self) {
-        self.estimates.rests = false;
-        let noise: Vec<(f64, f64)> = (0..self.axes.len())
-            .zip(&self.axes)
-            .map(|(index, axis)| {
-                let reading = self.reading(index);
-                let disp = (reading.disp_noise / axis.disp_gain).abs();
-                (disp, (reading.force_noise * axis.force_gain).abs())
-            })
-            .collect();
-        self.estimates.begin(noise.into_iter());
-        self.track_above_noise();
-    }
-
-    /// Takes the measurement last taken, which must be a fresh one, and judges what it shows. Real-time: yes.
-    #[inline]
-    pub(super) fn estimate(&mut self, found: &mut Found) {
-        let Estimates {
-            axes,
-            neighbours,
-            moves,
-            counts,
-            has_last,
-            ..
-        } = &mut self.estimates;
-        let values = self.measured.iter().zip(&self.force).zip(&self.target);
-        let motion = self.command_vel.iter().zip(&self.axes);
-        for (index, ((estimate, ((disp, force), target)), (vel, axis))) in
-            axes.iter_mut().zip(values).zip(motion).enumerate()
-        {
-            // The specimen is where the target is by now, not where the command is led.
-            let own = Self::unled_vel(self.compensation.as_ref(), index).unwrap_or(*vel);
-            let vel = if *moves { own / axis.vel_gain } else { 0.0 };
-            estimate.tangent.take(Point {
-                disp: *disp,
-                vel,
-                force: force - neighbours.force_on(index, &self.measured),
-            });
-            let error = disp - target;
-            if *counts && *has_last {
-                // The force on the way is taken as the mean of both ends.
-                estimate.added_energy += 0.5 * (force + estimate.force) * (error - estimate.error);
-            }
-            (estimate.error, estimate.force) = (error, *force);
-        }
-        *has_last = true;
-        let judged = self.estimates.axes.iter().map(Estimate::judged);
-        self.guard.watch.estimated(judged, found);
-    }
-
-    /// Tangent stiffness in N/m, tangent damping in N s/m (none where no damping is declared) and energy in J that the
-    /// transfer system has added, per axis at the structure. Real-time: yes.
-    #[inline]
-    pub fn estimates(&self) -> impl Iterator<Item = (f64, Option<f64>, f64)> + '_ {
-        self.estimates.axes.iter().map(|axis| {
-            let tangent = &axis.tangent;
-            let damping = tangent.with_damping().then_some(tangent.damping());
-            (tangent.stiffness(), damping, axis.added_energy)
-        })
-    }
-
-    /// `others` J and the energy that the transfer system has added to each axis, one after the other. Real-time: yes.
-    #[inline]
-    #[must_use]
-    pub fn added_energy(&self, others: f64) -> f64 {
-        let axes = self.estimates.axes.iter();
-        axes.fold(others, |sum, axis| sum + axis.added_energy)
-    }
-
-    /// Declared upper bounds of the tangent stiffness in N/m and of the tangent damping in N s/m, per axis at the structure;
-    /// not a number where there is none.
-    pub fn tangent_bounds(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
-        let axes = self.estimates.axes.iter();
-        axes.map(|axis| (axis.declared.stiffness_bound, axis.declared.damping_bound))
-    }
-
-    /// Share of the room for stability that tangents beyond their declared bounds use up: 0 within the bounds; below 1
-    /// stable; exactly 1 is the limit of one axis alone. None if there is no proof to start from. Real-time: yes.
-    #[inline]
-    #[must_use]
-    pub fn stability_used(&self) -> Option<f64> {
-        let used = self.stability_used_by_axis();
-        let used = used.fold(-0.0, |sum, axis| sum + axis);
-        used.is_finite().then_some(used)
-    }
-
-    /// What each axis has in [`Port::stability_used`]. Real-time: yes.
-    pub fn stability_used_by_axis(&self) -> impl Iterator<Item = f64> + '_ {
-        let axes = self.estimates.axes.iter();
-        axes.map(|axis| axis.stability_used(self.estimates.dt))
-    }
-
-    /// Whether [`Port::stability_used`] is known. Real-time: yes.
-    #[must_use]
-    pub fn knows_stability(&self) -> bool {
-        let mut axes = self.estimates.axes.iter();
-        axes.all(|axis| {
-            let declared = &axis.declared;
-            !declared.gain.is_nan() && !declared.stiffness_bound.is_nan()
-        })
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::catalog::limit::Limit;
-    use crate::port::Axis;
-    use crate::port::limits::{AxisLimits, Bound};
+    use crate::port::limits::{AxisLimits, Bound, Found};
+    use crate::port::{Axis, Port};
     use crate::substructure::{
         Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
     };
@@ -516,7 +452,7 @@ mod tests {
             };
             let mut port = port(spring(stiffness, 0), declared, AxisLimits::NONE, DT);
             go(&mut port, 200, swing);
-            let mut tangents = port.estimates.bounded(&port.stiffness);
+            let mut tangents = port.estimates.bounded(port.stiffness.own());
             tangents.next().unwrap()
         };
         assert_eq!(bounded(-3e5, f64::NAN), 0.0);

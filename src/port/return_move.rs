@@ -1,20 +1,19 @@
-//! How a port is left: where its specimen is moved, slowly, when a test is over or has tripped.
+//! The return move: where a specimen is moved, slowly, when a test is over or has tripped.
 //!
-//! The default is to freeze, since driving a damaged specimen home can destroy it. Anything else is asked for by name, and
-//! needs a speed. Works from the last command and measurement alone.
-//!
-//! The way to zero force goes by what is measured on it ([`super::unloading`]), and rests while an answer stays away. It is not
-//! gone where a load cell came out of its range: the ways to a displacement do not go by that.
-//!
-//! The way out keeps the limits of the commands, or it would end itself where it began: it starts from rest, since nobody
-//! judges the stop, and takes as long as half of `command_accel_m_per_s2` wants. What is estimated of a running test rests.
+//! The default is to freeze: to drive a damaged specimen home can destroy it. Every other end is asked for by name, and needs a
+//! speed. The move works from the last command and the last measurement alone. It keeps the limits of commands, starts from rest, and
+//! uses half of `command_accel_m_per_s2`. The way to zero force goes by what is measured ([`super::unloading`]), and rests while an
+//! answer stays away. Limits: a load cell out of its range forbids the way to zero force, not the ways to a displacement.
 
+use super::axis::Axis;
+use super::command_path::CommandPath;
+use super::estimates::Observed;
+use super::feedback::Feedback;
+use super::guard::Guard;
+use super::loading_unit::LoadingUnit;
+use super::startup::Startup;
+use super::unloading::{Leg, PlatformUnloading, UnloadFailure, Unloading};
 use crate::catalog::limit::Limit;
-use std::f64::consts::{FRAC_PI_2, PI};
-
-use super::Port;
-use super::posed::Posed;
-use super::unloading::{Along, Astray, Leg, Unloading};
 
 /// Where a specimen is left.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -55,12 +54,9 @@ impl Exits {
     }
 }
 
-/// Share of an acceleration limit that it uses at its fastest.
-const SHARE_OF_ACCEL: f64 = 0.5;
-
-/// A port on its way out.
+/// A return move of one specimen.
 #[derive(Debug)]
-pub enum Departure {
+pub enum ReturnMove {
     /// To displacements.
     Ramp {
         /// Of how many ticks.
@@ -77,99 +73,41 @@ pub enum Departure {
         /// The way.
         unloading: Box<Unloading>,
         /// How a platform goes it.
-        along: Option<Box<Along>>,
+        platform: Option<Box<PlatformUnloading>>,
     },
 }
 
-impl Departure {
+impl ReturnMove {
     /// Its end: where the specimen is to be left, or why it is somewhere else. None before it, and where something else ends it.
     #[must_use]
-    pub fn end(&self) -> Option<Result<(), Astray>> {
+    pub fn end(&self) -> Option<Result<(), UnloadFailure>> {
         match self {
             Self::Ramp { arrived, .. } => arrived.then_some(Ok(())),
             Self::Unload { unloading, .. } => unloading.end(),
         }
     }
-}
 
-impl Port {
-    /// The test is over: the last command counts as one at rest, and nothing is estimated from here on. Whoever owes an answer
-    /// is told nothing before it has given it.
-    pub fn end_test(&mut self) {
-        self.partner.owes_the_last = self.owes();
-        self.await_what_is_owed();
-        self.guard.watch.rests();
-        self.rest();
-        self.pause_following();
-    }
-
-    /// True if what its way out goes by is known: no force that its load cell cannot read.
-    #[must_use]
-    pub fn can_be_led(&self, tripped: bool) -> bool {
-        !(self.partner.unfelt && *self.exits.after(tripped) == Exit::ZeroForce)
-    }
-
-    /// Acceleration in m/s² that a way in or out may use on an axis.
-    fn exit_accel(&self, axis: usize) -> f64 {
-        let limit = self.limits().get(axis);
-        limit.map_or(f64::INFINITY, |limits| {
-            SHARE_OF_ACCEL * limits.size(Limit::CommandAccel).lower()
-        })
-    }
-
-    /// Time in s of a way of `distance` m along half a cosine, at most at `speed` in m/s and with the acceleration that an axis
-    /// may use.
-    pub(super) fn cosine_time(&self, axis: usize, distance: f64, speed: f64) -> f64 {
-        // Half a cosine is π/2 times as fast in the middle as on the average, and π²/2 D/T² are its ends.
-        let by_speed = FRAC_PI_2 * distance / speed;
-        by_speed.max(PI * (0.5 * distance / self.exit_accel(axis)).sqrt())
-    }
-
-    /// It stops where it is, and its own end judges what comes next from rest, as this one does. A link that is lost shows with
-    /// the next command.
-    pub fn halt(&mut self) {
-        if self.has_begun() {
-            let _ = self.substructure.halt();
-        }
-    }
-
-    /// Begins to leave with ticks of `tick` seconds of wall time; none where the specimen is to stay.
-    pub fn depart(&mut self, tripped: bool, tick: f64) -> Option<Departure> {
-        let (exit, speed) = (self.exits.after(tripped).clone(), self.exits.speed);
-        self.leave_pose();
-        let goal = match exit {
-            Exit::Freeze => return None,
-            Exit::ZeroForce => {
-                return Some(self.unload(speed, tick));
-            }
-            Exit::ZeroDisp => self.axes.iter().map(|axis| axis.disp_offset).collect(),
-            Exit::Safe(disp) => disp,
-        };
-        self.command.copy_from_slice(&goal);
-        self.begin_ramp();
-        let times = (0..self.axes()).map(|axis| {
-            let distance = self.sent.get(axis).zip(self.command.get(axis));
-            let distance = distance.map_or(0.0, |(from, to)| (to - from).abs());
-            let distance = distance.max(self.steepest(axis)) * self.guard.metres_of(axis);
-            self.cosine_time(axis, distance, speed)
-        });
-        let seconds = times.fold(0.0, f64::max);
-        Some(Departure::Ramp {
+    /// A way to displacements that takes `seconds`, in ticks of `tick` s.
+    pub(super) fn ramp(seconds: f64, tick: f64) -> Self {
+        Self::Ramp {
             ticks: (seconds / tick).ceil() as u64,
             tick: 0,
             seconds: seconds.max(tick),
             arrived: false,
-        })
+        }
     }
 
-    fn unload(&self, speed: f64, tick: f64) -> Departure {
-        let legs = (0..self.axes()).map(|axis| self.leg(axis, speed, tick));
+    /// The way to zero force, at most at `speed` in m/s of the specimen, in ticks of `tick` s.
+    pub(super) fn unload(from: &Departing<'_>, speed: f64, tick: f64) -> Self {
+        let count = from.observed.axes.len();
+        let legs = (0..count).map(|axis| from.leg(axis, speed, tick));
         let mut legs: Vec<Leg> = legs.collect();
-        let mut along = self.way_along();
-        if let Some((along, geometry)) = along.as_mut().zip(self.geometry()) {
-            let slower = along.slower(legs.iter().map(|leg| leg.by_speed));
-            let turned = along.forces(geometry, &self.force);
-            for ((leg, turned), force) in legs.iter_mut().zip(turned).zip(&self.force) {
+        let mut platform = from.platform();
+        if let Some((platform, unit)) = platform.as_mut().zip(from.unit) {
+            let force = from.observed.feedback.force();
+            let slower = platform.slower(legs.iter().map(|leg| leg.by_speed));
+            let turned = platform.forces(unit.geometry(), force);
+            for ((leg, turned), force) in legs.iter_mut().zip(turned).zip(force) {
                 leg.by_speed *= slower;
                 leg.slew *= slower;
                 if let Some([before, _]) = &mut leg.jump {
@@ -177,42 +115,23 @@ impl Port {
                 }
             }
         }
-        let unloading = Unloading::new(legs, self.declared_stiffness(), tick);
-        Departure::Unload {
+        let unloading = Unloading::new(legs, from.observed.stiffness.matrix(), tick);
+        Self::Unload {
             unloading: Box::new(unloading),
-            along: along.map(Box::new),
+            platform: platform.map(Box::new),
         }
     }
 
-    /// What is known of an axis before it is unloaded.
-    fn leg(&self, index: usize, speed: f64, tick: f64) -> Leg {
-        let plain = super::Axis::plain(Vec::new());
-        let axis = self.axes.get(index).unwrap_or(&plain);
-        let (metres, newtons) = self.units().get(index).copied().unwrap_or((1.0, 1.0));
-        let force = |raw: f64| axis.at_structure(0.0, raw / newtons).1;
-        // Of the specimen's displacement in m.
-        let disp = 1.0 / (metres * axis.disp_gain.abs());
-        let limits = self.limits().get(index);
-        let meant = limits.map_or([f64::NEG_INFINITY, f64::INFINITY], |limits| {
-            limits.get(Limit::MeasuredForce).trip
-        });
-        let [one, other] = meant.map(force);
-        let jump = self.guard.watch.jump(index);
-        Leg {
-            largest: self.carried.get(index).map_or(0.0, |force| force.abs()),
-            noise: (axis.force_gain * self.reading(index).force_noise).abs(),
-            meant: [one.min(other), one.max(other)],
-            jump: jump
-                .map(|[before, most]| [force(before), (axis.force_gain * most / newtons).abs()]),
-            by_speed: speed * tick * disp,
-            slew: self.exit_accel(index) * tick * tick * disp,
-        }
-    }
-
-    /// Makes the next command of the departure; false when there is no further to go.
-    pub fn go_on(&mut self, departure: &mut Departure) -> bool {
-        match departure {
-            Departure::Ramp {
+    /// Makes the next command; false when there is no further to go.
+    pub(super) fn go_on(
+        &mut self,
+        axes: &[Axis],
+        path: &mut CommandPath,
+        feedback: &Feedback,
+        unit: Option<&mut LoadingUnit>,
+    ) -> bool {
+        match self {
+            Self::Ramp {
                 ticks,
                 tick,
                 seconds,
@@ -220,42 +139,86 @@ impl Port {
             } => {
                 if *tick >= *ticks {
                     *arrived = true;
-                    self.stand_still();
+                    if let Some(unit) = unit {
+                        unit.leave_pose();
+                    }
+                    path.stand_still();
                     return false;
                 }
                 *tick += 1;
-                self.ramp_to(*tick as f64 / *ticks as f64, *seconds);
+                path.ramp_to(*tick as f64 / *ticks as f64, *seconds, axes, unit);
                 true
             }
-            Departure::Unload { unloading, along } => {
+            Self::Unload {
+                unloading,
+                platform,
+            } => {
                 // What was measured last, before its first command, is of the test.
-                let is_known = !unloading.is_new() && self.is_fresh();
-                let raw = self.raw.disp.iter().zip(&self.raw.force);
-                let answers = self.axes.iter().zip(raw);
+                let is_known = !unloading.is_new() && feedback.is_fresh();
+                let raw = feedback.raw();
+                let raw = raw.disp.iter().zip(&raw.force);
+                let answers = axes.iter().zip(raw);
                 let answers = answers.map(|(axis, (disp, force))| axis.at_structure(*disp, *force));
                 let answers = is_known.then_some(answers);
-                let posed = self.posed.as_deref().map(Posed::geometry);
-                let Some((along, geometry)) = along.as_deref_mut().zip(posed) else {
+                let geometry = unit.as_deref().map(LoadingUnit::geometry);
+                let Some((platform, geometry)) = platform.as_deref_mut().zip(geometry) else {
                     let goes_on = unloading.go_on(answers);
-                    self.go_back(unloading.steps());
+                    path.go_back(unloading.steps(), axes);
                     return goes_on;
                 };
-                let answers = answers.and_then(|answers| along.answer(geometry, answers).ok());
+                let answers = answers.and_then(|answers| platform.answer(geometry, answers).ok());
                 let goes_on = unloading.go_on(answers);
-                let steps = along.go_back(geometry, unloading.steps());
-                self.go_back(steps.into_iter());
+                let steps = platform.go_back(geometry, unloading.steps());
+                path.go_back(steps.into_iter(), axes);
                 goes_on
             }
         }
     }
+}
 
-    /// The next command is by so many m of the structure's behind the last.
-    fn go_back(&mut self, steps: impl Iterator<Item = f64>) {
-        let commands = self.command.iter_mut().zip(&mut self.command_vel);
-        let steps = self.sent.iter().zip(&self.axes).zip(steps);
-        for ((command, vel), ((sent, axis), step)) in commands.zip(steps) {
-            *command = sent - axis.disp_gain * step;
-            *vel = 0.0;
+/// What a return move begins with.
+pub(super) struct Departing<'a> {
+    pub observed: Observed<'a>,
+    pub guard: &'a Guard,
+    pub startup: &'a Startup,
+    pub unit: Option<&'a LoadingUnit>,
+}
+
+impl Departing<'_> {
+    /// The unloading of a platform from where it was sent last.
+    fn platform(&self) -> Option<PlatformUnloading> {
+        let axes = self.observed.axes.iter();
+        let strokes = axes.zip(self.observed.path.sent());
+        let strokes: Vec<f64> = strokes
+            .map(|(axis, sent)| axis.deformation(*sent))
+            .collect();
+        self.unit?.unloading_from(&strokes)
+    }
+
+    /// What is known of an axis before it is unloaded.
+    fn leg(&self, index: usize, speed: f64, tick: f64) -> Leg {
+        let plain = Axis::plain(Vec::new());
+        let axis = self.observed.axes.get(index).unwrap_or(&plain);
+        let units = self.guard.units().get(index);
+        let (metres, newtons) = units.copied().unwrap_or((1.0, 1.0));
+        let force = |raw: f64| axis.at_structure(0.0, raw / newtons).1;
+        // Of the specimen's displacement in m.
+        let disp = 1.0 / (metres * axis.disp_gain.abs());
+        let limits = self.guard.declared().get(index);
+        let meant = limits.map_or([f64::NEG_INFINITY, f64::INFINITY], |limits| {
+            limits.get(Limit::MeasuredForce).trip
+        });
+        let [one, other] = meant.map(force);
+        let jump = self.guard.jump(index);
+        let peak = self.observed.feedback.peak_before_last().get(index);
+        Leg {
+            largest: peak.map_or(0.0, |force| force.abs()),
+            noise: (axis.force_gain * self.startup.reading(index).force_noise).abs(),
+            meant: [one.min(other), one.max(other)],
+            jump: jump
+                .map(|[before, most]| [force(before), (axis.force_gain * most / newtons).abs()]),
+            by_speed: speed * tick * disp,
+            slew: self.guard.way_accel(index) * tick * tick * disp,
         }
     }
 }
@@ -265,7 +228,7 @@ mod tests {
     use std::collections::VecDeque;
 
     use super::*;
-    use crate::port::Axis;
+    use crate::port::{Axis, Port};
     use crate::substructure::{
         Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
     };
@@ -338,17 +301,17 @@ mod tests {
             assert_eq!(port.clear().trip, None);
             port.issue(0, 0.0, tick).unwrap();
             port.collect(Nanos(0)).unwrap();
-            port.raw.disp[0]
+            port.raw().disp[0]
         };
         port.aim(&[0.01], &[0.0], 0.0, 0.0);
         exchange(&mut port);
-        let mut departure = port.depart(true, tick).unwrap();
+        let mut departure = port.begin_return_move(true, tick).unwrap();
         let (mut ticks, mut least) = (0, f64::INFINITY);
         while port.go_on(&mut departure) {
             least = exchange(&mut port).min(least);
             ticks += 1;
         }
-        let (end, arrived) = (port.sent[0], departure.end() == Some(Ok(())));
+        let (end, arrived) = (port.sent()[0], departure.end() == Some(Ok(())));
         Way {
             ticks,
             end,
@@ -407,12 +370,12 @@ mod tests {
             port.aim(&[disp], &[0.0], 0.0, 0.0);
             exchange(&mut port);
         }
-        let mut departure = port.depart(true, TICK).unwrap();
+        let mut departure = port.begin_return_move(true, TICK).unwrap();
         while port.go_on(&mut departure) {
             exchange(&mut port);
         }
         assert_eq!(departure.end(), Some(Ok(())));
-        assert_eq!(port.sent[0], 0.9e-4, "nothing has moved");
+        assert_eq!(port.sent()[0], 0.9e-4, "nothing has moved");
     }
 
     #[test]

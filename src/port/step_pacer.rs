@@ -19,7 +19,7 @@
 //!
 //! What lives in wall time beside a path in test time, the delay that a compensator makes up for, needs the pace without that
 //! cutting: ρ d, followed by no more than ρ may change in a tick. It has no corners that easing has not, is exactly 1 in a test
-//! that nothing disturbs, and goes on from where it was when the command was put to rest by others ([`Tempo::stand`]).
+//! that nothing disturbs, and goes on from where it was when the command was put to rest by others ([`StepPacer::stand`]).
 //!
 //! Invariants: i never passes N, nor 0.8 N while the target is unknown; with ρ = 1 and the target known at once, N
 //! increments of exactly 1. No input or output, no clock: ticks are counted by the caller's calls.
@@ -41,7 +41,7 @@ const ON_GRID: f64 = 1e-9;
 
 /// The way that one tick makes.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Stride {
+pub struct PacerTick {
     /// Where it ends, as a share of the step: 0 … 1, exactly 1 at the target.
     pub share: f64,
     /// How long it is, as a share of the step.
@@ -59,7 +59,7 @@ pub struct Stride {
     pub spacing: f64,
 }
 
-impl Stride {
+impl PacerTick {
     /// At the first target.
     #[must_use]
     pub const fn none() -> Self {
@@ -84,7 +84,7 @@ impl Stride {
 
 /// The clockwork.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Tempo {
+pub struct StepPacer {
     /// N.
     ticks: f64,
     /// i.
@@ -101,7 +101,7 @@ pub struct Tempo {
     pace: f64,
 }
 
-impl Tempo {
+impl StepPacer {
     /// N ticks a step, and `ease_ticks` ticks from full pace to a hold: 0 stops at once.
     #[must_use]
     pub fn new(ticks: u32, ease_ticks: u32) -> Self {
@@ -186,7 +186,7 @@ impl Tempo {
 
     /// The next tick; `hold`: the operator wants test time to stand still. Real-time: yes.
     #[inline]
-    pub fn next(&mut self, hold: bool) -> Stride {
+    pub fn next(&mut self, hold: bool) -> PacerTick {
         let n = self.ticks;
         self.ease = self.eased(self.ease, hold);
         self.increment = if self.known {
@@ -232,7 +232,7 @@ impl Tempo {
         }
         let point = (self.progress - ON_GRID).ceil().max(0.0);
         let ahead = point - self.progress;
-        Stride {
+        PacerTick {
             share: self.progress / n,
             length: (self.progress - before) / n,
             stage,
@@ -250,14 +250,14 @@ mod tests {
     use proptest::prelude::*;
 
     /// Ticks of one step with the target known after `unknown` ticks: the strides.
-    fn step(tempo: &mut Tempo, unknown: u32) -> Vec<Stride> {
+    fn step(tempo: &mut StepPacer, unknown: u32) -> Vec<PacerTick> {
         let mut strides = Vec::new();
         tempo.begin();
         for _ in 0..unknown {
             strides.push(tempo.next(false));
         }
         tempo.know();
-        while !strides.last().is_some_and(Stride::lands) {
+        while !strides.last().is_some_and(PacerTick::lands) {
             strides.push(tempo.next(false));
         }
         strides
@@ -266,7 +266,7 @@ mod tests {
     #[test]
     fn with_the_target_known_at_once_a_step_is_n_equal_ticks() {
         for n in [1u32, 2, 3, 7, 10, 100, 1000] {
-            let mut tempo = Tempo::new(n, 50);
+            let mut tempo = StepPacer::new(n, 50);
             for _ in 0..3 {
                 let strides = step(&mut tempo, 0);
                 assert_eq!(strides.len(), n as usize);
@@ -283,7 +283,7 @@ mod tests {
     #[test]
     fn an_unknown_target_is_waited_for_at_exactly_four_fifths() {
         for n in [5u32, 10, 20, 33, 100] {
-            let mut tempo = Tempo::new(n, 50);
+            let mut tempo = StepPacer::new(n, 50);
             tempo.begin();
             let mut stages = Vec::new();
             for _ in 0..20 * n + 100 {
@@ -299,7 +299,7 @@ mod tests {
         }
         // Where a fifth of the step is less than a tick, it is met at once, and not passed.
         for n in [1u32, 2, 3, 4] {
-            let mut tempo = Tempo::new(n, 50);
+            let mut tempo = StepPacer::new(n, 50);
             tempo.begin();
             for _ in 0..2 * n + 2 {
                 assert!(tempo.next(false).share <= HOLD_AT + f64::EPSILON);
@@ -311,7 +311,7 @@ mod tests {
     #[test]
     fn a_recovery_is_that_of_the_chart() {
         let n = 50.0;
-        let mut tempo = Tempo::new(50, 0);
+        let mut tempo = StepPacer::new(50, 0);
         tempo.begin();
         while tempo.share() < 0.75 {
             tempo.next(false);
@@ -341,7 +341,7 @@ mod tests {
     #[test]
     fn with_one_tick_a_step_a_hold_takes_the_paces_in_turn_and_ends_within_its_time() {
         let ease = 64u32;
-        let mut tempo = Tempo::new(1, ease);
+        let mut tempo = StepPacer::new(1, ease);
         let mut lengths: Vec<f64> = Vec::new();
         let mut ticks = 0;
         tempo.begin();
@@ -376,7 +376,7 @@ mod tests {
 
     #[test]
     fn without_easing_a_hold_stands_at_once_and_goes_on_at_once() {
-        let mut tempo = Tempo::new(1, 0);
+        let mut tempo = StepPacer::new(1, 0);
         tempo.begin();
         tempo.know();
         assert_eq!(tempo.next(true).length, 0.0);
@@ -392,7 +392,7 @@ mod tests {
             n in 40u32..400, ease in 20u32..400,
             events in proptest::collection::vec((0u32..600, any::<bool>()), 1..12),
         ) {
-            let mut tempo = Tempo::new(n, ease);
+            let mut tempo = StepPacer::new(n, ease);
             let tick = 1.0 / f64::from(n);
             let mut pace = 1.0;
             let mut hold = false;

@@ -1,18 +1,17 @@
-//! The loading unit of a port: with it the port's axes are actuators, and its targets are the strokes that the pose B·x of
-//! their platform asks for.
+//! A loading unit: the axes of a specimen are its actuators, and a target is the stroke that the pose B·x of its platform asks for.
 //!
 //! ```text
-//! out    pose q = B·x  →  target = s(q), target_vel = J(q) B·v  →  gear, compensation, limits, all per actuator
+//! out    pose q = B·x  →  target = s(q), target_vel = J(q) B·v  →  units, compensation, limits, all per actuator
 //! back   measured strokes  →  measured pose q_m, by Newton from q  →  B ᵀ J(q_m)ᵀ f enters equilibrium
 //! ```
 //!
-//! The measured pose is that of the step that is closed and depends on nothing but its target and its measurement: a replay
-//! finds the same one. Forces act where the actuators are, not where they should be. A pose that cannot be is kept as a
-//! fault; no command leaves while there is one.
+//! The measured pose depends on the target and the measurement of its own step only: a replay finds the same one. Forces act where
+//! the actuators are, not where they should be. Invariant: a pose that cannot be is kept as a fault, and no command leaves while
+//! there is one.
 
-use super::Port;
+use super::axis::dots;
 use super::bend::Bend;
-use super::unloading::Along;
+use super::unloading::PlatformUnloading;
 use crate::geometry::{Coordinate, Fault, Geometry, LawPlace, MOST, Placed};
 
 /// One row of B: what a coordinate is of the structure's displacements.
@@ -22,24 +21,6 @@ pub struct PoseRow {
     pub row: Vec<(usize, f64)>,
     /// b·ι: the part of a base displacement that this coordinate does not see.
     pub base: f64,
-}
-
-/// b·x and b·v, relative to the base. Real-time: yes.
-#[inline]
-pub(super) fn dots(
-    row: &[(usize, f64)],
-    base_part: f64,
-    [x, v]: [&[f64]; 2],
-    [base_disp, base_vel]: [f64; 2],
-) -> (f64, f64) {
-    let (mut disp, mut vel) = (0.0, 0.0);
-    for &(dof, coefficient) in row {
-        if let (Some(x), Some(v)) = (x.get(dof), v.get(dof)) {
-            disp += coefficient * x;
-            vel += coefficient * v;
-        }
-    }
-    (disp - base_part * base_disp, vel - base_part * base_vel)
 }
 
 /// How far a platform went, and how near it came to where its actuators cannot hold it.
@@ -55,7 +36,7 @@ pub struct Poses {
 
 /// A loading unit and everything of the current step.
 #[derive(Debug)]
-pub(super) struct Posed {
+pub(super) struct LoadingUnit {
     geometry: Geometry,
     rows: Vec<PoseRow>,
     law_at: LawPlace,
@@ -75,7 +56,26 @@ pub(super) struct Posed {
     bend: Bend,
 }
 
-impl Posed {
+impl LoadingUnit {
+    /// At its reference pose; `rows` are those of B, one per coordinate.
+    pub fn new(geometry: Geometry, rows: Vec<PoseRow>, law_at: LawPlace) -> Self {
+        let reference = geometry.reference();
+        Self {
+            geometry,
+            rows,
+            law_at,
+            aim: reference,
+            rates: [0.0; MOST],
+            found: reference,
+            force: [0.0; MOST],
+            is_unknown: false,
+            fault: None,
+            range: [[0.0; 2]; MOST],
+            worst: reference,
+            bend: Bend::new(reference),
+        }
+    }
+
     /// Goes to `pose` with `rates`, and leaves strokes and their velocities in `target` and `target_vel`. Real-time: yes.
     fn go(&mut self, pose: &[f64; MOST], target: &mut [f64], target_vel: &mut [f64]) {
         let placed = self.geometry.place(pose, &mut self.aim);
@@ -147,7 +147,7 @@ impl Posed {
     }
 
     /// Takes the measured pose and the forces of its coordinates from the actuators. Real-time: yes.
-    fn resolve(&mut self, measured: &[f64], force: &[f64]) -> Result<(), Fault> {
+    pub fn resolve(&mut self, measured: &[f64], force: &[f64]) -> Result<(), Fault> {
         self.found = self.aim;
         let found = self.geometry.find_for_forces(measured, &mut self.found);
         self.is_unknown = found.is_err();
@@ -175,129 +175,55 @@ impl Posed {
             }
         }
     }
-}
 
-impl Port {
-    /// Makes the axes the actuators of a loading unit, at the structure's scale; `rows` are those of B, one per coordinate, and
-    /// `law_at` is where the specimen's stiffness is the same for every pose.
-    /// Without as many actuators as axes and rows as coordinates nothing changes.
-    #[must_use]
-    pub fn with_geometry(
-        mut self,
-        geometry: Geometry,
-        rows: Vec<PoseRow>,
-        law_at: LawPlace,
-    ) -> Self {
-        if geometry.actuators() == self.axes.len() && geometry.coordinates().len() == rows.len() {
-            let reference = geometry.reference();
-            self.posed = Some(Box::new(Posed {
-                geometry,
-                rows,
-                law_at,
-                aim: reference,
-                rates: [0.0; MOST],
-                found: reference,
-                force: [0.0; MOST],
-                is_unknown: false,
-                fault: None,
-                range: [[0.0; 2]; MOST],
-                worst: reference,
-                bend: Bend::new(reference),
-            }));
-        }
-        self
-    }
-
-    /// The loading unit, if its axes are actuators of one.
-    #[must_use]
-    pub fn geometry(&self) -> Option<&Geometry> {
-        self.posed.as_deref().map(Posed::geometry)
-    }
-
-    /// Why the next command cannot be made. Real-time: yes.
+    /// Why the pose last sought cannot be. Real-time: yes.
     #[inline]
-    #[must_use]
-    pub fn geometry_fault(&self) -> Option<Fault> {
-        self.posed.as_deref().and_then(|posed| posed.fault)
-    }
-
-    /// The way to zero force from where the platform was sent last, if its actuators turn beside the specimen.
-    pub(super) fn way_along(&self) -> Option<Along> {
-        let posed = self.posed.as_deref()?;
-        let turns = posed.geometry.is_exact() && posed.law_at == LawPlace::Platform;
-        let strokes = self.axes.iter().zip(&self.sent);
-        let strokes: Vec<f64> = strokes
-            .map(|(axis, sent)| axis.deformation(*sent))
-            .collect();
-        turns
-            .then(|| Along::new(&posed.geometry, &strokes).ok())
-            .flatten()
+    pub const fn fault(&self) -> Option<Fault> {
+        self.fault
     }
 
     /// The next commands are strokes from where the actuators are, whatever pose was sought.
-    pub(super) fn leave_pose(&mut self) {
-        if let Some(posed) = &mut self.posed {
-            posed.fault = None;
-        }
+    pub const fn leave_pose(&mut self) {
+        self.fault = None;
     }
 
-    /// Where its poses bend the way of an actuator, the distance in its own unit for which that is nowhere faster; else 0.
-    pub(super) fn steepest(&self, axis: usize) -> f64 {
-        let posed = self.posed.as_deref().zip(self.axes.get(axis));
-        posed.map_or(0.0, |(posed, of)| {
-            (posed.bend.steepest(axis) * of.disp_gain).abs()
-        })
+    /// The way to zero force from where the platform was sent last, in m, if its actuators turn beside the specimen.
+    pub fn unloading_from(&self, strokes: &[f64]) -> Option<PlatformUnloading> {
+        let turns = self.geometry.is_exact() && self.law_at == LawPlace::Platform;
+        turns
+            .then(|| PlatformUnloading::new(&self.geometry, strokes).ok())
+            .flatten()
     }
 
-    /// Takes the pose and the forces of its coordinates from what was measured for the step that is closed. Does nothing
-    /// where there is no loading unit. Real-time: yes.
-    ///
-    /// # Errors
-    /// The actuators cannot have these strokes.
-    #[inline]
-    pub fn resolve_pose(&mut self) -> Result<(), Fault> {
-        match &mut self.posed {
-            Some(posed) => posed.resolve(&self.measured, &self.force),
-            None => Ok(()),
-        }
+    /// Where its poses bend the way of an actuator, the distance in m for which that is nowhere faster; else 0.
+    pub fn steepest(&self, axis: usize) -> f64 {
+        self.bend.steepest(axis)
     }
 
-    /// The same of what belongs to no step: nothing hangs on it but the row, in which a pose that cannot be is no number.
-    /// Real-time: yes.
-    pub fn look_at_pose(&mut self) {
-        if self.is_fresh() {
-            let _ = self.resolve_pose();
-        }
-    }
-
-    /// Each coordinate: pose that the structure asks for, measured pose, force. Empty without a loading unit. Real-time: yes.
+    /// Each coordinate: pose that the structure asks for, measured pose, force. Real-time: yes.
     #[inline]
     pub fn pose(&self) -> impl Iterator<Item = (Coordinate, [f64; 3])> + '_ {
-        let posed = self.posed.as_deref();
-        posed.into_iter().flat_map(|posed| {
-            let values = posed.aim.pose().iter().zip(posed.found.pose());
-            let values = values.zip(&posed.force);
-            let named = posed.geometry.coordinates().iter().zip(values);
-            named.map(|(coordinate, ((aim, found), force))| {
-                let (found, force) = if posed.is_unknown {
-                    (f64::NAN, f64::NAN)
-                } else {
-                    (*found, *force)
-                };
-                (*coordinate, [*aim, found, force])
-            })
+        let values = self.aim.pose().iter().zip(self.found.pose());
+        let values = values.zip(&self.force);
+        let named = self.geometry.coordinates().iter().zip(values);
+        named.map(|(coordinate, ((aim, found), force))| {
+            let (found, force) = if self.is_unknown {
+                (f64::NAN, f64::NAN)
+            } else {
+                (*found, *force)
+            };
+            (*coordinate, [*aim, found, force])
         })
     }
 
     /// How far the platform went. Allocates.
-    #[must_use]
-    pub fn poses(&self) -> Option<Poses> {
-        let Posed {
+    pub fn poses(&self) -> Poses {
+        let Self {
             geometry,
             range,
             worst,
             ..
-        } = self.posed.as_deref()?;
+        } = self;
         let named = geometry.coordinates().iter().zip(range);
         let reference = geometry.reference();
         let at_rest = geometry.condition(&reference);
@@ -308,11 +234,11 @@ impl Port {
         } else {
             ([at_rest; 2], geometry.words(&reference))
         };
-        Some(Poses {
+        Poses {
             range: named.map(|(c, [low, high])| (*c, *low, *high)).collect(),
             condition,
             worst,
-        })
+        }
     }
 }
 
@@ -320,7 +246,7 @@ impl Port {
 mod tests {
     use super::*;
     use crate::geometry::{GeometrySpec, PlanePins};
-    use crate::port::{Axis, Exit, Exits};
+    use crate::port::{Axis, Exit, Exits, Port};
     use crate::substructure::{
         Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
     };
@@ -396,8 +322,8 @@ mod tests {
         let mut port = port(0.0, None);
         // x₀ − x₂ − base = 0, x₁ = 3: the first actuator is 5 m long and inclined.
         port.aim(&[0.7, 3.0, 0.5], &[0.0, 2.0, 0.0], 0.2, 0.0);
-        assert!((port.target[0] - 1.0).abs() < 1e-15 && (port.target[1] - 3.0).abs() < 1e-15);
-        assert!((port.target_vel[0] - 1.2).abs() < 1e-15, "3/5 of 2 m/s");
+        assert!((port.target()[0] - 1.0).abs() < 1e-15 && (port.target()[1] - 3.0).abs() < 1e-15);
+        assert!((port.target_vel()[0] - 1.2).abs() < 1e-15, "3/5 of 2 m/s");
         assert_eq!(port.clear().trip, None);
         port.issue(0, 0.0, 0.0).unwrap();
         port.collect(Nanos(0)).unwrap();
@@ -464,15 +390,15 @@ mod tests {
         port.aim(&[0.0, 3.0, 0.0], &[0.0; 3], 0.0, 0.0);
         let [_, mut last] = exchange(&mut port);
         (port.exits.on_trip, port.exits.speed) = (Exit::ZeroDisp, 0.5);
-        let mut way = port.depart(true, 0.01).unwrap();
+        let mut way = port.begin_return_move(true, 0.01).unwrap();
         let mut fastest: f64 = 0.0;
         while port.go_on(&mut way) {
-            let before = port.sent.clone();
-            let rates = port.command_vel.clone();
+            let before = port.sent().to_vec();
+            let rates = port.path.command().vel.clone();
             let [x, y] = exchange(&mut port);
             assert!(x.abs() < 1e-13 && y <= last, "{x} {y}");
             last = y;
-            for ((from, to), rate) in before.iter().zip(&port.sent).zip(rates) {
+            for ((from, to), rate) in before.iter().zip(port.sent()).zip(rates) {
                 let speed = (to - from) / 0.01;
                 fastest = fastest.max(speed.abs());
                 assert!(
@@ -485,7 +411,7 @@ mod tests {
             way.end() == Some(Ok(())) && fastest > 0.45 && fastest < 0.5,
             "{fastest}"
         );
-        assert_eq!(port.sent, [0.0, 0.0], "to the last bit");
+        assert_eq!(port.sent(), [0.0, 0.0], "to the last bit");
     }
 
     /// A platform that is soft along x and stiff along y, behind two actuators that turn.
@@ -523,16 +449,16 @@ mod tests {
         port.aim(&[0.3, 0.001, 0.0], &[0.0; 3], 0.0, 0.0);
         let first = exchange(&mut port);
         assert!((first[0] - 0.3).abs() < 1e-12 && (first[1] - 0.001).abs() < 1e-12);
-        let most = port.force.iter().fold(0.0, |a: f64, f| a.max(f.abs()));
+        let most = port.force().iter().fold(0.0, |a: f64, f| a.max(f.abs()));
         (port.exits.on_trip, port.exits.speed) = (Exit::ZeroForce, 0.2);
-        let mut way = port.depart(true, 0.001).unwrap();
+        let mut way = port.begin_return_move(true, 0.001).unwrap();
         let mut last = first;
         while port.go_on(&mut way) {
-            for (from, to) in port.sent.iter().zip(&port.command) {
+            for (from, to) in port.sent().iter().zip(port.command()) {
                 assert!((to - from).abs() <= 2e-4 * (1.0 + 1e-9), "{from} {to}");
             }
             last = exchange(&mut port);
-            for force in &port.force {
+            for force in port.force() {
                 assert!(force.abs() <= 1.01 * most, "{force} beside {most}");
             }
         }
@@ -560,7 +486,7 @@ mod tests {
             at_end: Exit::Freeze,
             speed: 0.1,
         };
-        let mut way = port.depart(true, 0.01).unwrap();
+        let mut way = port.begin_return_move(true, 0.01).unwrap();
         assert!(port.go_on(&mut way));
         port.clear();
         assert_eq!(port.issue(1, 0.0, 0.0), Ok(()));

@@ -5,7 +5,7 @@ const GROWS: f64 = 1.1;
 
 /// One axis on its way.
 #[derive(Debug, Default)]
-pub(super) struct Way {
+pub(super) struct AxisUnloading {
     pub block: Vec<f64>,
     /// The last two answers.
     pub recent: [f64; 2],
@@ -32,7 +32,7 @@ pub(super) struct Way {
     pub step: f64,
 }
 
-impl Way {
+impl AxisUnloading {
     pub fn take(&mut self, disp: f64, force: f64) {
         let [last, before] = self.recent;
         self.force = last.min(force).max(last.max(force).min(before));

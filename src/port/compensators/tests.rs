@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use super::*;
 use crate::compensation::CompensationSpec;
-use crate::port::{Axis, Order, Tempo};
+use crate::port::{Axis, Order, Port, StepPacer};
 use crate::substructure::Substructure;
 use crate::substructure::{Command, Coupling, Freshness, LinkFault, Measurement, Retirement};
 use crate::time::Nanos;
@@ -100,8 +100,8 @@ struct Row {
 /// A port, and the loop that leads it: one partner that answers late in some steps is all that is not in it.
 struct Drive {
     port: Port,
-    tempo: Tempo,
-    stride: Stride,
+    tempo: StepPacer,
+    stride: PacerTick,
     step: usize,
     reached: bool,
     waits: usize,
@@ -140,12 +140,12 @@ impl Drive {
         port.aim_at(&mut std::iter::once((0.0, 0.0)));
         port.begin_way();
         port.begin_compensation();
-        let mut tempo = Tempo::new(n, EASE);
+        let mut tempo = StepPacer::new(n, EASE);
         tempo.know();
         Self {
             port,
             tempo,
-            stride: Stride::none(),
+            stride: PacerTick::none(),
             step: 0,
             reached: false,
             waits: 0,
@@ -170,10 +170,10 @@ impl Drive {
         }
         self.port.collect(Nanos(0)).unwrap();
         let row = Row {
-            target: self.port.target[0],
-            command: self.port.sent[0],
-            vel: self.port.command_vel[0],
-            target_vel: self.port.target_vel[0],
+            target: self.port.target()[0],
+            command: self.port.sent()[0],
+            vel: self.port.path.command().vel[0],
+            target_vel: self.port.target_vel()[0],
             parameters: self.port.compensation_parameters().collect(),
             pace: self.stride.pace,
             stood,
@@ -213,7 +213,7 @@ impl Drive {
         if self.stands {
             self.port.hold_compensation();
         } else {
-            self.port.ride(&self.stride, dt);
+            self.port.advance(&self.stride, dt);
         }
         row
     }
@@ -366,8 +366,8 @@ fn an_undisturbed_test_has_the_bits_of_a_prediction_in_every_tick() {
             for k in 0..3000 {
                 // Between two targets it is the difference of the points.
                 let vel = match n {
-                    1 => drive.port.target_vel[0],
-                    _ => (drive.port.target[0] - last) / TICK,
+                    1 => drive.port.target_vel()[0],
+                    _ => (drive.port.target()[0] - last) / TICK,
                 };
                 let row = drive.tick(k, false, PROMPT);
                 if let Some((command, measured)) = heard {
@@ -376,7 +376,7 @@ fn an_undisturbed_test_has_the_bits_of_a_prediction_in_every_tick() {
                     assert_eq!(row.command.to_bits(), command.to_bits(), "{kind} {n} {k}");
                 }
                 (last, last_vel) = (row.target, vel);
-                heard = Some((row.command, drive.port.measured[0]));
+                heard = Some((row.command, drive.port.measured()[0]));
             }
         }
     }

@@ -15,7 +15,7 @@ pub enum Channel {
 
 /// Why a specimen must not be armed.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Misfit {
+pub enum WiringFault {
     /// A channel counts the other way.
     Reversed {
         /// Axis, from 0.
@@ -57,7 +57,7 @@ pub enum Misfit {
     },
 }
 
-impl Misfit {
+impl WiringFault {
     /// Axis, from 0.
     #[must_use]
     pub const fn axis(&self) -> usize {
@@ -94,7 +94,7 @@ impl Misfit {
     }
 }
 
-impl std::fmt::Display for Misfit {
+impl std::fmt::Display for WiringFault {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match *self {
             Self::Reversed {

@@ -3,8 +3,8 @@
 //! It follows every command at once and never yields, so its force is at most too large for a specimen that yields and too
 //! small for one that hardens.
 
-use super::Axis;
-use super::rows::product;
+use super::axis::Axis;
+use super::row_product::product;
 use crate::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
@@ -12,7 +12,7 @@ use crate::time::Nanos;
 
 /// A linear stand-in for a specimen that is not there.
 #[derive(Debug, Clone)]
-pub struct Believed {
+pub struct LinearStandIn {
     axes: Vec<Axis>,
     stiffness: Vec<Vec<f64>>,
     damping: Vec<Vec<f64>>,
@@ -24,7 +24,7 @@ pub struct Believed {
     rate: Vec<f64>,
 }
 
-impl Believed {
+impl LinearStandIn {
     /// For these axes; k̂ in N/m and ĉ in N s/m at the structure's scale, one row per axis. Rows and entries that are missing
     /// count as 0.
     #[must_use]
@@ -44,7 +44,7 @@ impl Believed {
     }
 }
 
-impl Substructure for Believed {
+impl Substructure for LinearStandIn {
     fn axes(&self) -> usize {
         self.axes.len()
     }
@@ -109,7 +109,7 @@ mod tests {
         let axes = vec![axis(0, -2.0), axis(1, 1.0)];
         let stiffness = vec![vec![4e5, -1e5], vec![-1e5, 2e5]];
         let damping = vec![vec![300.0, 0.0], vec![0.0, 0.0]];
-        let believed = Believed::new(axes.clone(), stiffness, damping);
+        let believed = LinearStandIn::new(axes.clone(), stiffness, damping);
         let mut port = Port::new("rig", axes, Box::new(believed), 2, vec![4e5, 2e5]).unwrap();
         port.aim(&[0.01, -0.02], &[0.5, 0.25], 0.0, 0.0);
         assert!(port.clear().trip.is_none());
@@ -121,8 +121,8 @@ mod tests {
         ];
         for (axis, wanted) in wanted.into_iter().enumerate() {
             // A dozen operations on numbers of 1e4: 1e-16 · 12 · 1e4.
-            assert!((port.force[axis] - wanted).abs() < 1e-9, "{axis}");
+            assert!((port.force()[axis] - wanted).abs() < 1e-9, "{axis}");
         }
-        assert!((port.measured[1] + 0.02).abs() < 1e-15);
+        assert!((port.measured()[1] + 0.02).abs() < 1e-15);
     }
 }

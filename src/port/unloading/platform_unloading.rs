@@ -14,7 +14,7 @@ use crate::geometry::{Fault, Geometry, MOST, Placed};
 
 /// Where a platform is led to, and where it was measured.
 #[derive(Debug)]
-pub struct Along {
+pub struct PlatformUnloading {
     reference: Placed,
     led: Placed,
     seen: Placed,
@@ -24,7 +24,7 @@ pub struct Along {
     longest: [f64; MOST],
 }
 
-impl Along {
+impl PlatformUnloading {
     /// From these strokes in m on.
     ///
     /// # Errors

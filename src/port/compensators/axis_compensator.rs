@@ -6,7 +6,7 @@ use crate::port::Axis;
 
 /// What is kept of one axis.
 #[derive(Debug)]
-pub(super) struct Compensated {
+pub(super) struct AxisCompensator {
     pub one: Box<dyn Compensator>,
     /// Metres in one unit of the axis.
     pub metres: f64,
@@ -24,7 +24,7 @@ pub(super) struct Compensated {
     gap: Gap,
 }
 
-impl Compensated {
+impl AxisCompensator {
     pub fn new(one: Box<dyn Compensator>, metres: f64) -> Self {
         let memory = one.memory();
         Self {
@@ -65,7 +65,7 @@ impl Compensated {
         led
     }
 
-    /// The newest point was foretold, and came out otherwise; `vel` as in [`Compensated::ask`]. Real-time: yes.
+    /// The newest point was foretold, and came out otherwise; `vel` as in [`AxisCompensator::ask`]. Real-time: yes.
     #[inline]
     pub fn amend(&mut self, disp: f64, vel: Option<f64>, tick: f64) {
         self.one.amend(disp);

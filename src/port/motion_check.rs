@@ -6,8 +6,6 @@
 //! displacement, however small its scale is, or by its force, where nobody reads the displacement or it is too small to be read.
 //! A play is gone through, and what sticks is torn loose, within a few ways. In the structure's units.
 
-use super::Port;
-
 /// So many ways in a row, all to one side, are not gone by one that does not follow.
 const IN_A_ROW: u32 = 5;
 /// It follows if its displacement has changed by this share of the ways ...
@@ -60,12 +58,12 @@ impl AxisFollows {
 
 /// One specimen. Real-time: yes, after its making.
 #[derive(Debug, Clone)]
-pub struct Follows {
+pub struct MotionCheck {
     axes: Vec<AxisFollows>,
     has_begun: bool,
 }
 
-impl Follows {
+impl MotionCheck {
     /// Before it was sent anywhere.
     #[must_use]
     pub fn new(axes: usize) -> Self {
@@ -80,6 +78,23 @@ impl Follows {
     pub fn longest_way(&self) -> f64 {
         let ways = self.axes.iter().map(|axis| axis.way.abs());
         ways.fold(0.0, f64::max)
+    }
+
+    /// The specimen rests where it was sent, or as near as it comes: target, displacement and force of each axis. Returns the first
+    /// axis (from 0) that does not follow; ways shorter than `least` are not judged. All in the structure's units. Real-time: yes.
+    pub(super) fn rests(
+        &mut self,
+        [target, disp, force]: [&[f64]; 3],
+        stiffness: &[f64],
+        least: f64,
+    ) -> Option<usize> {
+        let values = target.iter().zip(disp).zip(force);
+        let at = values.map(|((target, disp), force)| AtRest {
+            target: *target,
+            disp: *disp,
+            force: *force,
+        });
+        self.rested(at.zip(stiffness.iter().copied()), least)
     }
 
     /// It rests; the first axis (from 0) that does not follow.
@@ -97,20 +112,6 @@ impl Follows {
     }
 }
 
-impl Port {
-    /// It rests where it was sent, or as near as it comes. Returns the first axis (from 0) that does not follow; ways shorter than
-    /// `least`, in the structure's units, are not judged. Real-time: yes.
-    pub fn hold_against_ways(&self, follows: &mut Follows, least: f64) -> Option<usize> {
-        let values = self.target.iter().zip(&self.measured).zip(&self.force);
-        let at = values.map(|((target, disp), force)| AtRest {
-            target: *target,
-            disp: *disp,
-            force: *force,
-        });
-        follows.rested(at.zip(self.stiffness.iter().copied()), least)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -122,7 +123,7 @@ mod tests {
         target: impl Fn(u32) -> f64,
         mut answer: impl FnMut(f64) -> (f64, f64),
     ) -> Option<u32> {
-        let mut follows = Follows::new(1);
+        let mut follows = MotionCheck::new(1);
         (0..100).find(|&number| {
             let target = target(number);
             let (disp, force) = answer(target);

@@ -2,7 +2,7 @@
 
 /// Why a way to zero force has ended somewhere else.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Astray {
+pub enum UnloadFailure {
     /// Its load cell is at the end of its range.
     Unfelt,
     /// The force has jumped by more than its limit allows, and has not come back.
@@ -24,7 +24,7 @@ pub enum Astray {
     },
 }
 
-impl std::fmt::Display for Astray {
+impl std::fmt::Display for UnloadFailure {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
             Self::Unfelt => "its load cell is out of its range, so it was not led by force",

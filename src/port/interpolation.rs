@@ -11,14 +11,14 @@
 //! the polynomial through the target has there, which is the slope with which the next prediction begins. So there is no
 //! corner at u₀ and none at a target. u₀ = 0, the target known at once, is plain cubic interpolation with p-th order slopes.
 //!
-//! No input or output, no clock. Real-time: everything but [`Path::new`].
+//! No input or output, no clock. Real-time: everything but [`Interpolation::new`].
 
 /// Targets that are remembered.
 const PAST: usize = 4;
 
 /// Value and derivatives by u of one axis.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Point {
+pub struct PathPoint {
     /// Displacement.
     pub disp: f64,
     /// Its change per step.
@@ -35,7 +35,7 @@ struct Way {
 
 /// The ways of all axes of one specimen.
 #[derive(Debug, Clone)]
-pub struct Path {
+pub struct Interpolation {
     order: Order,
     ways: Vec<Way>,
     /// u₀, where the next target became known; none while it is not.
@@ -67,9 +67,9 @@ impl Way {
         }
     }
 
-    fn predict(&self, u: f64, order: Order) -> Point {
+    fn predict(&self, u: f64, order: Order) -> PathPoint {
         let [first, second, third] = Self::differences(self.past, order);
-        Point {
+        PathPoint {
             disp: self.past[0]
                 + u * first
                 + u * (u + 1.0) / 2.0 * second
@@ -80,20 +80,20 @@ impl Way {
         }
     }
 
-    fn at_goal(&self, order: Order) -> Point {
+    fn at_goal(&self, order: Order) -> PathPoint {
         let [a, b, c, _] = self.past;
         let [first, second, third] = Self::differences([self.goal, a, b, c], order);
-        Point {
+        PathPoint {
             disp: self.goal,
             slope: first + second / 2.0 + third / 3.0,
         }
     }
 
-    fn correct(&self, u: f64, from: f64, order: Order) -> Point {
+    fn correct(&self, u: f64, from: f64, order: Order) -> PathPoint {
         let width = 1.0 - from;
         let s = (u - from) / width;
         let one = self.predict(from, order);
-        let Point { disp: two, slope } = self.at_goal(order);
+        let PathPoint { disp: two, slope } = self.at_goal(order);
         let (rise, fall) = (one.slope * width, slope * width);
         let (s2, s3) = (s * s, s * s * s);
         let disp = one.disp
@@ -103,7 +103,7 @@ impl Way {
         let by_s = (two - one.disp) * (6.0 * s - 6.0 * s2)
             + rise * (1.0 - 4.0 * s + 3.0 * s2)
             + fall * (3.0 * s2 - 2.0 * s);
-        Point {
+        PathPoint {
             disp,
             slope: by_s / width,
         }
@@ -113,7 +113,7 @@ impl Way {
 /// What every target has in the way at `share` of the step, of a target that is known at once: the one that the step ends at,
 /// and those before it. Nothing for the real-time thread.
 #[must_use]
-pub fn shares(order: Order, share: f64) -> [Point; PAST + 1] {
+pub fn shares(order: Order, share: f64) -> [PathPoint; PAST + 1] {
     std::array::from_fn(|target| {
         let unit = |at: usize| f64::from(u8::from(at == target));
         let way = Way {
@@ -128,7 +128,7 @@ pub fn shares(order: Order, share: f64) -> [Point; PAST + 1] {
     })
 }
 
-impl Path {
+impl Interpolation {
     /// Of `axes` axes.
     #[must_use]
     pub fn new(axes: usize, order: Order) -> Self {
@@ -184,9 +184,9 @@ impl Path {
 
     /// One axis at `u`: also beyond now, for who wants to look ahead along a way that is known.
     #[must_use]
-    pub fn at(&self, axis: usize, u: f64) -> Point {
+    pub fn at(&self, axis: usize, u: f64) -> PathPoint {
         let Some(way) = self.ways.get(axis) else {
-            return Point::default();
+            return PathPoint::default();
         };
         match self.joined {
             None => way.predict(u, self.order),
@@ -218,7 +218,7 @@ mod tests {
                     .map(|p| f64::from(p) * (f64::from(p) + 0.5) * libm::pow(t, f64::from(p) - 1.0))
                     .sum::<f64>()
             };
-            let mut path = Path::new(1, order);
+            let mut path = Interpolation::new(1, order);
             path.rest(&[truth(0.0)]);
             for k in 1..=5 {
                 path.reach();
@@ -246,11 +246,11 @@ mod tests {
             which in 0usize..3,
             steps in proptest::collection::vec((-1.0f64..1.0, 0.0f64..0.8), 4..20),
         ) {
-            let mut path = Path::new(1, ORDERS[which]);
+            let mut path = Interpolation::new(1, ORDERS[which]);
             path.rest(&[0.3]);
             path.reach();
             // Rounding of slopes up to about 8 over ways as short as 0.2.
-            let same = |a: Point, b: Point| (a.disp - b.disp).abs() < 1e-12 && (a.slope - b.slope).abs() < 1e-11;
+            let same = |a: PathPoint, b: PathPoint| (a.disp - b.disp).abs() < 1e-12 && (a.slope - b.slope).abs() < 1e-11;
             for (goal, known_at) in steps {
                 let before = path.at(0, known_at);
                 path.aim(&[goal], known_at);
@@ -275,7 +275,7 @@ mod tests {
     fn shares_of_the_targets_make_the_way() {
         let targets = [0.7, -0.2, 0.4, 1.3, -0.9];
         for order in ORDERS {
-            let mut path = Path::new(1, order);
+            let mut path = Interpolation::new(1, order);
             for target in targets {
                 path.reach();
                 path.aim(&[target], 0.0);
@@ -283,7 +283,7 @@ mod tests {
             for share in [0.1, 0.5, 0.9, 1.0] {
                 let found = path.at(0, share);
                 let all = shares(order, share);
-                let sum = |of: fn(&Point) -> f64| -> f64 {
+                let sum = |of: fn(&PathPoint) -> f64| -> f64 {
                     let newest_first = targets.iter().rev();
                     all.iter().zip(newest_first).map(|(s, x)| of(s) * x).sum()
                 };
@@ -295,13 +295,13 @@ mod tests {
 
     #[test]
     fn what_rests_stays_where_it_is() {
-        let mut path = Path::new(2, Order::Cubic);
+        let mut path = Interpolation::new(2, Order::Cubic);
         path.rest(&[0.25, -1.0]);
         path.reach();
         for u in [0.0, 0.5, 0.8] {
             assert_eq!(
                 path.at(0, u),
-                Point {
+                PathPoint {
                     disp: 0.25,
                     slope: 0.0
                 }
