@@ -434,7 +434,7 @@ mod tests {
                 [disp, actuators]
             },
         };
-        let rows = loading.posed.as_deref().unwrap().rows.clone();
+        let rows = loading.loading_unit.as_deref().unwrap().rows.clone();
         let mut port = Port::new("rig", loading.axes.clone(), Box::new(law), 3, LAW.to_vec())
             .unwrap()
             .with_geometry(geometry, rows, LawPlace::Platform);

@@ -92,11 +92,12 @@ fn a_zero_that_is_read_and_its_drift_are_taken_off_what_is_read() {
     send(&mut port, 0);
     let read = |port: &mut Port, disp: f64, force: f64| {
         port.collect(Nanos(0)).unwrap();
-        (port.raw().disp[0], port.raw.force[0]) =
-            (port.raw().disp[0] + disp, port.raw.force[0] + force);
+        let raw = port.feedback.raw_mut();
+        raw.disp[0] += disp;
+        raw.force[0] += force;
         port.forget_readings();
         port.take_reading();
-        (port.raw().disp[0], port.raw.force[0])
+        (port.raw().disp[0], port.raw().force[0])
     };
     let is_zero = |port: &Port, (disp, force): (f64, f64)| {
         let (disp, force) = port.axes[0].at_structure(disp, force);
