@@ -30,7 +30,7 @@
 //! | [`transfer`] | what lies between a command and a specimen: delay, actuators, limits, sensors |
 //! | [`compensation`] | commands that make up for an actuator |
 //! | [`geometry`] | loading units: from a pose to the strokes of its actuators, and back |
-//! | [`control`] | what stands between the structure's DOFs and a specimen's axes |
+//! | [`port`] | what stands between the structure's DOFs and a specimen's axes |
 //! | [`engine`] | the loop |
 //! | [`record`] | rows, the run folder, exports |
 //! | [`link`] | transports, and specimens across them |
@@ -63,7 +63,6 @@ pub mod catalog;
 pub mod cli;
 pub mod compensation;
 pub mod config;
-pub mod control;
 pub mod engine;
 pub mod finding;
 pub mod frontier;
@@ -78,6 +77,7 @@ pub mod metrics;
 pub mod model;
 pub mod monitor;
 pub mod motion;
+pub mod port;
 pub mod record;
 pub mod report;
 pub mod rt;

@@ -6,8 +6,8 @@ use std::sync::{Arc, Mutex};
 
 use common::engine::{Run, prepare, run, run_under};
 use common::spring::Spring;
-use gusset::control::{Axis, Order, Port, Stage};
 use gusset::engine::{Control, Operator, Phase};
+use gusset::port::{Axis, Order, Port, Stage};
 use gusset::time::SimClock;
 
 const DT: f64 = 0.01;

@@ -51,7 +51,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
         ],
     ),
     (
-        "control",
+        "port",
         &[
             "compensation",
             // The levels of the limits.
@@ -78,7 +78,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
         &[
             // Fault scripts, and names of protocols and transports.
             "config",
-            "control",
+            "port",
             "record",
             "rt",
             "specimen",
@@ -109,7 +109,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
         &[
             "assets",
             "config",
-            "control",
+            "port",
             "engine",
             "integrate",
             "record",
@@ -135,7 +135,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     (
         "engine",
         &[
-            "control",
+            "port",
             "geometry",
             "integrate",
             "linalg",
@@ -184,7 +184,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
         &[
             "compensation",
             "config",
-            "control",
+            "port",
             "engine",
             "finding",
             "geometry",
@@ -210,7 +210,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
         &[
             "compensation",
             "config",
-            "control",
+            "port",
             "engine",
             "frontier",
             "geometry",
@@ -254,7 +254,7 @@ const PURE: &[&str] = &[
     "guide",
     "benchmark",
     "identify",
-    "control",
+    "port",
     "substructure",
     "text",
     "wire",

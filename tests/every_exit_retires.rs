@@ -6,8 +6,8 @@ mod common;
 use common::engine::{Run, prepare, run_on, run_under};
 use common::rig::{Act, Call, Log, Phase, attach, storey, two_floors};
 use gusset::catalog::ending::Cause;
-use gusset::control::{Axis, Exit};
 use gusset::engine::{Control, Ending, Experiment, Left, Operator, Stop};
+use gusset::port::{Axis, Exit};
 use gusset::record::{Event, RunFolder};
 use gusset::session::{self, Watches};
 use gusset::substructure::{Coupling, LinkFault, Retirement, Status};
@@ -376,8 +376,8 @@ fn a_link_that_fails_on_the_way_out_fails_the_test() {
                 }
             },
         );
-        experiment.ports[number].exits.at_end = Exit::ZeroDisp;
-        experiment.ports[number].exits.speed = 1e-6;
+        experiment.ports[number].exits_mut().at_end = Exit::ZeroDisp;
+        experiment.ports[number].exits_mut().speed = 1e-6;
     }
     let run = run_on(experiment, SimClock::new());
     let lost = Stop::Link {

@@ -10,9 +10,9 @@ use common::rig;
 use common::spring::Spring;
 use gusset::catalog::ending::Cause;
 use gusset::catalog::limit::Limit;
-use gusset::control::limits::{AxisLimits, Bound, Hit, Range};
-use gusset::control::{Astray, Axis, Exit, Exits, Port, Reference, Zero};
 use gusset::engine::{Control, Ending, Experiment, Left, Operator, Phase, Stop};
+use gusset::port::limits::{AxisLimits, Bound, Hit, Range};
+use gusset::port::{Axis, Exit, Exits, Port, Reference, UnloadFailure, Zero};
 use gusset::record::{Event, Word};
 use gusset::session::ending;
 use gusset::substructure::Coupling;
@@ -65,7 +65,7 @@ impl Lab {
         let mut port = port
             .with_limits(vec![self.limits], vec![(1.0, 1.0)], PERIOD)
             .with_references(vec![self.reference]);
-        port.exits = self.exits;
+        *port.exits_mut() = self.exits;
         experiment.ports.push(port);
         (experiment, way)
     }
@@ -754,7 +754,7 @@ fn led_to(
     rig::attach(&mut experiment, axis, Coupling::Sampled, &log, act);
     let port = experiment.ports.pop().unwrap();
     let mut port = port.with_limits(vec![limits], vec![(1.0, 1.0)], PERIOD);
-    port.exits = Exits {
+    *port.exits_mut() = Exits {
         on_trip: exit.clone(),
         at_end: exit,
         speed: 0.5,
@@ -841,7 +841,7 @@ fn a_load_cell_that_stays_wild_leads_no_further_than_its_bound() {
         },
     );
     let (way, run) = led_to_zero_force(limits, reads(1e7, u64::MAX));
-    let left = Left::NotReached(Some(Astray::DoesNotFollow));
+    let left = Left::NotReached(Some(UnloadFailure::DoesNotFollow));
     assert_eq!(run.outcome.left, [left]);
     let far = way.iter().map(|disp| (disp - way[0]).abs());
     let far = far.fold(0.0, f64::max);
@@ -861,7 +861,7 @@ fn a_force_that_has_jumped_leads_its_specimen_only_if_it_comes_back() {
     );
     for (lasts, left) in [
         (2, Left::Reached),
-        (u64::MAX, Left::NotReached(Some(Astray::Jumped))),
+        (u64::MAX, Left::NotReached(Some(UnloadFailure::Jumped))),
     ] {
         let (way, run) = led_to_zero_force(limits, reads(2e5, lasts));
         let hit = limit_hit(&run);
@@ -887,7 +887,10 @@ fn a_load_cell_out_of_its_range_leads_its_specimen_nowhere() {
     );
     for lasts in [1, u64::MAX] {
         for (exit, left) in [
-            (Exit::ZeroForce, Left::NotReached(Some(Astray::Unfelt))),
+            (
+                Exit::ZeroForce,
+                Left::NotReached(Some(UnloadFailure::Unfelt)),
+            ),
             (Exit::ZeroDisp, Left::Reached),
         ] {
             let (way, run) = led_to(exit, limits, reads(2e5, lasts));

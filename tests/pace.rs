@@ -8,8 +8,8 @@ use std::sync::{Arc, Mutex};
 
 use common::engine::{Run, prepare, run, run_on, run_under};
 use common::spring::Spring;
-use gusset::control::{Axis, HOLD_AT, Order, Port};
 use gusset::engine::{Control, Ending, NOT_AWAITED, Operator, Phase};
+use gusset::port::{Axis, HOLD_AT, Order, Port};
 use gusset::record::RunFolder;
 use gusset::session::{self, Watches, replay};
 use gusset::substructure::{

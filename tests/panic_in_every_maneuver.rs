@@ -7,10 +7,10 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 
 use common::engine::prepare;
-use gusset::control::{Direction, Pace};
 use gusset::engine::{
     Connected, Control, Ending, Experiment, Notice, Operator, Phase, PhaseCell, Stop,
 };
+use gusset::port::{Pace, WiringCheck};
 use gusset::record::MemoryRecorder;
 use gusset::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
@@ -188,7 +188,7 @@ fn run(at: Option<(Phase, Call)>) -> (Ending, bool, [usize; 2], usize, Vec<Phase
         .zip(&goodbyes)
         .enumerate()
         .map(|(index, (mut port, goodbyes))| {
-            port.direction = Direction::Probe {
+            *port.wiring_check_mut() = WiringCheck::Probe {
                 amplitude: vec![1e-4],
                 pace: Pace::of(0.05, 0.005),
             };

@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use common::{FRAME, PATIENT, json, say, write};
 use gusset::catalog::ending::Cause;
 use gusset::config;
-use gusset::control::{Axis, Port};
+use gusset::port::{Axis, Port};
 use gusset::record::summary::Status;
 use gusset::record::{Run, RunFolder};
 use gusset::session::{self, Finished, Watches};

@@ -7,8 +7,8 @@ use std::collections::BTreeMap;
 
 use common::engine::{Run, run_on};
 use common::rig::{Act, Call, Log, Phase, STIFFNESS, attach, storey, two_floors};
-use gusset::control::{Direction, Exit, Pace, Reference, Zero};
 use gusset::engine::{Ending, Left, Phase as Ended, Stop};
+use gusset::port::{Exit, Pace, Reference, WiringCheck, Zero};
 use gusset::record::Event;
 use gusset::substructure::{Coupling, Retirement, Status};
 use gusset::time::{Clock, SimClock};
@@ -217,8 +217,8 @@ fn one_who_is_silent_or_saturated_stays_and_the_others_are_led_out() {
                 };
                 let coupling = Coupling::Sampled;
                 attach(&mut experiment, storey(number), coupling, &log, act);
-                experiment.ports[number].exits.on_trip = Exit::ZeroDisp;
-                experiment.ports[number].exits.speed = 0.05;
+                experiment.ports[number].exits_mut().on_trip = Exit::ZeroDisp;
+                experiment.ports[number].exits_mut().speed = 0.05;
             }
             let run = run_on(experiment, SimClock::new());
             let wanted = match ill {
@@ -398,7 +398,7 @@ fn a_direction_is_told_from_answers_to_the_commands_that_count() {
                 _ => Act::Serve,
             },
         );
-        experiment.ports[0].direction = Direction::Probe {
+        *experiment.ports[0].wiring_check_mut() = WiringCheck::Probe {
             amplitude: vec![amplitude],
             pace,
         };

@@ -3,8 +3,8 @@
 mod common;
 
 use common::engine::{Run, distance, prepare, run, run_on, run_under};
-use gusset::control::{Direction, Exit, Trend};
 use gusset::engine::{Control, Ending, Experiment, Left, Operator, Phase, Stop};
+use gusset::port::{Exit, Trend, WiringCheck};
 use gusset::rt::timing::Quantity;
 use gusset::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
@@ -397,15 +397,16 @@ fn a_slow_actuator_is_not_taken_for_a_reversed_one_and_a_reversed_one_is_found()
                 0.5e6,
                 "{ linear = { stiffness_n_per_m = 3.5e6 } }",
             );
-            experiment.ports[0].direction = Direction::Settling(Trend::new(1, vec![3.5e6]));
+            *experiment.ports[0].wiring_check_mut() =
+                WiringCheck::Settling(Trend::new(1, vec![3.5e6]));
             experiment
         };
         brought_on(&run_on(listened_to(), SimClock::new()));
         let mut experiment = listened_to();
         let mut port = experiment.ports.pop().unwrap();
         // Which way leads there nobody knows.
-        port.exits.on_trip = Exit::ZeroDisp;
-        port.exits.speed = 0.05;
+        port.exits_mut().on_trip = Exit::ZeroDisp;
+        port.exits_mut().speed = 0.05;
         experiment.ports.push(port.watched(|inner, _| {
             Box::new(Wired {
                 inner,

@@ -9,9 +9,9 @@ use common::engine::{Run, prepare, run_on, run_under};
 use common::rig;
 use common::spring::Spring;
 use gusset::catalog::limit::Limit;
-use gusset::control::limits::{AxisLimits, Bound};
-use gusset::control::{Axis, Direction, Exit, Exits, Order, Pace, Port, Reference, Zero};
 use gusset::engine::{Control, Ending, Left, Operator, Stop};
+use gusset::port::limits::{AxisLimits, Bound};
+use gusset::port::{Axis, Exit, Exits, Order, Pace, Port, Reference, WiringCheck, Zero};
 use gusset::record::Event;
 use gusset::substructure::Coupling;
 use gusset::time::SimClock;
@@ -82,8 +82,8 @@ fn a_specimen_that_stands_elsewhere_is_tried_there_and_led_to_the_test_from_ther
         let more = format!("timing.warmup_ticks = 3\n{more}");
         let (run, way) = led(&more, |port| {
             let mut port = slowly(port);
-            port.says_it_stands_at(&[stands]);
-            port.direction = Direction::Probe {
+            port.report_position(&[stands]);
+            *port.wiring_check_mut() = WiringCheck::Probe {
                 amplitude: vec![0.001],
                 pace: Pace::of(0.05, PERIOD),
             };
@@ -129,9 +129,9 @@ fn nobody_is_moved_before_all_have_answered() {
             let axis = rig::storey(number);
             rig::attach(&mut experiment, axis, Coupling::Sampled, &log, act);
             let port = &mut experiment.ports[number];
-            (port.exits.on_trip, port.exits.speed) = (Exit::Safe(vec![0.002]), 0.5);
+            (port.exits_mut().on_trip, port.exits_mut().speed) = (Exit::Safe(vec![0.002]), 0.5);
             if stops.is_some() {
-                port.exits.at_end = Exit::Safe(vec![0.002]);
+                port.exits_mut().at_end = Exit::Safe(vec![0.002]);
             }
         }
         let (ask, requests) = crossbeam_channel::bounded(16);
@@ -263,7 +263,7 @@ fn a_hold_while_it_is_tried_how_a_specimen_is_wired_stands_there() {
             }
         };
         let ready = |mut port: Port| {
-            port.direction = Direction::Probe {
+            *port.wiring_check_mut() = WiringCheck::Probe {
                 amplitude: vec![AMPLITUDE],
                 pace: Pace::of(1.0, PERIOD),
             };
@@ -346,7 +346,7 @@ fn what_is_told_once_a_step_is_judged_by_the_tick_where_it_is_told_every_tick() 
     let (run, way) = led(EASED, |port| {
         let port = slowly(port).with_pace(true, Order::Quadratic);
         let mut port = port.told_every(PERIOD, 10.0 * PERIOD);
-        port.direction = Direction::Probe {
+        *port.wiring_check_mut() = WiringCheck::Probe {
             amplitude: vec![0.01],
             pace: Pace::of(0.05, PERIOD),
         };
@@ -369,8 +369,8 @@ fn what_is_told_once_a_step_has_the_step_for_it_in_the_test_and_the_tick_on_its_
         let mut port = port
             .told_every(PERIOD, 10.0 * PERIOD)
             .with_pace(true, Order::Quadratic);
-        port.exits.at_end = Exit::Safe(vec![0.05]);
-        port.exits.speed = 0.1;
+        port.exits_mut().at_end = Exit::Safe(vec![0.05]);
+        port.exits_mut().speed = 0.1;
         port
     });
     assert!(largest_step(&way) > 0.02 * PERIOD, "{}", largest_step(&way));
@@ -397,7 +397,7 @@ fn beside_the_test_a_tick_takes_its_share_of_the_step() {
     let axis = Axis::plain(vec![(0, 1.0)]);
     let port = Port::new("rig", vec![axis], Box::new(spring), 1, vec![STIFFNESS]);
     let mut port = port.unwrap();
-    port.exits = Exits {
+    *port.exits_mut() = Exits {
         on_trip: Exit::Freeze,
         at_end: Exit::ZeroDisp,
         speed: 0.05,
@@ -423,7 +423,7 @@ fn a_short_ramp_is_no_jump() {
     let (run, way) = led(
         "safety.zero_s = 0.005\nsafety.ramp_s = 0.001",
         |mut port| {
-            port.says_it_stands_at(&[0.02]);
+            port.report_position(&[0.02]);
             port
         },
     );

@@ -3,8 +3,8 @@
 use serde_json::{Value, json};
 
 use super::table::Table;
-use crate::control::Poses;
 use crate::engine::{Ending, Stop};
+use crate::port::Poses;
 use crate::session::rehearsal::{FullRehearsal, Held, Need, Rehearsal, StandIn, Used};
 use crate::units::{duration, quantity};
 

@@ -15,7 +15,7 @@ use crate::catalog::column::{
 };
 use crate::catalog::ending::Cause;
 use crate::catalog::limit::Limit;
-use crate::control::Port;
+use crate::port::Port;
 use crate::record::Column;
 use crate::rt::timing::TickStamps;
 use crate::time::Nanos;

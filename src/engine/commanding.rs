@@ -1,6 +1,6 @@
 //! Numbers and rules of the exchanges with the specimens.
 
-use crate::control::Port;
+use crate::port::Port;
 
 /// When specimens that can take their time are commanded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

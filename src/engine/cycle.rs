@@ -17,7 +17,7 @@ use super::phase::Phase;
 use super::step_progress::StepProgress;
 use super::test_judge::TestJudge;
 use super::{Peaks, Plan, Settling, Stop};
-use crate::control::Port;
+use crate::port::Port;
 use crate::record::{Event, LimitReached, ON_MISS, WarmUpRows};
 use crate::rt::timing::TickStamps;
 

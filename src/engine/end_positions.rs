@@ -2,7 +2,7 @@
 
 use super::phase::Phase;
 use super::stop::{Ending, Stop};
-use crate::control::Astray;
+use crate::port::UnloadFailure;
 
 /// Where a specimen was left.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -12,7 +12,7 @@ pub enum Left {
     /// Where the test file wants it.
     Reached,
     /// Somewhere else, although the test file wants it moved; and why, where it was not something else that ended its way.
-    NotReached(Option<Astray>),
+    NotReached(Option<UnloadFailure>),
     /// Its link is lost: wherever its own end holds or leaves it.
     Lost,
 }

@@ -13,8 +13,8 @@ use super::test_judge::limit_event;
 use super::tick::Tick;
 use super::{Limits, Stop};
 use crate::catalog::phase::NOT_AWAITED;
-use crate::control::limits::{Found, Hit, Level};
-use crate::control::{OnStale, Port};
+use crate::port::limits::{Found, Hit, Level};
+use crate::port::{OnStale, Port};
 use crate::record::{Event, LimitReached};
 use crate::rt::timing::TickStamps;
 use crate::substructure::{Coupling, Freshness, Holder, LISTEN_NS, LinkFault, Status};
@@ -29,9 +29,9 @@ fn send_target(
     dt: f64,
     holds: bool,
 ) -> Result<(), LinkFault> {
-    if port.wants_to_be_told() && !holds {
+    if port.has_pending_target() && !holds {
         let passed = if step == 0 { 0.0 } else { dt };
-        return port.tell(sequence, step as f64 * dt, passed);
+        return port.tell_target(sequence, step as f64 * dt, passed);
     }
     port.skip_command();
     Ok(())
@@ -44,7 +44,7 @@ fn has_reply(
     patience_ns: u64,
     simulated: bool,
 ) -> Result<bool, LinkFault> {
-    if !port.is_asked() {
+    if !port.owes() {
         port.attend()?;
         return Ok(false);
     }
@@ -52,8 +52,8 @@ fn has_reply(
     if (simulated && port.is_remote()) || port.is_answered(0)? {
         return Ok(true);
     }
-    let asked_at = port.partner.asked_at.get_or_insert(now);
-    if now.since(*asked_at) > patience_ns {
+    let asked_at = port.look_for_answer(now);
+    if now.since(asked_at) > patience_ns {
         return Err(LinkFault::Timeout);
     }
     Ok(false)
@@ -72,7 +72,7 @@ fn reported_stop(port: usize, status: Status) -> Option<Stop> {
 
 /// The use of stale data of a specimen, and how many in a row are accepted. Real-time: yes.
 fn stale_rules(port: &Port, limits: &Limits) -> (OnStale, u64) {
-    match port.wait {
+    match port.wait_rules() {
         Some(own) => (own.on_stale, own.stale_in_a_row),
         None if limits.extrapolate_stale => (OnStale::Extrapolate, limits.stale_in_a_row),
         None => (OnStale::Hold, limits.stale_in_a_row),
@@ -98,7 +98,7 @@ impl Engine<'_> {
             self.ports.iter_mut().for_each(Port::note_peak);
         } else if self.environment.supervision.phase().is_on_the_way_in() {
             let ports = self.ports.iter_mut();
-            ports.for_each(Port::note_force_on_the_way_in);
+            ports.for_each(Port::note_force_at_startup);
         }
         if let Err(stop) = &result {
             self.record_trip(tick, stamps, stop);
@@ -115,9 +115,9 @@ impl Engine<'_> {
         let sequence = self.exchanges.sequence();
         let (step, dt) = (self.progress.step(), self.plan.dt);
         for (index, port) in self.ports.iter_mut().enumerate() {
-            if port.partner.owes_the_last {
+            if port.owes_the_last() {
                 port.skip_command();
-            } else if !port.partner.lost {
+            } else if !port.is_lost() {
                 let left = if self.exchanges.is_by_steps(port) {
                     send_target(port, sequence, step, dt, holds)
                 } else {
@@ -145,7 +145,7 @@ impl Engine<'_> {
             let Some(port) = self.ports.get(index) else {
                 break;
             };
-            if !port.is_heard() || (result.is_err() && !port.owes()) {
+            if !port.may_be_commanded() || (result.is_err() && !port.owes()) {
                 continue;
             }
             if let Err(stop) = self.collect_from(index, tick, stamps, waits) {
@@ -183,8 +183,7 @@ impl Engine<'_> {
             | Stop::HoldsOn { port, .. }
             | Stop::Stale { port, .. } => {
                 if let Some(port) = self.ports.get_mut(*port) {
-                    port.partner.lost = true;
-                    port.partner.gone |= matches!(stop, Stop::Link { .. });
+                    port.lose(matches!(stop, Stop::Link { .. }));
                 }
             }
             _ => {}
@@ -229,7 +228,7 @@ impl Engine<'_> {
         let broken = |fault| Stop::Link { port: index, fault };
         let pace = &self.environment.pace;
         let patience = port.patience_ns(self.plan.limits.reply_timeout_ns);
-        if self.exchanges.is_by_steps(port) || port.partner.owes_the_last {
+        if self.exchanges.is_by_steps(port) || port.owes_the_last() {
             let reply = has_reply(port, stamps.sent, patience, pace.is_simulated());
             if !reply.map_err(broken)? {
                 return Ok(());
@@ -246,14 +245,13 @@ impl Engine<'_> {
             // The edge was counted when the tick began: this is the one that ends it.
             Coupling::Sampled => pace.next_edge().minus(pace.period_ns() / 8),
         };
+        // A slow specimen may have been asked some ticks ago.
+        let asked_at = port.asked_at().unwrap_or(stamps.sent);
         let freshness = port.collect(deadline).map_err(broken)?;
-        port.answered();
         stamps.decoded = pace.read();
         if self.exchanges.recordings == Recordings::AreSilent && port.is_recorded() {
             return Ok(());
         }
-        // A slow specimen may have been asked some ticks ago.
-        let asked_at = port.partner.asked_at.take().unwrap_or(stamps.sent);
         let round_trip_ns = stamps.decoded.since(asked_at);
         self.environment.deadlines.round_trip(index, round_trip_ns);
         self.judge_reply(index, freshness, tick)
@@ -264,7 +262,7 @@ impl Engine<'_> {
         let Some(port) = self.ports.get(index) else {
             return Ok(());
         };
-        let (status, was_holding) = (port.raw().status, port.partner.holding > 0);
+        let (status, was_holding) = (port.raw().status, port.holding_in_a_row() > 0);
         if let Some(stop) = reported_stop(index, status) {
             if freshness == Freshness::Fresh {
                 self.report_beside(index, tick);
@@ -280,7 +278,7 @@ impl Engine<'_> {
         let Some(port) = self.ports.get_mut(index) else {
             return Ok(());
         };
-        port.partner.stale = 0;
+        port.forget_stale();
         let found = port.judge();
         if status.has(Status::UNSETTLED) {
             self.count_unsettled(index, tick);
@@ -346,7 +344,7 @@ impl Engine<'_> {
         let Some(port) = self.ports.get_mut(index) else {
             return Ok(());
         };
-        if self.exchanges.is_by_steps(port) && !port.wants_to_be_told() {
+        if self.exchanges.is_by_steps(port) && !port.has_pending_target() {
             return Ok(());
         }
         let found = port.clear();
@@ -405,18 +403,17 @@ impl Engine<'_> {
         let Some(port) = self.ports.get_mut(index) else {
             return Ok(());
         };
-        port.partner.stale += 1;
+        let ticks = port.count_stale();
         // While it stands, numbers stand, too: there the age is the count of exchanges without a measurement.
         let sequence = self.exchanges.sequence();
         let age = sequence.saturating_sub(port.raw().sequence);
-        let age = age.max(port.partner.stale);
+        let age = age.max(ticks);
         let (on_stale, in_a_row) = stale_rules(port, &self.plan.limits);
         if on_stale == OnStale::Extrapolate {
             port.extrapolate();
         }
-        let ticks = port.partner.stale;
         let in_test = self.exchanges.commanding == Commanding::EveryStep;
-        let is_made_up = in_test && !port.partner.measured;
+        let is_made_up = in_test && !port.has_answered();
         let port = index as u32;
         self.environment.report(tick, Event::Stale { port, age });
         if on_stale == OnStale::Stop || ticks > in_a_row || is_made_up {
@@ -438,20 +435,20 @@ impl Engine<'_> {
         let Some(port) = self.ports.get_mut(index) else {
             return Ok(());
         };
-        let before = port.partner.holding;
+        let before = port.holding_in_a_row();
         let holds = status.has(Status::HOLDING);
         let goes_on = holds && !status.has(Status::HELD);
-        port.partner.holding = match (goes_on, freshness) {
+        let answers = match (goes_on, freshness) {
             (true, Freshness::Fresh) => before + 1,
             (true, Freshness::Stale) => before.max(1),
             (false, Freshness::Fresh) => 0,
             // Stale data say nothing new.
             (false, Freshness::Stale) => before,
         };
-        let answers = port.partner.holding;
+        port.set_holding_in_a_row(answers);
         let (_, in_a_row) = stale_rules(port, &self.plan.limits);
         if holds && before == 0 {
-            port.link.holds += 1;
+            port.count_hold();
             let port = index as u32;
             self.environment.report(tick, Event::SpecimenHolds { port });
         }
@@ -471,7 +468,7 @@ impl Engine<'_> {
             while let Some(&force) = self
                 .ports
                 .get(index)
-                .and_then(|port| port.recovered.get(axis))
+                .and_then(|port| port.recovered_force().get(axis))
             {
                 let event = Event::Recovered {
                     port: index as u32,
@@ -491,8 +488,7 @@ impl Engine<'_> {
         let Some(port) = self.ports.get_mut(index) else {
             return;
         };
-        port.link.unsettled += 1;
-        let ticks = port.link.unsettled;
+        let ticks = port.count_unsettled();
         if ticks.is_power_of_two() {
             let port = index as u32;
             self.environment
@@ -582,7 +578,7 @@ impl Engine<'_> {
     fn accept_if(&mut self, commits: impl Fn(&Port) -> bool) -> Result<(), Stop> {
         let sequence = self.exchanges.sequence();
         for (index, port) in self.ports.iter_mut().enumerate() {
-            if port.is_heard() && commits(port) {
+            if port.may_be_commanded() && commits(port) {
                 port.accepted(sequence)
                     .map_err(|fault| Stop::Link { port: index, fault })?;
             }

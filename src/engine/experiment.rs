@@ -2,7 +2,7 @@
 
 use super::columns::Row;
 use super::{Limits, Opening, Pacing, Resumption, Settling, Side};
-use crate::control::Port;
+use crate::port::Port;
 use crate::record::Column;
 use crate::time::Ratio;
 

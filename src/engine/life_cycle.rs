@@ -27,7 +27,7 @@ use super::test_judge::TestJudge;
 use super::{
     Ending, Experiment, Outcome, PaceOutcome, Peaks, Plan, Resumption, Settling, Side, Stop,
 };
-use crate::control::{Port, Poses};
+use crate::port::{Port, Poses};
 use crate::record::{Column, Event, GridOf, Recorder};
 use crate::rt::timing::Timing;
 use crate::substructure::Retirement;
@@ -125,7 +125,7 @@ impl Connected {
     #[must_use]
     pub fn new(experiment: Experiment, clock: Box<dyn Clock>, recorder: Box<dyn Recorder>) -> Self {
         let ports = &experiment.ports;
-        let names: Vec<&str> = ports.iter().map(|port| port.name.as_str()).collect();
+        let names: Vec<&str> = ports.iter().map(|port| port.name()).collect();
         let remote = ports.iter().any(Port::is_remote);
         let timing = if clock.is_simulated() {
             Timing::untouched
@@ -441,9 +441,9 @@ impl Test {
         } = &mut *self.parts;
         let mut unheard = Vec::new();
         for (index, (port, left)) in self.ports.iter().zip(&mut ends.left).enumerate() {
-            if port.is_unheard() && !port.partner.gone {
+            if port.lacks_acknowledgement() && !port.is_gone() {
                 unheard.push(index);
-                if port.partner.stale > 0 || port.owes() {
+                if port.stale_in_a_row() > 0 || port.owes() {
                     *left = Left::Lost;
                 }
                 environment.report_now(Event::Unacknowledged { port: index as u32 });
@@ -452,7 +452,7 @@ impl Test {
         ends.unheard = unheard;
         // Without an answer to the last message, the owed reply would have been the last one.
         for (port, left) in self.ports.iter().zip(&mut ends.left) {
-            if port.is_left_unasked() && port.is_left_owing() && !port.partner.gone {
+            if port.needs_no_acknowledgement() && port.is_left_owing() && !port.is_gone() {
                 *left = Left::Lost;
             }
         }
@@ -473,7 +473,7 @@ impl Test {
         let before = before.chain(std::iter::repeat(&[][..]));
         self.ports.iter().zip(before).map(|(port, before)| {
             let before = before.iter().copied().chain(std::iter::repeat(0.0));
-            let each = port.peak_force.iter().zip(before);
+            let each = port.peak_force().iter().zip(before);
             each.map(|(own, before)| own.max(before)).collect()
         })
     }
@@ -499,10 +499,10 @@ impl Test {
             steps: place.steps_done(),
             peaks: self.parts.peaks.clone(),
             ports: (self.ports.iter().zip(self.peak_forces()))
-                .map(|(port, forces)| (port.name.clone(), forces, port.link_count()))
+                .map(|(port, forces)| (port.name().to_owned(), forces, port.link_count()))
                 .collect(),
             forces_on_the_way_in: (self.ports.iter())
-                .map(|port| port.force_on_the_way_in.clone())
+                .map(|port| port.force_at_startup().to_vec())
                 .collect(),
             pace: PaceOutcome {
                 timing,

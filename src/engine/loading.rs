@@ -3,7 +3,7 @@
 //! In each part the displacement moves by K⁻¹·(unbalanced force). K is an upper bound of the tangent, so for yielding and
 //! softening laws the approach is monotone, and no specimen is driven back and forth. Corrections use forces that were measured
 //! where the specimens stand: while a reply stays away they hold, and while one is on its way ([`Rest`]) the others wait for
-//! it. A specimen that does not go where it is sent ([`Follows`]) ends the test. Each correction is an accepted motion along half
+//! it. A specimen that does not go where it is sent ([`MotionCheck`]) ends the test. Each correction is an accepted motion along half
 //! a cosine. The ramp's time is shared over the parts, and no speed limit is used beyond the ramp's share of it.
 //! The initial displacement counts from the position under the static load; it and the initial velocities come after it.
 
@@ -16,9 +16,9 @@ use super::standing::Listening;
 use super::static_load::Settling;
 use super::tick::Tick;
 use super::{Ending, Stop};
-use crate::control::{Follows, Port, Rest, UNBOUNDED_RAMP_S};
 use crate::integrate::State;
 use crate::model::Base;
+use crate::port::{MotionCheck, Port, Rest, UNBOUNDED_RAMP_S};
 use crate::record::Event;
 use crate::rt::timing::TickStamps;
 
@@ -65,7 +65,7 @@ fn size(values: &[f64]) -> f64 {
 /// The specimens on their way, one entry per port, and the exchanges in which they were waited for.
 struct Waits {
     rests: Vec<Rest>,
-    follows: Vec<Follows>,
+    follows: Vec<MotionCheck>,
     waited: u64,
 }
 
@@ -73,15 +73,15 @@ impl Waits {
     /// The specimens are sent to their next commands.
     fn send(&mut self, ports: &[Port]) {
         for (port, rest) in ports.iter().zip(&mut self.rests) {
-            let raw = port.partner.measured.then(|| port.raw());
-            rest.sent(&port.sent, &port.command, raw);
+            let raw = port.has_answered().then(|| port.raw());
+            rest.sent(port.sent(), port.command(), raw);
         }
     }
 
     /// Those that were led there have answered their last command once.
     fn note_led(&mut self, ports: &[Port]) {
         for (port, rest) in ports.iter().zip(&mut self.rests) {
-            if port.is_fresh() && port.sent == port.command {
+            if port.is_fresh() && port.sent() == port.command() {
                 rest.led(port.raw());
             }
         }
@@ -90,12 +90,12 @@ impl Waits {
     /// Those that came to rest went where they were sent, or near; ways shorter than `least` are not judged.
     fn judge(&mut self, ports: &[Port], least: f64) -> Result<(), Stop> {
         for (index, (port, follows)) in ports.iter().zip(&mut self.follows).enumerate() {
-            if let Some(axis) = port.hold_against_ways(follows, least) {
+            if let Some(axis) = port.check_motion(follows, least) {
                 let value = |values: &[f64]| values.get(axis).copied().unwrap_or(f64::NAN);
                 return Err(Stop::DoesNotFollow {
                     port: index,
                     axis,
-                    sent: value(&port.sent),
+                    sent: value(port.sent()),
                     read: value(&port.raw().disp),
                 });
             }
@@ -105,7 +105,11 @@ impl Waits {
 
     /// The port that was sent farthest by the last correction.
     fn farthest(&self) -> Option<usize> {
-        let ways = self.follows.iter().map(Follows::longest_way).enumerate();
+        let ways = self
+            .follows
+            .iter()
+            .map(MotionCheck::longest_way)
+            .enumerate();
         ways.max_by(|one, two| one.1.total_cmp(&two.1))
             .map(|(port, _)| port)
     }
@@ -303,7 +307,7 @@ impl StaticLoad {
             waits: Waits {
                 rests: rests.collect(),
                 follows: (engine.ports.iter())
-                    .map(|port| Follows::new(port.axes()))
+                    .map(|port| MotionCheck::new(port.axes()))
                     .collect(),
                 waited: 0,
             },
@@ -321,7 +325,7 @@ impl StaticLoad {
         Ramp::perform(engine)?;
         self.waits.note_led(engine.ports);
         engine.environment.enter(Phase::Settling, Ending::Completed);
-        let listened = engine.ports.iter().any(Port::is_listened_to);
+        let listened = engine.ports.iter().any(Port::is_checked_by_static_load);
         if listened && !self.waits.rests.iter().all(Rest::rests) {
             self.come_to_rest(engine)?;
         }
@@ -419,7 +423,7 @@ impl StaticLoad {
     /// The unbalance of a share of the load, and the place that corrects it.
     fn balance(&mut self, share: f64, engine: &mut Engine<'_>) -> Result<Unbalance, Stop> {
         for (index, port) in engine.ports.iter_mut().enumerate() {
-            port.listen().map_err(|misfit| Stop::Misfit {
+            port.check_by_static_load().map_err(|misfit| Stop::Misfit {
                 port: index,
                 misfit,
             })?;
@@ -465,7 +469,7 @@ impl StaticLoad {
     /// Reports the axes whose direction the static load did not show.
     fn report_unshown(engine: &mut Engine<'_>) {
         for (index, port) in engine.ports.iter().enumerate() {
-            for axis in port.unshown() {
+            for axis in port.unchecked_by_static_load() {
                 engine.environment.report_now(Event::DirectionUnknown {
                     port: index as u32,
                     axis: axis as u32,

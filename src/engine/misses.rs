@@ -106,7 +106,7 @@ impl MissWindow {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::limits::Bound;
+    use crate::port::limits::Bound;
 
     /// Levels of the window.
     fn levels(window_ticks: u64, most: f64) -> TestLimits {

@@ -2,11 +2,11 @@
 
 use super::audit::StepAudit;
 use super::intake::{Closed, Intake};
-use crate::control::Port;
 use crate::integrate::{Loaded, State, StepError, Stepper};
 use crate::linalg::Aligned;
 use crate::model::{Acceleration, Base, Structure};
 use crate::motion::{Excitation, Prescribed};
+use crate::port::Port;
 
 /// What decides where the specimens go.
 #[derive(Debug)]

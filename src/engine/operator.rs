@@ -118,7 +118,7 @@ pub enum Notice {
         /// Axis, from 0.
         axis: usize,
         /// In the axis' own units.
-        reading: crate::control::Reading,
+        reading: crate::port::Reading,
     },
     /// What was read is to be confirmed with [`Operator::Confirm`].
     AwaitingConfirmation,

@@ -1,7 +1,7 @@
 //! The results of a test beside its rows and events.
 
 use super::{Ending, Gaps, Left, Peaks, Unfinished};
-use crate::control::LinkCount;
+use crate::port::LinkCount;
 use crate::rt::timing::Timing;
 use crate::substructure::Holder;
 

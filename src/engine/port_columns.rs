@@ -10,7 +10,7 @@ use crate::catalog::column::{
     Kind, LAG, MARGIN, MEASURED, MEASURED_POSE, POSE, POSE_FORCE, RAW_DISP, RAW_FORCE, SEQUENCE,
     STALE, STATUS, STIFFNESS, STROKE, TANGENT, TANGENT_DAMPING, TARGET,
 };
-use crate::control::Port;
+use crate::port::Port;
 use crate::record::Column;
 
 /// The numbers of a port, in the order of its columns. Real-time: yes.
@@ -20,8 +20,8 @@ pub(super) fn port_values(slots: &mut [f64], width: usize, port: &Port) {
     if let [.., sequence, status, exchanges, stale] = &mut *slots {
         *sequence = raw.sequence as f64;
         *status = f64::from(raw.status.0);
-        *exchanges = port.link.sent as f64;
-        *stale = port.link.stale as f64;
+        *exchanges = port.counts().sent as f64;
+        *stale = port.counts().stale as f64;
     }
     let Some((axes, further)) = slots.split_at_mut_checked(width * port.axes()) else {
         return;
@@ -43,10 +43,10 @@ pub(super) fn port_values(slots: &mut [f64], width: usize, port: &Port) {
         else {
             return;
         };
-        *target = at(&port.target, axis);
-        *command = at(&port.sent, axis);
-        *measured = at(&port.measured, axis);
-        *force = at(&port.force, axis);
+        *target = at(port.target(), axis);
+        *command = at(port.sent(), axis);
+        *measured = at(port.measured(), axis);
+        *force = at(port.force(), axis);
         *raw_disp = at(&raw.disp, axis);
         *raw_force = at(&raw.force, axis);
         *kt = stiffness;
@@ -83,7 +83,7 @@ pub(super) fn width_of_axis(port: &Port) -> usize {
 
 pub(super) fn port_columns(columns: &mut Vec<Column>, number: usize, port: &Port) -> Range<usize> {
     let start = columns.len();
-    let specimen = format!("specimen \"{}\"", port.name);
+    let specimen = format!("specimen \"{}\"", port.name());
     let of_axis = |kind: &Kind, axis: usize| Column {
         meaning: format!("{}, {specimen}, axis {axis}", kind.meaning),
         ..named(kind, kind.of_axis(number, axis))

@@ -7,7 +7,7 @@ use super::cycle::{Engine, Maneuver};
 use super::order::Order;
 use super::phase::Phase;
 use super::{Ending, Stop};
-use crate::control::Port;
+use crate::port::Port;
 use crate::rt::timing::TickStamps;
 
 /// Share of a speed limit that a ramp uses at its fastest.
@@ -106,7 +106,7 @@ impl Ramp {
     }
 
     fn all_replied(engine: &Engine<'_>) -> bool {
-        engine.ports.iter().all(|port| port.partner.measured)
+        engine.ports.iter().all(|port| port.has_answered())
     }
 }
 

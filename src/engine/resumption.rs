@@ -14,7 +14,7 @@ use super::step_progress::StepProgress;
 use super::stepping::Stepping;
 use super::warm_up::WarmUp;
 use super::{Peaks, Stop};
-use crate::control::{Port, Reading};
+use crate::port::{Port, Reading};
 use crate::record::{Event, GridOf, Standing};
 
 /// Multiple of the noise of a force beyond which it differs.
@@ -178,8 +178,8 @@ impl Resumption {
     /// Specimens that report their position must stand where they were left; nothing has moved yet.
     fn compare_positions(&self, engine: &mut Engine<'_>) -> Result<(), Stop> {
         for (index, (port, places)) in engine.ports.iter().zip(&self.left).enumerate() {
-            let stands = port.standing().unwrap_or(&port.sent);
-            let axes = stands.iter().zip(&port.sent).zip(places);
+            let stands = port.standing().unwrap_or(port.sent());
+            let axes = stands.iter().zip(port.sent()).zip(places);
             for (axis, ((found, left), place)) in axes.enumerate() {
                 let stands_there = (found - left).abs() <= place.within;
                 if !stands_there && !self.accepts_changed {
@@ -194,7 +194,10 @@ impl Resumption {
                 }
             }
         }
-        engine.ports.iter_mut().for_each(Port::take_its_word);
+        engine
+            .ports
+            .iter_mut()
+            .for_each(Port::take_reported_position);
         Ok(())
     }
 
@@ -207,7 +210,7 @@ impl Resumption {
             port.forget_readings();
             port.leave_test();
             // A specimen at rest shows its noise and no stiffness.
-            port.rest();
+            port.pause_estimates();
         }
         let mut zeroing = Zeroing::begin(engine.plan.opening.zero_ticks.max(1), engine)?;
         engine.perform(&mut zeroing)?;
@@ -219,7 +222,7 @@ impl Resumption {
         }
         self.take_drift(engine);
         Confirmation::perform(engine)?;
-        engine.ports.iter_mut().for_each(Port::stir);
+        engine.ports.iter_mut().for_each(Port::resume_estimates);
         Ok(())
     }
 
@@ -319,12 +322,12 @@ impl Resumption {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::{Axis, Believed};
+    use crate::port::{Axis, LinearStandIn};
 
     /// The force of a specimen of 1e5 N/m was 100 N at 1 mm; the specimen is found at 0.5 mm.
     fn passes(way_lost: f64, force: f64) -> bool {
         let axes = vec![Axis::plain(vec![(0, 1.0)])];
-        let rig = Believed::new(axes.clone(), vec![vec![1e5]], Vec::new());
+        let rig = LinearStandIn::new(axes.clone(), vec![vec![1e5]], Vec::new());
         let port = Port::new("rig", axes, Box::new(rig), 1, vec![1e5]).unwrap();
         let place = Place {
             disp: 1e-3,

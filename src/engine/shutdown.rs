@@ -15,7 +15,7 @@ use super::tick::Tick;
 use super::{Ending, Stop};
 use crate::catalog::ending::Cause;
 use crate::catalog::phase::GIVEN_UP;
-use crate::control::{Astray, Departure, Port};
+use crate::port::{Port, ReturnMove, UnloadFailure};
 use crate::rt::timing::TickStamps;
 
 /// The shutdown of one specimen.
@@ -26,7 +26,7 @@ struct Exit {
     /// It received the message that it stops.
     is_halted: bool,
     /// Its motion, once it has begun.
-    departure: Option<Departure>,
+    departure: Option<ReturnMove>,
 }
 
 /// The motion of all specimens to where they are left. One may unload while another is lost.
@@ -48,7 +48,7 @@ impl Shutdown {
         let Err(stop) = Self::lead_out(ending, engine) else {
             return ending;
         };
-        let is_gone = |port: usize| engine.ports.get(port).is_some_and(|port| port.partner.gone);
+        let is_gone = |port: usize| engine.ports.get(port).is_some_and(|port| port.is_gone());
         // One that was lost while the others were led was reported then.
         if !matches!(stop, Stop::Link { port, .. } if is_gone(port)) {
             engine.environment.report_stop(&stop);
@@ -99,7 +99,7 @@ impl Shutdown {
         engine.ports.iter_mut().for_each(Port::end_test);
         let shutdown = Self::new(tripped, is_known, engine);
         let ports = engine.ports.iter().zip(&shutdown.exits);
-        let moves = { ports }.any(|(port, exit)| exit.is_led && !port.partner.lost);
+        let moves = { ports }.any(|(port, exit)| exit.is_led && !port.is_lost());
         let journal = &mut engine.environment.journal;
         journal.keep_warm_up();
         if tripped && !journal.has_trip() && (moves || journal.lacks_commands()) {
@@ -124,10 +124,10 @@ impl Shutdown {
         let mut exits = Vec::with_capacity(engine.ports.len());
         for (left, port) in engine.ends.left.iter_mut().zip(&*engine.ports) {
             // The position of one that never replied is unknown.
-            let replies = port.partner.measured || port.partner.owes_the_last;
-            let is_wanted = is_known && port.has_begun() && replies && port.exits.moves(tripped);
-            let unfelt = (!port.can_be_led(tripped)).then_some(Astray::Unfelt);
-            *left = if port.partner.gone {
+            let replies = port.has_answered() || port.owes_the_last();
+            let is_wanted = is_known && port.has_begun() && replies && port.exits().moves(tripped);
+            let unfelt = (!port.can_be_led(tripped)).then_some(UnloadFailure::Unfelt);
+            *left = if port.is_gone() {
                 Left::Lost
             } else if is_wanted {
                 Left::NotReached(unfelt)
@@ -159,12 +159,12 @@ impl Shutdown {
             engine.exchanges.sequence(),
         );
         let each = engine.ports.iter_mut().zip(&mut self.exits);
-        for (port, exit) in each.filter(|(port, _)| port.is_heard()) {
+        for (port, exit) in each.filter(|(port, _)| port.may_be_commanded()) {
             if !std::mem::replace(&mut exit.is_halted, true) {
                 port.halt();
             }
             if exit.is_led && exit.departure.is_none() {
-                exit.departure = port.depart(self.tripped, period);
+                exit.departure = port.begin_return_move(self.tripped, period);
                 port.leave_number(sequence);
             }
         }
@@ -180,7 +180,7 @@ impl Shutdown {
             }
         }
         for (left, exit) in engine.ends.left.iter_mut().zip(&self.exits) {
-            match exit.departure.as_ref().and_then(Departure::end) {
+            match exit.departure.as_ref().and_then(ReturnMove::end) {
                 Some(Ok(())) => *left = Left::Reached,
                 Some(Err(astray)) => *left = Left::NotReached(Some(astray)),
                 None => {}
@@ -199,7 +199,7 @@ impl Shutdown {
     ) -> Result<(), Stop> {
         for index in 0..engine.ports.len() {
             let port = engine.ports.get(index);
-            if !port.is_some_and(|port| port.partner.is_waited_for()) {
+            if !port.is_some_and(|port| port.owes_the_last()) {
                 continue;
             }
             match engine.collect_from(index, tick, stamps, true) {
@@ -265,7 +265,7 @@ impl Maneuver for Shutdown {
         self.begin_motions(engine);
         let moving = self.go_on(engine);
         let mut ports = engine.ports.iter().zip(&self.exits);
-        let waits = ports.any(|(port, exit)| exit.is_led && port.partner.is_waited_for());
+        let waits = ports.any(|(port, exit)| exit.is_led && port.owes_the_last());
         if !moving && !waits {
             return Ok(None);
         }
@@ -291,7 +291,7 @@ impl Maneuver for Shutdown {
     ) -> Result<(), Stop> {
         engine.accept()?;
         for port in &mut *engine.ports {
-            port.partner.owes_the_last &= port.owes();
+            port.close_tick_of_shutdown();
         }
         Ok(())
     }

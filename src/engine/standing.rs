@@ -5,7 +5,7 @@ use super::operator::Notice;
 use super::order::Order;
 use super::phase::Phase;
 use super::{Ending, Stop};
-use crate::control::Port;
+use crate::port::Port;
 use crate::record::Event;
 use crate::rt::timing::TickStamps;
 
@@ -92,10 +92,10 @@ impl Confirmation {
         let notices = &supervision.control().notices;
         let _ = notices.try_send(Notice::AwaitingConfirmation);
         // However long it takes: a specimen at rest shows its noise and no stiffness.
-        engine.ports.iter_mut().for_each(Port::rest);
+        engine.ports.iter_mut().for_each(Port::pause_estimates);
         engine.perform(&mut Self)?;
         engine.environment.report_now(Event::Confirmed);
-        engine.ports.iter_mut().for_each(Port::stir);
+        engine.ports.iter_mut().for_each(Port::resume_estimates);
         Ok(())
     }
 }
@@ -125,7 +125,7 @@ pub(super) struct Listening {
 impl Listening {
     /// A few readings, if there is such a specimen.
     pub fn new(engine: &Engine<'_>) -> Self {
-        let is_needed = engine.ports.iter().any(Port::is_listened_to);
+        let is_needed = engine.ports.iter().any(Port::is_checked_by_static_load);
         let period = engine.environment.pace.period_s();
         let readings = (AT_REST_S / period).clamp(2.0, AT_REST) as u32;
         Self {
@@ -146,7 +146,10 @@ impl Maneuver for Listening {
         _: &mut TickStamps,
     ) -> Result<(), Stop> {
         self.left -= 1;
-        engine.ports.iter_mut().for_each(Port::listen_at_rest);
+        engine
+            .ports
+            .iter_mut()
+            .for_each(Port::read_before_static_load);
         engine.reuse_number();
         Ok(())
     }

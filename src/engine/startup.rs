@@ -11,7 +11,7 @@ use super::standing::{Confirmation, Zeroing};
 use super::warm_up::WarmUp;
 use super::wiring_check::WiringCheck;
 use super::{Resumption, Stop};
-use crate::control::Port;
+use crate::port::Port;
 use crate::record::{Event, GridOf};
 
 /// Repetitions of the numerical path on scratch state before the first edge.
@@ -50,7 +50,10 @@ impl Startup {
         if engine.plan.opening.is_gentle() {
             engine.ports.iter_mut().for_each(Port::stand_still);
         }
-        engine.ports.iter_mut().for_each(Port::take_its_word);
+        engine
+            .ports
+            .iter_mut()
+            .for_each(Port::take_reported_position);
         engine.arm()?;
         engine.environment.begin_grid(GridOf::Opening);
         Self::zero(engine)?;
@@ -88,7 +91,7 @@ impl Startup {
             return Ok(());
         }
         // A specimen at rest shows its noise and no stiffness.
-        engine.ports.iter_mut().for_each(Port::rest);
+        engine.ports.iter_mut().for_each(Port::pause_estimates);
         let mut zeroing = Zeroing::begin(ticks, engine)?;
         engine.perform(&mut zeroing)?;
         engine.ports.iter_mut().for_each(Port::take_zero);
@@ -109,7 +112,7 @@ impl Startup {
         let bounds = &engine.plan.opening.initial_forces;
         for (index, (port, bounds)) in engine.ports.iter().zip(bounds).enumerate() {
             // A law of this process begins in its virgin state; of one that has not replied nothing is known.
-            if port.is_formula() || !port.partner.measured {
+            if port.is_formula() || !port.has_answered() {
                 continue;
             }
             let all: Vec<[f64; 2]> = (0..port.axes()).map(|axis| measured(port, axis)).collect();

@@ -4,7 +4,7 @@
 //! commanded once a step owes its reply, there are ticks in between.
 
 use super::tick::Tick;
-use crate::control::{Stage, Stride, Tempo};
+use crate::port::{PacerTick, Stage, StepPacer};
 
 /// How the integration and the ticks of the controller belong together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -42,11 +42,11 @@ enum Target {
 /// The step pacer, and the step whose target is on the way, or reached and not closed.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct StepProgress {
-    pacer: Tempo,
+    pacer: StepPacer,
     /// The pacer before it made the next stride.
-    before: Tempo,
+    before: StepPacer,
     /// The stride of the next command.
-    stride: Stride,
+    stride: PacerTick,
     step: u64,
     target: Target,
     /// Ticks since the last step was closed.
@@ -59,12 +59,12 @@ pub(super) struct StepProgress {
 impl StepProgress {
     /// The specimens are at the first target.
     pub fn new(pacing: Pacing) -> Self {
-        let mut pacer = Tempo::new(pacing.ticks_per_step, pacing.ease_ticks);
+        let mut pacer = StepPacer::new(pacing.ticks_per_step, pacing.ease_ticks);
         pacer.know();
         Self {
             pacer,
             before: pacer,
-            stride: Stride::none(),
+            stride: PacerTick::none(),
             step: 0,
             target: Target::Ahead,
             sub_tick: 0,
@@ -81,13 +81,13 @@ impl StepProgress {
 
     /// The step pacer. Real-time: yes.
     #[inline]
-    pub const fn pacer(&self) -> &Tempo {
+    pub const fn pacer(&self) -> &StepPacer {
         &self.pacer
     }
 
     /// The stride of the next command. Real-time: yes.
     #[inline]
-    pub const fn stride(&self) -> Stride {
+    pub const fn stride(&self) -> PacerTick {
         self.stride
     }
 
@@ -182,7 +182,7 @@ impl StepProgress {
 
     /// Makes the next stride; `held`: the operator wants a hold. Returns it, or none if nothing moves. Real-time: yes.
     #[inline]
-    pub fn next(&mut self, held: bool, steps: u64) -> Option<Stride> {
+    pub fn next(&mut self, held: bool, steps: u64) -> Option<PacerTick> {
         self.before = self.pacer;
         self.sub_tick += 1;
         let at_the_end = self.is_at_the_end(steps);

@@ -14,7 +14,7 @@ use super::phase::Phase;
 use super::tick::Tick;
 use super::{Ending, Stop};
 use crate::catalog::ending::Cause;
-use crate::control::{Port, Stride};
+use crate::port::{PacerTick, Port};
 use crate::record::Event;
 use crate::rt::timing::TickStamps;
 
@@ -34,7 +34,7 @@ enum Course {
 pub(super) struct Stepping {
     course: Course,
     /// The stride that has left.
-    stride: Stride,
+    stride: PacerTick,
     /// The step of this tick is closed: the outcome of the next step's integration. An offline method that finds no equilibrium
     /// ends the test after the row.
     closed: Option<Result<(), Stop>>,
@@ -52,7 +52,7 @@ impl Stepping {
         }
         Self {
             course: Course::Moves,
-            stride: Stride::none(),
+            stride: PacerTick::none(),
             closed: None,
             memory,
         }
@@ -144,7 +144,7 @@ impl Stepping {
     fn pass(
         engine: &mut Engine<'_>,
         order: &mut Order,
-        stride: &Stride,
+        stride: &PacerTick,
         stamps: &mut TickStamps,
     ) -> Result<(), Stop> {
         // The step in progress is the last that was closed.
@@ -245,16 +245,16 @@ impl Stepping {
         let ports = engine.ports.iter_mut();
         match engine.progress.next(held, engine.plan.steps) {
             None => ports.for_each(Port::hold_compensation),
-            Some(stride) => ports.for_each(|port| port.ride(&stride, engine.plan.dt)),
+            Some(stride) => ports.for_each(|port| port.advance(&stride, engine.plan.dt)),
         }
     }
 
     /// True if the step can be closed: its target is reached, and no specimen owes a reply. Real-time: yes.
     #[inline]
     fn can_close(engine: &Engine<'_>) -> bool {
-        let owes = |port: &Port| port.is_asked() || port.wants_to_be_told();
+        let owes = |port: &Port| port.owes() || port.has_pending_target();
         let mut ports = engine.ports.iter();
-        engine.progress.has_reached() && ports.all(|port| port.partner.lost || !owes(port))
+        engine.progress.has_reached() && ports.all(|port| port.is_lost() || !owes(port))
     }
 
     /// The row's place of the step that is closed in this tick. What was kept for it is taken. Real-time: yes.
@@ -300,7 +300,7 @@ impl Stepping {
 
     /// A change of the pace is an event; that targets become known tick by tick is not. Real-time: yes.
     #[inline]
-    fn note_stage(engine: &mut Engine<'_>, tick: &Tick, stride: &Stride) {
+    fn note_stage(engine: &mut Engine<'_>, tick: &Tick, stride: &PacerTick) {
         if let Some(before) = engine.progress.change_stage(stride.stage) {
             let event = Event::Pace {
                 from: before.word().into(),
@@ -341,7 +341,7 @@ impl Stepping {
             parts.into_iter().for_each(|part| digest.sample(part));
         }
         for port in &*engine.ports {
-            let values = port.force.iter().chain(&port.measured);
+            let values = port.force().iter().chain(port.measured());
             values.for_each(|value| digest.take(*value));
         }
         digest.value()

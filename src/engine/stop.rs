@@ -4,10 +4,10 @@ use thiserror::Error;
 
 use super::test_hit::TestHit;
 use crate::catalog::ending::Cause;
-use crate::control::Misfit;
-use crate::control::limits::Hit;
 use crate::geometry::Fault;
 use crate::integrate::StepError;
+use crate::port::WiringFault;
+use crate::port::limits::Hit;
 use crate::substructure::LinkFault;
 use crate::units::{compared, compared_within, duration};
 
@@ -47,7 +47,7 @@ pub enum Stop {
         /// Specimen, from 0.
         port: usize,
         /// What is wrong with it.
-        misfit: Misfit,
+        misfit: WiringFault,
     },
     /// A specimen says that a sensor or an actuator of its own is at the end of its range: its force is no measurement.
     #[error(

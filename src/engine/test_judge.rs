@@ -7,8 +7,8 @@ use super::test_hit::TestHit;
 use super::test_limits::{TestLimits, value, worst};
 use super::tick::Tick;
 use crate::catalog::limit::Limit;
-use crate::control::Port;
-use crate::control::limits::Level;
+use crate::port::Port;
+use crate::port::limits::Level;
 use crate::record::{Event, LimitReached};
 
 /// Judges the limits of the test as a whole, and remembers what was warned of.

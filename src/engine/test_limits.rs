@@ -2,8 +2,8 @@
 
 use super::numerical::Side;
 use crate::catalog::limit::{AXIS_LIMITS, Judges, LIMITS, Limit};
-use crate::control::Port;
-use crate::control::limits::Bound;
+use crate::port::Port;
+use crate::port::limits::Bound;
 
 /// Limits of the test that are judged at every step, in the order of their columns.
 const OF_STEPS: [Limit; 4] = Limit::judging(&[Judges::Step]);
@@ -136,7 +136,7 @@ impl TestLimits {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::limits::Level;
+    use crate::port::limits::Level;
 
     #[test]
     fn each_limit_of_the_test_has_its_own_level_and_is_passed_only_beyond_it() {

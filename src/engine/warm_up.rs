@@ -13,7 +13,7 @@ use super::phase::Phase;
 use super::test_hit::TestHit;
 use super::{Ending, Stop};
 use crate::catalog::limit::Limit;
-use crate::control::Port;
+use crate::port::Port;
 use crate::record::{Event, WarmUp as WarmUpEvent, WarmUpRows};
 use crate::rt::timing::TickStamps;
 
@@ -84,7 +84,7 @@ impl WarmUp {
             // A specimen that never replied before the test, and is late in its first tick, ends it there: then these rows are
             // kept.
             for port in &mut *engine.ports {
-                port.partner.measured = true;
+                port.take_for_answered();
             }
         }
         let held_before = engine.environment.supervision.is_held();
@@ -112,7 +112,7 @@ impl WarmUp {
     }
 
     fn run(mut self, engine: &mut Engine<'_>) -> Result<(), Stop> {
-        engine.ports.iter_mut().for_each(Port::rest);
+        engine.ports.iter_mut().for_each(Port::pause_estimates);
         engine.judge_commands()?;
         engine.perform(&mut self)?;
         engine.environment.hear_if_given_up()?;
@@ -121,9 +121,9 @@ impl WarmUp {
             port.begin_test();
             port.is_told_by_steps(true);
             // Warm-up ticks do not count, but for a specimen that has not replied yet.
-            if port.partner.measured {
-                port.partner.stale = 0;
-                port.partner.holding = 0;
+            if port.has_answered() {
+                port.forget_stale();
+                port.set_holding_in_a_row(0);
             }
         }
         engine.judge_commands()

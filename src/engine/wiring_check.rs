@@ -9,8 +9,8 @@ use super::phase::Phase;
 use super::ramping::HoldRamp;
 use super::tick::Tick;
 use super::{Ending, Side, Stop};
-use crate::control::{Port, Probe};
 use crate::integrate::State;
+use crate::port::{Port, Probe};
 use crate::record::{Event, GridOf};
 use crate::rt::timing::TickStamps;
 
@@ -32,7 +32,10 @@ impl WiringCheck {
         }
         engine.environment.enter(Phase::Probing, Ending::Completed);
         Self::aim_where_it_stands(engine);
-        engine.ports.iter_mut().for_each(Port::take_its_word);
+        engine
+            .ports
+            .iter_mut()
+            .for_each(Port::take_reported_position);
         engine.arm()?;
         engine.environment.begin_grid(GridOf::Directions);
         for index in 0..engine.ports.len() {

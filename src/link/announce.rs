@@ -5,7 +5,7 @@
 //! lead the specimen home; the specimen's end comes in where that has failed.
 
 use crate::catalog::limit::Limit;
-use crate::control::limits::{AxisLimits, Bound, Range};
+use crate::port::limits::{AxisLimits, Bound, Range};
 use crate::units::AxisUnits;
 use crate::wire::handshake::{Axis, Limits, Unit};
 
@@ -107,7 +107,7 @@ pub fn unknown_to_us(ours: &Limits, theirs: &Limits, units: &AxisUnits) -> Optio
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::limits::Watch;
+    use crate::port::limits::Watch;
 
     const MM_KN: AxisUnits = AxisUnits {
         metres: 1e-3,

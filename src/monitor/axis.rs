@@ -222,7 +222,7 @@ impl AxisTap {
 mod tests {
     use super::super::subject::AxisPlaces;
     use super::*;
-    use crate::control::DispZero;
+    use crate::port::DispZero;
 
     #[test]
     fn the_loop_is_of_the_same_end_as_the_histories() {

@@ -3,8 +3,8 @@
 use serde::Serialize;
 
 use crate::catalog::limit::{Kind, Limit};
-use crate::control::limits::{Bound, Range};
 use crate::engine::Experiment;
+use crate::port::limits::{Bound, Range};
 use crate::record::Column;
 
 /// One limit with its levels, SI.
@@ -107,7 +107,7 @@ pub fn share([low, high]: [f64; 2], value: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::limits::{AxisLimits, RECORDED};
+    use crate::port::limits::{AxisLimits, RECORDED};
 
     #[test]
     fn every_limit_of_an_axis_with_a_level_has_a_mark_and_a_value_in_the_rows() {

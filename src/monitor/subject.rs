@@ -4,8 +4,8 @@ use serde::Serialize;
 
 use super::marks::{Mark, TestMark, mark, test_marks};
 use crate::catalog::column;
-use crate::control::{DispZero, Exit};
 use crate::engine::Experiment;
+use crate::port::{DispZero, Exit};
 use crate::record::Column;
 use crate::text::printable;
 
@@ -200,9 +200,9 @@ impl Subject {
         let specimens: Vec<_> = (1..)
             .zip(&experiment.ports)
             .map(|(number, port)| WatchedSpecimen {
-                name: port.name.clone(),
+                name: port.name().to_owned(),
                 remote: port.is_remote(),
-                at_end: way_out(port.exits.after(false)),
+                at_end: way_out(port.exits().after(false)),
                 status: find(&column::STATUS.of_specimen(number)),
                 newest: find(&column::SEQUENCE.of_specimen(number)),
                 exchanges: find(&column::EXCHANGES.of_specimen(number)),

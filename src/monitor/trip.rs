@@ -5,8 +5,8 @@ use serde::Serialize;
 use super::subject::Subject;
 use crate::catalog::ending::Cause;
 use crate::catalog::limit::Limit;
-use crate::control::limits::{Hit, Level};
 use crate::engine::{Phase, TestHit};
+use crate::port::limits::{Hit, Level};
 use crate::record::{Event, EventLine, LimitReached, ON_MISS, TimedEvent, Word, late_words};
 
 /// One of the reasons for which a test has tripped.

@@ -12,8 +12,8 @@ use crossbeam_channel::{Receiver, Sender};
 use super::lineage::ACCEPT;
 use crate::catalog::event::Remark;
 use crate::config::ClockChoice;
-use crate::control::Port;
 use crate::engine::{Control, Experiment, Operator};
+use crate::port::Port;
 use crate::record::{Event, FolderError, Run, Writer};
 use crate::substructure::{Introduction, LinkFault, Retirement, Unavailable};
 
@@ -31,7 +31,7 @@ fn in_words(numbers: &[f64]) -> String {
 pub(super) fn put_standing(run: &Run, ports: &mut [Port]) -> Result<(), FolderError> {
     // What they said to an interrupted test was true then.
     for port in &mut *ports {
-        port.says_it_stands_at(&[]);
+        port.report_position(&[]);
     }
     for event in run.event_lines()? {
         let Some(event) = event? else {
@@ -47,7 +47,7 @@ pub(super) fn put_standing(run: &Run, ports: &mut [Port]) -> Result<(), FolderEr
         };
         let standing: Result<Vec<f64>, _> = said.split(' ').map(str::parse).collect();
         if let (Ok(standing), Some(port)) = (standing, ports.get_mut(port as usize)) {
-            port.says_it_stands_at(&standing);
+            port.report_position(&standing);
         }
     }
     Ok(())
@@ -73,7 +73,7 @@ pub(super) fn connect(
     mut line: Line,
 ) -> Result<Vec<String>, Unconnected> {
     let ports = std::mem::take(&mut experiment.ports);
-    let names: Vec<String> = ports.iter().map(|port| port.name.clone()).collect();
+    let names: Vec<String> = ports.iter().map(|port| port.name().to_owned()).collect();
     let all = connect_all(ports, &mut line);
     if line.asks_for_the_end() {
         let connected = all.into_iter().flatten();
@@ -124,7 +124,7 @@ pub(super) fn connect(
                 }
             }
             Err(error) => {
-                refusals.push(format!("specimen \"{}\": {error}", port.name));
+                refusals.push(format!("specimen \"{}\": {error}", port.name()));
                 writer.note(Event::Link {
                     port: number,
                     fault: None,
@@ -156,7 +156,7 @@ pub(super) fn connect(
 /// What of the test judges no specimen of `without`, whose ends do not say that they measure displacement, in words. True if that is
 /// all of them: then it judges nothing.
 fn unjudged(ports: &[Port], without: &[&str]) -> Option<(String, bool)> {
-    let keys = &ports.first()?.needs_measured_disp.of_the_test;
+    let keys = &ports.first()?.needs_measured_disp().of_the_test;
     if without.is_empty() || keys.is_empty() {
         return None;
     }
@@ -183,7 +183,7 @@ fn fit_for(
     port: &Port,
     found: Introduction,
 ) -> Result<Introduction, Unavailable> {
-    let computed = !port.is_remote() || port.computed || found.simulated;
+    let computed = !port.is_remote() || port.is_computed() || found.simulated;
     if clock == ClockChoice::Real || computed {
         return Ok(found);
     }

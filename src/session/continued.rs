@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use super::lineage::{Generation, Lineage, Origin, places, way_from};
 use crate::catalog::phase::{NOT_AWAITED, Part};
-use crate::control::Port;
+use crate::port::Port;
 use crate::record::summary::Status;
 use crate::record::{FolderError, MissingEnd, Run, RunFolder, ToldBy, atomic, is_claimed};
 use crate::setup::Files;

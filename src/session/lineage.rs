@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 
 use super::checksum::{read, rows_sha256, same};
 use super::replay_error::ReplayError;
-use crate::control::Port;
 use crate::engine::Place;
+use crate::port::Port;
 use crate::record::Run;
 use crate::record::summary::Peak;
 

@@ -21,7 +21,7 @@ use super::recorded::Replaced;
 use super::retrace::{Build, Retraced, prepared_by, retrace, take_over};
 use super::row_peaks::{earlier_peaks, peak_of};
 use crate::config::Loaded;
-use crate::control::Port;
+use crate::port::Port;
 use crate::record::summary::Status;
 use crate::record::{MissingEnd, Run, ToldBy};
 use crate::setup::{self, Dial, Facts, Prepared};
@@ -320,7 +320,7 @@ fn check_way_back(
     let remember: Vec<&str> = ports
         .iter()
         .filter(|port| !port.is_formula())
-        .map(|port| port.name.as_str())
+        .map(|port| port.name())
         .collect();
     if again <= ticks_lost(rate_hz) || remember.is_empty() {
         return Ok(());

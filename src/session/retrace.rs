@@ -14,10 +14,10 @@ use super::replay_error::ReplayError;
 use super::row_peaks::earlier_peaks;
 use super::tape::{Comparing, Recording, Tape, Verified, with};
 use crate::config::{self, ConfigError, Loaded};
-use crate::control::Port;
 use crate::engine::{
     Connected, Control, Ending, Experiment, Resumption, Retraced as Followed, Side,
 };
+use crate::port::Port;
 use crate::record::{Column, Run};
 use crate::setup::{self, Prepared};
 

@@ -5,8 +5,8 @@
 //! loaded the specimens. Invariant: a stale measurement raises no peak.
 
 use crate::catalog::phase::Part;
-use crate::control::Port;
 use crate::engine::{EarlierPeaks, Peaks};
+use crate::port::Port;
 use crate::record::summary::Peak;
 use crate::record::{FolderError, Run};
 use crate::substructure::Status;
@@ -38,7 +38,7 @@ pub(super) fn earlier_peaks(peak: &Peak, ports: &[Port]) -> EarlierPeaks {
         let values = values.iter().map(|value| value.unwrap_or(f64::NAN));
         values.collect::<Vec<f64>>()
     };
-    let forces = ports.iter().map(|port| peak.force.get(&port.name));
+    let forces = ports.iter().map(|port| peak.force.get(port.name()));
     EarlierPeaks {
         peaks: Peaks {
             disp: numbers(&peak.displacement),
@@ -63,7 +63,7 @@ fn of_rows(run: &Run, from: u64, ports: &[Port]) -> Result<Peak, FolderError> {
     while let Some(row) = journal.next_row().map_err(unreadable)? {
         peaks.take(row.values, row.sequence >= from);
     }
-    let names = ports.iter().map(|port| port.name.clone());
+    let names = ports.iter().map(|port| port.name().to_owned());
     Ok(peaks.finish(names))
 }
 

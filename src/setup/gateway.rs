@@ -11,7 +11,6 @@ use super::links::{beside, folder, native_setup, tls_client, wire_axes};
 use super::remote::remote_settings;
 use super::specimens::loading::at_actuators;
 use crate::config::{Finding, KeyPath, LinkSpec, Protocol, SpecimenTable};
-use crate::control::Pace;
 use crate::link::announce::narrower;
 use crate::link::openfresco::{Remote, RemoteSettings};
 use crate::link::rig::{FarBuild, ProbeSettings, Visitor};
@@ -19,6 +18,7 @@ use crate::link::secret::read_key;
 use crate::link::serve::Host;
 use crate::link::tls::TlsClient;
 use crate::link::{NativeLink, NativeSetup};
+use crate::port::Pace;
 use crate::wire::handshake::Sampling;
 
 /// The specimen must hold after this silence where neither the file nor the controller says when, in s.

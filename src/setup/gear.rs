@@ -1,7 +1,7 @@
 //! What lies between a deformation of the structure and the numbers of an axis: gear, scale and units.
 
 use crate::config::{AxisTable, SpecimenTable};
-use crate::control::Axis;
+use crate::port::Axis;
 
 /// A square matrix by rows, one row per axis.
 pub(super) type Rows = Vec<Vec<f64>>;

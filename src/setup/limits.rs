@@ -7,9 +7,9 @@ use serde::Serialize;
 use super::specimens::loading::LoadingFacts;
 use crate::catalog::limit::Limit;
 use crate::config::{ClockChoice, ExitChoice, TestFile, Time};
-use crate::control::Port;
-use crate::control::limits::Bound;
 use crate::engine::{Limits, OnMiss};
+use crate::port::Port;
+use crate::port::limits::Bound;
 use crate::units::duration;
 
 /// All limits of a test.

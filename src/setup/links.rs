@@ -9,13 +9,13 @@ use crate::config::{
     Carrier, ClockChoice, Finding, KeyPath, LinkCoupling, LinkSpec, SpecimenTable, StaleChoice,
     TestFile, TlsSpec, WATCHDOG_MAX_S,
 };
-use crate::control::limits::AxisLimits;
-use crate::control::{OnStale, WaitRules};
 use crate::link::announce::announce;
 use crate::link::openfresco::{Remote, RemoteSettings};
 use crate::link::secret::read_key;
 use crate::link::tls::{FileError, TlsClient, TlsFiles};
 use crate::link::{NativeLink, NativeSetup, SocketOptions, Wait};
+use crate::port::limits::AxisLimits;
+use crate::port::{OnStale, WaitRules};
 use crate::rt::throttle::Throttle;
 use crate::substructure::Coupling;
 use crate::time::Ratio;

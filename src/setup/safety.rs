@@ -7,9 +7,9 @@ use crate::config::{
     AxisTable, BoundSpec, ExitChoice, Finding, LimitsSpec, ShareSpec, SpecimenTable, TestFile,
     Time, ZeroChoice,
 };
-use crate::control::limits::Bound;
-use crate::control::{Axis, Exit, Exits, Reference, Zero};
 use crate::engine::{InitialForce, Intake, Numerical, Opening, TestLimits};
+use crate::port::limits::Bound;
+use crate::port::{Axis, Exit, Exits, Reference, Zero};
 
 /// Wall time in s over which sensors are averaged, unless the file says otherwise.
 const ZERO_S: f64 = 0.2;

@@ -12,14 +12,15 @@ use super::gear::Rows;
 use super::{Refused, Site, path, safety};
 use crate::config::check::measured::needing_measured_disp;
 use crate::config::{Finding, LinkSpec, Loaded, ProbeChoice};
-use crate::control::limits::AxisLimits;
-use crate::control::{
-    Axis, Believed, Declared, Direction, NeedsMeasuredDisp, Order, Pace, Port, Trend, WaitRules,
-};
 use crate::geometry::Geometry;
 use crate::link::NativeLink;
 use crate::link::openfresco::Remote;
 use crate::model::StructureSpec;
+use crate::port::limits::AxisLimits;
+use crate::port::{
+    Axis, Declared, LinearStandIn, NeedsMeasuredDisp, Order, Pace, Port, Trend, WaitRules,
+    WiringCheck,
+};
 use crate::specimen::{InProcess, InUnits, Specimen};
 use crate::spectral::delay::Weights;
 use crate::stability::Attached;
@@ -67,7 +68,7 @@ enum Stand {
     Native(Box<NativeLink>, WaitRules),
     OpenFresco(Box<Remote>, WaitRules),
     /// In a rehearsal: k̂ and ĉ.
-    Believed,
+    LinearStandIn,
 }
 
 /// All specimens of a test, in order.
@@ -136,22 +137,22 @@ impl Entry {
     }
 
     /// How the direction of a specimen behind a link is found out: as the file says, else by the static load.
-    fn direction(&self, link: &LinkSpec, period_s: f64, settles: bool) -> Direction {
+    fn direction(&self, link: &LinkSpec, period_s: f64, settles: bool) -> WiringCheck {
         match (link.probe_m, link.probe) {
             (Some(metres), _) => {
                 let gears = self.axes.iter().zip(&self.units);
                 let way = gears.map(|(axis, (unit, _))| metres / (axis.disp_gain * unit).abs());
-                Direction::Probe {
+                WiringCheck::Probe {
                     amplitude: way.collect(),
                     pace: Pace::of(link.probe_ramp_s, period_s),
                 }
             }
-            (None, Some(ProbeChoice::None)) => Direction::Known,
+            (None, Some(ProbeChoice::None)) => WiringCheck::Known,
             (None, None) if settles => {
                 let stiffness = self.stiffness.iter().flatten().copied().collect();
-                Direction::Settling(Trend::new(self.axes.len(), stiffness))
+                WiringCheck::Settling(Trend::new(self.axes.len(), stiffness))
             }
-            (None, None) => Direction::Unchecked,
+            (None, None) => WiringCheck::Unchecked,
         }
     }
 }
@@ -263,7 +264,7 @@ impl Specimens {
             let link = site.loaded.file.specimen.get(index);
             let direction = match link.and_then(|table| table.link.as_ref()) {
                 Some(link) => entry.direction(link, site.loaded.time.period.value(), settles),
-                None => Direction::Known,
+                None => WiringCheck::Known,
             };
             let is_simulated = matches!(entry.stand, Stand::Law(_));
             let (substructure, wait): (Box<dyn Substructure>, _) = match entry.stand {
@@ -276,10 +277,10 @@ impl Specimens {
                 }
                 Stand::Native(native, rules) => (native, Some(rules)),
                 Stand::OpenFresco(remote, rules) => (remote, Some(rules)),
-                Stand::Believed => {
+                Stand::LinearStandIn => {
                     let axes = entry.axes.clone();
                     (
-                        Box::new(Believed::new(axes, entry.stiffness, entry.damping)),
+                        Box::new(LinearStandIn::new(axes, entry.stiffness, entry.damping)),
                         None,
                     )
                 }
@@ -335,27 +336,27 @@ impl Specimens {
                     {
                         port = port.with_geometry(geometry, rows, law_at);
                     }
-                    port.wait = wait;
-                    port.direction = direction;
-                    port.computed = table.link.as_ref().is_some_and(|link| link.computed);
+                    port.set_wait_rules(wait);
+                    *port.wiring_check_mut() = direction;
+                    port.set_computed(table.link.as_ref().is_some_and(|link| link.computed));
                     let at = path("specimen").index(index);
                     let needs = needing_measured_disp(table, &at).into_iter();
                     let of_the_test = site.loaded.file.safety.needing_measured_disp();
-                    port.needs_measured_disp = NeedsMeasuredDisp {
+                    *port.needs_measured_disp_mut() = NeedsMeasuredDisp {
                         own: needs.map(|(place, _)| place.to_string()).collect(),
                         of_the_test: of_the_test
                             .map(|key| path("safety").key(key).to_string())
                             .collect(),
                     };
-                    port.exits = exits;
+                    *port.exits_mut() = exits;
                     if let Some(link) = &table.link {
                         if let Some(stands) = &link.stands_at_m {
-                            port.is_said_to_stand_at(stands);
+                            port.state_position(stands);
                         }
                         // What stands for it in a rehearsal is led as it is itself: unbent, since it is not asked.
                         if site.trial.is_some() && is_known_to_stand(link, axes) {
-                            let unbent = port.sent.clone();
-                            port.says_it_stands_at(&unbent);
+                            let unbent = port.sent().to_vec();
+                            port.report_position(&unbent);
                         }
                     }
                     ports.push(port);

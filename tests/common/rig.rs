@@ -2,8 +2,8 @@
 
 use std::sync::{Arc, Mutex};
 
-use gusset::control::{Axis, Port};
 use gusset::engine::Experiment;
+use gusset::port::{Axis, Port};
 use gusset::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };

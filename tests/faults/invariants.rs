@@ -2,9 +2,9 @@
 
 use gusset::catalog::limit::Limit;
 use gusset::config::{CommandPace, Loaded};
-use gusset::control::limits::AxisLimits;
 use gusset::engine::{Ending, Phase, Stop};
 use gusset::link::serve::Tapped;
+use gusset::port::limits::AxisLimits;
 use gusset::record::{End, Event, Journal};
 use gusset::time::Nanos;
 use gusset::wire::native::Kind;

@@ -194,7 +194,7 @@ pub fn play(
     } else {
         let mut again = build(loaded).map_err(|error| error.to_string())?.experiment;
         for (port, stood) in again.ports.iter_mut().zip(&recorded.stood) {
-            port.says_it_stands_at(stood.as_deref().unwrap_or_default());
+            port.report_position(stood.as_deref().unwrap_or_default());
         }
         let rows = Box::new(std::io::Cursor::new(recorded.samples.clone()));
         replay_rows(again, &recorded.layout, rows).map_err(|error| error.to_string())?

@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use gusset::catalog::limit::{Kind, Limit};
-use gusset::control::limits::{AxisLimits, Bound, Range};
-use gusset::control::{Axis, Order, Port, Reference, Zero};
 use gusset::engine::{Experiment, Glimpse, Opening, Phase, PhaseCell};
 use gusset::monitor::{About, Board, Snapshot, Subject, Tap, metrics};
+use gusset::port::limits::{AxisLimits, Bound, Range};
+use gusset::port::{Axis, Order, Port, Reference, Zero};
 use gusset::record::{Event, Onlooker, Progress};
 use gusset::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,

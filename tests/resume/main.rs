@@ -25,8 +25,8 @@ use std::time::{Duration, Instant};
 use common::killed::{column, killed};
 use common::{completed, copy, say, write};
 use gusset::catalog::ending::Cause;
-use gusset::control::{Axis, Port};
 use gusset::engine::{Operator, Phase};
+use gusset::port::{Axis, Port};
 use gusset::record::{Run, RunFolder};
 use gusset::session::{self, ResumeError, Watches, replay, resume};
 use gusset::substructure::{

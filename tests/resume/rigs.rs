@@ -110,7 +110,7 @@ pub fn run_rigs(
 ) -> session::Finished {
     for (port, rig) in test.experiment.ports.iter_mut().zip(rigs) {
         port.put_recording(rig);
-        port.computed = true;
+        port.set_computed(true);
     }
     let ticks = stops_after.unwrap_or(0);
     let (says, requests) = crossbeam_channel::bounded(ticks + 1);

@@ -71,7 +71,7 @@ fn a_specimen_that_does_not_stand_where_it_was_left_is_refused_and_nothing_moves
     };
     let under = |mut test: gusset::setup::Prepared, off: f64, out: &str, words: Vec<Operator>| {
         test.experiment.ports[0].go_live(far(off));
-        test.experiment.ports[0].computed = true;
+        test.experiment.ports[0].set_computed(true);
         let folder = RunFolder::create(&at(out)).unwrap();
         let (says, requests) = crossbeam_channel::bounded(words.len() + 1);
         for word in words {
@@ -145,7 +145,7 @@ fn concluded(mut test: gusset::setup::Prepared, out: &Path) -> session::Finished
     let axes = vec![Axis::plain(vec![(0, 1.0)])];
     let far = Port::new("far", axes, Box::new(far), 2, vec![5e5]).unwrap();
     test.experiment.ports[0].go_live(far);
-    test.experiment.ports[0].computed = true;
+    test.experiment.ports[0].set_computed(true);
     let (ask, requests) = crossbeam_channel::bounded(100);
     for _ in 0..100 {
         ask.send(Operator::Confirm).unwrap();

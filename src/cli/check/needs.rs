@@ -2,7 +2,7 @@
 
 use super::super::table::Table;
 use crate::catalog::limit::Limit;
-use crate::control::Poses;
+use crate::port::Poses;
 use crate::session::rehearsal::{Need, Needs, Rehearsal, StandIn, Used};
 use crate::units::{number, quantity, quantity_range};
 

@@ -29,7 +29,7 @@ pub(in crate::link) use station::first_words;
 pub use station::{GuardStore, Station};
 
 use crate::catalog::ending::Cause;
-use crate::control::limits::Hit;
+use crate::port::limits::Hit;
 use crate::substructure::{Command, Introduction, LinkFault, LinkStats, Measurement, Retirement};
 use crate::units::compared;
 use crate::wire::handshake::{Limits, Sampling};

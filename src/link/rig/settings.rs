@@ -1,7 +1,7 @@
 //! How a station finds out which way round its specimen is wired, and how its tests end.
 
 use crate::catalog::ending::Cause;
-use crate::control::Pace;
+use crate::port::Pace;
 
 /// How it is found out, before a test, which way round a specimen is wired.
 #[derive(Debug, Clone, PartialEq)]

@@ -4,13 +4,13 @@ use std::sync::Arc;
 
 use crate::config::fault_script::Script;
 use crate::config::{LimitsSpec, ScriptError, check_script};
-use crate::control::limits::AxisLimits;
 use crate::link::announce::units_of;
 use crate::link::fault::Bench;
 use crate::link::rig::{
     Far, FarBuild, GuardStore, Latch, Law, LogSettings, Memory, ProbeSettings, Station,
     Whereabouts, first_words,
 };
+use crate::port::limits::AxisLimits;
 use crate::specimen::Specimen;
 use crate::units::AxisUnits;
 use crate::wire::handshake::{Axis, Capabilities};

@@ -4,8 +4,8 @@ use super::hold::depends_on_pace;
 use super::{Held, Need, Needs, Rehearsal};
 use crate::catalog::limit::Limit;
 use crate::config::{ClockChoice, Finding, KeyPath, Loaded};
-use crate::control::Poses;
 use crate::engine::{Ending, Stop};
+use crate::port::Poses;
 
 /// Part of a tick that may be needed for what it computes before a warning: a late one has to be caught up with.
 const MUCH: f64 = 0.5;

@@ -37,9 +37,9 @@ use prompter::Prompter;
 use crate::catalog::ending::Cause;
 use crate::catalog::limit::Limit;
 use crate::config::{CapacityTable, ConfigError, Loaded, MatrixValue, SpecimenTable};
-use crate::control::Poses;
-use crate::control::limits::{AxisLimits, Range};
 use crate::engine::{Connected, Control, Ending, Experiment, Outcome};
+use crate::port::Poses;
+use crate::port::limits::{AxisLimits, Range};
 use crate::record::Recorder;
 use crate::rt::os;
 use crate::setup;
@@ -327,7 +327,7 @@ fn carry_out_with(
     experiment.record_dofs.clear();
     let ports = experiment.ports.iter();
     let known: Vec<_> = ports
-        .map(|port| (port.name.clone(), port.limits().to_vec()))
+        .map(|port| (port.name().to_owned(), port.limits().to_vec()))
         .collect();
     let (outcome, needs, poses) = staged_with(experiment, prompter, staging, control);
     let seen = needs.into_iter().zip(poses);

@@ -4,8 +4,8 @@ use super::findings::short;
 use super::prompter::Prompter;
 use super::{Budget, Need, Rehearsal, Staging, carry_out_with, expected};
 use crate::config::{ConfigError, Finding, KeyPath, Loaded};
-use crate::control::limits::AxisLimits;
 use crate::engine::{Control, Ending, Stop};
+use crate::port::limits::AxisLimits;
 use crate::setup;
 
 /// Result of a rehearsal with all limits.

@@ -7,8 +7,8 @@ use std::collections::VecDeque;
 
 use super::ResumeError;
 use crate::catalog::column;
-use crate::control::Port;
 use crate::engine::{Left, Phase};
+use crate::port::Port;
 use crate::record::summary::{Peak, Status};
 use crate::record::{Row, Run};
 use crate::session::checksum::unreadable;
@@ -176,7 +176,7 @@ impl Axis {
     fn way_lost(&self, port: &Port, axis: usize, (rate_hz, ticks_per_step): (f64, u32)) -> f64 {
         let pairs = self.latest.iter().zip(self.latest.iter().skip(1));
         let steps = pairs.map(|(one, next)| (next - one).abs());
-        let ready = port.command.get(axis).zip(port.sent.get(axis));
+        let ready = port.command().get(axis).zip(port.sent().get(axis));
         let ready = ready.map(|(ready, sent)| (ready - sent).abs());
         let ticks = ticks_lost(rate_hz);
         let commands = if port.is_per_step() {
@@ -200,7 +200,7 @@ fn is_all_known(run: &Run, port: &Port, state: Option<f64>) -> bool {
     let Some(summary) = run.summary() else {
         return false;
     };
-    let left = summary.left.get(port.name.as_str()).map(String::as_str);
+    let left = summary.left.get(port.name()).map(String::as_str);
     let stands = [Left::Stayed, Left::Reached].map(|left| Some(left.word()));
     let ends = [Phase::Tripped, Phase::Leaving].map(Phase::code);
     let has_its_end = state.is_none_or(|last| ends.contains(&last));
@@ -215,9 +215,12 @@ fn force_within(port: &Port, index: usize, axis: usize, by: &Tolerances<'_>) -> 
     if let Some(newtons) = by.within_n {
         return newtons / port.newtons_of(axis);
     }
-    let told = by.peak.force.get(port.name.as_str());
+    let told = by.peak.force.get(port.name());
     let told = told.and_then(|peaks| *peaks.get(axis)?).unwrap_or(0.0);
-    let peak = port.peak_force.get(axis).map_or(told, |own| own.max(told));
+    let peak = port
+        .peak_force()
+        .get(axis)
+        .map_or(told, |own| own.max(told));
     let declared = by.noise_n.get(index).copied().filter(|rms| *rms > 0.0);
     let noise = declared.map(|rms| rms / port.newtons_of(axis));
     let noise = noise.unwrap_or_else(|| port.reading(axis).force_noise);
@@ -302,7 +305,7 @@ fn axes_of(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::{Axis as Seen, Believed, Order};
+    use crate::port::{Axis as Seen, LinearStandIn, Order};
 
     #[test]
     fn who_is_commanded_once_a_step_loses_commands_by_steps_and_not_by_ticks() {
@@ -310,7 +313,7 @@ mod tests {
         let (rate_hz, ticks) = (500.0, 20);
         for (per_step, wanted) in [(false, 25.0 * 0.6e-3), (true, 2.0 * 12e-3)] {
             let axes = vec![Seen::plain(vec![(0, 1.0)])];
-            let rig = Believed::new(axes.clone(), vec![vec![1e5]], Vec::new());
+            let rig = LinearStandIn::new(axes.clone(), vec![vec![1e5]], Vec::new());
             let port = Port::new("rig", axes, Box::new(rig), 1, vec![1e5]).unwrap();
             let port = port.with_pace(per_step, Order::Quadratic);
             let steps = (0..600).map(|row| f64::from(row) / f64::from(ticks));

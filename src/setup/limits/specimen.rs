@@ -5,8 +5,8 @@ use super::super::specimens::loading;
 use super::{LimitFact, SpecimenLimits};
 use crate::catalog::limit::Limit;
 use crate::config::{ClockChoice, LinkSpec, Protocol, SpecimenTable, StaleChoice, Time};
-use crate::control::limits::{AxisLimits, listed};
-use crate::control::{Direction, Port};
+use crate::port::limits::{AxisLimits, listed};
+use crate::port::{Port, WiringCheck};
 use crate::substructure::Coupling;
 use crate::units::{self, duration};
 
@@ -37,7 +37,7 @@ pub(super) fn of_specimen(table: &SpecimenTable, port: &Port, time: &Time) -> Sp
             .collect()
     });
     let axes = axes.collect();
-    let name = port.name.clone();
+    let name = port.name().to_owned();
     let geometry = loading::facts(table);
     let safe_disp_m = table.safe_disp_m.clone();
     match &table.link {
@@ -132,7 +132,7 @@ fn stale(link: &LinkSpec, port: &Port) -> String {
         ),
         StaleChoice::Stop => way.to_owned(),
         StaleChoice::Hold | StaleChoice::Extrapolate => {
-            let most = port.wait.map_or(0, |wait| wait.stale_in_a_row);
+            let most = port.wait_rules().map_or(0, |wait| wait.stale_in_a_row);
             format!("{way}; more than {most} in a row cause a trip")
         }
     }
@@ -159,10 +159,10 @@ fn watchdog(link: &LinkSpec, time: &Time) -> String {
 }
 
 fn direction(link: &LinkSpec, port: &Port) -> String {
-    match (link.probe_m, &port.direction) {
+    match (link.probe_m, port.wiring_check()) {
         (Some(metres), direction) => {
             let way = match direction {
-                Direction::Probe { pace, .. } if pace.is_shortest() => {
+                WiringCheck::Probe { pace, .. } if pace.is_shortest() => {
                     format!("{} ticks", pace.ramp)
                 }
                 _ => duration(link.probe_ramp_s),
@@ -172,7 +172,7 @@ fn direction(link: &LinkSpec, port: &Port) -> String {
                 units::quantity(metres, "m")
             )
         }
-        (None, Direction::Settling(_)) => {
+        (None, WiringCheck::Settling(_)) => {
             "wiring check under the static load; a specimen with wrong wiring is not armed"
                 .to_owned()
         }

@@ -8,10 +8,10 @@ use super::loading::{Loading, at_actuators, behind_actuators, loading, offsets, 
 use super::{Entry, Stand, order, rest, stand_in};
 use crate::config::echo::number;
 use crate::config::{Finding, KeyPath, LinkSpec, Loaded, MatrixValue, Protocol, SpecimenTable};
-use crate::control::{Axis, shares};
 use crate::law::Reach;
 use crate::linalg::SymMatrix;
 use crate::model::BuildError;
+use crate::port::{Axis, shares};
 use crate::specimen::{Specimen, SpecimenLaw};
 use crate::spectral::delay::Weights;
 use crate::units::{compared, quantity};

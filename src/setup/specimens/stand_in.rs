@@ -5,7 +5,7 @@ use super::super::{Refused, Rows, Site};
 use super::loading::offsets;
 use super::{Stand, compensation};
 use crate::config::{KeyPath, SpecimenTable};
-use crate::control::Axis;
+use crate::port::Axis;
 use crate::specimen::{CoupledSpec, Mounted, Specimen, Stiffened};
 use crate::transfer::{ActuatorSpec, ProportionalSpec, Transfer, TransferSpec};
 
@@ -88,7 +88,7 @@ pub(super) fn stand_in(
     let pace = compensation::test_time(time) / time.period.value();
     let transfer = known.table.believed_transfer(pace);
     if law.is_none() && transfer.is_none() && drawn.stiffness == 1.0 && known.is_believed {
-        return Ok(Stand::Believed);
+        return Ok(Stand::LinearStandIn);
     }
     let law = match law {
         Some(law) => law,

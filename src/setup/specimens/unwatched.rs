@@ -3,7 +3,7 @@
 use super::super::{Site, path};
 use crate::catalog::limit::Limit;
 use crate::config::{Finding, KeyPath, LimitsSpec};
-use crate::control::Declared;
+use crate::port::Declared;
 
 /// Warns of each such limit of one specimen.
 pub(super) fn unwatched(

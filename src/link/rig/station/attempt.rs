@@ -3,9 +3,9 @@
 use super::allowed::Times;
 use super::{Station, USUAL_TICK_S, first, metres, not_finite};
 use crate::catalog::event::Remark;
-use crate::control::limits::{Found, Level};
 use crate::link::rig::Trip;
 use crate::link::rig::columns::Exchange;
+use crate::port::limits::{Found, Level};
 use crate::rt::os;
 use crate::substructure::{Command, Measurement, Status};
 use crate::time::Nanos;

@@ -2,7 +2,7 @@
 //! was declared says how far a single command may take it, and whoever commands may believe it elsewhere.
 
 use crate::catalog::limit::Limit;
-use crate::control::limits::{AxisLimits, Hit, Level};
+use crate::port::limits::{AxisLimits, Hit, Level};
 use crate::units::AxisUnits;
 use crate::units::in_axis_unit;
 
@@ -92,7 +92,7 @@ pub(super) fn why(limits: &[AxisLimits], hit: &Hit) -> Option<&'static str> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::limits::Range;
+    use crate::port::limits::Range;
 
     #[test]
     fn the_note_rounds_the_allowed_distance_in_the_unit_of_the_axis() {

@@ -8,8 +8,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::USUAL_TICK_S;
 use super::allowed::{Allowed, MOST_S, Request, Times};
-use crate::control::limits::{AxisLimits, Watch};
 use crate::link::quota::{Allowance, Quota};
+use crate::port::limits::{AxisLimits, Watch};
 use crate::time::Nanos;
 
 /// The limits of one specimen, and what they remember.

@@ -3,9 +3,9 @@
 use super::attempt::Origin;
 use super::{Station, USUAL_TICK_S, metres, not_finite};
 use crate::catalog::event::Remark;
-use crate::control::{Opinion, Pace, Probe, compare_stiffness};
 use crate::link::rig::settings::{ProbeSettings, TestEnd};
 use crate::link::rig::{Visitor, Wanted, apart, elsewhere};
+use crate::port::{Opinion, Pace, Probe, compare_stiffness};
 use crate::rt::os;
 use crate::substructure::{Command, Introduction, Measurement};
 use crate::units::{AxisUnits, position, signed_in_axis_unit};

@@ -6,9 +6,9 @@ use super::Station;
 use crate::catalog::ending::Cause;
 use crate::catalog::limit::Limit;
 use crate::config::LimitsSpec;
-use crate::control::Pace;
 use crate::link::rig::settings::ProbeSettings;
 use crate::link::rig::{Far, Rig, TestEnd, Trip, Visitor, Wanted, Whereabouts};
+use crate::port::Pace;
 use crate::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Status,
     Substructure, Unavailable,

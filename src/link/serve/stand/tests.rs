@@ -2,10 +2,10 @@ mod records;
 
 use std::sync::{Arc, Mutex};
 
-use crate::control::Pace;
 use crate::link::Transport;
 use crate::link::rig::{FarBuild, ProbeSettings};
 use crate::link::serve::{Heard, Host, Simulated, Tap, Tapped};
+use crate::port::Pace;
 use crate::specimen::SpecimenLaw;
 use crate::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Status,

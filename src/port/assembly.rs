@@ -1,0 +1,771 @@
+//! A port before and after the test: how it is put together, connected, zeroed, resumed and left.
+//!
+//! Everything here happens beside the running test, or once in it. The operations of a tick are in [`super`].
+
+use super::compensators::Compensators;
+use super::*;
+use crate::compensation::Compensator;
+use crate::geometry::LawPlace;
+use crate::stability::CriticalDelay;
+use crate::substructure::Substructure;
+use limits::AxisLimits;
+
+// Construction.
+impl Port {
+    /// Joins a substructure to a structure of `dofs` degrees of freedom. `stiffness` is the estimate k̂, one
+    /// value per axis in N/m as the structure sees it, used to extrapolate a stale force.
+    ///
+    /// # Errors
+    /// See [`PortError`].
+    pub fn new(
+        name: impl Into<String>,
+        axes: Vec<Axis>,
+        substructure: Box<dyn Substructure>,
+        dofs: usize,
+        stiffness: Vec<f64>,
+    ) -> Result<Self, PortError> {
+        let n = substructure.axes();
+        if axes.len() != n || stiffness.len() != n {
+            return Err(PortError::Axes {
+                rows: axes.len(),
+                axes: n,
+            });
+        }
+        for (index, axis) in axes.iter().enumerate() {
+            axis.check(index, dofs)?;
+        }
+        Ok(Self {
+            name: name.into(),
+            loading_unit: None,
+            path: CommandPath::new(&axes),
+            exchange: Exchange::new(substructure),
+            guard: Guard::open(n),
+            feedback: Feedback::new(n),
+            estimates: Estimates::new(&stiffness),
+            stiffness: InitialStiffness::new(stiffness),
+            tracking: Tracking::new(n),
+            startup: Startup::absolute(n),
+            exits: Exits::default(),
+            axes,
+        })
+    }
+
+    /// Puts a recording with as many axes in place of the substructure that was there: it knows the test's numbers only.
+    pub fn put_recording(&mut self, substructure: Box<dyn Substructure>) {
+        if substructure.axes() == self.axes.len() {
+            self.exchange.put_recording(substructure);
+        }
+    }
+
+    /// Takes the live substructure of `fresh`, a port of the same test that was never used, in place of a recording; a formula
+    /// stays, with all it remembers. The counts begin anew.
+    pub fn go_live(&mut self, fresh: Port) {
+        if self.exchange.go_live(fresh.exchange) {
+            self.startup.forget_stated();
+        }
+        self.guard.trust_force();
+        self.path.resume_from_here();
+    }
+
+    /// Sets the limits, one entry per axis, SI at the specimen's own scale; `units` are the metres and newtons in one
+    /// unit of each axis, `tick` the wall time of one tick in s.
+    #[must_use]
+    pub fn with_limits(
+        mut self,
+        limits: Vec<AxisLimits>,
+        units: Vec<(f64, f64)>,
+        tick: f64,
+    ) -> Self {
+        if limits.len() == self.axes.len() && units.len() == self.axes.len() {
+            self.guard = Guard::new(limits, units, tick);
+        }
+        self
+    }
+
+    /// While the test runs it is told something every `step` s only, and judged by that; beside it every `tick` s.
+    #[must_use]
+    pub const fn told_every(mut self, tick: f64, step: f64) -> Self {
+        self.guard.set_ticks(tick, step);
+        self
+    }
+
+    /// Commands it once a step, and lets it take several ticks for its answer; predicts the way of the others with `order`.
+    #[must_use]
+    pub fn with_pace(mut self, per_step: bool, order: Order) -> Self {
+        self.path.set_pace(per_step, order);
+        self
+    }
+
+    /// Which channels take their zero from what is read, one entry per axis.
+    #[must_use]
+    pub fn with_references(mut self, references: Vec<Reference>) -> Self {
+        if references.len() == self.axes.len() {
+            self.startup.set_references(references);
+        }
+        self
+    }
+
+    /// What is declared of the axes, with k̂ between them (n × n by rows, the diagonal is not looked at) and the step Δt.
+    #[must_use]
+    pub fn with_declared(mut self, declared: &[Declared], stiffness: &[Vec<f64>], dt: f64) -> Self {
+        self.estimates.declare(declared, dt);
+        self.stiffness.couple(stiffness);
+        self
+    }
+
+    /// Puts a compensator on each axis; `tick` is the wall time from command to command in s, `pace` the test time that
+    /// passes in one second of it. Without as many compensators as axes nothing changes.
+    #[must_use]
+    pub fn with_compensation(
+        mut self,
+        of: Vec<Box<dyn Compensator>>,
+        metres: Vec<f64>,
+        tick: f64,
+        pace: f64,
+    ) -> Self {
+        let n = self.axes.len();
+        if of.len() == n && metres.len() == n {
+            self.path
+                .set_compensators(Compensators::new(of, metres, tick, pace));
+        }
+        self
+    }
+
+    /// The compensated delay is one of test time: that of an actuator which is simulated in this process.
+    #[must_use]
+    pub const fn with_delay_in_test_time(mut self) -> Self {
+        if let Some(compensators) = self.path.compensators_mut() {
+            compensators.delay_is_in_test_time();
+        }
+        self
+    }
+
+    /// The base moves: targets come with velocities that are no differences of theirs.
+    #[must_use]
+    pub const fn with_moving_base(mut self) -> Self {
+        if let Some(compensators) = self.path.compensators_mut() {
+            compensators.base_moves();
+        }
+        self
+    }
+
+    /// Estimates delay and gain; `dt` is the test time from command to command in s, and the velocity that comes with a target
+    /// is `age` of that older: half where it is the backward difference of the family, γ with the α methods, nothing where it
+    /// is prescribed.
+    #[must_use]
+    pub const fn with_tracking(mut self, dt: f64, age: f64) -> Self {
+        self.tracking.begin(dt, age);
+        self
+    }
+
+    /// What the displacement sensors are declared to add, m of the specimen rms: nothing is said of less, until it is read.
+    #[must_use]
+    pub fn with_declared_noise(mut self, rms_m: f64) -> Self {
+        let axes = self.axes.iter().zip(self.guard.units());
+        let noise = axes.map(|(axis, (metres, _))| (rms_m / (metres * axis.disp_gain)).abs());
+        self.tracking.declare_noise(noise);
+        self
+    }
+
+    /// Knows the critical delays of its axes, one table per axis.
+    #[must_use]
+    pub fn with_critical_delays(mut self, tables: Vec<CriticalDelay>) -> Self {
+        self.tracking.set_critical(tables);
+        self
+    }
+
+    /// Makes the axes the actuators of a loading unit, at the structure's scale; `rows` are those of B, one per coordinate, and
+    /// `law_at` is where the specimen's stiffness is the same for every pose.
+    /// Without as many actuators as axes and rows as coordinates nothing changes.
+    #[must_use]
+    pub fn with_geometry(
+        mut self,
+        geometry: Geometry,
+        rows: Vec<PoseRow>,
+        law_at: LawPlace,
+    ) -> Self {
+        if geometry.actuators() == self.axes.len() && geometry.coordinates().len() == rows.len() {
+            self.loading_unit = Some(Box::new(LoadingUnit::new(geometry, rows, law_at)));
+        }
+        self
+    }
+
+    /// How the loop waits for this specimen; none: by the limits of the test.
+    pub const fn set_wait_rules(&mut self, rules: Option<WaitRules>) {
+        self.exchange.set_wait(rules);
+    }
+
+    /// Where to say how the wiring is checked.
+    pub const fn wiring_check_mut(&mut self) -> &mut WiringCheck {
+        self.startup.wiring_mut()
+    }
+
+    /// Whether the test file says that a computation answers, and no machine.
+    pub const fn set_computed(&mut self, computed: bool) {
+        self.startup.set_computed(computed);
+    }
+
+    /// Where to say what needs the measured displacement.
+    pub const fn needs_measured_disp_mut(&mut self) -> &mut NeedsMeasuredDisp {
+        self.startup.needs_measured_disp_mut()
+    }
+
+    /// Where to say how the specimen is left.
+    pub const fn exits_mut(&mut self) -> &mut Exits {
+        &mut self.exits
+    }
+
+    /// The same port for a rehearsal: `wrap` puts something round its substructure, and is told the metres and newtons in
+    /// one unit of each axis. Limits are known but trip no more, except at what is no number.
+    #[must_use]
+    pub fn rehearsed(
+        mut self,
+        wrap: impl FnOnce(Box<dyn Substructure>, &[(f64, f64)]) -> Box<dyn Substructure>,
+    ) -> Self {
+        self.guard.open_all();
+        self.watched(wrap)
+    }
+
+    /// The same port with something round its substructure that only looks: as [`Port::rehearsed`], limits and all.
+    #[must_use]
+    pub fn watched(
+        mut self,
+        wrap: impl FnOnce(Box<dyn Substructure>, &[(f64, f64)]) -> Box<dyn Substructure>,
+    ) -> Self {
+        let units = self.guard.units();
+        self.exchange = self.exchange.wrapped(|inner| wrap(inner, units));
+        self
+    }
+}
+
+// Connection, position and wiring.
+impl Port {
+    fn expected(&self) -> Expected<'_> {
+        Expected {
+            name: &self.name,
+            axes: &self.axes,
+            stiffness: self.stiffness.own(),
+            startup: &self.startup,
+            wait: self.wait_rules(),
+            is_remote: self.is_remote(),
+            is_resumed: self.path.is_resumed(),
+        }
+    }
+
+    /// Connects the substructure and compares its own estimate of its stiffness with k̂: more than 10 % apart is a
+    /// warning, another sign is refused. Nothing moves.
+    ///
+    /// # Errors
+    /// The specimen cannot take part.
+    pub fn connect(&mut self) -> Result<Introduction, Unavailable> {
+        let mut introduction = self.exchange.connect()?;
+        self.startup.learn_position(&introduction.standing);
+        let expected = self.expected();
+        let warnings = expected.warnings(&introduction);
+        introduction.warnings.extend(warnings);
+        let warnings = expected.compare_stiffness(&introduction.stiffness)?;
+        introduction.warnings.extend(warnings);
+        Ok(introduction)
+    }
+
+    /// What of the test file needs a measured displacement, where the end of the link does not say that it measures one: why the
+    /// test cannot begin.
+    #[must_use]
+    pub fn lacks_measured_disp(&self, introduction: &Introduction) -> Option<String> {
+        self.expected().lacks_measured_disp(introduction)
+    }
+
+    /// What needs the measured displacement.
+    #[must_use]
+    pub const fn needs_measured_disp(&self) -> &NeedsMeasuredDisp {
+        self.startup.needs_measured_disp()
+    }
+
+    /// True if the test file says that a computation answers, and no machine.
+    #[must_use]
+    pub const fn is_computed(&self) -> bool {
+        self.startup.is_computed()
+    }
+
+    /// How the wiring is checked.
+    #[must_use]
+    pub const fn wiring_check(&self) -> &WiringCheck {
+        self.startup.wiring()
+    }
+
+    /// Where the specimen reports that it stands before the test, in its own unit.
+    #[must_use]
+    pub fn standing(&self) -> Option<&[f64]> {
+        self.startup.standing()
+    }
+
+    /// The specimen reports this position, in its own unit, one value per axis. What is not one value per axis is none.
+    pub fn report_position(&mut self, disp: &[f64]) {
+        self.startup.report_position(disp);
+    }
+
+    /// The test file states the position of a specimen that does not report it, in m, one value per axis.
+    pub fn state_position(&mut self, disp: &[f64]) {
+        let units = self.guard.units().iter().map(|(metres, _)| *metres);
+        let stated = disp.iter().zip(units);
+        let stated = stated.map(|(disp, metres)| disp / metres).collect();
+        self.startup.state_position(stated);
+    }
+
+    /// The reported position is where the next command is, and what that is held against. Once a command has left the specimen
+    /// stands where that sent it, whatever it reported before. Does nothing if it does not report one.
+    pub fn take_reported_position(&mut self) {
+        let has_begun = self.has_begun();
+        let Some(standing) = self.startup.standing() else {
+            return;
+        };
+        if !has_begun {
+            self.path.stands_at(standing);
+            self.guard.stands_at(standing);
+        }
+        self.stand_still();
+    }
+
+    /// Where the specimen stands, in its own unit, one value per axis: it was moved there by others than this port.
+    pub fn stands_at(&mut self, disp: &[f64]) {
+        self.path.stands_at(disp);
+    }
+
+    /// Asks what [`Port::arm`] waits for, and does not wait.
+    ///
+    /// # Errors
+    /// The specimen is gone.
+    pub fn ask_to_arm(&mut self, sequence: u64) -> Result<(), LinkFault> {
+        self.exchange
+            .ask_to_arm(sequence, &self.path.command().disp)
+    }
+
+    /// The last agreement before commands move the specimen: command `sequence` stands ready. False if that was not `wanted` any
+    /// more while it was waited for.
+    ///
+    /// # Errors
+    /// The specimen is not ready, stands elsewhere, or is gone.
+    pub fn arm(
+        &mut self,
+        sequence: u64,
+        wanted: &mut dyn FnMut() -> bool,
+    ) -> Result<bool, LinkFault> {
+        let command = &self.path.command().disp;
+        self.exchange.arm(sequence, command, wanted)
+    }
+
+    /// The small motion that checks the wiring of this specimen, if there is to be one: from where it reports that it stands, else
+    /// from its target.
+    #[must_use]
+    pub fn probe(&self) -> Option<Probe> {
+        let reported = self.standing().map(|standing| {
+            let axes = standing.iter().zip(&self.axes);
+            let deformed = axes.map(|(disp, axis)| axis.deformation(*disp));
+            deformed.collect::<Vec<f64>>()
+        });
+        let start = reported.as_deref().unwrap_or_else(|| self.target());
+        self.startup.wiring().probe(start, self.stiffness.own())
+    }
+
+    /// Makes the next command of a probe, which goes on by `share` of an exchange; false if there is none. Real-time: yes.
+    pub fn aim_probe(&mut self, probe: &mut Probe, share: f64) -> bool {
+        let target = self.path.target_mut();
+        let goes_on = probe.go_on(share, &mut target.disp, &mut target.vel);
+        self.path.follow_target(&self.axes);
+        goes_on
+    }
+
+    /// Gives a probe what was measured, unless it is old. Real-time: yes.
+    pub fn take_probe(&self, probe: &mut Probe) {
+        if self.is_fresh() {
+            probe.take(self.measured(), self.force());
+        } else {
+            probe.give_again();
+        }
+    }
+
+    /// What was tried has moved if it is no computation: over OpenFresco's protocols a specimen that heard of no step would take the
+    /// way back for one that is taken back.
+    pub fn accept_probe(&mut self, sequence: u64) {
+        if self.is_remote() && !self.is_computed() {
+            // A link that is lost shows at the next command.
+            let _ = self.exchange.accepted(sequence, false);
+        }
+    }
+
+    /// True if the motion that brings the static load on checks the wiring.
+    #[must_use]
+    pub const fn is_checked_by_static_load(&self) -> bool {
+        self.startup.wiring().is_by_static_load()
+    }
+
+    /// A reading at rest, before the static load comes on; none if it is an old one. Real-time: yes.
+    pub fn read_before_static_load(&mut self) {
+        if self.is_fresh() {
+            let reading = at_rest(&self.path, &self.feedback);
+            self.startup.wiring_mut().rest(reading);
+        }
+    }
+
+    /// A reading at rest, while the static load comes on. Real-time: yes.
+    ///
+    /// # Errors
+    /// A channel is reversed.
+    pub fn check_by_static_load(&mut self) -> Result<(), WiringFault> {
+        let reading = at_rest(&self.path, &self.feedback);
+        self.startup.wiring_mut().moved(reading)
+    }
+
+    /// The axes (from 0) whose wiring the static load did not show.
+    #[must_use]
+    pub fn unchecked_by_static_load(&self) -> Vec<usize> {
+        self.startup.wiring().unshown()
+    }
+
+    /// The specimen rests where it was sent, or as near as it comes. Returns the first axis (from 0) that does not follow; ways
+    /// shorter than `least`, in the structure's units, are not judged. Real-time: yes.
+    pub fn check_motion(&self, check: &mut MotionCheck, least: f64) -> Option<usize> {
+        let reading = at_rest(&self.path, &self.feedback);
+        check.rests(reading, self.stiffness.own(), least)
+    }
+
+    /// Displacement and force are those that were read at rest, where they are known better than by one answer; false where they
+    /// are not. Real-time: yes.
+    pub fn take_rest(&mut self, rest: &Rest) -> bool {
+        self.feedback.take_rest(rest, &self.axes)
+    }
+}
+
+/// Target, displacement and force of a specimen at rest.
+fn at_rest<'a>(path: &'a CommandPath, feedback: &'a Feedback) -> [&'a [f64]; 3] {
+    [&path.target().disp, feedback.disp(), feedback.force()]
+}
+
+// Zero, initial force, and the estimates that begin there.
+impl Port {
+    /// Keeps the measurement last taken for the zero, unless it is an old one.
+    pub fn take_reading(&mut self) {
+        if self.is_fresh() {
+            self.startup.take_reading(self.feedback.raw());
+        }
+    }
+
+    /// True if so many readings were kept.
+    #[must_use]
+    pub fn has_read(&self, times: u32) -> bool {
+        self.startup.has_read(times)
+    }
+
+    /// Readings begin anew: those of an earlier startup are of another moment.
+    pub fn forget_readings(&mut self) {
+        self.startup.forget_readings();
+    }
+
+    /// What was read of one axis.
+    #[must_use]
+    pub fn reading(&self, axis: usize) -> Reading {
+        self.startup.reading(axis)
+    }
+
+    /// Takes the zero of every relative channel from the readings. The estimates begin anew, with the noise that was read.
+    pub fn take_zero(&mut self) {
+        self.startup.take_zero(&mut self.axes, self.path.sent());
+        self.estimates.rest(false);
+        let axes = self.axes.iter().enumerate();
+        let noise = axes.map(|(index, axis)| {
+            let reading = self.startup.reading(index);
+            let disp = (reading.disp_noise / axis.disp_gain).abs();
+            (disp, (reading.force_noise * axis.force_gain).abs())
+        });
+        self.estimates.begin(noise);
+        let axes = self.axes.iter().enumerate();
+        let noise = axes.map(|(index, axis)| {
+            let reading = self.startup.reading(index);
+            let disp = (reading.disp_noise / axis.disp_gain).abs();
+            (disp, reading.noise().is_some())
+        });
+        self.tracking.read_noise(noise);
+    }
+
+    /// An axis reads what it reads now where it read `disp` before an interruption: a relative channel takes the difference
+    /// for drift of its zero.
+    pub fn take_disp_drift(&mut self, index: usize, disp: f64) {
+        if let Some(axis) = self.axes.get_mut(index) {
+            self.startup.take_disp_drift(index, disp, axis);
+        }
+    }
+
+    /// The same of a load cell that read `force`.
+    pub fn take_force_drift(&mut self, index: usize, force: f64) {
+        if let Some(axis) = self.axes.get_mut(index) {
+            self.startup.take_force_drift(index, force, axis);
+        }
+    }
+
+    /// True if the zero of an axis' displacement sensor was read, not declared.
+    #[must_use]
+    pub fn has_relative_disp(&self, index: usize) -> bool {
+        self.startup.has_relative_disp(index)
+    }
+
+    /// True if the zero of an axis' load cell was read, not declared.
+    #[must_use]
+    pub fn has_relative_force(&self, index: usize) -> bool {
+        self.startup.has_relative_force(index)
+    }
+
+    /// How the displacement sensor of each axis belongs to its commands, as it stands now.
+    pub fn disp_zeros(&self) -> impl Iterator<Item = DispZero> {
+        self.startup.disp_zeros(&self.axes)
+    }
+
+    /// Force of an axis that its displacement does not explain by the initial stiffness, and how far off that is where the stiffness is
+    /// known to a `share` and the other axes are coupled with it. `measured`: displacement and force of each axis; all is in the
+    /// specimen's own units.
+    #[must_use]
+    pub fn unexplained_force(&self, axis: usize, measured: &[[f64; 2]], share: f64) -> (f64, f64) {
+        self.stiffness
+            .unexplained_force(axis, &self.axes, measured, share)
+    }
+
+    /// Initial stiffness of an axis at the specimen's own scale, N/m.
+    #[must_use]
+    pub fn stiffness_at_specimen(&self, axis: usize) -> f64 {
+        let own = self.elastic_force_of(axis, 1.0);
+        (own * self.newtons_of(axis) / self.metres_of(axis)).abs()
+    }
+
+    /// Change of the force of an axis whose displacement changes by `way`, by its initial stiffness; both in the specimen's own units.
+    #[must_use]
+    pub fn elastic_force_of(&self, axis: usize, way: f64) -> f64 {
+        let known = self.axes.get(axis);
+        known.map_or(0.0, |known| self.stiffness.elastic_force(axis, known, way))
+    }
+
+    /// The most that the force of an axis can change where the axes are displaced by `ways`, both in the specimen's own units and
+    /// by its initial stiffness: |kᵢⱼ| is at most √(kᵢᵢ kⱼⱼ).
+    #[must_use]
+    pub fn most_force_of(&self, axis: usize, ways: &[f64]) -> f64 {
+        self.stiffness.most_force(axis, &self.axes, ways)
+    }
+
+    /// The specimen stands, and what is measured stands in no row: nothing is estimated from it.
+    pub const fn pause_estimates(&mut self) {
+        self.estimates.rest(true);
+    }
+
+    /// The rest is over.
+    pub const fn resume_estimates(&mut self) {
+        self.estimates.rest(false);
+    }
+
+    /// Begins with what is declared again: a trial of the wiring is not part of the test.
+    pub fn forget_trial(&mut self) {
+        self.estimates.restart(self.stiffness.own());
+    }
+}
+
+// Begin, interruption and end of the test.
+impl Port {
+    /// From here on it is told once a step, or every tick again, if it is one of those.
+    pub fn is_told_by_steps(&mut self, by_steps: bool) {
+        self.guard.is_told_by_steps(by_steps);
+    }
+
+    /// The test begins, or goes on: energy counts from the next measurement on, beside what was counted before an
+    /// interruption, and what is remembered of the measurements is what stands in the rows, so that a replay remembers the same.
+    pub fn begin_test(&mut self) {
+        self.guard.forget_measurements();
+        self.estimates.begin_test();
+    }
+
+    /// The test is interrupted: what is measured from here on is not compared with what was measured in it, and no energy is
+    /// counted until it goes on.
+    pub fn leave_test(&mut self) {
+        self.guard.forget_measurements();
+        self.estimates.leave_test();
+    }
+
+    /// The test runs: from the next target on commands are compensated, and it is seen how they are followed.
+    pub const fn begin_compensation(&mut self) {
+        self.tracking.test_runs(true);
+        if let Some(compensators) = self.path.compensators_mut() {
+            compensators.begin();
+        }
+    }
+
+    /// What moves the specimen from here on is none of the test's: nothing is seen of how it follows.
+    pub const fn pause_following(&mut self) {
+        self.tracking.test_runs(false);
+    }
+
+    /// The test goes on.
+    pub const fn go_on_following(&mut self) {
+        self.tracking.test_runs(true);
+    }
+
+    /// From here on the state before each command is kept, too: the last one never leaves, and is made again.
+    pub fn follow_compensation(&mut self) {
+        if let Some(compensators) = self.path.compensators_mut() {
+            compensators.follow_record();
+        }
+    }
+
+    /// The compensators' states, for a test that is to go on later: before the command that stands ready, where the record
+    /// was followed.
+    pub fn freeze_compensation(&mut self, out: &mut Vec<f64>) {
+        if let Some(compensators) = self.path.compensators_mut() {
+            compensators.freeze(out);
+        }
+    }
+
+    /// Takes them back from the front of `from` and returns the rest.
+    pub fn thaw_compensation<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
+        match self.path.compensators_mut() {
+            Some(compensators) => compensators.thaw(from),
+            None => from,
+        }
+    }
+
+    /// Whatever moved when the test was interrupted stands by now: what it is told next is judged by that.
+    pub fn has_come_to_rest(&mut self) {
+        self.guard.rests();
+    }
+
+    /// A partner that is commanded once a step is told its target once more: what it answered, if it did, is lost.
+    pub fn ask_again(&mut self) {
+        let per_step = self.path.is_per_step();
+        let was_told = self.exchange.ask_again(per_step);
+        if per_step {
+            self.guard.interrupt(was_told);
+        }
+        // Only now: what it was told in the test is kept.
+        if self.path.was_led_away() {
+            self.guard.stands_at(self.path.sent());
+        }
+    }
+
+    /// Makes the last command of the interrupted test again, at rest.
+    pub fn return_to_the_test(&mut self) {
+        self.path.return_to_the_test();
+    }
+
+    /// The test goes on: the target that a partner which is commanded once a step has not been told, or has not answered, is its
+    /// command again, and judged by those that it was told before. Everything else makes its next command of the way.
+    pub fn take_up_target(&mut self) {
+        self.guard.go_on();
+        if self.exchange.is_pending() {
+            self.path.take_goal(&self.axes);
+        }
+    }
+
+    /// The test is over: the last command counts as one at rest, and nothing is estimated from here on. A partner that owes an
+    /// answer is told nothing before that has come.
+    pub fn end_test(&mut self) {
+        self.exchange.end_test();
+        self.guard.rests();
+        self.pause_estimates();
+        self.pause_following();
+    }
+
+    /// The specimen is moved back from what it tripped at.
+    pub fn excuse(&mut self) {
+        self.guard.excuse(&self.startup);
+    }
+
+    /// True if what its return move goes by is known: no force that its load cell cannot read.
+    #[must_use]
+    pub fn can_be_led(&self, tripped: bool) -> bool {
+        !(self.guard.force_is_unknown() && *self.exits.after(tripped) == Exit::ZeroForce)
+    }
+
+    /// It stops where it is, and its own end judges what comes next from rest, as this one does. A link that is lost shows with
+    /// the next command.
+    pub fn halt(&mut self) {
+        self.exchange.halt();
+    }
+
+    /// Begins the return move with ticks of `tick` seconds of wall time; none where the specimen is to stay.
+    pub fn begin_return_move(&mut self, tripped: bool, tick: f64) -> Option<ReturnMove> {
+        let speed = self.exits.speed;
+        self.leave_pose();
+        let goal = match self.exits.after(tripped) {
+            Exit::Freeze => return None,
+            Exit::ZeroForce => {
+                let from = Departing {
+                    observed: Observed {
+                        axes: &self.axes,
+                        path: &self.path,
+                        feedback: &self.feedback,
+                        stiffness: &self.stiffness,
+                    },
+                    guard: &self.guard,
+                    startup: &self.startup,
+                    unit: self.loading_unit.as_deref(),
+                };
+                return Some(ReturnMove::unload(&from, speed, tick));
+            }
+            Exit::ZeroDisp => self.axes.iter().map(|axis| axis.disp_offset).collect(),
+            Exit::Safe(disp) => disp.clone(),
+        };
+        self.path.command_place(&goal);
+        self.begin_ramp();
+        let ends = self.sent().iter().zip(self.command()).enumerate();
+        let times = ends.map(|(axis, (from, to))| {
+            let distance = (to - from).abs().max(self.steepest(axis)) * self.metres_of(axis);
+            self.guard.cosine_time(axis, distance, speed)
+        });
+        let seconds = times.fold(0.0, f64::max);
+        Some(ReturnMove::ramp(seconds, tick))
+    }
+
+    /// Makes the next command of the return move; false when there is no further to go.
+    pub fn go_on(&mut self, way: &mut ReturnMove) -> bool {
+        let unit = self.loading_unit.as_deref_mut();
+        way.go_on(&self.axes, &mut self.path, &self.feedback, unit)
+    }
+
+    /// Says goodbye.
+    pub fn retire(&mut self, how: Retirement) {
+        self.exchange.retire(how);
+    }
+
+    /// Who holds the specimen if commands stay away.
+    #[must_use]
+    pub fn holder(&self) -> Holder {
+        self.exchange.holder()
+    }
+
+    /// The same after the goodbye, when it is known whether it was armed.
+    #[must_use]
+    pub fn left_to(&self) -> Holder {
+        match self.holder() {
+            Holder::ItsWatchdog if self.needs_no_acknowledgement() => Holder::NeverArmed,
+            holder => holder,
+        }
+    }
+
+    /// True of a specimen that need not acknowledge the goodbye.
+    #[must_use]
+    pub fn needs_no_acknowledgement(&self) -> bool {
+        self.exchange.has_acknowledged().is_none()
+    }
+
+    /// True of a specimen that should have acknowledged the goodbye, and did not.
+    #[must_use]
+    pub fn lacks_acknowledgement(&self) -> bool {
+        self.exchange.has_acknowledged() == Some(false)
+    }
+
+    /// What it answered to the goodbye beyond a plain acknowledgement.
+    #[must_use]
+    pub fn last_words(&self) -> Option<String> {
+        self.exchange.last_words()
+    }
+
+    /// More than the fault says about why the link was lost.
+    #[must_use]
+    pub fn complaint(&self) -> Option<String> {
+        self.exchange.complaint()
+    }
+}

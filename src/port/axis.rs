@@ -1,0 +1,109 @@
+//! The map between one axis of a specimen and the structure: a row of B, gains and offsets.
+//!
+//! Invariant: both directions use the same gains, so a command that is followed exactly comes back as its own target.
+
+use super::error::PortError;
+
+/// One axis of a specimen as the structure sees it: the row of B and the map between the two systems of units.
+///
+/// Command = `disp_gain`·d + `disp_offset`, force = `force_gain`·(raw − `force_offset`). The gains carry
+/// sign, scale, similitude and unit; for a specimen in SI units and full scale they are 1 and the offsets 0.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Axis {
+    /// Nonzero entries of the row of B: degree of freedom (from 0) and coefficient. Of an actuator: what the stroke is of
+    /// small displacements.
+    pub row: Vec<(usize, f64)>,
+    /// b·ι: the part of a base displacement that this deformation does not see.
+    pub base: f64,
+    /// Specimen displacement units per metre.
+    pub disp_gain: f64,
+    /// Command at d = 0, in the specimen's unit.
+    pub disp_offset: f64,
+    /// What the displacement sensor reads there beyond the command: 0 unless it was found while zeroing.
+    pub measured_offset: f64,
+    /// Specimen velocity units per m/s.
+    pub vel_gain: f64,
+    /// Newtons at the structure per unit of raw force.
+    pub force_gain: f64,
+    /// Raw force to be taken as zero, in the specimen's unit.
+    pub force_offset: f64,
+}
+
+impl Axis {
+    /// An axis in SI units at full scale.
+    #[must_use]
+    pub fn plain(row: Vec<(usize, f64)>) -> Self {
+        Self {
+            row,
+            base: 0.0,
+            disp_gain: 1.0,
+            disp_offset: 0.0,
+            measured_offset: 0.0,
+            vel_gain: 1.0,
+            force_gain: 1.0,
+            force_offset: 0.0,
+        }
+    }
+
+    /// Refuses rows of B beyond `dofs` degrees of freedom, and gains that cannot be undone; the axis counts from 0.
+    pub(super) fn check(&self, index: usize, dofs: usize) -> Result<(), PortError> {
+        if let Some(&(dof, _)) = self.row.iter().find(|&&(dof, _)| dof >= dofs) {
+            return Err(PortError::Dof {
+                row: index + 1,
+                dof: dof + 1,
+                dofs,
+            });
+        }
+        let gains = [
+            ("displacement gain", self.disp_gain),
+            ("velocity gain", self.vel_gain),
+            ("force gain", self.force_gain),
+        ];
+        let bad = gains.iter().find(|(_, g)| !(g.is_finite() && *g != 0.0));
+        bad.map_or(Ok(()), |&(what, found)| {
+            Err(PortError::Gain {
+                axis: index + 1,
+                what,
+                found: found.to_string(),
+            })
+        })
+    }
+
+    /// d in m at the structure for which this is the command, in the specimen's unit. Real-time: yes.
+    #[inline]
+    #[must_use]
+    pub fn deformation(&self, command: f64) -> f64 {
+        (command - self.disp_offset) / self.disp_gain
+    }
+
+    /// Displacement in m and force in N at the structure of what was measured in the specimen's units. Real-time: yes.
+    #[inline]
+    pub(super) fn at_structure(&self, disp: f64, force: f64) -> (f64, f64) {
+        let disp = (disp - self.measured_offset - self.disp_offset) / self.disp_gain;
+        (disp, self.force_gain * (force - self.force_offset))
+    }
+
+    /// b·x and b·v, relative to the base. Real-time: yes.
+    #[inline]
+    pub(super) fn dots(&self, state: [&[f64]; 2], base: [f64; 2]) -> (f64, f64) {
+        dots(&self.row, self.base, state, base)
+    }
+}
+
+/// b·x and b·v, relative to the base. Real-time: yes.
+#[inline]
+pub(super) fn dots(
+    row: &[(usize, f64)],
+    base_part: f64,
+    [x, v]: [&[f64]; 2],
+    [base_disp, base_vel]: [f64; 2],
+) -> (f64, f64) {
+    let (mut disp, mut vel) = (0.0, 0.0);
+    for &(dof, coefficient) in row {
+        if let (Some(x), Some(v)) = (x.get(dof), v.get(dof)) {
+            disp += coefficient * x;
+            vel += coefficient * v;
+        }
+    }
+    (disp - base_part * base_disp, vel - base_part * base_vel)
+}

@@ -1,0 +1,46 @@
+//! Displacement and velocity of all axes of one specimen.
+
+/// One value per axis, of displacements and of their velocities.
+#[derive(Debug, Clone)]
+pub(super) struct AxisMotion {
+    pub disp: Vec<f64>,
+    pub vel: Vec<f64>,
+}
+
+impl AxisMotion {
+    /// At zero, at rest.
+    pub fn zeros(axes: usize) -> Self {
+        Self {
+            disp: vec![0.0; axes],
+            vel: vec![0.0; axes],
+        }
+    }
+
+    /// Takes the values of another of as many axes. Real-time: yes.
+    #[inline]
+    pub fn copy_from(&mut self, other: &Self) {
+        self.disp.copy_from_slice(&other.disp);
+        self.vel.copy_from_slice(&other.vel);
+    }
+
+    /// Takes displacements, at rest. Real-time: yes.
+    pub fn rest_at(&mut self, disp: &[f64]) {
+        self.disp.copy_from_slice(disp);
+        self.vel.fill(0.0);
+    }
+
+    /// Takes displacement and velocity of one axis after the other. Real-time: yes.
+    #[inline]
+    pub fn take(&mut self, along: impl Iterator<Item = (f64, f64)>) {
+        let axes = self.disp.iter_mut().zip(&mut self.vel);
+        for ((disp, vel), (new_disp, new_vel)) in axes.zip(along) {
+            (*disp, *vel) = (new_disp, new_vel);
+        }
+    }
+
+    /// Displacement and velocity of one axis after the other. Real-time: yes.
+    #[inline]
+    pub fn iter(&self) -> impl Iterator<Item = (&f64, &f64)> + Clone {
+        self.disp.iter().zip(&self.vel)
+    }
+}

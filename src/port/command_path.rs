@@ -1,0 +1,414 @@
+//! The command path: targets, the way between two targets, and the command that is made of them.
+//!
+//! Quantities at the structure are in m and m/s, commands in the specimen's unit. A specimen is commanded at every tick along the
+//! interpolation of its targets; or, if it is slow, once a step with the target itself. The command that stands ready is made here
+//! and judged elsewhere. Invariant: each change of this command revokes its clearance, so no command leaves that was not judged.
+
+use super::axis::Axis;
+use super::axis_motion::AxisMotion;
+use super::compensators::Compensators;
+use super::interpolation::Order;
+use super::loading_unit::LoadingUnit;
+use super::ramp::Ramp;
+use super::step_pacer::PacerTick;
+use super::target_path::TargetPath;
+use crate::geometry::MOST;
+
+/// Which moment the velocity that belongs to a target is of.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) enum VelocityOf {
+    /// That of the integrator, some part of a tick ago.
+    #[default]
+    Integrator,
+    /// Now: the slope of the path between two targets.
+    Path,
+}
+
+/// Whether the command that stands ready may leave.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Clearance {
+    /// It was not judged, or it tripped.
+    Unjudged,
+    /// It was judged, and nothing tripped.
+    Cleared,
+}
+
+/// What the command in force is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum InForce {
+    /// One that was made to move.
+    Motion,
+    /// The last one once more, at rest.
+    Repetition,
+}
+
+/// From targets to commands, for all axes of one specimen.
+#[derive(Debug)]
+pub(super) struct CommandPath {
+    /// Deformation that the structure asks for: B·x; of an actuator the stroke for the pose B·x.
+    target: AxisMotion,
+    velocity_of: VelocityOf,
+    /// The target of the tick in which it was reached.
+    kept_target: Vec<f64>,
+    /// The target of the next step.
+    path: TargetPath,
+    /// It is commanded once a step.
+    per_step: bool,
+    ramp: Ramp,
+    compensators: Option<Compensators>,
+    /// The command that stands ready.
+    command: AxisMotion,
+    clearance: Clearance,
+    /// What was sent last.
+    sent: Vec<f64>,
+    in_force: InForce,
+    /// Zero velocities.
+    still: Vec<f64>,
+    /// The last command of an interrupted test; empty where there was none.
+    resumed_from: Vec<f64>,
+}
+
+impl CommandPath {
+    /// Of axes that stand where their deformation is zero.
+    pub fn new(axes: &[Axis]) -> Self {
+        let n = axes.len();
+        Self {
+            target: AxisMotion::zeros(n),
+            velocity_of: VelocityOf::default(),
+            kept_target: vec![0.0; n],
+            path: TargetPath::new(n),
+            per_step: false,
+            ramp: Ramp::new(n),
+            compensators: None,
+            command: AxisMotion::zeros(n),
+            clearance: Clearance::Unjudged,
+            sent: axes.iter().map(|axis| axis.disp_offset).collect(),
+            in_force: InForce::Repetition,
+            still: vec![0.0; n],
+            resumed_from: Vec::new(),
+        }
+    }
+
+    pub fn set_pace(&mut self, per_step: bool, order: Order) {
+        self.per_step = per_step;
+        self.path.set_order(order);
+    }
+
+    pub fn set_compensators(&mut self, compensators: Compensators) {
+        self.compensators = Some(compensators);
+    }
+
+    pub const fn compensators(&self) -> Option<&Compensators> {
+        self.compensators.as_ref()
+    }
+
+    pub const fn compensators_mut(&mut self) -> Option<&mut Compensators> {
+        self.compensators.as_mut()
+    }
+
+    #[inline]
+    pub const fn is_per_step(&self) -> bool {
+        self.per_step
+    }
+
+    #[inline]
+    pub const fn target(&self) -> &AxisMotion {
+        &self.target
+    }
+
+    /// Where a target is to be written. Real-time: yes.
+    #[inline]
+    pub const fn target_mut(&mut self) -> &mut AxisMotion {
+        &mut self.target
+    }
+
+    #[inline]
+    pub const fn velocity_of(&self) -> VelocityOf {
+        self.velocity_of
+    }
+
+    #[inline]
+    pub const fn command(&self) -> &AxisMotion {
+        &self.command
+    }
+
+    /// Where a command is to be written: its clearance is revoked. Real-time: yes.
+    #[inline]
+    const fn command_mut(&mut self) -> &mut AxisMotion {
+        self.clearance = Clearance::Unjudged;
+        &mut self.command
+    }
+
+    #[inline]
+    pub fn sent(&self) -> &[f64] {
+        &self.sent
+    }
+
+    /// The last command with zero velocities. Real-time: yes.
+    #[inline]
+    pub fn last_at_rest(&self) -> [&[f64]; 2] {
+        [&self.sent, &self.still]
+    }
+
+    /// The target of the next step. Real-time: yes.
+    #[inline]
+    pub const fn goal(&self) -> &AxisMotion {
+        self.path.goal()
+    }
+
+    /// Where the target of the next step is to be written. Real-time: yes.
+    #[inline]
+    pub const fn goal_mut(&mut self) -> &mut AxisMotion {
+        self.path.goal_mut()
+    }
+
+    /// The command that stands ready was judged. Real-time: yes.
+    #[inline]
+    pub const fn clear(&mut self, passes: bool) {
+        self.clearance = if passes {
+            Clearance::Cleared
+        } else {
+            Clearance::Unjudged
+        };
+    }
+
+    /// Lets the command that stands ready leave, if it was judged; false if it was not. Real-time: yes.
+    #[inline]
+    pub fn release(&mut self) -> bool {
+        if self.clearance != Clearance::Cleared {
+            return false;
+        }
+        self.clearance = Clearance::Unjudged;
+        self.in_force = InForce::Motion;
+        for (sent, command) in self.sent.iter_mut().zip(&self.command.disp) {
+            *sent = *command;
+        }
+        if let Some(compensators) = &mut self.compensators {
+            compensators.note_sent(true);
+        }
+        true
+    }
+
+    /// The last command leaves once more, at rest. Real-time: yes.
+    #[inline]
+    pub fn repeat(&mut self) {
+        self.in_force = InForce::Repetition;
+        if let Some(compensators) = &mut self.compensators {
+            compensators.note_sent(false);
+        }
+    }
+
+    /// The command is the target itself. Real-time: yes.
+    #[inline]
+    pub fn follow_target(&mut self, axes: &[Axis]) {
+        self.clearance = Clearance::Unjudged;
+        let commands = self.command.disp.iter_mut().zip(&mut self.command.vel);
+        let targets = self.target.iter();
+        for (((command, command_vel), (disp, vel)), axis) in commands.zip(targets).zip(axes) {
+            *command = axis.disp_gain * disp + axis.disp_offset;
+            *command_vel = axis.vel_gain * vel;
+        }
+    }
+
+    /// Makes the command of the target. Real-time: yes.
+    #[inline]
+    pub fn prepare(&mut self, axes: &[Axis]) {
+        self.follow_target(axes);
+        if let Some(compensators) = &mut self.compensators {
+            let is_published = self.velocity_of == VelocityOf::Integrator;
+            compensators.lead(axes, &self.target, &mut self.command, is_published);
+        }
+    }
+
+    /// The target is the first one of the test; everything has rested there.
+    pub fn begin(&mut self) {
+        self.path.begin(&self.target);
+    }
+
+    /// The goal is known from here on, `share` of the step after the last target. Real-time: yes.
+    #[inline]
+    pub fn know(&mut self, share: f64, axes: &[Axis]) {
+        self.path.know(share);
+        if self.per_step {
+            self.take_goal(axes);
+        } else if let Some(compensators) = &mut self.compensators {
+            compensators.amend(axes, &self.path);
+        }
+    }
+
+    /// The goal is the target, and the command is made of it. Real-time: yes.
+    pub fn take_goal(&mut self, axes: &[Axis]) {
+        self.land();
+        self.prepare(axes);
+    }
+
+    #[inline]
+    fn land(&mut self) {
+        self.target.copy_from(self.path.goal());
+        self.velocity_of = VelocityOf::Integrator;
+    }
+
+    /// The target is reached: from here on the next is sought. Real-time: yes.
+    #[inline]
+    pub fn reach(&mut self) {
+        self.path.reach();
+        if let Some(compensators) = &mut self.compensators {
+            compensators.begin_grid();
+        }
+    }
+
+    /// Makes the command at the end of a tick of the step pacer, with steps of `dt` seconds of test time. Real-time: yes.
+    #[inline]
+    pub fn advance(&mut self, tick: &PacerTick, dt: f64, axes: &[Axis]) {
+        if self.per_step {
+            return;
+        }
+        if tick.lands() && tick.length >= 1.0 {
+            // A whole step in one tick: the integrator's own velocity belongs to it.
+            self.land();
+        } else {
+            let targets = self.target.disp.iter_mut().zip(&mut self.target.vel);
+            for (axis, (target, target_vel)) in targets.enumerate() {
+                let point = self.path.at(axis, tick.share);
+                *target = point.disp;
+                *target_vel = point.slope / dt;
+            }
+            self.velocity_of = VelocityOf::Path;
+        }
+        self.follow_target(axes);
+        if let Some(compensators) = &mut self.compensators {
+            let is_published = self.velocity_of == VelocityOf::Integrator;
+            let (path, target) = (&self.path, &self.target);
+            let command = &mut self.command;
+            compensators.lead_along(axes, path, target, command, (is_published, tick));
+        }
+    }
+
+    /// No command is made for the next tick. Real-time: yes, where no record is followed.
+    #[inline]
+    pub fn hold(&mut self) {
+        // What is commanded once a step may still have its target before it.
+        if self.per_step {
+            return;
+        }
+        if let Some(compensators) = &mut self.compensators {
+            compensators.hold();
+        }
+    }
+
+    /// Keeps the target that was just reached. Real-time: yes.
+    pub fn keep_target(&mut self) {
+        self.kept_target.copy_from_slice(&self.target.disp);
+    }
+
+    /// Takes it back. Real-time: yes.
+    pub fn take_kept_target(&mut self) {
+        self.target.disp.copy_from_slice(&self.kept_target);
+    }
+
+    /// The next command is the last one: nothing moves.
+    pub fn stand_still(&mut self) {
+        self.clearance = Clearance::Unjudged;
+        self.command.rest_at(&self.sent);
+    }
+
+    /// The next command is at these displacements; its velocity stays. For the begin of a ramp.
+    pub fn command_place(&mut self, disp: &[f64]) {
+        self.command_mut().disp.copy_from_slice(disp);
+    }
+
+    /// The next command is this many m of the structure's behind the last. Real-time: yes.
+    pub fn go_back(&mut self, steps: impl Iterator<Item = f64>, axes: &[Axis]) {
+        self.clearance = Clearance::Unjudged;
+        let commands = self.command.disp.iter_mut().zip(&mut self.command.vel);
+        let steps = self.sent.iter().zip(axes).zip(steps);
+        for ((command, vel), ((sent, axis), step)) in commands.zip(steps) {
+            *command = sent - axis.disp_gain * step;
+            *vel = 0.0;
+        }
+    }
+
+    /// A ramp goes from the last command to the one that stands ready. A loading unit goes from pose to pose.
+    pub fn begin_ramp(&mut self, axes: &[Axis], unit: Option<&mut LoadingUnit>) {
+        self.ramp.begin(&self.sent, &self.command.disp);
+        if let Some(unit) = unit {
+            let mut strokes = [[0.0; MOST]; 2];
+            let ends = [&self.sent, &self.command.disp];
+            for (strokes, commands) in strokes.iter_mut().zip(ends) {
+                for (stroke, (axis, command)) in strokes.iter_mut().zip(axes.iter().zip(commands)) {
+                    *stroke = axis.deformation(*command);
+                }
+            }
+            let [from, to] = &strokes;
+            unit.begin_way([from, to]);
+        }
+    }
+
+    /// The next command is at this share (0 … 1) of the ramp, which takes `seconds` of test time. Real-time: yes.
+    pub fn ramp_to(
+        &mut self,
+        share: f64,
+        seconds: f64,
+        axes: &[Axis],
+        unit: Option<&mut LoadingUnit>,
+    ) {
+        self.clearance = Clearance::Unjudged;
+        self.ramp.go_to(share, seconds, axes, &mut self.command);
+        let unit = unit.filter(|_| share < 1.0);
+        if let Some(bends) = unit.and_then(|unit| unit.bends(Ramp::way(share))) {
+            Ramp::bend([share, seconds], axes, bends, &mut self.command);
+        }
+    }
+
+    /// The specimen stands here, in its own unit: others than this port moved it.
+    pub fn stands_at(&mut self, disp: &[f64]) {
+        for (sent, disp) in self.sent.iter_mut().zip(disp) {
+            *sent = *disp;
+        }
+    }
+
+    /// The last command is the one of an interrupted test.
+    pub fn resume_from_here(&mut self) {
+        self.resumed_from.clone_from(&self.sent);
+    }
+
+    /// True in a test that goes on where an interrupted one stood.
+    pub const fn is_resumed(&self) -> bool {
+        !self.resumed_from.is_empty()
+    }
+
+    /// True if the specimen was led away from where the interrupted test left it.
+    pub fn was_led_away(&self) -> bool {
+        self.is_resumed() && self.sent != self.resumed_from
+    }
+
+    /// Makes the last command of the interrupted test again, at rest.
+    pub fn return_to_the_test(&mut self) {
+        self.clearance = Clearance::Unjudged;
+        if self.resumed_from.len() == self.command.disp.len() {
+            self.command.disp.copy_from_slice(&self.resumed_from);
+        }
+        self.command.vel.fill(0.0);
+    }
+
+    /// True if the command in force was made to move. Real-time: yes.
+    #[inline]
+    pub fn moves(&self) -> bool {
+        self.in_force == InForce::Motion
+    }
+
+    /// Velocity of the command that stands ready, or of what is in force without its lead; in the axis' unit. Real-time: yes.
+    #[inline]
+    pub fn own_vel(&self, axis: usize, ready: f64) -> f64 {
+        let led = self.compensators.as_ref();
+        led.and_then(|led| led.own_vel(axis)).unwrap_or(ready)
+    }
+
+    /// The answer to a command is there, or an old one in place of it. Real-time: yes.
+    #[inline]
+    pub fn hear(&mut self, axes: &[Axis], raw: &[f64], is_fresh: bool) {
+        if let Some(compensators) = &mut self.compensators {
+            compensators.hear(axes, &self.sent, raw, is_fresh);
+        }
+    }
+}

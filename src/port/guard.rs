@@ -1,0 +1,335 @@
+//! The limits of a specimen: every command is judged before it leaves, and every fresh measurement.
+//!
+//! The guard keeps the declared limits, the watch over past values, and the units of the axes. Invariant: what is judged is SI at
+//! the specimen's own scale. Limits: it decides nothing; it says what trips.
+
+use super::axis::Axis;
+use super::axis_motion::AxisMotion;
+use super::limits::{AxisLimits, Estimated, Found, Hit, Level, RECORDED, Watch};
+use super::startup::{SAME, Startup};
+use crate::catalog::limit::Limit;
+use crate::substructure::Measurement;
+use std::f64::consts::{FRAC_PI_2, PI};
+
+/// Share of an acceleration limit that a way in or out uses at its fastest.
+const SHARE_OF_ACCEL: f64 = 0.5;
+
+/// What a port knows about its limits.
+#[derive(Debug)]
+pub(super) struct Guard {
+    watch: Watch,
+    /// As they are declared; a rehearsal trips at none of them.
+    declared: Vec<AxisLimits>,
+    /// Axis and place in [`RECORDED`] of each judged value that has a column.
+    recorded: Vec<(usize, usize)>,
+    /// Metres and newtons in one unit of each axis.
+    units: Vec<(f64, f64)>,
+    /// Wall time in s from command to command of a specimen that is told once a step, beside the test and in it.
+    ticks: Option<[f64; 2]>,
+    /// The watch of an interrupted test over a specimen that is told once a step: its commands were, and will be, of whole steps.
+    interrupted: Option<Watch>,
+    /// A load cell tripped at the end of its range: no way out goes by its force.
+    force_is_unknown: bool,
+}
+
+impl Guard {
+    /// For `axes` axes in SI units, without a limit.
+    pub fn open(axes: usize) -> Self {
+        Self::new(vec![AxisLimits::NONE; axes], vec![(1.0, 1.0); axes], 1.0)
+    }
+
+    /// With these limits, metres and newtons in one unit of each axis, and ticks of `tick` s of wall time.
+    pub fn new(limits: Vec<AxisLimits>, units: Vec<(f64, f64)>, tick: f64) -> Self {
+        Self {
+            recorded: recorded(&limits),
+            declared: limits.clone(),
+            watch: Watch::new(limits, tick),
+            units,
+            ticks: None,
+            interrupted: None,
+            force_is_unknown: false,
+        }
+    }
+
+    /// From here on nothing trips but what is no number.
+    pub fn open_all(&mut self) {
+        self.watch = Watch::new(vec![AxisLimits::NONE; self.units.len()], 1.0);
+    }
+
+    /// While the test runs the specimen is told something every `step` s only; beside it every `tick` s.
+    pub const fn set_ticks(&mut self, tick: f64, step: f64) {
+        self.ticks = Some([tick, step]);
+    }
+
+    /// From here on the specimen is told once a step, or every tick again, if it is one of those.
+    pub fn is_told_by_steps(&mut self, by_steps: bool) {
+        if let Some([tick, step]) = self.ticks {
+            self.watch.tick_is(if by_steps { step } else { tick });
+        }
+    }
+
+    pub fn declared(&self) -> &[AxisLimits] {
+        &self.declared
+    }
+
+    pub fn units(&self) -> &[(f64, f64)] {
+        &self.units
+    }
+
+    pub fn metres_of(&self, axis: usize) -> f64 {
+        self.units.get(axis).map_or(1.0, |unit| unit.0)
+    }
+
+    pub fn newtons_of(&self, axis: usize) -> f64 {
+        self.units.get(axis).map_or(1.0, |unit| unit.1)
+    }
+
+    /// Axis (from 0) and limit of each judged value that has a column.
+    pub fn recorded_limits(&self) -> impl Iterator<Item = (usize, Limit)> + '_ {
+        let recorded = self.recorded.iter();
+        recorded.filter_map(|(axis, place)| Some((*axis, *RECORDED.get(*place)?)))
+    }
+
+    /// The values of [`Guard::recorded_limits`] that were judged in this tick; NaN where nothing was judged. Real-time: yes.
+    #[inline]
+    pub fn judged(&self) -> impl Iterator<Item = f64> + '_ {
+        self.recorded.iter().map(|(axis, place)| {
+            let judged = self.watch.judged(*axis);
+            judged
+                .and_then(|judged| judged.get(*place))
+                .copied()
+                .unwrap_or(f64::NAN)
+        })
+    }
+
+    /// A tick begins: nothing was judged in it. Real-time: yes.
+    #[inline]
+    pub fn begin_tick(&mut self) {
+        self.watch.begin_tick();
+    }
+
+    /// Judges a command. Real-time: yes.
+    #[inline]
+    pub fn judge_command(&mut self, command: &AxisMotion) -> Found {
+        let mut found = Found::default();
+        self.watch
+            .judge_command(Self::metres(&self.units, &command.disp), &mut found);
+        for (axis, vel) in command.vel.iter().enumerate() {
+            if !vel.is_finite() {
+                found.trip.get_or_insert(Hit {
+                    axis,
+                    quantity: Limit::CommandVel,
+                    level: Level::Trip,
+                    value: f64::NAN,
+                    bound: f64::MAX,
+                });
+            }
+        }
+        found
+    }
+
+    /// Judges a fresh measurement of axes that were sent to `sent`. Real-time: yes.
+    #[inline]
+    pub fn judge_measured(
+        &mut self,
+        raw: &Measurement,
+        axes: &[Axis],
+        sent: &[f64],
+        startup: &Startup,
+    ) -> Found {
+        let values = raw.disp.iter().zip(&raw.force).zip(self.units.iter());
+        let axes = axes.iter().zip(sent).enumerate();
+        let values = values.zip(axes).map(
+            |(((disp, force), (metres, newtons)), (index, (axis, sent)))| {
+                // What the sensor reads beyond the command before its zero is taken is no following error.
+                let stands = if startup.awaits_zero(index) {
+                    *sent
+                } else {
+                    disp - axis.measured_offset
+                };
+                (disp * metres, force * newtons, stands * metres)
+            },
+        );
+        let mut found = Found::default();
+        self.watch.judge_measured(values, &mut found);
+        found
+    }
+
+    /// Judges estimates of each axis, and adds to `found`. Real-time: yes.
+    #[inline]
+    pub fn judge_estimates(&mut self, values: impl Iterator<Item = Estimated>, found: &mut Found) {
+        self.watch.estimated(values, found);
+    }
+
+    /// Judges delay and gain of each axis, and adds to `found`. Real-time: yes.
+    #[inline]
+    pub fn judge_tracking(&mut self, values: impl Iterator<Item = [f64; 2]>, found: &mut Found) {
+        self.watch.tracked(values, found);
+    }
+
+    /// The next of the trips and warnings that were found beside the first. Real-time: yes.
+    pub fn next_untold(&mut self) -> Option<Hit> {
+        self.watch.next_untold()
+    }
+
+    /// A command leaves. Real-time: yes.
+    #[inline]
+    pub fn sent(&mut self, disp: &[f64]) {
+        self.watch.sent(Self::metres(&self.units, disp));
+    }
+
+    /// The last command, `disp`, leaves once more: where none has left, it is where the specimen stands. Real-time: yes.
+    pub fn sent_again(&mut self, disp: &[f64]) {
+        if self.watch.was_told() {
+            self.watch.sent_again();
+        } else {
+            self.stands_at(disp);
+        }
+    }
+
+    /// The specimen stands at `disp` before the first command.
+    pub fn stands_at(&mut self, disp: &[f64]) {
+        self.watch.stands_at(Self::metres(&self.units, disp));
+    }
+
+    /// Steps begin at `goal`.
+    pub fn aims_from(&mut self, axes: &[Axis], goal: &[f64]) {
+        self.watch.aims_from(Self::goals(&self.units, axes, goal));
+    }
+
+    /// The next step goes to `goal`. Real-time: yes.
+    #[inline]
+    pub fn aims_at(&mut self, axes: &[Axis], goal: &[f64]) {
+        self.watch.aims_at(Self::goals(&self.units, axes, goal));
+    }
+
+    /// The last command counts as one at rest.
+    pub fn rests(&mut self) {
+        self.watch.rests();
+    }
+
+    /// The next measurement is the first of the test, or of what comes after it.
+    pub fn forget_measurements(&mut self) {
+        self.watch.forget_measurements();
+    }
+
+    /// What is commanded from here on is none of the test, until [`Guard::go_on`]. Where the last command of the test is to leave
+    /// once more, it is `told_again`.
+    pub fn interrupt(&mut self, told_again: bool) {
+        let mut watch = self.watch.clone();
+        if told_again {
+            watch.takes_back_the_last();
+        }
+        self.interrupted = Some(watch);
+    }
+
+    /// The interrupted test goes on.
+    pub fn go_on(&mut self) {
+        if let Some(before) = self.interrupted.take() {
+            self.watch.goes_on_from(&before);
+        }
+    }
+
+    /// The specimen is moved back from what it tripped at.
+    pub fn excuse(&mut self, startup: &Startup) {
+        let noise = self.units.iter().enumerate();
+        let noise = noise.map(|(axis, (metres, _))| startup.reading(axis).disp_noise * metres);
+        self.watch.excuse(noise);
+        self.force_is_unknown |= self.watch.has_tripped(Limit::SensorForce);
+    }
+
+    /// True if a load cell tripped at the end of its range.
+    pub const fn force_is_unknown(&self) -> bool {
+        self.force_is_unknown
+    }
+
+    /// Another partner answers from here on.
+    pub const fn trust_force(&mut self) {
+        self.force_is_unknown = false;
+    }
+
+    /// The force of an axis before it first jumped beyond its trip level, and that level, in N; none if it has not.
+    pub fn jump(&self, axis: usize) -> Option<[f64; 2]> {
+        self.watch.jump(axis)
+    }
+
+    /// Acceleration in m/s² that a way in or out may use on an axis.
+    pub fn way_accel(&self, axis: usize) -> f64 {
+        let limit = self.declared.get(axis);
+        limit.map_or(f64::INFINITY, |limits| {
+            SHARE_OF_ACCEL * limits.size(Limit::CommandAccel).lower()
+        })
+    }
+
+    /// Time in s of a way of `distance` m along half a cosine, at most at `speed` in m/s and with the acceleration that an axis
+    /// may use.
+    pub fn cosine_time(&self, axis: usize, distance: f64, speed: f64) -> f64 {
+        // Half a cosine is π/2 times as fast in the middle as on the average, and π²/2 D/T² are its ends.
+        let by_speed = FRAC_PI_2 * distance / speed;
+        by_speed.max(PI * (0.5 * distance / self.way_accel(axis)).sqrt())
+    }
+
+    /// Shortest time in s of wall time of a way from one command to another, in ticks of `tick` s: `shortest`, or longer where it would
+    /// be faster than `share` of a limit of speed or of the change in one tick; at least `unbounded` where no such limit is given; 0 if
+    /// both are the same. `steepest`: see [`super::loading_unit::LoadingUnit::steepest`], in the unit of the axis.
+    pub fn way_time(
+        &self,
+        [from, to]: [&[f64]; 2],
+        steepest: impl Fn(usize) -> f64,
+        [share, tick]: [f64; 2],
+        [shortest, unbounded]: [f64; 2],
+    ) -> f64 {
+        let mut time: f64 = 0.0;
+        let axes = from.iter().zip(to).zip(&self.declared);
+        for (axis, ((from, to), limits)) in axes.enumerate() {
+            // Along poses it may be faster than along the chord, or go there and back.
+            let distance = (to - from).abs().max(steepest(axis));
+            // What the static load left of roundoff is no way to go.
+            if distance > SAME * from.abs().max(to.abs()) {
+                let distance = distance * self.metres_of(axis);
+                // Both bound the same.
+                let speed = share
+                    * limits
+                        .size(Limit::CommandVel)
+                        .lower()
+                        .min(limits.size(Limit::CommandStep).lower() / tick);
+                let shortest = if speed < f64::INFINITY {
+                    shortest
+                } else {
+                    shortest.max(unbounded)
+                };
+                let least = self.cosine_time(axis, distance, speed);
+                time = time.max(shortest).max(least);
+            }
+        }
+        time
+    }
+
+    #[inline]
+    fn metres<'a>(units: &'a [(f64, f64)], disp: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+        disp.iter().zip(units).map(|(disp, unit)| disp * unit.0)
+    }
+
+    /// The structure's deformations as the specimen's axes go, in m.
+    #[inline]
+    fn goals<'a>(
+        units: &'a [(f64, f64)],
+        axes: &'a [Axis],
+        goal: &'a [f64],
+    ) -> impl Iterator<Item = f64> + 'a {
+        let gears = axes.iter().zip(units);
+        gears
+            .zip(goal)
+            .map(|((axis, unit), goal)| axis.disp_gain * unit.0 * goal)
+    }
+}
+
+/// The judged values that have a column.
+fn recorded(limits: &[AxisLimits]) -> Vec<(usize, usize)> {
+    let of_axis = |(axis, limits): (usize, &AxisLimits)| {
+        let places = RECORDED.map(|limit| limits.get(limit).is_some());
+        let places = places.into_iter().enumerate();
+        places.filter_map(move |(place, limited)| limited.then_some((axis, place)))
+    };
+    limits.iter().enumerate().flat_map(of_axis).collect()
+}

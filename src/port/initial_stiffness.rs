@@ -1,0 +1,109 @@
+//! The initial stiffness k̂ of a specimen at the structure, and the forces that it explains.
+
+use super::axis::Axis;
+use super::row_product::row_times;
+
+/// k̂ of all axes in N/m.
+#[derive(Debug)]
+pub(super) struct InitialStiffness {
+    /// Of each axis alone.
+    own: Vec<f64>,
+    /// Between different axes, n × n by rows, zero on the diagonal; empty if they do not know of each other.
+    between: Vec<f64>,
+}
+
+impl InitialStiffness {
+    /// Of axes that do not know of each other.
+    pub const fn new(own: Vec<f64>) -> Self {
+        Self {
+            own,
+            between: Vec::new(),
+        }
+    }
+
+    /// k̂ between the axes, n × n by rows; the diagonal is not looked at.
+    pub fn couple(&mut self, stiffness: &[Vec<f64>]) {
+        let n = self.own.len();
+        let rows = stiffness.iter().enumerate().flat_map(|(i, row)| {
+            let beside = move |(j, value): (usize, &f64)| if i == j { 0.0 } else { *value };
+            row.iter().enumerate().map(beside)
+        });
+        let between: Vec<f64> = rows.collect();
+        let known = between.len() == n * n && between.iter().any(|value| *value != 0.0);
+        self.between = if known { between } else { Vec::new() };
+    }
+
+    /// Of each axis alone, N/m.
+    pub fn own(&self) -> &[f64] {
+        &self.own
+    }
+
+    /// Of all axes, n × n by rows.
+    pub fn matrix(&self) -> Vec<f64> {
+        let n = self.own.len();
+        let mut matrix = self.between.clone();
+        matrix.resize(n * n, 0.0);
+        for (entry, own) in matrix.iter_mut().step_by(n + 1).zip(&self.own) {
+            *entry = *own;
+        }
+        matrix
+    }
+
+    /// Force in N on an axis that the others make where they were measured, as declared. Real-time: yes.
+    #[inline]
+    pub fn force_of_others(&self, index: usize, measured: &[f64]) -> f64 {
+        if self.between.is_empty() {
+            return 0.0;
+        }
+        row_times(
+            &self.between,
+            index,
+            measured.len(),
+            measured.iter().copied(),
+        )
+    }
+
+    /// Change of the force of an axis whose displacement changes by `way`; both in the specimen's own units.
+    pub fn elastic_force(&self, index: usize, axis: &Axis, way: f64) -> f64 {
+        let own = self.own.get(index);
+        own.map_or(0.0, |own| own / (axis.force_gain * axis.disp_gain) * way)
+    }
+
+    /// The most that the force of an axis can change where the axes are displaced by `ways`, both in the specimen's own units: |kᵢⱼ|
+    /// is at most √(kᵢᵢ kⱼⱼ).
+    pub fn most_force(&self, index: usize, axes: &[Axis], ways: &[f64]) -> f64 {
+        let roots = self.own.iter().map(|stiffness| stiffness.abs().sqrt());
+        let roots: Vec<f64> = roots.collect();
+        let each = ways.iter().zip(axes).zip(&roots);
+        let all: f64 = each
+            .map(|((way, axis), root)| root * (way / axis.disp_gain).abs())
+            .sum();
+        let gain = axes.get(index).map_or(1.0, |axis| axis.force_gain.abs());
+        roots.get(index).map_or(0.0, |root| root * all / gain)
+    }
+
+    /// Force of an axis that its displacement does not explain, and how far off that is where k̂ is known to a `share` and the other
+    /// axes are coupled with it. `measured`: displacement and force of each axis; all is in the specimen's own units.
+    pub fn unexplained_force(
+        &self,
+        index: usize,
+        axes: &[Axis],
+        measured: &[[f64; 2]],
+        share: f64,
+    ) -> (f64, f64) {
+        let disps = measured.iter().zip(axes);
+        let mut ways: Vec<f64> = disps
+            .map(|([disp, _], axis)| disp - axis.measured_offset - axis.disp_offset)
+            .collect();
+        let (Some(own), Some(known), Some([_, force])) =
+            (ways.get_mut(index), axes.get(index), measured.get(index))
+        else {
+            return (0.0, 0.0);
+        };
+        let stiffness = self.own.get(index).copied().unwrap_or(0.0);
+        let explained = stiffness / (known.force_gain * known.disp_gain) * *own;
+        *own *= share;
+        let slack = self.most_force(index, axes, &ways);
+        (force - known.force_offset - explained, slack)
+    }
+}

@@ -1,0 +1,312 @@
+//! The way of a command between two targets, per axis: value and slope are continuous, whatever becomes known when.
+//!
+//! Targets are one step apart; u counts steps from the last one reached (u = 0) to the next (u = 1). While the next is
+//! unknown, the way is the polynomial of order p (1 to 3) through the last p + 1 targets,
+//!
+//! ```text
+//! P(u) = x₀ + u ∇ + u(u + 1)/2 ∇² + u(u + 1)(u + 2)/6 ∇³      (Newton, backward differences)
+//! ```
+//!
+//! Once it is known at u₀, the way is the cubic that leaves P(u₀) with its slope and meets the target with the slope that
+//! the polynomial through the target has there, which is the slope with which the next prediction begins. So there is no
+//! corner at u₀ and none at a target. u₀ = 0, the target known at once, is plain cubic interpolation with p-th order slopes.
+//!
+//! No input or output, no clock. Real-time: everything but [`Interpolation::new`].
+
+/// Targets that are remembered.
+const PAST: usize = 4;
+
+/// Value and derivatives by u of one axis.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct PathPoint {
+    /// Displacement.
+    pub disp: f64,
+    /// Its change per step.
+    pub slope: f64,
+}
+
+/// One axis.
+#[derive(Debug, Clone, Copy, Default)]
+struct Way {
+    /// x₀, x₋₁, x₋₂, x₋₃.
+    past: [f64; PAST],
+    goal: f64,
+}
+
+/// The ways of all axes of one specimen.
+#[derive(Debug, Clone)]
+pub struct Interpolation {
+    order: Order,
+    ways: Vec<Way>,
+    /// u₀, where the next target became known; none while it is not.
+    joined: Option<f64>,
+}
+
+/// Order of the prediction.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Order {
+    /// A straight line.
+    Linear,
+    /// A parabola.
+    #[default]
+    Quadratic,
+    /// A cubic.
+    Cubic,
+}
+
+impl Way {
+    fn differences(past: [f64; PAST], order: Order) -> [f64; 3] {
+        let [a, b, c, d] = past;
+        let first = a - b;
+        let second = (a - b) - (b - c);
+        let third = second - ((b - c) - (c - d));
+        match order {
+            Order::Linear => [first, 0.0, 0.0],
+            Order::Quadratic => [first, second, 0.0],
+            Order::Cubic => [first, second, third],
+        }
+    }
+
+    fn predict(&self, u: f64, order: Order) -> PathPoint {
+        let [first, second, third] = Self::differences(self.past, order);
+        PathPoint {
+            disp: self.past[0]
+                + u * first
+                + u * (u + 1.0) / 2.0 * second
+                + u * (u + 1.0) * (u + 2.0) / 6.0 * third,
+            slope: first
+                + (2.0 * u + 1.0) / 2.0 * second
+                + (3.0 * u * u + 6.0 * u + 2.0) / 6.0 * third,
+        }
+    }
+
+    fn at_goal(&self, order: Order) -> PathPoint {
+        let [a, b, c, _] = self.past;
+        let [first, second, third] = Self::differences([self.goal, a, b, c], order);
+        PathPoint {
+            disp: self.goal,
+            slope: first + second / 2.0 + third / 3.0,
+        }
+    }
+
+    fn correct(&self, u: f64, from: f64, order: Order) -> PathPoint {
+        let width = 1.0 - from;
+        let s = (u - from) / width;
+        let one = self.predict(from, order);
+        let PathPoint { disp: two, slope } = self.at_goal(order);
+        let (rise, fall) = (one.slope * width, slope * width);
+        let (s2, s3) = (s * s, s * s * s);
+        let disp = one.disp
+            + (two - one.disp) * (3.0 * s2 - 2.0 * s3)
+            + rise * (s - 2.0 * s2 + s3)
+            + fall * (s3 - s2);
+        let by_s = (two - one.disp) * (6.0 * s - 6.0 * s2)
+            + rise * (1.0 - 4.0 * s + 3.0 * s2)
+            + fall * (3.0 * s2 - 2.0 * s);
+        PathPoint {
+            disp,
+            slope: by_s / width,
+        }
+    }
+}
+
+/// What every target has in the way at `share` of the step, of a target that is known at once: the one that the step ends at,
+/// and those before it. Nothing for the real-time thread.
+#[must_use]
+pub fn shares(order: Order, share: f64) -> [PathPoint; PAST + 1] {
+    std::array::from_fn(|target| {
+        let unit = |at: usize| f64::from(u8::from(at == target));
+        let way = Way {
+            past: std::array::from_fn(|back| unit(back + 1)),
+            goal: unit(0),
+        };
+        if share >= 1.0 {
+            way.at_goal(order)
+        } else {
+            way.correct(share, 0.0, order)
+        }
+    })
+}
+
+impl Interpolation {
+    /// Of `axes` axes.
+    #[must_use]
+    pub fn new(axes: usize, order: Order) -> Self {
+        Self {
+            order,
+            ways: vec![Way::default(); axes],
+            joined: None,
+        }
+    }
+
+    /// Predicts with another order from here on.
+    pub fn set_order(&mut self, order: Order) {
+        self.order = order;
+    }
+
+    /// Everything has always stood at `disp`, one value per axis.
+    pub fn rest(&mut self, disp: &[f64]) {
+        for (way, disp) in self.ways.iter_mut().zip(disp) {
+            *way = Way {
+                past: [*disp; PAST],
+                goal: *disp,
+            };
+        }
+        self.joined = Some(0.0);
+    }
+
+    /// The target is reached: it is the past now, and the next is unknown. Does nothing if there was no target.
+    #[inline]
+    pub fn reach(&mut self) {
+        if self.joined.take().is_none() {
+            return;
+        }
+        for way in &mut self.ways {
+            let [a, b, c, _] = way.past;
+            way.past = [way.goal, a, b, c];
+        }
+    }
+
+    /// The next target becomes known at `u`, one value per axis.
+    #[inline]
+    pub fn aim(&mut self, goals: &[f64], u: f64) {
+        for (way, goal) in self.ways.iter_mut().zip(goals) {
+            way.goal = *goal;
+        }
+        self.joined = Some(u);
+    }
+
+    /// True if the next target is known.
+    #[must_use]
+    pub const fn is_known(&self) -> bool {
+        self.joined.is_some()
+    }
+
+    /// One axis at `u`: also beyond now, for who wants to look ahead along a way that is known.
+    #[must_use]
+    pub fn at(&self, axis: usize, u: f64) -> PathPoint {
+        let Some(way) = self.ways.get(axis) else {
+            return PathPoint::default();
+        };
+        match self.joined {
+            None => way.predict(u, self.order),
+            Some(_) if u >= 1.0 => way.at_goal(self.order),
+            Some(from) if u > from => way.correct(u, from, self.order),
+            Some(_) => way.predict(u, self.order),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const ORDERS: [Order; 3] = [Order::Linear, Order::Quadratic, Order::Cubic];
+
+    /// A polynomial of degree p is predicted and interpolated exactly by order p: both are unique.
+    #[test]
+    fn a_polynomial_of_its_order_is_followed_exactly() {
+        for (order, degree) in ORDERS.into_iter().zip(1u32..) {
+            let truth = |t: f64| {
+                (0..=degree)
+                    .map(|p| (f64::from(p) + 0.5) * libm::pow(t, f64::from(p)))
+                    .sum::<f64>()
+            };
+            let rate = |t: f64| {
+                (1..=degree)
+                    .map(|p| f64::from(p) * (f64::from(p) + 0.5) * libm::pow(t, f64::from(p) - 1.0))
+                    .sum::<f64>()
+            };
+            let mut path = Interpolation::new(1, order);
+            path.rest(&[truth(0.0)]);
+            for k in 1..=5 {
+                path.reach();
+                path.aim(&[truth(f64::from(k) * 0.1)], 0.0);
+            }
+            path.reach();
+            for u in [0.0, 0.3, 0.7] {
+                let (point, t) = (path.at(0, u), 0.5 + 0.1 * u);
+                assert!((point.disp - truth(t)).abs() < 1e-13, "{order:?}");
+                assert!((point.slope - 0.1 * rate(t)).abs() < 1e-13, "{order:?}");
+            }
+            path.aim(&[truth(0.6)], 0.45);
+            for u in [0.45, 0.6, 0.99, 1.0] {
+                let (point, t) = (path.at(0, u), 0.5 + 0.1 * u);
+                assert!((point.disp - truth(t)).abs() < 1e-13, "{order:?} {u}");
+                assert!((point.slope - 0.1 * rate(t)).abs() < 1e-12, "{order:?} {u}");
+            }
+        }
+    }
+
+    proptest! {
+        /// At a target and where one becomes known, the ways before and behind have the same value and slope.
+        #[test]
+        fn value_and_slope_are_continuous_at_every_change(
+            which in 0usize..3,
+            steps in proptest::collection::vec((-1.0f64..1.0, 0.0f64..0.8), 4..20),
+        ) {
+            let mut path = Interpolation::new(1, ORDERS[which]);
+            path.rest(&[0.3]);
+            path.reach();
+            // Rounding of slopes up to about 8 over ways as short as 0.2.
+            let same = |a: PathPoint, b: PathPoint| (a.disp - b.disp).abs() < 1e-12 && (a.slope - b.slope).abs() < 1e-11;
+            for (goal, known_at) in steps {
+                let before = path.at(0, known_at);
+                path.aim(&[goal], known_at);
+                let tiny = 1e-9;
+                let behind = path.at(0, known_at + tiny);
+                prop_assert!(same(path.at(0, known_at), before));
+                // The cubic itself: one Taylor step from u₀, second derivative below 6·(8 + 2·8)/0.04.
+                prop_assert!((behind.disp - before.disp - tiny * before.slope).abs() < 1e-12);
+                prop_assert!((behind.slope - before.slope).abs() < 4e3 * tiny);
+                let end = path.at(0, 1.0);
+                prop_assert_eq!(end.disp, goal);
+                let near = path.at(0, 1.0 - tiny);
+                prop_assert!((near.disp - end.disp + tiny * end.slope).abs() < 1e-12);
+                prop_assert!((near.slope - end.slope).abs() < 4e3 * tiny);
+                path.reach();
+                prop_assert!(same(path.at(0, 0.0), end));
+            }
+        }
+    }
+
+    #[test]
+    fn shares_of_the_targets_make_the_way() {
+        let targets = [0.7, -0.2, 0.4, 1.3, -0.9];
+        for order in ORDERS {
+            let mut path = Interpolation::new(1, order);
+            for target in targets {
+                path.reach();
+                path.aim(&[target], 0.0);
+            }
+            for share in [0.1, 0.5, 0.9, 1.0] {
+                let found = path.at(0, share);
+                let all = shares(order, share);
+                let sum = |of: fn(&PathPoint) -> f64| -> f64 {
+                    let newest_first = targets.iter().rev();
+                    all.iter().zip(newest_first).map(|(s, x)| of(s) * x).sum()
+                };
+                assert!((found.disp - sum(|s| s.disp)).abs() < 1e-13, "{order:?}");
+                assert!((found.slope - sum(|s| s.slope)).abs() < 1e-13, "{order:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_rests_stays_where_it_is() {
+        let mut path = Interpolation::new(2, Order::Cubic);
+        path.rest(&[0.25, -1.0]);
+        path.reach();
+        for u in [0.0, 0.5, 0.8] {
+            assert_eq!(
+                path.at(0, u),
+                PathPoint {
+                    disp: 0.25,
+                    slope: 0.0
+                }
+            );
+            assert_eq!(path.at(1, u).disp, -1.0);
+        }
+    }
+}

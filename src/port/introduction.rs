@@ -1,0 +1,272 @@
+//! What a specimen says when it is connected, beside what the test file says of it.
+
+use super::axis::Axis;
+use super::exchange::{OnStale, WaitRules};
+use super::startup::{SAME, Startup};
+use super::stiffness::{Opinion, compare_stiffness};
+use super::wiring_check::WiringCheck;
+use crate::substructure::{Introduction, LinkFault, Unavailable};
+
+/// The test file's side of an introduction.
+pub(super) struct Expected<'a> {
+    pub name: &'a str,
+    pub axes: &'a [Axis],
+    pub stiffness: &'a [f64],
+    pub startup: &'a Startup,
+    pub wait: Option<WaitRules>,
+    pub is_remote: bool,
+    /// The test goes on where an interrupted one stood.
+    pub is_resumed: bool,
+}
+
+impl Expected<'_> {
+    /// Warnings about position, wiring and stale forces. The startup has learned the reported position already.
+    pub fn warnings(&self, found: &Introduction) -> Vec<String> {
+        let name = self.name;
+        let mut warnings: Vec<String> = self.contradiction(&found.standing).into_iter().collect();
+        if matches!(self.startup.wiring(), WiringCheck::Unchecked) && !found.simulated {
+            warnings.push(format!(
+                "specimen \"{name}\": NOTHING CHECKS WHICH WAY ROUND IT IS WIRED before the test moves it: give `probe_m` in \
+                 [specimen.link] for a small motion and back, or say `probe = \"none\"`"
+            ));
+        }
+        if self.is_remote && self.startup.standing().is_none() && !found.simulated {
+            warnings.push(self.unknown_position());
+        }
+        if found.repeats_the_command {
+            warnings.extend(self.extrapolates_from_the_command());
+        }
+        warnings
+    }
+
+    /// Compares the stiffness that the specimen reports with k̂: more than 10 % apart is a warning.
+    ///
+    /// # Errors
+    /// An axis reports another sign.
+    pub fn compare_stiffness(&self, reported: &[f64]) -> Result<Vec<String>, Unavailable> {
+        let n = self.axes.len();
+        let mut warnings = Vec::new();
+        if reported.len() != n * n {
+            return Ok(warnings);
+        }
+        for (j, (axis, ours)) in self.axes.iter().zip(self.stiffness).enumerate() {
+            let reported = reported.get(j * n + j).copied();
+            let theirs = reported.unwrap_or(0.0) * axis.force_gain * axis.disp_gain;
+            let number = j + 1;
+            match compare_stiffness(theirs, *ours) {
+                Opinion::Agrees => {}
+                Opinion::Differs => warnings.push(format!(
+                    "specimen \"{}\", axis {number}: it reports a stiffness of {theirs:e} N/m at the structure's \
+                     scale, the test file says {ours:e} N/m",
+                    self.name
+                )),
+                Opinion::Reversed => {
+                    return Err(Unavailable {
+                        fault: LinkFault::Refused,
+                        text: format!(
+                            "axis {number} reports a stiffness of {theirs:e} N/m where the test expects {ours:e} \
+                             N/m: a channel is reversed; look at the wiring and at `sign`"
+                        ),
+                    });
+                }
+            }
+        }
+        Ok(warnings)
+    }
+
+    /// What needs a measured displacement, where the end of the link does not say that it measures one: why the test cannot begin.
+    pub fn lacks_measured_disp(&self, found: &Introduction) -> Option<String> {
+        let needs = &self.startup.needs_measured_disp().own;
+        (found.repeats_the_command && !needs.is_empty()).then(|| {
+            format!(
+                "specimen \"{}\", {}: its end does not say that it measures displacement. What it sends as such may be the command, and \
+                 {} would compare the command with itself: let the end of the link measure displacement and announce it, or do without",
+                self.name,
+                found.peer,
+                needs.join(", ")
+            )
+        })
+    }
+
+    /// What the first command does to a specimen whose position is unknown. In a test that goes on the file cannot state it: what it
+    /// says is of the time before the test.
+    fn unknown_position(&self) -> String {
+        let name = self.name;
+        let leads = if self.is_resumed {
+            "where it was left, should it stand elsewhere by now"
+        } else {
+            "where the test begins, whatever limits of step and speed it has: say it by `stands_at_m` in [specimen.link], and it \
+             is led from there"
+        };
+        format!(
+            "specimen \"{name}\": ITS POSITION IS UNKNOWN: its link does not tell, so its first command takes it at once to \
+             {leads}"
+        )
+    }
+
+    /// Warns that a stale force is extrapolated from the command.
+    fn extrapolates_from_the_command(&self) -> Option<String> {
+        let rules = self.wait?;
+        (rules.on_stale == OnStale::Extrapolate).then(|| {
+            format!(
+                "specimen \"{}\": its end does not say that it measures displacement, and if it sends back the command, \
+                 `on_stale = \"extrapolate\"` moves the force from the command, not from where the specimen is",
+                self.name
+            )
+        })
+    }
+
+    /// The specimen reports a position, and the test file states another.
+    fn contradiction(&self, reported: &[f64]) -> Option<String> {
+        let stated = self.startup.stated()?;
+        let mut axes = reported.iter().zip(stated);
+        let is_elsewhere = axes.any(|(reported, stated)| {
+            // Written as "is there", so that NaN is elsewhere.
+            let is_there = (reported - stated).abs() <= SAME * reported.abs().max(stated.abs());
+            !is_there
+        });
+        is_elsewhere.then(|| {
+            format!(
+                "specimen \"{}\": it reports the position {reported:?}, and `stands_at_m` gives {stated:?} (unit of the axis): the \
+                 reported position is used",
+                self.name
+            )
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::port::Port;
+    use crate::substructure::{
+        Command, Coupling, Freshness, Measurement, Retirement, Substructure,
+    };
+    use crate::time::Nanos;
+
+    /// Says of itself what it is told to say, in N/m.
+    struct Says(f64);
+
+    impl Substructure for Says {
+        fn axes(&self) -> usize {
+            1
+        }
+        fn coupling(&self) -> Coupling {
+            Coupling::Lockstep
+        }
+        fn connect(&mut self) -> Result<Introduction, Unavailable> {
+            Ok(Introduction {
+                stiffness: vec![self.0],
+                ..Introduction::default()
+            })
+        }
+        fn issue(&mut self, _: &Command<'_>) -> Result<(), LinkFault> {
+            Ok(())
+        }
+        fn collect(&mut self, _: Nanos, _: &mut Measurement) -> Result<Freshness, LinkFault> {
+            Ok(Freshness::Fresh)
+        }
+        fn retire(&mut self, _: Retirement) {}
+    }
+
+    /// A port that believes in 1e6 N/m, through an axis that counts backwards in mm and kN.
+    fn meets(reported: f64) -> Result<Introduction, Unavailable> {
+        let mut axis = Axis::plain(vec![(0, 1.0)]);
+        axis.disp_gain = -1e3;
+        axis.force_gain = -1e3;
+        Port::new("rig", vec![axis], Box::new(Says(reported)), 1, vec![1e6])
+            .unwrap()
+            .connect()
+    }
+
+    #[test]
+    fn an_estimate_within_a_tenth_is_silent_and_one_beyond_is_a_warning() {
+        // 1 kN/mm is 1e6 N/m.
+        assert!(meets(1.0).unwrap().warnings.is_empty());
+        assert!(meets(1.09).unwrap().warnings.is_empty());
+        let warned = meets(1.2).unwrap().warnings;
+        assert!(warned[0].contains("1.2e6 N/m") && warned[0].contains("1e6 N/m"));
+        assert_eq!(meets(f64::NAN).unwrap().warnings.len(), 1);
+    }
+
+    /// Behind a link, and perhaps able to say where it stands.
+    struct Far(Vec<f64>);
+
+    impl Substructure for Far {
+        fn axes(&self) -> usize {
+            1
+        }
+        fn coupling(&self) -> Coupling {
+            Coupling::Lockstep
+        }
+        fn is_remote(&self) -> bool {
+            true
+        }
+        fn connect(&mut self) -> Result<Introduction, Unavailable> {
+            Ok(Introduction {
+                standing: self.0.clone(),
+                ..Introduction::default()
+            })
+        }
+        fn issue(&mut self, _: &Command<'_>) -> Result<(), LinkFault> {
+            Ok(())
+        }
+        fn collect(&mut self, _: Nanos, _: &mut Measurement) -> Result<Freshness, LinkFault> {
+            Ok(Freshness::Fresh)
+        }
+        fn retire(&mut self, _: Retirement) {}
+    }
+
+    #[test]
+    fn of_a_specimen_that_cannot_say_where_it_stands_everybody_is_told() {
+        let warned = |standing| {
+            let axes = vec![Axis::plain(vec![(0, 1.0)])];
+            let port = Port::new("rig", axes, Box::new(Far(standing)), 1, vec![1e6]);
+            port.unwrap().connect().unwrap().warnings
+        };
+        assert!(warned(vec![0.0]).is_empty());
+        let words = warned(Vec::new());
+        assert!(words.len() == 1 && words[0].contains("ITS POSITION IS UNKNOWN"));
+        // Whoever says it in its place is told if it says otherwise itself.
+        let warned = |standing| {
+            let axes = vec![Axis::plain(vec![(0, 1.0)])];
+            let mut port = Port::new("rig", axes, Box::new(Far(standing)), 1, vec![1e6]).unwrap();
+            port.state_position(&[0.01]);
+            let warnings = port.connect().unwrap().warnings;
+            (port.standing().unwrap()[0], warnings)
+        };
+        assert_eq!(warned(Vec::new()), (0.01, Vec::new()));
+        assert_eq!(warned(vec![0.01]), (0.01, Vec::new()));
+        let (stands, words) = warned(vec![0.03]);
+        assert!(
+            stands == 0.03
+                && words.len() == 1
+                && words[0].contains("the reported position is used")
+        );
+    }
+
+    /// When its answer was due by the clock of a retraced test says nothing in the test that goes on.
+    #[test]
+    fn a_partner_of_a_test_that_goes_on_owes_nothing_of_the_one_before() {
+        let port = || {
+            let axes = vec![Axis::plain(vec![(0, 1.0)])];
+            Port::new("rig", axes, Box::new(Far(Vec::new())), 1, vec![1e6]).unwrap()
+        };
+        let mut retraced = port();
+        retraced.repeat(0, 0.0).unwrap();
+        retraced.look_for_answer(Nanos(5));
+        retraced.count_stale();
+        assert_eq!(
+            (retraced.asked_at(), retraced.stale_in_a_row()),
+            (Some(Nanos(5)), 1)
+        );
+        retraced.go_live(port());
+        assert_eq!((retraced.asked_at(), retraced.stale_in_a_row()), (None, 0));
+    }
+
+    #[test]
+    fn a_reversed_channel_is_refused_before_anything_moves() {
+        let refused = meets(-1.0).unwrap_err();
+        assert!(refused.text.contains("a channel is reversed"));
+    }
+}

@@ -1,0 +1,110 @@
+//! The numbers of commands on a link beside their numbers in the test.
+//!
+//! An exchange that is no part of the test puts the link ahead of the test. A tick without a command puts it behind. Invariant:
+//! an answer is counted back with the offsets of the command that left last, not with those of the command to come.
+
+/// Offset between the numbers on a link and the numbers of the test.
+#[derive(Debug, Clone, Copy, Default)]
+struct Offset {
+    /// Exchanges that were not part of the test.
+    ahead: u64,
+    /// Ticks of the test without a command.
+    behind: u64,
+}
+
+impl Offset {
+    #[inline]
+    const fn on_link(self, sequence: u64) -> u64 {
+        (sequence + self.ahead).saturating_sub(self.behind)
+    }
+
+    #[inline]
+    const fn in_test(self, number: u64) -> u64 {
+        (number + self.behind).saturating_sub(self.ahead)
+    }
+}
+
+/// The numbers of one link.
+#[derive(Debug, Default)]
+pub(super) struct LinkNumbers {
+    /// Of the next command.
+    next: Offset,
+    /// Of the command that left last, and its number in the test.
+    last: Offset,
+    sent: u64,
+    /// Number of that command without the ticks that had none; none before the first.
+    issued: Option<u64>,
+}
+
+impl LinkNumbers {
+    /// The number on the link of a command that leaves now. Real-time: yes.
+    #[inline]
+    pub fn number(&mut self, sequence: u64) -> u64 {
+        self.issued = Some(sequence + self.next.ahead);
+        self.sent = sequence;
+        self.last = self.next;
+        self.on_link(sequence)
+    }
+
+    /// The number on the link of the first of many commands.
+    pub const fn first(&self, sequence: u64) -> u64 {
+        self.next.on_link(sequence)
+    }
+
+    /// A number of the test on the link, as of the last command. Real-time: yes.
+    #[inline]
+    pub const fn on_link(&self, sequence: u64) -> u64 {
+        self.last.on_link(sequence)
+    }
+
+    /// A number on the link in the test, as of the last command. Real-time: yes.
+    #[inline]
+    pub const fn in_test(&self, number: u64) -> u64 {
+        self.last.in_test(number)
+    }
+
+    /// Number in the test of the command that left last. Real-time: yes.
+    #[inline]
+    pub const fn sent(&self) -> u64 {
+        self.sent
+    }
+
+    /// True if the last command had this number of the test.
+    pub fn was_issued(&self, sequence: u64) -> bool {
+        self.issued == Some(sequence + self.next.ahead)
+    }
+
+    /// The last exchange was not part of the test. Real-time: yes.
+    pub const fn go_ahead(&mut self) {
+        self.next.ahead += 1;
+    }
+
+    /// A tick of the test passes without a command. Real-time: yes.
+    pub const fn fall_behind(&mut self) {
+        self.next.behind += 1;
+    }
+
+    /// Another partner takes over: the next numbers are those of the test.
+    pub fn restart(&mut self) {
+        self.next = Offset::default();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_answer_is_counted_back_with_the_offsets_of_its_own_command() {
+        let mut numbers = LinkNumbers::default();
+        numbers.go_ahead();
+        numbers.go_ahead();
+        numbers.fall_behind();
+        assert_eq!(numbers.number(5), 6);
+        numbers.go_ahead();
+        assert_eq!((numbers.on_link(5), numbers.in_test(6)), (6, 5));
+        assert_eq!(numbers.first(6), 8);
+        numbers.restart();
+        assert_eq!(numbers.first(6), 6);
+    }
+}

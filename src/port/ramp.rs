@@ -1,0 +1,74 @@
+//! A ramp before or after the test: along half a cosine from the last command to the command that stands ready.
+
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use super::axis::Axis;
+use super::axis_motion::AxisMotion;
+
+/// Time of a ramp in s that nothing else bounds.
+pub const UNBOUNDED_RAMP_S: f64 = 1.0;
+
+/// Where the last ramp began, and where it goes, in the specimen's units.
+#[derive(Debug)]
+pub(super) struct Ramp {
+    from: Vec<f64>,
+    to: Vec<f64>,
+}
+
+impl Ramp {
+    /// For `axes` axes; none yet.
+    pub fn new(axes: usize) -> Self {
+        Self {
+            from: vec![0.0; axes],
+            to: vec![0.0; axes],
+        }
+    }
+
+    /// The next ramp goes from one place to the other.
+    pub fn begin(&mut self, from: &[f64], to: &[f64]) {
+        self.from.copy_from_slice(from);
+        self.to.copy_from_slice(to);
+    }
+
+    /// Part of the way at this share (0 … 1) of the time. Real-time: yes.
+    pub fn way(share: f64) -> f64 {
+        0.5 * (1.0 - libm::cos(PI * share))
+    }
+
+    /// Change of that part per second of a ramp of `seconds`. Real-time: yes.
+    fn rate([share, seconds]: [f64; 2]) -> f64 {
+        FRAC_PI_2 * libm::sin(PI * share) / seconds
+    }
+
+    /// Makes the command at a share of a ramp that takes `seconds` of test time. Real-time: yes.
+    pub fn go_to(&self, share: f64, seconds: f64, axes: &[Axis], command: &mut AxisMotion) {
+        let way = Self::way(share);
+        let rate = Self::rate([share, seconds]);
+        let ends = self.from.iter().zip(&self.to);
+        let commands = command.disp.iter_mut().zip(&mut command.vel);
+        for (((command, vel), (from, to)), axis) in commands.zip(ends).zip(axes) {
+            // The end is met to the last bit.
+            *command = if share < 1.0 {
+                from + way * (to - from)
+            } else {
+                *to
+            };
+            *vel = rate * (to - from) * axis.vel_gain / axis.disp_gain;
+        }
+    }
+
+    /// Adds the bends of the poses between both ends of the same ramp. Real-time: yes.
+    pub fn bend(
+        at: [f64; 2],
+        axes: &[Axis],
+        bends: impl Iterator<Item = (f64, f64)>,
+        command: &mut AxisMotion,
+    ) {
+        let rate = Self::rate(at);
+        let commands = command.disp.iter_mut().zip(&mut command.vel);
+        for (((command, vel), axis), (bend, slope)) in commands.zip(axes).zip(bends) {
+            *command += axis.disp_gain * bend;
+            *vel += rate * slope * axis.vel_gain;
+        }
+    }
+}

@@ -1,0 +1,103 @@
+//! Readings of an axis at rest, and the zero that is taken of them.
+
+/// Whether a channel keeps its declared zero.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Zero {
+    /// The declared offset holds; what is read is only reported.
+    #[default]
+    Absolute,
+    /// What is read while zeroing is the zero.
+    Relative,
+}
+
+/// The two channels of one axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Reference {
+    /// Displacement sensor: with [`Zero::Relative`] the deformation is zero where the specimen stands.
+    pub disp: Zero,
+    /// Load cell.
+    pub force: Zero,
+}
+
+/// How the readings of a displacement sensor belong to the commands of its axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DispZero {
+    /// Specimen displacement units per metre of the structure.
+    pub gain: f64,
+    /// Command at which the deformation is zero, in the specimen's unit.
+    pub command: f64,
+    /// Whether the sensor's zero is still to be read.
+    pub is_awaited: bool,
+}
+
+/// Readings from which on their scatter says how noisy a sensor is.
+const TELL_NOISE: u32 = 8;
+
+/// What was read of one axis while zeroing, in its own units.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Reading {
+    /// Number of readings.
+    pub count: u32,
+    /// Mean of the measured displacement.
+    pub disp: f64,
+    /// Mean of the measured force.
+    pub force: f64,
+    /// Root mean square of the displacement about its mean: the noise floor, as far as this many readings show it.
+    pub disp_noise: f64,
+    /// Of the force.
+    pub force_noise: f64,
+}
+
+impl Reading {
+    /// Noise of displacement and force; none where too few readings were taken to know it. That of a single one is no 0.
+    #[must_use]
+    pub fn noise(&self) -> Option<[f64; 2]> {
+        (self.count >= TELL_NOISE).then_some([self.disp_noise, self.force_noise])
+    }
+}
+
+/// Sums over the readings of one axis, about the first of them so that a large offset does not eat the noise.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Sums {
+    count: f64,
+    first: [f64; 2],
+    sum: [f64; 2],
+    squares: [f64; 2],
+}
+
+impl Sums {
+    /// Takes displacement and force.
+    pub fn take(&mut self, values: [f64; 2]) {
+        if self.count == 0.0 {
+            self.first = values;
+        }
+        self.count += 1.0;
+        let sums = self.sum.iter_mut().zip(&mut self.squares);
+        for ((sum, squares), (value, first)) in sums.zip(values.iter().zip(&self.first)) {
+            let value = value - first;
+            *sum += value;
+            *squares += value * value;
+        }
+    }
+
+    /// Number of readings.
+    pub const fn count(&self) -> f64 {
+        self.count
+    }
+
+    pub fn reading(&self) -> Reading {
+        let count = self.count.max(1.0);
+        let mean = |i: usize| self.first[i] + self.sum[i] / count;
+        let noise = |i: usize| {
+            let mean = self.sum[i] / count;
+            (self.squares[i] / count - mean * mean).max(0.0).sqrt()
+        };
+        Reading {
+            count: self.count as u32,
+            disp: mean(0),
+            force: mean(1),
+            disp_noise: noise(0),
+            force_noise: noise(1),
+        }
+    }
+}

@@ -1,0 +1,255 @@
+//! A port from end to end: units, the zero, drift, ramps and stale forces.
+
+use super::*;
+use crate::catalog::limit::Limit;
+use crate::substructure::{
+    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
+};
+use crate::time::Nanos;
+
+/// A spring in millimetres and kilonewtons, mounted the wrong way round, with a load cell that reads 2 at rest.
+#[derive(Debug)]
+struct Reversed {
+    disp: f64,
+}
+
+impl Substructure for Reversed {
+    fn axes(&self) -> usize {
+        1
+    }
+    fn coupling(&self) -> Coupling {
+        Coupling::Lockstep
+    }
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        self.disp = command.disp[0];
+        Ok(())
+    }
+    fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        into.disp[0] = self.disp;
+        // 8 kN/m = 0.008 kN/mm, about a rest position of 5 mm.
+        into.force[0] = 0.008 * (self.disp - 5.0) + 2.0;
+        Ok(Freshness::Fresh)
+    }
+    fn retire(&mut self, _: Retirement) {}
+}
+
+fn reversed() -> Port {
+    let axis = Axis {
+        row: vec![(1, 1.0), (0, -1.0)],
+        base: 0.0,
+        disp_gain: -1000.0,
+        disp_offset: 5.0,
+        measured_offset: 0.0,
+        vel_gain: -1000.0,
+        force_gain: -1000.0,
+        force_offset: 2.0,
+    };
+    Port::new(
+        "rig",
+        vec![axis],
+        Box::new(Reversed { disp: 0.0 }),
+        2,
+        vec![8000.0],
+    )
+    .unwrap()
+}
+
+/// Judges and sends.
+fn send(port: &mut Port, sequence: u64) {
+    assert_eq!(port.clear().trip, None);
+    port.issue(sequence, 0.0, 0.0).unwrap();
+}
+
+#[test]
+fn a_command_that_was_not_judged_does_not_leave() {
+    let mut port = reversed();
+    assert_eq!(port.issue(0, 0.0, 0.0), Err(LinkFault::Refused));
+    send(&mut port, 0);
+    assert_eq!(port.issue(1, 0.0, 0.0), Err(LinkFault::Refused));
+}
+
+/// Whatever its displacement is: a link may use the velocity.
+#[test]
+fn a_command_whose_velocity_is_no_number_does_not_leave() {
+    for vel in [f64::NAN, f64::INFINITY] {
+        let mut port = reversed();
+        port.aim(&[0.0, 0.001], &[0.0, vel], 0.0, 0.0);
+        let hit = port.clear().trip.unwrap();
+        assert_eq!((hit.axis, hit.quantity), (0, Limit::CommandVel));
+        assert_eq!(port.issue(0, 0.0, 0.0), Err(LinkFault::Refused));
+    }
+}
+
+/// Its sensors read 0.3 mm and 0.5 kN too much, and after an interruption 0.1 mm and 0.2 kN more.
+#[test]
+fn a_zero_that_is_read_and_its_drift_are_taken_off_what_is_read() {
+    let relative = Reference {
+        disp: Zero::Relative,
+        force: Zero::Relative,
+    };
+    let mut port = reversed().with_references(vec![relative]);
+    port.aim(&[0.0, 0.001], &[0.0, 0.0], 0.0, 0.0);
+    send(&mut port, 0);
+    let read = |port: &mut Port, disp: f64, force: f64| {
+        port.collect(Nanos(0)).unwrap();
+        let raw = port.feedback.raw_mut();
+        raw.disp[0] += disp;
+        raw.force[0] += force;
+        port.forget_readings();
+        port.take_reading();
+        (port.raw().disp[0], port.raw().force[0])
+    };
+    let is_zero = |port: &Port, (disp, force): (f64, f64)| {
+        let (disp, force) = port.axes[0].at_structure(disp, force);
+        assert!(disp.abs() < 1e-15 && force.abs() < 1e-9, "{disp} {force}");
+    };
+    let before = read(&mut port, 0.3, 0.5);
+    port.take_zero();
+    is_zero(&port, before);
+    let after = read(&mut port, 0.4, 0.7);
+    port.take_disp_drift(0, before.0);
+    port.take_force_drift(0, before.1);
+    is_zero(&port, after);
+}
+
+/// It answers to command 3, too, which was lost, with what its load cell read.
+#[derive(Debug)]
+struct Recovering(bool);
+
+impl Substructure for Recovering {
+    fn axes(&self) -> usize {
+        1
+    }
+    fn coupling(&self) -> Coupling {
+        Coupling::Sampled
+    }
+    fn issue(&mut self, _: &Command<'_>) -> Result<(), LinkFault> {
+        Ok(())
+    }
+    fn collect(&mut self, _: Nanos, _: &mut Measurement) -> Result<Freshness, LinkFault> {
+        Ok(Freshness::Fresh)
+    }
+    fn recover(&mut self, force: &mut [f64]) -> Option<u64> {
+        force[0] = 2.5;
+        std::mem::take(&mut self.0).then_some(3)
+    }
+    fn retire(&mut self, _: Retirement) {}
+}
+
+#[test]
+fn a_force_that_is_recovered_is_one_of_the_structure() {
+    let axis = Axis {
+        force_gain: -1000.0,
+        force_offset: 2.0,
+        ..Axis::plain(vec![(0, 1.0)])
+    };
+    let rig = Box::new(Recovering(true));
+    let mut port = Port::new("rig", vec![axis], rig, 1, vec![0.0]).unwrap();
+    assert_eq!(
+        (port.recover(), port.recovered_force()[0]),
+        (Some(3), -500.0)
+    );
+    assert_eq!(port.recover(), None);
+}
+
+/// Half as fast as the structure's time has it.
+#[test]
+fn a_ramp_says_how_fast_it_goes_in_the_specimens_own_time() {
+    let mut port = reversed();
+    port.axes[0].vel_gain = -500.0;
+    send(&mut port, 0);
+    let from = port.sent()[0];
+    port.aim(&[0.0, 0.002], &[0.0, 0.0], 0.0, 0.0);
+    let way = port.command()[0] - from;
+    port.begin_ramp();
+    port.ramp_to(0.5, 2.0);
+    assert!((port.command()[0] - (from + 0.5 * way)).abs() < 1e-12);
+    // Half a cosine is π/2 times as fast in the middle as on the average.
+    let vel = 0.5 * std::f64::consts::FRAC_PI_2 * way / 2.0;
+    assert!((port.path.command().vel[0] - vel).abs() < 1e-12, "{way}");
+}
+
+#[test]
+fn units_signs_and_offsets_come_out_as_a_spring_in_si() {
+    let mut port = reversed();
+    port.aim(&[0.001, 0.004], &[0.0, 0.0], 0.0, 0.0);
+    assert!((port.command()[0] - 2.0).abs() < 1e-12, "-1000 · 0.003 + 5");
+    send(&mut port, 0);
+    port.collect(Nanos(0)).unwrap();
+    assert!((port.measured()[0] - 0.003).abs() < 1e-15);
+    assert!((port.force()[0] - 8000.0 * 0.003).abs() < 1e-10);
+    let mut residual = [0.0, 0.0];
+    port.subtract_force(&mut residual);
+    assert!((residual[0] - 24.0).abs() < 1e-10 && (residual[1] + 24.0).abs() < 1e-10);
+}
+
+#[test]
+fn a_base_displacement_is_not_a_deformation_of_the_upper_storeys() {
+    let mut axis = Axis::plain(vec![(0, 1.0)]);
+    axis.base = 1.0;
+    let mut port = Port::new(
+        "base",
+        vec![axis],
+        Box::new(Reversed { disp: 0.0 }),
+        2,
+        vec![0.0],
+    )
+    .unwrap();
+    port.aim(&[0.25, 0.0], &[0.5, 0.0], 0.2, 0.5);
+    assert!((port.target()[0] - 0.05).abs() < 1e-15);
+    assert_eq!(port.target_vel()[0], 0.0);
+}
+
+#[test]
+fn a_stale_force_moves_with_the_estimate() {
+    let mut port = reversed();
+    send(&mut port, 0);
+    port.aim(&[0.0, 0.0], &[0.0, 0.0], 0.0, 0.0);
+    send(&mut port, 1);
+    port.collect(Nanos(0)).unwrap();
+    port.aim(&[0.0, 0.002], &[0.0, 0.0], 0.0, 0.0);
+    port.extrapolate();
+    assert!((port.force()[0] - 16.0).abs() < 1e-9);
+}
+
+/// It was never told anything but to stay where its declared offset says that it stands.
+#[test]
+fn what_stays_at_a_declared_offset_follows_and_a_dead_sensor_does_not() {
+    let limits = limits::AxisLimits::NONE.with(Limit::FollowingError, limits::Bound::trip(1e-3));
+    let read = |disp: Option<f64>| {
+        let mut port = reversed().with_limits(vec![limits], vec![(1e-3, 1e3)], 0.01);
+        port.stand_still();
+        port.repeat(0, 0.0).unwrap();
+        port.collect(Nanos(0)).unwrap();
+        if let Some(disp) = disp {
+            port.feedback.raw_mut().disp[0] = disp;
+        }
+        port.judge().trip.map(|hit| hit.value)
+    };
+    assert_eq!(read(None), None);
+    assert_eq!(read(Some(0.0)), Some(5e-3));
+}
+
+#[test]
+fn rows_that_do_not_fit_are_refused() {
+    let axes = || vec![Axis::plain(vec![(2, 1.0)])];
+    let specimen = || Box::new(Reversed { disp: 0.0 });
+    assert_eq!(
+        Port::new("a", axes(), specimen(), 2, vec![1.0]).unwrap_err(),
+        PortError::Dof {
+            row: 1,
+            dof: 3,
+            dofs: 2
+        }
+    );
+    assert_eq!(
+        Port::new("a", vec![], specimen(), 2, vec![]).unwrap_err(),
+        PortError::Axes { rows: 0, axes: 1 }
+    );
+    let mut axis = Axis::plain(vec![(0, 1.0)]);
+    axis.force_gain = f64::NAN;
+    assert!(matches!(
+        Port::new("a", vec![axis], specimen(), 2, vec![1.0]),
+        Err(PortError::Gain { axis: 1, .. })
+    ));
+}

@@ -1,0 +1,66 @@
+//! What is known of one axis on its way to zero force. Real-time: yes.
+
+/// So many times the largest force so far is growth.
+const GROWS: f64 = 1.1;
+
+/// One axis on its way.
+#[derive(Debug, Default)]
+pub(super) struct AxisUnloading {
+    pub block: Vec<f64>,
+    /// The last two answers.
+    pub recent: [f64; 2],
+    /// A glitch of one answer is not in it.
+    pub force: f64,
+    /// On which side of zero the force was last.
+    pub side: f64,
+    /// Mean of the forces of a block and how far they differ, without a tenth at either end; and the latter before it moved.
+    pub mean: f64,
+    pub spread: f64,
+    pub still: f64,
+    /// The force in N where it began, how far in m it is to zero by K⁻¹, and where it was measured.
+    pub first: f64,
+    pub reach: f64,
+    pub measured: f64,
+    pub began_at: f64,
+    pub small: f64,
+    /// The largest force, also of what the motion of the others brings here.
+    pub scale: f64,
+    pub longest_step: f64,
+    pub farthest: f64,
+    pub wanted: f64,
+    pub gone: f64,
+    pub step: f64,
+}
+
+impl AxisUnloading {
+    pub fn take(&mut self, disp: f64, force: f64) {
+        let [last, before] = self.recent;
+        self.force = last.min(force).max(last.max(force).min(before));
+        self.recent = [force, last];
+        self.measured = disp;
+    }
+
+    /// True if the force has come out on the other side of zero.
+    pub fn swings(&mut self) -> bool {
+        let crosses = -self.force * self.side > self.small.max(self.still);
+        if crosses {
+            self.side = -self.side;
+        }
+        crosses
+    }
+
+    pub fn grows(&self) -> bool {
+        self.mean.abs() > GROWS * self.scale + self.still
+    }
+
+    pub fn close_block(&mut self) {
+        self.block.sort_unstable_by(f64::total_cmp);
+        let last = self.block.len().saturating_sub(1);
+        let tenth = (last / 10).max(usize::from(last >= 2));
+        let middle = self.block.get(tenth..=last - tenth).unwrap_or_default();
+        self.mean = middle.iter().sum::<f64>() / middle.len() as f64;
+        let ends = middle.first().zip(middle.last());
+        self.spread = ends.map_or(0.0, |(least, most)| most - least);
+        self.block.clear();
+    }
+}

@@ -1,0 +1,67 @@
+//! How it is checked which way round a specimen is wired, before the test.
+
+use super::probe::{Pace, Probe};
+use super::trend::Trend;
+use super::wiring_fault::WiringFault;
+use crate::units::AxisUnits;
+
+/// How the wiring is checked.
+#[derive(Debug, Clone, Default)]
+pub enum WiringCheck {
+    /// It is known, or the user does not want a check.
+    #[default]
+    Known,
+    /// Not at all, and the user is warned of that.
+    Unchecked,
+    /// By the motion that brings the static load on.
+    Settling(Trend),
+    /// By a small motion and back.
+    Probe {
+        /// Along each axis, in m of the structure.
+        amplitude: Vec<f64>,
+        /// How fast.
+        pace: Pace,
+    },
+}
+
+impl WiringCheck {
+    /// The small motion, from `start` in m of the structure, if that is the check.
+    pub(super) fn probe(&self, start: &[f64], stiffness: &[f64]) -> Option<Probe> {
+        let Self::Probe { amplitude, pace } = self else {
+            return None;
+        };
+        let units = vec![AxisUnits::SI; start.len()];
+        Some(Probe::new(start, amplitude, stiffness, &units, *pace))
+    }
+
+    /// True if the motion that brings the static load on is the check.
+    pub(super) const fn is_by_static_load(&self) -> bool {
+        matches!(self, Self::Settling(_))
+    }
+
+    /// A reading at rest before the static load comes on: target, displacement and force. Real-time: yes.
+    pub(super) fn rest(&mut self, [target, disp, force]: [&[f64]; 3]) {
+        if let Self::Settling(trend) = self {
+            trend.rest(target, disp, force);
+        }
+    }
+
+    /// A reading at rest while the static load comes on. Real-time: yes.
+    ///
+    /// # Errors
+    /// A channel is reversed.
+    pub(super) fn moved(&mut self, [target, disp, force]: [&[f64]; 3]) -> Result<(), WiringFault> {
+        match self {
+            Self::Settling(trend) => trend.moved(target, disp, force),
+            _ => Ok(()),
+        }
+    }
+
+    /// The axes (from 0) whose wiring the static load did not show.
+    pub(super) fn unshown(&self) -> Vec<usize> {
+        match self {
+            Self::Settling(trend) => trend.unshown().collect(),
+            _ => Vec::new(),
+        }
+    }
+}
