@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::catalog::ending::Cause;
+use crate::state::Visit;
 use crate::time::Nanos;
 
 /// One command to a substructure. Slices have one entry per axis.
@@ -389,6 +390,13 @@ pub trait Substructure: Send {
     fn is_answered(&mut self, wait_ns: u64) -> Result<bool, LinkFault> {
         let _ = wait_ns;
         Ok(true)
+    }
+
+    /// Visits the state of a specimen that is computed in this process. False if it has none here: a physical specimen behind a
+    /// link keeps its own state, and a recording follows its rows. Real-time: yes.
+    fn visit_state(&mut self, visit: &mut dyn Visit) -> bool {
+        let _ = visit;
+        false
     }
 
     /// The step of command `sequence` is accepted: commit. Real-time: yes.

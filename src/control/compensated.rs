@@ -77,7 +77,7 @@ struct Grid {
 const ROUNDOFF: f64 = 1e-12;
 
 impl Compensation {
-    fn freeze(&self, out: &mut Vec<f64>) {
+    fn freeze(&mut self, out: &mut Vec<f64>) {
         let Grid {
             point,
             ahead,
@@ -85,7 +85,7 @@ impl Compensation {
         } = self.grid;
         out.push(f64::from(u8::from(self.running)));
         out.extend([point, ahead, spacing]);
-        for axis in &self.axes {
+        for axis in &mut self.axes {
             axis.freeze(out);
         }
     }

@@ -6,6 +6,7 @@
 //! with and no state was changed between two steps. It audits this program, not a specimen. Real-time after `new`.
 
 use crate::linalg::SymMatrix;
+use crate::state::Visit;
 
 /// Displacement over its size that counts as roundoff: a structure that stands under a load moves by as much.
 const ROUNDOFF: f64 = 64.0 * f64::EPSILON;
@@ -86,6 +87,25 @@ impl StepAudit {
         self.begun = true;
         self.energy = energy;
         self.largest = self.largest.max(energy);
+    }
+
+    /// Visits what the audit remembers from step to step. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("audit");
+        visit.numbers(&mut self.older);
+        visit.numbers(&mut self.newer);
+        visit.flag(&mut self.begun);
+        let Self {
+            energy,
+            forgiven,
+            residual,
+            turnover,
+            largest,
+            ..
+        } = self;
+        for value in [energy, forgiven, residual, turnover, largest] {
+            visit.number(value);
+        }
     }
 
     /// What is left over, in parts of all energy that was turned over. Real-time: yes.

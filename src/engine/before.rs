@@ -298,7 +298,7 @@ impl Engine {
         self.clear_commands()?;
         let ticks_per_step = self.ride.tempo.ticks_per_step() as u64;
         // A processor that only waited is slow in its first steps: each tick does the work of one.
-        let scratch = match &self.side {
+        let scratch = match &mut self.side {
             Side::Structure(numerical) => numerical.scratch(),
             Side::Prescribed(_) => None,
         };

@@ -6,6 +6,7 @@
 //! taken in, too: the largest kinetic energy counts. Real-time after `new`.
 
 use crate::model::Base;
+use crate::state::Visit;
 
 /// The account of one run, begun by its first step.
 #[derive(Debug, Clone)]
@@ -84,6 +85,25 @@ impl Intake {
         self.most_motion = self.most_motion.max(step.kinetic);
         (self.last_reaction, self.last_base) = (reaction, step.base.disp);
         std::mem::swap(&mut self.load, &mut self.last_load);
+    }
+
+    /// Visits what the account remembers from step to step. The load of a step is given before the step is noted. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("intake");
+        visit.numbers(&mut self.last_load);
+        visit.numbers(&mut self.last_disp);
+        visit.flag(&mut self.begun);
+        let Self {
+            last_base,
+            last_reaction,
+            work,
+            most_work,
+            most_motion,
+            ..
+        } = self;
+        for value in [last_base, last_reaction, work, most_work, most_motion] {
+            visit.number(value);
+        }
     }
 
     /// `added` J in parts of what was taken in so far. Real-time: yes.

@@ -52,6 +52,7 @@ pub use crate::catalog::phase::{GIVEN_UP, NOT_AWAITED};
 use crate::control::{LinkCount, Port, Poses};
 use crate::record::{Column, Recorder};
 use crate::rt::timing::{TickStamps, Timing};
+use crate::state::TestState;
 use crate::substructure::Holder;
 use crate::time::{Clock, Nanos, Ratio, Schedule, SimClock};
 use operator::Asked;
@@ -170,7 +171,7 @@ pub struct Engine {
     riding: bool,
     checkpoint_ticks: u64,
     /// For the digest of a checkpoint.
-    memory: Vec<f64>,
+    memory: TestState,
     edge: u64,
     sequence: u64,
     clock_now: Nanos,
@@ -296,7 +297,7 @@ impl Engine {
             dt,
             period,
             steps,
-            side,
+            mut side,
             opening,
             settling,
             ports,
@@ -311,11 +312,12 @@ impl Engine {
             Side::Structure(numerical) => numerical.structure.dofs(),
             Side::Prescribed(_) => 0,
         };
-        let mut memory = Vec::new();
-        if let Side::Structure(numerical) = &side {
-            // As much as a checkpoint will need.
-            numerical.structure.freeze(&mut memory);
-        }
+        // As much as a checkpoint will need.
+        let memory = TestState::with_room(|visit| {
+            if let Side::Structure(numerical) = &mut side {
+                numerical.structure.visit_state(visit);
+            }
+        });
         let schedule = Schedule::new(Nanos(0), period);
         Self {
             dt,

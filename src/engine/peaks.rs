@@ -2,6 +2,7 @@
 
 use crate::linalg::Lanes;
 use crate::linalg::lanes::{Isa, Kernel};
+use crate::state::Visit;
 
 /// Largest absolute displacement, velocity and acceleration of each DOF.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -42,6 +43,14 @@ impl Peaks {
         for (peaks, values) in pairs {
             Lanes::best_for(values.len()).run(Highest { peaks, values });
         }
+    }
+
+    /// Visits every peak. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("peaks");
+        visit.numbers(&mut self.disp);
+        visit.numbers(&mut self.vel);
+        visit.numbers(&mut self.accel);
     }
 
     /// Notes displacements. Real-time: yes.

@@ -12,6 +12,7 @@ use super::{Engine, Stop};
 use crate::control::{Port, Stage, Stride, Tempo};
 use crate::record::{Event, GridOf};
 use crate::rt::timing::TickStamps;
+use crate::state::Digest;
 use crate::substructure::LinkFault;
 use crate::time::Nanos;
 
@@ -321,31 +322,30 @@ impl Engine {
     /// A number that says whether the state of the test is the same: of x, v, and what elements and methods remember. FNV-1a
     /// over the bits. Real-time: yes, once the buffer has its size.
     pub(super) fn digest(&mut self) -> u64 {
-        let mut hash = Fnv::default();
-        hash.take(self.ride.step as f64);
-        if let Side::Structure(numerical) = &self.side {
+        let mut digest = Digest::default();
+        digest.add((self.ride.step as f64).to_bits());
+        if let Side::Structure(numerical) = &mut self.side {
+            let structure = &mut numerical.structure;
+            // The same values have had room before.
+            let _ = self.memory.take(|visit| structure.visit_state(visit));
             let state = &numerical.state;
-            self.memory.clear();
-            numerical.structure.freeze(&mut self.memory);
-            let parts: [&[f64]; 5] = [
+            let parts: [&[f64]; 4] = [
                 &state.disp,
                 &state.vel,
                 &state.weighted_accel,
                 &state.memory,
-                &self.memory,
             ];
             for part in parts {
-                for value in part.iter().step_by(part.len() / SAMPLED + 1) {
-                    hash.take(*value);
-                }
+                digest.add_list(part.iter().map(|value| value.to_bits()));
             }
+            digest.add_list(self.memory.words().iter().copied());
         }
         for port in &self.ports {
             for value in port.force.iter().chain(&port.measured) {
-                hash.take(*value);
+                digest.add(value.to_bits());
             }
         }
-        hash.0
+        digest.value()
     }
 
     /// Now and then a checkpoint: what the state was after this step. Real-time: yes.
@@ -358,25 +358,5 @@ impl Engine {
         self.ride.unchecked = 0;
         let digest = self.digest();
         self.report(tick, Event::Checkpoint { digest });
-    }
-}
-
-/// Of long vectors so many values are hashed, evenly spread: a checkpoint must not cost a deadline.
-const SAMPLED: usize = 1024;
-
-/// FNV-1a, 64 bits at a time: quick, and good enough against damage and mistakes; not against malice.
-struct Fnv(u64);
-
-impl Default for Fnv {
-    fn default() -> Self {
-        Self(0xcbf2_9ce4_8422_2325)
-    }
-}
-
-impl Fnv {
-    fn take(&mut self, value: f64) {
-        let mixed = (self.0 ^ value.to_bits()).wrapping_mul(0x0000_0100_0000_01b3);
-        // The product carries nothing downwards: without this the low bits would never see the high ones.
-        self.0 = mixed ^ (mixed >> 32);
     }
 }

@@ -1,6 +1,7 @@
 use super::*;
 use crate::law::{LawSpec, LinearSpec};
 use crate::specimen::SpecimenLaw;
+use crate::state::{TestState, Visit};
 use std::f64::consts::PI;
 
 const DT: f64 = 1.0 / 4096.0;
@@ -356,10 +357,9 @@ fn trials_and_holds_leave_no_trace_and_a_frozen_state_goes_on_with_the_same_bits
             disturbed.commit();
         }
         if k % 100 == 70 {
-            let mut state = vec![];
-            disturbed.freeze(&mut state);
+            let state = TestState::of(|visit| disturbed.visit_state(visit)).unwrap();
             let mut fresh = behind(NOISY, law());
-            assert!(fresh.thaw(&state).is_empty());
+            state.restore(|visit| fresh.visit_state(visit)).unwrap();
             disturbed = fresh;
         }
     }
@@ -592,10 +592,7 @@ impl Specimen for Jump {
     fn bound(&self, _: &[Reach], _: &mut [f64], _: &mut [f64]) -> Result<(), usize> {
         Ok(())
     }
-    fn freeze(&self, _: &mut Vec<f64>) {}
-    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
-        from
-    }
+    fn visit_state(&mut self, _: &mut dyn Visit) {}
 }
 
 #[test]
