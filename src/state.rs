@@ -124,6 +124,17 @@ impl TestState {
         Ok(state)
     }
 
+    /// An empty state with the layout and the room of this one. All memory is allocated and touched here.
+    #[must_use]
+    pub fn with_same_room(&self) -> Self {
+        let mut words = vec![0; self.layout.words];
+        words.clear();
+        Self {
+            layout: self.layout,
+            words,
+        }
+    }
+
     /// A state that was read from a file.
     ///
     /// # Errors

@@ -154,6 +154,7 @@ impl Kernel for HighestOrNone<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::state::TestState;
 
     #[test]
     fn the_first_displacement_out_of_bounds_is_named() {
@@ -165,6 +166,18 @@ mod tests {
         assert_eq!(first_beyond(&[0.0, 0.0, -4.0], 3.0), Some((2, -4.0)));
         let found = first_beyond(&[0.0, f64::NAN, 0.0], 3.0);
         assert!(matches!(found, Some((1, value)) if value.is_nan()));
+    }
+
+    #[test]
+    fn restored_peaks_are_the_same() {
+        let mut peaks = Peaks::zeros(2);
+        peaks.note_disp(&[0.5, -2.0]);
+        peaks.note_rates(&[1.0, -3.0], &[4.0, f64::NAN]);
+        let state = TestState::of(|visit| peaks.visit_state(visit)).unwrap();
+        let mut other = Peaks::zeros(2);
+        state.restore(|visit| other.visit_state(visit)).unwrap();
+        assert_eq!((&other.disp, &other.vel), (&peaks.disp, &peaks.vel));
+        assert!(other.accel[0] == 4.0 && other.accel[1].is_nan());
     }
 
     #[test]

@@ -357,6 +357,7 @@ impl Engine {
         }
         self.ride.unchecked = 0;
         let digest = self.digest();
-        self.report(tick, Event::Checkpoint { digest });
+        let sha256 = None;
+        self.report(tick, Event::Checkpoint { digest, sha256 });
     }
 }

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value};
 
+use super::checkpoint::{Checkpoint, CheckpointFault, Checksum, STATE_FILES};
 use super::events::{Event, EventLine};
 use super::folder::{AFTER, FILES, FolderError, at};
 use super::journal::Journal;
@@ -179,6 +180,26 @@ impl Run {
         let path = self.path.join("samples.bin");
         let file = fs::metadata(&path).map_err(at(&path))?;
         Ok(file.len() / self.layout.stride() as u64)
+    }
+
+    /// The newest state that `is_usable`, and what is wrong with newer ones. A state is of use if the event `checkpoint` of its step
+    /// has its SHA-256, and if all its rows are on record: the caller knows both.
+    #[must_use]
+    pub fn newest_state(
+        &self,
+        mut is_usable: impl FnMut(&Checkpoint, Checksum) -> bool,
+    ) -> (Option<Checkpoint>, Vec<CheckpointFault>) {
+        let mut faults = Vec::new();
+        for name in STATE_FILES {
+            match Checkpoint::read(&self.path.join(name)) {
+                Ok(Some((state, checksum))) if is_usable(&state, checksum) => {
+                    return (Some(state), faults);
+                }
+                Ok(_) => {}
+                Err(fault) => faults.push(fault),
+            }
+        }
+        (None, faults)
     }
 
     /// Whole columns by name, in the order asked for.

@@ -367,7 +367,7 @@ impl Checkpoints {
 
     fn read(&mut self) -> Result<(), FolderError> {
         let one = |line: EventLine| match line.event {
-            Event::Checkpoint { digest } => Some((line.tick?, digest)),
+            Event::Checkpoint { digest, .. } => Some((line.tick?, digest)),
             _ => None,
         };
         self.coming = None;
@@ -430,7 +430,7 @@ impl Recorder for Comparing {
     }
 
     fn event(&mut self, event: TimedEvent) -> bool {
-        if let Event::Checkpoint { digest } = event.kind {
+        if let Event::Checkpoint { digest, .. } = event.kind {
             with(&self.0, |tape| tape.check(event.tick, digest));
         }
         true

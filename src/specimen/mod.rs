@@ -41,6 +41,9 @@ mod spec;
 mod stiffened;
 mod uniaxial;
 
+#[cfg(test)]
+mod restored;
+
 pub use coupled::{Coupled, CoupledSpec};
 pub use in_process::InProcess;
 pub(crate) use in_process::status;

@@ -4,6 +4,8 @@ use crate::specimen::SpecimenLaw;
 use crate::state::{TestState, Visit};
 use std::f64::consts::PI;
 
+mod restored;
+
 const DT: f64 = 1.0 / 4096.0;
 
 fn spec(text: &str) -> TransferSpec {
@@ -330,7 +332,7 @@ const NOISY: &str = "delay_s = 0.0041\nactuator.servo_hydraulic = {}\nseed = 5\n
                      [disp_sensor]\nnoise_rms_m = 1e-5\ndrift_m_per_s = 1e-4\n[force_sensor]\nnoise_power_n2_s = 1e-3\nquantum_n = 0.5";
 
 #[test]
-fn trials_and_holds_leave_no_trace_and_a_frozen_state_goes_on_with_the_same_bits() {
+fn trials_and_holds_leave_no_trace_and_a_restored_state_goes_on_with_the_same_bits() {
     let law = || spring(1.19e6, 114.0);
     let (mut plain, mut disturbed) = (behind(NOISY, law()), behind(NOISY, law()));
     let (mut a, mut b) = ([0.0], [0.0]);
