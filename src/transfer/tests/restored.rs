@@ -35,7 +35,7 @@ fn all() -> Vec<String> {
                         let rate = if limits.is_empty() || actuator.contains("servo") {
                             ""
                         } else {
-                            "rate_limit_m_per_s = 0.05\n"
+                            "rate_limit_m_per_s = 0.5\n"
                         };
                         all.push(format!("{actuator}{delay}{between}{limits}{rate}{sensors}"));
                     }
