@@ -30,6 +30,39 @@ pub trait Visit {
         self.numbers(std::slice::from_mut(value));
     }
 
+    /// A counter of 32 bits.
+    fn short(&mut self, value: &mut u32) {
+        let mut wide = u64::from(*value);
+        self.count(&mut wide);
+        *value = u32::try_from(wide).unwrap_or(u32::MAX);
+    }
+
+    /// A real number, or none.
+    fn option(&mut self, value: &mut Option<f64>) {
+        let (mut is_there, mut number) = (value.is_some(), value.unwrap_or(0.0));
+        self.flag(&mut is_there);
+        self.number(&mut number);
+        *value = is_there.then_some(number);
+    }
+
+    /// A list of at most `most` real numbers, which has the capacity for them. It takes as much room however long it is.
+    fn list(&mut self, values: &mut Vec<f64>, most: usize) {
+        let mut len = values.len().min(most);
+        self.index(&mut len, most + 1);
+        for place in 0..most {
+            let mut number = values.get(place).copied().unwrap_or(0.0);
+            self.number(&mut number);
+            if place >= len {
+                continue;
+            }
+            match values.get_mut(place) {
+                Some(value) => *value = number,
+                None => values.push(number),
+            }
+        }
+        values.truncate(len);
+    }
+
     /// Begins the values of a part with this name. States of other parts do not fit.
     fn part(&mut self, name: &'static str) {
         let _ = name;
@@ -483,6 +516,39 @@ mod tests {
             state,
             TestState::of(|visit| other.visit_state(visit)).unwrap()
         );
+    }
+
+    #[test]
+    fn what_may_be_missing_and_lists_of_any_length_take_the_same_room() {
+        let walk = |option: &mut Option<f64>,
+                    list: &mut Vec<f64>,
+                    short: &mut u32,
+                    visit: &mut dyn Visit| {
+            visit.option(option);
+            visit.list(list, 4);
+            visit.short(short);
+        };
+        let (mut value, mut list, mut short) = (None, Vec::with_capacity(4), 0);
+        let mut state =
+            TestState::with_room(|visit| walk(&mut value, &mut list, &mut short, visit));
+        for (option, numbers) in [
+            (Some(f64::NAN), vec![1.0, 2.0, 3.0, 4.0]),
+            (None, vec![]),
+            (Some(-0.0), vec![5.0, 6.0]),
+        ] {
+            let (mut of, mut from, mut count) = (option, numbers.clone(), 7);
+            state
+                .take(|visit| walk(&mut of, &mut from, &mut count, visit))
+                .unwrap();
+            let used = allocation_counter::measure(|| {
+                state
+                    .restore(|visit| walk(&mut value, &mut list, &mut short, visit))
+                    .unwrap();
+            });
+            assert_eq!(used.count_total, 0);
+            assert_eq!(value.map(f64::to_bits), option.map(f64::to_bits));
+            assert_eq!((&list, short), (&numbers, 7));
+        }
     }
 
     #[test]

@@ -23,7 +23,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("law", &["state"]),
     ("linalg", &[]),
     ("substructure", &["state", "time"]),
-    ("geometry", &[]),
+    ("geometry", &["state"]),
     (
         "specimen",
         &["geometry", "law", "state", "substructure", "time"],

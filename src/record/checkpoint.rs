@@ -108,7 +108,24 @@ pub enum CheckpointFault {
     /// Its bytes are not those that were written.
     #[error("its SHA-256 does not agree with its content")]
     Damaged,
+    /// No event confirms it.
+    #[error("no checkpoint event of step {step} has its SHA-256")]
+    Unmatched {
+        /// Step of the state.
+        step: u64,
+    },
+    /// Rows before it were lost.
+    #[error("it follows row {rows}, but only {made} rows are on record")]
+    Ahead {
+        /// Rows up to the state.
+        rows: u64,
+        /// Rows on record.
+        made: u64,
+    },
 }
+
+/// State files that are of no use, by name, and why.
+pub type StateFaults = Vec<(&'static str, CheckpointFault)>;
 
 /// The state of a test after a step.
 #[derive(Debug, Clone, PartialEq)]
@@ -288,6 +305,11 @@ impl StateFolder {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::record::Layout as RecordLayout;
+    use crate::record::writer::Clocks;
+    use crate::record::{
+        Column, Recorder, RingSize, Run, RunFolder, WhenFull, Writer, WriterSettings, ring,
+    };
 
     fn checkpoint(step: u64, values: &[f64]) -> Checkpoint {
         let mut values = values.to_vec();
@@ -406,5 +428,93 @@ mod tests {
         for wrong in ["\"00\"", "\"é\"", &text.replace(['0', '1', '2', '3'], "x")] {
             assert!(serde_json::from_str::<Checksum>(wrong).is_err(), "{wrong}");
         }
+    }
+
+    /// A run folder with `rows` rows, these states in their order of time, and an event for each of those that are `told`.
+    fn run_with(folder: &Path, rows: u64, states: &[Checkpoint], told: &[u64]) -> Run {
+        let column = Column {
+            name: "step".to_owned(),
+            unit: "1".to_owned(),
+            meaning: String::new(),
+            timing: false,
+        };
+        let record = RecordLayout::new(vec![column]).unwrap();
+        let run = RunFolder::create(folder).unwrap();
+        let size = RingSize {
+            rows: 64,
+            events: 1,
+        };
+        let (mut recorder, reader) = ring(1, size, WhenFull::Drop).unwrap();
+        let samples = run.open_samples(&record).unwrap();
+        let events = run.open_events().unwrap();
+        let clocks = Clocks {
+            monotonic_ns: || 0,
+            utc_ns: || 0,
+        };
+        let settings = WriterSettings::default();
+        let writer = Writer::spawn(reader, samples, events, None, clocks, settings).unwrap();
+        assert!((0..rows).all(|row| recorder.row(&[row as f64])));
+        writer.finish().unwrap();
+        let mut lines = String::new();
+        for state in states {
+            let (step, checksum) = (state.step, state.checksum());
+            run.open_states().unwrap().keep(state, checksum).unwrap();
+            let line = serde_json::json!({
+                "tick": step, "event": "checkpoint", "digest": "00ab00ab00ab00ab", "sha256": checksum,
+            });
+            if told.contains(&step) {
+                lines += &format!("{line}\n");
+            }
+        }
+        std::fs::write(folder.join("events.jsonl"), lines).unwrap();
+        Run::open(folder).unwrap()
+    }
+
+    #[test]
+    fn a_test_goes_on_from_the_newest_state_that_its_record_confirms() {
+        let all = [4, 9, 14].map(|step| checkpoint(step, &[step as f64]));
+        // Rows on record, steps whose events are there, and the state to go on from; what is wrong with the newer ones.
+        type Wrong = fn(&CheckpointFault) -> bool;
+        let unmatched: Wrong = |fault| matches!(fault, CheckpointFault::Unmatched { .. });
+        let ahead: Wrong = |fault| matches!(fault, CheckpointFault::Ahead { .. });
+        let cases: [(u64, &[u64], Option<u64>, &[Wrong]); 6] = [
+            (29, &[4, 9, 14], Some(14), &[]),
+            (28, &[4, 9, 14], Some(9), &[ahead]),
+            (29, &[4, 9], Some(9), &[unmatched]),
+            (18, &[4, 9, 14], None, &[ahead, ahead]),
+            (29, &[4], None, &[unmatched, unmatched]),
+            (0, &[], None, &[unmatched, unmatched]),
+        ];
+        for (index, (rows, told, wanted, wrong)) in cases.into_iter().enumerate() {
+            let folder = tempfile::tempdir().unwrap();
+            let run = run_with(&folder.path().join("run"), rows, &all, told);
+            let (state, faults) = run.usable_state().unwrap();
+            assert_eq!(state.map(|state| state.step), wanted, "{index}");
+            assert_eq!(faults.len(), wrong.len(), "{index}");
+            let mut each = faults.iter().zip(wrong);
+            let are_the_ones = each.all(|((_, fault), is_the_one)| is_the_one(fault));
+            assert!(are_the_ones, "{index}: {faults:?}");
+        }
+    }
+
+    #[test]
+    fn a_damaged_state_is_told_and_the_one_before_it_is_used() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run");
+        let all = [4, 9].map(|step| checkpoint(step, &[step as f64]));
+        let run = run_with(&path, 29, &all, &[4, 9]);
+        let [newest, _] = STATE_FILES;
+        let mut bytes = std::fs::read(path.join(newest)).unwrap();
+        bytes[50] ^= 1;
+        std::fs::write(path.join(newest), &bytes).unwrap();
+        let (state, faults) = run.usable_state().unwrap();
+        assert_eq!(state.map(|state| state.step), Some(4));
+        assert!(matches!(faults[..], [(name, CheckpointFault::Damaged)] if name == newest));
+        // An earlier version, or a test without states: nothing is wrong.
+        for name in STATE_FILES {
+            std::fs::remove_file(path.join(name)).unwrap();
+        }
+        let (state, faults) = run.usable_state().unwrap();
+        assert!(state.is_none() && faults.is_empty());
     }
 }

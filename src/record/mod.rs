@@ -46,7 +46,9 @@ mod warned;
 mod whereabouts;
 pub mod writer;
 
-pub use checkpoint::{Checkpoint, CheckpointFault, Checksum, STATE_FILES, StateFolder};
+pub use checkpoint::{
+    Checkpoint, CheckpointFault, Checksum, STATE_FILES, StateFaults, StateFolder,
+};
 pub use events::{Event, EventLine, LimitReached, Standing, TripValue, WarmUp, Word};
 pub use folder::{FolderError, RunFolder, make_free};
 pub use image::FolderImage;

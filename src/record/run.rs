@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value};
 
-use super::checkpoint::{Checkpoint, CheckpointFault, Checksum, STATE_FILES};
+use super::checkpoint::{Checkpoint, CheckpointFault, Checksum, STATE_FILES, StateFaults};
 use super::events::{Event, EventLine};
 use super::folder::{AFTER, FILES, FolderError, at};
 use super::journal::Journal;
@@ -182,24 +182,49 @@ impl Run {
         Ok(file.len() / self.layout.stride() as u64)
     }
 
-    /// The newest state that `is_usable`, and what is wrong with newer ones. A state is of use if the event `checkpoint` of its step
-    /// has its SHA-256, and if all its rows are on record: the caller knows both.
-    #[must_use]
-    pub fn newest_state(
-        &self,
-        mut is_usable: impl FnMut(&Checkpoint, Checksum) -> bool,
-    ) -> (Option<Checkpoint>, Vec<CheckpointFault>) {
-        let mut faults = Vec::new();
+    /// The newest state from which the test can go on, and what is wrong with newer ones. Its event has the same SHA-256, and all
+    /// rows up to it are on record.
+    ///
+    /// # Errors
+    /// The system refuses the events or the rows.
+    pub fn usable_state(&self) -> Result<(Option<Checkpoint>, StateFaults), FolderError> {
+        let (mut found, mut faults) = (Vec::new(), StateFaults::new());
         for name in STATE_FILES {
             match Checkpoint::read(&self.path.join(name)) {
-                Ok(Some((state, checksum))) if is_usable(&state, checksum) => {
-                    return (Some(state), faults);
-                }
-                Ok(_) => {}
-                Err(fault) => faults.push(fault),
+                Ok(Some(state)) => found.push((name, state)),
+                Ok(None) => {}
+                Err(fault) => faults.push((name, fault)),
             }
         }
-        (None, faults)
+        if found.is_empty() {
+            return Ok((None, faults));
+        }
+        let checksums = self.checksums()?;
+        let made = self.rows_made()?;
+        for (name, (state, checksum)) in found {
+            let (step, rows) = (state.step, state.rows);
+            if !checksums.contains(&(step, checksum)) {
+                faults.push((name, CheckpointFault::Unmatched { step }));
+            } else if rows > made {
+                faults.push((name, CheckpointFault::Ahead { rows, made }));
+            } else {
+                return Ok((Some(state), faults));
+            }
+        }
+        Ok((None, faults))
+    }
+
+    /// Step and SHA-256 of every checkpoint that has a state.
+    fn checksums(&self) -> Result<Vec<(u64, Checksum)>, FolderError> {
+        let mut checksums = Vec::new();
+        for line in self.event_lines()? {
+            let of = line?.and_then(|line| match line.event {
+                Event::Checkpoint { sha256, .. } => line.tick.zip(sha256),
+                _ => None,
+            });
+            checksums.extend(of);
+        }
+        Ok(checksums)
     }
 
     /// Whole columns by name, in the order asked for.
