@@ -71,7 +71,7 @@ pub trait Visit {
     /// The state cannot be taken at this moment: an exchange is under way.
     fn refuse(&mut self) {}
 
-    /// True if the values are replaced: what is computed from them must then be computed anew.
+    /// True if the values are replaced: what is computed from them must then be computed again.
     fn restores(&self) -> bool {
         false
     }
@@ -273,7 +273,7 @@ impl Default for Digest {
 }
 
 impl Digest {
-    /// Of a long list so many values are hashed, evenly spread: a checkpoint must not cost a deadline.
+    /// About this number of values of a long list is hashed, evenly spread: a checkpoint must not cost a deadline.
     const SAMPLED: usize = 1024;
 
     /// Adds one value. Real-time: yes.
@@ -564,7 +564,7 @@ mod tests {
             })
         );
         let mut other = blank(3);
-        // The same number of values: of another part, in another order, of another kind.
+        // As many values, but of another part, or in another order.
         let of_another_part = state.restore(|visit| {
             visit.part("another");
             other.visit_state(visit);
@@ -617,7 +617,7 @@ mod tests {
         });
         assert_eq!(used.count_total, 0);
         assert!(!state.is_empty());
-        // What has grown since does not fit, and leaves no half of a state.
+        // A larger state does not fit, and leaves no half of a state.
         let mut grown = blank(4);
         let used = allocation_counter::measure(|| {
             assert_eq!(

@@ -326,7 +326,7 @@ impl Engine {
         digest.add((self.ride.step as f64).to_bits());
         if let Side::Structure(numerical) = &mut self.side {
             let structure = &mut numerical.structure;
-            // The same values have had room before.
+            // The room was made for these values.
             let _ = self.memory.take(|visit| structure.visit_state(visit));
             let state = &numerical.state;
             let parts: [&[f64]; 4] = [

@@ -37,9 +37,9 @@ pub(super) fn state_buffers() -> (StateSender, StateReceiver) {
 #[derive(Debug)]
 pub(super) struct StateSender {
     /// Buffers that are at hand.
-    spare: Vec<Box<Checkpoint>>,
-    free: Consumer<Box<Checkpoint>>,
-    taken: Producer<Box<Checkpoint>>,
+    spare: Vec<Checkpoint>,
+    free: Consumer<Checkpoint>,
+    taken: Producer<Checkpoint>,
     skipped: Arc<AtomicU64>,
 }
 
@@ -47,12 +47,10 @@ impl StateSender {
     /// Allocates the buffers, each with the room of `room`.
     pub fn allocate(&mut self, room: &TestState) {
         self.spare.clear();
-        self.spare.extend((0..BUFFERS).map(|_| {
-            Box::new(Checkpoint {
-                step: 0,
-                rows: 0,
-                state: room.with_same_room(),
-            })
+        self.spare.extend((0..BUFFERS).map(|_| Checkpoint {
+            step: 0,
+            rows: 0,
+            state: room.with_same_room(),
         }));
     }
 
@@ -84,11 +82,11 @@ impl StateSender {
     }
 }
 
-/// The writer's end: states that were taken, the way back for their buffers, and the count of those that were skipped.
+/// The writer's end: states that were taken, the ring that returns their buffers, and the count of skipped states.
 #[derive(Debug)]
 pub(super) struct StateReceiver {
-    pub taken: Consumer<Box<Checkpoint>>,
-    pub free: Producer<Box<Checkpoint>>,
+    pub taken: Consumer<Checkpoint>,
+    pub free: Producer<Checkpoint>,
     pub skipped: Arc<AtomicU64>,
 }
 

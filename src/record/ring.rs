@@ -6,7 +6,7 @@
 //! * Full means drop and count ([`WhenFull::Drop`], the real clock) or yield until there is room
 //!   ([`WhenFull::Wait`], the simulated clock, where no wall time is at stake).
 //! * Both rings are filled and drained once by [`ring`]: a first touch of their pages costs up to 70 µs.
-//! * The state of a checkpoint goes through buffers of its own, and is skipped if none is free.
+//! * The state of a checkpoint goes through separate buffers, and is skipped if no buffer is free.
 //! * The reader polls. Nobody is ever woken by the loop.
 
 use std::sync::Arc;
@@ -308,7 +308,7 @@ impl RingReader {
         self.events.pop().ok()
     }
 
-    /// The end of the states, for whoever keeps them; none the second time.
+    /// The receiving end of the states. The first call takes it; later calls return none.
     pub(super) const fn take_states(&mut self) -> Option<StateReceiver> {
         self.states.take()
     }

@@ -165,7 +165,7 @@ impl Tape {
         tape
     }
 
-    /// Passes over the first rows, so many with those that were lost: the loop has their state already.
+    /// Passes over the rows with numbers below `rows`: the loop has their state already.
     fn pass_over(&mut self, rows: u64) {
         while self.row < rows && self.short.is_none() {
             match self.journal.next_row() {

@@ -29,7 +29,7 @@ fn state_of(specimen: &mut dyn Specimen) -> TestState {
     state
 }
 
-/// The specimen goes back to a state of its own; a state of another one changes nothing.
+/// Restores the specimen. The state of another specimen changes nothing.
 fn put_back(specimen: &mut dyn Specimen, state: &TestState) {
     let _it_is_of_another = state.restore(|visit| specimen.visit_state(visit));
 }

@@ -1,6 +1,6 @@
 //! States on their way from the loop to the run folder.
 //!
-//! The writer computes the SHA-256 of a state for its event. A thread of its own writes the file, because a sync may take
+//! The writer computes the SHA-256 of a state for its event. A separate thread writes the file, because a sync may take
 //! as long as the disk likes and must hold up neither rows nor events. Then the buffer goes back to the loop.
 
 use std::thread::JoinHandle;
@@ -12,11 +12,11 @@ use crate::record::buffers::{BUFFERS, StateReceiver};
 use crate::record::checkpoint::{Checkpoint, Checksum, StateFolder};
 
 /// A state with its SHA-256.
-type Hashed = (Box<Checkpoint>, Checksum);
+type Hashed = (Checkpoint, Checksum);
 
 /// The writer's end of the states, and the thread that brings them to the disk.
 pub(super) struct Snapshots {
-    taken: Consumer<Box<Checkpoint>>,
+    taken: Consumer<Checkpoint>,
     to_disk: Sender<Hashed>,
     thread: JoinHandle<Kept>,
 }
@@ -56,7 +56,7 @@ impl Snapshots {
             let state = self.taken.pop().ok()?;
             let checksum = state.checksum();
             let is_the_one = state.step == step;
-            // A state whose event was lost is written too: nobody finds its event, so nobody uses it.
+            // A state whose event was lost is written, too. Without the event no reader uses it.
             let _the_thread_has_died = self.to_disk.try_send((state, checksum));
             if is_the_one {
                 return Some(checksum);
@@ -73,7 +73,7 @@ impl Snapshots {
 
 fn keep_all(
     hashed: &Receiver<Hashed>,
-    mut free: Producer<Box<Checkpoint>>,
+    mut free: Producer<Checkpoint>,
     folder: &StateFolder,
 ) -> Kept {
     let mut kept = Kept::default();

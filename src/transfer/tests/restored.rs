@@ -1,4 +1,4 @@
-//! Every transfer system continues from a restored state with the same bits: in motion, in a hold, and on the way out of it.
+//! Every transfer system continues from a restored state with the same bits: in motion, in a hold, and in its ramps.
 
 use super::*;
 
@@ -57,7 +57,7 @@ fn tick_dt(k: usize) -> f64 {
     }
 }
 
-/// What a tick shows of a specimen.
+/// One tick, and everything that the loop sees of the specimen in it.
 fn tick(plant: &mut Transfer, k: usize) -> (Vec<u64>, bool, bool) {
     let disp = [6e-3 * libm::sin(0.05 * k as f64), 2e-3];
     let vel = [0.3 * libm::cos(0.05 * k as f64), 0.0];
