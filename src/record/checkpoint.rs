@@ -515,4 +515,32 @@ mod tests {
         let (state, faults) = run.usable_state().unwrap();
         assert!(state.is_none() && faults.is_empty());
     }
+
+    /// A kill leaves what the calls before it have made: half a file beside the others, or no newest file.
+    #[test]
+    fn a_kill_at_any_moment_leaves_a_state_to_go_on_from() {
+        let all = [4, 9].map(|step| checkpoint(step, &[step as f64]));
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run");
+        let run = run_with(&path, 29, &all, &[4, 9]);
+        let [newest, before] = STATE_FILES.map(|name| path.join(name));
+        let step = || {
+            let (state, faults) = run.usable_state().unwrap();
+            assert!(faults.is_empty(), "{faults:?}");
+            state.map(|state| state.step)
+        };
+        let whole = std::fs::read(&newest).unwrap();
+        std::fs::write(path.join(PARTIAL), &whole[..whole.len() / 2]).unwrap();
+        assert_eq!(step(), Some(9));
+        std::fs::rename(&newest, &before).unwrap();
+        assert_eq!(step(), Some(9));
+        // The next attempt takes no notice of it.
+        let next = checkpoint(14, &[14.0]);
+        let states = StateFolder::open(&path).unwrap();
+        states.keep(&next, next.checksum()).unwrap();
+        assert!(!path.join(PARTIAL).exists());
+        let [newest, before] = [newest, before].map(|path| Checkpoint::read(&path).unwrap());
+        let steps = [newest, before].map(|found| found.map(|(state, _)| state.step));
+        assert_eq!(steps, [Some(14), Some(9)]);
+    }
 }
