@@ -95,6 +95,16 @@ impl Measurement {
             force: vec![0.0; axes],
         }
     }
+
+    /// Visits every value. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("measurement");
+        visit.count(&mut self.sequence);
+        visit.number(&mut self.time);
+        visit.short(&mut self.status.0);
+        visit.numbers(&mut self.disp);
+        visit.numbers(&mut self.force);
+    }
 }
 
 /// Whether the loop waits for one reply to each command, or the specimen measures on its own clock.

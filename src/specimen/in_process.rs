@@ -201,8 +201,7 @@ impl<S: Specimen> Substructure for InProcess<S> {
         visit.numbers(&mut self.vel);
         visit.numbers(&mut self.measured);
         visit.numbers(&mut self.force);
-        let mut status = u64::from(self.status.0);
-        visit.count(&mut status);
+        visit.short(&mut self.status.0);
         self.specimen.visit_state(visit);
         if visit.restores() {
             self.phase = if is_committed {
@@ -210,7 +209,6 @@ impl<S: Specimen> Substructure for InProcess<S> {
             } else {
                 Phase::Idle
             };
-            self.status = Status(status as u32);
         }
         true
     }
@@ -359,6 +357,21 @@ mod tests {
             }
             assert_eq!(a, b, "{k}");
         }
+    }
+
+    #[test]
+    fn a_restored_measurement_is_the_same() {
+        let mut one = Measurement {
+            sequence: 7,
+            time: 0.25,
+            status: Status::SATURATED,
+            disp: vec![-0.0, 1.0],
+            force: vec![2.0, 3.0],
+        };
+        let state = TestState::of(|visit| one.visit_state(visit)).unwrap();
+        let mut other = Measurement::zeros(2);
+        state.restore(|visit| other.visit_state(visit)).unwrap();
+        assert_eq!(other, one);
     }
 
     /// Counts what is done to it; its force is the number of commits so far.
