@@ -25,6 +25,7 @@
 //! | [`identify`] | what an actuator and its specimen are, from one recorded motion |
 //! | [`integrate`] | the Gui-λ family and the choice of λ |
 //! | [`spectral`] | what a method does to one mode: poles, period error, bounds, critical delay |
+//! | [`state`] | the state of a test as a value: taken, digested, restored |
 //! | [`substructure`] | the hinge: command out, measurement back |
 //! | [`specimen`] | specimens in process |
 //! | [`transfer`] | what lies between a command and a specimen: delay, actuators, limits, sensors |
@@ -86,6 +87,7 @@ pub mod setup;
 pub mod specimen;
 pub mod spectral;
 pub mod stability;
+pub mod state;
 pub mod substructure;
 pub mod text;
 pub mod time;

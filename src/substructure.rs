@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::catalog::ending::Cause;
+use crate::state::Visit;
 use crate::time::Nanos;
 
 /// One command to a substructure. Slices have one entry per axis.
@@ -93,6 +94,16 @@ impl Measurement {
             disp: vec![0.0; axes],
             force: vec![0.0; axes],
         }
+    }
+
+    /// Visits every value. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("measurement");
+        visit.count(&mut self.sequence);
+        visit.number(&mut self.time);
+        visit.short(&mut self.status.0);
+        visit.numbers(&mut self.disp);
+        visit.numbers(&mut self.force);
     }
 }
 
@@ -389,6 +400,13 @@ pub trait Substructure: Send {
     fn is_answered(&mut self, wait_ns: u64) -> Result<bool, LinkFault> {
         let _ = wait_ns;
         Ok(true)
+    }
+
+    /// Visits the state of a specimen that is computed in this process. False if it has none here: a physical specimen behind a
+    /// link keeps its own state, and a recording follows its rows. Real-time: yes.
+    fn visit_state(&mut self, visit: &mut dyn Visit) -> bool {
+        let _ = visit;
+        false
     }
 
     /// The step of command `sequence` is accepted: commit. Real-time: yes.

@@ -18,24 +18,29 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("finding", &[]),
     ("work", &[]),
     ("assets", &[]),
-    ("law", &[]),
+    // The state of a test, of which every part that changes in a test is one.
+    ("state", &[]),
+    ("law", &["state"]),
     ("linalg", &[]),
-    ("substructure", &["time"]),
-    ("geometry", &[]),
-    ("specimen", &["geometry", "law", "substructure", "time"]),
-    ("transfer", &["law", "specimen"]),
-    ("model", &["law", "linalg"]),
+    ("substructure", &["state", "time"]),
+    ("geometry", &["state"]),
+    (
+        "specimen",
+        &["geometry", "law", "state", "substructure", "time"],
+    ),
+    ("transfer", &["law", "specimen", "state"]),
+    ("model", &["law", "linalg", "state"]),
     ("metrics", &[]),
     // A record is scaled to a response spectrum, of which there is one.
     ("motion", &["metrics"]),
     ("spectral", &[]),
-    ("integrate", &["linalg", "model"]),
+    ("integrate", &["linalg", "model", "state"]),
     (
         "benchmark",
         &["compensation", "metrics", "motion", "transfer"],
     ),
     ("identify", &["motion", "units"]),
-    ("compensation", &[]),
+    ("compensation", &["state"]),
     // Every proof and verdict.
     (
         "stability",
@@ -59,6 +64,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "geometry",
             // Tables of critical delays.
             "stability",
+            "state",
             "substructure",
             "time",
             "units",
@@ -67,7 +73,14 @@ const ALLOWED: &[(&str, &[&str])] = &[
     // A summary repeats the verdict.
     (
         "record",
-        &["stability", "substructure", "text", "units", "work"],
+        &[
+            "stability",
+            "state",
+            "substructure",
+            "text",
+            "units",
+            "work",
+        ],
     ),
     ("text", &[]),
     // Pages and their rendering: they describe the program, and no code of it.
@@ -82,6 +95,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "record",
             "rt",
             "specimen",
+            "state",
             "substructure",
             "text",
             "time",
@@ -143,6 +157,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "motion",
             "record",
             "rt",
+            "state",
             "substructure",
             "time",
             "units",
@@ -248,6 +263,7 @@ const PURE: &[&str] = &[
     "specimen",
     "transfer",
     "stability",
+    "state",
     "finding",
     "compensation",
     "geometry",

@@ -292,7 +292,7 @@ pub const EVENTS: &[EventRow] = &[
     row("started", Info, Other, "started").guide("The first command of the test is sent.", ""),
     row("checkpoint", Severity::Debug, Silent, "").guide(
         "A digest of the test's state after a step, for `gusset run --resume`.",
-        "`digest`: 16 hexadecimal digits",
+        "`digest`: 16 hexadecimal digits; `sha256`: of the state file, where there is one",
     ),
     row("hold_requested", Info, Operator, "hold requested")
         .guide("The operator asked for a hold.", ""),

@@ -3,6 +3,7 @@
 
 use super::filter::{Differences, LowPass};
 use super::{CompensationError, Parameter, inside, positive};
+use crate::state::Visit;
 
 /// Names of the coefficients of a model's inverse.
 pub(super) const COEFFICIENTS: &[Parameter] = &[
@@ -146,6 +147,10 @@ impl Bounded {
     pub fn reset(&mut self) {
         self.values.copy_from_slice(&self.start);
     }
+
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.numbers(&mut self.values);
+    }
 }
 
 /// Filtered commands, and filtered measurements with their derivatives.
@@ -191,15 +196,10 @@ impl Regressors {
         self.derivatives.reset(disp);
     }
 
-    pub fn freeze(&self, out: &mut Vec<f64>) {
-        self.command.freeze(out);
-        self.measured.freeze(out);
-        self.derivatives.freeze(out);
-    }
-
-    pub fn slots(&mut self) -> impl Iterator<Item = &mut f64> {
-        let filters = self.command.slots().chain(self.measured.slots());
-        filters.chain(self.derivatives.slots())
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        self.command.visit_state(visit);
+        self.measured.visit_state(visit);
+        self.derivatives.visit_state(visit);
     }
 }
 

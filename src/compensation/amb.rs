@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::adaptive::{Bounded, COEFFICIENTS, GAIN, Regressors};
 use super::filter::Differences;
 use super::{CompensationError, Compensator, Parameter, inside};
+use crate::state::Visit;
 
 /// Adaptive model-based compensation: the inverse of a model with three poles. The coefficients
 /// follow ȧ = Γ φ (u − aᵀφ)/(1 + φᵀφ). φ is the filtered measured displacement with its first three
@@ -155,14 +156,10 @@ impl Compensator for Amb {
         &self.a.bounds
     }
 
-    fn freeze(&self, out: &mut Vec<f64>) {
-        out.extend(&self.a.values);
-        self.targets.freeze(out);
-        self.regressors.freeze(out);
-    }
-
-    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
-        let slots = self.a.values.iter_mut().chain(self.targets.slots());
-        super::take(slots.chain(self.regressors.slots()), from)
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("amb");
+        self.a.visit_state(visit);
+        self.targets.visit_state(visit);
+        self.regressors.visit_state(visit);
     }
 }

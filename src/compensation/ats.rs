@@ -7,6 +7,7 @@ use super::adaptive::{Bounded, COEFFICIENTS, GAIN, Regressors};
 use super::filter::Differences;
 use super::least_squares::Window;
 use super::{CompensationError, Compensator, Parameter, history, inside, not_negative, positive};
+use crate::state::Visit;
 
 /// Adaptive time series compensation, a₀ d + a₁ ḋ + …. A least-squares fit of past commands to the
 /// measured displacement and its derivatives gives the coefficients. Source: Chae, Kazemibidokhti &
@@ -208,16 +209,11 @@ impl Compensator for Ats {
         &self.a.bounds
     }
 
-    fn freeze(&self, out: &mut Vec<f64>) {
-        out.extend(&self.a.values);
-        self.targets.freeze(out);
-        self.regressors.freeze(out);
-        self.window.freeze(out);
-    }
-
-    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
-        let slots = self.a.values.iter_mut().chain(self.targets.slots());
-        let rest = super::take(slots.chain(self.regressors.slots()), from);
-        self.window.thaw(rest)
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("ats");
+        self.a.visit_state(visit);
+        self.targets.visit_state(visit);
+        self.regressors.visit_state(visit);
+        self.window.visit_state(visit);
     }
 }

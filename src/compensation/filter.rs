@@ -3,6 +3,8 @@
 
 use std::f64::consts::PI;
 
+use crate::state::Visit;
+
 /// Low pass of Butterworth's kind and order 4, as two sections by the bilinear transformation, warped so that the corner is
 /// where it is asked for.
 #[derive(Debug, Clone, Copy)]
@@ -72,14 +74,10 @@ impl LowPass {
         }
     }
 
-    pub fn slots(&mut self) -> impl Iterator<Item = &mut f64> {
-        let sections = self.sections.iter_mut();
-        sections.flat_map(|s| s.x.iter_mut().chain(&mut s.y))
-    }
-
-    pub fn freeze(&self, out: &mut Vec<f64>) {
-        for s in &self.sections {
-            out.extend(s.x.iter().chain(&s.y));
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        for section in &mut self.sections {
+            visit.numbers(&mut section.x);
+            visit.numbers(&mut section.y);
         }
     }
 }
@@ -118,12 +116,8 @@ impl Differences {
         self.past = [value; 3];
     }
 
-    pub fn slots(&mut self) -> impl Iterator<Item = &mut f64> {
-        self.past.iter_mut()
-    }
-
-    pub fn freeze(&self, out: &mut Vec<f64>) {
-        out.extend(self.past);
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.numbers(&mut self.past);
     }
 }
 
@@ -178,12 +172,8 @@ impl History {
         self.ring.fill(value);
     }
 
-    pub fn freeze(&self, out: &mut Vec<f64>) {
-        out.extend((0..self.ring.len()).map(|back| self.back(back)));
-    }
-
-    pub fn slots(&mut self) -> impl Iterator<Item = &mut f64> {
-        self.newest = self.ring.len() - 1;
-        self.ring.iter_mut().rev()
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.index(&mut self.newest, self.ring.len());
+        visit.numbers(&mut self.ring);
     }
 }

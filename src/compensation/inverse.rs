@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{CompensationError, Compensator, Parameter, history, not_negative};
+use crate::state::Visit;
 
 /// Inverse compensation, α d\[i\] − (α − 1) d\[i−1\] with α = 1 + delay/Δt. It equals a polynomial
 /// of order 1 with `nodes = "step"`. Source: Chen, Ricles, Marullo & Mercan 2009.
@@ -65,11 +66,8 @@ impl Compensator for Inverse {
         &self.bounds
     }
 
-    fn freeze(&self, out: &mut Vec<f64>) {
-        out.push(self.last);
-    }
-
-    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
-        super::take(std::iter::once(&mut self.last), from)
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("inverse");
+        visit.number(&mut self.last);
     }
 }

@@ -3,6 +3,8 @@
 //! Sums are kept by adding what comes and taking off what leaves. A second set of sums, begun anew with every window, takes
 //! the place of the first when it holds exactly the window, so that roundoff grows over one window and no longer.
 
+use crate::state::Visit;
+
 /// Most unknowns.
 const MOST: usize = 4;
 /// Weight of the present coefficients, as a share of the scaled sums.
@@ -134,26 +136,13 @@ impl Window {
         Some(x)
     }
 
-    pub fn freeze(&self, out: &mut Vec<f64>) {
-        out.push(self.next as f64);
-        out.push(f64::from(u8::from(self.full)));
-        for sums in [&self.sums, &self.fresh] {
-            out.extend(sums.matrix.iter().flatten().chain(&sums.right));
-        }
-        out.extend(self.rows.iter().flatten());
-    }
-
-    pub fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
-        let Some((&[next, full], rest)) = from.split_first_chunk::<2>() else {
-            return from;
-        };
-        self.next = next as usize;
-        self.full = full != 0.0;
-        let mut rest = rest;
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.index(&mut self.next, self.rows.len());
+        visit.flag(&mut self.full);
         for sums in [&mut self.sums, &mut self.fresh] {
-            let slots = sums.matrix.iter_mut().flatten().chain(&mut sums.right);
-            rest = super::take(slots, rest);
+            visit.numbers(sums.matrix.as_flattened_mut());
+            visit.numbers(&mut sums.right);
         }
-        super::take(self.rows.iter_mut().flatten(), rest)
+        visit.numbers(self.rows.as_flattened_mut());
     }
 }

@@ -59,6 +59,8 @@ mod tests;
 
 use thiserror::Error;
 
+use crate::state::Visit;
+
 pub use amb::AmbSpec;
 pub use ats::AtsSpec;
 pub use inverse::InverseSpec;
@@ -82,7 +84,7 @@ pub struct Parameter {
     pub unit: &'static str,
 }
 
-/// Makes commands of targets. All motions in m, m/s and m/s²; every method but `freeze` is on the real-time path.
+/// Makes commands of targets. All motions in m, m/s and m/s²; every method is on the real-time path.
 pub trait Compensator: Send + std::fmt::Debug {
     /// The command for the target `disp`, a tick after the last; `vel` and `accel` are the integrator's own: vel = ∇disp/Δt
     /// belongs to t − Δt/2, and accel = ∇vel/Δt.
@@ -145,11 +147,8 @@ pub trait Compensator: Send + std::fmt::Debug {
         &[]
     }
 
-    /// Appends the whole state.
-    fn freeze(&self, out: &mut Vec<f64>);
-
-    /// Takes the state from the front of `from` and returns the rest.
-    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64];
+    /// Visits the whole state.
+    fn visit_state(&mut self, visit: &mut dyn Visit);
 }
 
 /// What is wrong with a compensator's description.
@@ -256,16 +255,4 @@ fn history(name: &'static str, ticks: f64) -> Result<usize, CompensationError> {
     } else {
         Err(CompensationError::History { name, ticks })
     }
-}
-
-/// Takes as many numbers as there are slots.
-fn take<'a, 'b>(slots: impl Iterator<Item = &'b mut f64>, from: &'a [f64]) -> &'a [f64] {
-    let mut rest = from;
-    for slot in slots {
-        if let Some((first, tail)) = rest.split_first() {
-            *slot = *first;
-            rest = tail;
-        }
-    }
-    rest
 }

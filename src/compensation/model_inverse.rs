@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::adaptive::COEFFICIENTS;
 use super::filter::Differences;
 use super::{CompensationError, Compensator, Parameter, inside, positive};
+use crate::state::Visit;
 
 /// Feed-forward of the derivatives of the target, a₀ d + a₁ ḋ + a₂ d̈ + a₃ d⃛, with backward
 /// differences. Source: Carrion & Spencer 2007.
@@ -86,11 +87,8 @@ impl Compensator for ModelInverse {
         &self.bounds
     }
 
-    fn freeze(&self, out: &mut Vec<f64>) {
-        self.targets.freeze(out);
-    }
-
-    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
-        super::take(self.targets.slots(), from)
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("model_inverse");
+        self.targets.visit_state(visit);
     }
 }

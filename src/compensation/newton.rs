@@ -7,6 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{CompensationError, Compensator, Parameter, history, not_negative};
+use crate::state::Visit;
 
 /// Extrapolation with the velocity and acceleration of the integrator: d + τ v + ½ τ (τ + Δt) w.
 /// Only for the method "gui".
@@ -56,9 +57,8 @@ impl Compensator for Newton {
         &self.bounds
     }
 
-    fn freeze(&self, _: &mut Vec<f64>) {}
-
-    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
-        from
+    /// Stateless.
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("newton");
     }
 }

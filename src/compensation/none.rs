@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Compensator;
+use crate::state::Visit;
 
 /// No compensation.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
@@ -21,9 +22,8 @@ impl Compensator for Plain {
 
     fn reset(&mut self, _: f64) {}
 
-    fn freeze(&self, _: &mut Vec<f64>) {}
-
-    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
-        from
+    /// Stateless.
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("none");
     }
 }

@@ -8,6 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{CompensationError, Compensator, inside, positive};
+use crate::state::Visit;
 
 /// PI control with a phase lead, K_p e + K_i ∫ e dt with e = lead(d) − x_m. The lead is (b s +
 /// c)/(s + c), discretised by Tustin's rule. The defaults are the sample controller of the virtual
@@ -115,18 +116,18 @@ impl Compensator for PiLead {
         (self.error, self.sum) = (0.0, disp);
     }
 
-    fn freeze(&self, out: &mut Vec<f64>) {
-        out.extend([self.target, self.led, self.error, self.sum, self.measured]);
-    }
-
-    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
-        let slots = [
-            &mut self.target,
-            &mut self.led,
-            &mut self.error,
-            &mut self.sum,
-            &mut self.measured,
-        ];
-        super::take(slots.into_iter(), from)
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("pi_lead");
+        let Self {
+            target,
+            led,
+            error,
+            sum,
+            measured,
+            ..
+        } = self;
+        for value in [target, led, error, sum, measured] {
+            visit.number(value);
+        }
     }
 }

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::filter::History;
 use super::{CompensationError, Compensator, Parameter, history, inside, not_negative};
+use crate::state::Visit;
 
 /// Polynomial extrapolation of the targets by a delay. Source: Horiuchi, Inoue, Konno & Namita
 /// 1999.
@@ -131,11 +132,8 @@ impl Compensator for Polynomial {
         &self.bounds
     }
 
-    fn freeze(&self, out: &mut Vec<f64>) {
-        self.targets.freeze(out);
-    }
-
-    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
-        super::take(self.targets.slots(), from)
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("polynomial");
+        self.targets.visit_state(visit);
     }
 }

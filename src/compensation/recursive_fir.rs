@@ -7,6 +7,7 @@ use super::adaptive::{Bounded, GAIN};
 use super::filter::{History, LowPass};
 use super::polynomial::lagrange_weights;
 use super::{CompensationError, Compensator, Parameter, history, inside, not_negative, positive};
+use crate::state::Visit;
 
 const TAPS: usize = 4;
 
@@ -213,16 +214,6 @@ impl RecursiveFir {
         }
         goal
     }
-
-    fn slots(&mut self) -> impl Iterator<Item = &mut f64> {
-        let estimated = self.theta.values.iter_mut().chain(&mut self.estimate);
-        estimated
-            .chain(self.covariance.iter_mut().flatten())
-            .chain(self.targets.slots())
-            .chain(self.commands.slots())
-            .chain(self.measurements.slots())
-            .chain(self.measured.slots())
-    }
 }
 
 impl Compensator for RecursiveFir {
@@ -323,16 +314,14 @@ impl Compensator for RecursiveFir {
         &self.theta.bounds
     }
 
-    fn freeze(&self, out: &mut Vec<f64>) {
-        out.extend(self.theta.values.iter().chain(&self.estimate));
-        out.extend(self.covariance.iter().flatten());
-        self.targets.freeze(out);
-        self.commands.freeze(out);
-        self.measurements.freeze(out);
-        self.measured.freeze(out);
-    }
-
-    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
-        super::take(self.slots(), from)
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("recursive_fir");
+        self.theta.visit_state(visit);
+        visit.numbers(&mut self.estimate);
+        visit.numbers(self.covariance.as_flattened_mut());
+        self.targets.visit_state(visit);
+        self.commands.visit_state(visit);
+        self.measurements.visit_state(visit);
+        self.measured.visit_state(visit);
     }
 }

@@ -3,6 +3,7 @@ use std::f64::consts::PI;
 use nalgebra::Complex;
 
 use super::*;
+use crate::state::TestState;
 
 const DT: f64 = 1.0 / 4096.0;
 
@@ -412,38 +413,73 @@ fn the_sample_controller_is_tustins_discretisation_of_its_formula() {
     );
 }
 
+/// Other parameters, whose states have other sizes.
+const MORE: [&str; 6] = [
+    "polynomial = { order = 4, delay_s = 0.0301 }",
+    "polynomial = { order = 1, delay_s = 0.0 }",
+    "model_inverse = { coefficients = [0.97, 0.02, 8e-5, 1e-7] }",
+    "ats = { delay_s = 0.03, order = 3, window_s = 0.25 }",
+    "ats = { delay_s = 0.01, order = 1, window_s = 0.05, filter_hz = 100 }",
+    "recursive_fir = { delay_s = 0.03, spacing_s = 0.0009765625, forgetting = 0.999 }",
+];
+
 #[test]
-fn a_frozen_compensator_goes_on_with_the_same_bits_and_nothing_allocates() {
-    for text in ALL {
-        let mut one = build(text);
-        one.reset(1e-3);
-        let step = |one: &mut Box<dyn Compensator>, k: i32| {
-            let (disp, vel, accel) = target(k);
-            let command = one.predict(disp, vel, accel);
+fn a_restored_compensator_goes_on_with_the_same_bits_and_nothing_allocates() {
+    let step = |one: &mut Box<dyn Compensator>, k: i32| {
+        let (disp, vel, accel) = target(k);
+        let command = one.predict(disp, vel, accel);
+        // Not every tick may teach it anything.
+        if k % 11 == 0 {
+            one.notice(command, 0.98 * target(k - 60).0);
+        } else {
             one.observe(command, 0.98 * target(k - 60).0);
-            command
-        };
-        for k in 0..6000 {
-            step(&mut one, k);
         }
-        let mut state = vec![];
-        one.freeze(&mut state);
-        let mut two = build(text);
-        two.reset(0.0);
-        assert!(two.thaw(&state).is_empty(), "{text}");
-        let count = allocation_counter::measure(|| {
-            for k in 6000..6500 {
-                assert_eq!(
-                    step(&mut one, k).to_bits(),
-                    step(&mut two, k).to_bits(),
-                    "{text} {k}"
-                );
+        command
+    };
+    for text in ALL.into_iter().chain(MORE) {
+        // Within the first window, at its end, and in a later one.
+        for taken in [3, 100, 4100, 6000] {
+            let mut one = build(text);
+            one.reset(1e-3);
+            for k in 0..taken {
+                step(&mut one, k);
             }
-        });
-        assert_eq!(count.count_total, 0, "{text}");
-        assert_eq!(one.parameters(), two.parameters());
+            let state = TestState::of(|visit| one.visit_state(visit)).unwrap();
+            let mut two = build(text);
+            two.reset(0.0);
+            for k in 0..17 {
+                step(&mut two, k);
+            }
+            state.restore(|visit| two.visit_state(visit)).unwrap();
+            let count = allocation_counter::measure(|| {
+                for k in taken..taken + 500 {
+                    assert_eq!(
+                        step(&mut one, k).to_bits(),
+                        step(&mut two, k).to_bits(),
+                        "{text} {k}"
+                    );
+                }
+            });
+            assert_eq!(count.count_total, 0, "{text}");
+            assert_eq!(one.parameters(), two.parameters());
+        }
+        let one = build(text);
         assert_eq!(one.parameters().len(), one.names().len());
         assert_eq!(one.parameters().len(), one.bounds().len());
+    }
+}
+
+/// Each kind says which it is: the state of one does not fit another, whatever its size.
+#[test]
+fn a_state_of_another_compensator_is_refused() {
+    for (index, text) in ALL.into_iter().enumerate() {
+        let mut one = build(text);
+        let state = TestState::of(|visit| one.visit_state(visit)).unwrap();
+        for (other, text) in ALL.into_iter().enumerate() {
+            let mut two = build(text);
+            let fits = state.restore(|visit| two.visit_state(visit)).is_ok();
+            assert_eq!(fits, index == other, "{text}");
+        }
     }
 }
 

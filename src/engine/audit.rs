@@ -6,6 +6,7 @@
 //! with and no state was changed between two steps. It audits this program, not a specimen. Real-time after `new`.
 
 use crate::linalg::SymMatrix;
+use crate::state::Visit;
 
 /// Displacement over its size that counts as roundoff: a structure that stands under a load moves by as much.
 const ROUNDOFF: f64 = 64.0 * f64::EPSILON;
@@ -88,6 +89,25 @@ impl StepAudit {
         self.largest = self.largest.max(energy);
     }
 
+    /// Visits what the audit remembers from step to step. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("audit");
+        visit.numbers(&mut self.older);
+        visit.numbers(&mut self.newer);
+        visit.flag(&mut self.begun);
+        let Self {
+            energy,
+            forgiven,
+            residual,
+            turnover,
+            largest,
+            ..
+        } = self;
+        for value in [energy, forgiven, residual, turnover, largest] {
+            visit.number(value);
+        }
+    }
+
     /// What is left over, in parts of all energy that was turned over. Real-time: yes.
     #[inline]
     #[must_use]
@@ -109,6 +129,7 @@ impl StepAudit {
 mod tests {
     use super::*;
     use crate::integrate::{Gui, Integrator, Lambda, Start, State};
+    use crate::state::TestState;
 
     const DT: f64 = 0.02;
 
@@ -172,5 +193,29 @@ mod tests {
         assert!(state > 1e-9, "{state:e}");
         let lost = audited(Start::Published, |_, _, used| used[0] = f64::NAN);
         assert!(lost.is_nan());
+    }
+
+    #[test]
+    fn a_restored_audit_goes_on_with_the_same_bits() {
+        let mass = SymMatrix::diagonal(&[1e3, 2e3]);
+        let step = |audit: &mut StepAudit, k: u32| {
+            let at = |phase: f64| [(0.1 * f64::from(k) + phase).sin(), 0.3 * phase];
+            audit.before(&at(0.0));
+            audit.after(&at(0.1), &at(1.0), &at(2.0).map(|r| 1e3 * r));
+            audit.relative().to_bits()
+        };
+        for taken in [0, 1, 50] {
+            let mut one = StepAudit::new(mass.clone(), DT);
+            (0..taken).for_each(|k| {
+                step(&mut one, k);
+            });
+            let state = TestState::of(|visit| one.visit_state(visit)).unwrap();
+            let mut other = StepAudit::new(mass.clone(), DT);
+            step(&mut other, 7);
+            state.restore(|visit| other.visit_state(visit)).unwrap();
+            for k in taken..taken + 50 {
+                assert_eq!(step(&mut one, k), step(&mut other, k), "{taken} {k}");
+            }
+        }
     }
 }

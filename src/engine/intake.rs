@@ -6,6 +6,7 @@
 //! taken in, too: the largest kinetic energy counts. Real-time after `new`.
 
 use crate::model::Base;
+use crate::state::Visit;
 
 /// The account of one run, begun by its first step.
 #[derive(Debug, Clone)]
@@ -86,6 +87,25 @@ impl Intake {
         std::mem::swap(&mut self.load, &mut self.last_load);
     }
 
+    /// Visits what the account remembers from step to step. The load of a step is given before the step is noted. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("intake");
+        visit.numbers(&mut self.last_load);
+        visit.numbers(&mut self.last_disp);
+        visit.flag(&mut self.begun);
+        let Self {
+            last_base,
+            last_reaction,
+            work,
+            most_work,
+            most_motion,
+            ..
+        } = self;
+        for value in [last_base, last_reaction, work, most_work, most_motion] {
+            visit.number(value);
+        }
+    }
+
     /// `added` J in parts of what was taken in so far. Real-time: yes.
     #[inline]
     #[must_use]
@@ -97,6 +117,7 @@ impl Intake {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::state::TestState;
 
     /// An oscillator of 1 kg and 4π² N/m with a damper, in relative coordinates under −m·a_g or in absolute ones on a moving
     /// base: what is taken in is what it holds and what the damper has turned into heat.
@@ -163,5 +184,36 @@ mod tests {
         }
         // 16 J went in and came out again; 4 J were in motion.
         assert_eq!(intake.share(5.0), 0.25);
+    }
+
+    #[test]
+    fn a_restored_account_goes_on_with_the_same_bits() {
+        let step = |intake: &mut Intake, k: u32| {
+            let at = |phase: f64| (0.1 * f64::from(k) + phase).sin();
+            intake.loaded(&[at(0.0), at(1.0)]);
+            intake.note(&Closed {
+                disp: &[at(2.0), at(3.0)],
+                residual: &[at(4.0), at(5.0)],
+                base: Base {
+                    disp: at(6.0),
+                    vel: 0.0,
+                },
+                kinetic: at(7.0),
+            });
+            intake.share(1.0).to_bits()
+        };
+        for taken in [0, 1, 50] {
+            let build = || Intake::new(2, vec![1.0, 0.5], 1e-6);
+            let (mut one, mut other) = (build(), build());
+            (0..taken).for_each(|k| {
+                step(&mut one, k);
+            });
+            let state = TestState::of(|visit| one.visit_state(visit)).unwrap();
+            step(&mut other, 7);
+            state.restore(|visit| other.visit_state(visit)).unwrap();
+            for k in taken..taken + 50 {
+                assert_eq!(step(&mut one, k), step(&mut other, k), "{taken} {k}");
+            }
+        }
     }
 }

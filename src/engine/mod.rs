@@ -12,7 +12,6 @@ mod columns;
 mod commanding;
 mod cycle;
 mod deadlines;
-mod digest;
 mod end_positions;
 mod environment;
 mod exchange;

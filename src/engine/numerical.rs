@@ -7,6 +7,7 @@ use crate::linalg::Aligned;
 use crate::model::{Acceleration, Base, Structure};
 use crate::motion::{Excitation, Prescribed};
 use crate::port::Port;
+use crate::state::TestState;
 
 /// What decides where the specimens go.
 #[derive(Debug)]
@@ -226,11 +227,13 @@ impl Numerical {
 
     /// What a rehearsal goes back to; none for an offline method, which has no deadline to be warm for.
     #[must_use]
-    pub fn scratch(&self) -> Option<Scratch> {
-        let mut memory = Vec::new();
-        self.structure.freeze(&mut memory);
+    pub fn scratch(&mut self) -> Option<Scratch> {
+        if self.is_offline() {
+            return None;
+        }
+        let memory = TestState::of(|visit| self.structure.visit_state(visit)).ok()?;
         let state = self.state.clone();
-        (!self.is_offline()).then_some(Scratch { state, memory })
+        Some(Scratch { state, memory })
     }
 
     /// Runs the whole numerical path once and leaves no trace, so that the processor, its caches and branch predictors
@@ -254,7 +257,10 @@ impl Numerical {
     /// Takes back what was only tried. Real-time: yes.
     pub(super) fn undo(&mut self, scratch: &Scratch) {
         self.state.copy_from(&scratch.state);
-        self.structure.thaw(&scratch.memory);
+        // It is the structure's own.
+        let _ = scratch
+            .memory
+            .restore(|visit| self.structure.visit_state(visit));
         for output in [&mut self.inertia, &mut self.reported_vel, &mut self.accel] {
             output.fill(0.0);
         }
@@ -265,7 +271,7 @@ impl Numerical {
 #[derive(Debug)]
 pub struct Scratch {
     state: State,
-    memory: Vec<f64>,
+    memory: TestState,
 }
 
 /// Step numbers are u64 on the grid and usize in memory; beyond memory there is no load.

@@ -2,6 +2,7 @@
 
 use crate::linalg::Lanes;
 use crate::linalg::lanes::{Isa, Kernel};
+use crate::state::Visit;
 
 /// Largest absolute displacement, velocity and acceleration of each DOF.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -42,6 +43,14 @@ impl Peaks {
         for (peaks, values) in pairs {
             Lanes::best_for(values.len()).run(Highest { peaks, values });
         }
+    }
+
+    /// Visits every peak. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("peaks");
+        visit.numbers(&mut self.disp);
+        visit.numbers(&mut self.vel);
+        visit.numbers(&mut self.accel);
     }
 
     /// Notes displacements. Real-time: yes.
@@ -145,6 +154,7 @@ impl Kernel for HighestOrNone<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::state::TestState;
 
     #[test]
     fn the_first_displacement_out_of_bounds_is_named() {
@@ -156,6 +166,18 @@ mod tests {
         assert_eq!(first_beyond(&[0.0, 0.0, -4.0], 3.0), Some((2, -4.0)));
         let found = first_beyond(&[0.0, f64::NAN, 0.0], 3.0);
         assert!(matches!(found, Some((1, value)) if value.is_nan()));
+    }
+
+    #[test]
+    fn restored_peaks_are_the_same() {
+        let mut peaks = Peaks::zeros(2);
+        peaks.note_disp(&[0.5, -2.0]);
+        peaks.note_rates(&[1.0, -3.0], &[4.0, f64::NAN]);
+        let state = TestState::of(|visit| peaks.visit_state(visit)).unwrap();
+        let mut other = Peaks::zeros(2);
+        state.restore(|visit| other.visit_state(visit)).unwrap();
+        assert_eq!((&other.disp, &other.vel), (&peaks.disp, &peaks.vel));
+        assert!(other.accel[0] == 4.0 && other.accel[1].is_nan());
     }
 
     #[test]

@@ -6,7 +6,6 @@
 //! ends by it, and the next tick follows as if there had been none.
 
 use super::cycle::{Engine, Maneuver};
-use super::digest::Digest;
 use super::numerical::{Side, seek_along};
 use super::order::{Kind, Order, Sends};
 use super::peaks::first_beyond;
@@ -17,6 +16,7 @@ use crate::catalog::ending::Cause;
 use crate::port::{PacerTick, Port};
 use crate::record::Event;
 use crate::rt::timing::TickStamps;
+use crate::state::{Digest, TestState};
 
 /// Where the stepping is beside its steps.
 #[derive(Debug, Clone, Copy)]
@@ -39,17 +39,18 @@ pub(super) struct Stepping {
     /// ends the test after the row.
     closed: Option<Result<(), Stop>>,
     /// Room for what elements and methods remember, for the digest of a checkpoint.
-    memory: Vec<f64>,
+    memory: TestState,
 }
 
 impl Stepping {
     /// From the target that the specimens are at.
-    pub fn new(side: &Side) -> Self {
-        let mut memory = Vec::new();
-        if let Side::Structure(numerical) = side {
-            // As much as a checkpoint will need.
-            numerical.structure.freeze(&mut memory);
-        }
+    pub fn new(side: &mut Side) -> Self {
+        // As much as a checkpoint will need.
+        let memory = TestState::with_room(|visit| {
+            if let Side::Structure(numerical) = side {
+                numerical.structure.visit_state(visit);
+            }
+        });
         Self {
             course: Course::Moves,
             stride: PacerTick::none(),
@@ -316,33 +317,41 @@ impl Stepping {
     fn check(&mut self, engine: &mut Engine<'_>, tick: &Tick) {
         if engine.progress.is_checkpoint(engine.plan.checkpoint_ticks) {
             let digest = self.digest(engine);
-            engine
-                .environment
-                .report(tick, Event::Checkpoint { digest });
+            engine.environment.report(
+                tick,
+                Event::Checkpoint {
+                    digest,
+                    sha256: None,
+                },
+            );
         }
     }
 
     /// A number that says whether the state of the test is the same: of x, v, and what elements and methods remember. Real-time:
     /// yes.
-    fn digest(&mut self, engine: &Engine<'_>) -> u64 {
-        let mut digest = Digest::new();
-        digest.take(engine.progress.step() as f64);
-        if let Side::Structure(numerical) = &*engine.side {
-            let (state, memory) = (&numerical.state, &mut self.memory);
-            memory.clear();
-            numerical.structure.freeze(memory);
-            let parts: [&[f64]; 5] = [
+    fn digest(&mut self, engine: &mut Engine<'_>) -> u64 {
+        let mut digest = Digest::default();
+        digest.add((engine.progress.step() as f64).to_bits());
+        if let Side::Structure(numerical) = &mut *engine.side {
+            let structure = &mut numerical.structure;
+            // The room was made for these values.
+            let _ = self.memory.take(|visit| structure.visit_state(visit));
+            let state = &numerical.state;
+            let parts: [&[f64]; 4] = [
                 &state.disp,
                 &state.vel,
                 &state.weighted_accel,
                 &state.memory,
-                memory,
             ];
-            parts.into_iter().for_each(|part| digest.sample(part));
+            for part in parts {
+                digest.add_list(part.iter().map(|value| value.to_bits()));
+            }
+            digest.add_list(self.memory.words().iter().copied());
         }
         for port in &*engine.ports {
-            let values = port.force().iter().chain(port.measured());
-            values.for_each(|value| digest.take(*value));
+            for value in port.force().iter().chain(port.measured()) {
+                digest.add(value.to_bits());
+            }
         }
         digest.value()
     }

@@ -97,13 +97,13 @@ impl WarmUp {
         outcome
     }
 
-    fn new(rows: WarmUpRows, engine: &Engine<'_>) -> Self {
+    fn new(rows: WarmUpRows, engine: &mut Engine<'_>) -> Self {
         Self {
             rows,
             tick: 0,
             ticks_per_step: engine.progress.pacer().ticks_per_step() as u64,
             // A processor that only waited is slow in its first steps: each tick does the work of one.
-            scratch: match &*engine.side {
+            scratch: match &mut *engine.side {
                 Side::Structure(numerical) => numerical.scratch(),
                 Side::Prescribed(_) => None,
             },

@@ -51,6 +51,8 @@ use plane::PlaneArm;
 use serde::{Deserialize, Serialize};
 use space::SpaceArm;
 
+use crate::state::Visit;
+
 /// Largest number of actuators, and of coordinates.
 pub const MOST: usize = 6;
 
@@ -309,6 +311,15 @@ impl Geometry {
 }
 
 impl Placed {
+    /// Visits the pose and what was computed of it.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("placed");
+        visit.numbers(&mut self.pose);
+        visit.numbers(&mut self.strokes);
+        visit.numbers(self.jacobian.as_flattened_mut());
+        self.factor.visit_state(visit);
+    }
+
     /// Driven coordinates, in their order; what is beyond their number is zero.
     #[must_use]
     pub const fn pose(&self) -> &[f64; MOST] {

@@ -5,6 +5,7 @@
 //! allows, a solution is good to eight digits: enough for Newton, whose residual is exact.
 
 use super::{MOST, Six};
+use crate::state::Visit;
 
 /// A pivot below this share of the largest diagonal is none: a condition number of about 1e4.
 const LEAST: f64 = 1e-8;
@@ -49,6 +50,12 @@ impl Factor {
         }
         self.least = least / largest;
         self.least >= LEAST
+    }
+
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.numbers(self.lower.as_flattened_mut());
+        visit.numbers(&mut self.inverse);
+        visit.number(&mut self.least);
     }
 
     /// Smallest pivot over the largest diagonal.

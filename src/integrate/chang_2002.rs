@@ -11,6 +11,7 @@ use super::State;
 use super::equilibrium::{Equilibrium, NewtonSettings, initial_accel};
 use super::offline::{Forces, MethodError, Offline, StepError, check, check_mass};
 use crate::linalg::{Spd, SymMatrix};
+use crate::state::Visit;
 
 /// The method, ready to step.
 #[derive(Debug)]
@@ -65,6 +66,12 @@ impl Offline for Chang2002 {
 
     fn begin(&mut self, _state: &State, residual: &[f64]) {
         initial_accel(&self.mass, residual, &mut self.accel);
+    }
+
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("chang_2002");
+        visit.numbers(&mut self.accel);
+        self.equilibrium.visit_state(visit);
     }
 
     fn step(

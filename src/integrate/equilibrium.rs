@@ -7,6 +7,7 @@
 
 use super::offline::{Forces, MethodError, Moment, StepError, Tangents};
 use crate::linalg::{Spd, SymMatrix};
+use crate::state::Visit;
 
 /// Bounds of Newton's iteration.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -138,6 +139,11 @@ impl Equilibrium {
             }
         }
         Err(self.failed(step, self.settings.iterations, self.worst()))
+    }
+
+    /// Visits what it remembers from step to step. The factor at hand follows from the tangents of the moment.
+    pub(super) fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.number(&mut self.largest);
     }
 
     /// residual ← (M + θ_v C_t + θ_x K_t)⁻¹ residual.

@@ -23,6 +23,7 @@
 use super::offline::{Forces, MethodError, Moment, Offline, StepError, check};
 use super::{Integrator, State};
 use crate::linalg::{Spd, SymMatrix};
+use crate::state::Visit;
 
 /// α_m, α_f, γ, β of one method.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -280,6 +281,11 @@ impl Offline for KrAlphaAtState {
     fn begin(&mut self, _state: &State, residual: &[f64]) {
         self.accel.copy_from_slice(residual);
         self.operators.start.solve_in_place(&mut self.accel);
+    }
+
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("kr_alpha_at_state");
+        visit.numbers(&mut self.accel);
     }
 
     fn step(

@@ -32,6 +32,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::linalg::Aligned;
+use crate::state::Visit;
 
 pub use central_difference::CentralDifference;
 pub use chang_2002::Chang2002;
@@ -76,6 +77,16 @@ impl State {
         Self::new(vec![0.0; dofs], vec![0.0; dofs])
     }
 
+    /// Visits every value. The length of the memory was fixed by [`Integrator::prepare`]. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("integration");
+        visit.numbers(&mut self.disp);
+        visit.numbers(&mut self.vel);
+        visit.numbers(&mut self.weighted_accel);
+        visit.flag(&mut self.begun);
+        visit.numbers(&mut self.memory);
+    }
+
     /// Takes over another state of the same size. Real-time: yes.
     pub fn copy_from(&mut self, other: &Self) {
         self.disp.copy_from_slice(&other.disp);
@@ -86,7 +97,8 @@ impl State {
     }
 }
 
-/// Explicit in displacement and velocity: both at n + 1 follow from the residual at n alone.
+/// Explicit in displacement and velocity: both at n + 1 follow from the residual at n alone. All that it remembers from step to
+/// step is in the [`State`].
 pub trait Integrator: Send + fmt::Debug {
     /// Δt in s.
     fn dt(&self) -> f64;

@@ -11,6 +11,7 @@ use super::State;
 use super::equilibrium::{Equilibrium, NewtonSettings, initial_accel};
 use super::offline::{Forces, MethodError, Offline, StepError, check, check_mass};
 use crate::linalg::SymMatrix;
+use crate::state::Visit;
 
 /// Which member of the family.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -81,6 +82,12 @@ impl Offline for Newmark {
 
     fn begin(&mut self, _state: &State, residual: &[f64]) {
         initial_accel(&self.mass, residual, &mut self.accel);
+    }
+
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("newmark");
+        visit.numbers(&mut self.accel);
+        self.equilibrium.visit_state(visit);
     }
 
     fn step(

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::domain::{non_negative, positive};
 use super::{Law, LawError, Reach, Tangent};
+use crate::state::Visit;
 
 /// Side on which a gap can close.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -90,6 +91,11 @@ impl Law for Gap {
 
     fn bound(&self, _reach: Reach) -> (Option<f64>, Option<f64>) {
         (Some(self.stiffness), Some(0.0))
+    }
+
+    /// Stateless: the force follows from the moment alone.
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("gap");
     }
 }
 

@@ -3,6 +3,7 @@
 use proptest::prelude::*;
 
 use super::{Law, LawSpec, Reach};
+use crate::state::TestState;
 
 /// One or more of each kind, every variant of the description present.
 const LAWS: &str = r#"
@@ -128,28 +129,42 @@ fn a_reverted_trial_leaves_no_trace() {
 }
 
 #[test]
-fn a_thawed_law_continues_as_the_frozen_one() {
+fn a_restored_law_continues_with_the_same_bits() {
     for (name, spec) in laws() {
         let mut law = spec.build().unwrap();
         drive(law.as_mut(), 0..137);
-        // An uncommitted trial is not part of the state.
+        // A pending trial is not part of the state.
         law.trial(0.05, 0.0, 0.01);
-        let mut frozen = Vec::new();
-        law.freeze(&mut frozen);
-        let length = frozen.len();
-        frozen.push(77.0);
+        let state = TestState::of(|visit| law.visit_state(visit)).unwrap();
         let mut other = spec.build().unwrap();
         drive(other.as_mut(), 50..90);
-        assert_eq!(other.thaw(&frozen), [77.0], "{name}: {length}");
+        other.trial(-0.05, 0.1, 0.01);
+        state.restore(|visit| other.visit_state(visit)).unwrap();
+        // The restored law has no trial that a commit could keep.
+        other.commit();
         law.revert();
         assert_eq!(
             drive(other.as_mut(), 137..400),
             drive(law.as_mut(), 137..400),
             "{name}"
         );
-        // Too little to thaw from is not a panic.
-        if length > 0 {
-            assert_eq!(other.thaw(&frozen[..length - 1]).len(), 0, "{name}");
+    }
+}
+
+/// Every law says which kind it is: the state of one law does not fit another kind.
+#[test]
+fn a_state_of_another_law_is_refused() {
+    let kind = |spec: &LawSpec| {
+        let spec = serde_json::to_value(spec).unwrap();
+        spec.as_object().unwrap().keys().next().unwrap().clone()
+    };
+    for (name, spec) in laws() {
+        let mut law = spec.build().unwrap();
+        let state = TestState::of(|visit| law.visit_state(visit)).unwrap();
+        for (other_name, other) in laws() {
+            let mut law = other.build().unwrap();
+            let fits = state.restore(|visit| law.visit_state(visit)).is_ok();
+            assert_eq!(fits, kind(&spec) == kind(&other), "{name} {other_name}");
         }
     }
 }

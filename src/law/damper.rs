@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::domain::{declared, non_negative, positive, reference, require};
 use super::{Law, LawError, Memoryless, Reach, Tangent};
+use crate::state::Visit;
 
 /// Biviscous damper, f = c₀ v for |v| ≤ v_y and f = sgn(v) (c₀ v_y + c_y (|v| − v_y)) beyond.
 /// Source: Gui et al. 2014, example 4.3.
@@ -88,6 +89,11 @@ impl Law for Biviscous {
             post_yield: self.post_yield,
             yield_vel: self.yield_vel,
         })
+    }
+
+    /// Stateless: the force follows from the moment alone.
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("biviscous");
     }
 }
 
@@ -209,6 +215,11 @@ impl Law for PowerDamper {
         };
         (Some(0.0), damping)
     }
+
+    /// Stateless: the force follows from the moment alone.
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("power_damper");
+    }
 }
 
 /// Smoothed friction, f = F tanh(v/v_r). It creeps under a constant force. Use `bilinear`
@@ -278,6 +289,11 @@ impl Law for SmoothFriction {
 
     fn bound(&self, _reach: Reach) -> (Option<f64>, Option<f64>) {
         (Some(0.0), Some(self.slope))
+    }
+
+    /// Stateless: the force follows from the moment alone.
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("smooth_friction");
     }
 }
 

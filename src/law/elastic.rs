@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::domain::{declared, finite, non_negative, positive, reference};
 use super::{Law, LawError, Memoryless, Reach, Tangent};
+use crate::state::Visit;
 
 /// Linear spring and dashpot in parallel, f = k d + c v. With k = 0 it is a viscous damper.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -63,6 +64,11 @@ impl Law for Linear {
             stiffness: self.stiffness,
             damping: self.damping,
         })
+    }
+
+    /// Stateless: the force follows from the moment alone.
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("linear");
     }
 }
 
@@ -138,6 +144,11 @@ impl Law for SquareRoot {
             stiffness: self.stiffness,
             hardening: self.hardening,
         })
+    }
+
+    /// Stateless: the force follows from the moment alone.
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("square_root");
     }
 }
 
@@ -221,6 +232,11 @@ impl Law for Cubic {
             stiffness: self.stiffness,
             cubic: self.cubic,
         })
+    }
+
+    /// Stateless: the force follows from the moment alone.
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("cubic");
     }
 }
 

@@ -24,6 +24,8 @@ mod contract;
 
 use thiserror::Error;
 
+use crate::state::Visit;
+
 pub use bouc_wen::{BoucWen, BoucWenSpec, DegradationSpec, PinchingSpec};
 pub use contact::{Gap, GapSpec, Side};
 pub use damper::{
@@ -158,7 +160,7 @@ impl LawError {
 
 /// A uniaxial force law with memory.
 ///
-/// Every method but `freeze` is on the real-time path: no allocation, no panic, bounded time.
+/// Every method is on the real-time path: no allocation, no panic, bounded time.
 pub trait Law: Send + std::fmt::Debug {
     /// Force in N at displacement `disp` (m) and velocity `vel` (m/s), reached from the committed state along
     /// a straight path in `dt` seconds. `dt` = 0 is a repeated or first reading: rate effects other than those of
@@ -200,13 +202,6 @@ pub trait Law: Send + std::fmt::Debug {
         None
     }
 
-    /// Appends the committed state to `out`: as many numbers as [`Law::thaw`] takes. Stateless: nothing.
-    fn freeze(&self, out: &mut Vec<f64>) {
-        let _ = out;
-    }
-
-    /// Takes the committed state from the front of `from` and returns the rest.
-    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
-        from
-    }
+    /// Visits the committed state. A restored law has no trial: its last trial is the committed state.
+    fn visit_state(&mut self, visit: &mut dyn Visit);
 }

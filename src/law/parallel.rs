@@ -1,6 +1,7 @@
 //! Several laws side by side: same displacement and velocity, forces added in the order of the list.
 
 use super::{Law, LawError, Reach, Tangent};
+use crate::state::Visit;
 
 /// A sum of laws, e.g. a bilinear isolator and a viscous damper.
 #[derive(Debug)]
@@ -83,18 +84,11 @@ impl Law for Parallel {
         total
     }
 
-    fn freeze(&self, out: &mut Vec<f64>) {
-        for part in &self.parts {
-            part.freeze(out);
-        }
-    }
-
-    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
-        let mut rest = from;
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("parallel");
         for part in &mut self.parts {
-            rest = part.thaw(rest);
+            part.visit_state(visit);
         }
-        rest
     }
 }
 

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::domain::{fraction, positive, yield_disp};
 use super::{Law, LawError, Reach, Tangent};
+use crate::state::Visit;
 
 /// Bilinear spring with kinematic hardening. The stiffness is k up to the yield force and b k
 /// beyond it. Unloading has stiffness k over twice the yield force. With b = 0 it is perfectly plastic.
@@ -138,23 +139,22 @@ impl Law for Bilinear {
         (Some(self.stiffness), Some(0.0))
     }
 
-    fn freeze(&self, out: &mut Vec<f64>) {
-        out.extend([self.committed.disp, self.committed.to_number()]);
-    }
-
-    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
-        let Some(([disp, motion], rest)) = from.split_first_chunk() else {
-            return &[];
-        };
-        self.committed = Slider::from_numbers(*disp, *motion);
-        self.trial = self.committed;
-        rest
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("bilinear");
+        let mut motion = self.committed.to_number();
+        visit.number(&mut self.committed.disp);
+        visit.number(&mut motion);
+        if visit.restores() {
+            self.committed = Slider::from_numbers(self.committed.disp, motion);
+            self.trial = self.committed;
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::state::TestState;
 
     /// ∮ f du over one closed cycle 0 → U → −U → U, after the first quarter, in `n` steps a leg; exact for a path of
     /// straight pieces up to the two pieces in which the law has its kink.
@@ -217,17 +217,16 @@ mod tests {
             assert_eq!(law.solver_tangent().stiffness, tangent, "{disp}");
             law.commit();
         }
-        // Wherever the slider stands, and from a frozen state, too.
+        // Wherever the slider is, and from a restored state, too.
         for i in 1..2000 {
             let disp = 0.01 * libm::sin(0.7 * f64::from(i)) + 1e-5 * f64::from(i);
             law.trial(disp, 0.0, 0.01);
             let moved = law.tangent();
             law.commit();
             for _ in 0..2 {
-                let mut frozen = Vec::new();
-                law.freeze(&mut frozen);
+                let state = TestState::of(|visit| law.visit_state(visit)).unwrap();
                 law = spec.build().unwrap();
-                law.thaw(&frozen);
+                state.restore(|visit| law.visit_state(visit)).unwrap();
                 law.trial(disp, 0.0, 0.01);
                 assert_eq!(law.solver_tangent(), moved, "{i}");
                 law.commit();

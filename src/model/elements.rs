@@ -13,6 +13,7 @@ use super::run::Run;
 use super::{Base, Element, End, ModelError};
 use crate::law::{Law, Memoryless, Tangent};
 use crate::linalg::Lanes;
+use crate::state::Visit;
 
 /// Shortest run that is formed.
 const SHORTEST: usize = 16;
@@ -188,21 +189,11 @@ impl Elements {
             .for_each(|connection| connection.law.revert());
     }
 
-    pub(super) fn freeze(&self, out: &mut Vec<f64>) {
-        for group in &self.groups {
-            if let Group::Singles { connections, .. } = group {
-                for connection in connections {
-                    connection.law.freeze(out);
-                }
-            }
-        }
-    }
-
-    pub(super) fn thaw<'a>(&mut self, mut from: &'a [f64]) -> &'a [f64] {
+    /// Elements in runs have no memory.
+    pub(super) fn visit_state(&mut self, visit: &mut dyn Visit) {
         for connection in self.connections_mut() {
-            from = connection.law.thaw(from);
+            connection.law.visit_state(visit);
         }
-        from
     }
 
     /// The elements that are kept one by one: all that have a memory.

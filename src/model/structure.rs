@@ -7,6 +7,7 @@ use super::elements::{Elements, Seen, bound};
 use super::{Base, Element, ModelError, Part, sound};
 use crate::law::Tangent;
 use crate::linalg::{Lanes, SymMatrix};
+use crate::state::Visit;
 
 /// The numerical substructure.
 #[derive(Debug)]
@@ -326,14 +327,9 @@ impl Structure {
         }
     }
 
-    /// Appends the committed state of every element to `out`.
-    pub fn freeze(&self, out: &mut Vec<f64>) {
-        self.elements.freeze(out);
-    }
-
-    /// Takes the committed states from the front of `from` and returns the rest.
-    pub fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
-        self.elements.thaw(from)
+    /// Visits the committed state of every element that has one.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        self.elements.visit_state(visit);
     }
 
     fn bounds(&self) -> Result<Vec<Tangent>, ModelError> {

@@ -11,6 +11,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::law::Tangent;
 use crate::linalg::{SymMatrix, modes};
+use crate::state::Visit;
 
 /// f = k d + h d |d| + c v plus a plastic slider that remembers its set: enough memory to see commits.
 #[derive(Debug, Clone, Default)]
@@ -57,18 +58,8 @@ impl Law for Probe {
         (stiffness, Some(self.c))
     }
 
-    fn freeze(&self, out: &mut Vec<f64>) {
-        out.push(self.committed);
-    }
-
-    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
-        match from.split_first() {
-            Some((first, rest)) => {
-                self.committed = *first;
-                rest
-            }
-            None => from,
-        }
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.number(&mut self.committed);
     }
 }
 

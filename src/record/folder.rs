@@ -12,16 +12,19 @@ use sha2::{Digest, Sha256};
 use thiserror::Error;
 
 use super::atomic;
+use super::checkpoint::{STATE_FILES, StateFolder};
 use super::layout::{Layout, LayoutError};
 use super::summary::{InputFile, Summary};
 use super::utc::stamp;
 use super::whereabouts::{Hold, Whereabouts, is_claimed};
 
 /// The files of a run until it ends.
-pub(super) const FILES: [&str; 7] = [
+pub(super) const FILES: [&str; 9] = [
     "events.jsonl",
     "samples.json",
     "samples.bin",
+    STATE_FILES[0],
+    STATE_FILES[1],
     // Earlier versions wrote it.
     "threads.bin",
     "resolved.toml",
@@ -277,6 +280,14 @@ impl RunFolder {
     #[must_use]
     pub fn inputs(&self) -> &[InputFile] {
         &self.inputs
+    }
+
+    /// Where the writer keeps the states of the test.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn open_states(&self) -> Result<StateFolder, FolderError> {
+        StateFolder::open(&self.path).map_err(at(&self.path))
     }
 
     /// `test.toml`: the configuration, byte for byte.

@@ -11,6 +11,7 @@
 //! | [`layout`], [`journal`], [`append`] | the format of `samples.bin`; its reader; appending that survives a full disk |
 //! | [`events`], [`note`], [`miss`] | what happened and its line in `events.jsonl`; events from outside the loop; the class of a miss |
 //! | `event_log` | events on their way into the file and the log |
+//! | [`checkpoint`], `buffers` | the state of the test in a file; buffers in which the loop hands it over |
 //! | [`folder`], [`run`], [`summary`] | the run folder, written; read; `summary.json` |
 //! | `missing`, `intact` | what the rows lack at their end; what others did to a file |
 //! | [`export`] | CSV, NumPy, MATLAB, HDF5, a trace of the loop, a project folder |
@@ -20,6 +21,8 @@
 
 pub mod append;
 pub mod atomic;
+mod buffers;
+pub mod checkpoint;
 mod event_log;
 pub mod events;
 pub mod export;
@@ -43,6 +46,9 @@ mod warned;
 mod whereabouts;
 pub mod writer;
 
+pub use checkpoint::{
+    Checkpoint, CheckpointFault, Checksum, STATE_FILES, StateFaults, StateFolder,
+};
 pub use events::{Event, EventLine, LimitReached, Standing, TripValue, WarmUp, Word};
 pub use folder::{FolderError, RunFolder, make_free};
 pub use image::FolderImage;
@@ -63,6 +69,8 @@ pub use whereabouts::{Whereabouts, is_claimed};
 pub use writer::{Progress, Recorded, Writer, WriterSettings};
 
 use serde::{Deserialize, Serialize};
+
+use crate::state::{StateError, TestState};
 
 /// One column of the rows: fixed and named before the run.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -135,6 +143,22 @@ pub trait Recorder: Send {
 
     /// Takes one event; false if it had to be dropped.
     fn event(&mut self, event: TimedEvent) -> bool;
+
+    /// Allocates buffers for states with the room of `room`. Called once, before the first row, where states are to be kept.
+    fn allocate_states(&mut self, room: &TestState) {
+        let _ = room;
+    }
+
+    /// Has `take` write the state after `step` into a buffer, if one is free. The row of the step was taken before, and the event of
+    /// the checkpoint follows. False if no state was kept.
+    fn state(
+        &mut self,
+        step: u64,
+        take: &mut dyn FnMut(&mut TestState) -> Result<(), StateError>,
+    ) -> bool {
+        let _ = (step, take);
+        false
+    }
 
     /// When it wants the rows of the warm-up, which begins now.
     fn warm_up(&mut self) -> WarmUpRows {

@@ -6,6 +6,7 @@
 //! * Full means drop and count ([`WhenFull::Drop`], the real clock) or yield until there is room
 //!   ([`WhenFull::Wait`], the simulated clock, where no wall time is at stake).
 //! * Both rings are filled and drained once by [`ring`]: a first touch of their pages costs up to 70 µs.
+//! * The state of a checkpoint goes through separate buffers, and is skipped if no buffer is free.
 //! * The reader polls. Nobody is ever woken by the loop.
 
 use std::sync::Arc;
@@ -14,7 +15,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use rtrb::{Consumer, Producer, PushError, RingBuffer};
 use thiserror::Error;
 
+use super::buffers::{StateReceiver, StateSender, state_buffers};
 use super::{Event, Recorder, TimedEvent};
+use crate::state::{StateError, TestState};
 
 /// What the recorder does with a row that finds the ring full.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -119,9 +122,11 @@ pub fn ring(
     let (row_in, row_out) = RingBuffer::new(slots);
     let (event_in, event_out) = RingBuffer::new(events);
     let lost = LostCounts::default();
+    let (states_in, states_out) = state_buffers();
     let mut recorder = RingRecorder {
         rows: row_in,
         events: event_in,
+        states: states_in,
         framed: vec![0.0; framed],
         next: 0,
         when_full,
@@ -130,6 +135,8 @@ pub fn ring(
     let mut reader = RingReader {
         rows: row_out,
         events: event_out,
+        states_skipped: Arc::clone(&states_out.skipped),
+        states: Some(states_out),
         framed: vec![0.0; framed],
         lost,
     };
@@ -156,6 +163,7 @@ fn warm(recorder: &mut RingRecorder, reader: &mut RingReader) {
 pub struct RingRecorder {
     rows: Producer<f64>,
     events: Producer<TimedEvent>,
+    states: StateSender,
     /// Sequence number (its bits), then the row.
     framed: Vec<f64>,
     next: u64,
@@ -197,6 +205,19 @@ impl Recorder for RingRecorder {
             self.lost.0.rows.fetch_add(1, Ordering::Relaxed);
         }
         taken
+    }
+
+    fn allocate_states(&mut self, room: &TestState) {
+        self.states.allocate(room);
+    }
+
+    /// Hands over a state without waiting. Real-time: yes.
+    fn state(
+        &mut self,
+        step: u64,
+        take: &mut dyn FnMut(&mut TestState) -> Result<(), StateError>,
+    ) -> bool {
+        self.states.hand_over(step, self.next, take)
     }
 
     /// Takes one event; false if it was dropped. Real-time: yes.
@@ -244,6 +265,8 @@ fn push<T>(
 pub struct RingReader {
     rows: Consumer<f64>,
     events: Consumer<TimedEvent>,
+    states: Option<StateReceiver>,
+    states_skipped: Arc<AtomicU64>,
     framed: Vec<f64>,
     lost: LostCounts,
 }
@@ -283,6 +306,16 @@ impl RingReader {
     /// The oldest event.
     pub fn event(&mut self) -> Option<TimedEvent> {
         self.events.pop().ok()
+    }
+
+    /// The receiving end of the states. The first call takes it; later calls return none.
+    pub(super) const fn take_states(&mut self) -> Option<StateReceiver> {
+        self.states.take()
+    }
+
+    /// States that found no free buffer, or could not be taken.
+    pub(super) fn states_skipped(&self) -> u64 {
+        self.states_skipped.load(Ordering::Relaxed)
     }
 
     /// The counters of what was lost.

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value};
 
+use super::checkpoint::{Checkpoint, CheckpointFault, Checksum, STATE_FILES, StateFaults};
 use super::events::{Event, EventLine};
 use super::folder::{AFTER, FILES, FolderError, at};
 use super::journal::Journal;
@@ -179,6 +180,51 @@ impl Run {
         let path = self.path.join("samples.bin");
         let file = fs::metadata(&path).map_err(at(&path))?;
         Ok(file.len() / self.layout.stride() as u64)
+    }
+
+    /// The newest state from which the test can go on, and what is wrong with newer ones. Its event has the same SHA-256, and all
+    /// rows up to it are on record.
+    ///
+    /// # Errors
+    /// The system refuses the events or the rows.
+    pub fn usable_state(&self) -> Result<(Option<Checkpoint>, StateFaults), FolderError> {
+        let (mut found, mut faults) = (Vec::new(), StateFaults::new());
+        for name in STATE_FILES {
+            match Checkpoint::read(&self.path.join(name)) {
+                Ok(Some(state)) => found.push((name, state)),
+                Ok(None) => {}
+                Err(fault) => faults.push((name, fault)),
+            }
+        }
+        if found.is_empty() {
+            return Ok((None, faults));
+        }
+        let checksums = self.checksums()?;
+        let made = self.rows_made()?;
+        for (name, (state, checksum)) in found {
+            let (step, rows) = (state.step, state.rows);
+            if !checksums.contains(&(step, checksum)) {
+                faults.push((name, CheckpointFault::Unmatched { step }));
+            } else if rows > made {
+                faults.push((name, CheckpointFault::Ahead { rows, made }));
+            } else {
+                return Ok((Some(state), faults));
+            }
+        }
+        Ok((None, faults))
+    }
+
+    /// Step and SHA-256 of every checkpoint that has a state.
+    fn checksums(&self) -> Result<Vec<(u64, Checksum)>, FolderError> {
+        let mut checksums = Vec::new();
+        for line in self.event_lines()? {
+            let of = line?.and_then(|line| match line.event {
+                Event::Checkpoint { sha256, .. } => line.tick.zip(sha256),
+                _ => None,
+            });
+            checksums.extend(of);
+        }
+        Ok(checksums)
     }
 
     /// Whole columns by name, in the order asked for.

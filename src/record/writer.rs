@@ -7,6 +7,7 @@
 //! * A second thread brings the files to the disk every 0.9 s, so that a sync that takes long holds up nothing but the
 //!   next sync; with the time of flush and sync a power cut costs about the last second. A write may still be held up
 //!   by the file system while it syncs; the ring covers that with four seconds ([`super::RingSize::for_rate`]).
+//! * The state of a checkpoint gets its SHA-256 here. A third thread writes it (`state.bin`), because a sync may take long.
 //! * What others do to its files while it writes them is told once of each, as often as it has them synced.
 //! * A file that refuses (disk full) ends nothing: rows wait in bounded memory, are offered again every 100 ms, and
 //!   what finds no room is counted and shouted. The file holds whole rows at all times.
@@ -15,6 +16,7 @@
 //! two that it is given, and none of its decisions touches the loop.
 
 mod drain;
+mod snapshots;
 mod sync;
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -26,11 +28,13 @@ use crossbeam_channel::{Receiver, Sender};
 use thiserror::Error;
 
 use drain::Drain;
+use snapshots::Snapshots;
 use sync::SyncThread;
 
 pub use super::onlooker::Progress;
 
 use super::append::Store;
+use super::checkpoint::StateFolder;
 use super::event_log::Moment;
 use super::intact::Extent;
 use super::miss::{MissClasses, SchedSample};
@@ -77,6 +81,8 @@ pub struct WriterSettings {
     pub time_column: Option<usize>,
     /// Names of the specimens in order, for the events.
     pub specimens: Vec<String>,
+    /// Where states are kept; none keeps no state.
+    pub states: Option<StateFolder>,
 }
 
 impl Default for WriterSettings {
@@ -91,6 +97,7 @@ impl Default for WriterSettings {
             step_column: None,
             time_column: None,
             specimens: Vec::new(),
+            states: None,
         }
     }
 }
@@ -104,6 +111,10 @@ pub struct Recorded {
     pub rows_lost_queue: u64,
     /// Rows lost because the file refused them.
     pub rows_lost_file: u64,
+    /// States written to the run folder.
+    pub states_written: u64,
+    /// States of checkpoints that were not kept: no buffer was free, or the folder refused.
+    pub states_skipped: u64,
     /// Lines in `events.jsonl`.
     pub events_written: u64,
     /// Events lost to a full ring, a full queue or a file that refused.
@@ -203,6 +214,10 @@ impl Writer {
         S: Store + 'static,
         E: Store + 'static,
     {
+        let mut ring = ring;
+        let ends = settings.states.clone().zip(ring.take_states());
+        let snapshots = ends.map(|(folder, ends)| Snapshots::spawn(ends, folder));
+        let snapshots = snapshots.transpose().map_err(WriterError::Spawn)?;
         let (notes, notes_out) = crossbeam_channel::bounded(NOTES);
         let stop = Arc::new(AtomicBool::new(false));
         let progress = Arc::new(Mutex::new(Progress::default()));
@@ -216,6 +231,7 @@ impl Writer {
         let mut drain = Drain::new(ring, samples, events, sampler, notes_out, settings);
         drain.serve(sync, Arc::clone(&progress));
         drain.watch(onlooker);
+        drain.keep(snapshots);
         let work = move || {
             loop {
                 // Read before the turn: what the loop left before the stop is then surely seen.

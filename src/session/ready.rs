@@ -107,6 +107,7 @@ pub(super) fn prepare(
         step_column: layout.index_of("step"),
         time_column: layout.index_of("time"),
         specimens: facts.specimens.clone(),
+        states: Some(folder.open_states()?),
         ..WriterSettings::default()
     };
     let sampler_out = real.then_some(sample_out);

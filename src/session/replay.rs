@@ -125,7 +125,7 @@ fn follow(
 ) -> Result<(Replay, Outcome, bool), ReplayError> {
     same_columns(layout.columns(), &experiment.columns())?;
     let (operator, requests) = crossbeam_channel::bounded(4);
-    let mut tape = Tape::new(recording, layout, &experiment, operator, None, false);
+    let mut tape = Tape::new(recording, layout, &experiment, operator, 0..u64::MAX, false);
     tape.goes_on = goes_on;
     let tape = Arc::new(Mutex::new(tape));
     put_recorded(&mut experiment, &tape, layout, Replaced::All);

@@ -169,7 +169,8 @@ fn follow(
     same_columns(run.layout().columns(), &experiment.columns())?;
     let (operator, requests) = crossbeam_channel::bounded(4);
     let recording = Recording::of(run)?;
-    let tape = Tape::new(recording, run.layout(), &experiment, operator, until, true);
+    let rows = 0..until.unwrap_or(u64::MAX);
+    let tape = Tape::new(recording, run.layout(), &experiment, operator, rows, true);
     let tape = Arc::new(Mutex::new(tape));
     put_recorded(&mut experiment, &tape, run.layout(), replaced);
     let recorder = Box::new(Comparing(Arc::clone(&tape)));

@@ -6,6 +6,7 @@
 
 use std::fs::File;
 use std::io::Read;
+use std::ops::Range;
 use std::sync::{Arc, Mutex};
 
 use crossbeam_channel::Sender;
@@ -92,7 +93,7 @@ pub(super) struct Tape {
     passed: Vec<f64>,
     /// Places of the numbers that the specimens answered.
     sequences: Vec<usize>,
-    /// Rows that are the same.
+    /// Rows that are the same, with those that were passed over.
     pub row: u64,
     /// Test time of the last of them, s.
     pub time: f64,
@@ -122,13 +123,14 @@ pub(super) struct Tape {
 }
 
 impl Tape {
-    /// The rows of a recording in `layout`, for this experiment; `operator` is the loop's line.
+    /// The rows of a recording in `layout`, for this experiment; `operator` is the loop's line. The loop begins with the first of
+    /// `rows`: what comes before it is passed over, and need not be complete but for the row right before it.
     pub fn new(
         recording: Recording,
         layout: &Layout,
         experiment: &Experiment,
         operator: Sender<Operator>,
-        until: Option<u64>,
+        rows: Range<u64>,
         only_the_test: bool,
     ) -> Self {
         let place = |name: &str| layout.index_of(name).unwrap_or(usize::MAX);
@@ -147,7 +149,7 @@ impl Tape {
             earlier: EarlierRows::of(layout, experiment.steps),
             steps: experiment.steps,
             before: None,
-            until: until.unwrap_or(u64::MAX),
+            until: rows.end,
             only_the_test,
             checkpoints: recording.checkpoints,
             verified: None,
@@ -157,9 +159,30 @@ impl Tape {
             ran_out: false,
             goes_on: false,
         };
+        tape.pass_over(rows.start);
         tape.fill();
         tape.say();
         tape
+    }
+
+    /// Passes over the rows with numbers below `rows`: the loop has their state already.
+    fn pass_over(&mut self, rows: u64) {
+        while self.row < rows && self.short.is_none() {
+            match self.journal.next_row() {
+                Ok(Some(row)) if row.sequence < rows => {
+                    self.row = row.sequence + 1;
+                    self.passed.clear();
+                    self.passed.extend_from_slice(row.values);
+                }
+                Ok(_) => self.short = Some(format!("row {} is not on record", rows - 1)),
+                Err(error) => self.short = Some(error.to_string()),
+            }
+        }
+        if self.row > 0 {
+            let last = Some(&self.passed);
+            self.time = at(last, self.places[2]);
+            self.before = Some((at(last, self.places[0]), at(last, 0)));
+        }
     }
 
     /// How the recording ends, as far as it was read.
@@ -367,7 +390,7 @@ impl Checkpoints {
 
     fn read(&mut self) -> Result<(), FolderError> {
         let one = |line: EventLine| match line.event {
-            Event::Checkpoint { digest } => Some((line.tick?, digest)),
+            Event::Checkpoint { digest, .. } => Some((line.tick?, digest)),
             _ => None,
         };
         self.coming = None;
@@ -430,9 +453,66 @@ impl Recorder for Comparing {
     }
 
     fn event(&mut self, event: TimedEvent) -> bool {
-        if let Event::Checkpoint { digest } = event.kind {
+        if let Event::Checkpoint { digest, .. } = event.kind {
             with(&self.0, |tape| tape.check(event.tick, digest));
         }
         true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::journal::encode;
+
+    const TEST: &str = "title = \"a mass\"\n[time]\nstep_s = 0.01\nduration_s = 0.2\nclock = \"simulated\"\n\
+        [structure.shear_building]\nmass_kg = [1e3]\nstiffness_n_per_m = [1e5]\n";
+
+    /// The rows of `numbers`, each with its number as step and time, and the state of a running test.
+    fn tape(numbers: &[u64], rows: Range<u64>) -> Tape {
+        let loaded = crate::config::parse("test.toml".as_ref(), TEST.to_owned(), &[]).unwrap();
+        let experiment = crate::setup::build(&loaded).unwrap().experiment;
+        let layout = Layout::new(experiment.columns()).unwrap();
+        let mut bytes = Vec::new();
+        for number in numbers {
+            let values = layout.columns().iter().map(|column| match &*column.name {
+                "step" | "time" => *number as f64,
+                "state" => Phase::Running.code(),
+                _ => 0.0,
+            });
+            encode(*number, &values.collect::<Vec<_>>(), &mut bytes);
+        }
+        let samples = Box::new(std::io::Cursor::new(bytes));
+        let recording = Recording::without_checkpoints(samples, &layout);
+        let (operator, _) = crossbeam_channel::bounded(4);
+        Tape::new(recording, &layout, &experiment, operator, rows, true)
+    }
+
+    #[test]
+    fn a_recording_can_begin_with_any_row() {
+        for first in 0..6 {
+            let tape = tape(&[0, 1, 2, 3, 4, 5, 6], first..6);
+            assert_eq!((tape.row, tape.short.as_deref()), (first, None));
+            assert_eq!(at(tape.next(), 0), first as f64);
+            let before = (first > 0).then(|| (Phase::Running.code(), first as f64 - 1.0));
+            assert_eq!(tape.before, before);
+            assert!(!tape.is_over());
+        }
+        assert!(tape(&[0, 1, 2, 3], 3..3).is_over());
+    }
+
+    /// Rows that were lost long before are no trouble; the one right before the first, and the first itself, are needed.
+    #[test]
+    fn only_the_rows_around_the_first_one_are_needed() {
+        let of = |numbers: &[u64]| {
+            let tape = tape(numbers, 4..9);
+            (tape.short.is_none(), tape.next().is_some())
+        };
+        assert_eq!(of(&[0, 3, 4, 5]), (true, true));
+        assert_eq!(of(&[3, 4, 5]), (true, true));
+        assert_eq!(of(&[0, 1, 2, 3]), (true, false));
+        assert_eq!(of(&[0, 1, 2, 4, 5]), (false, false));
+        assert_eq!(of(&[0, 1, 2]), (false, false));
+        assert_eq!(of(&[0, 1, 2, 3, 5]), (false, false));
     }
 }

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Specimen;
 use crate::law::{LawError, Reach};
+use crate::state::Visit;
 
 /// Linear specimen with full matrices, one row for each axis. Each matrix is symmetric without
 /// negative eigenvalues.
@@ -161,10 +162,9 @@ impl Specimen for Coupled {
         Ok(())
     }
 
-    fn freeze(&self, _out: &mut Vec<f64>) {}
-
-    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
-        from
+    /// Stateless.
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("coupled");
     }
 }
 

@@ -4,6 +4,7 @@
 //! the stored answer, whatever it says, and moves nothing: so does an acceptance that comes twice.
 
 use super::Specimen;
+use crate::state::Visit;
 use crate::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
@@ -67,7 +68,7 @@ impl<S: Specimen> InProcess<S> {
         self
     }
 
-    /// The specimen, for its reference, tangents, bounds and state.
+    /// The specimen, for its reference, tangents and bounds.
     #[must_use]
     pub fn specimen(&self) -> &S {
         &self.specimen
@@ -184,6 +185,34 @@ impl<S: Specimen> Substructure for InProcess<S> {
         Ok(Freshness::Fresh)
     }
 
+    /// A state is taken between two exchanges: a command that was not accepted is no part of it.
+    fn visit_state(&mut self, visit: &mut dyn Visit) -> bool {
+        visit.part("in_process");
+        let is_pending = !matches!(self.phase, Phase::Idle | Phase::Committed);
+        if is_pending && !visit.restores() {
+            visit.refuse();
+        }
+        let mut is_committed = self.phase == Phase::Committed;
+        visit.flag(&mut is_committed);
+        visit.count(&mut self.sequence);
+        visit.number(&mut self.time);
+        visit.number(&mut self.dt);
+        visit.numbers(&mut self.disp);
+        visit.numbers(&mut self.vel);
+        visit.numbers(&mut self.measured);
+        visit.numbers(&mut self.force);
+        visit.short(&mut self.status.0);
+        self.specimen.visit_state(visit);
+        if visit.restores() {
+            self.phase = if is_committed {
+                Phase::Committed
+            } else {
+                Phase::Idle
+            };
+        }
+        true
+    }
+
     /// Refused: a sequence number that was not answered yet.
     fn accepted(&mut self, sequence: u64) -> Result<(), LinkFault> {
         match self.phase {
@@ -212,6 +241,7 @@ mod tests {
     use super::*;
     use crate::law::LawSpec;
     use crate::specimen::{SpecimenLaw, Uniaxial};
+    use crate::state::{StateError, TestState};
 
     fn laws() -> Vec<Box<dyn crate::law::Law>> {
         let text = "bouc_wen = { stiffness_n_per_m = 1.19e6, yield_force_n = 1190.0, \
@@ -284,12 +314,64 @@ mod tests {
             twice.accepted(k).unwrap();
             assert_eq!(a, b);
         }
-        let state = |port: &InProcess<Uniaxial>| {
-            let mut state = Vec::new();
-            port.specimen().freeze(&mut state);
-            state
+        let state = |port: &mut InProcess<Uniaxial>| {
+            TestState::of(|visit| port.specimen.visit_state(visit)).unwrap()
         };
-        assert_eq!(state(&once), state(&twice));
+        assert_eq!(state(&mut once), state(&mut twice));
+    }
+
+    #[test]
+    fn a_state_is_taken_between_exchanges_and_never_within_one() {
+        let (mut one, mut other) = (port(), port());
+        let (mut a, mut b) = (Measurement::zeros(2), Measurement::zeros(2));
+        let take = |port: &mut InProcess<Uniaxial>| {
+            TestState::of(|visit| {
+                port.visit_state(visit);
+            })
+        };
+        let mut state = take(&mut one).unwrap();
+        for k in 0..50 {
+            let (disp, vel) = motion(k);
+            one.issue(&command(k, &disp, &vel)).unwrap();
+            assert_eq!(take(&mut one), Err(StateError::Pending));
+            one.collect(Nanos(0), &mut a).unwrap();
+            assert_eq!(take(&mut one), Err(StateError::Pending));
+            one.accepted(k).unwrap();
+            state = take(&mut one).unwrap();
+        }
+        // The other one is in the middle of an exchange, which is forgotten.
+        other.issue(&command(7, &[0.1, 0.2], &[0.0; 2])).unwrap();
+        other.collect(Nanos(0), &mut b).unwrap();
+        state
+            .restore(|visit| {
+                other.visit_state(visit);
+            })
+            .unwrap();
+        for k in 49..120 {
+            // The last command may come again: it gets the stored answer.
+            let (disp, vel) = motion(k);
+            for (port, into) in [(&mut one, &mut a), (&mut other, &mut b)] {
+                port.issue(&command(k, &disp, &vel)).unwrap();
+                port.collect(Nanos(0), into).unwrap();
+                port.accepted(k).unwrap();
+            }
+            assert_eq!(a, b, "{k}");
+        }
+    }
+
+    #[test]
+    fn a_restored_measurement_is_the_same() {
+        let mut one = Measurement {
+            sequence: 7,
+            time: 0.25,
+            status: Status::SATURATED,
+            disp: vec![-0.0, 1.0],
+            force: vec![2.0, 3.0],
+        };
+        let state = TestState::of(|visit| one.visit_state(visit)).unwrap();
+        let mut other = Measurement::zeros(2);
+        state.restore(|visit| other.visit_state(visit)).unwrap();
+        assert_eq!(other, one);
     }
 
     /// Counts what is done to it; its force is the number of commits so far.
@@ -321,10 +403,7 @@ mod tests {
         ) -> Result<(), usize> {
             Ok(())
         }
-        fn freeze(&self, _out: &mut Vec<f64>) {}
-        fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
-            from
-        }
+        fn visit_state(&mut self, _: &mut dyn Visit) {}
     }
 
     #[test]

@@ -26,12 +26,8 @@ macro_rules! passed_on {
             $inner.revert();
         }
 
-        fn freeze(&$self, out: &mut Vec<f64>) {
-            $inner.freeze(out);
-        }
-
-        fn thaw<'a>(&mut $self, from: &'a [f64]) -> &'a [f64] {
-            $inner.thaw(from)
+        fn visit_state(&mut $self, visit: &mut dyn crate::state::Visit) {
+            $inner.visit_state(visit);
         }
     };
 }
@@ -45,6 +41,9 @@ mod spec;
 mod stiffened;
 mod uniaxial;
 
+#[cfg(test)]
+mod restored;
+
 pub use coupled::{Coupled, CoupledSpec};
 pub use in_process::InProcess;
 pub(crate) use in_process::status;
@@ -56,10 +55,11 @@ pub use stiffened::Stiffened;
 pub use uniaxial::Uniaxial;
 
 use crate::law::Reach;
+use crate::state::Visit;
 
 /// What can stand behind a command: one or more axes with memory. Matrices are n × n, stored by columns.
 ///
-/// All methods but `freeze` are on the real-time path.
+/// All methods are on the real-time path, except those that say otherwise.
 pub trait Specimen: Send + std::fmt::Debug {
     /// Number of axes n.
     fn axes(&self) -> usize;
@@ -122,11 +122,8 @@ pub trait Specimen: Send + std::fmt::Debug {
         damping: &mut [f64],
     ) -> Result<(), usize>;
 
-    /// Appends the committed state to `out`.
-    fn freeze(&self, out: &mut Vec<f64>);
-
-    /// Takes the committed state from the front of `from` and returns the rest.
-    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64];
+    /// Visits the committed state. A restored specimen has no trial.
+    fn visit_state(&mut self, visit: &mut dyn Visit);
 }
 
 impl<S: Specimen + ?Sized> Specimen for Box<S> {

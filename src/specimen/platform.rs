@@ -184,6 +184,7 @@ mod tests {
     use crate::geometry::{Coordinate, GeometrySpec, PlanePins};
     use crate::law::LawSpec;
     use crate::specimen::SpecimenLaw;
+    use crate::state::TestState;
 
     fn geometry() -> Geometry {
         let pins = [
@@ -312,9 +313,8 @@ mod tests {
             force
         };
         drive(&mut one, 0, 100);
-        let mut frozen = Vec::new();
-        one.freeze(&mut frozen);
-        assert!(other.thaw(&frozen).is_empty());
+        let state = TestState::of(|visit| one.visit_state(visit)).unwrap();
+        state.restore(|visit| other.visit_state(visit)).unwrap();
         let mut forces = [[0.0; 3]; 2];
         let count = allocation_counter::measure(|| {
             forces = [drive(&mut one, 100, 200), drive(&mut other, 100, 200)];

@@ -2,6 +2,7 @@
 
 use super::Specimen;
 use crate::law::{Law, LawError, Reach};
+use crate::state::Visit;
 
 /// A specimen with one independent law per axis. Declares no mass.
 #[derive(Debug)]
@@ -97,18 +98,10 @@ impl Specimen for Uniaxial {
         Ok(())
     }
 
-    fn freeze(&self, out: &mut Vec<f64>) {
-        for law in &self.laws {
-            law.freeze(out);
-        }
-    }
-
-    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
-        let mut rest = from;
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
         for law in &mut self.laws {
-            rest = law.thaw(rest);
+            law.visit_state(visit);
         }
-        rest
     }
 }
 
@@ -116,6 +109,7 @@ impl Specimen for Uniaxial {
 mod tests {
     use super::*;
     use crate::law::LawSpec;
+    use crate::state::TestState;
 
     fn two() -> Uniaxial {
         let hardening = "square_root = { stiffness_n_per_m = 1e7, hardening_per_sqrt_m = 1.0 }";
@@ -136,10 +130,9 @@ mod tests {
         assert!((tangent[0] - 1.19e5).abs() < 1e-9 && (tangent[3] - 1.15e7).abs() < 1e-8);
         assert_eq!((tangent[1], tangent[2]), (0.0, 0.0));
         specimen.commit();
-        let mut state = Vec::new();
-        specimen.freeze(&mut state);
+        let state = TestState::of(|visit| specimen.visit_state(visit)).unwrap();
         let mut other = two();
-        assert!(other.thaw(&state).is_empty());
+        state.restore(|visit| other.visit_state(visit)).unwrap();
         let (mut a, mut b) = ([0.0; 2], [0.0; 2]);
         specimen.trial(&[1e-3, 0.0], &[0.0; 2], 0.0, &mut a);
         other.trial(&[1e-3, 0.0], &[0.0; 2], 0.0, &mut b);

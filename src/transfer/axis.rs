@@ -8,6 +8,7 @@ use super::delay::Delay;
 use super::exact::Ramped;
 use super::servo::{DISP, FORCE, STATES, Servo, VEL};
 use super::spec::{ActuatorSpec, FirstOrderSpec, SecondOrderSpec};
+use crate::state::Visit;
 
 /// A correction that falls by less than this a round does so slowly, or not at all.
 const SLOWLY: f64 = 0.25;
@@ -325,30 +326,31 @@ impl Axis {
         self.delay.commit(self.command, dt);
     }
 
-    pub fn freeze(&self, out: &mut Vec<f64>) {
-        out.push(f64::from(u8::from(self.primed)));
-        out.push(self.committed.drive);
-        out.push(self.committed.residual);
-        out.extend(self.committed.x);
-        self.delay.freeze(out);
-    }
-
-    pub fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
-        let Some((&[primed, drive, residual, a, b, c, d, e], rest)) = from.split_first_chunk::<8>()
-        else {
-            return from;
-        };
-        self.primed = primed != 0.0;
-        self.committed = State {
-            drive,
-            residual,
-            x: [a, b, c, d, e],
-        };
-        self.delay.thaw(rest)
+    /// Visits the committed state. The tick is part of it: while test time is held, a correction lasts as long as the last tick.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part(self.dynamics.name());
+        visit.flag(&mut self.primed);
+        visit.number(&mut self.dt);
+        visit.number(&mut self.committed.drive);
+        visit.number(&mut self.committed.residual);
+        visit.numbers(&mut self.committed.x);
+        self.delay.visit_state(visit);
+        if visit.restores() && self.dt > 0.0 {
+            self.dynamics.lay_out(self.dt);
+        }
     }
 }
 
 impl Dynamics {
+    const fn name(&self) -> &'static str {
+        match self {
+            Self::Direct(_) => "direct",
+            Self::First(..) => "first_order",
+            Self::Second(..) => "second_order",
+            Self::Servo(_) => "servo_hydraulic",
+        }
+    }
+
     fn lay_out(&mut self, dt: f64) {
         match self {
             Self::Direct(_) => {}

@@ -5,6 +5,8 @@
 //! one tick. A step of several ticks (commands were lost on the way) fills it in; one of a part of a tick (a test that eases
 //! into motion) goes on from where the last one ended.
 
+use crate::state::Visit;
+
 /// Longest history in ticks.
 pub const LONGEST: usize = 8192;
 
@@ -137,6 +139,15 @@ impl Delay {
             0 => dt,
             entries => dt.max(self.seconds / (entries - 3) as f64),
         };
+        self.read_back();
+    }
+
+    /// How many ticks of the grid back the history is read.
+    fn read_back(&mut self) {
+        if self.grid <= 0.0 {
+            (self.whole, self.share) = (0, 0.0);
+            return;
+        }
         let ticks = self.seconds / self.grid;
         // A whole number of ticks, but for roundoff, is a whole number of ticks.
         let near = ticks.round();
@@ -193,41 +204,20 @@ impl Delay {
         }
     }
 
-    /// Appends the history.
-    pub fn freeze(&self, out: &mut Vec<f64>) {
-        if !self.is_none() {
-            out.extend([self.grid, self.beyond]);
-            out.extend(self.head);
-            for back in 0..self.ring.len() {
-                out.extend(self.past(back));
-            }
-        }
-    }
-
-    /// Takes the history back.
-    pub fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
+    /// Visits the history and where it is read.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("delay");
         if self.is_none() {
-            return from;
+            return;
         }
-        let n = self.ring.len();
-        let Some((&[grid, beyond, disp, vel], rest)) = from.split_first_chunk::<4>() else {
-            return from;
-        };
-        let Some((history, rest)) = rest.split_at_checked(2 * n) else {
-            return from;
-        };
-        self.grid = 0.0;
-        if grid > 0.0 {
-            self.lay_out(grid);
+        visit.number(&mut self.grid);
+        visit.number(&mut self.beyond);
+        visit.numbers(&mut self.head);
+        visit.index(&mut self.newest, self.ring.len());
+        visit.numbers(self.ring.as_flattened_mut());
+        if visit.restores() {
+            self.read_back();
         }
-        (self.head, self.beyond) = ([disp, vel], beyond);
-        self.newest = n - 1;
-        for (back, pair) in history.chunks_exact(2).enumerate() {
-            if let (Some(entry), [disp, vel]) = (self.ring.get_mut(n - 1 - back), pair) {
-                *entry = [*disp, *vel];
-            }
-        }
-        rest
     }
 }
 
@@ -242,6 +232,7 @@ fn mix(a: Motion, b: Motion, share: f64) -> Motion {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::state::TestState;
 
     fn run(seconds: f64, dt: f64, n: usize, command: impl Fn(f64) -> f64) -> Vec<f64> {
         let mut delay = Delay::new(seconds, 64, None);
@@ -339,16 +330,14 @@ mod tests {
     }
 
     #[test]
-    fn a_frozen_history_goes_on_with_the_same_bits() {
+    fn a_restored_history_goes_on_with_the_same_bits() {
         let (mut one, mut two) = (Delay::new(0.0123, 40, None), Delay::new(0.0123, 40, None));
         one.prime(0.5);
         for k in 0..70 {
             one.commit([f64::from(k).sin(), 1.0], 1e-3);
         }
-        let mut frozen = vec![];
-        one.freeze(&mut frozen);
-        frozen.push(9.0);
-        assert_eq!(two.thaw(&frozen), [9.0]);
+        let state = TestState::of(|visit| one.visit_state(visit)).unwrap();
+        state.restore(|visit| two.visit_state(visit)).unwrap();
         for k in 0..50 {
             let motion = [f64::from(k).cos(), 0.0];
             assert_eq!(one.trial(motion, 1e-3), two.trial(motion, 1e-3));

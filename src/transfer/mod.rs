@@ -34,6 +34,7 @@ pub use spec::{
 
 use crate::law::Reach;
 use crate::specimen::Specimen;
+use crate::state::Visit;
 
 /// What is wrong with a transfer system.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
@@ -399,25 +400,15 @@ impl Specimen for Transfer {
         self.law.commanded_every(seconds);
     }
 
-    fn freeze(&self, out: &mut Vec<f64>) {
-        // A count of ticks is exact up to 2⁵³.
-        out.extend([self.ticks as f64, self.elapsed]);
-        for axis in &self.axes {
-            axis.freeze(out);
-        }
-        self.law.freeze(out);
-    }
-
-    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
-        let Some((&[ticks, elapsed], mut rest)) = from.split_first_chunk::<2>() else {
-            return from;
-        };
-        self.ticks = ticks as u64;
-        self.elapsed = elapsed;
-        self.readings = 0;
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("transfer");
+        visit.count(&mut self.ticks);
+        visit.number(&mut self.elapsed);
+        visit.count(&mut self.readings);
+        visit.number(&mut self.dt);
         for axis in &mut self.axes {
-            rest = axis.thaw(rest);
+            axis.visit_state(visit);
         }
-        self.law.thaw(rest)
+        self.law.visit_state(visit);
     }
 }

@@ -1,7 +1,10 @@
 use super::*;
 use crate::law::{LawSpec, LinearSpec};
 use crate::specimen::SpecimenLaw;
+use crate::state::{TestState, Visit};
 use std::f64::consts::PI;
+
+mod restored;
 
 const DT: f64 = 1.0 / 4096.0;
 
@@ -329,7 +332,7 @@ const NOISY: &str = "delay_s = 0.0041\nactuator.servo_hydraulic = {}\nseed = 5\n
                      [disp_sensor]\nnoise_rms_m = 1e-5\ndrift_m_per_s = 1e-4\n[force_sensor]\nnoise_power_n2_s = 1e-3\nquantum_n = 0.5";
 
 #[test]
-fn trials_and_holds_leave_no_trace_and_a_frozen_state_goes_on_with_the_same_bits() {
+fn trials_and_holds_leave_no_trace_and_a_restored_state_goes_on_with_the_same_bits() {
     let law = || spring(1.19e6, 114.0);
     let (mut plain, mut disturbed) = (behind(NOISY, law()), behind(NOISY, law()));
     let (mut a, mut b) = ([0.0], [0.0]);
@@ -356,10 +359,9 @@ fn trials_and_holds_leave_no_trace_and_a_frozen_state_goes_on_with_the_same_bits
             disturbed.commit();
         }
         if k % 100 == 70 {
-            let mut state = vec![];
-            disturbed.freeze(&mut state);
+            let state = TestState::of(|visit| disturbed.visit_state(visit)).unwrap();
             let mut fresh = behind(NOISY, law());
-            assert!(fresh.thaw(&state).is_empty());
+            state.restore(|visit| fresh.visit_state(visit)).unwrap();
             disturbed = fresh;
         }
     }
@@ -592,10 +594,7 @@ impl Specimen for Jump {
     fn bound(&self, _: &[Reach], _: &mut [f64], _: &mut [f64]) -> Result<(), usize> {
         Ok(())
     }
-    fn freeze(&self, _: &mut Vec<f64>) {}
-    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
-        from
-    }
+    fn visit_state(&mut self, _: &mut dyn Visit) {}
 }
 
 #[test]

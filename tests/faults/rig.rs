@@ -13,6 +13,7 @@ use gusset::law::{LawSpec, Reach};
 use gusset::link::NativeSetup;
 use gusset::link::serve::Host;
 use gusset::specimen::{Specimen, Uniaxial};
+use gusset::state::Visit;
 
 use crate::campaign::Chance;
 
@@ -305,11 +306,7 @@ impl Specimen for Witnessed {
         self.law().bound(reach, stiffness, damping)
     }
 
-    fn freeze(&self, out: &mut Vec<f64>) {
-        self.law().freeze(out);
-    }
-
-    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
-        self.law().thaw(from)
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        self.law().visit_state(visit);
     }
 }

@@ -1,6 +1,7 @@
 //! Poses that are sought: found, singular, out of reach, at random.
 
 use super::*;
+use crate::state::TestState;
 
 /// From anywhere near, the strokes of the pose that is found are those that were measured, to roundoff of a length: also where
 /// the last step was just small enough to be the last.
@@ -21,6 +22,24 @@ fn a_pose_is_found_to_roundoff_from_wherever_it_is_sought() {
                 stroke - wanted
             );
         }
+    }
+}
+
+#[test]
+fn a_restored_place_finds_the_same_poses() {
+    for geometry in all() {
+        let n = geometry.coordinates().len();
+        let pose: Vec<f64> = (0..n).map(|k| 0.01 * (1.0 - 0.3 * k as f64)).collect();
+        let mut one = placed(&geometry, &pose);
+        let state = TestState::of(|visit| one.visit_state(visit)).unwrap();
+        let mut other = geometry.reference();
+        state.restore(|visit| other.visit_state(visit)).unwrap();
+        assert_eq!(one, other);
+        let measured = one.strokes().map(|stroke| stroke * (1.0 + 1e-6));
+        for place in [&mut one, &mut other] {
+            geometry.find_for_forces(&measured, place).unwrap();
+        }
+        assert_eq!(one, other);
     }
 }
 

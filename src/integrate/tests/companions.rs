@@ -2,6 +2,7 @@
 
 mod linear;
 mod nonlinear;
+mod restored;
 
 use super::{scalar, storeys};
 use crate::integrate::*;

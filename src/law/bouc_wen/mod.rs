@@ -21,6 +21,7 @@ use serde::{Deserialize, Serialize};
 
 use super::domain::{fraction, positive, require, yield_disp};
 use super::{Law, LawError, Reach, Tangent};
+use crate::state::Visit;
 use branch::Branch;
 pub use wear::{DegradationSpec, PinchingSpec};
 use wear::{Point, Wear};
@@ -308,28 +309,20 @@ impl Law for BoucWen {
         (Some(self.bound), Some(0.0))
     }
 
-    fn freeze(&self, out: &mut Vec<f64>) {
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("bouc_wen");
         let State {
             disp,
             zeta,
             energy,
             direction,
-        } = self.committed;
-        out.extend([disp, zeta, energy, direction]);
-    }
-
-    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
-        let Some(([disp, zeta, energy, direction], rest)) = from.split_first_chunk() else {
-            return &[];
-        };
-        self.committed = State {
-            disp: *disp,
-            zeta: *zeta,
-            energy: *energy,
-            direction: *direction,
-        };
-        self.trial = self.committed;
-        rest
+        } = &mut self.committed;
+        for value in [disp, zeta, energy, direction] {
+            visit.number(value);
+        }
+        if visit.restores() {
+            self.trial = self.committed;
+        }
     }
 }
 

@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use super::{Rig, TestEnd, Visitor, Wanted};
 use crate::specimen::{Specimen, status};
+use crate::state::TestState;
 use crate::substructure::{Command, Introduction, LinkFault, Measurement, Retirement};
 
 /// How the last test left a specimen that is computed: shared by those who make one and those who ask where it stands.
@@ -17,8 +18,20 @@ pub struct Memory {
 
 #[derive(Debug, Clone)]
 struct Left {
-    state: Vec<f64>,
+    state: TestState,
     disp: Vec<f64>,
+}
+
+/// The committed state of a specimen; an empty one if the specimen does not visit the same values each time.
+fn state_of(specimen: &mut dyn Specimen) -> TestState {
+    let mut state = TestState::with_room(|visit| specimen.visit_state(visit));
+    let _it_is_empty_then = state.take(|visit| specimen.visit_state(visit));
+    state
+}
+
+/// Restores the specimen. The state of another specimen changes nothing.
+fn put_back(specimen: &mut dyn Specimen, state: &TestState) {
+    let _it_is_of_another = state.restore(|visit| specimen.visit_state(visit));
 }
 
 impl Memory {
@@ -28,10 +41,12 @@ impl Memory {
         let still = vec![0.0; disp.len()];
         specimen.trial(disp, &still, 0.0, &mut still.clone());
         specimen.commit();
-        let (mut state, disp) = (Vec::new(), disp.to_vec());
-        specimen.freeze(&mut state);
+        let left = Left {
+            state: state_of(specimen),
+            disp: disp.to_vec(),
+        };
         Self {
-            left: Arc::new(Mutex::new(Some(Left { state, disp }))),
+            left: Arc::new(Mutex::new(Some(left))),
             ..Self::default()
         }
     }
@@ -58,7 +73,7 @@ impl Memory {
 pub struct Law {
     specimen: Box<dyn Specimen>,
     /// The state and the place in which a test finds it.
-    virgin: Vec<f64>,
+    virgin: TestState,
     stands: Vec<f64>,
     memory: Option<Memory>,
     /// A test finds it as the last one left it.
@@ -79,12 +94,10 @@ impl std::fmt::Debug for Law {
 impl Law {
     /// A formula in its present committed state, which is that of every test, or of the first one if it `remembers`.
     #[must_use]
-    pub fn new(specimen: Box<dyn Specimen>, remembers: bool) -> Self {
+    pub fn new(mut specimen: Box<dyn Specimen>, remembers: bool) -> Self {
         let axes = specimen.axes();
-        let mut virgin = Vec::new();
-        specimen.freeze(&mut virgin);
         Self {
-            virgin,
+            virgin: state_of(specimen.as_mut()),
             stands: vec![0.0; axes],
             memory: None,
             remembers,
@@ -100,7 +113,7 @@ impl Law {
     #[must_use]
     pub fn recalling(mut self, memory: Memory) -> Self {
         if let Some(left) = memory.recall() {
-            self.specimen.thaw(&left.state);
+            put_back(self.specimen.as_mut(), &left.state);
             self.virgin = left.state;
             self.committed.clone_from(&left.disp);
             self.stands = left.disp;
@@ -146,7 +159,7 @@ impl Rig for Law {
 
     fn arm(&mut self, _: u64, _: &[f64], _: &mut dyn FnMut() -> bool) -> Result<bool, LinkFault> {
         if !self.remembers {
-            self.specimen.thaw(&self.virgin);
+            put_back(self.specimen.as_mut(), &self.virgin);
             self.committed.copy_from_slice(&self.stands);
         }
         self.specimen.revert();
@@ -209,11 +222,11 @@ impl Rig for Law {
             self.specimen.revert();
         }
         if let Some(memory) = &self.memory {
-            let mut state = Vec::new();
-            self.specimen.freeze(&mut state);
-            let disp = self.committed.clone();
-            *memory.left.lock().unwrap_or_else(PoisonError::into_inner) =
-                Some(Left { state, disp });
+            let left = Left {
+                state: state_of(self.specimen.as_mut()),
+                disp: self.committed.clone(),
+            };
+            *memory.left.lock().unwrap_or_else(PoisonError::into_inner) = Some(left);
         }
         None
     }

@@ -1,6 +1,7 @@
 //! Matrices, elements and what acts between them.
 
 use super::*;
+use crate::state::TestState;
 
 #[test]
 fn a_shear_building_has_the_matrices_of_the_textbook() {
@@ -109,7 +110,7 @@ fn the_frame_at_rest_feels_the_base_and_the_ground_does_not() {
 }
 
 #[test]
-fn every_call_commits_once_and_states_freeze_and_thaw() {
+fn every_call_commits_once_and_a_restored_structure_goes_on() {
     let make = || {
         with_elements(vec![
             element(End::Ground, End::Dof(0), 1.0, 0.0, 0.0),
@@ -126,12 +127,10 @@ fn every_call_commits_once_and_states_freeze_and_thaw() {
     // The probe adds its committed time to the force: 0 at the first call, 0.25 at the second.
     assert_eq!(call(&mut structure), [0.0, 0.0]);
     assert_eq!(call(&mut structure), [0.0, -0.25]);
-    let mut frozen = Vec::new();
-    structure.freeze(&mut frozen);
-    assert_eq!(frozen, [0.5, 0.5]);
+    let state = TestState::of(|visit| structure.visit_state(visit)).unwrap();
+    assert_eq!(state.words(), [0.5_f64.to_bits(); 2]);
     let mut other = make();
-    frozen.push(9.0);
-    assert_eq!(other.thaw(&frozen), [9.0]);
+    state.restore(|visit| other.visit_state(visit)).unwrap();
     assert_eq!(call(&mut other), call(&mut structure));
     // Asking for the stiffness at rest forgets its trial.
     let before = call(&mut structure);

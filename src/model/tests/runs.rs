@@ -5,6 +5,7 @@ use proptest::prelude::*;
 use super::super::*;
 use crate::law::{Law, LawSpec, Memoryless, Tangent};
 use crate::linalg::{Lanes, SymMatrix};
+use crate::state::Visit;
 
 /// A law that does not say what it is: it cannot stand in a run.
 #[derive(Debug)]
@@ -37,6 +38,10 @@ impl Law for Hidden {
 
     fn memoryless(&self) -> Option<Memoryless> {
         None
+    }
+
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        self.0.visit_state(visit);
     }
 }
 

@@ -3,6 +3,7 @@
 use super::gap::Gap;
 use crate::compensation::Compensator;
 use crate::port::Axis;
+use crate::state::{Layout, TestState};
 
 /// What is kept of one axis.
 #[derive(Debug)]
@@ -133,11 +134,13 @@ impl AxisCompensator {
         };
     }
 
-    pub fn freeze(&self, out: &mut Vec<f64>) {
+    pub fn freeze(&mut self, out: &mut Vec<f64>) {
         out.extend([f64::from(self.heard), self.disp, self.vel]);
         out.extend(self.points.iter().flat_map(|(disp, led)| [disp, led]));
         self.gap.freeze(out);
-        self.one.freeze(out);
+        let state = TestState::of(|visit| self.one.visit_state(visit));
+        let words = state.iter().flat_map(TestState::words);
+        out.extend(words.map(|word| f64::from_bits(*word)));
     }
 
     /// Takes it back; what was measured before counts only if it is `recent`.
@@ -155,7 +158,14 @@ impl AxisCompensator {
         } else {
             self.misses();
         }
-        self.one.thaw(rest)
+        let layout = Layout::of(|visit| self.one.visit_state(visit));
+        let Some((words, rest)) = rest.split_at_checked(layout.words) else {
+            return rest;
+        };
+        let words = words.iter().map(|value| value.to_bits()).collect();
+        let state = TestState::from_words(layout, words);
+        let _ = state.and_then(|state| state.restore(|visit| self.one.visit_state(visit)));
+        rest
     }
 
     /// What is measured next does not follow what was measured last. Real-time: yes.

@@ -194,7 +194,7 @@ impl Compensators {
         }
     }
 
-    fn write(&self, out: &mut Vec<f64>) {
+    fn write(&mut self, out: &mut Vec<f64>) {
         let Grid {
             point,
             ahead,
@@ -202,7 +202,7 @@ impl Compensators {
         } = self.grid;
         out.push(f64::from(u8::from(self.is_running())));
         out.extend([point, ahead, spacing]);
-        for axis in &self.axes {
+        for axis in &mut self.axes {
             axis.freeze(out);
         }
     }

@@ -14,6 +14,7 @@ use super::encoding::{from_one, from_one_if_any, hexadecimal, real};
 use super::payload::{LimitReached, Standing, TripValue, WarmUp, Word};
 use crate::catalog::event::{self, EventRow, Remark};
 use crate::catalog::phase::Phase;
+use crate::record::checkpoint::Checksum;
 use crate::record::miss::Evidence;
 use crate::record::{GridOf, MissCause};
 use crate::substructure::LinkFault;
@@ -245,6 +246,9 @@ pub enum Event {
         /// Of its bits.
         #[serde(with = "hexadecimal")]
         digest: u64,
+        /// SHA-256 of the file that holds the state; none if no file was made of it.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        sha256: Option<Checksum>,
     },
     /// The test enters another phase.
     Phase {

@@ -5,8 +5,10 @@ use std::time::Duration;
 
 use crossbeam_channel::Receiver;
 
+use super::snapshots::{Kept, Snapshots};
 use super::sync::SyncThread;
 use super::{Progress, Recorded, WriterSettings, lock};
+use crate::record::TimedEvent;
 use crate::record::append::{Flushed, Store};
 use crate::record::event_log::{EventContext, EventLog, Moment};
 use crate::record::events::Event;
@@ -34,6 +36,7 @@ pub(super) struct Drain<S, E> {
     notes: Receiver<Note>,
     settings: WriterSettings,
     sync: Option<SyncThread>,
+    snapshots: Option<Snapshots>,
     pub(super) progress: Arc<Mutex<Progress>>,
     onlooker: Watched,
     last_row: Vec<f64>,
@@ -70,6 +73,7 @@ impl<S: Store, E: Store> Drain<S, E> {
             notes,
             settings,
             sync: None,
+            snapshots: None,
             progress: Arc::default(),
             onlooker: Watched::default(),
             last_row: Vec::with_capacity(columns),
@@ -94,6 +98,21 @@ impl<S: Store, E: Store> Drain<S, E> {
         self.onlooker = Watched::by(onlooker);
     }
 
+    /// Gives it the way of the states to the disk.
+    pub(super) fn keep(&mut self, snapshots: Option<Snapshots>) {
+        self.snapshots = snapshots;
+    }
+
+    /// The event of a checkpoint gets the SHA-256 of its state.
+    fn with_checksum(&mut self, mut event: TimedEvent) -> TimedEvent {
+        if let (Event::Checkpoint { sha256, .. }, Some(snapshots)) =
+            (&mut event.kind, &mut self.snapshots)
+        {
+            *sha256 = snapshots.checksum_of(event.tick);
+        }
+        event
+    }
+
     /// Takes what waits and passes it on; true if so much was there that the next turn should follow at once.
     pub(super) fn turn(&mut self, now: Moment) -> bool {
         // Counted before the rows: those that were there before an event are then surely taken before it.
@@ -104,7 +123,11 @@ impl<S: Store, E: Store> Drain<S, E> {
         for note in self.notes.try_iter().take(PER_TURN) {
             self.events.note(note, self.position, now);
         }
-        for event in std::iter::from_fn(|| self.ring.event()).take(events) {
+        for _ in 0..events {
+            let Some(event) = self.ring.event() else {
+                break;
+            };
+            let event = self.with_checksum(event);
             let note = self.onlooker.show(|onlooker| onlooker.event(&event));
             self.events.event(event, now);
             if let Some(note) = note {
@@ -141,6 +164,9 @@ impl<S: Store, E: Store> Drain<S, E> {
         });
         let flushed = self.events.finish(now);
         self.heed("events.jsonl", flushed, now);
+        let snapshots = self.snapshots.take();
+        let states = snapshots.map_or_else(Kept::default, Snapshots::finish);
+        self.first_error = self.first_error.take().or(states.first_error);
         let sync = self.sync.take();
         let sync_failures = sync.map_or(0, |sync| sync.finish());
         self.publish();
@@ -151,6 +177,8 @@ impl<S: Store, E: Store> Drain<S, E> {
             rows_written: self.journal.rows(),
             rows_lost_queue: self.ring.lost().rows(),
             rows_lost_file: self.lost_file,
+            states_written: states.written,
+            states_skipped: self.ring.states_skipped() + states.refused,
             events_written: self.events.taken() - self.events.lost() - unwritten,
             events_lost: self.events.lost() + unwritten + self.ring.lost().events(),
             misses: self.events.classes(),

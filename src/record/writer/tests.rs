@@ -6,8 +6,10 @@ use crate::record::append::tests::SmallDisk;
 use crate::record::journal::{End, Journal};
 use crate::record::layout::stride;
 use crate::record::{
-    Event, MissCause, Recorder, RingRecorder, RingSize, TimedEvent, WhenFull, ring,
+    Checkpoint, Checksum, Event, MissCause, Recorder, RingRecorder, RingSize, STATE_FILES,
+    TimedEvent, WhenFull, ring,
 };
+use crate::state::TestState;
 use serde_json::{Map, Value};
 
 const MS: u64 = 1_000_000;
@@ -544,4 +546,104 @@ fn what_others_do_to_the_files_is_told_once_of_each_while_it_runs() {
     };
     assert_eq!(*file, "samples.bin");
     assert!(extent.meddled_at(&path(file)).is_some());
+}
+
+/// Takes a state of two numbers after `step`, as the loop does: row, state, event.
+fn checkpoint(recorder: &mut RingRecorder, step: u64) -> bool {
+    let mut values = [step as f64, 0.5];
+    push(recorder, step..step + 1);
+    let kept = recorder.state(step, &mut |state| {
+        state.take(|visit| visit.numbers(&mut values))
+    });
+    recorder.event(TimedEvent {
+        tick: step,
+        time: 0.0,
+        clock_ns: 0,
+        kind: Event::Checkpoint {
+            digest: step,
+            sha256: None,
+        },
+    });
+    kept
+}
+
+fn with_states(recorder: &mut RingRecorder, folder: &tempfile::TempDir) -> WriterSettings {
+    let room = TestState::with_room(|visit| visit.numbers(&mut [0.0; 2]));
+    recorder.allocate_states(&room);
+    WriterSettings {
+        states: Some(StateFolder::open(folder.path()).unwrap()),
+        ..WriterSettings::default()
+    }
+}
+
+#[test]
+fn the_state_of_a_checkpoint_and_its_event_have_the_same_checksum() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut recorder, reader) = small(64);
+    let settings = with_states(&mut recorder, &folder);
+    let events = SmallDisk::with_room(1 << 20);
+    let clocks = Clocks {
+        monotonic_ns: || 0,
+        utc_ns: || 0,
+    };
+    let writer = Writer::spawn(reader, Vec::new(), events.clone(), None, clocks, settings);
+    let writer = writer.unwrap();
+    for step in 0..3 {
+        assert!(checkpoint(&mut recorder, step));
+    }
+    let recorded = writer.finish().unwrap();
+    assert_eq!((recorded.states_written, recorded.states_skipped), (3, 0));
+    let sums: Vec<Checksum> = lines(&events)
+        .iter()
+        .map(|line| serde_json::from_value(line["sha256"].clone()).unwrap())
+        .collect();
+    for (name, step) in STATE_FILES.into_iter().zip([2u64, 1]) {
+        let (state, checksum) = Checkpoint::read(&folder.path().join(name))
+            .unwrap()
+            .unwrap();
+        assert_eq!((state.step, state.rows), (step, step + 1));
+        assert_eq!(state.state.words()[0], (step as f64).to_bits());
+        assert_eq!(checksum, sums[step as usize]);
+    }
+}
+
+/// The loop never waits: a checkpoint that finds no buffer has an event without a state, and the next one has both.
+#[test]
+fn a_checkpoint_without_a_free_buffer_has_an_event_and_no_state() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut recorder, mut reader) = small(64);
+    let settings = with_states(&mut recorder, &folder);
+    let snapshots = Snapshots::spawn(
+        reader.take_states().unwrap(),
+        settings.states.clone().unwrap(),
+    );
+    let events = SmallDisk::with_room(1 << 20);
+    let (mut drain, _notes) = drain(reader, Vec::new(), events.clone(), settings);
+    drain.keep(Some(snapshots.unwrap()));
+    let kept: Vec<bool> = (0..5).map(|step| checkpoint(&mut recorder, step)).collect();
+    assert_eq!(kept, [true, true, true, false, false]);
+    let recorded = drain.finish(at(MS));
+    assert_eq!((recorded.states_written, recorded.states_skipped), (3, 2));
+    let have: Vec<bool> = lines(&events)
+        .iter()
+        .map(|line| line.get("sha256").is_some())
+        .collect();
+    assert_eq!(have, kept);
+}
+
+#[test]
+fn a_folder_that_refuses_states_ends_nothing_and_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut recorder, mut reader) = small(64);
+    let settings = with_states(&mut recorder, &folder);
+    let states = settings.states.clone().unwrap();
+    let snapshots = Snapshots::spawn(reader.take_states().unwrap(), states).unwrap();
+    let (mut drain, _notes) = drain(reader, Vec::new(), Vec::new(), settings);
+    drain.keep(Some(snapshots));
+    folder.close().unwrap();
+    assert!(checkpoint(&mut recorder, 0));
+    let recorded = drain.finish(at(MS));
+    assert_eq!((recorded.states_written, recorded.states_skipped), (0, 1));
+    assert_eq!(recorded.rows_written, 1);
+    assert!(recorded.first_error.unwrap().starts_with("state.bin"));
 }

@@ -15,7 +15,7 @@ fn element(name: &str, from: End, to: End, law: Box<dyn Law>) -> Element {
 }
 
 /// Two masses: a cubic spring to the ground, a yielding one between them, a biviscous damper on the upper one.
-fn nonlinear() -> Structure {
+pub(super) fn nonlinear() -> Structure {
     let cubic = CubicSpec {
         stiffness_n_per_m: 200.0,
         cubic_n_per_m3: 4e5,

@@ -44,6 +44,7 @@ fn examples() -> Vec<Value> {
         of("no_go", &warm_up),
         json!({"event": "started"}),
         json!({"event": "checkpoint", "digest": "00ab00ab00ab00ab"}),
+        json!({"event": "checkpoint", "digest": "00ab00ab00ab00ab", "sha256": "0f".repeat(32)}),
         json!({"event": "hold_requested"}),
         json!({"event": "continue_requested"}),
         json!({"event": "continue_dropped", "hold": 1, "latest": 2}),
