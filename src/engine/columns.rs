@@ -18,6 +18,7 @@ use crate::catalog::limit::Limit;
 use crate::port::Port;
 use crate::record::Column;
 use crate::rt::timing::TickStamps;
+use crate::state::Visit;
 use crate::time::Nanos;
 
 /// What the operator wants in a tick: one number of its row.
@@ -166,6 +167,11 @@ impl Row {
             },
             columns,
         )
+    }
+
+    /// Visits the numbers of the last row: a row between two steps repeats those of the last step. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.numbers(&mut self.values);
     }
 
     /// A quantity of the test as a whole and its value as it stands in the row, by its place among those that are kept.

@@ -1,6 +1,7 @@
 //! Numbers and rules of the exchanges with the specimens.
 
 use crate::port::Port;
+use crate::state::Visit;
 
 /// When specimens that can take their time are commanded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -35,6 +36,11 @@ impl Exchanges {
             commanding: Commanding::EveryTick,
             recordings: Recordings::Reply,
         }
+    }
+
+    /// Visits the number. The rules belong to the maneuver. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.count(&mut self.sequence);
     }
 
     /// Number of the next exchange. Real-time: yes.

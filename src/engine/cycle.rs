@@ -14,11 +14,13 @@ use super::numerical::Side;
 use super::operator::OperatorCommands;
 use super::order::{Kind, Order};
 use super::phase::Phase;
+use super::running_state::RunningState;
 use super::step_progress::StepProgress;
 use super::test_judge::TestJudge;
+use super::tick::Tick;
 use super::{Peaks, Plan, Settling, Stop};
 use crate::port::Port;
-use crate::record::{Event, LimitReached, ON_MISS, WarmUpRows};
+use crate::record::{Event, LimitReached, ON_MISS, Recorder, WarmUpRows};
 use crate::rt::timing::TickStamps;
 
 /// A motion or a rest of all specimens, tick by tick.
@@ -86,6 +88,30 @@ impl Engine<'_> {
             self.hand_over(&order, stamps, skipped)?;
         }
         Ok(())
+    }
+
+    /// The parts that have a state, after the tick `last`, and the recorder that takes it.
+    pub fn state<'s>(&'s mut self, last: &'s mut Tick) -> (RunningState<'s>, &'s mut dyn Recorder) {
+        let Environment {
+            place,
+            supervision,
+            journal,
+            ..
+        } = &mut *self.environment;
+        let (row, recorder) = journal.row_and_recorder();
+        let state = RunningState {
+            ports: self.ports,
+            side: self.side,
+            peaks: self.peaks,
+            progress: self.progress,
+            exchanges: self.exchanges,
+            judge: self.judge,
+            place,
+            supervision,
+            row,
+            last,
+        };
+        (state, recorder)
     }
 
     /// Waits for the edge of a tick and hears the operator. Returns the ticks by which the grid was moved.

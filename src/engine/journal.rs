@@ -80,6 +80,11 @@ impl Journal {
         is_kept
     }
 
+    /// The row, and the recorder that takes states.
+    pub fn row_and_recorder(&mut self) -> (&mut Row, &mut dyn Recorder) {
+        (&mut self.row, self.recorder.as_mut())
+    }
+
     /// Hands an event over. Real-time: yes.
     #[inline]
     pub fn event(&mut self, event: TimedEvent) {

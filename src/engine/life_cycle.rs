@@ -24,14 +24,19 @@ use super::step_progress::StepProgress;
 use super::stepping::Stepping;
 use super::supervision::Supervision;
 use super::test_judge::TestJudge;
+use super::tick::Tick;
 use super::{
     Ending, Experiment, Outcome, PaceOutcome, Peaks, Plan, Resumption, Settling, Side, Stop,
 };
 use crate::port::{Port, Poses};
 use crate::record::{Column, Event, GridOf, Recorder};
 use crate::rt::timing::Timing;
+use crate::state::{StateError, TestState};
 use crate::substructure::Retirement;
 use crate::time::{Clock, SimClock};
+
+/// Largest model whose states are kept.
+const MOST_DOFS_OF_A_STATE: usize = 10_000;
 
 /// Everything of a test besides its ports.
 pub(super) struct Parts {
@@ -174,7 +179,7 @@ impl Connected {
     /// The test ended in it.
     pub fn start(self, control: &Control) -> Result<Ready, Box<Stopped>> {
         let Self(mut test) = self;
-        test.parts.environment.supervision.attend(control.clone());
+        test.attend(control);
         let resume = test.resume.take();
         match test.guarded(|engine, _| Startup::perform(resume, engine)) {
             Ok(Ok(())) => Ok(Ready(test)),
@@ -191,28 +196,37 @@ impl Connected {
     #[must_use]
     pub fn retrace(self, control: &Control) -> Retraced {
         let Self(mut test) = self;
-        test.parts.environment.supervision.attend(control.clone());
+        test.attend(control);
         test.ports.iter_mut().for_each(Port::follow_compensation);
         let resume = test.resume.take();
         let (mut engine, watches) = test.engine();
         let ending: Ending = Startup::perform(resume, &mut engine)
             .and_then(|()| run_steps(&mut engine, watches))
             .into();
-        let Parts {
-            side,
-            environment,
-            progress,
-            exchanges,
-            peaks,
-            ..
-        } = *test.parts;
-        let numbers = (exchanges.sequence(), environment.place.steps_done());
-        let phase = environment.supervision.phase();
-        let state = Resumption::of(phase, progress, numbers, peaks);
-        Retraced {
-            ending,
-            state: state.map(|resumption| (side, test.ports, resumption)),
-        }
+        test.into_retraced(ending)
+    }
+
+    /// Retraces a recorded test from this state to the end of the recording, which begins with the row after it. No specimen is
+    /// retired.
+    ///
+    /// # Errors
+    /// The state does not belong to this test. Nothing was retraced.
+    pub fn retrace_from(
+        self,
+        state: &TestState,
+        control: &Control,
+    ) -> Result<Retraced, StateError> {
+        let Self(mut test) = self;
+        test.attend(control);
+        test.ports.iter_mut().for_each(Port::follow_compensation);
+        let (mut engine, _) = test.engine();
+        let mut last = Tick::before_start(0.0);
+        state.restore(|visit| engine.state(&mut last).0.visit_state(visit))?;
+        let mut steps = Stepping::after(last, engine.side);
+        engine.environment.supervision.continue_running();
+        engine.environment.pace.begin();
+        let ending = perform_steps(&mut engine, &mut steps).into();
+        Ok(test.into_retraced(ending))
     }
 }
 
@@ -313,16 +327,21 @@ fn run_steps(engine: &mut Engine<'_>, watches: &mut Watches) -> Result<(), Stop>
     if engine.environment.supervision.is_held() {
         engine.progress.stand();
     }
+    let result = perform_steps(engine, &mut steps);
+    if let Some(watch) = &mut watches.after_last_tick {
+        watch();
+    }
+    result
+}
+
+fn perform_steps(engine: &mut Engine<'_>, steps: &mut Stepping) -> Result<(), Stop> {
     engine.exchanges.commanding = Commanding::EveryStep;
-    let result = engine.perform(&mut steps);
+    let result = engine.perform(steps);
     engine.exchanges.commanding = Commanding::EveryTick;
     for port in &mut *engine.ports {
         port.is_told_by_steps(false);
     }
     engine.environment.deadlines.flush();
-    if let Some(watch) = &mut watches.after_last_tick {
-        watch();
-    }
     result
 }
 
@@ -377,15 +396,54 @@ impl Test {
                 opening,
                 limits,
                 checkpoint_ticks: pacing.checkpoint_ticks,
+                keeps_state: dofs <= MOST_DOFS_OF_A_STATE,
             },
         };
-        Self {
+        let mut test = Self {
             ports,
             parts: Box::new(parts),
             watches: Watches::default(),
             resume,
             columns,
+        };
+        test.allocate_states();
+        test
+    }
+
+    fn attend(&mut self, control: &Control) {
+        let supervision = &mut self.parts.environment.supervision;
+        supervision.attend(control.clone());
+    }
+
+    fn into_retraced(self, ending: Ending) -> Retraced {
+        let Parts {
+            side,
+            environment,
+            progress,
+            exchanges,
+            peaks,
+            ..
+        } = *self.parts;
+        let numbers = (exchanges.sequence(), environment.place.steps_done());
+        let phase = environment.supervision.phase();
+        let state = Resumption::of(phase, progress, numbers, peaks);
+        Retraced {
+            ending,
+            state: state.map(|resumption| (side, self.ports, resumption)),
         }
+    }
+
+    /// Makes room for the states of checkpoints.
+    fn allocate_states(&mut self) {
+        let plan = &self.parts.plan;
+        if !plan.keeps_state || plan.checkpoint_ticks == u64::MAX {
+            return;
+        }
+        let (mut engine, _) = self.engine();
+        let mut last = Tick::before_start(0.0);
+        let (mut state, recorder) = engine.state(&mut last);
+        let room = TestState::with_room(|visit| state.visit_state(visit));
+        recorder.allocate_states(&room);
     }
 
     fn engine(&mut self) -> (Engine<'_>, &mut Watches) {

@@ -35,6 +35,7 @@ mod port_columns;
 mod ramping;
 mod resumption;
 mod rules;
+mod running_state;
 mod shutdown;
 mod standing;
 mod startup;

@@ -7,7 +7,7 @@ use crate::linalg::Aligned;
 use crate::model::{Acceleration, Base, Structure};
 use crate::motion::{Excitation, Prescribed};
 use crate::port::Port;
-use crate::state::TestState;
+use crate::state::{TestState, Visit};
 
 /// What decides where the specimens go.
 #[derive(Debug)]
@@ -223,6 +223,24 @@ impl Numerical {
     #[inline]
     pub fn output_accel(&mut self) {
         self.acceleration.accel_into(&self.inertia, &mut self.accel);
+    }
+
+    /// Visits everything that later steps and rows depend on. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("numerical side");
+        self.structure.visit_state(visit);
+        self.state.visit_state(visit);
+        self.stepper.visit_state(visit);
+        if let Some(audit) = &mut self.audit {
+            audit.visit_state(visit);
+        }
+        if let Some(intake) = &mut self.intake {
+            intake.visit_state(visit);
+        }
+        visit.numbers(&mut self.inertia);
+        visit.numbers(&mut self.next_inertia);
+        visit.numbers(&mut self.reported_vel);
+        visit.numbers(&mut self.accel);
     }
 
     /// What a rehearsal goes back to; none for an offline method, which has no deadline to be warm for.

@@ -1,6 +1,7 @@
 //! The place of the test in test time.
 
 use super::tick::Tick;
+use crate::state::Visit;
 
 /// The last step that was made, and the farthest tick that was exchanged.
 #[derive(Debug, Clone, Copy)]
@@ -19,6 +20,12 @@ impl Place {
             steps_done: 0,
             farthest: Tick::before_start(0.0),
         }
+    }
+
+    /// Visits every value. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.count(&mut self.steps_done);
+        self.farthest.visit_state(visit);
     }
 
     /// The last step whose row was made. Real-time: yes.

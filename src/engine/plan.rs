@@ -16,4 +16,6 @@ pub(super) struct Plan {
     pub limits: Limits,
     /// Ticks from one checkpoint to the next, at least.
     pub checkpoint_ticks: u64,
+    /// Checkpoints hand the state to the recorder. Of a very large model they have the digest only.
+    pub keeps_state: bool,
 }

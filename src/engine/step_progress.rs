@@ -5,6 +5,7 @@
 
 use super::tick::Tick;
 use crate::port::{PacerTick, Stage, StepPacer};
+use crate::state::Visit;
 
 /// How the integration and the ticks of the controller belong together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -71,6 +72,29 @@ impl StepProgress {
             unchecked: 0,
             stage: Stage::Correct,
         }
+    }
+
+    /// Visits every value. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("step progress");
+        self.pacer.visit_state(visit);
+        self.before.visit_state(visit);
+        self.stride.visit_state(visit);
+        visit.count(&mut self.step);
+        let mut target = match self.target {
+            Target::Ahead => 0,
+            Target::Reached => 1,
+            Target::Kept => 2,
+        };
+        visit.index(&mut target, 3);
+        self.target = match target {
+            0 => Target::Ahead,
+            1 => Target::Reached,
+            _ => Target::Kept,
+        };
+        visit.count(&mut self.sub_tick);
+        visit.count(&mut self.unchecked);
+        StepPacer::visit_stage(&mut self.stage, visit);
     }
 
     /// The step whose target is on the way, or reached and not closed. Real-time: yes.

@@ -59,6 +59,14 @@ impl Stepping {
         }
     }
 
+    /// The same after the tick `last`, at which a state was restored.
+    pub fn after(last: Tick, side: &mut Side) -> Self {
+        Self {
+            course: Course::MayHold(last),
+            ..Self::new(side)
+        }
+    }
+
     /// True if a hold has brought test time to a stop after this tick.
     fn comes_to_hold(engine: &Engine<'_>) -> bool {
         let progress = &engine.progress;
@@ -232,9 +240,10 @@ impl Maneuver for Stepping {
         };
         engine.environment.place.step_done(place.step);
         Self::note_stage(engine, place, &self.stride);
-        self.check(engine, place);
         Self::note_peaks(engine, place, stamps)?;
-        advanced
+        advanced?;
+        self.check(engine, order);
+        Ok(())
     }
 }
 
@@ -312,19 +321,28 @@ impl Stepping {
         }
     }
 
-    /// At times a checkpoint: the digest of the state after this step. Real-time: yes.
+    /// At times a checkpoint: the state after this step, and its digest. Real-time: yes.
     #[inline]
-    fn check(&mut self, engine: &mut Engine<'_>, tick: &Tick) {
+    fn check(&mut self, engine: &mut Engine<'_>, order: &Order) {
         if engine.progress.is_checkpoint(engine.plan.checkpoint_ticks) {
-            let digest = self.digest(engine);
-            engine.environment.report(
-                tick,
-                Event::Checkpoint {
-                    digest,
-                    sha256: None,
-                },
-            );
+            self.make_checkpoint(engine, order);
         }
+    }
+
+    #[cold]
+    fn make_checkpoint(&mut self, engine: &mut Engine<'_>, order: &Order) {
+        if engine.plan.keeps_state {
+            let mut last = order.tick;
+            let (mut state, recorder) = engine.state(&mut last);
+            // A state that finds no free buffer is skipped and counted.
+            recorder.state(order.place.step, &mut |buffer| {
+                buffer.take(|visit| state.visit_state(visit))
+            });
+        }
+        let digest = self.digest(engine);
+        let sha256 = None;
+        let checkpoint = Event::Checkpoint { digest, sha256 };
+        engine.environment.report(&order.place, checkpoint);
     }
 
     /// A number that says whether the state of the test is the same: of x, v, and what elements and methods remember. Real-time:

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use super::operator::{Control, Operator, Requests};
 use super::phase::{Glimpse, Phase};
+use crate::state::Visit;
 use crate::substructure::LISTEN_NS;
 
 /// The operator's hold.
@@ -71,6 +72,14 @@ impl Supervision {
         }
     }
 
+    /// Visits the hold. A state is taken in the running test, where nothing is to be confirmed. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        let mut is_held = self.is_held();
+        visit.flag(&mut is_held);
+        self.hold = if is_held { Hold::Wanted } else { Hold::Off };
+        visit.short(&mut self.hold_number);
+    }
+
     /// The operator's line.
     pub const fn control(&self) -> &Control {
         &self.control
@@ -94,6 +103,12 @@ impl Supervision {
         self.phase = phase;
         self.show();
         from
+    }
+
+    /// A restored test runs.
+    pub fn continue_running(&mut self) {
+        self.phase = Phase::Running;
+        self.show();
     }
 
     /// Shows the test on the operator's line. Real-time: yes.

@@ -10,6 +10,7 @@ use crate::catalog::limit::Limit;
 use crate::port::Port;
 use crate::port::limits::Level;
 use crate::record::{Event, LimitReached};
+use crate::state::Visit;
 
 /// Judges the limits of the test as a whole, and remembers what was warned of.
 pub(super) struct TestJudge {
@@ -22,6 +23,11 @@ impl TestJudge {
     /// With these limits; nothing was warned of.
     pub const fn new(limits: TestLimits) -> Self {
         Self { limits, warned: 0 }
+    }
+
+    /// Visits what was warned of. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.short(&mut self.warned);
     }
 
     /// The limits.

@@ -1,4 +1,6 @@
-//! Where in the test a tick stands.
+//! The place of a tick in the test.
+
+use crate::state::Visit;
 
 /// Place of a tick in the test.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,6 +25,14 @@ impl Tick {
             time: 0.0,
             dt,
         }
+    }
+
+    /// Visits every value. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.count(&mut self.step);
+        visit.count(&mut self.sub_tick);
+        visit.number(&mut self.time);
+        visit.number(&mut self.dt);
     }
 
     /// The step as an index into series on the step grid.

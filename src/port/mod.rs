@@ -111,6 +111,11 @@ impl std::fmt::Debug for Port {
 
 // Targets and commands.
 impl Port {
+    /// Visits every value that later rows depend on. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn crate::state::Visit) {
+        visit.part("port");
+    }
+
     /// Makes the next command from the structure's state. Real-time: yes.
     pub fn aim(&mut self, disp: &[f64], vel: &[f64], base_disp: f64, base_vel: f64) {
         let (state, base) = ([disp, vel], [base_disp, base_vel]);

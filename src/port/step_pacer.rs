@@ -25,6 +25,7 @@
 //! increments of exactly 1. No input or output, no clock: ticks are counted by the caller's calls.
 
 use crate::catalog::phase::Stage;
+use crate::state::Visit;
 
 /// Share of the step at which an unknown target slows the command down.
 pub const SLOW_FROM: f64 = 0.6;
@@ -60,6 +61,23 @@ pub struct PacerTick {
 }
 
 impl PacerTick {
+    /// Visits every value. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        let Self {
+            share,
+            length,
+            stage,
+            pace,
+            point,
+            ahead,
+            spacing,
+        } = self;
+        StepPacer::visit_stage(stage, visit);
+        for value in [share, length, pace, point, ahead, spacing] {
+            visit.number(value);
+        }
+    }
+
     /// At the first target.
     #[must_use]
     pub const fn none() -> Self {
@@ -102,6 +120,30 @@ pub struct StepPacer {
 }
 
 impl StepPacer {
+    /// Visits a stage. Real-time: yes.
+    pub fn visit_stage(stage: &mut Stage, visit: &mut dyn Visit) {
+        const ALL: [Stage; 3] = [Stage::Correct, Stage::Predict, Stage::SlowDown];
+        let mut index = ALL.iter().position(|of| of == stage).unwrap_or(0);
+        visit.index(&mut index, ALL.len());
+        *stage = ALL.get(index).copied().unwrap_or(*stage);
+    }
+
+    /// Visits every value that changes from tick to tick. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.number(&mut self.progress);
+        visit.flag(&mut self.known);
+        let [mut pace, mut from] = [0, 1].map(|part| {
+            self.left
+                .map(|(pace, from)| if part == 0 { pace } else { from })
+        });
+        visit.option(&mut pace);
+        visit.option(&mut from);
+        self.left = pace.zip(from);
+        visit.number(&mut self.increment);
+        visit.number(&mut self.ease);
+        visit.number(&mut self.pace);
+    }
+
     /// N ticks a step, and `ease_ticks` ticks from full pace to a hold: 0 stops at once.
     #[must_use]
     pub fn new(ticks: u32, ease_ticks: u32) -> Self {

@@ -1,0 +1,52 @@
+//! The state of a running test: everything that its later rows depend on, shown to one visitor for every direction.
+//!
+//! A state is taken at the end of a tick that closed a step. What follows it is the next tick. Wall time, deadlines and the
+//! record are not part of it, nor is the state of a specimen behind a link, which keeps its own.
+
+use super::columns::Row;
+use super::commanding::Exchanges;
+use super::numerical::Side;
+use super::peaks::Peaks;
+use super::place::Place;
+use super::step_progress::StepProgress;
+use super::supervision::Supervision;
+use super::test_judge::TestJudge;
+use super::tick::Tick;
+use crate::port::Port;
+use crate::state::Visit;
+
+/// The parts of a running test that have a state.
+pub(super) struct RunningState<'a> {
+    pub ports: &'a mut [Port],
+    pub side: &'a mut Side,
+    pub peaks: &'a mut Peaks,
+    pub progress: &'a mut StepProgress,
+    pub exchanges: &'a mut Exchanges,
+    pub judge: &'a mut TestJudge,
+    pub place: &'a mut Place,
+    pub supervision: &'a mut Supervision,
+    pub row: &'a mut Row,
+    /// The tick that closed the step.
+    pub last: &'a mut Tick,
+}
+
+impl RunningState<'_> {
+    /// Visits every value. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("test");
+        self.last.visit_state(visit);
+        self.place.visit_state(visit);
+        self.progress.visit_state(visit);
+        self.exchanges.visit_state(visit);
+        self.supervision.visit_state(visit);
+        self.judge.visit_state(visit);
+        self.peaks.visit_state(visit);
+        self.row.visit_state(visit);
+        if let Side::Structure(numerical) = &mut *self.side {
+            numerical.visit_state(visit);
+        }
+        for port in &mut *self.ports {
+            port.visit_state(visit);
+        }
+    }
+}
