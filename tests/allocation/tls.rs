@@ -1,8 +1,6 @@
 //! Over TLS the loop's thread keeps its promises: it allocates nothing, and waits no longer than its deadline; the helper
 //! thread is ended and joined on every way out.
 
-mod tls_common;
-
 use std::net::SocketAddr;
 use std::sync::Mutex;
 use std::time::Duration;
@@ -54,7 +52,7 @@ impl Ends {
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
-        tls_common::make(folder);
+        crate::tls_common::make(folder);
         Self {
             client: TlsClient::new(
                 &TlsFiles::of_client(&TlsSpec::default(), folder),

@@ -1,13 +1,11 @@
 //! Every mistake of the list is explained: file, line, caret, what was found, what is allowed; exit code 2, no panic, and
 //! no run folder. Both by `check`, which moves nothing, and by `run`, which must not get as far.
 
-mod common;
-
 use std::fs;
 use std::path::Path;
 
-use common::refusal::{MATRICES, peer, pictured, plain, refused, with_record, wrong_line};
-use common::{FRAME, completed, names, run, say, write};
+use crate::common::refusal::{MATRICES, peer, pictured, plain, refused, with_record, wrong_line};
+use crate::common::{FRAME, completed, names, run, say, write};
 use gusset::record::Run;
 
 #[test]
@@ -225,7 +223,7 @@ fn warned(record: &str, words: &[&str]) -> Vec<Vec<f64>> {
     for said in [checked, ran] {
         pictured(&said.stderr, &text, "path = \"a.at2\"", "\"a.at2\"", words);
     }
-    let warnings = common::json(&out, "summary.json")["warnings"].to_string();
+    let warnings = crate::common::json(&out, "summary.json")["warnings"].to_string();
     for word in words {
         assert!(warnings.contains(word), "no {word:?} in {warnings}");
     }

@@ -1,10 +1,8 @@
 //! Mistakes of matrices, masses and storeys are explained as all others: file, line, caret, what was found, what is
 //! allowed; exit code 2, no panic, and no run folder.
 
-mod common;
-
-use common::FRAME;
-use common::refusal::{MATRICES, refused, wrong_line};
+use crate::common::FRAME;
+use crate::common::refusal::{MATRICES, refused, wrong_line};
 
 #[test]
 fn a_matrix_that_is_not_square_or_does_not_match_is_refused() {

@@ -1,11 +1,9 @@
 //! `gusset check --rehearse`: its go or no-go is what a long simulation then does, and its numbers are those of closed forms.
 
-mod common;
-
 use std::f64::consts::TAU;
 use std::path::Path;
 
-use common::{Said, say, write};
+use crate::common::{Said, say, write};
 use gusset::benchmark::{FORCE_LIMIT_N, Frame, Plant, RATE_HZ, Setup, Wiring, run};
 use gusset::compensation::CompensationSpec;
 use gusset::motion::{Grid, Motion, Quantity};

@@ -1,11 +1,9 @@
 //! Mistakes in the file of a gateway are shown where they stand, before anything is connected.
 
-mod link_common;
-
+use crate::link_common::{gateway, linked, write};
 use gusset::catalog::limit::Limit;
 use gusset::config;
 use gusset::setup;
-use link_common::{gateway, linked, write};
 
 const KNOWN: &str = "stiffness_n_per_m = 4e5\n";
 

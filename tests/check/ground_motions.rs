@@ -1,10 +1,8 @@
 //! Ground motions as other programs write them: `check` reads each with the right unit, step and peak and says what it
 //! read, or refuses it with the true reason.
 
-mod common;
-
-use common::refusal::{plain, with_record};
-use common::{Said, say, write};
+use crate::common::refusal::{plain, with_record};
+use crate::common::{Said, say, write};
 use gusset::motion::STANDARD_GRAVITY;
 use serde_json::Value;
 
@@ -71,7 +69,7 @@ fn check_reports_what_it_read_of_a_record() {
     }
     // A motion from a formula has no record.
     let folder = tempfile::tempdir().unwrap();
-    let test = write(folder.path(), "test.toml", common::FRAME);
+    let test = write(folder.path(), "test.toml", crate::common::FRAME);
     let json = ["--json", "--no-rehearsal"].map(Into::into);
     let said = say(["check".into(), test.into_os_string()]
         .into_iter()

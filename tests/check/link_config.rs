@@ -1,14 +1,12 @@
 //! Mistakes in `[specimen.link]` and in the file of a server are shown where they stand, before anything is connected.
 
-mod link_common;
-
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::Stdio;
 
+use crate::link_common::{ONE_AXIS, ONE_AXIS_LAW, linked, test_file, write};
 use gusset::config::{self, Offer};
 use gusset::setup;
-use link_common::{ONE_AXIS, ONE_AXIS_LAW, linked, test_file, write};
 
 /// What is said of a test with these keys in its link and its specimen.
 fn complaint(text: &str) -> String {
@@ -314,14 +312,14 @@ fn a_live_page_on_the_port_of_a_specimen_is_refused_before_anything_connects() {
     let text = linked(10, &address.to_string(), "probe = \"none\"\n");
     let text = text.replace("clock = \"real\"", "clock = \"simulated\"");
     let file = write(folder.path(), "test.toml", &text);
-    let mut command = link_common::gusset();
+    let mut command = crate::link_common::gusset();
     command
         .arg("run")
         .arg(file)
         .arg("--live")
         .arg(address.to_string());
     command.arg("--out").arg(folder.path().join("run"));
-    let output = link_common::finish(command);
+    let output = crate::link_common::finish(command);
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{said}");
     for words in ["--live", "specimen `column`", &address.to_string()] {
@@ -341,12 +339,12 @@ fn a_server_on_a_port_in_use_is_refused_with_the_flag_that_changes_it() {
         format!("[serve]\nlisten = \"{address}\"\n[[specimen]]\nname = \"column\"\n{ONE_AXIS_LAW}");
     let path = write(folder.path(), "rig.toml", &file);
     for protocol in ["gusset", "openfresco"] {
-        let mut command = link_common::gusset();
+        let mut command = crate::link_common::gusset();
         command
             .arg("serve")
             .arg(&path)
             .args(["--protocol", protocol]);
-        let output = link_common::finish(command);
+        let output = crate::link_common::finish(command);
         let said = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(2), "{said}");
         for words in [
@@ -362,7 +360,7 @@ fn a_server_on_a_port_in_use_is_refused_with_the_flag_that_changes_it() {
 
 /// The exit code of `gusset serve` with these options, or none if it serves, and what it says.
 fn serve(file: &Path, options: &[&str]) -> (Option<i32>, String) {
-    let mut command = link_common::gusset();
+    let mut command = crate::link_common::gusset();
     command.arg("serve").arg(file).args(options);
     let mut child = command
         .stdout(Stdio::piped())
@@ -391,7 +389,7 @@ fn a_gateway_on_the_port_of_its_own_specimen_is_refused() {
     let [port, another] = ports.map(|port| format!("localhost:{port}"));
     let address = port.replace("localhost", "127.0.0.1");
     let write = |name: &str, listen: &str, link: &str| {
-        let text = link_common::gateway(&address, "stiffness_n_per_m = 4e5\n", link);
+        let text = crate::link_common::gateway(&address, "stiffness_n_per_m = 4e5\n", link);
         let table = format!("[serve]\nlisten = \"{listen}\"\n[[specimen]]");
         let text = text.replacen("[[specimen]]", &table, 1);
         write(folder.path(), name, &text)

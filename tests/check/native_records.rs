@@ -1,17 +1,15 @@
 //! `gusset check` with a record of each strong-motion network: the samples of `tests/records`.
 
-mod common;
-
 use std::fs;
 use std::path::Path;
 
-use common::refusal::{peer, refused, with_record};
-use common::{say, write};
+use crate::common::refusal::{peer, refused, with_record};
+use crate::common::{say, write};
 
 const RECORDS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/records");
 
 /// Checks a test with the record of `name`, and more lines of the table of the file.
-fn check(name: &str, more: &str) -> common::Said {
+fn check(name: &str, more: &str) -> crate::common::Said {
     let folder = tempfile::tempdir().unwrap();
     fs::copy(Path::new(RECORDS).join(name), folder.path().join(name)).unwrap();
     let path = format!("path = \"{name}\"");

@@ -1,12 +1,10 @@
 //! `gusset check` rehearses a test: what it needs of each axis is what the test then does, and a limit that the rehearsal
 //! calls too narrow is one that trips.
 
-mod common;
-
 use std::f64::consts::TAU;
 use std::path::Path;
 
-use common::{FRAME, Said, run, say, write};
+use crate::common::{FRAME, Said, run, say, write};
 use gusset::session::rehearsal::{Budget, StandIn, rehearse};
 use serde_json::Value;
 

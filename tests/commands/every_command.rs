@@ -1,11 +1,9 @@
 //! Every command as a lab's script meets it: help with an example, one JSON document on stdout and nothing else there,
 //! no privileges needed, and wrong usage told by exit code 2.
 
-mod common;
-
 use std::fs;
 
-use common::{FRAME, completed, gusset, json, names, say, write};
+use crate::common::{FRAME, completed, gusset, json, names, say, write};
 use serde_json::Value;
 
 const COMMANDS: [&str; 7] = [
@@ -284,7 +282,7 @@ fn doctor_works_for_nobody() {
         .arg(assert_cmd::cargo::cargo_bin!("gusset"))
         .args(["doctor", "--json"]);
     let said = match command.output() {
-        Ok(output) if !output.stderr.starts_with(b"setpriv:") => common::Said::from(output),
+        Ok(output) if !output.stderr.starts_with(b"setpriv:") => crate::common::Said::from(output),
         // Whoever cannot drop privileges has none, or no tool for it.
         _ => say(["doctor", "--json"]),
     };
@@ -460,7 +458,7 @@ fn a_report_can_be_written_again_from_the_folder_alone() {
 }
 
 /// The benchmark's first case without a compensator, and with these arguments.
-fn benchmark(arguments: &[&str]) -> common::Said {
+fn benchmark(arguments: &[&str]) -> crate::common::Said {
     let case = ["benchmark", "vrths", "--case", "1", "--controller", "none"];
     say(case.iter().chain(arguments))
 }
@@ -513,7 +511,7 @@ fn log_level_decides_which_messages_reach_stderr() {
         if let Some(level) = variable {
             command.env("GUSSET_LOG", level);
         }
-        let said = common::Said::from(command.output().unwrap());
+        let said = crate::common::Said::from(command.output().unwrap());
         assert_eq!(said.code, Some(0), "{}", said.stderr);
         let summary: Value = serde_json::from_str(&said.stdout).unwrap();
         assert_eq!(summary["status"], "completed");

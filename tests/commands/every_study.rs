@@ -1,11 +1,9 @@
 //! Every study in config/ is a test: it runs to its end on the simulated clock, and its beginning gives the same bits on
 //! the real clock. Studies are found by listing the folder.
 
-mod common;
-
 use std::path::{Path, PathBuf};
 
-use common::{PATIENT, completed, json, same_physics, say};
+use crate::common::{PATIENT, completed, json, same_physics, say};
 use gusset::config;
 use gusset::record::Run;
 use gusset::setup;

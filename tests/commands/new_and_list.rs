@@ -1,14 +1,12 @@
 //! `gusset new`, `list`, `completions`, `man` and `schema`: what a new user meets first.
 
-mod common;
-
 use std::collections::BTreeSet;
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
-use common::{FRAME, Said, completed, gusset, say, write};
+use crate::common::{FRAME, Said, completed, gusset, say, write};
 use gusset::record::{Run, RunFolder};
 use serde_json::Value;
 
@@ -105,7 +103,7 @@ fn each_template_runs_unchanged() {
             at,
             &["run", &file, "--clock", "simulated", "--out", "runs/a"],
         );
-        let status = &common::json(&at.join("runs/a"), "summary.json")["status"];
+        let status = &crate::common::json(&at.join("runs/a"), "summary.json")["status"];
         assert_eq!(status, "completed", "{template}");
     }
 }
@@ -267,9 +265,9 @@ fn list_shows_runs_newest_first_with_damaged_and_unfinished_ones() {
     completed(&test, &at.join("runs/first"), &[]);
     completed(&test, &at.join("runs/below/second"), &[]);
     // A killed run has no summary; a damaged one has a summary that is no JSON.
-    common::copy(&at.join("runs/first"), &at.join("runs/killed"));
+    crate::common::copy(&at.join("runs/first"), &at.join("runs/killed"));
     fs::remove_file(at.join("runs/killed/summary.json")).unwrap();
-    common::copy(&at.join("runs/first"), &at.join("runs/damaged"));
+    crate::common::copy(&at.join("runs/first"), &at.join("runs/damaged"));
     write(&at.join("runs/damaged"), "summary.json", "{");
     fs::create_dir(at.join("runs/other")).unwrap();
 
@@ -288,7 +286,7 @@ fn list_shows_runs_newest_first_with_damaged_and_unfinished_ones() {
     let second = &runs[0];
     assert_eq!(second["title"], "Frame");
     assert_eq!(second["steps"], 100);
-    let peaks = common::json(&at.join("runs/below/second"), "summary.json");
+    let peaks = crate::common::json(&at.join("runs/below/second"), "summary.json");
     assert_eq!(
         second["peak"]["displacement_m"],
         peaks["peak"]["displacement"][1]

@@ -1,7 +1,5 @@
 //! What an operator says to a running test from another terminal: `gusset hold`, `continue` and `stop`.
 
-mod common;
-
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};

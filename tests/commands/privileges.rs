@@ -1,13 +1,11 @@
 //! Without privileges a test runs and says what it did not get; with `require_realtime` it refuses, and nothing moves.
 
-mod common;
-
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::Command;
 
-use common::{FRAME, PATIENT, Said, completed, json, run, write};
+use crate::common::{FRAME, PATIENT, Said, completed, json, run, write};
 
 #[test]
 fn without_privileges_a_test_runs_and_says_so_or_refuses_if_they_are_required() {

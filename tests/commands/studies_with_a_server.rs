@@ -1,14 +1,11 @@
 //! The studies of `config/remote` and `config/certificate`: a server and a test that commands its specimen.
 
-mod common;
-mod tls_common;
-
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Stdio};
 
-use common::{gusset, json, say};
-use tls_common::{Authority, LOCAL, VALID};
+use crate::common::{gusset, json, say};
+use crate::tls_common::{Authority, LOCAL, VALID};
 
 /// A server that ends with the test.
 struct Server {
@@ -67,7 +64,7 @@ fn is_completed(folder: &Path) {
     let said = say(["check".as_ref(), test.as_os_str()]);
     assert_eq!(said.code, Some(0), "{}", said.stderr);
     let out = folder.join("out");
-    common::completed(&test, &out, &["--clock", "simulated", "--set", &address]);
+    crate::common::completed(&test, &out, &["--clock", "simulated", "--set", &address]);
     let summary = json(&out, "summary.json");
     assert_eq!(summary["status"], "completed");
     assert_eq!(summary["steps"], 2560);

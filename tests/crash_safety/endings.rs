@@ -1,14 +1,12 @@
 //! Whatever ends a test, the specimen is retired, the folder tells what happened, and the exit code says how it ended.
 
-mod common;
-
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-use common::{FRAME, PATIENT, Said, completed, json, run, say, write};
+use crate::common::{FRAME, PATIENT, Said, completed, json, run, say, write};
 use gusset::record::Run;
 
 /// A test that lasts longer than this file may, on the real clock.

@@ -1,14 +1,12 @@
 //! A disk that fills up does not end a test: it runs to its end, whole rows stay whole, and every loss is counted and shouted.
 
-mod common;
-
 use std::fs;
 use std::io::Write;
 use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::process::Command;
 
-use common::{FRAME, PATIENT, Said, completed, gusset, json, say, write};
+use crate::common::{FRAME, PATIENT, Said, completed, gusset, json, say, write};
 use gusset::record::Run;
 
 /// The binary with no file longer than so many kB.

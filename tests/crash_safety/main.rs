@@ -7,8 +7,11 @@ mod common;
 #[path = "../link_common/mod.rs"]
 mod link_common;
 
+mod endings;
 mod folders;
+mod full_disk;
 mod kills;
+mod panicking_specimen;
 mod soak;
 mod two_processes;
 mod ways_out;

@@ -1,15 +1,13 @@
 //! Our own panic is caught at the boundary of the loop's thread: every specimen gets its last words exactly once, and the
 //! folder tells how far the test came.
 
-mod common;
-mod link_common;
-
 use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use common::{FRAME, PATIENT, json, say, write};
+use crate::common::{FRAME, PATIENT, json, say, write};
+use crate::link_common::Served;
 use gusset::catalog::ending::Cause;
 use gusset::config;
 use gusset::control::{Axis, Port};
@@ -21,7 +19,6 @@ use gusset::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
 };
 use gusset::time::Nanos;
-use link_common::Served;
 
 /// A spring whose code has a bug that shows at a given time, and perhaps another in its last words.
 #[derive(Debug)]
@@ -232,9 +229,9 @@ fn a_drill_is_refused_where_it_could_not_come() {
     let line = "drill = { panic_at_s = 3 }";
     let text = FRAME.replace("storey = 1\n", &format!("storey = 1\n{line}\n"));
     let words = ["the fault of `drill` is at 3 s, but the test ends at 0.5 s"];
-    common::refusal::refused(&text, &[], line, "3", &words);
+    crate::common::refusal::refused(&text, &[], line, "3", &words);
     let text = FRAME.replace("storey = 1\n", "storey = 1\ndrill = { panic_at_s = -1 }\n");
-    common::refusal::refused(
+    crate::common::refusal::refused(
         &text,
         &[],
         "drill = { panic_at_s = -1 }",
@@ -253,7 +250,7 @@ fn a_test_goes_on_after_its_drill() {
     let drilled = plain.replace("storey = 1\n", "storey = 1\ndrill.panic_at_s = 0.2499\n");
     let test = write(folder, "test.toml", &drilled);
     let broken = folder.join("broken");
-    assert_eq!(common::run(&test, &broken, &[]).code, Some(5));
+    assert_eq!(crate::common::run(&test, &broken, &[]).code, Some(5));
     let next = folder.join("next");
     let said = say([
         "run".as_ref(),
@@ -264,7 +261,7 @@ fn a_test_goes_on_after_its_drill() {
     ]);
     assert_eq!(said.code, Some(0), "{}", said.stderr);
     let whole = folder.join("whole");
-    common::completed(&write(folder, "whole.toml", &plain), &whole, &[]);
+    crate::common::completed(&write(folder, "whole.toml", &plain), &whole, &[]);
     let last = |folder: &Path| {
         let names = ["step", "x1", "x2", "v1", "v2", "force_1_1", "cmd_1_1"];
         let columns = Run::open(folder).unwrap().columns(&names).unwrap();

@@ -1,11 +1,9 @@
 //! What is sent and written between two steps of a test with many ticks a step: numbers, times, velocities, the pace of a hold.
 
-mod common;
-
 use std::sync::{Arc, Mutex};
 
-use common::engine::{Run, prepare, run, run_under};
-use common::spring::Spring;
+use crate::common::engine::{Run, prepare, run, run_under};
+use crate::common::spring::Spring;
 use gusset::control::{Axis, Order, Port, Stage};
 use gusset::engine::{Control, Operator, Phase};
 use gusset::time::SimClock;

@@ -1,10 +1,8 @@
 //! Whatever ends a test, every specimen is retired, once, and told nothing more; and while it runs, the order of the calls
 //! is that of the hinge: issue to all, collect from all, accept.
 
-mod common;
-
-use common::engine::{Run, prepare, run_on, run_under};
-use common::rig::{Act, Call, Log, Phase, attach, storey, two_floors};
+use crate::common::engine::{Run, prepare, run_on, run_under};
+use crate::common::rig::{Act, Call, Log, Phase, attach, storey, two_floors};
 use gusset::catalog::ending::Cause;
 use gusset::control::{Axis, Exit};
 use gusset::engine::{Control, Ending, Experiment, Left, Operator, Stop};

@@ -3,13 +3,11 @@
 //!
 //! The clock is a simulated one that jumps where the test says: during the wait for an edge, or while a specimen answers.
 
-mod common;
-
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use common::engine::{Run, run_on};
-use common::rig::{Act, Call, Log, Phase, attach, storey, two_floors};
+use crate::common::engine::{Run, run_on};
+use crate::common::rig::{Act, Call, Log, Phase, attach, storey, two_floors};
 use gusset::catalog::limit::Limit;
 use gusset::control::limits::Bound;
 use gusset::engine::{Ending, Gaps, OnMiss, Stop, TestHit};

@@ -1,13 +1,11 @@
 //! The life of a test from the agreed connection to the last words: zero, ramp, run, hold, leave. Nothing jumps, nothing is
 //! lost, and what ended it is known.
 
-mod common;
-
 use std::sync::{Arc, Mutex};
 
-use common::engine::{Run, prepare, run_on, run_under};
-use common::rig;
-use common::spring::Spring;
+use crate::common::engine::{Run, prepare, run_on, run_under};
+use crate::common::rig;
+use crate::common::spring::Spring;
 use gusset::catalog::ending::Cause;
 use gusset::catalog::limit::Limit;
 use gusset::control::limits::{AxisLimits, Bound, Hit, Range};
@@ -628,7 +626,11 @@ fn a_trip_of_one_specimen_costs_no_other_its_link() {
         (ELASTIC, limited.as_str()),
         (limited.as_str(), limited.as_str()),
     ] {
-        let run = common::engine::run(&two_along(first, second, "on_trip = \"zero_displacement\""));
+        let run = crate::common::engine::run(&two_along(
+            first,
+            second,
+            "on_trip = \"zero_displacement\"",
+        ));
         assert!(matches!(
             run.outcome.ending,
             Ending::Stopped(Stop::Limit { .. })
@@ -919,7 +921,7 @@ fn who_comes_behind_within_its_limit_does_so_on_the_way_out() {
     let limits = "[specimen.limits]\nfollowing_error_m = { trip = 1e-3 }\nfollowing_time_s = 0.03";
     for exit in ["zero_displacement", "zero_force"] {
         let text = behind_a_delay(0.024, &format!("at_end = \"{exit}\""), limits);
-        let run = common::engine::run(&text);
+        let run = crate::common::engine::run(&text);
         assert_eq!(run.outcome.ending, Ending::Completed, "{exit}");
         assert_eq!(run.outcome.left, [Left::Reached], "{exit}");
         let behind = run.all("cmd_1_1").into_iter().zip(run.all("raw_disp_1_1"));
@@ -960,7 +962,7 @@ fn two_limits_that_trip_in_one_tick_are_both_told_and_both_excused() {
             .replace("specimen = \"a\"\n", "specimen = \"a\"\naxis = 1\n")
             .replace("[[specimen]]", second);
         for text in [one, both] {
-            let run = common::engine::run(&text);
+            let run = crate::common::engine::run(&text);
             assert!(matches!(
                 run.outcome.ending,
                 Ending::Stopped(Stop::Limit { .. })
@@ -983,7 +985,7 @@ fn a_trip_on_one_side_is_no_excuse_on_the_other() {
     let yields =
         "bilinear = { stiffness_n_per_m = 10e6, yield_force_n = 100e3, post_yield_ratio = 0.05 }";
     let text = behind_a_delay(0.0, exit, limits).replace("transfer.delay_s = 0", "");
-    let run = common::engine::run(&text.replace(elastic, yields));
+    let run = crate::common::engine::run(&text.replace(elastic, yields));
     let force = run.all("raw_force_1_1");
     let least = force.iter().fold(0.0f64, |least, force| least.min(*force));
     assert!((-2.3e3..-2e3).contains(&least), "{least}");
@@ -1003,7 +1005,7 @@ fn an_actuator_that_lags_is_led_home_from_where_its_last_command_has_sent_it() {
         for delay in [0.002, 0.005, 0.01, 0.024] {
             for (limits, count) in [(force.to_owned(), 1), (format!("{force}\n{disp}"), 2)] {
                 let exit = format!("on_trip = \"{exit}\"");
-                let run = common::engine::run(&behind_a_delay(delay, &exit, &limits));
+                let run = crate::common::engine::run(&behind_a_delay(delay, &exit, &limits));
                 let place = format!("{exit}, {delay} s, {count}");
                 assert_eq!(run.outcome.unfinished, None, "{place}");
                 assert_eq!(run.outcome.left, [Left::Reached], "{place}");

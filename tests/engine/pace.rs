@@ -1,13 +1,11 @@
 //! Steps of many ticks: the command goes from target to target without a corner, a slow partner holds up nobody, and a hold
 //! comes to rest and goes on slowly. Whatever the pace, the response is the same, and a replay finds the same bits.
 
-mod common;
-
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-use common::engine::{Run, prepare, run, run_on, run_under};
-use common::spring::Spring;
+use crate::common::engine::{Run, prepare, run, run_on, run_under};
+use crate::common::spring::Spring;
 use gusset::control::{Axis, HOLD_AT, Order, Port};
 use gusset::engine::{Control, Ending, NOT_AWAITED, Operator, Phase};
 use gusset::record::RunFolder;
@@ -300,7 +298,7 @@ fn a_partner_that_fell_silent_is_told_its_target_when_the_test_goes_on() {
         // Each interruption is gone on with once.
         let silent = {
             let same = at(&format!("silent-{held}"));
-            common::copy(&silent, &same);
+            crate::common::copy(&silent, &same);
             same
         };
         let mut test = session::resume(&silent, None, false).unwrap_or_else(|e| panic!("{e}"));
@@ -462,14 +460,14 @@ fn who_owes_an_answer_when_the_test_ends_keeps_nobody_else_from_leaving() {
 fn real_and_simulated_time_give_the_same_bits() {
     let home = tempfile::tempdir().unwrap();
     let text = format!("{}{SPRING}", frame(8, "")).replace("duration_s = 1.5", "duration_s = 0.4");
-    let test = common::write(home.path(), "test.toml", &text);
+    let test = crate::common::write(home.path(), "test.toml", &text);
     let (real, simulated) = (home.path().join("real"), home.path().join("simulated"));
     let mut more = vec!["--clock", "real", "--set", "timing.policy=\"ordinary\""];
-    more.extend(common::PATIENT);
-    common::completed(&test, &real, &more);
-    common::completed(&test, &simulated, &[]);
-    common::same_physics(&real, &simulated);
-    let said = common::say(["check", test.to_str().unwrap(), "--verbose"]);
+    more.extend(crate::common::PATIENT);
+    crate::common::completed(&test, &real, &more);
+    crate::common::completed(&test, &simulated, &[]);
+    crate::common::same_physics(&real, &simulated);
+    let said = crate::common::say(["check", test.to_str().unwrap(), "--verbose"]);
     assert!(
         said.stdout
             .contains("800.000000 ticks per second: 8 ticks per step"),
@@ -477,7 +475,7 @@ fn real_and_simulated_time_give_the_same_bits() {
         said.stdout
     );
     let out = home.path().join("out.csv");
-    let said = common::say([
+    let said = crate::common::say([
         "export",
         real.to_str().unwrap(),
         "--no-units-line",
@@ -577,7 +575,7 @@ fn a_hold_does_not_kick_a_compensated_command() {
     // The inverse of the actuator at the structure's 3.6 Hz and above has a gain of up to 2.
     assert!(usual < 2.0 * target, "{usual} {target}");
     let (x, y) = (held.column("x1"), free.column("x1"));
-    let off = common::engine::distance(&x, &y);
+    let off = crate::common::engine::distance(&x, &y);
     // The sensors' noise is drawn by ticks, and the coefficients rest for a while.
     assert!(off < 0.01, "{off}");
 }
@@ -595,7 +593,7 @@ fn a_hold_with_compensation_is_replayed_to_the_last_bit() {
             "{}{SPRING}[specimen.compensation]\n{made}\n",
             frame(ticks, "safety.ease_s = 0.1").replace("step_s = 0.01", "step_s = 0.002")
         );
-        let path = common::write(home.path(), "test.toml", &text);
+        let path = crate::common::write(home.path(), "test.toml", &text);
         let loaded = gusset::config::load(&path, &[]).unwrap_or_else(|e| panic!("{e}"));
         let test = gusset::setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
         let folder = RunFolder::create(&home.path().join("run")).unwrap();

@@ -1,14 +1,15 @@
 //! Which limits exist, who checks them and what happens then: a specimen behind a link needs some, both ends keep them, and
 //! `gusset check` and the run folder say so.
 
-mod common;
-mod link_common;
-
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-use common::engine::run_on;
+use crate::common::engine::run_on;
+use crate::link_common::{
+    Fake, ONE_AXIS, ONE_AXIS_LAW, Served, UNLIMITED, finish, gateway, gusset, linked, run, summary,
+    test_file, write,
+};
 use gusset::catalog::limit::{Kind, Limit, Scope};
 use gusset::config;
 use gusset::control::limits::{AxisLimits, Bound};
@@ -17,10 +18,6 @@ use gusset::record::Event;
 use gusset::substructure::Status;
 use gusset::time::{Clock, Nanos, SimClock};
 use gusset::wire::handshake::Limits;
-use link_common::{
-    Fake, ONE_AXIS, ONE_AXIS_LAW, Served, UNLIMITED, finish, gateway, gusset, linked, run, summary,
-    test_file, write,
-};
 
 const LIMITS: &str = "[specimen.limits]\ncommand_disp_m = { trip = [-0.5, 0.5] }\nmeasured_force_n = { trip = [-1e6, 1e6] }\n";
 
@@ -414,15 +411,15 @@ fn limit() -> f64 {
 #[test]
 fn the_sawtooth_of_an_unstable_step_trips_before_it_is_large_and_a_stable_one_does_not() {
     let limits = "[specimen.limits]\nalternating_ticks = { warn = 6, trip = 12 }";
-    let stable = common::engine::run(&at_limit(0.9 * limit(), limits));
+    let stable = crate::common::engine::run(&at_limit(0.9 * limit(), limits));
     assert_eq!(stable.outcome.ending, Ending::Completed);
-    let unstable = common::engine::run(&at_limit(1.2 * limit(), limits));
+    let unstable = crate::common::engine::run(&at_limit(1.2 * limit(), limits));
     let Ending::Stopped(Stop::Limit { hit, .. }) = unstable.outcome.ending else {
         panic!("{:?}", unstable.outcome.ending);
     };
     assert_eq!(hit.quantity.key(), "alternating_ticks");
     assert_eq!(hit.value, 13.0);
-    let free = common::engine::run(&at_limit(1.2 * limit(), ""));
+    let free = crate::common::engine::run(&at_limit(1.2 * limit(), ""));
     let largest = |column: &[f64]| column.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
     let (at_trip, at_end) = (largest(&unstable.column("x1")), largest(&free.column("x1")));
     assert!(1e3 * at_trip < at_end, "{at_trip} {at_end}");
@@ -458,7 +455,7 @@ fn a_specimen_that_is_stiffer_than_declared_is_measured_and_trips() {
     );
     let (code, said) = run(folder, "passes", &with("1.51"));
     assert_eq!(code, 0, "{said}");
-    let events = link_common::events(folder, "passes");
+    let events = crate::link_common::events(folder, "passes");
     assert_eq!(
         events
             .iter()
@@ -511,7 +508,7 @@ fn misses_in_a_window_end_a_test_that_is_late_too_often() {
             waits: Arc::default(),
             every,
         };
-        run_on(common::engine::prepare(&text).experiment, clock)
+        run_on(crate::common::engine::prepare(&text).experiment, clock)
     };
     // Every tenth tick of 1 ms: ten in a window of 100.
     let often = late(10);
@@ -610,7 +607,7 @@ fn what_an_actuator_still_does_behind_its_last_command_does_not_end_the_way_out(
 }
 
 /// Quantity and specimen of every limit of a specimen that was told, warnings or trips, with the tick.
-fn told(run: &common::engine::Run, wanted: bool) -> Vec<(&str, u32, u32, u64)> {
+fn told(run: &crate::common::engine::Run, wanted: bool) -> Vec<(&str, u32, u32, u64)> {
     let hits = run.events.iter().filter_map(|event| {
         let reached = match &event.kind {
             Event::LimitTrip(reached) if wanted => reached,
@@ -645,7 +642,7 @@ fn commands_of_two_specimens_that_trip_in_one_tick_are_both_told_and_none_leaves
         )
     };
     let specimens = specimen("p") + &specimen("q");
-    let run = common::engine::run(&prescribed(&specimens, &[("p", 1), ("q", 1)]));
+    let run = crate::common::engine::run(&prescribed(&specimens, &[("p", 1), ("q", 1)]));
     let Ending::Stopped(Stop::Limit { port, hit }) = run.outcome.ending else {
         panic!("{:?}", run.outcome.ending);
     };
@@ -665,7 +662,7 @@ fn commands_of_two_specimens_that_trip_in_one_tick_are_both_told_and_none_leaves
 fn warnings_of_two_axes_in_one_tick_are_both_told() {
     let specimen = "[[specimen]]\nname = \"p\"\nlaws = [ { linear = { stiffness_n_per_m = 1e6 } }, { linear = { stiffness_n_per_m = 1e6 \
                     } } ]\nlimits.command_disp_m = { warn = [-0.0119, 0.0119], trip = [-0.02, 0.02] }\n";
-    let run = common::engine::run(&prescribed(specimen, &[("p", 1), ("p", 2)]));
+    let run = crate::common::engine::run(&prescribed(specimen, &[("p", 1), ("p", 2)]));
     assert_eq!(run.outcome.ending, Ending::Completed);
     let warnings = told(&run, false);
     // Twice each way.
@@ -678,7 +675,7 @@ fn warnings_of_two_axes_in_one_tick_are_both_told() {
 
 #[test]
 fn a_force_beyond_its_limit_is_told_beside_what_the_specimen_says_and_that_ends_the_test() {
-    use common::rig::{Act, Log, Phase, attach, storey, two_floors};
+    use crate::common::rig::{Act, Log, Phase, attach, storey, two_floors};
     let port = 0;
     for (status, stop) in [
         (Status::SATURATED, Stop::Saturated { port }),
@@ -721,7 +718,7 @@ fn all_that_trips_of_the_test_as_a_whole_in_one_step_is_told() {
             "step_s = 0.01\nduration_s = 2",
         );
         let text = text.replace("frequency_hz = 0.5", "frequency_hz = 3.0");
-        common::engine::run(&text.replace("[integrator]", &safety))
+        crate::common::engine::run(&text.replace("[integrator]", &safety))
     };
     let free = with(1e9, 1e9);
     let share = free.column("added_energy_share");

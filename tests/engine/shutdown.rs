@@ -1,11 +1,9 @@
 //! A way out begins with a stop that nobody judges: neither the controller nor the end of the specimen, which has a limit of
 //! acceleration of its own.
 
-mod link_common;
-
+use crate::link_common::{ONE_AXIS_LAW, Served, linked, run, summary};
 use gusset::engine::Phase;
 use gusset::record::{Run, summary::Status};
-use link_common::{ONE_AXIS_LAW, Served, linked, run, summary};
 
 const STEPS: u32 = 400;
 const PERIOD: f64 = 1e-3;

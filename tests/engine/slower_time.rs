@@ -1,8 +1,6 @@
 //! `[time] scale` makes wall time longer and nothing else: the same bits in every column that does not depend on wall time.
 
-mod common;
-
-use common::engine::{Run, run};
+use crate::common::engine::{Run, run};
 
 fn frame(scale: &str) -> Run {
     run(&format!(

@@ -1,12 +1,10 @@
 //! A specimen that lives in its own time may be late: what is known of it is held or extrapolated, a bounded number of times
 //! in a row, each time said; and a reply that comes late never takes the place of a newer one.
 
-mod common;
-
 use std::collections::BTreeMap;
 
-use common::engine::{Run, run_on};
-use common::rig::{Act, Call, Log, Phase, STIFFNESS, attach, storey, two_floors};
+use crate::common::engine::{Run, run_on};
+use crate::common::rig::{Act, Call, Log, Phase, STIFFNESS, attach, storey, two_floors};
 use gusset::control::{Direction, Exit, Pace, Reference, Zero};
 use gusset::engine::{Ending, Left, Phase as Ended, Stop};
 use gusset::record::Event;

@@ -1,13 +1,11 @@
 //! From the agreed connection to the first step: whatever comes first, a specimen is led from where it stands, and nothing
 //! jumps.
 
-mod common;
-
 use std::sync::{Arc, Mutex};
 
-use common::engine::{Run, prepare, run_on, run_under};
-use common::rig;
-use common::spring::Spring;
+use crate::common::engine::{Run, prepare, run_on, run_under};
+use crate::common::rig;
+use crate::common::spring::Spring;
 use gusset::catalog::limit::Limit;
 use gusset::control::limits::{AxisLimits, Bound};
 use gusset::control::{Axis, Direction, Exit, Exits, Order, Pace, Port, Reference, Zero};

@@ -1,8 +1,6 @@
 //! A static load is brought on before t = 0 and held: the structure stays where it is, and nothing was driven back and forth.
 
-mod common;
-
-use common::engine::{Run, distance, prepare, run, run_on, run_under};
+use crate::common::engine::{Run, distance, prepare, run, run_on, run_under};
 use gusset::control::{Direction, Exit, Trend};
 use gusset::engine::{Control, Ending, Experiment, Left, Operator, Phase, Stop};
 use gusset::rt::timing::Quantity;

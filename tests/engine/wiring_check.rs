@@ -1,13 +1,11 @@
 //! Before a test moves a specimen it is found out which way round it is wired: a reversed or dead channel is not armed, and
 //! is told from the others; what is in order runs, and a formula does not remember having been tried.
 
-mod link_common;
-
 use std::sync::{Arc, Mutex};
 
+use crate::link_common::{Fake, ONE_AXIS, run, summary, test_file};
 use gusset::record::Run;
 use gusset::record::summary::Status as Ended;
-use link_common::{Fake, ONE_AXIS, run, summary, test_file};
 
 const STEPS: u32 = 20;
 const K: f64 = 4e5;
@@ -182,8 +180,11 @@ fn nothing_moves_that_was_not_meant_to_and_an_unchecked_direction_is_said_loudly
     // An OpenFresco peer cannot say that.
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let local = test_file(STEPS, &format!("{ONE_AXIS}{}", link_common::ONE_AXIS_LAW));
-    let served = link_common::Served::start(folder, &local, &["--protocol", "openfresco"]);
+    let local = test_file(
+        STEPS,
+        &format!("{ONE_AXIS}{}", crate::link_common::ONE_AXIS_LAW),
+    );
+    let served = crate::link_common::Served::start(folder, &local, &["--protocol", "openfresco"]);
     for (name, keys, warned) in [
         ("unchecked", "", true),
         ("waived", "probe = \"none\"", false),

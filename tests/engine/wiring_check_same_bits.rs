@@ -1,12 +1,10 @@
 //! Trying which way round a specimen is wired changes no number of the test that follows, even if the motion went far beyond
 //! yielding: a formula begins anew (our own protocol) or forgets what was not committed (OpenFresco).
 
-mod link_common;
-
 use std::path::Path;
 
+use crate::link_common::{ONE_AXIS, ONE_AXIS_LAW, Served, gateway, run, test_file};
 use gusset::record::Run;
-use link_common::{ONE_AXIS, ONE_AXIS_LAW, Served, gateway, run, test_file};
 
 const STEPS: u32 = 400;
 /// The Bouc-Wen law yields at 5 mm.
@@ -99,7 +97,7 @@ fn through_a_gateway_that_tries_its_specimen_itself() {
 fn a_gateway_does_not_arm_a_reversed_specimen() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let address = link_common::Fake::start(|mut fake| {
+    let address = crate::link_common::Fake::start(|mut fake| {
         fake.obey(
             |d| (d, -4e5 * d),
             |disp| assert!(disp.is_none_or(|d| d.abs() <= 0.03)),
@@ -110,7 +108,7 @@ fn a_gateway_does_not_arm_a_reversed_specimen() {
     let between = Served::start(folder, &file, &[]);
     let (code, said) = run(folder, "run", &linked(&between.address, ""));
     assert_eq!(code, 3, "{said}");
-    let reason = link_common::summary(folder, "run").reason;
+    let reason = crate::link_common::summary(folder, "run").reason;
     assert!(reason.contains("its force channel is reversed"), "{reason}");
     between.hears("its force channel is reversed");
 }

@@ -1,20 +1,18 @@
 //! What goes wrong around a gateway ends the controller's test in a stated way, is in the log, and leaves the gateway ready
 //! for the next test.
 
-mod link_common;
-
 use std::path::Path;
 use std::process::Command;
 use std::sync::mpsc::channel;
 
+use crate::link_common::{
+    Fake, ONE_AXIS, ONE_AXIS_LAW, PATIENCE, Running, Served, finish, gateway, gusset, run, summary,
+    test_file,
+};
 use gusset::record::Run;
 use gusset::record::summary::Status as Ended;
 use gusset::substructure::Status;
 use gusset::wire::native::{Cause, Frame};
-use link_common::{
-    Fake, ONE_AXIS, ONE_AXIS_LAW, PATIENCE, Running, Served, finish, gateway, gusset, run, summary,
-    test_file,
-};
 
 const STEPS: u32 = 100;
 const KNOWN: &str = "stiffness_n_per_m = 4e5\n";
@@ -157,7 +155,7 @@ fn a_controller_that_vanishes_releases_the_specimen_for_the_next_one() {
         &gateway(&specimen.address, KNOWN, ""),
         &["--out", out.to_str().unwrap()],
     );
-    let file = link_common::write(
+    let file = crate::link_common::write(
         folder,
         "vanishes.toml",
         &through(1_000_000, &between.address, ""),

@@ -1,18 +1,16 @@
 //! Every exchange passes the gateway's limits: what trips one is not passed on or is the last, the controller hears of it
 //! in its own protocol's words, and the log names it.
 
-mod link_common;
-
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
-use gusset::record::Run;
-use gusset::record::summary::Status as Ended;
-use gusset::substructure::Status;
-use link_common::{
+use crate::link_common::{
     COMPUTED, Fake, ONE_AXIS, ONE_AXIS_LAW, Served, finish, gateway, gusset, run, summary,
     test_file,
 };
+use gusset::record::Run;
+use gusset::record::summary::Status as Ended;
+use gusset::substructure::Status;
 
 const STEPS: u32 = 500;
 const KNOWN: &str = "stiffness_n_per_m = 4e5\n";
@@ -229,7 +227,7 @@ fn a_trip_refuses_every_test_until_the_operator_clears_it_also_after_a_kill() {
     let commanded = || std::fs::read_dir(&theirs).unwrap().count();
     let limits = "[specimen.limits]\ncommand_disp_m = { trip = [-0.004, 0.004] }\n";
     let text = gateway(&specimen.address, &format!("{KNOWN}{limits}"), "");
-    let file = link_common::write(folder, "gateway.toml", &text);
+    let file = crate::link_common::write(folder, "gateway.toml", &text);
     let starts = |arguments: &[&str]| Served::serves(&file, "127.0.0.1:0", arguments);
     let arguments = ["--out", out.to_str().unwrap()];
     let mut served = starts(&arguments);
@@ -288,7 +286,7 @@ fn two_servers_are_not_controlled_at_one_place() {
     let place = folder.join("rig.sock");
     let control = ["--control", place.to_str().unwrap()];
     let _served = Served::start(folder, &text, &control);
-    let file = link_common::write(folder, "second.toml", &text);
+    let file = crate::link_common::write(folder, "second.toml", &text);
     let mut second = gusset();
     second.arg("serve").arg(file).args(control);
     second.args(["--listen", "127.0.0.1:0"]);
@@ -302,7 +300,7 @@ fn two_servers_are_not_controlled_at_one_place() {
 fn a_place_that_can_keep_no_trip_is_refused_with_the_way_to_name_another() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let file = link_common::write(folder, "rig.toml", &gateway("127.0.0.1:1", KNOWN, ""));
+    let file = crate::link_common::write(folder, "rig.toml", &gateway("127.0.0.1:1", KNOWN, ""));
     std::fs::create_dir(folder.join("rig.control.latch.json")).unwrap();
     let mut command = gusset();
     command.arg("serve").arg(&file);

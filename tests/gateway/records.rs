@@ -1,10 +1,12 @@
 //! `gusset serve --out`: every controller's test leaves a run folder of its own, for a gateway and for a formula alike, with
 //! one row per exchange in the format of every run folder; and the example in config/ works.
 
-mod link_common;
-
 use std::path::Path;
 
+use crate::link_common::{
+    COMPUTED, ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, UNLIMITED, finish, gateway,
+    gusset, run, summary, test_file,
+};
 use gusset::catalog::ending::Cause;
 use gusset::config::LimitsSpec;
 use gusset::link::rig::{Law, LogSettings, Station, Visitor};
@@ -13,10 +15,6 @@ use gusset::record::summary::Status;
 use gusset::specimen::SpecimenLaw;
 use gusset::substructure::{Command, Measurement};
 use gusset::units::AxisUnits;
-use link_common::{
-    COMPUTED, ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, UNLIMITED, finish, gateway,
-    gusset, run, summary, test_file,
-};
 
 const STEPS: u32 = 200;
 const WARM_UP: usize = 5;
@@ -164,7 +162,7 @@ fn a_test_on_which_faults_were_played_says_so_in_its_folder_and_on_its_page() {
     let folder = folder.path();
     let out = folder.join("kept");
     let script = "title = \"a spike\" # of 7 N\n[[fault]]\nat = 60\nfor = 1\nkind = { bias = { force_n = 7.0 } }\n";
-    let path = link_common::write(folder, "spike.toml", script);
+    let path = crate::link_common::write(folder, "spike.toml", script);
     let local = test_file(STEPS, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
     let arguments = [
         "--out",
@@ -231,7 +229,7 @@ fn a_folder_that_cannot_be_had_is_refused_before_anybody_is_served() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     std::fs::write(folder.join("taken"), "a file").unwrap();
-    let file = link_common::write(
+    let file = crate::link_common::write(
         folder,
         "serve.toml",
         &format!("[[specimen]]\nname = \"column\"\n{ONE_AXIS_LAW}"),

@@ -1,9 +1,7 @@
 //! A gateway changes no number: controller → gateway → specimen takes the course of the same test in process, to the last
 //! bit, whatever the two links speak.
 
-mod link_common;
-
-use link_common::{
+use crate::link_common::{
     ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, columns, gateway, run, summary,
     test_file,
 };

@@ -2,30 +2,19 @@
 //!
 //! `GUSSET_WRITE_GUIDE=1 cargo test --test guide` updates the generated pages and the lists in `tests/guide/`.
 
-#[path = "guide/columns.rs"]
 mod columns;
-#[path = "guide/commands.rs"]
 mod commands;
+#[path = "../common/mod.rs"]
 mod common;
-#[path = "guide/events.rs"]
 mod events;
-#[path = "guide/examples.rs"]
 mod examples;
-#[path = "guide/execute.rs"]
 mod execute;
-#[path = "guide/limits.rs"]
 mod limits;
-#[path = "guide/markdown.rs"]
 mod markdown;
-#[path = "guide/names.rs"]
 mod names;
-#[path = "guide/pages.rs"]
 mod pages;
-#[path = "guide/reference.rs"]
 mod reference;
-#[path = "guide/schema.rs"]
 mod schema;
-#[path = "guide/values.rs"]
 mod values;
 
 use std::fs;

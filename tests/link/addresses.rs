@@ -1,12 +1,10 @@
 //! Whatever takes an address takes a host name, IPv4 and `[IPv6]:port`: real connections on ::1 and over "localhost", both
 //! protocols, TCP and UDP. Only where a machine has no IPv6 loopback this is said loudly and left out.
 
-mod link_common;
-
 use std::io::Write;
 use std::net::UdpSocket;
 
-use link_common::{ONE_AXIS, ONE_AXIS_LAW, Served, linked, run, test_file};
+use crate::link_common::{ONE_AXIS, ONE_AXIS_LAW, Served, linked, run, test_file};
 
 const STEPS: u32 = 50;
 
@@ -114,13 +112,13 @@ fn the_one_machine_that_may_command_can_be_named() {
     assert_eq!(run(folder, "other", &text).0, 3);
     served.hears("it is not the machine that may command");
     let file = folder.join("run.toml");
-    let mut command = link_common::gusset();
+    let mut command = crate::link_common::gusset();
     command
         .arg("serve")
         .arg(file)
         .args(more)
         .arg("no-such-rig.invalid");
-    let output = link_common::finish(command);
+    let output = crate::link_common::finish(command);
     assert_eq!(output.status.code(), Some(2));
 }
 
@@ -141,9 +139,9 @@ fn a_wish_of_a_served_file_is_refused_at_its_line_and_one_of_the_command_line_by
     let refuses = |keys: &str, arguments: &[&str]| {
         let text = format!("[serve]\n{keys}\n[[specimen]]\nname = \"column\"\n{ONE_AXIS_LAW}");
         std::fs::write(&file, text).unwrap();
-        let mut command = link_common::gusset();
+        let mut command = crate::link_common::gusset();
         command.arg("serve").arg(&file).args(arguments);
-        let output = link_common::finish(command);
+        let output = crate::link_common::finish(command);
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(2), "{said}");
         said

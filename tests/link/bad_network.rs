@@ -7,16 +7,14 @@
 //! * OpenFresco's protocols: a test that completes has the course of the one in process; what cannot be mended and can be
 //!   noticed ends it. A turned bit cannot be noticed there: no checksum.
 
-mod link_common;
-
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use gusset::record::Summary;
-use link_common::relay::{Fates, Relay};
-use link_common::{
+use crate::link_common::relay::{Fates, Relay};
+use crate::link_common::{
     ONE_AXIS, ONE_AXIS_LAW, Served, columns, events, linked, run, summary, test_file,
 };
+use gusset::record::Summary;
 
 const STEPS: u32 = 120;
 /// Warm-up ticks of the test file.

@@ -1,23 +1,21 @@
 //! What goes wrong in mid-test ends it in a stated way: exit code, reason, event, a complete folder, and no hang.
 
-mod link_common;
-
 use std::io::{Read, Write};
 use std::net::{TcpStream, UdpSocket};
 use std::path::Path;
 use std::sync::mpsc;
 
+use crate::link_common::relay::{Fates, Relay};
+use crate::link_common::{
+    Fake, ONE_AXIS, ONE_AXIS_LAW, PATIENCE, Running, Served, events, finish, gusset, linked, run,
+    summary, test_file,
+};
 use gusset::engine::NOT_AWAITED;
 use gusset::record::Run;
 use gusset::record::summary::Status as Ended;
 use gusset::substructure::Status;
 use gusset::wire::handshake::{Bye, Control};
 use gusset::wire::native::{Cause, Frame};
-use link_common::relay::{Fates, Relay};
-use link_common::{
-    Fake, ONE_AXIS, ONE_AXIS_LAW, PATIENCE, Running, Served, events, finish, gusset, linked, run,
-    summary, test_file,
-};
 
 const STEPS: u32 = 50;
 /// Warm-up ticks of the test file.

@@ -8,12 +8,10 @@
 
 #![allow(clippy::disallowed_macros, reason = "a long run tells its counts")]
 
-mod fuzz;
-
-use fuzz::handshake::Handshake;
-use fuzz::native::Native;
-use fuzz::openfresco::OpenFresco;
-use fuzz::{Target, run};
+use crate::fuzz::handshake::Handshake;
+use crate::fuzz::native::Native;
+use crate::fuzz::openfresco::OpenFresco;
+use crate::fuzz::{Target, run};
 
 /// Inputs of all targets together, and the seed.
 fn order() -> (u64, u64) {

@@ -15,7 +15,7 @@ const SESSION: u64 = 0x1122_3344_5566_7788;
 
 /// The blocks of the page: `# name, n bytes`, then lines of an offset and bytes in hex.
 fn examples() -> BTreeMap<String, Vec<u8>> {
-    let page = include_str!("../tools/PROTOCOL.md");
+    let page = include_str!("../../tools/PROTOCOL.md");
     let mut blocks = BTreeMap::new();
     for block in page.split("```text\n# ").skip(1) {
         let (caption, rest) = block.split_once('\n').unwrap();

@@ -22,24 +22,22 @@
 //! | frozen sequence, answers that come twice | link_faults, link_bad_network | openfresco_bad_input, link_bad_network |
 //! | noise at every port while a test runs | link_faults | openfresco_strangers |
 
-mod link_common;
-
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream, UdpSocket};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use crate::link_common::{
+    Fake, ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, events, finish, gusset, linked,
+    run, summary, test_file, write,
+};
 use gusset::record::summary::Status;
 use gusset::wire::Side;
 use gusset::wire::handshake::{
     self, Arm, Bye, Capabilities, Control, Refuse, RefuseCode, Versions, Welcome,
 };
 use gusset::wire::native::{Cause, Decoder, Frame};
-use link_common::{
-    Fake, ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, events, finish, gusset, linked,
-    run, summary, test_file, write,
-};
 
 const STEPS: u32 = 50;
 

@@ -1,16 +1,14 @@
 //! A hybrid test over a link is the same test: over an ideal link every number that does not depend on wall time is that
 //! of the same test in process, to the last bit.
 
-mod link_common;
-
 use std::path::Path;
 
-use gusset::engine::Phase;
-use gusset::record::Run;
-use link_common::relay::{Fates, Relay};
-use link_common::{
+use crate::link_common::relay::{Fates, Relay};
+use crate::link_common::{
     ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, columns, run, summary, test_file,
 };
+use gusset::engine::Phase;
+use gusset::record::Run;
 
 const STEPS: u32 = 600;
 

@@ -1,14 +1,12 @@
 //! The sample specimens for programmers of the far end, in Python (TCP) and C (UDP), take part in a hybrid test with the
 //! real program, and the test takes the same course as with a spring of our own in process.
 
-mod link_common;
-
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
-use link_common::relay::{Fates, Relay};
-use link_common::{ONE_AXIS, columns, linked, run, summary, test_file};
+use crate::link_common::relay::{Fates, Relay};
+use crate::link_common::{ONE_AXIS, columns, linked, run, summary, test_file};
 
 const STEPS: u32 = 300;
 const SPRING: &str = "[specimen.law.linear]\nstiffness_n_per_m = 4e5\n";

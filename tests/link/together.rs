@@ -2,15 +2,13 @@
 //! refusal of one releases the others. No clock judges that: the specimens here answer only when all have been asked, so
 //! that a controller which asks one after the other waits in vain.
 
-mod link_common;
-
 use std::io::Read;
 use std::net::TcpListener;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Barrier, mpsc};
 
+use crate::link_common::{Fake, PATIENCE, UNLIMITED, events, run, summary, test_file};
 use gusset::record::summary::Status;
-use link_common::{Fake, PATIENCE, UNLIMITED, events, run, summary, test_file};
 
 const STEPS: u32 = 20;
 const WARM_UP: u32 = 5;

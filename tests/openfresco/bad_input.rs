@@ -2,14 +2,12 @@
 //! at, an event, a complete folder, no hang. The protocols have no checksums, numbers or error messages: what can be
 //! noticed is noticed.
 
-mod link_common;
-
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream, UdpSocket};
 
+use crate::link_common::{ONE_AXIS, ONE_AXIS_LAW, PATIENCE, Served, TWO_AXES, TWO_AXES_LAW};
+use crate::link_common::{events, linked, run, summary, test_file};
 use gusset::record::summary::Status;
-use link_common::{ONE_AXIS, ONE_AXIS_LAW, PATIENCE, Served, TWO_AXES, TWO_AXES_LAW};
-use link_common::{events, linked, run, summary, test_file};
 
 const STEPS: u32 = 50;
 /// Warm-up ticks of the test file.

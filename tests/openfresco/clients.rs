@@ -1,14 +1,12 @@
 //! `gusset serve` on OpenFresco's protocols and what its clients mean: the order of SimSimulink's signals, clients that never
 //! commit or commit without a time, commanded forces, and analyses that begin again.
 
-mod link_common;
-
 use std::io::{Read, Write};
 use std::net::{TcpStream, UdpSocket};
 use std::path::Path;
 use std::time::Duration;
 
-use link_common::{PATIENCE, Served, events, finish, gusset, summary, write};
+use crate::link_common::{PATIENCE, Served, events, finish, gusset, summary, write};
 
 /// Doubles of a vector.
 const N: usize = 16;

@@ -1,20 +1,18 @@
 //! Where a specimen stands before its first command, over protocols that cannot tell it or do not bound that command: the
 //! test file says it, the specimen is held there and led away; and what is served and moves is not taken anywhere at once.
 
-mod link_common;
-
 use std::sync::mpsc::channel;
 use std::sync::{Arc, Mutex};
 
+use crate::link_common::{
+    Fake, ONE_AXIS_LAW, Served, adapter, element, finish, gateway, gusset, linked, run, summary,
+};
 use gusset::link::openfresco::{Remote, RemoteSettings};
 use gusset::record::Run;
 use gusset::substructure::{Command, Measurement, Retirement, Substructure};
 use gusset::time::Nanos;
 use gusset::wire::handshake::{Capabilities, Welcome};
 use gusset::wire::openfresco::{Carrier, Peer};
-use link_common::{
-    Fake, ONE_AXIS_LAW, Served, adapter, element, finish, gateway, gusset, linked, run, summary,
-};
 
 const STEPS: u32 = 100;
 const K: f64 = 4e5;

@@ -2,17 +2,15 @@
 //! and the same specimen. What the real programs say to them is in tests/captures and, live, in the tests with
 //! OpenSees; dialects B and D were not run against the real program here.
 
-mod openfresco_ends;
-
 use std::io::{Read, Write};
 use std::net::{TcpStream, UdpSocket};
 use std::time::Duration;
 
+use crate::openfresco_ends::{LONG, Server, drive, in_process, path, settings};
 use gusset::link::openfresco::{Door, End, Nature, Remote, RemoteSettings, Role, ServeSettings};
 use gusset::substructure::{Command, Measurement, Retirement, Substructure};
 use gusset::time::Nanos;
 use gusset::wire::openfresco::{Action, Carrier, Counts, Peer, Sizes, UdpGreeting, write_action};
-use openfresco_ends::{LONG, Server, drive, in_process, path, settings};
 
 #[test]
 fn over_every_dialect_and_carrier_a_test_is_bit_for_bit_the_one_in_process() {

@@ -1,12 +1,11 @@
 //! What ends a test over OpenFresco's protocols, and what must not: strangers, silence, nonsense, ends that vanish, steps
 //! that are taken back. Nothing hangs, and the port is free again.
 
-mod openfresco_ends;
-
 use std::cell::Cell;
 use std::io::{Read, Write};
 use std::net::{TcpStream, UdpSocket};
 
+use crate::openfresco_ends::{LONG, Server, drive, in_process, path, settings};
 use gusset::link::openfresco::{
     Door, End, ExchangeFault, Host, HostFault, Nature, News, Remote, RemoteSettings, Role,
     ServeSettings, serve_openfresco,
@@ -15,7 +14,6 @@ use gusset::specimen::SpecimenLaw;
 use gusset::substructure::{Command, LinkFault, Measurement, Retirement, Substructure};
 use gusset::time::Nanos;
 use gusset::wire::openfresco::{Action, Carrier, Counts, Peer, Sizes, write_action};
-use openfresco_ends::{LONG, Server, drive, in_process, path, settings};
 
 #[test]
 fn a_second_controller_is_turned_away_and_the_first_does_not_notice() {
@@ -214,7 +212,7 @@ fn after_the_word_to_stop_nothing_that_is_queued_is_carried_out() {
     }
     let mut stream = TcpStream::connect(door.local_addr().unwrap()).unwrap();
     stream.write_all(&bytes).unwrap();
-    let law: SpecimenLaw = toml::from_str(openfresco_ends::BILINEAR).unwrap();
+    let law: SpecimenLaw = toml::from_str(crate::openfresco_ends::BILINEAR).unwrap();
     let mut host = Host::new(law.build(1).unwrap(), Nature::Simulated, None);
     let (is_ready, asked) = (Cell::new(false), Cell::new(0));
     let stop = || {

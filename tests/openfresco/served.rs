@@ -1,13 +1,11 @@
 //! What `gusset serve` offers over OpenFresco's protocols, as a client sees it: US units, a transformation between the
 //! client's displacements and the axes, and the controller of SimFEAdapter.
 
-mod link_common;
-
 use std::io::{Read, Write};
 use std::net::{TcpStream, UdpSocket};
 use std::path::Path;
 
-use link_common::{
+use crate::link_common::{
     ONE_AXIS, ONE_AXIS_LAW, PATIENCE, Served, finish, gusset, run, test_file, write,
 };
 

@@ -1,13 +1,11 @@
 //! `gusset serve` on OpenFresco's protocols and what a network brings to an open port: sizes that cannot be, other programs,
 //! cut messages, noise. Each is named, none reaches the specimen, and a test that runs does not notice.
 
-mod link_common;
-
 use std::io::{Read, Write};
 use std::net::{TcpStream, UdpSocket};
 use std::path::Path;
 
-use link_common::{
+use crate::link_common::{
     ONE_AXIS, ONE_AXIS_LAW, PATIENCE, Served, linked, moving, run, summary, test_file,
 };
 

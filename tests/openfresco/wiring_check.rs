@@ -1,8 +1,6 @@
 //! Which way round a specimen is wired is found out over OpenFresco's dialects, too, and a gateway brings OpenSees' adapter to
 //! a controller that speaks our own protocol.
 
-mod link_common;
-
 use std::io::Write;
 use std::net::TcpStream;
 use std::path::Path;
@@ -10,12 +8,12 @@ use std::process::Stdio;
 use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Arc, Mutex};
 
-use gusset::record::Run;
-use gusset::record::summary::Status;
-use link_common::{
+use crate::link_common::{
     ONE_AXIS, ONE_AXIS_LAW, PATIENCE, Running, Served, adapter, columns, gateway, gusset, run,
     summary, test_file, write,
 };
+use gusset::record::Run;
+use gusset::record::summary::Status;
 
 const STEPS: u32 = 100;
 const K: f64 = 4e5;

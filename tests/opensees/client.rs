@@ -1,9 +1,7 @@
 //! The real OpenSees commands the real `gusset serve` through `genericClient`: what it computes with our specimen is
 //! what it computes with its own material.
 
-mod opensees;
-
-use opensees::{Peer, Server, python};
+use crate::programs::{Peer, Server, python};
 
 const BILINEAR: &str = "law = { bilinear = { stiffness_n_per_m = 8000.0, yield_force_n = 60.0, post_yield_ratio = 0.05 } }";
 const STEEL: &str = "Steel01:60,8000,0.05";

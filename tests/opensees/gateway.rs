@@ -1,15 +1,12 @@
 //! OpenSees → gateway → specimen, the main role of a gateway in laboratories: the real OpenSees commands the real gateway
 //! through `genericClient`, and computes what it computes with its own material.
 
-mod link_common;
-mod opensees;
-
+use crate::link_common::{Served, gateway};
+use crate::programs::{Peer, python};
 use gusset::record::Run;
 use gusset::record::summary::Status;
-use link_common::{Served, gateway};
-use opensees::{Peer, python};
 
-/// As in tests/opensees_client.rs: rounding and the tolerance of the iteration.
+/// As in tests/opensees/client.rs: rounding and the tolerance of the iteration.
 const SAME: f64 = 1e-10;
 
 fn law(law: &str) -> String {

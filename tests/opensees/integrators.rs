@@ -3,13 +3,11 @@
 //!
 //! MKR-α is not in OpenSees 3.7: it is tested against its own poles elsewhere.
 
-mod opensees;
-
 use std::io::Write;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use opensees::{Peer, python};
+use crate::programs::{Peer, python};
 use serde_json::Value;
 
 const DT: f64 = 0.02;

@@ -1,12 +1,10 @@
 //! Whole hybrid tests over OpenFresco's protocols: `gusset run` whose specimen is the real OpenSees, or our own server,
 //! takes the course of the same test with the law in process.
 
-mod opensees;
-
 use std::net::{TcpListener, UdpSocket};
 use std::path::Path;
 
-use opensees::{Peer, Server, python};
+use crate::programs::{Peer, Server, python};
 use serde_json::Value;
 
 const BILINEAR: &str = "law = { bilinear = { stiffness_n_per_m = 8000.0, yield_force_n = 60.0, post_yield_ratio = 0.05 } }";

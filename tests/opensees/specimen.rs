@@ -1,17 +1,15 @@
 //! The real OpenSees is the specimen: its `adapter`, `actuator` and `corotActuator` elements take our commands and
 //! answer with displacement and force, as exactly as the stiff spring between the two allows.
 
-mod opensees;
-
 use std::net::{TcpListener, UdpSocket};
 
+use crate::programs::{Peer, python};
 use gusset::link::openfresco::{Remote, RemoteSettings};
 use gusset::specimen::{InProcess, SpecimenLaw};
 use gusset::substructure::{Command, LinkFault, Measurement, Retirement, Substructure};
 use gusset::time::Nanos;
 use gusset::wire::openfresco as of;
 use gusset::wire::openfresco::Carrier;
-use opensees::{Peer, python};
 
 const BILINEAR: &str = "law = { bilinear = { stiffness_n_per_m = 8000.0, yield_force_n = 60.0, post_yield_ratio = 0.05 } }";
 

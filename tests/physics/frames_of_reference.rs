@@ -4,9 +4,7 @@
 //! errs. The errors are of the order of the method, so the difference must fall with its power of Δt: the factor between
 //! two halvings is the test, and no number of the program's own.
 
-mod common;
-
-use common::engine::{Run, run};
+use crate::common::engine::{Run, run};
 
 const AMPLITUDE: f64 = 0.05;
 const OMEGA: f64 = 4.0;

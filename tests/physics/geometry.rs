@@ -1,17 +1,14 @@
 //! Specimens whose axes are the actuators of a loading unit: the work is the same on both sides, so a hybrid test with them is
 //! the monolithic one; they are served, replayed, resumed and refused like any other specimen.
 
-mod common;
-mod link_common;
-
 use std::path::Path;
 
-use common::engine::{distance, prepare, run};
-use common::killed::killed;
-use common::{completed, json, physics, same_physics, say, write};
+use crate::common::engine::{distance, prepare, run};
+use crate::common::killed::killed;
+use crate::common::{completed, json, physics, same_physics, say, write};
+use crate::link_common::{Served, columns};
 use gusset::engine::Ending;
 use gusset::record::Run;
-use link_common::{Served, columns};
 
 /// Pins on the frame and on the platform of three actuators, with joint offsets.
 const PINS: [([f64; 2], [f64; 2]); 3] = [
@@ -73,7 +70,11 @@ fn column(amplitude: f64, time: &str, keys: &str) -> String {
 
 /// x and v agree within `tolerance` of their peaks.
 #[track_caller]
-fn assert_same(one: &common::engine::Run, other: &common::engine::Run, tolerance: f64) {
+fn assert_same(
+    one: &crate::common::engine::Run,
+    other: &crate::common::engine::Run,
+    tolerance: f64,
+) {
     for dof in 1..=4 {
         for letter in ["x", "v"] {
             let name = format!("{letter}{dof}");
@@ -246,14 +247,14 @@ fn served_actuators_take_the_same_course_as_in_process() {
         unit("")
     );
     let local = structure(&STIFFNESS, 2.0, "") + &seen + LAWS + "[safety]\nzero_s = 0\n";
-    assert_eq!(link_common::run(folder, "local", &local).0, 0);
+    assert_eq!(crate::link_common::run(folder, "local", &local).0, 0);
     let served = Served::start(folder, &local, &[]);
     let remote = format!(
         "{}{seen}[specimen.link]\naddress = \"{}\"\nwatchdog_s = 20\n[safety]\nzero_s = 0\nunlimited = \"a formula\"\n",
         structure(&STIFFNESS, 2.0, ""),
         served.address
     );
-    let (code, said) = link_common::run(folder, "remote", &remote);
+    let (code, said) = crate::link_common::run(folder, "remote", &remote);
     assert_eq!(code, 0, "{said}");
     assert_eq!(columns(folder, "local", ""), columns(folder, "remote", ""));
 }
@@ -310,7 +311,7 @@ fn a_pose_beyond_reach_is_named_before_anything_moves_there() {
         assert!(said.stderr.contains(words), "{}", said.stderr);
     }
     let out = home.join("out");
-    let said = common::run(&test, &out, &[]);
+    let said = crate::common::run(&test, &out, &[]);
     assert_eq!(said.code, Some(1), "{}", said.stderr);
     let summary = json(&out, "summary.json");
     let reason = summary["reason"].as_str().unwrap();
@@ -420,7 +421,7 @@ fn a_weak_geometry_is_warned_of_with_its_pose() {
 fn a_bad_geometry_is_refused_at_its_place() {
     let refused = |geometry: &str, line: &str, under: &str, words: &str| {
         let text = structure(&STIFFNESS, 2.0, "") + SEEN + "[specimen.geometry]\n" + geometry;
-        common::refusal::refused(&(text + "\n" + LAWS), &[], line, under, &[words]);
+        crate::common::refusal::refused(&(text + "\n" + LAWS), &[], line, under, &[words]);
     };
     let star = "plane = [{ base_m = [-1, 0] }, { base_m = [1, 1] }, { base_m = [1, -1] }]";
     let words = "singular at the pose ux = 0 m, uy = 0 m, rz = 0 rad";

@@ -5,9 +5,7 @@
 //! by rounding alone: in each of N = 2048 ticks some ten operations on forces of the size of the peak, each with a
 //! relative error of 1.1e-16, which the stable recursion adds up at most linearly: 2048 · 10 · 1.1e-16 = 2.3e-12 of the peak.
 
-mod common;
-
-use common::engine::{Run, distance, run};
+use crate::common::engine::{Run, distance, run};
 use gusset::engine::Phase;
 use gusset::law::LawSpec;
 use gusset::report::metrics::identify;

@@ -4,9 +4,7 @@
 //! must be met to roundoff. The differential equation is met to the order that the method claims: the factor between two
 //! halvings of Δt is the test.
 
-mod common;
-
-use common::engine::{Run, distance, prepare, run};
+use crate::common::engine::{Run, distance, prepare, run};
 use gusset::config::ClockChoice;
 use gusset::record::RunFolder;
 use gusset::session;

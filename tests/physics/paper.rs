@@ -4,9 +4,7 @@
 //! program. Example 4.2 runs as a hybrid test: its bottom storey is the specimen. "Unstable" is judged by R, the peak
 //! bottom drift over that of the reference (up to 1.05 good, to 3 fluctuating, beyond it unstable).
 
-mod common;
-
-use common::engine::{distance, prepare, run_with_facts};
+use crate::common::engine::{distance, prepare, run_with_facts};
 use gusset::setup::Facts;
 use gusset::stability::Kind;
 

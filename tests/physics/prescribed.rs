@@ -1,11 +1,9 @@
 //! A prescribed displacement without any structure, the test before every hybrid test: the specimen goes where it is told,
 //! shows the loop of its law, and its stiffness is read off.
 
-mod common;
-
 use std::f64::consts::TAU;
 
-use common::engine::{Run, distance, run};
+use crate::common::engine::{Run, distance, run};
 use gusset::report::metrics::{absorbed_energy, identify, loading};
 
 const K: f64 = 2e6;

@@ -1,9 +1,7 @@
 //! What late specimens falsify of a test: damping, energy, and the room that is left for stability.
 
-mod common;
-
-use common::engine::prepare;
-use common::{FRAME, completed, json, write};
+use crate::common::engine::prepare;
+use crate::common::{FRAME, completed, json, write};
 use gusset::catalog::limit::Limit;
 use gusset::engine::{Ending, Phase, Stop};
 use gusset::record::{Event, Run};
@@ -304,9 +302,9 @@ fn one_floor(more: &str) -> String {
     )
 }
 
-fn delayed(share: f64, safety: &str) -> common::engine::Run {
+fn delayed(share: f64, safety: &str) -> crate::common::engine::Run {
     let delay = share * critical();
-    common::engine::run(&one_floor(&format!(
+    crate::common::engine::run(&one_floor(&format!(
         "[specimen.transfer]\ndelay_s = {delay}\n[safety]\n{safety}\n"
     )))
 }
@@ -348,7 +346,7 @@ fn a_lag_and_a_gain_beyond_their_limits_end_the_test() {
         ("delay_s = 0.003", Limit::StuckSensor, 0.0),
     ] {
         let text = one_floor(&format!("[specimen.transfer]\n{transfer}\n{limits}"));
-        let ending = common::engine::run(&text).outcome.ending;
+        let ending = crate::common::engine::run(&text).outcome.ending;
         let Ending::Stopped(Stop::Limit { hit, .. }) = ending else {
             assert_eq!((ending, value), (Ending::Completed, 0.0), "{transfer}");
             continue;
@@ -453,7 +451,7 @@ fn a_share_of_the_critical_delay_is_warned_of_and_trips_at_its_levels() {
 fn the_benchmark_has_its_published_critical_delay_in_every_row() {
     let config = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("config/vrths-case-1.toml");
     let text = std::fs::read_to_string(config).unwrap();
-    let run = common::engine::run(&text.replace("duration_s = 41", "duration_s = 6"));
+    let run = crate::common::engine::run(&text.replace("duration_s = 41", "duration_s = 6"));
     let [margin, lag, stiffness] =
         ["margin_1_1", "lag_1_1", "stiffness_1_1"].map(|name| run.column(name));
     let mut seen = 0;
@@ -476,7 +474,7 @@ fn one_late_axis_of_several_grows_at_the_delay_of_its_table() {
     let floors = FLOORS
         .replace("2e4", "0")
         .replace("duration_s = 1", "duration_s = 4");
-    let run = common::engine::run(&format!(
+    let run = crate::common::engine::run(&format!(
         "{floors}[safety]\ndelay_used = {{ trip = 10.0 }}\n"
     ));
     for (axis, name) in ["1_1", "2_1", "2_2"].into_iter().enumerate() {

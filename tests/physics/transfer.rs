@@ -1,8 +1,6 @@
 //! A test whose specimen stands behind an actuator: the loop, the benchmark's own runner and a link give the same numbers.
 
-mod common;
-mod link_common;
-
+use crate::link_common::{ONE_AXIS, ONE_AXIS_LAW, Served, columns, test_file};
 use gusset::benchmark::{FORCE_LIMIT_N, Frame, Plant, RATE_HZ, Setup, Wiring, run};
 use gusset::catalog::limit::Limit;
 use gusset::compensation::CompensationSpec;
@@ -11,7 +9,6 @@ use gusset::motion::{Grid, Motion, Quantity};
 use gusset::record::{Event, Run};
 use gusset::session::replay;
 use gusset::transfer::BetweenTicks;
-use link_common::{ONE_AXIS, ONE_AXIS_LAW, Served, columns, test_file};
 
 /// An actuator with everything that may depend on when and how often it is asked.
 const ACTUATOR: &str = "[specimen.transfer]\ndelay_s = 0.0037\nactuator = { servo_hydraulic = {} }\nseed = 4\n\
@@ -31,14 +28,14 @@ fn actuators_sensors_and_adaptation_give_the_same_bits_in_process_and_over_udp()
     let seen =
         format!("{ONE_AXIS}mass_in_force_kg = 29.13\n[[specimen.axis]]\nunit_disp = \"mm\"\n");
     let local = text(&format!("{seen}{ONE_AXIS_LAW}{ACTUATOR}{COMPENSATION}"));
-    let (code, said) = link_common::run(folder, "local", &local);
+    let (code, said) = crate::link_common::run(folder, "local", &local);
     assert_eq!(code, 0, "{said}");
     let served = Served::start(folder, &local, &["--transport", "udp"]);
     let link = format!(
         "[specimen.link]\naddress = \"{}\"\ntransport = \"udp\"\nwatchdog_s = 20\n",
         served.address
     );
-    let (code, said) = link_common::run(
+    let (code, said) = crate::link_common::run(
         folder,
         "remote",
         &text(&format!("{seen}{COMPENSATION}{link}")),
@@ -86,8 +83,8 @@ fn takes_the_course_of_the_benchmark(between_ticks: BetweenTicks) {
             "[specimen.transfer]\nbetween_ticks = \"held\"\n",
         ),
     };
-    let file = common::write(folder, "vrths.toml", &text);
-    common::completed(&file, &folder.join("run"), &["--clock", "simulated"]);
+    let file = crate::common::write(folder, "vrths.toml", &text);
+    crate::common::completed(&file, &folder.join("run"), &["--clock", "simulated"]);
     let recorded = Run::open(&folder.join("run")).unwrap();
     let found = recorded
         .columns(&["state", "x1", "x2", "x3", "meas_1_1", "comp_a1_1_1"])
@@ -158,14 +155,14 @@ fn a_test_behind_an_actuator_is_replayed_and_goes_on_with_the_same_bits() {
             &format!("{ONE_AXIS}{ONE_AXIS_LAW}{ACTUATOR}{compensation}"),
         );
         let text = text.replace("zero_s = 0", "zero_s = 0.02\nramp_s = 0.05\nease_s = 0");
-        let test = common::write(home.path(), "test.toml", &text);
-        common::completed(&test, &at("whole"), &[]);
+        let test = crate::common::write(home.path(), "test.toml", &text);
+        crate::common::completed(&test, &at("whole"), &[]);
         let found = replay(&at("whole")).unwrap();
         assert!(found.is_exact(), "{name}: {found:?}");
 
-        let count = common::killed::column(&at("whole"), "state").len();
-        common::killed::killed(&at("whole"), &at("first"), count / 2 + 3);
-        let said = common::say([
+        let count = crate::common::killed::column(&at("whole"), "state").len();
+        crate::common::killed::killed(&at("whole"), &at("first"), count / 2 + 3);
+        let said = crate::common::say([
             "run".as_ref(),
             "--resume".as_ref(),
             at("first").as_os_str(),
@@ -231,14 +228,14 @@ fn an_actuator_that_does_not_come_to_terms_with_its_law_is_told_of_before_and_af
     };
     // A surface that is held a hundred times as stiffly as the cylinder is; and one that is not.
     for (name, rate, stiffness, settles) in [("rough", 400, 1e8, false), ("soft", 400, 1e6, true)] {
-        let file = common::write(folder, &format!("{name}.toml"), &test(rate, stiffness));
-        let said = common::say(["check".as_ref(), file.as_os_str(), "--verbose".as_ref()]);
+        let file = crate::common::write(folder, &format!("{name}.toml"), &test(rate, stiffness));
+        let said = crate::common::say(["check".as_ref(), file.as_os_str(), "--verbose".as_ref()]);
         assert_eq!(said.code, Some(0), "{}", said.stderr);
         let told = said.stderr.contains("did not converge in");
         assert_eq!(told, !settles, "{name}: {}", said.stderr);
 
         let out = folder.join(name);
-        common::completed(&file, &out, &[]);
+        crate::common::completed(&file, &out, &[]);
         let status = Run::open(&out).unwrap().columns(&["status_1"]).unwrap();
         let unsettled = status[0].iter().filter(|flags| **flags == 8.0).count();
         let events = std::fs::read_to_string(out.join("events.jsonl")).unwrap();
@@ -246,7 +243,7 @@ fn an_actuator_that_does_not_come_to_terms_with_its_law_is_told_of_before_and_af
             .lines()
             .filter(|line| line.contains("\"unsettled\""))
             .collect();
-        let summary = common::json(&out, "summary.json");
+        let summary = crate::common::json(&out, "summary.json");
         let warnings = summary["warnings"].to_string();
         if settles {
             assert!(unsettled == 0 && events.is_empty() && !warnings.contains("did not converge"));
@@ -299,7 +296,7 @@ fn a_pure_delay_is_the_lag_whatever_moment_the_velocity_that_comes_with_a_target
                  [specimen.transfer]\ndelay_s = {}\n",
                 ticks * tick
             );
-            let run = common::engine::run(&format!("{test}{specimen}"));
+            let run = crate::common::engine::run(&format!("{test}{specimen}"));
             let lag = run.column("lag_1_1").last().unwrap() / tick;
             // What a straight line of velocities is off: 0.9 (ωΔt)² = 3.3 % at most. A velocity half a tick off is 0.4 ticks.
             assert!(
@@ -315,7 +312,7 @@ fn a_pure_delay_is_the_lag_whatever_moment_the_velocity_that_comes_with_a_target
 #[test]
 fn what_makes_up_for_a_delay_makes_up_for_that_of_the_velocity() {
     let run = |more: &str| {
-        let run = common::engine::run(&format!(
+        let run = crate::common::engine::run(&format!(
             "[time]\nrate_hz = 1000\nduration_s = 4\nclock = \"simulated\"\n[structure.shear_building]\nmass_kg = [1000]\n\
              stiffness_n_per_m = [1e6]\n[integrator]\nlambda = 4\n[excitation.ground_acceleration.signal.sine]\n\
              amplitude = 1.0\nfrequency_hz = 5.0\n[[specimen]]\nname = \"damper\"\nstorey = 1\n\
@@ -347,8 +344,8 @@ fn what_cannot_be_is_refused_with_its_place_before_anything_moves() {
     let folder = folder.path();
     let refused = |name: &str, specimen: &str, change: (&str, &str), words: &[&str]| {
         let text = test_file(100, &format!("{ONE_AXIS}{specimen}")).replace(change.0, change.1);
-        let file = common::write(folder, &format!("{name}.toml"), &text);
-        let said = common::say(["check".as_ref(), file.as_os_str(), "--verbose".as_ref()]);
+        let file = crate::common::write(folder, &format!("{name}.toml"), &text);
+        let said = crate::common::say(["check".as_ref(), file.as_os_str(), "--verbose".as_ref()]);
         assert_eq!(said.code, Some(2), "{name}: {}", said.stderr);
         for word in words {
             assert!(
@@ -428,7 +425,7 @@ fn check_says_how_commands_go_and_counts_a_held_one_half_a_tick_earlier() {
         let set = format!("specimen.0.transfer.between_ticks={between_ticks}");
         let inverse = "specimen.0.compensation={inverse={delay_s=0.02}}";
         let config = config.to_str().unwrap();
-        let said = common::say([
+        let said = crate::common::say([
             "check",
             "--no-rehearsal",
             "--json",
@@ -476,12 +473,12 @@ fn check_refuses_a_loop_that_it_can_prove_unstable() {
             "not proven",
         ),
     ] {
-        let file = common::write(
+        let file = crate::common::write(
             folder,
             &format!("{name}.toml"),
             &format!("{test}{compensation}"),
         );
-        let said = common::say([
+        let said = crate::common::say([
             "check".as_ref(),
             file.as_os_str(),
             "--no-rehearsal".as_ref(),
@@ -516,10 +513,10 @@ fn a_loop_that_is_unstable_only_at_rest_or_only_beyond_it_is_told_and_not_refuse
              [[specimen]]\nname = \"it\"\nrows = [[1]]\nreach_vel_m_per_s = 5\n{law}\n\
              [specimen.transfer]\ndelay_s = {delay}\n"
         );
-        let file = common::write(folder.path(), "test.toml", &text);
+        let file = crate::common::write(folder.path(), "test.toml", &text);
         let mut arguments = vec!["check".as_ref(), file.as_os_str(), "--verbose".as_ref()];
         arguments.extend(more.iter().map(std::ffi::OsStr::new));
-        common::say(arguments)
+        crate::common::say(arguments)
     };
     let held = "law.parallel = [ { linear.stiffness_n_per_m = 5e4 }, { power_damper = { force_at_unit_velocity_n = 2e4, \
                 exponent = 1.5, reference_damping_n_s_per_m = 2e3 } } ]";
@@ -558,11 +555,11 @@ fn a_loop_that_is_unstable_only_at_rest_or_only_beyond_it_is_told_and_not_refuse
 }
 
 /// The frame with an actuator that comes three ticks late.
-fn late(safety: &str) -> common::engine::Run {
+fn late(safety: &str) -> crate::common::engine::Run {
     let transfer = "[specimen.transfer]\ndelay_s = 0.015\n";
-    common::engine::run(&format!(
+    crate::common::engine::run(&format!(
         "{}\n{transfer}[safety]\n{safety}\n",
-        common::FRAME
+        crate::common::FRAME
     ))
 }
 
@@ -628,7 +625,7 @@ fn the_benchmarks_test_without_its_compensator_ends_before_it_is_seen_to_be_unst
     let config = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("config/vrths-case-1.toml");
     let text = std::fs::read_to_string(config).unwrap();
     let (bare, _) = text.split_once("[specimen.compensation").unwrap();
-    let run = common::engine::run(bare);
+    let run = crate::common::engine::run(bare);
     let Ending::Stopped(Stop::TestLimit(hit)) = run.outcome.ending else {
         panic!("{:?}", run.outcome.ending);
     };
@@ -643,7 +640,7 @@ fn the_benchmarks_test_without_its_compensator_ends_before_it_is_seen_to_be_unst
 
 #[test]
 fn the_benchmark_command_prints_its_criteria() {
-    let said = common::say([
+    let said = crate::common::say([
         "benchmark",
         "vrths",
         "--case",
@@ -675,7 +672,7 @@ fn the_benchmark_command_prints_its_criteria() {
     ];
     let in_tick = [&in_tick[..], &["--wiring", "in-tick"]].concat();
     let rows = |more: &[&str]| {
-        let said = common::say(in_tick.iter().chain(more));
+        let said = crate::common::say(in_tick.iter().chain(more));
         assert_eq!(said.code, Some(0), "{}", said.stderr);
         let found: serde_json::Value = serde_json::from_str(&said.stdout).unwrap();
         found["lines"].as_array().unwrap().clone()
@@ -684,14 +681,14 @@ fn the_benchmark_command_prints_its_criteria() {
     let names: Vec<_> = both.iter().map(|line| &line["between_ticks"]).collect();
     assert_eq!(names, ["ramped", "held"]);
     assert_eq!(rows(&["--between-ticks", "held"])[..], both[1..]);
-    let said = common::say(["benchmark", "vrths", "--between-ticks", "ramped"]);
+    let said = crate::common::say(["benchmark", "vrths", "--between-ticks", "ramped"]);
     assert_eq!(said.code, Some(2), "{}", said.stderr);
-    let said = common::say(["benchmark", "vrths", "--case", "5"]);
+    let said = crate::common::say(["benchmark", "vrths", "--case", "5"]);
     assert_eq!(said.code, Some(2));
-    let said = common::say(["benchmark", "vrths", "--case", "1", "--late", "63"]);
+    let said = crate::common::say(["benchmark", "vrths", "--case", "1", "--late", "63"]);
     assert_eq!(said.code, Some(2));
     assert!(said.stderr.contains("from 0 to 62"), "{}", said.stderr);
-    let said = common::say(["benchmark", "vrths", "--controller", "magic"]);
+    let said = crate::common::say(["benchmark", "vrths", "--controller", "magic"]);
     assert!(
         said.code == Some(2) && said.stderr.contains("pi-lead"),
         "{}",

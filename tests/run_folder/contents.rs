@@ -1,14 +1,12 @@
 //! A run folder has all that the guide promises (guide: run-folder): every file and key, a CSV of the same bits, and a resolved.toml
 //! from which the same test runs again, elsewhere.
 
-mod common;
-
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use common::engine::prepare;
-use common::{FRAME, PATIENT, completed, copy, json, names, run, same_physics, say, write};
+use crate::common::engine::prepare;
+use crate::common::{FRAME, PATIENT, completed, copy, json, names, run, same_physics, say, write};
 use gusset::catalog::ending::Cause;
 use gusset::record::summary::Status;
 use gusset::record::{Run, RunFolder};
@@ -402,7 +400,7 @@ fn without_out_a_run_is_named_after_its_title_and_its_start() {
     let folder = tempfile::tempdir().unwrap();
     let test = write(folder.path(), "test.toml", FRAME);
     for _ in 0..2 {
-        let output = common::gusset()
+        let output = crate::common::gusset()
             .current_dir(folder.path())
             .arg("run")
             .arg(&test)

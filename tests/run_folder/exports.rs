@@ -1,15 +1,10 @@
 //! Exports: other programs open them and find the numbers of the log; what cannot be exported is said.
 
-mod common;
-mod export;
-#[path = "export/trace.rs"]
-mod trace;
-
 use std::fs;
 use std::path::Path;
 
-use common::{FRAME, Said, completed, copy, json, names, say, write};
-use export::{TABLES, by_hand, judge, judge_in_octave, row};
+use crate::common::{FRAME, Said, completed, copy, json, names, say, write};
+use crate::export::{TABLES, by_hand, judge, judge_in_octave, row};
 use gusset::record::Run;
 use sha2::{Digest, Sha256};
 

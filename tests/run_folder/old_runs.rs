@@ -4,11 +4,9 @@
 //! `keys` has removed keys at other values, and old names of keys and laws. `held` is of version 0.2.0: its specimen was behind a
 //! link, and the operator held, continued and stopped the test.
 
-mod common;
-
 use std::path::{Path, PathBuf};
 
-use common::{Said, json, physics, say};
+use crate::common::{Said, json, physics, say};
 
 const FOLDERS: [&str; 4] = ["defaults", "tripped", "keys", "held"];
 
@@ -16,7 +14,7 @@ const FOLDERS: [&str; 4] = ["defaults", "tripped", "keys", "held"];
 fn old(home: &Path, name: &str) -> PathBuf {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/old_runs");
     let copy = home.join(name);
-    common::copy(&root.join(name), &copy);
+    crate::common::copy(&root.join(name), &copy);
     copy
 }
 
@@ -112,9 +110,9 @@ fn a_law_under_its_old_name_gives_the_bits_of_the_version_that_had_it() {
                 .filter(|line| !line.starts_with(key))
                 .fold(String::new(), |all, line| all + line + "\n");
         }
-        let test = common::write(home.path(), &format!("{name}.toml"), &text);
+        let test = crate::common::write(home.path(), &format!("{name}.toml"), &text);
         let out = home.path().join(format!("{name}-again"));
-        let said = common::run(&test, &out, &[]);
+        let said = crate::common::run(&test, &out, &[]);
         assert_eq!(
             json(&out, "summary.json")["status"],
             json(&before, "summary.json")["status"],

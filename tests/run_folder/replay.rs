@@ -1,11 +1,9 @@
 //! A recorded test comes out again bit for bit, from its folder alone; and whatever was changed in it is found and named.
 
-mod common;
-
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use common::change;
+use crate::common::change;
 use gusset::engine::{Operator, OperatorCommands, Phase};
 use gusset::record::{Run, RunFolder};
 use gusset::session::{self, Watches, replay};
@@ -482,7 +480,7 @@ fn damage_ends_the_proof_and_what_is_foreign_is_refused() {
 fn spoilt(run: &Path, spoil: impl FnOnce(&Path)) -> (i32, String) {
     let home = tempfile::tempdir().unwrap();
     let copy = home.path().join("copy");
-    common::copy(run, &copy);
+    crate::common::copy(run, &copy);
     spoil(&copy);
     let said = gusset(&["replay", copy.to_str().unwrap()]);
     let (out, error) = (

@@ -1,12 +1,10 @@
 //! The report command: two runs on one page, tracking metrics with their noise floors, and folders that are not what they
 //! should be.
 
-mod common;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use common::{FRAME, Said, completed, json, say, write};
+use crate::common::{FRAME, Said, completed, json, say, write};
 use gusset::record::{Run, journal::encode};
 
 /// Runs the frame, with a changed text, into a folder of its own.
@@ -399,7 +397,7 @@ fn the_page_tells_the_way_out_and_how_limits_are_judged() {
 fn page_of(folder: &Path, name: &str, text: &str) -> (PathBuf, String) {
     let test = write(folder, &format!("{name}.toml"), text);
     let out = folder.join(name);
-    common::run(&test, &out, &[]);
+    crate::common::run(&test, &out, &[]);
     let page = fs::read_to_string(out.join("report.html")).unwrap();
     (out, page.replace("&quot;", "\""))
 }
@@ -511,7 +509,7 @@ fn a_test_that_made_no_step_is_told_of_with_the_largest_force_before_it() {
     let folder = tempfile::tempdir().unwrap();
     let test = write(folder.path(), "way_in.toml", &text);
     let out = folder.path().join("way_in");
-    let said = common::run(&test, &out, &[]);
+    let said = crate::common::run(&test, &out, &[]);
     let forces = Run::open(&out).unwrap().columns(&["force_1_1"]).unwrap();
     let largest = forces[0].iter().map(|force| force.abs());
     let largest = largest.fold(0.0, f64::max);

@@ -1,20 +1,17 @@
 //! What happens to a test over TLS while it runs: strangers disturb nothing; a peer that stops, falls silent or goes is a
 //! stated end.
 
-mod link_common;
-mod tls_common;
-
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use gusset::record::summary::Status;
-use link_common::{
+use crate::link_common::{
     ONE_AXIS, ONE_AXIS_LAW, Running, Served, events, linked, moving, run, summary, test_file,
 };
-use tls_common::{Authority, EXPIRED, VALID};
+use crate::tls_common::{Authority, EXPIRED, VALID};
+use gusset::record::summary::Status;
 
 const STEPS: u32 = 50;
 /// So long that the test ends when it is told to, and not before.
@@ -34,7 +31,7 @@ fn strangers_who_fail_the_handshake_are_logged_and_do_not_disturb_a_running_test
     for protocol in ["gusset", "openfresco"] {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
-        let authority = tls_common::make(folder);
+        let authority = crate::tls_common::make(folder);
         let served = Served::start(
             folder,
             // A computed specimen of OpenFresco's protocols lets others wait.
@@ -111,7 +108,7 @@ fn a_server_that_goes_is_a_lost_link_and_one_that_says_goodbye_is_heard() {
     ] {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
-        tls_common::make(folder);
+        crate::tls_common::make(folder);
         let mut served = Served::start(folder, &local(), TLS);
         let test = Running::start(folder, "run", &over_tls(ENDLESS, &served.address, ""));
         served.hears("armed for");
@@ -132,7 +129,7 @@ fn a_server_that_goes_is_a_lost_link_and_one_that_says_goodbye_is_heard() {
 fn a_controller_that_is_killed_leaves_the_port_to_the_next() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    tls_common::make(folder);
+    crate::tls_common::make(folder);
     let served = Served::start(folder, &local(), TLS);
     let mut test = Running::start(folder, "first", &over_tls(ENDLESS, &served.address, ""));
     served.hears("armed for");
@@ -183,7 +180,7 @@ fn a_peer_that_stops_in_the_middle_of_a_record_is_given_up_after_the_time_limit(
     for protocol in ["gusset", "openfresco"] {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
-        tls_common::make(folder);
+        crate::tls_common::make(folder);
         let served = Served::start(
             folder,
             &local(),
@@ -214,7 +211,7 @@ fn a_peer_that_stops_in_the_middle_of_a_record_is_given_up_after_the_time_limit(
 fn a_sampled_test_over_tls_ends_when_the_peer_stops_in_the_middle_of_a_record() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    tls_common::make(folder);
+    crate::tls_common::make(folder);
     let served = Served::start(folder, &local(), TLS);
     let stall = Arc::new(AtomicBool::new(false));
     let address = stalling(&served.address, Arc::clone(&stall));
@@ -245,7 +242,7 @@ fn a_sampled_test_over_tls_ends_when_the_peer_stops_in_the_middle_of_a_record() 
 fn a_server_gives_up_a_client_that_stops_in_the_middle_of_a_record() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    tls_common::make(folder);
+    crate::tls_common::make(folder);
     let served = Served::start(folder, &local(), TLS);
     let mut half = TcpStream::connect(&served.address).unwrap();
     half.set_read_timeout(Some(Duration::from_secs(60)))

@@ -1,12 +1,11 @@
 //! OpenFresco's protocols over TLS: who is let in, what is said when plain and TLS meet, and what must not be possible.
 
-mod openfresco_ends;
-mod tls_common;
-
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
 
+use crate::openfresco_ends::{Server, drive, in_process, settings};
+use crate::tls_common::{Authority, EXPIRED, LOCAL, VALID};
 use gusset::config::{ServeTlsSpec, TlsSpec};
 use gusset::link::openfresco::{
     Door, End, Nature, News, Remote, RemoteSettings, Role, ServeSettings,
@@ -15,8 +14,6 @@ use gusset::link::tls::{TlsClient, TlsFault, TlsFiles, TlsServer};
 use gusset::substructure::{Command, Measurement, Retirement, Substructure};
 use gusset::time::Nanos;
 use gusset::wire::openfresco::{Carrier, Peer};
-use openfresco_ends::{Server, drive, in_process, settings};
-use tls_common::{Authority, EXPIRED, LOCAL, VALID};
 
 fn client(folder: &Path) -> TlsClient {
     TlsClient::new(
@@ -75,7 +72,7 @@ fn failure(mut remote: Remote) -> String {
 fn plain_and_tls_that_meet_say_so_at_both_ends() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    tls_common::make(folder);
+    crate::tls_common::make(folder);
     // An element server is asked while it is set up, a site server with the first command.
     for peer in [Peer::Element, Peer::Site] {
         let secure = server(folder, true);
@@ -101,7 +98,7 @@ fn plain_and_tls_that_meet_say_so_at_both_ends() {
 fn a_certificate_that_will_not_do_is_named_at_both_ends_and_the_port_is_free_again() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let authority = tls_common::make(folder);
+    let authority = crate::tls_common::make(folder);
     // A client's certificate need not be there, but one that is shown must hold.
     for required in [true, false] {
         let here = server(folder, required);
@@ -137,7 +134,7 @@ fn a_certificate_that_will_not_do_is_named_at_both_ends_and_the_port_is_free_aga
 fn who_stalls_in_the_handshake_does_not_keep_the_port() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    tls_common::make(folder);
+    crate::tls_common::make(folder);
     let here = server(folder, true);
     let stall = || {
         let mut half = TcpStream::connect(here.address).unwrap();
@@ -163,7 +160,7 @@ fn who_stalls_in_the_handshake_does_not_keep_the_port() {
 fn beyond_loopback_certificates_must_be_required_or_one_machine_named() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    tls_common::make(folder);
+    crate::tls_common::make(folder);
     let files = TlsFiles::of_server(&ServeTlsSpec::default(), folder);
     let lenient = || TlsServer::new(&files, false).unwrap();
     let refused = Door::bind_tls("0.0.0.0:0", None, lenient()).unwrap_err();

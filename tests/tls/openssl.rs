@@ -1,22 +1,19 @@
 //! Certificates of tools/make-certificates, and OpenSSL at the other end: OpenFresco's programs speak TLS through it. Where
 //! there is no `openssl` these tests say so loudly, and fail with CI=true.
 
-mod link_common;
-mod openfresco_ends;
-
 use std::io::{Read, Write};
 use std::net::TcpListener;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
+use crate::link_common::{ONE_AXIS, ONE_AXIS_LAW, Served, linked, run, test_file};
+use crate::openfresco_ends::{Server, in_process, path, settings};
 use gusset::config::{ServeTlsSpec, TlsSpec};
 use gusset::link::openfresco::{Door, End, Nature, Remote, RemoteSettings, Role, ServeSettings};
 use gusset::link::tls::{TlsClient, TlsFiles, TlsServer};
 use gusset::substructure::{Command as Move, Measurement, Retirement, Substructure};
 use gusset::time::Nanos;
 use gusset::wire::openfresco::{Action, Carrier, Counts, Peer, Reading, Sizes, write_action};
-use link_common::{ONE_AXIS, ONE_AXIS_LAW, Served, linked, run, test_file};
-use openfresco_ends::{Server, in_process, path, settings};
 
 /// The files, or `None` without openssl.
 fn made() -> Option<tempfile::TempDir> {

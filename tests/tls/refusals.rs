@@ -1,19 +1,16 @@
 //! What TLS refuses, each in words that say which file or end is wrong: before anything moves, exit code 3; a file of our
 //! own that cannot be used is a mistake of the configuration, exit code 2.
 
-mod link_common;
-mod tls_common;
-
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::Path;
 use std::sync::Arc;
 
-use gusset::record::summary::Status;
-use link_common::{
+use crate::link_common::{
     ONE_AXIS, ONE_AXIS_LAW, Served, finish, gusset, linked, run, summary, test_file, write,
 };
-use tls_common::{Authority, EXPIRED, FUTURE, LOCAL, VALID};
+use crate::tls_common::{Authority, EXPIRED, FUTURE, LOCAL, VALID};
+use gusset::record::summary::Status;
 
 const STEPS: u32 = 50;
 const TLS: &[&str] = &["--transport", "tls"];
@@ -48,7 +45,7 @@ fn shows(text: &str, part: &str) {
 fn with(spoil: impl Fn(&Authority, &Path), controller: &str, server: &str) {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let authority = tls_common::make(folder);
+    let authority = crate::tls_common::make(folder);
     spoil(&authority, folder);
     let served = Served::start(folder, &local(), TLS);
     let reason = unmoved(folder, "run", &over_tls(&served.address, ""));
@@ -139,7 +136,7 @@ fn a_clients_certificate_is_none_for_a_server() {
 fn another_host_name_is_refused_with_both_names_and_two_ways_out() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let authority = tls_common::make(folder);
+    let authority = crate::tls_common::make(folder);
     authority.issue(folder, "server", &["rig.example", "192.0.2.7"], VALID);
     let served = Served::start(folder, &local(), TLS);
     let table = |keys: &str| over_tls(&served.address, &format!("[specimen.link.tls]\n{keys}"));
@@ -191,7 +188,7 @@ fn bare_client(folder: &Path, address: &str) -> std::io::Result<usize> {
 fn a_client_without_a_certificate_is_refused_and_named() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    tls_common::make(folder);
+    crate::tls_common::make(folder);
     let served = Served::start(folder, &local(), TLS);
     let error = bare_client(folder, &served.address)
         .unwrap_err()
@@ -204,7 +201,7 @@ fn a_client_without_a_certificate_is_refused_and_named() {
 fn plain_and_tls_that_meet_say_so_at_both_ends() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    tls_common::make(folder);
+    crate::tls_common::make(folder);
     let served = Served::start(folder, &local(), TLS);
     let reason = unmoved(folder, "plain", &linked(STEPS, &served.address, ""));
     shows(&reason, "it speaks TLS: set `transport = \"tls\"`");
@@ -228,7 +225,7 @@ fn plain_and_tls_that_meet_say_so_at_both_ends() {
 fn who_stalls_in_the_handshake_is_given_up_after_the_time_limit() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    tls_common::make(folder);
+    crate::tls_common::make(folder);
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
     let reason = unmoved(
@@ -252,7 +249,7 @@ fn who_stalls_in_the_handshake_is_given_up_after_the_time_limit() {
 fn mistakes(spoil: impl Fn(&Authority, &Path, &str)) -> [String; 2] {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let authority = tls_common::make(folder);
+    let authority = crate::tls_common::make(folder);
     spoil(&authority, folder, "client");
     spoil(&authority, folder, "server");
     let (code, test) = run(folder, "run", &over_tls("127.0.0.1:1", ""));
@@ -374,7 +371,7 @@ fn the_table_of_a_server_names_its_files_and_says_who_needs_a_certificate() {
 fn tables_and_arguments_that_contradict_the_transport_are_mistakes() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    tls_common::make(folder);
+    crate::tls_common::make(folder);
     let (code, said) = run(
         folder,
         "a",

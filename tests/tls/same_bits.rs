@@ -1,26 +1,22 @@
 //! Over TLS a hybrid test is the same test, to the last bit: our own protocol and OpenFresco's, one test after another.
 
-mod link_common;
-mod openfresco_ends;
-mod tls_common;
-
+use crate::link_common::{
+    ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, columns, gateway, linked, run, summary,
+    test_file,
+};
+use crate::openfresco_ends::{Server, drive, in_process, settings};
 use gusset::config::{ServeTlsSpec, TlsSpec};
 use gusset::link::openfresco::{Door, End, Nature, Remote, RemoteSettings, Role, ServeSettings};
 use gusset::link::tls::{TlsClient, TlsFiles, TlsServer};
 use gusset::substructure::{Retirement, Substructure};
 use gusset::wire::openfresco::{Carrier, Peer};
-use link_common::{
-    ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, columns, gateway, linked, run, summary,
-    test_file,
-};
-use openfresco_ends::{Server, drive, in_process, settings};
 
 const STEPS: u32 = 600;
 
 fn is_the_same(seen: &str, law: &str, protocol: &str, address: &dyn Fn(&str) -> String) {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    tls_common::make(folder);
+    crate::tls_common::make(folder);
     let local = test_file(STEPS, &format!("{seen}{law}"));
     assert_eq!(run(folder, "local", &local).0, 0);
     let served = Served::start(
@@ -69,7 +65,7 @@ fn openfrescos_application_protocol_over_tls_takes_the_same_course_as_in_process
 fn a_gateway_between_two_links_over_tls_changes_no_number() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    tls_common::make(folder);
+    crate::tls_common::make(folder);
     let local = test_file(STEPS, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
     assert_eq!(run(folder, "local", &local).0, 0);
     let over_tls = ["--transport", "tls"];
@@ -91,7 +87,7 @@ fn a_gateway_between_two_links_over_tls_changes_no_number() {
 fn every_dialect_of_which_both_ends_are_ours_is_the_same_over_tls() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    tls_common::make(folder);
+    crate::tls_common::make(folder);
     let client = TlsClient::new(
         &TlsFiles::of_client(&TlsSpec::default(), folder),
         None,

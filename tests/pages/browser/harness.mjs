@@ -1,4 +1,4 @@
-// Visits the page of tests/browser/harness.rs.
+// Visits the page of tests/pages/browser/harness.rs.
 import { painted, visit } from "./stage.mjs";
 
 await visit(process.argv[2], {}, async (page, found) => {

@@ -1,6 +1,6 @@
 //! The stage itself: what it must notice, it notices.
 
-use crate::stage::{assert_quiet, visit};
+use super::stage::{assert_quiet, visit};
 
 #[test]
 fn a_page_that_only_draws_is_quiet() {

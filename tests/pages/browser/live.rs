@@ -6,8 +6,8 @@ use std::process::{Child, ChildStderr, Stdio};
 
 use serde_json::Value;
 
+use super::stage::{assert_quiet, installed, visit};
 use crate::common::{FRAME, PATIENT, gusset, json, write};
-use crate::stage::{assert_quiet, installed, visit};
 
 /// Ends with the test function, whatever happens.
 struct Running(Child);

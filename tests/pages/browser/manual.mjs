@@ -1,4 +1,4 @@
-// Visits the web pages of the guide as tests/browser/manual.rs wants them seen: light, dark, narrow, or printed.
+// Visits the web pages of the guide as tests/pages/browser/manual.rs wants them seen: light, dark, narrow, or printed.
 import { visit } from "./stage.mjs";
 
 const [address, how, shot] = process.argv.slice(2);

@@ -2,8 +2,8 @@
 
 use serde_json::Value;
 
+use super::stage::{assert_quiet, visit};
 use crate::common::say;
-use crate::stage::{assert_quiet, visit};
 
 /// The contents page in a browser.
 fn seen(how: &str) -> Option<Value> {

@@ -1,4 +1,4 @@
-// Visits a run's report as tests/browser/report.rs wants it seen: light, dark, printed, without scripts, or looked at only.
+// Visits a run's report as tests/pages/browser/report.rs wants it seen: light, dark, printed, without scripts, or looked at only.
 import { visit } from "./stage.mjs";
 
 const [address, how, shot] = process.argv.slice(2);

@@ -6,8 +6,8 @@ use std::sync::OnceLock;
 
 use serde_json::Value;
 
+use super::stage::{assert_quiet, visit};
 use crate::common::{FRAME, completed, write};
-use crate::stage::{assert_quiet, visit};
 
 /// The report of one short run with a title that would like to be a script, made once.
 fn report() -> &'static Path {

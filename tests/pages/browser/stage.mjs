@@ -1,7 +1,7 @@
 // One browser for one visit: opens a page in headless Chromium, lets `act` look and click as a person would, and says
 // what went wrong behind the scenes: console messages, page errors, requests that would have left the machine.
 //
-// The last line on stdout is a JSON document; tests/browser/main.rs reads it.
+// The last line on stdout is a JSON document; tests/pages/browser/mod.rs reads it.
 
 import { createRequire } from "node:module";
 import process from "node:process";

@@ -33,7 +33,7 @@ pub fn installed() -> Option<(PathBuf, PathBuf)> {
 pub fn visit(script: &str, arguments: &[&str]) -> Option<Value> {
     let (modules, browser) = installed()?;
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("tests/browser")
+        .join("tests/pages/browser")
         .join(script);
     let output = Command::new("node")
         .arg(path)

@@ -13,8 +13,8 @@ use gusset::substructure::{
 };
 use gusset::time::{Nanos, SimClock};
 
+use super::exposition;
 use crate::common::engine::{prepare, run_on};
-use crate::exposition;
 
 const RATE_HZ: f64 = 200.0;
 const STIFFNESS: f64 = 2e5;

@@ -1,8 +1,6 @@
 //! The live page from outside: viewers change nothing, however they behave; who has no token neither sees nor moves
 //! anything; what Prometheus scrapes is well formed.
 
-#[path = "../common/mod.rs"]
-mod common;
 mod exposition;
 mod judged;
 mod web;
@@ -10,7 +8,7 @@ mod web;
 use std::net::TcpListener;
 use std::path::Path;
 
-use common::{FRAME, completed, json, names, run, same_physics, write};
+use crate::common::{FRAME, completed, json, names, run, same_physics, write};
 use web::{Running, ask, call, keep_alive, until, watch};
 
 /// The frame in real time, for so many seconds.

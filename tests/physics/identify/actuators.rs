@@ -7,10 +7,10 @@ use gusset::record::Run;
 use serde_json::Value;
 
 use super::command::{best, folder, identified, near};
-use super::common::{json, say, write};
-use super::link_common::Served;
+use crate::common::{json, say, write};
+use crate::link_common::Served;
 
-/// Pins on the frame and on the platform, as in tests/geometry.rs.
+/// Pins on the frame and on the platform, as in tests/physics/geometry.rs.
 const PINS: [([f64; 2], [f64; 2]); 3] = [
     ([-1.6, 0.1], [-0.4, 0.15]),
     ([-0.5, -1.2], [-0.5, -0.1]),

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use super::common::{Said, completed, gusset, json, names, say, write};
-use super::link_common::Served;
+use crate::common::{Said, completed, gusset, json, names, say, write};
+use crate::link_common::Served;
 
 /// A frame whose bottom storey is a specimen behind an actuator and noisy sensors, with a compensator.
 pub const TEST: &str = r#"title = "Frame"
@@ -339,7 +339,7 @@ fn the_table_names_the_numbers_and_the_real_clock_finds_the_same() {
         "--amplitude",
         "0.001",
     ]);
-    command.args(super::common::PATIENT);
+    command.args(crate::common::PATIENT);
     let said: Said = command.output().unwrap().into();
     assert_eq!(said.code, Some(0), "{}", said.stderr);
     for words in [

@@ -7,8 +7,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use gusset::wire::handshake::{Capabilities, Welcome};
 
 use super::command::{SHORT, TEST, identify, served};
-use super::common::{Said, write};
-use super::link_common::Fake;
+use crate::common::{Said, write};
+use crate::link_common::Fake;
 
 /// Refused with exit code 2, with these words and without a run folder.
 fn refused(text: &str, arguments: &[&str], words: &[&str]) {
