@@ -4,11 +4,11 @@ use std::fs;
 use std::path::Path;
 
 use crate::common::{FRAME, Said, completed, copy, json, names, say, write};
-use crate::export::{TABLES, by_hand, judge, judge_in_octave, row};
+use crate::readers::{TABLES, by_hand, judge, judge_in_octave, row};
 use gusset::record::Run;
 use sha2::{Digest, Sha256};
 
-fn export(run: &Path, format: &str, out: &Path, more: &[&str]) -> Said {
+pub fn export(run: &Path, format: &str, out: &Path, more: &[&str]) -> Said {
     let (run, out) = (run.to_str().unwrap(), out.to_str().unwrap());
     let arguments = ["export", run, "--format", format, "--out", out];
     say(arguments.iter().chain(more))
@@ -130,7 +130,7 @@ fn a_torn_run_gives_what_is_sound_and_an_empty_one_gives_columns() {
     );
     let said = export(&run, "trace", &out.join("trace.json"), &[]);
     assert_eq!(said.code, Some(0), "{}", said.stderr);
-    assert_eq!(trace::phases(&json(&out, "trace.json")).len(), 0);
+    assert_eq!(crate::trace::phases(&json(&out, "trace.json")).len(), 0);
 }
 
 #[test]

@@ -5,10 +5,10 @@ mod common;
 
 mod contents;
 #[cfg(feature = "hdf5")]
-mod export;
-#[cfg(feature = "hdf5")]
 mod exports;
 mod old_runs;
+#[cfg(feature = "hdf5")]
+mod readers;
 mod replay;
 mod report;
 #[cfg(feature = "hdf5")]

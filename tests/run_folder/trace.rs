@@ -6,8 +6,8 @@ use gusset::record::Run;
 use serde_json::Value;
 
 use crate::common::{FRAME, PATIENT, completed, json, write};
-use crate::export;
-use crate::export::{by_hand, row};
+use crate::exports::export;
+use crate::readers::{by_hand, row};
 
 pub fn phases(trace: &Value) -> Vec<&Value> {
     let events = trace["traceEvents"].as_array().unwrap();

@@ -47,7 +47,7 @@ fn found(program: PathBuf, else_say: &str) -> Option<PathBuf> {
 /// Has the exports in `exports` judged; the last line of the verdict.
 pub fn judge(run: &Path, exports: &Path, rate: &str, formats: &[&str]) -> Option<String> {
     let mut command = Command::new(python()?);
-    command.arg(Path::new(ROOT).join("tests/run_folder/export/judge.py"));
+    command.arg(Path::new(ROOT).join("tests/run_folder/readers/judge.py"));
     command.arg(Path::new(ROOT).join("tools"));
     command.arg(run).arg(exports).arg(rate).args(formats);
     Some(verdict(&mut command))
@@ -57,7 +57,7 @@ pub fn judge(run: &Path, exports: &Path, rate: &str, formats: &[&str]) -> Option
 pub fn judge_in_octave(run: &Path, exports: &Path) -> Option<String> {
     let mut command = Command::new(octave()?);
     command.args(["--quiet", "--norc"]);
-    command.arg(Path::new(ROOT).join("tests/run_folder/export/judge.m"));
+    command.arg(Path::new(ROOT).join("tests/run_folder/readers/judge.m"));
     command.env("TOOLS", Path::new(ROOT).join("tools"));
     command.env("RUN_DIR", run).env("EXPORTS", exports);
     Some(verdict(&mut command))
