@@ -130,7 +130,7 @@ impl Engine {
         self.ports.iter_mut().for_each(Port::take_its_word);
     }
 
-    /// Command 0 is B·x[0]: held, and measured, before anything moves.
+    /// Command 0 is `B·x[0]`: held, and measured, before anything moves.
     pub(super) fn aim_at_start(&mut self) {
         match &mut self.side {
             Side::Structure(numerical) => {
