@@ -6,7 +6,7 @@
 #![allow(
     rustdoc::broken_intra_doc_links,
     rustdoc::invalid_html_tags,
-    reason = "clap prints these comments as they are: tables in brackets, places of names in angles"
+    reason = "clap prints these comments, with names of tables in brackets and of values in angle brackets"
 )]
 
 mod check;
