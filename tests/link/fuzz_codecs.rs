@@ -6,8 +6,6 @@
 //! as it was when it is encoded again; a stream in pieces of any size takes the same course as in one; every call uses
 //! bytes up, so nothing spins; who has not the key cannot make a frame that passes.
 
-#![allow(clippy::disallowed_macros, reason = "a long run tells its counts")]
-
 use crate::fuzz::handshake::Handshake;
 use crate::fuzz::native::Native;
 use crate::fuzz::openfresco::OpenFresco;

@@ -1,6 +1,8 @@
 //! What the fuzzing of the codecs is made of: seeded dice, mutations that know doubles and counts, and a run that names the
 //! input on which a property failed.
 
+#![allow(clippy::disallowed_macros, reason = "a long run prints its counts")]
+
 pub mod handshake;
 pub mod native;
 pub mod openfresco;
