@@ -1,3 +1,5 @@
+//! A separate binary: it names nothing of the crate, so `rustc --test` builds it in seconds.
+//!
 //! Modules depend on each other in one direction only. This table is the authority: an edge that is not here is a
 //! decision to be discussed, not a line to be added in passing.
 

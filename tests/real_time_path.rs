@@ -1,5 +1,7 @@
 //! From the first tick to the last the loop's thread allocates nothing and makes no system call but its clock's.
 //!
+//! A separate binary: it starts itself as a child process, and a system-call filter kills that process.
+//!
 //! Allocations: a run that the operator ends at the first tick is subtracted from a whole one, on this thread; what is left
 //! happened between the two hooks. System calls: a child process runs the loop under a seccomp filter that lets two calls
 //! through and kills the process at any other; a second child that makes one more call must die, so the filter bites.

@@ -10,7 +10,7 @@
 //! | [`event`] | what happens in a test |
 //! | [`ending`] | why a test ends, its exit code and `status` |
 //! | [`phase`] | the phases of a test, and their codes |
-//! | [`column`] | the columns of a row |
+//! | [`mod@column`] | the columns of a row |
 //! | [`explained`] | the meaning of a name, from all tables |
 
 pub mod column;

@@ -3,6 +3,12 @@
 //! The texts here are `--help`, the completions of the shells and the man pages. One or two plain sentences each; details
 //! belong into the guide, which each command names at its end.
 
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    rustdoc::invalid_html_tags,
+    reason = "clap prints these comments, with names of tables in brackets and of values in angle brackets"
+)]
+
 mod check;
 mod files;
 mod folders;

@@ -1,4 +1,4 @@
-//! The exact audit of the steps: ½ Δ(vᵀ M_eff v) = Σ ½ (x[i+1] − x[i−1])ᵀ r[i], for any law and any λ (guide:
+//! The exact audit of the steps: `½ Δ(vᵀ M_eff v) = Σ ½ (x[i+1] − x[i−1])ᵀ r[i]`, for any law and any λ (guide:
 //! mathematics-errors).
 //!
 //! Left and right are made of different numbers: velocities and M_eff as it was before it was factored, against
@@ -20,7 +20,7 @@ pub struct StepAudit {
     effective_mass: SymMatrix,
     /// Energy of a motion by roundoff in a step, J per m² of displacement.
     roundoff: Vec<f64>,
-    /// x[i−1] and x[i].
+    /// `x[i−1]` and `x[i]`.
     older: Vec<f64>,
     newer: Vec<f64>,
     begun: bool,

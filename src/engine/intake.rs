@@ -1,7 +1,7 @@
 //! The energy that a test has taken in: `added_energy_share` compares the energy from the actuators with it (guide:
 //! mathematics-errors).
 //!
-//! Work of the loads, ½ (F[i] + F[i−1])ᵀ (x[i] − x[i−1]), and of a moving base, ½ (q[i] + q[i−1]) (u[i] − u[i−1]) with the
+//! Work of the loads, `½ (F[i] + F[i−1])ᵀ (x[i] − x[i−1])`, and of a moving base, `½ (q[i] + q[i−1]) (u[i] − u[i−1])` with the
 //! reaction q = ιᵀ(r − F) that it gives; both relative to where x is measured from. The motion that a test begins with is
 //! taken in, too: the largest kinetic energy counts. Real-time after `new`.
 

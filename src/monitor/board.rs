@@ -238,7 +238,7 @@ impl Board {
         *known
     }
     /// The same without looking for it.
-    #[cfg(test)]
+    #[cfg(all(test, feature = "monitor"))]
     pub(super) fn known_margin(&self) -> Option<Margin> {
         lock(&self.margin).1
     }

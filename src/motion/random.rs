@@ -36,7 +36,7 @@ impl Random {
     }
 }
 
-/// Σ_k cos[k] cos(2πkj/n) + sin[k] sin(2πkj/n) for j = 0 … n − 1, where n is a power of two and line k of `lines` is
+/// `Σ_k cos[k] cos(2πkj/n) + sin[k] sin(2πkj/n)` for j = 0 … n − 1, where n is a power of two and line k of `lines` is
 /// (cos, sin). Lines beyond n are not looked at.
 pub(super) fn sum_of_lines(lines: &[(f64, f64)], n: usize) -> Vec<f64> {
     let mut z: Vec<(f64, f64)> = lines.iter().copied().take(n).collect();
@@ -49,7 +49,7 @@ pub(super) fn sum_of_lines(lines: &[(f64, f64)], n: usize) -> Vec<f64> {
     z.into_iter().map(|(re, _)| re).collect()
 }
 
-/// z[j] ← Σ_k z[k] e^{+2πijk/n}, in place, without scaling; the length is a power of two.
+/// `z[j] ← Σ_k z[k] e^{+2πijk/n}`, in place, without scaling; the length is a power of two.
 fn inverse_fft(z: &mut [(f64, f64)]) {
     let n = z.len();
     if n < 2 {

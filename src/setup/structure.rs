@@ -230,7 +230,7 @@ pub(super) fn not_definite(site: &Site<'_>, mass: &SymMatrix, error: &GuiError) 
         )
 }
 
-/// x[0] and v[0].
+/// `x[0]` and `v[0]`.
 pub(super) fn initial_state(site: &mut Site<'_>, dofs: usize) -> Result<State, Refused> {
     let table = site.loaded.file.structure.as_ref();
     let disp = table.and_then(|table| table.initial_displacement_m.clone());

@@ -7,8 +7,12 @@ mod common;
 #[path = "../link_common/mod.rs"]
 mod link_common;
 
+mod endings;
 mod folders;
+mod full_disk;
 mod kills;
+mod panic_in_every_maneuver;
+mod panicking_specimen;
 mod soak;
 mod two_processes;
 mod ways_out;

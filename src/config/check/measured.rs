@@ -31,7 +31,7 @@ pub(super) fn check_measured(specimen: &SpecimenTable, at: &KeyPath, findings: &
     }
 }
 
-/// Keys of [safety] that judge all specimens by their measured displacements: an error where no link answers with one, a warning
+/// Keys of `[safety]` that judge all specimens by their measured displacements: an error where no link answers with one, a warning
 /// where only some of them do not.
 pub(super) fn check_judged(file: &TestFile, findings: &mut Findings) {
     let silent = file.specimen.iter().enumerate();

@@ -15,7 +15,7 @@ pub struct StallingClock {
 }
 
 impl StallingClock {
-    /// `clock`, with the stalls of [`super::Script::stalls`] of ticks of `tick_ns`.
+    /// Adds `stalls` to `clock`: number of the wait and length in ticks of `tick_ns`.
     #[must_use]
     pub const fn new(clock: SimClock, tick_ns: u64, stalls: Vec<(u64, u64)>) -> Self {
         Self {

@@ -1,7 +1,7 @@
 //! The delay of an achieved displacement at which a hybrid test becomes unstable.
 //!
 //! A delay τ acts like the negative dashpot −k_e τ beside the specimen. Three statements of the same question: [`sdof`]
-//! in closed form, [`continuous`] by the frequency at which the loop gain is one, [`discrete`] by the spectral radius of
+//! in closed form, [`continuous()`] by the frequency at which the loop gain is one, [`discrete()`] by the spectral radius of
 //! the recursion with its history of commands. Specimens are linear here, at their estimated stiffness and damping.
 
 mod continuous;

@@ -1,0 +1,233 @@
+//! Mistakes of matrices, masses and storeys are explained as all others: file, line, caret, what was found, what is
+//! allowed; exit code 2, no panic, and no run folder.
+
+use crate::common::FRAME;
+use crate::common::refusal::{MATRICES, refused, wrong_line};
+
+#[test]
+fn a_matrix_that_is_not_square_or_does_not_match_is_refused() {
+    let stiffness = "stiffness = [[2e5, -1e5], [-1e5, 1e5]]";
+    for (rows, words) in [
+        ("[[2e5, -1e5]]", "stiffness: must be square, but is 1 by 2"),
+        (
+            "[[2e5, -1e5], [-1e5]]",
+            "stiffness: row 2 has 1 entries, but row 1 has 2",
+        ),
+        (
+            "[[2, 0, 0], [0, 2, 0], [0, 0, 2]]",
+            "stiffness has 3 degrees of freedom, but the mass matrix has 2",
+        ),
+    ] {
+        wrong_line(
+            MATRICES,
+            stiffness,
+            &format!("stiffness = {rows}"),
+            rows,
+            &[words],
+        );
+    }
+    let words = ["damping has 1 degrees of freedom, but the mass matrix has 2"];
+    wrong_line(
+        MATRICES,
+        "damping = [[100, 0], [0, 100]]",
+        "damping = [[100]]",
+        "[[100]]",
+        &words,
+    );
+    let (text, line) = (
+        MATRICES.replace(stiffness, "stiffness_file = \"k.csv\""),
+        "stiffness_file = \"k.csv\"",
+    );
+    for (rows, words) in [
+        (
+            "2,0,0\n0,2,0\n0,0,2\n",
+            "stiffness has 3 degrees of freedom, but the mass matrix has 2",
+        ),
+        ("2e5,-1e5\n", "must be square, but is 1 by 2"),
+        (
+            "2e5,-1e5\n1e5\n",
+            "k.csv, line 2: found 1 numbers, expected 2",
+        ),
+        (
+            "2e5,-1e5\n-1e5,stiff\n",
+            "k.csv, line 2, field 2: \"stiff\" is not a finite number",
+        ),
+    ] {
+        refused(&text, &[("k.csv", rows)], line, "\"k.csv\"", &[words]);
+    }
+}
+
+#[test]
+fn an_effective_mass_that_is_not_positive_definite_names_the_dof() {
+    let loose = MATRICES
+        .replace("[[2e5, -1e5], [-1e5, 1e5]]", "[[2e5, 0], [0, 0]]")
+        .replace("[[100, 0], [0, 100]]", "[[100, 0], [0, 0]]");
+    let (right, wrong) = (
+        "mass = [[1000, 0], [0, 1000]]",
+        "mass = [[1000, 0], [0, 0]]",
+    );
+    let words = [
+        "the effective mass",
+        "not positive definite",
+        "at degree of freedom 2",
+        "DOF 2 has a mass of 0 kg",
+        "needs a stiffness",
+    ];
+    wrong_line(&loose, right, wrong, "[0, 0]", &words);
+    // No choice of λ can mend it, so the choice must not be blamed.
+    wrong_line(
+        &loose.replace("lambda = 4", "lambda = \"auto\""),
+        right,
+        wrong,
+        "[0, 0]",
+        &words,
+    );
+    let soft = MATRICES.replace("[-1e5, 1e5]]", "[-1e5, -9e9]]");
+    let words = [
+        "the stiffness has a negative eigenvalue",
+        "the structure is unstable",
+    ];
+    let (line, under) = (
+        "stiffness = [[2e5, -1e5], [-1e5, -9e9]]",
+        "[[2e5, -1e5], [-1e5, -9e9]]",
+    );
+    refused(&soft, &[], line, under, &words);
+    let rule = "rayleigh_ratio]\nratio = 0.02\nmodes = [1, 2]";
+    let none = "rayleigh]\nmass_coefficient_per_s = 0\nstiffness_coefficient_s = 0";
+    let hinge = FRAME.replace("[0, 4e5]", "[0, 0]").replace(rule, none);
+    let words = [
+        "not positive definite",
+        "at degree of freedom 2",
+        "DOF 2 has a mass of 0 kg",
+    ];
+    let wrong = "mass_kg = [1000.0, 0.00]";
+    wrong_line(&hinge, "mass_kg = [1000.0, 900.0]", wrong, "0.00", &words);
+    let words = ["mass of degree of freedom 2 is -1000 kg, but must not be negative"];
+    wrong_line(
+        MATRICES,
+        right,
+        "mass = [[1000, 0], [0, -1000]]",
+        "[0, -1000]",
+        &words,
+    );
+}
+
+#[test]
+fn a_chain_longer_than_any_model_is_refused_before_memory_is_asked_for() {
+    let start = MATRICES.find("[structure.matrices]").unwrap();
+    let end = MATRICES.find("[integrator]").unwrap();
+    let chain = "[structure.chain]\ndofs = 4000000000000\nmass_kg = 1\nstiffness_n_per_m = 1e3\n\n";
+    let text = format!("{}{chain}{}", &MATRICES[..start], &MATRICES[end..]);
+    let words = ["dofs is 4000000000000, but must be 1 to 1000000"];
+    refused(&text, &[], "dofs = 4000000000000", "4000000000000", &words);
+}
+
+#[test]
+fn a_specimen_on_a_storey_that_does_not_exist_is_refused() {
+    let words = [
+        "storey 3 does not exist, the structure has storeys 1 to 2",
+        "no such storey",
+    ];
+    wrong_line(FRAME, "storey = 1", "storey = 3", "3", &words);
+    let words = [
+        "storey 0 does not exist",
+        "storeys are counted from 1 at the bottom",
+    ];
+    wrong_line(FRAME, "storey = 1", "storey = 0", "0", &words);
+    let specimen = FRAME.find("[[specimen]]").unwrap();
+    let text = format!("{MATRICES}\n{}", &FRAME[specimen..]);
+    let words = ["a structure given by matrices has no storeys: describe the deformation by rows"];
+    refused(&text, &[], "storey = 1", "1", &words);
+    let rows = text.replace("storey = 1", "rows = [[0, 0, 1]]");
+    let words = ["row 1 of B has 3 entries, but the structure has 2 DOFs"];
+    refused(&rows, &[], "rows = [[0, 0, 1]]", "[0, 0, 1]", &words);
+}
+
+#[test]
+fn an_asymmetric_matrix_is_shown_at_its_entry_and_beside_it_the_mirror() {
+    for (right, wrong, words) in [
+        (
+            "mass = [[1000, 0], [0, 1000]]",
+            "mass = [[1000, 7], [0, 1000]]",
+            "mass: must be symmetric, but entry (1, 2) is 7 and entry (2, 1) is 0",
+        ),
+        (
+            "stiffness = [[2e5, -1e5], [-1e5, 1e5]]",
+            "stiffness = [[2e5, 7], [-1e5, 1e5]]",
+            "stiffness: must be symmetric, but entry (1, 2) is 7 and",
+        ),
+        (
+            "damping = [[100, 0], [0, 100]]",
+            "damping = [[100, 7], [0, 100]]",
+            "damping: must be symmetric, but entry (1, 2) is 7 and",
+        ),
+    ] {
+        wrong_line(MATRICES, right, wrong, "7", &[words, "found 7", "here"]);
+        let (key, _) = right.split_once(' ').unwrap();
+        let line = format!("{key}_file = \"m.csv\"");
+        let words = format!(
+            "{key}_file m.csv: must be symmetric, but entry (1, 2) is 7 and entry (2, 1) is 0"
+        );
+        let file = [("m.csv", "1000,7\n0,1000\n")];
+        refused(
+            &MATRICES.replace(right, &line),
+            &file,
+            &line,
+            "\"m.csv\"",
+            &[&words],
+        );
+    }
+}
+
+#[test]
+fn a_malformed_mass_matrix_is_blamed_on_itself_and_not_on_the_specimens() {
+    let mass = "mass = [[1000, 0], [0, 1000]]";
+    let law = "law = { linear = { stiffness_n_per_m = 1e5 } }";
+    let text = format!("{MATRICES}\n[[specimen]]\nname = \"s\"\nrows = [[1, 0]]\n{law}\n");
+    for (rows, words) in [
+        (
+            "[[1000, 0], [0]]",
+            "mass: row 2 has 1 entries, but row 1 has 2",
+        ),
+        ("[[1000, 0]]", "mass: must be square, but is 1 by 2"),
+    ] {
+        wrong_line(&text, mass, &format!("mass = {rows}"), rows, &[words]);
+    }
+}
+
+#[test]
+fn a_mass_whose_products_overflow_is_refused_and_nothing_hangs() {
+    for mass in ["1e308", "1.7e308"] {
+        wrong_line(
+            MATRICES,
+            "mass = [[1000, 0], [0, 1000]]",
+            &format!("mass = [[1000, 0], [0, {mass}]]"),
+            mass,
+            &["entry (2, 2)", mass, "must be at most 1e140"],
+        );
+        let wrong = format!("mass_kg = [1000.0, {mass}]");
+        let words = [mass, "must be at most 1e140"];
+        wrong_line(FRAME, "mass_kg = [1000.0, 900.0]", &wrong, mass, &words);
+    }
+}
+
+/// The matrices of the structure are bounded when they are read: what overflows is a specimen.
+#[test]
+fn a_stiffness_that_no_step_can_bear_is_blamed_on_the_specimen_that_has_it() {
+    let stiff =
+        "[[specimen]]\nname = \"stiff\"\nstorey = 2\nlaw.linear = { stiffness_n_per_m = 1e308 }\n";
+    let damping = "[structure.damping.rayleigh_ratio]\nratio = 0.02\nmodes = [1, 2]\n";
+    let line = "[[specimen]]";
+    assert!(FRAME.contains(damping));
+    let text = FRAME
+        .replacen(line, &format!("{stiff}{line}"), 1)
+        .replace(damping, "")
+        .replace("rate_hz = 200", "step_s = 100")
+        .replace("duration_s = 0.5", "duration_s = 1000");
+    let words = [
+        "a step of 100 s",
+        "is so large that 4 M + 2 Δt",
+        "overflows",
+    ];
+    refused(&text, &[], line, line, &words);
+}

@@ -1,0 +1,103 @@
+//! Mistakes in the file of a gateway are shown where they stand, before anything is connected.
+
+use crate::link_common::{gateway, linked, write};
+use gusset::catalog::limit::Limit;
+use gusset::config;
+use gusset::setup;
+
+const KNOWN: &str = "stiffness_n_per_m = 4e5\n";
+
+fn served(text: &str) -> Result<(), String> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = write(folder.path(), "serve.toml", text);
+    setup::load_served(&path, None)
+        .map(|_| ())
+        .map_err(|error| error.to_string())
+}
+
+fn complaint(table: &str, link: &str) -> String {
+    served(&gateway("127.0.0.1:1", table, link)).unwrap_err()
+}
+
+fn shows(text: &str, part: &str) {
+    assert!(text.contains(part), "{part:?} is not in:\n{text}");
+}
+
+#[test]
+fn a_gateway_is_a_specimen_with_a_link_and_so_is_one_of_a_test_file() {
+    assert_eq!(served(&gateway("127.0.0.1:1", KNOWN, "")), Ok(()));
+    assert_eq!(served(&linked(10, "127.0.0.1:1", "")), Ok(()));
+    let element = "protocol = \"openfresco\"";
+    assert_eq!(served(&gateway("127.0.0.1:1", KNOWN, element)), Ok(()));
+}
+
+#[test]
+fn what_has_no_effect_or_is_missing_is_refused() {
+    shows(&complaint("", ""), "`stiffness_n_per_m` is missing");
+    for key in ["scale = 2.0", "sign = -1", "offset_m = 0.1", "offset_n = 5"] {
+        let table = format!("{KNOWN}[[specimen.axis]]\n{key}\n");
+        shows(&complaint(&table, ""), "a gateway does not convert numbers");
+    }
+    let scaled = format!("{KNOWN}[specimen.similitude]\nlength = 10\n");
+    shows(
+        &complaint(&scaled, ""),
+        "a gateway does not convert numbers",
+    );
+    let inches = format!("{KNOWN}[[specimen.axis]]\nunit_disp = \"in\"\n");
+    shows(&complaint(&inches, ""), "does not support this `unit_disp`");
+    shows(
+        &complaint(KNOWN, "key_file = \"none.key\""),
+        "cannot be read",
+    );
+    let two = "stiffness_n_per_m = 4e5\n[[specimen.axis]]\n[[specimen.axis]]\n";
+    shows(&complaint(two, ""), "not 2 × 2");
+}
+
+#[test]
+fn limits_that_contradict_each_other_are_shown_at_their_keys() {
+    for (limits, words) in [
+        ("command_step_m = { warn = 2, trip = 1 }", "warns at 2"),
+        ("command_disp_m = { trip = [1, -1] }", "leaves no room"),
+        ("measured_force_n = {}", "neither a `warn` nor a `trip`"),
+        ("force_n = { trip = 1 }", "force_n"),
+        ("measured_force_n = { trp = [1, 2] }", "trip"),
+    ] {
+        let table = format!("{KNOWN}[specimen.limits]\n{limits}\n");
+        shows(&complaint(&table, ""), words);
+    }
+    let of_axis =
+        format!("{KNOWN}[[specimen.axis]]\nlimits = {{ command_step_m = {{ trip = 0 }} }}\n");
+    shows(&complaint(&of_axis, ""), "must be greater than 0");
+}
+
+#[test]
+fn a_probe_that_cannot_be_is_shown_at_its_key() {
+    let probe = |known: &str, keys: &str| {
+        let file = gateway("127.0.0.1:1", known, keys);
+        served(&file.replace("probe = \"none\"\n", "")).unwrap_err()
+    };
+    shows(&probe(KNOWN, "probe_m = 0"), "probe_m");
+    shows(&probe(KNOWN, "probe_m = -1e-3"), "greater than");
+    shows(
+        &probe(KNOWN, "probe_m = 1e-3\nprobe_ramp_s = 0"),
+        "probe_ramp_s",
+    );
+    shows(&probe(KNOWN, "probe = \"maybe\""), "none");
+    shows(&complaint(KNOWN, "probe_m = 1e-3"), "contradict each other");
+    shows(
+        &probe("stiffness_n_per_m = 0\n", "probe_m = 1e-3"),
+        "the wiring check needs a stiffness",
+    );
+}
+
+#[test]
+fn limits_of_a_test_are_kept_by_its_loop() {
+    let text = linked(10, "127.0.0.1:1", "").replace(
+        "[specimen.link]",
+        "[specimen.limits]\ncommand_step_m = { trip = 1 }\n[specimen.link]",
+    );
+    let path = std::path::Path::new("test.toml");
+    let built = config::parse(path, text, &[]).and_then(|loaded| setup::build(&loaded));
+    let limits = built.unwrap().experiment.ports[0].limits()[0];
+    assert_eq!(limits.size(Limit::CommandStep).trip, 1.0);
+}

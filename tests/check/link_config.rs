@@ -1,0 +1,421 @@
+//! Mistakes in `[specimen.link]` and in the file of a server are shown where they stand, before anything is connected.
+
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::Stdio;
+
+use crate::link_common::{ONE_AXIS, ONE_AXIS_LAW, linked, test_file, write};
+use gusset::config::{self, Offer};
+use gusset::setup;
+
+/// What is said of a test with these keys in its link and its specimen.
+fn complaint(text: &str) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("test.toml");
+    match config::parse(&path, text.to_owned(), &[]).and_then(|loaded| setup::build(&loaded)) {
+        Ok(_) => String::new(),
+        Err(error) => error.to_string(),
+    }
+}
+
+fn shows(text: &str, part: &str) {
+    assert!(text.contains(part), "{part:?} is not in:\n{text}");
+}
+
+#[test]
+fn a_good_link_is_built_without_a_connection() {
+    assert_eq!(complaint(&linked(10, "127.0.0.1:1", "")), "");
+    assert_eq!(
+        complaint(&linked(10, "[::1]:4823", "coupling = \"lockstep\"")),
+        ""
+    );
+}
+
+#[test]
+fn numbers_outside_their_ranges_are_shown_at_their_keys() {
+    let with = |keys: &str| complaint(&linked(10, "127.0.0.1:1", keys));
+    for (keys, words) in [
+        ("reply_timeout_s = 0", "reply_timeout_s"),
+        ("connect_timeout_s = -1", "connect_timeout_s"),
+        ("watchdog_s = 0", "watchdog_s"),
+        ("watchdog_s = 3601", "watchdog_s` must be at most 3600 s"),
+        ("sample_after = 1.5", "a fraction of the tick, at most 1"),
+        ("max_stale = 0", "must be 1 or greater"),
+        ("spin_us = -1", "must be zero or greater"),
+        ("axis_names = [\"a\", \"b\"]", "2 names for 1 axes"),
+        ("axis_names = [\"\"]", "cannot name an axis"),
+        ("transport = \"tpc\"", "tcp"),
+        ("key_file = \"none.key\"", "cannot be read"),
+        ("colour = 1", "colour"),
+    ] {
+        shows(&with(keys), words);
+    }
+    for (address, words) in [
+        ("rig", "has no port"),
+        ("127.0.0.1:4x", "has no port from 1 to 65535"),
+        ("rig:", "has no port from 1 to 65535"),
+        ("rig:0", "has no port from 1 to 65535"),
+        ("rig:65536", "has no port from 1 to 65535"),
+        (":4823", "has no host name"),
+        ("2001:db8::7:4823", "has no host name"),
+        ("[rig]:4823", "has no host name"),
+    ] {
+        shows(&complaint(&linked(10, address, "")), words);
+    }
+}
+
+#[test]
+fn where_a_specimen_stands_is_said_by_its_link_or_by_the_file() {
+    let with = |keys: &str| {
+        let text = linked(10, "127.0.0.1:1", keys);
+        complaint(&text.replace("computed = true\n", ""))
+    };
+    const ASKS: &str = "the position of this specimen before the test is unknown";
+    const TELLS: &str = "the specimen reports its position";
+    for (keys, words) in [
+        ("protocol = \"openfresco-adapter\"", ASKS),
+        ("protocol = \"openfresco-shadow\"", ASKS),
+        ("protocol = \"openfresco\"", ASKS),
+        (
+            "protocol = \"openfresco\"\nopenfresco = { server = \"site\", answer_signals = [0, 0, 0, 1, 0] }",
+            ASKS,
+        ),
+        (
+            "protocol = \"openfresco\"\nopenfresco = { answer_signals = [1, 1, 1, 1, 1] }\nstands_at_m = [0]",
+            TELLS,
+        ),
+        (
+            "protocol = \"openfresco\"\nopenfresco = { server = \"site\" }\nstands_at_m = [0]",
+            TELLS,
+        ),
+        ("stands_at_m = [0, 0]", "2 displacements for 1 axes"),
+        (
+            "protocol = \"openfresco-shadow\"\nstands_at_m = [0, 0]",
+            "2 displacements for 1 axes",
+        ),
+        (
+            "protocol = \"openfresco-shadow\"\nstands_at_m = [nan]",
+            "stands_at_m",
+        ),
+    ] {
+        shows(&with(keys), words);
+    }
+    for keys in [
+        "protocol = \"openfresco-shadow\"\nstands_at_m = [-0.02]",
+        "protocol = \"openfresco\"\nstands_at_m = [0.01]",
+        "protocol = \"openfresco\"\nopenfresco = { answer_signals = [1, 1, 1, 1, 1] }",
+        "protocol = \"openfresco\"\nopenfresco = { server = \"site\" }",
+        // A specimen of our own protocol may tell, and need not.
+        "",
+        "stands_at_m = [0.01]",
+    ] {
+        assert_eq!(with(keys), "", "{keys}");
+    }
+    let computed = linked(10, "127.0.0.1:1", "protocol = \"openfresco-shadow\"");
+    assert!(computed.contains("computed = true"));
+    assert_eq!(complaint(&computed), "");
+}
+
+#[test]
+fn keys_that_need_a_measured_displacement_are_refused_where_answers_hold_forces_only() {
+    let said = |table: &str, openfresco: &str| {
+        let link = format!("protocol = \"openfresco\"\n{openfresco}");
+        let text = linked(10, "127.0.0.1:1", &link);
+        complaint(&text.replace("storey = 1\n", &format!("storey = 1\n{table}\n")))
+    };
+    for (key, table) in [
+        (
+            "measured_disp_m",
+            "limits.measured_disp_m.trip = [-0.1, 0.1]",
+        ),
+        ("sensor_disp_m", "limits.sensor_disp_m.trip = [-0.1, 0.1]"),
+        ("following_error_m", "limits.following_error_m.trip = 0.001"),
+        ("stuck_ticks", "limits.stuck_ticks.trip = 100"),
+        ("added_energy_j", "limits.added_energy_j.trip = 1.0"),
+        ("lag_s", "limits.lag_s.trip = 0.01"),
+        ("gain_error", "limits.gain_error.trip = 0.1"),
+        ("lag_s", "axis = [{ limits.lag_s.trip = 0.01 }]"),
+        ("zero_disp", "axis = [{ zero_disp = \"relative\" }]"),
+        ("ats", "compensation.ats = { order = 1 }"),
+    ] {
+        let refused = format!("`{key}` needs a measured displacement");
+        shows(&said(table, ""), &refused);
+        shows(&said(table, ""), "answer_signals = [1, 1, 1, 1, 1]");
+        for measures in [
+            "openfresco = { answer_signals = [1, 1, 1, 1, 1] }",
+            "openfresco = { server = \"site\" }",
+        ] {
+            let found = said(table, measures);
+            assert!(!found.contains("needs a measured"), "{key}: {found}");
+        }
+    }
+    assert_eq!(said("limits.force_step_n.trip = 10", "probe_m = 1e-4"), "");
+}
+
+/// A key that judges all specimens together is refused where none of them measures, and warned of where some do not.
+#[test]
+fn keys_of_the_test_that_need_a_measured_displacement_judge_no_link_with_forces_only() {
+    let text = |key: &str| {
+        let text = linked(
+            10,
+            "127.0.0.1:1",
+            "protocol = \"openfresco\"\nprobe_m = 1e-4",
+        );
+        text.replace("[safety]\n", &format!("[safety]\n{key}\n"))
+    };
+    for key in ["delay_used", "added_energy_share"] {
+        let floor = if key == "delay_used" {
+            ""
+        } else {
+            ", floor_j = 1"
+        };
+        let alone = text(&format!("{key} = {{ warn = 0.5{floor} }}"));
+        let found = complaint(&alone);
+        shows(&found, &format!("`{key}` needs a measured displacement"));
+        shows(&found, "\"column\"");
+        let beside = format!("{alone}\n[[specimen]]\nname = \"other\"\nstorey = 2\n{ONE_AXIS_LAW}");
+        let loaded = config::parse(Path::new("test.toml"), beside, &[]).unwrap();
+        let warned = gusset::config::Diagnostics(loaded.warnings).to_string();
+        shows(&warned, &format!("`{key}` does not check \"column\""));
+        let measures = alone.replace("probe_m", "openfresco = { server = \"site\" }\nprobe_m");
+        let found = complaint(&measures);
+        assert!(!found.contains("needs a measured"), "{found}");
+    }
+}
+
+#[test]
+fn counts_of_signals_are_none_or_the_number_of_axes_and_answer_signals_is_named() {
+    let said = |openfresco: &str, more: &str| {
+        let link = format!("protocol = \"openfresco\"\nopenfresco = {{ {openfresco} }}\n{more}");
+        complaint(&linked(10, "127.0.0.1:1", &link))
+    };
+    for signals in ["[2, 0, 0, 2, 0]", "[1, 0, 0, 2, 0]", "[1, 2, 0, 1, 0]"] {
+        let found = said(&format!("answer_signals = {signals}"), "");
+        shows(&found, "`answer_signals` is 2");
+        shows(&found, "the number of axes");
+    }
+    let found = said("answer_signals = [1, 1, 1, 1, 1]", "stands_at_m = [0]");
+    shows(&found, "`openfresco.answer_signals` gives");
+    assert!(!found.contains("only for an element server"), "{found}");
+}
+
+#[test]
+fn what_is_believed_of_a_specimen_behind_a_link_must_be_said() {
+    let text = linked(10, "127.0.0.1:1", "");
+    let silent = text.replace("stiffness_n_per_m = 4e5\n", "");
+    shows(&complaint(&silent), "`stiffness_n_per_m` is missing");
+    let softening = text.replace("storey = 1\n", "storey = 1\nhardening_bound = 0.5\n");
+    shows(&complaint(&softening), "must be 1 or greater");
+    let inches = text.replace(
+        "[specimen.link]",
+        "[[specimen.axis]]\nunit_disp = \"in\"\n[specimen.link]",
+    );
+    shows(
+        &complaint(&inches),
+        "the protocol of Gusset does not support this `unit_disp`",
+    );
+    shows(&complaint(&inches), "protocol = \"openfresco…\"");
+    shows(&complaint(&inches), "m or mm");
+    let burst = text.replace("[timing]", "[timing]\non_miss = \"catch_up\"");
+    shows(&complaint(&burst), "move the specimen faster than planned");
+    let allowed = burst.replace("[timing]", "[timing]\ncatch_up_remote = true");
+    shows(&complaint(&allowed), "`timing.catch_up_remote` was removed");
+}
+
+#[test]
+fn a_hardening_bound_enters_the_proof_of_stability() {
+    let limit = |bound: &str| {
+        let text = linked(10, "127.0.0.1:1", "").replace(
+            "storey = 1\n",
+            &format!("storey = 1\nhardening_bound = {bound}\n"),
+        );
+        let text = text.replace(
+            "[timing]",
+            "[integrator]\nlambda = 4\nallow_unstable_lambda = true\n[timing]",
+        );
+        let loaded = config::parse(Path::new("test.toml"), text, &[]).unwrap();
+        let structure = setup::build(&loaded).unwrap().facts.structure.unwrap();
+        structure.choice().unwrap().limit
+    };
+    // Ω² = 4e5 · 20000 / 1000 · 1e-6 = 8 at the bound, above the 4 that even λ = ∞ would bear.
+    assert!(limit("1.0").is_none());
+    assert!(limit("20000.0").is_some());
+}
+
+fn served(text: &str, name: Option<&str>) -> Result<(), String> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = write(folder.path(), "serve.toml", text);
+    setup::load_served(&path, name)
+        .map(|_| ())
+        .map_err(|error| error.to_string())
+}
+
+#[test]
+fn a_file_of_specimens_or_a_test_can_be_served() {
+    let one = format!("[[specimen]]\nname = \"a\"\n{ONE_AXIS_LAW}");
+    let two = format!("{one}[[specimen]]\nname = \"b\"\n{ONE_AXIS_LAW}");
+    assert_eq!(served(&one, None), Ok(()));
+    assert_eq!(served(&two, Some("b")), Ok(()));
+    let test = test_file(10, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
+    assert_eq!(served(&test, Some("column")), Ok(()));
+    let with_table = format!("[serve]\nlisten = \"127.0.0.1:0\"\ntransport = \"udp\"\n{one}");
+    assert_eq!(served(&with_table, None), Ok(()));
+    shows(
+        &served(&two, None).unwrap_err(),
+        "choose one with --specimen NAME; the specimens of this file: a, b",
+    );
+    shows(
+        &served(&one, Some("c")).unwrap_err(),
+        "no specimen is called \"c\"",
+    );
+    shows(
+        &served("[serve]\n", None).unwrap_err(),
+        "has no `[[specimen]]`",
+    );
+    shows(
+        &served(&one.replace("gamma", "gama"), None).unwrap_err(),
+        "gama",
+    );
+    shows(
+        &served(&format!("[serve]\nlisen = \"x\"\n{one}"), None).unwrap_err(),
+        "did you mean `listen`?",
+    );
+    let inches = one.replace(
+        "[specimen.law",
+        "[[specimen.axis]]\nunit_force = \"lbf\"\n[specimen.law",
+    );
+    let folder = tempfile::tempdir().unwrap();
+    let path = write(folder.path(), "serve.toml", &inches);
+    let served = setup::load_served(&path, None).unwrap();
+    assert!(served.source.check_protocol(Offer::OpenFresco).is_ok());
+    let refused = served.source.check_protocol(Offer::Gusset).unwrap_err();
+    shows(&refused.to_string(), "`unit_force`");
+}
+
+/// A served specimen has no structure: the client commands the displacements.
+#[test]
+fn a_storey_of_a_served_specimen_leads_to_rows() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = format!("[[specimen]]\nname = \"column\"\nstorey = 1\n{ONE_AXIS_LAW}");
+    let path = write(folder.path(), "served.toml", &text);
+    let found = setup::load_served(&path, None).unwrap_err().to_string();
+    shows(&found, "`storey` refers to a structure");
+    shows(&found, "`rows`");
+    assert!(!found.contains("is prescribed"), "{found}");
+}
+
+#[test]
+fn a_live_page_on_the_port_of_a_specimen_is_refused_before_anything_connects() {
+    let folder = tempfile::tempdir().unwrap();
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    let text = linked(10, &address.to_string(), "probe = \"none\"\n");
+    let text = text.replace("clock = \"real\"", "clock = \"simulated\"");
+    let file = write(folder.path(), "test.toml", &text);
+    let mut command = crate::link_common::gusset();
+    command
+        .arg("run")
+        .arg(file)
+        .arg("--live")
+        .arg(address.to_string());
+    command.arg("--out").arg(folder.path().join("run"));
+    let output = crate::link_common::finish(command);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    for words in ["--live", "specimen `column`", &address.to_string()] {
+        shows(&said, words);
+    }
+    assert!(!folder.path().join("run").exists());
+    listener.set_nonblocking(true).unwrap();
+    assert!(listener.accept().is_err(), "something connected");
+}
+
+#[test]
+fn a_server_on_a_port_in_use_is_refused_with_the_flag_that_changes_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let file =
+        format!("[serve]\nlisten = \"{address}\"\n[[specimen]]\nname = \"column\"\n{ONE_AXIS_LAW}");
+    let path = write(folder.path(), "rig.toml", &file);
+    for protocol in ["gusset", "openfresco"] {
+        let mut command = crate::link_common::gusset();
+        command
+            .arg("serve")
+            .arg(&path)
+            .args(["--protocol", protocol]);
+        let output = crate::link_common::finish(command);
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        for words in [
+            address.as_str(),
+            "--listen",
+            "`serve.listen`",
+            "`gusset serve`",
+        ] {
+            shows(&said, words);
+        }
+    }
+}
+
+/// The exit code of `gusset serve` with these options, or none if it serves, and what it says.
+fn serve(file: &Path, options: &[&str]) -> (Option<i32>, String) {
+    let mut command = crate::link_common::gusset();
+    command.arg("serve").arg(file).args(options);
+    let mut child = command
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut line = String::new();
+    let mut stdout = BufReader::new(child.stdout.take().unwrap());
+    stdout.read_line(&mut line).unwrap();
+    if line.starts_with("listening on ") {
+        child.kill().unwrap();
+        child.wait().unwrap();
+        return (None, line);
+    }
+    let output = child.wait_with_output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    (output.status.code(), said)
+}
+
+#[test]
+fn a_gateway_on_the_port_of_its_own_specimen_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    // Two ports that are free.
+    let free = || std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let ports = [free(), free()].map(|listener| listener.local_addr().unwrap().port());
+    let [port, another] = ports.map(|port| format!("localhost:{port}"));
+    let address = port.replace("localhost", "127.0.0.1");
+    let write = |name: &str, listen: &str, link: &str| {
+        let text = crate::link_common::gateway(&address, "stiffness_n_per_m = 4e5\n", link);
+        let table = format!("[serve]\nlisten = \"{listen}\"\n[[specimen]]");
+        let text = text.replacen("[[specimen]]", &table, 1);
+        write(folder.path(), name, &text)
+    };
+    let same = write("same.toml", &port, "");
+    let other = write("other.toml", &another, "");
+    let same_udp = write("udp.toml", &port, "transport = \"udp\"\n");
+    for (file, options, key) in [
+        (&same, &[][..], "listen = "),
+        (&same, &["--protocol", "openfresco"], "listen = "),
+        (&other, &["--listen", address.as_str()], "--listen"),
+        (&same_udp, &["--transport", "udp"], "listen = "),
+    ] {
+        let (code, said) = serve(file, options);
+        assert_eq!(code, Some(2), "{said}");
+        for words in ["have the same port", "`column`", key] {
+            shows(&said, words);
+        }
+    }
+    // The option replaces the key of the file. A TCP port is not a UDP port.
+    for (file, options) in [
+        (&same, &["--listen", "127.0.0.1:0"][..]),
+        (&same_udp, &[]),
+        (&same, &["--transport", "udp"]),
+    ] {
+        let (code, said) = serve(file, options);
+        assert_eq!(code, None, "{said}");
+    }
+}

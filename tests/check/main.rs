@@ -1,0 +1,18 @@
+//! `gusset check` and the verdict: mistakes in files, ground motions, stability, rehearsal and certificate.
+
+#[path = "../common/mod.rs"]
+mod common;
+#[path = "../link_common/mod.rs"]
+mod link_common;
+
+mod bad_input;
+mod bad_structure;
+mod certificate;
+mod gateway_config;
+mod ground_motions;
+mod link_config;
+mod native_records;
+mod rehearsal;
+mod spectrum;
+mod unstable_lambda;
+mod verdict;

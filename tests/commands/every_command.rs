@@ -1,0 +1,527 @@
+//! Every command as a lab's script meets it: help with an example, one JSON document on stdout and nothing else there,
+//! no privileges needed, and wrong usage told by exit code 2.
+
+use std::fs;
+
+use crate::common::{FRAME, completed, gusset, json, names, say, write};
+use serde_json::Value;
+
+const COMMANDS: [&str; 7] = [
+    "run", "check", "jitter", "doctor", "export", "report", "schema",
+];
+
+/// All of stdout is one JSON document.
+#[track_caller]
+fn only_json(arguments: &[&str]) -> Value {
+    let said = say(arguments);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    serde_json::from_str(&said.stdout).unwrap_or_else(|e| panic!("{e}:\n{}", said.stdout))
+}
+
+#[test]
+fn the_help_of_every_command_shows_an_example_that_begins_like_it() {
+    let overview = say(["--help"]);
+    assert!(overview.code == Some(0) && overview.stdout.contains("Example"));
+    for command in COMMANDS {
+        assert!(
+            overview.stdout.contains(&format!("\n  {command} ")),
+            "{command}"
+        );
+        let help = say([command, "--help"]);
+        assert_eq!((help.code, help.stderr.as_str()), (Some(0), ""));
+        let (_, example) = help
+            .stdout
+            .split_once("Example")
+            .unwrap_or_else(|| panic!("{command}: no example"));
+        assert!(example.contains(&format!("gusset {command}")), "{example}");
+    }
+    let version = say(["--version"]);
+    assert_eq!(
+        version.stdout,
+        format!("gusset {}\n", env!("CARGO_PKG_VERSION"))
+    );
+}
+
+#[test]
+fn wrong_usage_ends_with_2_and_says_what_is_allowed() {
+    for (arguments, words) in [
+        (&["walk"][..], "unrecognized subcommand 'walk'"),
+        (&["docter"], "a similar subcommand exists: 'doctor'"),
+        (&[], "Usage: gusset"),
+        (&["run"], "<TEST>"),
+        (
+            &["run", "a.toml", "--clock", "sundial"],
+            "[possible values: real, simulated]",
+        ),
+        (
+            &["run", "a.toml", "--speed", "9"],
+            "unexpected argument '--speed'",
+        ),
+        (
+            &["export", ".", "--format", "xls", "--out", "a"],
+            "[possible values: csv, npz, mat, hdf5, trace, designsafe]",
+        ),
+        (&["jitter", "--rate", "0"], "--rate \"0\""),
+        (&["jitter", "--rate", "fast"], "--rate \"fast\""),
+        (&["jitter", "--duration", "-1"], "--duration"),
+        (
+            &["jitter", "--model", "chain", "--rates", "256,never"],
+            "--rates \"never\"",
+        ),
+        (&["jitter", "--rates", "256"], "--model"),
+        (
+            &["jitter", "--rates", "256", "--duration", "0.1"],
+            "--rates is for --model",
+        ),
+        (
+            &["jitter", "--quick", "--rate", "256"],
+            "--quick is for --model",
+        ),
+        (
+            &["jitter", "--model", "dome"],
+            "[possible values: chain, frame]",
+        ),
+        (&["jitter", "--duration", "nan"], "--duration"),
+        (
+            &["jitter", "--priority", "99"],
+            "--priority: priority is 99, wanted 1 to 98",
+        ),
+        (
+            &["jitter", "--cpu", "4096"],
+            "--cpu: cpu is 4096, wanted one of",
+        ),
+        (
+            &["report", "/nowhere/at/all"],
+            "/nowhere/at/all does not exist",
+        ),
+        (
+            &["export", "/", "--out", "/dev/null"],
+            "/ is not a run folder",
+        ),
+    ] {
+        let said = say(arguments);
+        assert_eq!(said.code, Some(2), "{arguments:?}: {}", said.stderr);
+        assert!(
+            said.stderr.contains(words),
+            "{arguments:?}: {}",
+            said.stderr
+        );
+        assert!(
+            said.stdout.is_empty() && !said.stderr.contains("panicked"),
+            "{arguments:?}"
+        );
+    }
+}
+
+#[test]
+fn a_folder_for_temporary_files_that_is_not_there_is_not_made() {
+    let folder = tempfile::tempdir().unwrap();
+    let nowhere = folder.path().join("nowhere");
+    let mut jitter = gusset();
+    jitter.args(["jitter", "--rate", "100", "--duration", "0.1"]);
+    let said = jitter.env("TMPDIR", &nowhere).output().unwrap();
+    assert_eq!(said.status.code(), Some(2));
+    let told = String::from_utf8(said.stderr).unwrap();
+    assert!(
+        told.contains("TMPDIR is ") && told.contains("nowhere"),
+        "{told}"
+    );
+    assert!(!nowhere.exists());
+}
+
+#[test]
+fn the_schema_is_json_schema_of_every_table() {
+    let schema = only_json(&["schema"]);
+    assert!(
+        schema["$schema"]
+            .as_str()
+            .unwrap()
+            .contains("json-schema.org")
+    );
+    assert_eq!(schema["type"], "object");
+    for table in [
+        "time",
+        "structure",
+        "integrator",
+        "excitation",
+        "specimen",
+        "safety",
+        "timing",
+        "record",
+    ] {
+        assert!(schema["properties"].get(table).is_some(), "{table}");
+    }
+    assert_eq!(schema["additionalProperties"], false);
+}
+
+#[test]
+fn run_and_check_with_json_print_one_document_and_nothing_else() {
+    let folder = tempfile::tempdir().unwrap();
+    // Such that there is something to warn of: that must go to stderr.
+    let text = format!("{FRAME}[safety]\nexit_speed_m_per_s = 0.01\n");
+    let test = write(folder.path(), "test.toml", &text);
+    let test = test.to_str().unwrap();
+    let short = "time.duration_s=0.01";
+    let said = say(["check", test, "--set", short]);
+    assert!(said.stderr.contains("warning: "), "{}", said.stderr);
+    let checked = only_json(&["check", test, "--json", "--set", short]);
+    assert!(checked.is_object());
+    let out = folder.path().join("out");
+    let summary = only_json(&[
+        "run",
+        test,
+        "--json",
+        "--set",
+        short,
+        "--out",
+        out.to_str().unwrap(),
+    ]);
+    assert_eq!(
+        summary,
+        json(&out, "summary.json"),
+        "what is printed is what is archived"
+    );
+}
+
+#[test]
+fn the_topics_are_listed_in_one_document_with_json() {
+    let document = only_json(&["verify", "--list", "--json"]);
+    let topics = document["topics"].as_array().unwrap();
+    assert!(topics.len() > 9);
+    for topic in topics {
+        assert!(topic["name"].is_string() && topic["title"].is_string());
+    }
+}
+
+#[test]
+fn a_drill_breaks_down_in_no_rehearsal() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = FRAME.replace("storey = 1\n", "storey = 1\ndrill.panic_at_s = 0.1\n");
+    let test = write(folder.path(), "test.toml", &text);
+    let said = say(["check".as_ref(), test.as_os_str(), "--verbose".as_ref()]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert!(said.stdout.contains("rehearsal") && !said.stderr.contains("internal error"));
+}
+
+#[test]
+fn run_says_in_the_end_what_the_test_came_to_and_where_it_is_unless_it_is_to_be_quiet() {
+    let folder = tempfile::tempdir().unwrap();
+    let test = write(folder.path(), "test.toml", FRAME);
+    let out = folder.path().join("out");
+    let said = completed(&test, &out, &[]);
+    assert_eq!(said.stdout, "");
+    for word in [
+        "Frame — completed",
+        "100 steps",
+        "peak displacement",
+        " at DOF 2, relative to the ground",
+        "peak force, storey",
+        "lambda",
+        "report.html",
+    ] {
+        assert!(said.stderr.contains(word), "{word}: {}", said.stderr);
+    }
+    for word in ["\u{1b}", "\r"] {
+        assert!(
+            !said.stderr.contains(word),
+            "progress and colour belong to a terminal"
+        );
+    }
+    let said = completed(&test, &folder.path().join("quiet"), &["--quiet"]);
+    assert_eq!((said.stdout.as_str(), said.stderr.as_str()), ("", ""));
+}
+
+#[test]
+fn doctor_names_every_topic_with_what_was_found_and_what_to_do() {
+    let said = say(["doctor"]);
+    assert_eq!(
+        (said.code, said.stderr.as_str()),
+        (Some(0), ""),
+        "{}",
+        said.stdout
+    );
+    let findings = only_json(&["doctor", "--json"]);
+    let findings = findings.as_array().unwrap();
+    assert!(findings.len() > 5);
+    for finding in findings {
+        let (topic, verdict) = (
+            finding["topic"].as_str().unwrap(),
+            finding["verdict"].as_str().unwrap(),
+        );
+        assert!(said.stdout.contains(topic), "{topic}");
+        assert!(
+            ["good", "fair", "poor", "unknown"].contains(&verdict),
+            "{finding}"
+        );
+        assert!(!finding["found"].as_str().unwrap().is_empty(), "{finding}");
+        assert!(
+            verdict != "poor" || finding["advice"].is_string(),
+            "poor without advice: {finding}"
+        );
+    }
+    // The last entry is the verdict, and the page ends with it.
+    let verdict = findings.last().unwrap();
+    assert_eq!(verdict["topic"], "verdict");
+    let (_, end) = said.stdout.rsplit_once("\nverdict ").unwrap();
+    assert!(end.contains(verdict["found"].as_str().unwrap()), "{end}");
+    assert!(end.contains("first: ") && end.lines().count() <= 4, "{end}");
+}
+
+#[test]
+fn doctor_works_for_nobody() {
+    let mut command = std::process::Command::new("setpriv");
+    let nobody = [
+        "--reuid=65534",
+        "--regid=65534",
+        "--clear-groups",
+        "--inh-caps=-all",
+        "--bounding-set=-all",
+    ];
+    command
+        .args(nobody)
+        .arg(assert_cmd::cargo::cargo_bin!("gusset"))
+        .args(["doctor", "--json"]);
+    let said = match command.output() {
+        Ok(output) if !output.stderr.starts_with(b"setpriv:") => crate::common::Said::from(output),
+        // Whoever cannot drop privileges has none, or no tool for it.
+        _ => say(["doctor", "--json"]),
+    };
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert!(
+        serde_json::from_str::<Value>(&said.stdout)
+            .unwrap()
+            .is_array()
+    );
+}
+
+#[test]
+fn jitter_prints_one_document_with_the_keys_of_the_timing() {
+    let found = only_json(&["jitter", "--rate", "500", "--duration", "0.3", "--json"]);
+    assert_eq!(
+        (&found["rate_hz"], &found["ticks"]),
+        (&500.0.into(), &151.into())
+    );
+    for quantity in [
+        "wakeup_lateness",
+        "command_lateness",
+        "compute",
+        "record",
+        "tick_time",
+        "slack",
+        "miss",
+    ] {
+        for part in ["count", "min", "p50", "p90", "p99", "p99_9", "max"] {
+            assert!(
+                found["timing"][quantity].get(part).is_some(),
+                "timing.{quantity}.{part}"
+            );
+        }
+    }
+    assert!(
+        found["timing"]["wakeup_lateness"]["count"]
+            .as_u64()
+            .unwrap()
+            >= 151
+    );
+    for key in [
+        "deadline_misses",
+        "miss_classes",
+        "realtime",
+        "wall_seconds",
+    ] {
+        assert!(found.get(key).is_some(), "{key}");
+    }
+    let verdict = &found["verdict"];
+    assert_eq!(verdict["rate_hz"], 500.0);
+    assert_eq!(verdict["misses"], found["deadline_misses"]);
+    // So short a measurement proves no rate; a miss forbids one if all real-time rights were granted.
+    let missed = found["deadline_misses"] != 0;
+    let forbidden = missed && verdict["granted"] == true;
+    assert_eq!(verdict["fit"].as_bool(), forbidden.then_some(false));
+    assert_eq!(
+        (&verdict["loaded"], &verdict["complete"]),
+        (&false.into(), &true.into())
+    );
+    assert_eq!(verdict["seconds"], found["wall_seconds"]);
+    assert!(!verdict["reservations"].as_array().unwrap().is_empty() || forbidden);
+    let words = verdict["text"].as_str().unwrap();
+    let word = if forbidden { "no" } else { "not known" };
+    assert!(
+        words.starts_with(&format!("fit for 500 Hz: {word}, ")),
+        "{words}"
+    );
+}
+
+#[test]
+fn jitter_leaves_histograms_numbers_and_a_picture_where_it_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("jitter");
+    let arguments = [
+        "jitter",
+        "--rate",
+        "1000/3",
+        "--duration",
+        "0.3",
+        "--out",
+        out.to_str().unwrap(),
+    ];
+    let said = say(arguments);
+    assert_eq!(
+        (said.code, said.stdout.as_str()),
+        (Some(0), ""),
+        "{}",
+        said.stderr
+    );
+    assert!(
+        said.stderr.contains("wakeup lateness") && said.stderr.contains("deadline misses"),
+        "{}",
+        said.stderr
+    );
+    assert!(said.stderr.contains("\nverdict "), "{}", said.stderr);
+    let found = names(&out);
+    for name in [
+        "timing.json",
+        "jitter.svg",
+        "wakeup_lateness.hgrm",
+        "tick_time.hgrm",
+        "summary.json",
+    ] {
+        assert!(found.iter().any(|n| n == name), "{name}: {found:?}");
+    }
+    let picture = fs::read_to_string(out.join("jitter.svg")).unwrap();
+    assert!(picture.contains("<svg") && picture.trim_end().ends_with("</svg>"));
+    assert!(json(&out, "timing.json")["wakeup_lateness"]["p50"].is_number());
+    let again = say(arguments);
+    assert_eq!(again.code, Some(2), "never over what is there");
+}
+
+#[test]
+fn the_largest_model_that_keeps_its_deadlines_is_searched_drawn_and_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("frontier");
+    let said = say([
+        "jitter",
+        "--model",
+        "chain",
+        "--rates",
+        "2000",
+        "--quick",
+        "--json",
+        "--out",
+        out.to_str().unwrap(),
+    ]);
+    // On a machine that is busy enough no size keeps its deadlines: that is an answer too.
+    let found: serde_json::Value = serde_json::from_str(&said.stdout).expect(&said.stderr);
+    let points = found["frontier"].as_array().unwrap();
+    assert_eq!(
+        said.code,
+        Some(i32::from(points.is_empty())),
+        "{}",
+        said.stderr
+    );
+    for point in points {
+        assert!(point["dofs"].as_u64().unwrap() >= 2);
+        assert!(point["kept"].as_f64().unwrap() >= 0.9999);
+        assert_eq!(point["ticks"], 1001);
+    }
+    assert_eq!(names(&out), ["frontier.csv", "frontier.svg"]);
+    let table = fs::read_to_string(out.join("frontier.csv")).unwrap();
+    assert_eq!(table.lines().count(), 1 + points.len());
+    let picture = fs::read_to_string(out.join("frontier.svg")).unwrap();
+    assert!(picture.contains("Gui et al. 2014, Table 2") && picture.contains("on a GPU"));
+}
+
+#[test]
+fn a_report_can_be_written_again_from_the_folder_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let test = write(folder.path(), "test.toml", FRAME);
+    let out = folder.path().join("out");
+    completed(&test, &out, &[]);
+    let page = fs::read(out.join("report.html")).unwrap();
+    fs::remove_file(out.join("report.html")).unwrap();
+    fs::remove_file(&test).unwrap();
+    let moved = folder.path().join("moved");
+    fs::rename(&out, &moved).unwrap();
+    let picture = folder.path().join("hero.svg");
+    let mut command = gusset();
+    command
+        .arg("report")
+        .arg(&moved)
+        .arg("--picture")
+        .arg(&picture);
+    assert_eq!(command.output().unwrap().status.code(), Some(0));
+    assert!(
+        fs::read(moved.join("report.html")).unwrap() == page,
+        "the same page from the same folder"
+    );
+    assert!(fs::read_to_string(&picture).unwrap().contains("<svg"));
+}
+
+/// The benchmark's first case without a compensator, and with these arguments.
+fn benchmark(arguments: &[&str]) -> crate::common::Said {
+    let case = ["benchmark", "vrths", "--case", "1", "--controller", "none"];
+    say(case.iter().chain(arguments))
+}
+
+#[test]
+fn a_record_of_the_benchmark_without_a_step_is_refused_by_the_name_of_the_option() {
+    let folder = tempfile::tempdir().unwrap();
+    let record = folder.path().join("record.csv");
+    fs::write(&record, "a\n0.0\n0.5\n-0.5\n0.0\n").unwrap();
+    let said = benchmark(&["--unit", "g", "--record", record.to_str().unwrap()]);
+    assert_ne!(said.code, Some(0));
+    assert!(said.stderr.contains("give --record-dt"), "{}", said.stderr);
+    assert!(!said.stderr.contains("dt_s"), "{}", said.stderr);
+}
+
+#[test]
+fn what_is_said_of_a_record_needs_one() {
+    for (key, value) in [("--scale", "3"), ("--unit", "g"), ("--record-dt", "0.02")] {
+        let said = benchmark(&[key, value]);
+        assert_eq!(said.code, Some(2), "{key}: {}", said.stderr);
+        assert!(
+            said.stderr.contains("--record <FILE>"),
+            "{key}: {}",
+            said.stderr
+        );
+    }
+    let said = say([
+        "benchmark",
+        "vrths",
+        "--record",
+        "none.AT2",
+        "--scale",
+        "nan",
+    ]);
+    assert_eq!(said.code, Some(2), "{}", said.stderr);
+    assert!(said.stderr.contains("a finite number"), "{}", said.stderr);
+}
+
+#[test]
+fn log_level_decides_which_messages_reach_stderr() {
+    let folder = tempfile::tempdir().unwrap();
+    let test = write(folder.path(), "test.toml", FRAME);
+    let test = test.to_str().unwrap();
+    let run = |out: &str, before: &[&str], variable: Option<&str>| {
+        let mut command = gusset();
+        let out = folder.path().join(out);
+        command.args(before).args(["run", test, "--json"]);
+        command.args(["--set", "time.duration_s=0.05", "--out"]);
+        command.arg(out).env_remove("GUSSET_LOG");
+        if let Some(level) = variable {
+            command.env("GUSSET_LOG", level);
+        }
+        let said = crate::common::Said::from(command.output().unwrap());
+        assert_eq!(said.code, Some(0), "{}", said.stderr);
+        let summary: Value = serde_json::from_str(&said.stdout).unwrap();
+        assert_eq!(summary["status"], "completed");
+        said.stderr.contains(" INFO ")
+    };
+    assert!(!run("default", &[], None));
+    assert!(run("option", &["--log", "info"], None));
+    assert!(run("variable", &[], Some("info")));
+    assert!(!run("both", &["--log", "error"], Some("info")));
+    assert!(!run("unknown", &[], Some("gusset=info")));
+    let wrong = say(["--log", "loud", "schema"]);
+    assert_eq!(wrong.code, Some(2));
+}

@@ -1,0 +1,14 @@
+//! The commands as users and scripts call them.
+
+#[path = "../common/mod.rs"]
+mod common;
+#[path = "../tls_common/mod.rs"]
+mod tls_common;
+
+mod every_command;
+mod every_study;
+mod new_and_list;
+mod operator;
+mod privileges;
+mod studies_with_a_server;
+mod verify;

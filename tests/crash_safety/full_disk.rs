@@ -1,0 +1,238 @@
+//! A disk that fills up does not end a test: it runs to its end, whole rows stay whole, and every loss is counted and shouted.
+
+use std::fs;
+use std::io::Write;
+use std::os::unix::net::UnixStream;
+use std::path::Path;
+use std::process::Command;
+
+use crate::common::{FRAME, PATIENT, Said, completed, gusset, json, say, write};
+use gusset::record::Run;
+
+/// The binary with no file longer than so many kB.
+fn under_limit(kilobytes: u32) -> Command {
+    let script = format!("ulimit -f {kilobytes}; exec \"$0\" \"$@\"");
+    let mut command = Command::new("bash");
+    command
+        .args(["-c", &script])
+        .arg(assert_cmd::cargo::cargo_bin!("gusset"));
+    command
+}
+
+/// `gusset run` under that limit.
+fn on_a_full_disk(kilobytes: u32, test: &Path, out: &Path, more: &[&str]) -> Said {
+    let mut command = under_limit(kilobytes);
+    command
+        .arg("run")
+        .arg(test)
+        .arg("--out")
+        .arg(out)
+        .args(more)
+        .output()
+        .unwrap()
+        .into()
+}
+
+/// With six to eight files, a library of ours panicked where its signals were set up.
+#[test]
+fn too_few_files_are_a_refusal_before_anything_is_made() {
+    let folder = tempfile::tempdir().unwrap();
+    let test = write(folder.path(), "test.toml", FRAME);
+    let out = folder.path().join("out");
+    for files in [6, 7, 8, 16, 63] {
+        let script = format!("ulimit -n {files}; exec \"$0\" \"$@\"");
+        let mut command = Command::new("bash");
+        command
+            .args(["-c", &script])
+            .arg(assert_cmd::cargo::cargo_bin!("gusset"))
+            .arg("run")
+            .arg(&test)
+            .arg("--out")
+            .arg(&out);
+        let said: Said = command.output().unwrap().into();
+        assert_eq!(said.code, Some(2), "{files}: {}", said.stderr);
+        assert!(said.stderr.contains("ulimit -n"), "{}", said.stderr);
+        assert!(!out.exists());
+    }
+}
+
+#[test]
+fn a_full_disk_does_not_end_the_test_but_every_lost_row_is_counted_and_shouted() {
+    let folder = tempfile::tempdir().unwrap();
+    let test = write(
+        folder.path(),
+        "test.toml",
+        &FRAME.replace("duration_s = 0.5", "duration_s = 20"),
+    );
+    let out = folder.path().join("out");
+    let said = on_a_full_disk(64, &test, &out, &[]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let summary = json(&out, "summary.json");
+    assert_eq!(
+        (&summary["status"], &summary["steps"]),
+        (&"completed".into(), &4000.into())
+    );
+    let lost = summary["rows_lost"].as_u64().unwrap();
+    let run = Run::open(&out).unwrap();
+    let length = fs::metadata(out.join("samples.bin")).unwrap().len();
+    assert_eq!(length % run.layout().stride() as u64, 0, "whole rows only");
+    assert_eq!(length / run.layout().stride() as u64 + lost, 4001);
+    assert!(
+        said.stderr.contains(&format!("{lost} ROWS ARE LOST")),
+        "{}",
+        said.stderr
+    );
+    assert!(said.stderr.contains("File too large"), "{}", said.stderr);
+    let steps = run.columns(&["step"]).unwrap().remove(0);
+    assert!(
+        !steps.is_empty()
+            && steps
+                .iter()
+                .enumerate()
+                .all(|(row, step)| *step == row as f64)
+    );
+    let events = fs::read_to_string(out.join("events.jsonl")).unwrap();
+    assert!(events.contains("\"rows_lost\""), "{events}");
+    let said = say(["report".as_ref(), out.as_os_str()]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert!(
+        fs::read_to_string(out.join("report.html"))
+            .unwrap()
+            .contains(&format!("{lost} rows"))
+    );
+}
+
+#[test]
+fn a_record_that_is_required_makes_lost_rows_a_stopped_test() {
+    let folder = tempfile::tempdir().unwrap();
+    let test = write(
+        folder.path(),
+        "test.toml",
+        &FRAME.replace("duration_s = 0.5", "duration_s = 20"),
+    );
+    let out = folder.path().join("out");
+    let said = on_a_full_disk(64, &test, &out, &["--set", "record.required=true"]);
+    assert_eq!(said.code, Some(1), "{}", said.stderr);
+    let summary = json(&out, "summary.json");
+    assert_eq!(
+        (&summary["status"], &summary["steps"]),
+        (&"stopped".into(), &4000.into())
+    );
+    assert!(
+        summary["reason"].as_str().unwrap().contains("rows lost"),
+        "{summary}"
+    );
+}
+
+#[test]
+fn a_disk_without_room_for_anything_is_told_before_the_test_and_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let test = write(folder.path(), "test.toml", FRAME);
+    let out = folder.path().join("out");
+    let said = on_a_full_disk(4, &test, &out, &[]);
+    assert_eq!(said.code, Some(2), "{}", said.stderr);
+    assert!(
+        said.stderr.contains("samples.json: File too large"),
+        "{}",
+        said.stderr
+    );
+    assert!(!out.exists());
+}
+
+#[test]
+fn every_command_tells_that_a_file_has_reached_its_limit_and_leaves_no_part_of_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let test = write(folder.path(), "test.toml", FRAME);
+    let out = folder.path().join("out");
+    completed(&test, &out, &[]);
+    let page = fs::read(out.join("report.html")).unwrap();
+    let table = folder.path().join("rows.csv");
+    let export = ["export".as_ref(), out.as_os_str(), "--out".as_ref()];
+    let export = [&export[..], &[table.as_os_str()]].concat();
+    let report = ["report".as_ref(), out.as_os_str()];
+    let commands = [&["schema".as_ref()][..], &export, &report];
+    for arguments in commands {
+        let schema = fs::File::create(folder.path().join("schema.json")).unwrap();
+        let mut command = under_limit(8);
+        command.args(arguments).stdout(schema);
+        let said: Said = command.output().unwrap().into();
+        assert_eq!(said.code, Some(2), "{arguments:?}: {}", said.stderr);
+        assert!(said.stderr.contains("File too large"), "{}", said.stderr);
+    }
+    assert!(!table.exists());
+    assert_eq!(fs::read(out.join("report.html")).unwrap(), page);
+}
+
+/// As a service's output may be, whose reader is gone or asleep.
+#[test]
+fn a_socket_that_nobody_empties_ends_nothing_and_holds_up_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let limits = "[specimen.limits]\ncommand_disp_m = { warn = [-1e-6, 1e-6], trip = [-1, 1] }\n";
+    let test = write(folder.path(), "test.toml", &format!("{FRAME}{limits}"));
+    let (theirs, _unread) = UnixStream::pair().unwrap();
+    theirs.set_nonblocking(true).unwrap();
+    while (&theirs).write(b".").is_ok() {}
+    theirs.set_nonblocking(false).unwrap();
+    let out = folder.path().join("out");
+    // A test that hangs is ended, and fails.
+    let mut command = Command::new("timeout");
+    command
+        .args(["-s", "KILL", "60"])
+        .arg(assert_cmd::cargo::cargo_bin!("gusset"))
+        .arg("run")
+        .arg(&test)
+        .args(["--quiet", "--out"])
+        .arg(&out);
+    let status = command
+        .stderr(std::os::fd::OwnedFd::from(theirs))
+        .status()
+        .unwrap();
+    assert_eq!(status.code(), Some(0));
+    assert_eq!(json(&out, "summary.json")["status"], "completed");
+    let events = fs::read_to_string(out.join("events.jsonl")).unwrap();
+    assert!(events.contains("\"limit_warning\""), "{events}");
+}
+
+#[test]
+fn a_log_that_nobody_can_write_or_read_ends_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let test = write(folder.path(), "test.toml", FRAME);
+    let full = || fs::File::options().write(true).open("/dev/full").unwrap();
+    let out = folder.path().join("out");
+    let mut command = gusset();
+    command
+        .arg("run")
+        .arg(&test)
+        .arg("--out")
+        .arg(&out)
+        .args(["--json", "--clock", "real"])
+        .args(PATIENT);
+    let status = command.stdout(full()).stderr(full()).status().unwrap();
+    assert_eq!(status.code(), Some(0));
+    assert_eq!(json(&out, "summary.json")["status"], "completed");
+    assert!(out.join("report.html").exists());
+    // The log says most when the disk is full, and lies on it more often than not.
+    let test = write(
+        folder.path(),
+        "long.toml",
+        &FRAME.replace("duration_s = 0.5", "duration_s = 20"),
+    );
+    let out = folder.path().join("full");
+    let mut command = under_limit(64);
+    command.arg("run").arg(&test).arg("--out").arg(&out);
+    let status = command.stdout(full()).stderr(full()).status().unwrap();
+    assert_eq!(status.code(), Some(0));
+    let summary = json(&out, "summary.json");
+    assert!(summary["rows_lost"].as_u64().unwrap() > 0);
+    assert_eq!(summary["status"], "completed");
+    let status = gusset()
+        .args(["check", "none.toml"])
+        .stderr(full())
+        .status()
+        .unwrap();
+    assert_eq!(
+        status.code(),
+        Some(2),
+        "a message that cannot be written is no panic"
+    );
+}

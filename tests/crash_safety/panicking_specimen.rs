@@ -1,0 +1,274 @@
+//! Our own panic is caught at the boundary of the loop's thread: every specimen gets its last words exactly once, and the
+//! folder tells how far the test came.
+
+use std::fs;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use crate::common::{FRAME, PATIENT, json, say, write};
+use crate::link_common::Served;
+use gusset::catalog::ending::Cause;
+use gusset::config;
+use gusset::port::{Axis, Port};
+use gusset::record::summary::Status;
+use gusset::record::{Run, RunFolder};
+use gusset::session::{self, Finished, Watches};
+use gusset::setup::{self, Prepared};
+use gusset::substructure::{
+    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
+};
+use gusset::time::Nanos;
+
+/// A spring whose code has a bug that shows at a given time, and perhaps another in its last words.
+#[derive(Debug)]
+struct Buggy {
+    disp: f64,
+    fails_at: f64,
+    fails_at_the_end: bool,
+    goodbyes: Arc<AtomicUsize>,
+}
+
+impl Substructure for Buggy {
+    fn axes(&self) -> usize {
+        1
+    }
+    fn coupling(&self) -> Coupling {
+        Coupling::Lockstep
+    }
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        assert!(command.time < self.fails_at, "the bug of step 50");
+        self.disp = command.disp[0];
+        Ok(())
+    }
+    fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        into.disp[0] = self.disp;
+        into.force[0] = 2.5e5 * self.disp;
+        Ok(Freshness::Fresh)
+    }
+    fn retire(&mut self, how: Retirement) {
+        assert_eq!(how, Retirement::Tripped);
+        self.goodbyes.fetch_add(1, Ordering::SeqCst);
+        assert!(!self.fails_at_the_end, "the bug at the goodbye");
+    }
+}
+
+/// The frame with two buggy springs side by side in its bottom storey, run into `out`; how it ended, and the last
+/// words of each.
+fn run(out: &Path, fails_at: f64, fails_at_the_end: bool) -> (Finished, [usize; 2]) {
+    let loaded = config::parse(Path::new("test.toml"), FRAME.to_owned(), &[]).unwrap();
+    let mut test: Prepared = setup::build(&loaded).unwrap();
+    let goodbyes = [(); 2].map(|()| Arc::new(AtomicUsize::new(0)));
+    let port = |index: usize, fails_at: f64, fails_at_the_end: bool| {
+        let specimen = Buggy {
+            disp: 0.0,
+            fails_at,
+            fails_at_the_end,
+            goodbyes: Arc::clone(&goodbyes[index]),
+        };
+        let axes = vec![Axis::plain(vec![(0, 1.0)])];
+        Port::new(
+            ["first", "second"][index],
+            axes,
+            Box::new(specimen),
+            2,
+            vec![2.5e5],
+        )
+        .unwrap()
+    };
+    test.experiment.ports = vec![
+        port(0, fails_at, fails_at_the_end),
+        port(1, f64::MAX, false),
+    ];
+    let folder = RunFolder::create(out).unwrap();
+    let requests = crossbeam_channel::never();
+    let finished = session::run(test, folder, requests, Watches::default(), &mut |_| {}).unwrap();
+    (finished, goodbyes.map(|count| count.load(Ordering::SeqCst)))
+}
+
+#[test]
+fn a_panic_is_a_failed_test_whose_specimens_are_retired_once_and_whose_folder_is_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    // Step 50 of 200 Hz.
+    let (finished, goodbyes) = run(&out, 0.2499, false);
+    assert_eq!(goodbyes, [1, 1]);
+    assert_eq!(
+        (finished.cause, finished.summary.status),
+        (Cause::Internal, Status::Failed)
+    );
+    let summary = json(&out, "summary.json");
+    assert_eq!(
+        (&summary["status"], &summary["steps"]),
+        (&"failed".into(), &49.into())
+    );
+    assert_eq!(summary["reason"], "internal error: the bug of step 50");
+    assert!(summary["peak"]["displacement"][0].as_f64().unwrap() > 0.0);
+    let steps = Run::open(&out)
+        .unwrap()
+        .columns(&["step"])
+        .unwrap()
+        .remove(0);
+    assert_eq!(
+        steps,
+        (0..50).map(f64::from).collect::<Vec<_>>(),
+        "every row made is in the file"
+    );
+    assert!(
+        json(&out, "timing.json")["compute"]["count"]
+            .as_u64()
+            .unwrap()
+            >= 50
+    );
+    let events = fs::read_to_string(out.join("events.jsonl")).unwrap();
+    assert!(
+        events.contains("\"internal_error\"") && events.contains("\"ended\""),
+        "{events}"
+    );
+    session::write_report(&out).unwrap();
+    assert!(
+        fs::read_to_string(out.join("report.html"))
+            .unwrap()
+            .contains("the bug of step 50")
+    );
+}
+
+#[test]
+fn last_words_that_panic_too_do_not_cost_the_next_specimen_its_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let (finished, goodbyes) = run(&folder.path().join("out"), 0.2499, true);
+    assert_eq!(goodbyes, [1, 1]);
+    assert_eq!(finished.cause, Cause::Internal);
+    let reason = finished.summary.reason;
+    assert!(
+        reason.contains("the bug of step 50") && reason.contains("the bug at the goodbye"),
+        "{reason}"
+    );
+}
+
+/// Through the program itself, on both clocks: a specimen that is computed fails on purpose at 0.25 s, another one stands behind a
+/// link. It hears that the test tripped, and the folder is whole.
+#[test]
+fn a_drill_exits_with_5_and_the_specimen_behind_the_link_is_retired() {
+    for clock in ["simulated", "real"] {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let far = "[[specimen]]\nname = \"far\"\nlaw.linear.stiffness_n_per_m = 2e5\n\
+                   limits = { command_disp_m = { trip = [-0.1, 0.1] }, measured_force_n = { trip = [-1e5, 1e5] } }\n";
+        let served = Served::start(folder, far, &["--transport", "udp"]);
+        let text = format!(
+            "{FRAME}drill_\n{}storey = 2\nstiffness_n_per_m = 2e5\nlink = {{ address = \"{}\", transport = \"udp\", coupling = \"lockstep\" }}\n",
+            far.replace("law.linear.stiffness_n_per_m = 2e5\n", ""),
+            served.address
+        );
+        let text = text
+            .replace("storey = 1\n", "storey = 1\ndrill.panic_at_s = 0.2499\n")
+            .replace("drill_\n", "");
+        let test = write(folder, "test.toml", &text);
+        let out = folder.join("out");
+        let mut arguments = vec![
+            "run".as_ref(),
+            test.as_os_str(),
+            "--out".as_ref(),
+            out.as_os_str(),
+        ];
+        arguments.extend(["--clock", clock].map(std::ffi::OsStr::new));
+        arguments.extend(PATIENT.map(std::ffi::OsStr::new));
+        let said = say(arguments);
+        assert_eq!(said.code, Some(5), "{}", said.stderr);
+        assert!(
+            said.stderr.contains("fault injection: at 0.2499 s"),
+            "{}",
+            said.stderr
+        );
+        assert!(
+            said.stderr.contains("FAILED: internal error"),
+            "{}",
+            said.stderr
+        );
+        served.hears("retired because the test tripped");
+
+        let summary = json(&out, "summary.json");
+        assert_eq!(summary["status"], "failed");
+        let reason = summary["reason"].as_str().unwrap();
+        assert!(
+            reason.starts_with(
+                "internal error: fault injection: the specimen's code fails on purpose at 0.25 s"
+            ),
+            "{reason}"
+        );
+        // Step 50 of 200 Hz was never closed, and every row before it is there.
+        assert_eq!(
+            (&summary["steps"], &summary["rows_lost"]),
+            (&49.into(), &0.into())
+        );
+        let run = Run::open(&out).unwrap();
+        let columns = run.columns(&["step", "state", "cmd_2_1"]).unwrap();
+        let test = columns[0]
+            .iter()
+            .zip(&columns[1])
+            .filter(|(_, state)| **state == 3.0);
+        let steps: Vec<f64> = test.map(|(step, _)| *step).collect();
+        assert_eq!(steps, (0..50).map(f64::from).collect::<Vec<_>>());
+        assert!(
+            columns[2].iter().any(|disp| disp.abs() > 1e-6),
+            "it had moved"
+        );
+        let report = fs::read_to_string(out.join("report.html")).unwrap();
+        assert!(report.contains("fails on purpose"));
+        let events = fs::read_to_string(out.join("events.jsonl")).unwrap();
+        assert!(events.contains("\"internal_error\""), "{events}");
+        // What was recorded is replayed up to there, without a drill.
+        let said = say(["replay".as_ref(), out.as_os_str()]);
+        assert_eq!(said.code, Some(0), "{}{}", said.stdout, said.stderr);
+    }
+}
+
+#[test]
+fn a_drill_is_refused_where_it_could_not_come() {
+    let line = "drill = { panic_at_s = 3 }";
+    let text = FRAME.replace("storey = 1\n", &format!("storey = 1\n{line}\n"));
+    let words = ["the fault of `drill` is at 3 s, but the test ends at 0.5 s"];
+    crate::common::refusal::refused(&text, &[], line, "3", &words);
+    let text = FRAME.replace("storey = 1\n", "storey = 1\ndrill = { panic_at_s = -1 }\n");
+    crate::common::refusal::refused(
+        &text,
+        &[],
+        "drill = { panic_at_s = -1 }",
+        "-1",
+        &["panic_at_s"],
+    );
+}
+
+/// What was drilled goes on from its last row as if nothing had been: the same bits at the end as without the drill. At full
+/// pace at once: easing would split the way of a spring that yields, which rounds otherwise.
+#[test]
+fn a_test_goes_on_after_its_drill() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let plain = format!("{FRAME}\n[safety]\nease_s = 0\n");
+    let drilled = plain.replace("storey = 1\n", "storey = 1\ndrill.panic_at_s = 0.2499\n");
+    let test = write(folder, "test.toml", &drilled);
+    let broken = folder.join("broken");
+    assert_eq!(crate::common::run(&test, &broken, &[]).code, Some(5));
+    let next = folder.join("next");
+    let said = say([
+        "run".as_ref(),
+        "--resume".as_ref(),
+        broken.as_os_str(),
+        "--out".as_ref(),
+        next.as_os_str(),
+    ]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let whole = folder.join("whole");
+    crate::common::completed(&write(folder, "whole.toml", &plain), &whole, &[]);
+    let last = |folder: &Path| {
+        let names = ["step", "x1", "x2", "v1", "v2", "force_1_1", "cmd_1_1"];
+        let columns = Run::open(folder).unwrap().columns(&names).unwrap();
+        let last = columns
+            .iter()
+            .map(|column| column.last().unwrap().to_bits());
+        last.collect::<Vec<_>>()
+    };
+    assert_eq!(last(&next), last(&whole));
+}

@@ -1,0 +1,817 @@
+//! Steps of many ticks: the command goes from target to target without a corner, a slow partner holds up nobody, and a hold
+//! comes to rest and goes on slowly. Whatever the pace, the response is the same, and a replay finds the same bits.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
+
+use crate::common::engine::{Run, prepare, run, run_on, run_under};
+use crate::common::spring::Spring;
+use gusset::engine::{Control, Ending, NOT_AWAITED, Operator, Phase};
+use gusset::port::{Axis, HOLD_AT, Order, Port};
+use gusset::record::RunFolder;
+use gusset::session::{self, Watches, replay};
+use gusset::substructure::{
+    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
+};
+use gusset::time::{Nanos, SimClock};
+
+/// Steps of 10 ms, springs of 2e5 N/m on the bottom storey; `ticks` of them.
+fn frame(ticks: u32, more: &str) -> String {
+    format!(
+        "{more}\n[time]\nstep_s = 0.01\nduration_s = 1.5\nclock = \"simulated\"\nticks_per_step = {ticks}\n[integrator]\n\
+         lambda = 2\n[structure.shear_building]\nmass_kg = [2e3, 2e3]\nstiffness_n_per_m = [3e5, 3e5]\n\
+         [excitation.ground_acceleration.signal.sine]\namplitude = 5\nfrequency_hz = 1\nphase_rad = 1\n[timing]\n\
+         warmup_ticks = 3\n"
+    )
+}
+
+const SPRING: &str =
+    "[[specimen]]\nname = \"near\"\nstorey = 1\nlaw.linear = { stiffness_n_per_m = 2e5 }\n";
+const STIFFNESS: f64 = 2e5;
+
+/// Number and test time of every command.
+type Commands = Arc<Mutex<Vec<(u64, f64)>>>;
+
+/// A spring that takes some looks before its answer is there: `late[k % n]` for its command k, from 1.
+fn slow(late: &[u32]) -> (Spring, Commands) {
+    let (late, commands) = (late.to_vec(), Commands::default());
+    let heard = Arc::clone(&commands);
+    let spring = Spring::new(1e5, move |command| {
+        let mut heard = heard.lock().unwrap();
+        heard.push((command.sequence, command.time));
+    });
+    let slow = spring.answering(move |looks, told| looks > late[told % late.len()]);
+    (slow, commands)
+}
+
+/// The frame with a spring in each storey, the upper one behind a slow link.
+fn with_slow(ticks: u32, late: &[u32]) -> (Run, Commands) {
+    let mut experiment = prepare(&format!("{}{SPRING}", frame(ticks, ""))).experiment;
+    let (slow, commands) = slow(late);
+    let axis = Axis::plain(vec![(0, -1.0), (1, 1.0)]);
+    let port = Port::new("far", vec![axis], Box::new(slow), 2, vec![1e5]).unwrap();
+    experiment
+        .ports
+        .push(port.with_pace(true, Order::Quadratic));
+    (run_on(experiment, SimClock::new()), commands)
+}
+
+/// Largest second difference of a series, over its largest value.
+fn corner(series: &[f64]) -> f64 {
+    let size = series.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+    let turns = series.windows(3).map(|w| (w[2] - 2.0 * w[1] + w[0]).abs());
+    turns.fold(0.0, f64::max) / size
+}
+
+fn count(run: &Run, code: f64) -> usize {
+    run.all("state")
+        .iter()
+        .filter(|state| **state == code)
+        .count()
+}
+
+#[test]
+fn many_ticks_a_step_change_nothing_of_the_response_and_the_command_has_no_corners() {
+    let plain = run(&format!("{}{SPRING}", frame(1, "")));
+    let fine = run(&format!("{}{SPRING}", frame(20, "")));
+    for column in ["x1", "x2", "v2", "a1", "force_1_1", "target_1_1", "time"] {
+        assert_eq!(fine.column(column), plain.column(column), "{column}");
+    }
+    assert_eq!(count(&fine, 11.0), 150 * 19);
+    let command: Vec<f64> = fine.all("cmd_1_1").into_iter().collect();
+    // The response is at most 3.2 Hz (the second mode of the frame): sampled at 2 kHz a smooth way turns by (2π 3.2/2000)²
+    // a tick, 1e-4; four times as much for the cubics between the targets. A ramp with a corner at each target would
+    // turn by a whole step's change of slope at once: 20 times (2π 3.2/100)²/20.
+    let turn = (std::f64::consts::TAU * 3.2 / 2000.0).powi(2);
+    assert!(corner(&command) < 4.0 * turn, "{} {turn}", corner(&command));
+    let time = fine.all("time");
+    assert!(time.windows(2).all(|w| w[1] >= w[0]));
+    // In between, the force is that of the command of that very tick.
+    let (raw, force) = (fine.all("raw_force_1_1"), fine.all("cmd_1_1"));
+    assert!(raw.iter().zip(&force).all(|(f, d)| *f == STIFFNESS * d));
+}
+
+#[test]
+fn a_slow_partner_is_told_once_a_step_and_holds_up_nobody() {
+    let (quick, commands) = with_slow(10, &[0]);
+    // Of 10 ticks a step 9 are between: an answer within 9 looks costs nothing.
+    let (within, _) = with_slow(10, &[9, 4, 0]);
+    // 13: into the prediction; 17, 40: into the slow-down and a hold.
+    let (slow, _) = with_slow(10, &[13, 0, 17, 5, 40, 9, 12]);
+    for run in [&quick, &within, &slow] {
+        assert_eq!(run.outcome.ending, Ending::Completed);
+        assert_eq!(count(run, Phase::Running.code()), 151);
+        for column in [
+            "x1",
+            "x2",
+            "v1",
+            "a2",
+            "force_1_1",
+            "force_2_1",
+            "target_1_1",
+        ] {
+            assert_eq!(run.column(column), quick.column(column), "{column}");
+        }
+    }
+    let commands = commands.lock().unwrap();
+    let running: Vec<_> = commands.iter().skip(3).collect();
+    assert_eq!(
+        running.len(),
+        151,
+        "once a step, after three ticks of warm-up"
+    );
+    assert!(
+        running.windows(2).all(|w| w[1].0 == w[0].0 + 1),
+        "no number is skipped"
+    );
+    // Only to the first target, where the specimens stand already, nobody is on the way: the 4 looks there are predicted, and
+    // are no loss: the way goes on from there.
+    assert_eq!((count(&within, 12.0), count(&within, 13.0)), (3, 0));
+    assert_eq!(within.rows.len(), quick.rows.len());
+    assert!(count(&slow, 12.0) > 100 && count(&slow, 13.0) > 100);
+    // Nobody goes on for more than 0.8 of a step without a target; and what has a corner there would show.
+    let (time, step) = (slow.all("time"), slow.all("step"));
+    let state = slow.all("state");
+    let rows = time.iter().zip(&step).zip(&state);
+    for ((time, step), _) in rows.filter(|(_, state)| **state == 13.0) {
+        assert!(
+            time / 0.01 - (step + 1.0) <= HOLD_AT + 1e-9,
+            "{time} {step}"
+        );
+    }
+    let (smooth, eased) = (corner(&quick.all("cmd_1_1")), corner(&slow.all("cmd_1_1")));
+    // A stop within one tick would turn by the way of a tick, 2π 3.2/1000 = 0.02 of the amplitude; the slow-down is over 2 ticks
+    // here (0.2 N), and what is left of a step after it, a fifth, is made up for in 5 or so.
+    assert!(smooth < 2e-4 && eased < 0.3 * 0.02, "{eased} {smooth}");
+    let pace =
+        |e: &&gusset::record::TimedEvent| matches!(e.kind, gusset::record::Event::Pace { .. });
+    assert!(slow.events.iter().filter(pace).count() > 20);
+    assert_eq!(within.events.iter().filter(pace).count(), 0);
+}
+
+#[test]
+fn a_slow_partner_that_does_not_answer_at_all_is_lost() {
+    let text = frame(10, "");
+    let mut experiment = prepare(&text).experiment;
+    let (slow, _) = slow(&[u32::MAX]);
+    let axis = Axis::plain(vec![(0, 1.0)]);
+    let port = Port::new("far", vec![axis], Box::new(slow), 2, vec![1e5]).unwrap();
+    experiment.ports.push(port.with_pace(true, Order::Linear));
+    experiment.limits.reply_timeout_ns = 300_000_000;
+    let run = run_on(experiment, SimClock::new());
+    let Ending::Stopped(stop) = run.outcome.ending else {
+        panic!("it goes on");
+    };
+    assert!(stop.to_string().contains("no reply within the time limit"));
+    // 0.3 s are 300 ticks.
+    let waited = run.all("state").iter().filter(|s| **s >= 12.0).count();
+    assert!((300..=303).contains(&waited), "{waited}");
+}
+
+/// Runs a test while an operator says a word at these commands' ticks.
+fn with_words(text: &str, says: Vec<(u64, Operator)>) -> Run {
+    let (ask, requests) = crossbeam_channel::bounded(8);
+    let mut experiment = prepare(text).experiment;
+    let axis = Axis::plain(vec![(0, 1.0)]);
+    let mut tick = 0;
+    let ear = Spring::new(STIFFNESS, move |_| {
+        for (_, word) in says.iter().filter(|(at, _)| *at == tick) {
+            ask.send(*word).unwrap();
+        }
+        tick += 1;
+    });
+    let port = Port::new("ear", vec![axis], Box::new(ear), 2, vec![STIFFNESS]);
+    experiment.ports.push(port.unwrap());
+    run_under(experiment, SimClock::new(), &Control::from(requests))
+}
+
+#[test]
+fn a_hold_eases_in_and_out_and_leaves_the_response_as_it_was() {
+    for (ticks, ease) in [(1, 0.3), (10, 0.08)] {
+        let eased = frame(ticks, &format!("safety.ease_s = {ease}"));
+        let plain = with_words(&eased, vec![]);
+        let at = u64::from(60 * ticks);
+        let says = vec![(at, Operator::Hold), (at + 200, Operator::Continue)];
+        let held = with_words(&eased, says.clone());
+        assert_eq!(held.outcome.ending, Ending::Completed);
+        for column in ["x1", "x2", "v1", "a2", "force_1_1", "target_1_1", "time"] {
+            assert_eq!(held.column(column), plain.column(column), "{column}");
+        }
+        assert!(count(&held, Phase::Holding.code()) > 100 && count(&held, 13.0) > 5);
+        let sudden = with_words(&frame(ticks, "safety.ease_s = 0"), says);
+        let largest = |run: &Run| corner(&run.all("cmd_1_1"));
+        let (gentle, hard, free) = (largest(&held), largest(&sudden), largest(&plain));
+        // With ten ticks a step the stop shows no more; with one it can only go 1, 1/2, 1/3 … of a step a tick.
+        let bound = if ticks == 1 { 0.75 * hard } else { 0.4 * hard };
+        assert!(
+            gentle <= bound.max(1.1 * free),
+            "{ticks}: {gentle} {hard} {free}"
+        );
+        assert!(hard > 1.2 * free || ticks == 1, "{hard} {free}");
+    }
+}
+
+/// A specimen in the upper storey that is told every step only.
+fn far(name: &str) -> String {
+    format!(
+        "[[specimen]]\nname = \"{name}\"\nstorey = 2\nstiffness_n_per_m = 1e5\nlink = {{ address = \"127.0.0.1:{}\", coupling \
+         = \"lockstep\", commands = \"every_step\" }}\n",
+        // Each specimen has a separate server.
+        1000 + name.bytes().map(u32::from).sum::<u32>()
+    )
+}
+
+/// A recorded test of this text, whose slow partner answers as it is told, with these words of an operator, one a tick.
+fn recorded(home: &Path, late: &[u32], words: &[Operator], ticks: u32) -> PathBuf {
+    let safety = "safety.ease_s = 0.05\nsafety.unlimited = \"a spring\"\nsafety.zero_s = 0.01";
+    let text = format!("{}{SPRING}{}", frame(ticks, safety), far("far"));
+    recorded_of(home, &text, vec![Box::new(slow(late).0)], words)
+}
+
+/// A recorded test of this text, whose specimens behind the first are these.
+fn recorded_of(
+    home: &Path,
+    text: &str,
+    partners: Vec<Box<dyn Substructure>>,
+    words: &[Operator],
+) -> PathBuf {
+    let path = home.join("test.toml");
+    std::fs::write(&path, text).unwrap();
+    let loaded = gusset::config::load(&path, &[]).unwrap_or_else(|e| panic!("{e}"));
+    let mut test = gusset::setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
+    // They are polled as partners on the real clock would be, which a socket under the simulated clock is not.
+    for (port, partner) in test.experiment.ports[1..].iter_mut().zip(partners) {
+        port.put_recording(partner);
+    }
+    let folder = RunFolder::create(&home.join("run")).unwrap();
+    let (says, requests) = crossbeam_channel::bounded(words.len().max(1));
+    for word in words {
+        says.send(*word).unwrap();
+    }
+    session::run(test, folder, requests, Watches::default(), &mut |_| {}).unwrap();
+    home.join("run")
+}
+
+#[test]
+fn predictions_slow_downs_and_holds_are_replayed_to_the_last_bit() {
+    let home = tempfile::tempdir().unwrap();
+    let mut words = vec![Operator::Continue; 400];
+    words.extend([Operator::Hold; 120]);
+    words.push(Operator::Continue);
+    words.extend([Operator::Continue; 30]);
+    words.extend([Operator::Hold; 20]);
+    words.push(Operator::Continue);
+    let run = recorded(home.path(), &[13, 0, 17, 5, 40, 9, 12], &words, 10);
+    let states = gusset::record::Run::open(&run)
+        .unwrap()
+        .columns(&["state"])
+        .unwrap();
+    for code in [11.0, 12.0, 13.0, Phase::Holding.code()] {
+        assert!(states[0].contains(&code), "{code}");
+    }
+    // The last answer, too, is waited for.
+    assert!(states[0].ends_with(&[13.0, Phase::Running.code()]));
+    let found = replay(&run).unwrap();
+    assert!(found.is_exact(), "{found:?}");
+    assert_eq!(found.rows, states[0].len() as u64);
+}
+
+/// It falls silent for good, the others stand and wait for it until the test is given up. In the test that goes on it is told
+/// its target once more: that they stand is no hold of the operator, in which it is told nothing.
+#[test]
+fn a_partner_that_fell_silent_is_told_its_target_when_the_test_goes_on() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let safety = "safety.ease_s = 0.05\nsafety.unlimited = \"a spring\"\nsafety.zero_s = 0.01";
+    let patience = "reply_timeout_s = 0.3, commands";
+    let partner = far("far").replace("commands", patience);
+    let text = format!("{}{SPRING}{partner}", frame(10, safety));
+    let [whole, silent] = [0, u32::MAX].map(|asked| {
+        let home = at(&format!("asked-{asked}"));
+        std::fs::create_dir(&home).unwrap();
+        recorded_of(&home, &text, vec![Late::boxed(0.4, asked)], &[])
+    });
+    let read = |run: &Path| gusset::record::Run::open(run).unwrap();
+    let states = read(&silent).columns(&["state"]).unwrap();
+    assert!(states[0].iter().filter(|state| **state == 13.0).count() > 200);
+    for held in [false, true] {
+        // Each interruption is gone on with once.
+        let silent = {
+            let same = at(&format!("silent-{held}"));
+            crate::common::copy(&silent, &same);
+            same
+        };
+        let mut test = session::resume(&silent, None, false).unwrap_or_else(|e| panic!("{e}"));
+        test.experiment.ports[1].put_recording(Late::boxed(0.4, 0));
+        let on = at(&format!("on-{held}"));
+        // He who holds it from its beginning on lets it go; and one that stands for ever is ended.
+        let mut words = vec![
+            if held {
+                Operator::Hold
+            } else {
+                Operator::Continue
+            };
+            300
+        ];
+        words.extend(vec![Operator::Continue; 4000]);
+        words.push(Operator::Stop);
+        let folder = RunFolder::create(&on).unwrap();
+        let control = saying(&words);
+        session::run(test, folder, control, Watches::default(), &mut |_| {}).unwrap();
+        let summary = read(&on).summary().unwrap().clone();
+        assert_eq!(format!("{:?}", summary.status), "Completed", "{held}");
+        let names = ["state", "step", "x1", "x2", "force_1_1", "force_2_1"];
+        let steps = |runs: &[&Path]| {
+            let mut all = std::collections::BTreeMap::new();
+            for columns in runs.iter().map(|run| read(run).columns(&names).unwrap()) {
+                for row in (0..columns[0].len()).filter(|row| columns[0][*row] == 3.0) {
+                    let of = |column: &Vec<f64>| column[row].to_bits();
+                    all.insert(
+                        columns[1][row] as u64,
+                        columns.iter().map(of).collect::<Vec<_>>(),
+                    );
+                }
+            }
+            all
+        };
+        assert_eq!(steps(&[&silent, &on]), steps(&[&whole]), "{held}");
+        if held {
+            // In the hold it is told nothing, although its target is known.
+            let columns = read(&on).columns(&["hold", "cmd_2_1"]).unwrap();
+            let rows = columns[0].iter().zip(&columns[1]);
+            let told: Vec<f64> = rows
+                .filter(|(hold, _)| **hold == 1.0)
+                .map(|(_, to)| *to)
+                .collect();
+            assert!(told.len() > 200 && told.iter().all(|to| *to == told[0]));
+        }
+        let found = replay(&on).unwrap();
+        assert!(found.is_exact(), "{held}: {found:?}");
+    }
+}
+
+/// A spring that is asked so many times for what it was told from this test time on, before it answers.
+struct Late {
+    spring: Spring,
+    from: f64,
+    asked: u32,
+    time: f64,
+}
+
+impl Late {
+    fn boxed(from: f64, asked: u32) -> Box<dyn Substructure> {
+        Box::new(Self {
+            spring: Spring::new(1e5, |_| {}),
+            from,
+            asked,
+            time: 0.0,
+        })
+    }
+}
+
+impl Substructure for Late {
+    fn axes(&self) -> usize {
+        1
+    }
+    fn coupling(&self) -> Coupling {
+        Coupling::Lockstep
+    }
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        self.time = command.time;
+        self.spring.issue(command)
+    }
+    fn is_answered(&mut self, wait_ns: u64) -> Result<bool, LinkFault> {
+        if wait_ns > 0 || self.time < self.from || self.asked == 0 {
+            return self.spring.is_answered(wait_ns);
+        }
+        self.asked -= 1;
+        Ok(false)
+    }
+    fn collect(&mut self, until: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        self.spring.collect(until, into)
+    }
+    fn retire(&mut self, _: Retirement) {}
+}
+
+/// One partner does not answer any more and two are slow when the operator stops the test: the specimen before them is brought
+/// home at once, a slow one as soon as it has answered, from where it then stands, and that a link was lost is how the test
+/// ended.
+#[test]
+fn who_owes_an_answer_when_the_test_ends_keeps_nobody_else_from_leaving() {
+    let home = tempfile::tempdir().unwrap();
+    let safety = "safety.unlimited = \"a spring\"\nsafety.zero_s = 0.01\nsafety.at_end = \"zero_displacement\"\n\
+                  safety.exit_speed_m_per_s = 0.05";
+    let names = ["dead", "slow", "slower"];
+    let text = format!("{}{SPRING}{}", frame(10, safety), names.map(far).concat());
+    let mut words = vec![Operator::Continue; 400];
+    words.push(Operator::Stop);
+    let partners = [u32::MAX, 300, 900].map(|asked| Late::boxed(0.2, asked));
+    let run = recorded_of(home.path(), &text, partners.into(), &words);
+    let read = gusset::record::Run::open(&run).unwrap();
+    let summary = read.summary().unwrap();
+    assert_eq!(
+        format!("{:?}", summary.status),
+        "Failed",
+        "{}",
+        summary.reason
+    );
+    let left = ["near", "dead", "slow", "slower"].map(|name| summary.left[name].as_str());
+    assert_eq!(left, ["reached", "lost", "reached", "reached"]);
+    let lost = |event: &&serde_json::Value| event["event"] == "link";
+    assert_eq!(
+        read.events().unwrap().to_json().iter().filter(lost).count(),
+        1
+    );
+    let names = [
+        "state", "cmd_1_1", "cmd_2_1", "cmd_3_1", "cmd_4_1", "status_2",
+    ];
+    let columns = read.columns(&names).unwrap();
+    let leaving = |row: &usize| columns[0][*row] == Phase::Leaving.code();
+    let rows: Vec<usize> = (0..columns[0].len()).filter(leaving).collect();
+    let moving = |column: usize| {
+        let moves = |pair: &&[usize]| columns[column][pair[0]] != columns[column][pair[1]];
+        rows.windows(2)
+            .filter(moves)
+            .map(|pair| pair[1] - rows[0])
+            .collect::<Vec<_>>()
+    };
+    let [near, dead, slow, slower] = [1, 2, 3, 4].map(moving);
+    let begins = [&near, &slow, &slower].map(|moves| moves[0]);
+    assert!(
+        begins[0] <= 1 && (100..=110).contains(&begins[1]),
+        "{begins:?}"
+    );
+    assert!((700..=710).contains(&begins[2]), "{begins:?}");
+    assert!(dead.is_empty() && near[near.len() - 1] > begins[1]);
+    let forces = read.columns(&["raw_force_4_1"]).unwrap();
+    let there = rows[0] + begins[2] - 1;
+    let known = 1e5 * columns[4][there];
+    assert!(
+        known != 0.0 && (forces[0][there] - known).abs() < 1e-9,
+        "{known}"
+    );
+    let is_lost = |row: &&usize| Status(columns[5][**row] as u32).has(Status::LOST);
+    assert!(rows.iter().filter(is_lost).count() > 0);
+    let found = replay(&run).unwrap();
+    assert!(found.is_exact(), "{found:?}");
+}
+
+#[test]
+fn real_and_simulated_time_give_the_same_bits() {
+    let home = tempfile::tempdir().unwrap();
+    let text = format!("{}{SPRING}", frame(8, "")).replace("duration_s = 1.5", "duration_s = 0.4");
+    let test = crate::common::write(home.path(), "test.toml", &text);
+    let (real, simulated) = (home.path().join("real"), home.path().join("simulated"));
+    let mut more = vec!["--clock", "real", "--set", "timing.policy=\"ordinary\""];
+    more.extend(crate::common::PATIENT);
+    crate::common::completed(&test, &real, &more);
+    crate::common::completed(&test, &simulated, &[]);
+    crate::common::same_physics(&real, &simulated);
+    let said = crate::common::say(["check", test.to_str().unwrap(), "--verbose"]);
+    assert!(
+        said.stdout
+            .contains("800.000000 ticks per second: 8 ticks per step"),
+        "{}",
+        said.stdout
+    );
+    let out = home.path().join("out.csv");
+    let said = crate::common::say([
+        "export",
+        real.to_str().unwrap(),
+        "--no-units-line",
+        "--out",
+        out.to_str().unwrap(),
+    ]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let lines = std::fs::read_to_string(out).unwrap().lines().count();
+    assert_eq!(lines, 1 + 41, "a header and the steps, not the ticks");
+}
+
+#[test]
+fn a_pace_that_makes_no_sense_is_refused() {
+    let link = "[[specimen]]\nname = \"far\"\nstorey = 2\nstiffness_n_per_m = 1e5\nlink = { address = \"h:9\", commands = \
+                \"every_step\"";
+    for (text, word) in [
+        (frame(0, ""), "must be 1 to 10000"),
+        (frame(20_000, ""), "must be 1 to 10000"),
+        (
+            frame(2, "time.prediction_order = 4")
+                .replace("[time]\n", "[time]\nprediction_order = 4\n")
+                .replace("time.prediction_order = 4", ""),
+            "must be 1, 2 or 3",
+        ),
+        (
+            format!("{}{link} }}\n", frame(1, "safety.unlimited = \"t\"")),
+            "each step has only one tick here",
+        ),
+        (
+            format!(
+                "{}{link}, coupling = \"sampled\" }}\n",
+                frame(4, "safety.unlimited = \"t\"")
+            ),
+            "needs a command at every tick",
+        ),
+        (
+            format!(
+                "{}{link}, coupling = \"lockstep\" }}\n",
+                frame(4, "safety.unlimited = \"t\"").replace("ticks = 3", "ticks = 0")
+            ),
+            "needs a warm-up of at least one tick",
+        ),
+        (frame(1, "safety.ease_s = -1"), "must not be negative"),
+        (
+            frame(1, "record.checkpoint_s = 0"),
+            "must be greater than zero",
+        ),
+    ] {
+        let read = gusset::config::parse(Path::new("test.toml"), text.clone(), &[]);
+        let error = read.expect_err(&text).to_string();
+        assert!(error.contains(word), "{error}");
+    }
+}
+
+/// Words of an operator, one a tick: a hold of so many ticks after so many.
+fn a_hold(after: usize, ticks: usize) -> Vec<Operator> {
+    let mut words = vec![Operator::Continue; after];
+    words.extend(vec![Operator::Hold; ticks]);
+    words.push(Operator::Continue);
+    words
+}
+
+/// An operator who says these words, one a tick.
+fn saying(words: &[Operator]) -> Control {
+    let (says, requests) = crossbeam_channel::bounded(words.len().max(1));
+    for word in words {
+        says.send(*word).unwrap();
+    }
+    Control::from(requests)
+}
+
+/// Largest change from tick to tick.
+fn jump(series: &[f64]) -> f64 {
+    let steps = series.windows(2).map(|w| (w[1] - w[0]).abs());
+    steps.fold(0.0, f64::max)
+}
+
+/// The benchmark's first case: an adaptive compensator makes up for 24 ms at 4096 ticks a second, a hundred of them. A pace that
+/// falls to a half in one tick must not come a hundred times, nor its square, into the command.
+#[test]
+fn a_hold_does_not_kick_a_compensated_command() {
+    let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/vrths-case-1.toml");
+    let text = std::fs::read_to_string(config).unwrap();
+    let text = text
+        .replace("duration_s = 41", "duration_s = 10")
+        .replace("clock = \"real\"", "clock = \"simulated\"");
+    let free = run(&text);
+    let words = a_hold(6 * 4096, 3000);
+    let held = run_under(prepare(&text).experiment, SimClock::new(), &saying(&words));
+    assert_eq!(held.outcome.ending, Ending::Completed);
+    // Over 0.25 s it comes to rest.
+    assert_eq!(count(&held, Phase::Holding.code()), 3000 - 1024 + 1);
+    let (usual, found) = (jump(&free.all("cmd_1_1")), jump(&held.all("cmd_1_1")));
+    let target = jump(&free.all("target_1_1"));
+    // Its actuator is simulated and lives in test time: what it is told is told more slowly, and that is all.
+    assert!(found <= 1.02 * usual, "{found} {usual}");
+    // The inverse of the actuator at the structure's 3.6 Hz and above has a gain of up to 2.
+    assert!(usual < 2.0 * target, "{usual} {target}");
+    let (x, y) = (held.column("x1"), free.column("x1"));
+    let off = crate::common::engine::distance(&x, &y);
+    // The sensors' noise is drawn by ticks, and the coefficients rest for a while.
+    assert!(off < 0.01, "{off}");
+}
+
+/// A compensator of a real actuator would be asked for less and less: at the hold it is where the target is.
+#[test]
+fn a_hold_with_compensation_is_replayed_to_the_last_bit() {
+    for (ticks, made) in [
+        (1, "polynomial = { order = 3, delay_s = 0.02 }"),
+        (10, "ats = { delay_s = 0.02, gain = 0.9 }"),
+        (4, "pi_lead = { proportional = 0.3, integral_per_s = 20 }"),
+    ] {
+        let home = tempfile::tempdir().unwrap();
+        let text = format!(
+            "{}{SPRING}[specimen.compensation]\n{made}\n",
+            frame(ticks, "safety.ease_s = 0.1").replace("step_s = 0.01", "step_s = 0.002")
+        );
+        let path = crate::common::write(home.path(), "test.toml", &text);
+        let loaded = gusset::config::load(&path, &[]).unwrap_or_else(|e| panic!("{e}"));
+        let test = gusset::setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
+        let folder = RunFolder::create(&home.path().join("run")).unwrap();
+        let words = a_hold(250 * ticks as usize, 150 * ticks as usize);
+        session::run(
+            test,
+            folder,
+            saying(&words),
+            Watches::default(),
+            &mut |_| {},
+        )
+        .unwrap();
+        let run = home.path().join("run");
+        let columns = ["state", "cmd_1_1", "target_1_1"];
+        let columns = gusset::record::Run::open(&run)
+            .unwrap()
+            .columns(&columns)
+            .unwrap();
+        let holding = |row: &usize| columns[0][*row] == Phase::Holding.code();
+        assert!((0..columns[0].len()).filter(holding).count() > 50 * ticks as usize);
+        let found = replay(&run).unwrap();
+        assert!(found.is_exact(), "{made}: {found:?}");
+        assert_eq!(found.rows, columns[0].len() as u64);
+    }
+}
+
+/// A spring that answers so many times when it is waited for, and then only after so many looks.
+struct Owing {
+    spring: Spring,
+    waits_left: u32,
+    late: u32,
+}
+
+impl Substructure for Owing {
+    fn axes(&self) -> usize {
+        1
+    }
+    fn coupling(&self) -> Coupling {
+        Coupling::Lockstep
+    }
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        self.spring.issue(command)
+    }
+    fn is_answered(&mut self, wait_ns: u64) -> Result<bool, LinkFault> {
+        if wait_ns > 0 && self.waits_left > 0 {
+            self.waits_left -= 1;
+            return Ok(true);
+        }
+        self.late = self.late.saturating_sub(1);
+        Ok(self.late == 0)
+    }
+    fn collect(&mut self, until: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        self.spring.collect(until, into)
+    }
+    fn retire(&mut self, _: Retirement) {}
+}
+
+/// The operator does not wait for an answer: while the sensors are read, in the test, in a hold, on the way out that he asked
+/// for so. The commands of that tick stand in a row of their own, who is well is led out at once, who owes an answer when it is
+/// here, and all of it happens again in a replay.
+#[test]
+fn a_wait_that_the_operator_ends_is_ended_there_in_the_replay() {
+    let safety = "safety.ease_s = 0.05\nsafety.unlimited = \"a spring\"\nsafety.zero_s = 0.01\n";
+    let leaves = "safety.at_end = \"zero_displacement\"\nsafety.exit_speed_m_per_s = 0.05";
+    let mut words = vec![Operator::Continue; 400];
+    words.extend([Operator::Hold; 120]);
+    let never = u32::MAX;
+    let mut ways = std::collections::BTreeSet::new();
+    // After so many answers the first does not come, and after so many looks it does; the same of a second.
+    for (first, second, exits) in [
+        ((3, never), (never, 0), ""),
+        ((3, never), (never, 0), leaves),
+        ((200, never), (never, 0), ""),
+        ((200, 2), (never, 0), leaves),
+        ((200, 40), (never, 0), leaves),
+        ((200, never), (never, 0), leaves),
+        ((500, 40), (never, 0), leaves),
+        ((500, never), (never, 0), ""),
+        ((200, 40), (200, 70), leaves),
+        ((200, 40), (201, 70), leaves),
+        ((200, 40), (230, 70), leaves),
+    ] {
+        let home = tempfile::tempdir().unwrap();
+        let names =
+            ["far", "farther"].map(|name| far(name).replace(", commands = \"every_step\"", ""));
+        let text = format!(
+            "{}{SPRING}{}",
+            frame(10, &format!("{safety}{exits}")),
+            names.concat()
+        );
+        let partners = [first, second].map(|(waits_left, late)| {
+            Box::new(Owing {
+                spring: Spring::new(1e5, |_| {}),
+                waits_left,
+                late,
+            }) as Box<dyn Substructure>
+        });
+        let run = recorded_of(home.path(), &text, partners.into(), &words);
+        let case = format!("{first:?} {second:?} {exits}");
+        let read = gusset::record::Run::open(&run).unwrap();
+        let columns = read.columns(&["state", "status_2", "cmd_1_1"]).unwrap();
+        let end = columns[0].iter().position(|state| *state == NOT_AWAITED);
+        let end = end.unwrap_or_else(|| panic!("{case}"));
+        assert!(Status(columns[1][end] as u32).has(Status::OWED), "{case}");
+        ways.insert((columns[0][end - 1] as u32, end + 1 < columns[0].len()));
+        let found = replay(&run).unwrap();
+        assert!(found.is_exact(), "{case}: {found:?}");
+        assert_eq!(found.rows, columns[0].len() as u64, "{case}");
+    }
+    let states = [Phase::Zeroing, Phase::Holding].map(|phase| phase.code() as u32);
+    assert!(states.iter().all(|state| ways.contains(&(*state, false))));
+    // Between two steps of the test, and what follows is the way out.
+    assert!(
+        ways.contains(&(11, true)) || ways.contains(&(12, true)),
+        "{ways:?}"
+    );
+}
+
+/// At what a partner is found to be lost.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Call {
+    Accepted,
+    Attend,
+    Pause,
+}
+
+/// A spring whose link is lost at the so manieth call of a kind, and stays so.
+struct Mortal {
+    spring: Spring,
+    dies_at: Call,
+    calls_left: u32,
+}
+
+impl Mortal {
+    fn lives(&mut self, call: Call) -> Result<(), LinkFault> {
+        if call == self.dies_at && self.calls_left > 0 {
+            self.calls_left -= 1;
+        }
+        if self.calls_left == 0 {
+            return Err(LinkFault::Closed);
+        }
+        Ok(())
+    }
+}
+
+impl Substructure for Mortal {
+    fn axes(&self) -> usize {
+        1
+    }
+    fn coupling(&self) -> Coupling {
+        Coupling::Lockstep
+    }
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        self.spring.issue(command)
+    }
+    fn is_answered(&mut self, wait_ns: u64) -> Result<bool, LinkFault> {
+        self.spring.is_answered(wait_ns)
+    }
+    fn collect(&mut self, until: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        self.spring.collect(until, into)
+    }
+    fn accepted(&mut self, _: u64) -> Result<(), LinkFault> {
+        self.lives(Call::Accepted)
+    }
+    fn attend(&mut self) -> Result<(), LinkFault> {
+        self.lives(Call::Attend)
+    }
+    fn pause(&mut self) -> Result<(), LinkFault> {
+        self.lives(Call::Pause)
+    }
+    fn retire(&mut self, _: Retirement) {}
+}
+
+/// Lost between its answer and its next target, in a hold, as one begins, or when its answer was taken: what moves on moves on
+/// in the replay, too, and where nothing does the last commands stand in a row.
+#[test]
+fn a_partner_that_is_lost_outside_of_an_exchange_is_lost_there_in_the_replay() {
+    let freezes = "safety.ease_s = 0.05\nsafety.unlimited = \"a spring\"\nsafety.zero_s = 0.01\n";
+    let leaves = "safety.on_trip = \"zero_displacement\"\nsafety.exit_speed_m_per_s = 0.05";
+    let mut words = vec![Operator::Continue; 400];
+    words.extend([Operator::Hold; 120]);
+    let by_ticks = far("far").replace(", commands = \"every_step\"", "");
+    for (dies_at, calls, partner, exits) in [
+        (Call::Attend, 120, far("far"), leaves),
+        (Call::Attend, 121, far("far"), leaves),
+        (Call::Attend, 500, far("far"), leaves),
+        (Call::Attend, 121, far("far"), ""),
+        (Call::Attend, 500, far("far"), ""),
+        (Call::Pause, 1, far("far"), leaves),
+        (Call::Accepted, 300, by_ticks.clone(), leaves),
+        (Call::Accepted, 301, by_ticks.clone(), leaves),
+        (Call::Accepted, 301, by_ticks, ""),
+    ] {
+        let home = tempfile::tempdir().unwrap();
+        let text = format!(
+            "{}{SPRING}{partner}",
+            frame(10, &format!("{freezes}{exits}"))
+        );
+        let mortal = Mortal {
+            spring: slow(&[0]).0,
+            dies_at,
+            calls_left: calls,
+        };
+        let run = recorded_of(home.path(), &text, vec![Box::new(mortal)], &words);
+        let read = gusset::record::Run::open(&run).unwrap();
+        let columns = read.columns(&["state", "status_2"]).unwrap();
+        let of = |row: usize| (columns[0][row], Status(columns[1][row] as u32));
+        let lost = (0..columns[0].len()).find(|row| of(*row).1.has(Status::LOST));
+        let (state, _) = of(lost.unwrap());
+        assert_eq!(state, Phase::Tripped.code(), "{dies_at:?} {calls}");
+        let end = if exits.is_empty() {
+            Phase::Tripped
+        } else {
+            Phase::Leaving
+        };
+        assert_eq!(columns[0].last(), Some(&end.code()));
+        let found = replay(&run).unwrap();
+        assert!(found.is_exact(), "{dies_at:?} {calls}: {found:?}");
+        assert_eq!(found.rows, columns[0].len() as u64);
+    }
+}

@@ -1,0 +1,9 @@
+//! A gateway between a controller and a specimen: limits, faults, records, and the same numbers.
+
+#[path = "../link_common/mod.rs"]
+mod link_common;
+
+mod faults;
+mod limits;
+mod records;
+mod same_bits;

@@ -1,0 +1,393 @@
+//! `gusset serve --out`: every controller's test leaves a run folder of its own, for a gateway and for a formula alike, with
+//! one row per exchange in the format of every run folder; and the example in config/ works.
+
+use std::path::Path;
+
+use crate::link_common::{
+    COMPUTED, ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, UNLIMITED, finish, gateway,
+    gusset, run, summary, test_file,
+};
+use gusset::catalog::ending::Cause;
+use gusset::config::LimitsSpec;
+use gusset::link::rig::{Law, LogSettings, Station, Visitor};
+use gusset::record::Run;
+use gusset::record::summary::Status;
+use gusset::specimen::SpecimenLaw;
+use gusset::substructure::{Command, Measurement};
+use gusset::units::AxisUnits;
+
+const STEPS: u32 = 200;
+const WARM_UP: usize = 5;
+
+fn linked(seen: &str, address: &str, keys: &str) -> String {
+    let link = format!("[specimen.link]\naddress = \"{address}\"\n{keys}\n");
+    test_file(STEPS, &format!("{seen}{link}"))
+}
+
+fn column(folder: &Path, name: &str) -> Vec<f64> {
+    Run::open(folder)
+        .unwrap()
+        .columns(&[name])
+        .unwrap()
+        .remove(0)
+}
+
+/// What the server recorded of a test is what the controller recorded.
+fn agrees(ours: &Path, theirs: &Path, axes: usize) {
+    for axis in 1..=axes {
+        for kind in ["cmd", "raw_disp", "raw_force"] {
+            let name = format!("{kind}_1_{axis}");
+            let (here, there) = (column(ours, &name), column(theirs, &name));
+            // Warm-up exchanges are no rows of the controller.
+            assert_eq!(here.len() + WARM_UP, there.len(), "{name}");
+            assert_eq!(here, there[WARM_UP..], "{name}");
+        }
+    }
+    let times = column(theirs, "time");
+    assert_eq!(times[WARM_UP..], column(ours, "time"));
+    assert!(column(theirs, "trip").iter().all(|code| *code == 0.0));
+}
+
+#[test]
+fn a_served_formula_keeps_every_test_in_a_folder_of_its_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let out = folder.join("deep/kept");
+    let units = "[[specimen.axis]]\nunit_disp = \"mm\"\nunit_force = \"kN\"\n[[specimen.axis]]\n";
+    let file = format!("[[specimen]]\nname = \"column\"\n{units}{TWO_AXES_LAW}");
+    let served = Served::start(folder, &file, &["--out", out.to_str().unwrap()]);
+    for number in 1..=3 {
+        let name = format!("run-{number}");
+        let seen = format!("{TWO_AXES}{units}");
+        let (code, said) = run(folder, &name, &linked(&seen, &served.address, ""));
+        assert_eq!(code, 0, "{said}");
+        served.hears("test over");
+        let kept = out.join(format!("test-000{number}"));
+        agrees(&folder.join(&name), &kept, 2);
+        let run = Run::open(&kept).unwrap();
+        let summary = run.summary().unwrap();
+        assert_eq!(summary.status, Status::Completed);
+        assert_eq!((summary.rows_lost, summary.rate_hz), (0, 1000.0));
+        // The warm-up holds are one step with step 0.
+        assert_eq!(summary.steps, u64::from(STEPS) + 1);
+        assert_eq!(
+            summary.link["column"].received,
+            u64::from(STEPS) + 1 + WARM_UP as u64
+        );
+        let events = run.events().unwrap().to_json();
+        let controller = events.iter().find(|e| e["event"] == "controller").unwrap();
+        assert_eq!(controller["test"], "link");
+        assert_eq!(events.last().unwrap()["event"], "ended");
+        let given = std::fs::read_to_string(kept.join("test.toml")).unwrap();
+        assert_eq!(given, file, "byte for byte");
+        // Metres and newtons beside the units of the axis.
+        let (target, cmd) = (column(&kept, "target_1_1"), column(&kept, "cmd_1_1"));
+        for (target, cmd) in target.iter().zip(&cmd) {
+            assert_eq!(*target, 1e-3 * cmd);
+        }
+    }
+}
+
+#[test]
+fn resolved_toml_serves_the_same_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let out = folder.join("kept");
+    let local = test_file(STEPS, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
+    let specimen = Served::start(folder, &local, &[]);
+    let keys = "[specimen.limits]\ncommand_disp_m = { trip = [-1, 1] }\n";
+    let file = gateway(
+        &specimen.address,
+        &format!("stiffness_n_per_m = 4e5\n{keys}"),
+        "",
+    );
+    let first = Served::start(
+        folder,
+        &file,
+        &["--transport", "udp", "--out", out.to_str().unwrap()],
+    );
+    let text = linked(ONE_AXIS, &first.address, "transport = \"udp\"");
+    assert_eq!(run(folder, "first", &text).0, 0);
+    first.hears("test over");
+    agrees(&folder.join("first"), &out.join("test-0001"), 1);
+    let resolved = std::fs::read_to_string(out.join("test-0001/resolved.toml")).unwrap();
+    drop(first);
+    let again = Served::start(folder, &resolved, &["--out", out.to_str().unwrap()]);
+    let text = linked(ONE_AXIS, &again.address, "transport = \"udp\"");
+    let (code, said) = run(folder, "again", &text);
+    assert_eq!(code, 0, "{said}");
+    again.hears("test over");
+    agrees(&folder.join("again"), &out.join("test-0002"), 1);
+}
+
+#[test]
+fn report_and_export_read_the_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let out = folder.join("kept");
+    let local = test_file(STEPS, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
+    let served = Served::start(folder, &local, &["--out", out.to_str().unwrap()]);
+    let (code, said) = run(folder, "run", &linked(ONE_AXIS, &served.address, ""));
+    assert_eq!(code, 0, "{said}");
+    served.hears("test over");
+    let kept = out.join("test-0001");
+    let mut report = gusset();
+    report.arg("report").arg(&kept);
+    assert!(finish(report).status.success());
+    let mut replay = gusset();
+    replay.arg("replay").arg(&kept);
+    let said = finish(replay);
+    assert_eq!(said.status.code(), Some(2));
+    let said = String::from_utf8_lossy(&said.stderr).into_owned();
+    assert!(said.contains("this is a server's record"), "{said}");
+    let page = std::fs::read_to_string(kept.join("report.html")).unwrap();
+    assert!(page.contains("Completed") && page.contains("<svg") && page.contains("column"));
+    let csv = folder.join("rows.csv");
+    let mut export = gusset();
+    export.arg("export").arg(&kept).arg("--no-units-line");
+    export.arg("--out").arg(&csv);
+    assert!(finish(export).status.success());
+    let text = std::fs::read_to_string(csv).unwrap();
+    let mut lines = text.lines();
+    assert_eq!(
+        lines.next(),
+        Some("time,target_1_1,cmd_1_1,meas_1_1,force_1_1,status_1")
+    );
+    assert_eq!(lines.count(), STEPS as usize + 1 + WARM_UP);
+}
+
+#[test]
+fn a_test_on_which_faults_were_played_says_so_in_its_folder_and_on_its_page() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let out = folder.join("kept");
+    let script = "title = \"a spike\" # of 7 N\n[[fault]]\nat = 60\nfor = 1\nkind = { bias = { force_n = 7.0 } }\n";
+    let path = crate::link_common::write(folder, "spike.toml", script);
+    let local = test_file(STEPS, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
+    let arguments = [
+        "--out",
+        out.to_str().unwrap(),
+        "--fault",
+        path.to_str().unwrap(),
+    ];
+    let served = Served::start(folder, &local, &arguments);
+    let (code, said) = run(folder, "run", &linked(ONE_AXIS, &served.address, ""));
+    assert_eq!(code, 0, "{said}");
+    served.hears("test over");
+    let kept = out.join("test-0001");
+    let run = Run::open(&kept).unwrap();
+    let summary = run.summary().unwrap();
+    assert_eq!(summary.warnings, ["FAULTS are played: a spike"]);
+    let [copy] = summary.inputs.as_slice() else {
+        panic!("{:?}", summary.inputs)
+    };
+    let copied = std::fs::read_to_string(kept.join(&copy.path)).unwrap();
+    assert_eq!(copied, script, "byte for byte");
+    let mut report = gusset();
+    report.arg("report").arg(&kept);
+    assert!(finish(report).status.success());
+    let page = std::fs::read_to_string(kept.join("report.html")).unwrap();
+    let head = page.split("</header>").next().unwrap();
+    for words in [
+        "FAULTS were played on it",
+        "Warning: FAULTS are played: a spike",
+    ] {
+        assert!(head.contains(words), "{words}");
+    }
+}
+
+#[test]
+fn over_openfresco_the_rows_hold_what_opensees_would_command() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let out = folder.join("kept");
+    let local = test_file(STEPS, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
+    let arguments = ["--protocol", "openfresco", "--out", out.to_str().unwrap()];
+    let served = Served::start(folder, &local, &arguments);
+    let text = linked(
+        ONE_AXIS,
+        &served.address,
+        "protocol = \"openfresco\"\nprobe = \"none\"",
+    );
+    let (code, said) = run(folder, "run", &text);
+    assert_eq!(code, 0, "{said}");
+    served.hears("ended the test");
+    let kept = Run::open(&out.join("test-0001")).unwrap();
+    let summary = kept.summary().unwrap();
+    assert_eq!(
+        (summary.status, summary.steps),
+        (Status::Completed, u64::from(STEPS) + 1)
+    );
+    // Repeats of one command are one exchange.
+    let ours = column(&folder.join("run"), "cmd_1_1");
+    let theirs = column(&out.join("test-0001"), "cmd_1_1");
+    assert_eq!(ours, theirs);
+}
+
+#[test]
+fn a_folder_that_cannot_be_had_is_refused_before_anybody_is_served() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::write(folder.join("taken"), "a file").unwrap();
+    let file = crate::link_common::write(
+        folder,
+        "serve.toml",
+        &format!("[[specimen]]\nname = \"column\"\n{ONE_AXIS_LAW}"),
+    );
+    let mut serve = gusset();
+    serve
+        .arg("serve")
+        .arg(file)
+        .arg("--out")
+        .arg(folder.join("taken"));
+    serve.args(["--listen", "127.0.0.1:0"]);
+    let said = finish(serve);
+    assert_eq!(said.status.code(), Some(2));
+}
+
+/// Commands one after another, as fast as they are taken: whoever writes them down is behind.
+#[test]
+fn an_event_stands_at_the_exchange_it_is_about_and_a_command_that_is_refused_is_not_running() {
+    let folder = tempfile::tempdir().unwrap();
+    let law: SpecimenLaw =
+        toml::from_str("law = { linear = { stiffness_n_per_m = 8000.0 } }").unwrap();
+    let commands: Vec<f64> = (0..3000)
+        .map(|k| 0.03 * (0.05 * f64::from(k)).sin())
+        .collect();
+    for (number, (limits, last, state)) in (1..).zip([
+        (
+            "command_disp_m = { warn = [-0.01, 0.01], trip = [-0.04, 0.04] }",
+            0.05,
+            8.0,
+        ),
+        (
+            "command_disp_m = { warn = [-0.01, 0.01] }\nmeasured_force_n = { trip = [-300, 300] }",
+            0.039,
+            3.0,
+        ),
+    ]) {
+        let rig = Law::new(law.build(1).unwrap(), false);
+        let (stiffness, mass) = rig.reference();
+        let limits: LimitsSpec = toml::from_str(limits).unwrap();
+        let units = vec![AxisUnits::SI];
+        let mut station = Station::new("rig".into(), Box::new(rig), units, stiffness, mass)
+            .limited(&[limits])
+            .recorded(Some(LogSettings {
+                root: folder.path().into(),
+                file: Vec::new(),
+                resolved: String::new(),
+                inputs: Vec::new(),
+                queue_s: 4.0,
+                required: true,
+            }));
+        let visitor = Visitor::unnamed(([127, 0, 0, 1], 1).into());
+        station.begin(&visitor, &mut || Ok(())).unwrap();
+        let mut measured = Measurement::zeros(1);
+        let mut trip = None;
+        for (sequence, disp) in (0..).zip(commands.iter().chain([&last, &0.0])) {
+            let command = Command {
+                sequence,
+                time: 0.01 * sequence as f64,
+                dt: 0.01,
+                disp: &[*disp],
+                vel: &[0.0],
+            };
+            trip = station
+                .exchange(&command, 0.01, &mut || true, &mut measured)
+                .err();
+            station.commit();
+        }
+        assert!(trip.is_some());
+        station.end(Cause::Protocol, "the end");
+        let kept = folder.path().join(format!("test-000{number}"));
+        let run = Run::open(&kept).unwrap();
+        let summary = run.summary().unwrap();
+        // The last was refused in any case.
+        let passed_on = commands.len() as u64 + u64::from(state == 3.0);
+        assert_eq!(summary.rows_lost, 0);
+        assert_eq!(summary.link["rig"].sent, passed_on);
+        let (states, times) = (column(&kept, "state"), column(&kept, "time"));
+        assert!(states[..commands.len()].iter().all(|state| *state == 3.0));
+        assert_eq!(states[commands.len()..], [state, 8.0]);
+        let beyond: Vec<bool> = commands
+            .iter()
+            .chain([&last])
+            .map(|d| d.abs() > 0.01)
+            .collect();
+        let crosses = (1..beyond.len()).filter(|k| beyond[*k] && !beyond[k - 1]);
+        let events = run.events().unwrap().to_json();
+        let of = |name: &str| {
+            let named = events.iter().filter(|event| event["event"] == name);
+            named.cloned().collect::<Vec<_>>()
+        };
+        let controller = &of("controller")[0];
+        assert!(controller["tick"].is_null() && controller["time"].is_null());
+        let warned = of("limit");
+        let ticks: Vec<_> = warned
+            .iter()
+            .map(|e| e["tick"].as_u64().unwrap() as usize)
+            .collect();
+        assert_eq!(ticks, crosses.collect::<Vec<_>>());
+        let tripped = of("trip");
+        assert_eq!(tripped[0]["tick"], commands.len());
+        let received = column(&kept, "received_s");
+        let [first, newest] = [&warned[0], &tripped[0]];
+        for event in warned.iter().chain(&tripped) {
+            let tick = event["tick"].as_u64().unwrap() as usize;
+            // Read from decimals to the last bit but one.
+            assert!((event["time"].as_f64().unwrap() - times[tick]).abs() < 1e-12);
+        }
+        // It was made between its own command and the next.
+        let place = |event: &serde_json::Value| event["tick"].as_u64().unwrap() as usize;
+        let made = |event: &serde_json::Value| event["clock_ns"].as_u64().unwrap() as f64 * 1e-9;
+        let between = made(newest) - made(first);
+        let (from, to) = (place(first), place(newest));
+        assert!(
+            between >= received[to] - received[from + 1] - 1e-8,
+            "{between}"
+        );
+        assert!(
+            between <= received[to + 1] - received[from] + 1e-8,
+            "{between}"
+        );
+    }
+}
+
+/// config/serve, with the addresses of this test.
+#[test]
+fn the_example_in_config_runs_with_its_probe_its_limits_and_its_log() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/serve");
+    let read = |name: &str| std::fs::read_to_string(config.join(name)).unwrap();
+    let rig = Served::start(folder, &read("rig.toml"), &[]);
+    // On the simulated clock the specimen is led faster than its limit of speed allows.
+    let speed = "command_vel_m_per_s = { warn = 0.8, trip = 1.0 }\n";
+    let file = read("gateway.toml").replace("127.0.0.1:4825", &rig.address);
+    assert!(file.contains(speed));
+    let file = file.replace(speed, "");
+    let out = folder.join("kept");
+    let between = Served::start(folder, &file, &["--out", out.to_str().unwrap()]);
+    let cyclic = |amplitude: &str| {
+        format!(
+            "[time]\nrate_hz = 500\nduration_s = 2\nclock = \"simulated\"\n[safety]\n{UNLIMITED}[[specimen]]\nname = \"column\"\n\
+             stiffness_n_per_m = 8e6\n[[specimen.axis]]\nunit_disp = \"mm\"\nunit_force = \"kN\"\n[specimen.link]\n{COMPUTED}\n\
+             address = \"{}\"\n[[excitation.prescribed_displacement]]\nspecimen = \"column\"\nease_in_s = 0.5\n\
+             [excitation.prescribed_displacement.signal.sine]\nfrequency_hz = 1\namplitude = {amplitude}\n",
+            between.address
+        )
+    };
+    let (code, said) = run(folder, "inside", &cyclic("0.03"));
+    assert_eq!(code, 0, "{said}");
+    between.hears("direction: axis 1");
+    rig.hears("retired at the end of the test");
+    let (code, said) = run(folder, "outside", &cyclic("0.06"));
+    assert_eq!(code, 1, "{said}");
+    let reason = summary(folder, "outside").reason;
+    assert!(reason.contains("command_disp_m"), "{reason}");
+    let states = column(&out.join("test-0002"), "state");
+    assert_eq!((states[0], *states.last().unwrap()), (2.0, 8.0));
+    let largest = column(&out.join("test-0002"), "target_1_1");
+    let passed_on = largest[..largest.len() - 1].iter();
+    assert!(passed_on.fold(0.0, |m: f64, d| m.max(d.abs())) <= 0.05);
+}

@@ -1,0 +1,264 @@
+//! Where a specimen stands before its first command, over protocols that cannot tell it or do not bound that command: the
+//! test file says it, the specimen is held there and led away; and what is served and moves is not taken anywhere at once.
+
+use std::sync::mpsc::channel;
+use std::sync::{Arc, Mutex};
+
+use crate::link_common::{
+    Fake, ONE_AXIS_LAW, Served, adapter, element, finish, gateway, gusset, linked, run, summary,
+};
+use gusset::link::openfresco::{Remote, RemoteSettings};
+use gusset::record::Run;
+use gusset::substructure::{Command, Measurement, Retirement, Substructure};
+use gusset::time::Nanos;
+use gusset::wire::handshake::{Capabilities, Welcome};
+use gusset::wire::openfresco::{Carrier, Peer};
+
+const STEPS: u32 = 100;
+const K: f64 = 4e5;
+const STANDS: f64 = 0.01;
+const ADAPTER: &str = "protocol = \"openfresco-adapter\"\nprobe = \"none\"\n";
+
+/// An adapter at which every displacement that it is told is written down; at place `breaks_at` of the list its connection
+/// breaks, and another is taken.
+fn witnessed(breaks_at: usize) -> (String, Arc<Mutex<Vec<f64>>>) {
+    let told = Arc::new(Mutex::new(Vec::new()));
+    let into = Arc::clone(&told);
+    let address = adapter::start_for(5, move |disp| {
+        let mut told = into.lock().unwrap();
+        told.push(disp);
+        (told.len() != breaks_at).then_some((disp, K * disp))
+    });
+    (address, told)
+}
+
+fn largest_step(told: &[f64]) -> f64 {
+    let steps = told.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    steps.fold(0.0, f64::max)
+}
+
+#[test]
+fn what_cannot_be_asked_is_held_where_the_file_says_and_led_to_where_the_test_begins() {
+    let folder = tempfile::tempdir().unwrap();
+    let (address, told) = witnessed(0);
+    let keys = format!("{ADAPTER}stands_at_m = [{STANDS}]");
+    let (code, said) = run(folder.path(), "run", &linked(STEPS, &address, &keys));
+    assert_eq!(code, 0, "{said}");
+    assert!(!said.contains("POSITION IS UNKNOWN"), "{said}");
+    let told = told.lock().unwrap();
+    // Half a cosine over a second of ticks of 1 ms, and a test that moves by less in one.
+    assert!((told[0] - STANDS).abs() < 1e-6, "{}", told[0]);
+    assert!(told.len() > 1000 && largest_step(&told) < 2e-4);
+}
+
+#[test]
+fn without_it_only_a_computation_is_commanded_and_goes_there_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let (address, told) = witnessed(0);
+    let text = linked(STEPS, &address, ADAPTER);
+    let (code, said) = run(folder.path(), "run", &text);
+    assert_eq!(code, 0, "{said}");
+    assert!(said.contains("ITS POSITION IS UNKNOWN"), "{said}");
+    assert_eq!(told.lock().unwrap()[0], 0.0);
+    let text = text.replace("computed = true\n", "");
+    let (code, said) = run(folder.path(), "refused", &text);
+    assert_eq!(code, 2, "{said}");
+    for words in [
+        "the position of this specimen before the test is unknown",
+        "`stands_at_m = [0.0]`",
+    ] {
+        assert!(said.contains(words), "{said}");
+    }
+}
+
+#[test]
+fn a_test_that_goes_on_finds_it_where_it_was_left_and_not_where_it_once_stood() {
+    const BREAKS_AT: usize = 1060;
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let (address, told) = witnessed(BREAKS_AT);
+    let keys = format!("{ADAPTER}stands_at_m = [{STANDS}]");
+    let (code, said) = run(folder, "run", &linked(STEPS, &address, &keys));
+    assert_eq!(code, 3, "{said}");
+    let broken = summary(folder, "run");
+    assert!(broken.steps > 10);
+    let left = "; no watchdog holds specimen \"column\": it is where its own controller leaves it";
+    assert!(broken.reason.ends_with(left), "{}", broken.reason);
+    let mut command = gusset();
+    command.arg("run").arg("--resume").arg(folder.join("run"));
+    command.arg("--out").arg(folder.join("again"));
+    let output = finish(command);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    // What the file says was over with the first command.
+    assert!(said.contains("takes it at once to where it was left"));
+    assert!(!said.contains("stands_at_m") && !said.contains("the test starts from there"));
+    let told = told.lock().unwrap();
+    assert!(told.len() > BREAKS_AT + 10 && largest_step(&told) < 2e-4);
+}
+
+/// OpenFresco's element servers answer displacement 0 always. Only their force is used: a probe finds no dead sensor, no
+/// following error trips, and the start is where the file says, not at 0.
+#[test]
+fn an_element_server_that_answers_displacement_zero_gives_forces_only() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let (address, told) = element::start(K);
+    let link = format!(
+        "protocol = \"openfresco\"\nprobe_m = 1e-4\nprobe_ramp_s = 0.05\nstands_at_m = [{STANDS}]"
+    );
+    let text = linked(STEPS, &address, &link);
+    let (code, said) = run(folder, "run", &text);
+    assert_eq!(code, 0, "{said}");
+    let kept = Run::open(&folder.join("run")).unwrap();
+    let warnings = &kept.summary().unwrap().warnings;
+    assert!(
+        warnings
+            .iter()
+            .any(|text| text.contains("gives forces only"))
+    );
+    // Nothing compares the command with the target as if it had been measured.
+    let told_of = kept.summary().unwrap();
+    assert_eq!(told_of.metrics["column"], serde_json::json!([null]));
+    let [missing] = told_of.metrics_missing.as_slice() else {
+        panic!("{:?}", told_of.metrics_missing);
+    };
+    assert!(missing.starts_with("column") && missing.contains("no displacement is measured"));
+    let columns = kept.columns(&["cmd_1_1", "meas_1_1", "force_1_1"]).unwrap();
+    assert_eq!(columns[0], columns[1]);
+    let forces = columns[0].iter().zip(&columns[2]);
+    assert!(forces.clone().all(|(disp, force)| *force == K * disp));
+    assert!(columns[0].iter().any(|disp| disp.abs() > 1e-3));
+    let told = told.lock().unwrap();
+    assert!((told[0] - STANDS).abs() < 1e-6 && largest_step(&told) < 2e-4);
+    // A user who vouches for the displacements gets the zeros.
+    let measures =
+        "openfresco = { answer_signals = [1, 1, 1, 1, 1] }\nprobe_m = 1e-4\nprobe_ramp_s = 0.05";
+    let (address, _) = element::start(K);
+    let text = linked(
+        STEPS,
+        &address,
+        &format!("protocol = \"openfresco\"\n{measures}"),
+    );
+    let (code, _) = run(folder, "vouched", &text);
+    assert_eq!(code, 3);
+    let reason = summary(folder, "vouched").reason;
+    assert!(reason.contains("dead or frozen sensor"), "{reason}");
+}
+
+/// The first command of a client is a step from where the gateway told it to go last, or from where the file says that it
+/// stood: it is judged as such.
+#[test]
+fn a_gateway_knows_where_it_told_a_specimen_to_go_that_cannot_say_where_it_stands() {
+    let folder = tempfile::tempdir().unwrap();
+    let (address, told) = witnessed(0);
+    let text = |stands: &str| {
+        format!(
+            "[[specimen]]\nname = \"rig\"\nstiffness_n_per_m = {K}\n[specimen.limits]\ncommand_step_m = {{ trip = 0.004 }}\n\
+             command_disp_m = {{ trip = [-0.1, 0.1] }}\nmeasured_force_n = {{ trip = [-1e5, 1e5] }}\n[specimen.link]\naddress = \"{address}\"\n{ADAPTER}{stands}"
+        )
+    };
+    std::fs::write(folder.path().join("unsaid.toml"), text("")).unwrap();
+    let mut command = gusset();
+    command.arg("serve").arg(folder.path().join("unsaid.toml"));
+    let output = finish(command);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(
+        said.contains("the position of this specimen before the test is unknown"),
+        "{said}"
+    );
+
+    let stands = format!("stands_at_m = [{STANDS}]");
+    let served = Served::start(folder.path(), &text(&stands), &["--protocol", "openfresco"]);
+    assert!(!goes_to(&served, 0.0));
+    assert_eq!(served.reset().0, 0);
+    assert!(goes_to(&served, STANDS + 0.003));
+    assert!(!goes_to(&served, STANDS - 0.003));
+    assert_eq!(served.reset().0, 0);
+    assert!(goes_to(&served, STANDS + 0.005));
+    let told = told.lock().unwrap();
+    assert!(largest_step(&told) <= 0.003 + 1e-12, "{told:?}");
+    assert_eq!(told.last(), Some(&(STANDS + 0.005)));
+}
+
+/// One of our own protocol may tell where it stands, and need not: then the file says it. Who is commanded by a gateway is not
+/// commanded before somebody does.
+#[test]
+fn of_a_specimen_of_our_own_protocol_that_does_not_tell_the_file_says_where_it_stands() {
+    let silent = || {
+        let (tell, told) = channel();
+        let real = |welcome: &mut Welcome| welcome.capabilities = Capabilities::default();
+        let address = Fake::start_welcoming(real, move |mut fake| {
+            fake.obey(
+                |disp| (disp, K * disp),
+                move |told| {
+                    let _ = tell.send(told);
+                },
+            );
+        });
+        (address, told)
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let (address, told) = silent();
+    let keys = format!("probe = \"none\"\nstands_at_m = [{STANDS}]");
+    let (code, said) = run(folder.path(), "run", &linked(STEPS, &address, &keys));
+    assert_eq!(code, 0, "{said}");
+    assert!(!said.contains("POSITION IS UNKNOWN"), "{said}");
+    let told: Vec<f64> = told.try_iter().flatten().collect();
+    assert!((told[0] - STANDS).abs() < 1e-6 && largest_step(&told) < 2e-4);
+
+    let (address, told) = silent();
+    let table = format!("stiffness_n_per_m = {K}\n");
+    let file = gateway(&address, &table, "").replace("computed = true\n", "");
+    let served = Served::start(folder.path(), &file, &["--protocol", "openfresco"]);
+    let settings = RemoteSettings::new(Peer::Element, Carrier::Stream, served.address.clone(), 1);
+    assert!(Remote::new(settings).unwrap().open().is_err());
+    served.hears("its position is unknown");
+    assert_eq!(told.try_iter().count(), 0);
+}
+
+/// A specimen of ±50 mm that moves, and whose steps nothing bounds.
+fn served(folder: &std::path::Path, limits: &str) -> Served {
+    let text = format!(
+        "[serve.openfresco]\nphysical = true\n[[specimen]]\nname = \"rig\"\n[specimen.limits]\n\
+         command_disp_m = {{ trip = [-0.05, 0.05] }}\n{limits}{ONE_AXIS_LAW}"
+    );
+    Served::start(folder, &text, &["--protocol", "openfresco"])
+}
+
+/// True if a client's first command is answered.
+fn goes_to(served: &Served, disp: f64) -> bool {
+    let settings = RemoteSettings::new(Peer::Element, Carrier::Stream, served.address.clone(), 1);
+    let mut client = Remote::new(settings).unwrap();
+    client.open().unwrap();
+    let command = Command {
+        sequence: 0,
+        time: 0.0,
+        dt: 0.01,
+        disp: &[disp],
+        vel: &[0.0],
+    };
+    let mut into = Measurement::zeros(1);
+    let went = client.issue(&command).is_ok()
+        && client.collect(Nanos(0), &mut into).is_ok()
+        && client.accepted(0).is_ok();
+    client.retire(Retirement::Orderly);
+    went
+}
+
+#[test]
+fn a_first_command_to_what_moves_goes_no_further_than_a_share_of_its_range() {
+    let folder = tempfile::tempdir().unwrap();
+    let open = served(folder.path(), "");
+    open.hears("note: axis 1: neither `command_step_m` nor");
+    assert!(goes_to(&open, 0.0049));
+    open.hears("the client ended the test");
+    // It is left there, and the next client believes it at zero: near enough. Then it is not.
+    assert!(goes_to(&open, 0.0));
+    assert!(!goes_to(&open, 0.0051));
+    open.hears("a first command may go a twentieth of its range");
+    drop(open);
+    let bounded = served(folder.path(), "command_step_m = { trip = 0.03 }\n");
+    assert!(goes_to(&bounded, 0.02));
+}

@@ -1,0 +1,142 @@
+//! OpenSees → gateway → specimen, the main role of a gateway in laboratories: the real OpenSees commands the real gateway
+//! through `genericClient`, and computes what it computes with its own material.
+
+use crate::link_common::{Served, gateway};
+use crate::programs::{Peer, python};
+use gusset::record::Run;
+use gusset::record::summary::Status;
+
+/// As in tests/opensees/client.rs: rounding and the tolerance of the iteration.
+const SAME: f64 = 1e-10;
+
+fn law(law: &str) -> String {
+    format!("[[specimen]]\nname = \"column\"\nlaw = {law}\n")
+}
+
+const BILINEAR: &str =
+    "{ bilinear = { stiffness_n_per_m = 8000.0, yield_force_n = 60.0, post_yield_ratio = 0.05 } }";
+const LINEAR: &str = "{ linear = { stiffness_n_per_m = 8000.0 } }";
+
+struct Speech {
+    serve: &'static [&'static str],
+    link: &'static str,
+}
+
+/// A formula cannot forget a trial across our own protocol, which knows none; across OpenFresco's it can.
+const OURS: Speech = Speech {
+    serve: &["--transport", "tcp"],
+    link: "transport = \"tcp\"",
+};
+const THEIRS: Speech = Speech {
+    serve: &["--protocol", "openfresco"],
+    link: "protocol = \"openfresco\"\nopenfresco = { answer_signals = [1, 1, 1, 1, 1] }",
+};
+
+fn agree(down: &Speech, specimen: &str, material: &str, scheme: &str, udp: bool) {
+    let Some(python) = python() else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let out = folder.join("kept");
+    let far = Served::start(folder, &law(specimen), down.serve);
+    let limits =
+        "stiffness_n_per_m = 8000\n[specimen.limits]\nmeasured_force_n = { trip = [-1e4, 1e4] }\n";
+    let transport = if udp { "udp" } else { "tcp" };
+    let between = Served::start(
+        folder,
+        &gateway(&far.address, limits, down.link),
+        &[
+            "--protocol",
+            "openfresco",
+            "--transport",
+            transport,
+            "--out",
+            out.to_str().unwrap(),
+        ],
+    );
+    let port = between.address.rsplit(':').next().unwrap();
+    for number in 1..=2 {
+        let mut args = vec![
+            "--port",
+            port,
+            "--material",
+            material,
+            "--scheme",
+            scheme,
+            "--steps",
+            "200",
+        ];
+        if udp {
+            args.push("--udp");
+        }
+        let result = Peer::script(&python, "client.py", &args).event("result");
+        let [difference, peak] = ["difference", "peak"].map(|key| result[key].as_f64().unwrap());
+        assert!(peak > 0.01, "nothing moved: {peak}");
+        assert!(difference < SAME, "{scheme} {transport}: {difference}");
+        between.hears("ended the test");
+        let kept = Run::open(&out.join(format!("test-000{number}"))).unwrap();
+        let summary = kept.summary().unwrap();
+        assert_eq!(
+            (summary.status, summary.steps >= 200),
+            (Status::Completed, true)
+        );
+        let [commits, exchanges] =
+            ["commits", "step"].map(|name| *kept.columns(&[name]).unwrap()[0].last().unwrap());
+        assert!(exchanges >= commits, "{exchanges} {commits}");
+    }
+}
+
+#[test]
+fn a_yielding_specimen_behind_openfresco_under_iterations_and_without() {
+    for scheme in ["newton", "explicit"] {
+        agree(&THEIRS, BILINEAR, "Steel01:60,8000,0.05", scheme, false);
+    }
+    // AlphaOS wants the tangent, for which a gateway has only the estimate in its file.
+    agree(&THEIRS, LINEAR, "Elastic:8000", "alphaos", false);
+    agree(&THEIRS, BILINEAR, "Steel01:60,8000,0.05", "newton", true);
+}
+
+#[test]
+fn our_own_protocol_towards_the_specimen() {
+    // What yields on a trial has yielded: an explicit scheme tries once.
+    agree(&OURS, BILINEAR, "Steel01:60,8000,0.05", "explicit", false);
+    agree(&OURS, LINEAR, "Elastic:8000", "newton", false);
+    agree(&OURS, LINEAR, "Elastic:8000", "newton", true);
+}
+
+/// Newton's trials go beyond the limit: the connection is closed, which OpenSees 3.7 answers by spinning; the gateway says
+/// why, and serves the next.
+#[test]
+fn a_limit_that_opensees_passes_closes_the_connection_and_is_said_here() {
+    let Some(python) = python() else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let out = folder.join("kept");
+    let far = Served::start(folder, &law(LINEAR), OURS.serve);
+    let limits =
+        "stiffness_n_per_m = 8000\n[specimen.limits]\nmeasured_force_n = { trip = [-40, 40] }\n";
+    let between = Served::start(
+        folder,
+        &gateway(&far.address, limits, OURS.link),
+        &["--protocol", "openfresco", "--out", out.to_str().unwrap()],
+    );
+    let port = between.address.rsplit(':').next().unwrap();
+    let args = [
+        "--port",
+        port,
+        "--material",
+        "Elastic:8000",
+        "--steps",
+        "200",
+    ];
+    let mut client = Peer::script(&python, "client.py", &args);
+    let line = between.hears("the specimen holds");
+    assert!(line.contains("measured_force_n"), "{line}");
+    client.kill();
+    let kept = Run::open(&out.join("test-0001")).unwrap();
+    assert_eq!(kept.summary().unwrap().status, Status::Stopped);
+    far.hears("because the test tripped");
+}

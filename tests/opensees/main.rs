@@ -1,0 +1,11 @@
+//! The real OpenSees as client, specimen and reference. `tools/test` installs it.
+
+#[path = "../link_common/mod.rs"]
+mod link_common;
+
+mod client;
+mod gateway;
+mod integrators;
+mod programs;
+mod run;
+mod specimen;

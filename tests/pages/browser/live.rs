@@ -1,0 +1,210 @@
+//! The live page: what an operator sees and presses, in a real browser, with a test that runs.
+
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStderr, Stdio};
+
+use serde_json::Value;
+
+use super::stage::{assert_quiet, installed, visit};
+use crate::common::{FRAME, PATIENT, gusset, json, write};
+
+/// Ends with the test function, whatever happens.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Starts a test with its page into `home/run`: what it says after that, its address, its control token.
+fn start(home: &Path, text: &str) -> (Running, BufReader<ChildStderr>, [String; 2]) {
+    let mut child = gusset()
+        .arg("run")
+        .arg(write(home, "test.toml", text))
+        .args([
+            "--out",
+            home.join("run").to_str().unwrap(),
+            "--live",
+            "127.0.0.1:0",
+        ])
+        .args(["--set", "timing.policy=\"ordinary\""])
+        .args(PATIENT)
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut said = BufReader::new(child.stderr.take().unwrap());
+    let running = Running(child);
+    let mut after = |start: &str| {
+        let mut line = String::new();
+        said.read_line(&mut line).unwrap();
+        let rest = line.strip_prefix(start);
+        rest.unwrap_or_else(|| panic!("{start:?}: {line}"))
+            .trim()
+            .to_owned()
+    };
+    let address = after("live page: ");
+    let token = after("control token (HOLD, CONTINUE, CONFIRM, STOP on the page): ");
+    (running, said, [address, token])
+}
+
+#[test]
+fn an_operator_holds_goes_on_and_stops_from_the_page_and_sees_what_happens() {
+    if installed().is_none() {
+        return;
+    }
+    let home = tempfile::tempdir().unwrap();
+    let home = home.path();
+    let text = FRAME
+        .replace("duration_s = 0.5", "duration_s = 3600")
+        .replace("clock = \"simulated\"", "clock = \"real\"")
+        .replace(
+            "name = \"storey\"",
+            "name = \"storey\"\nlimits = { command_disp_m = { warn = [-0.05, 0.05], trip = [-0.5, 0.5] }, \
+             measured_force_n = { trip = [-9e4, 9e4] }, command_vel_m_per_s = { trip = 5 } }",
+        );
+    let folder = home.join("run");
+    let (mut running, mut said, [address, token]) = start(home, &text);
+    // The screenshots stay where a person finds them.
+    let shots = std::env::var_os("GUSSET_SCREENSHOTS").map_or(home.to_owned(), PathBuf::from);
+    let shots = shots.to_str().unwrap();
+    let found = visit("live.mjs", &[&address, &token, shots]).unwrap();
+    let mut rest = String::new();
+    said.read_to_string(&mut rest).unwrap();
+    assert_eq!(
+        running.0.wait().unwrap().code(),
+        Some(130),
+        "{rest}\n{found:#}"
+    );
+
+    assert_quiet(&found);
+    assert_eq!(found["title"], "Frame · Gusset");
+    let drawn = |plots: &Value| {
+        let shares: Vec<f64> = serde_json::from_value(plots.clone()).unwrap();
+        // Response, ground, displacement, error, force, loop, histogram.
+        assert_eq!(shares.len(), 7, "{found:#}");
+        assert!(
+            shares.iter().all(|share| *share > 0.01),
+            "an empty plot: {found:#}"
+        );
+    };
+    drawn(&found["plots"]);
+    drawn(&found["second"]["plots"]);
+    drawn(&found["reloaded"]["plots"]);
+    for seen in [&found["clipped"], &found["second"]["clipped"]] {
+        assert_eq!(*seen, serde_json::json!([]), "{found:#}");
+    }
+    assert_eq!(found["bars"], 8, "three of the axis, five of the test");
+    // Whatever the moment: near its crossing of zero it is shown in µm.
+    let value = found["value"].as_str().unwrap();
+    assert!(
+        ["mm", "µm", "nm", "0 m"]
+            .iter()
+            .any(|unit| value.ends_with(unit)),
+        "{found:#}"
+    );
+
+    assert!(
+        found["tokenless"]
+            .as_str()
+            .unwrap()
+            .contains("needs the control token")
+    );
+    assert_eq!(found["wrong"], 401);
+    assert!(
+        found["refusal"]
+            .as_str()
+            .unwrap()
+            .contains("missing or wrong"),
+        "{found:#}"
+    );
+    assert_eq!(
+        found["after_refusal"], "running",
+        "a wrong token holds nothing"
+    );
+    let expected = found["expected"].as_array().unwrap();
+    assert_eq!(expected.len(), 1, "{found:#}");
+    assert!(expected[0].as_str().unwrap().contains("401"), "{found:#}");
+
+    assert_eq!(
+        found["held"][0], found["held"][1],
+        "time and command do not change"
+    );
+    for bins in [&found["second"]["bins"], &found["reloaded"]["bins"]] {
+        assert!(bins.as_u64().unwrap() > 100, "the past is there: {found:#}");
+    }
+    assert!(
+        found["reloaded"]["token"].as_u64().unwrap() > 10,
+        "the tab remembers"
+    );
+    assert!(!found["in_address"].as_str().unwrap().contains(&token));
+    assert_eq!(found["went_on"], true);
+    assert!(
+        found["lost"]["alarm"]
+            .as_str()
+            .unwrap()
+            .contains("what you see is old")
+    );
+    assert_eq!(found["lost"]["phase"], "dead");
+    assert_eq!(found["lost"]["dead"], "dead");
+    let asked = found["asked"].as_str().unwrap();
+    assert!(
+        asked.contains("every specimen stays where it is"),
+        "{asked}"
+    );
+    assert_eq!(found["kept_running"], "running", "STOP asks first");
+    let outcome = found["outcome"].as_str().unwrap();
+    assert!(
+        outcome.contains("INTERRUPTED") && outcome.contains("report.html"),
+        "{outcome}"
+    );
+    assert_eq!(found["second_outcome"], "INTERRUPTED");
+    assert_eq!(
+        found["alarm_after"], false,
+        "a test that is over is no lost connection"
+    );
+    assert_eq!(json(&folder, "summary.json")["status"], "interrupted");
+}
+
+#[test]
+fn a_trip_is_told_on_the_whole_way_out_and_a_stop_says_that_it_freezes_it() {
+    if installed().is_none() {
+        return;
+    }
+    let home = tempfile::tempdir().unwrap();
+    let home = home.path();
+    let text = FRAME
+        .replace("duration_s = 0.5", "duration_s = 3600")
+        .replace("clock = \"simulated\"", "clock = \"real\"")
+        .replace(
+            "name = \"storey\"",
+            "name = \"storey\"\nlimits = { command_disp_m = { warn = [-0.002, 0.002], trip = [-0.003, 0.003] } }",
+        )
+        + "\n[safety]\non_trip = \"zero_displacement\"\nexit_speed_m_per_s = 1e-5\n";
+    let (mut running, mut said, [address, token]) = start(home, &text);
+    let shots = std::env::var_os("GUSSET_SCREENSHOTS").map_or(home.to_owned(), PathBuf::from);
+    let shots = shots.to_str().unwrap();
+    let found = visit("tripped.mjs", &[&address, &token, shots]).unwrap();
+    let mut rest = String::new();
+    said.read_to_string(&mut rest).unwrap();
+    let code = running.0.wait().unwrap().code();
+    assert_eq!(code, Some(1), "{rest}\n{found:#}");
+    assert_quiet(&found);
+    assert_eq!(found["phase"], "tripped");
+    let alarm = found["alarm"].as_str().unwrap();
+    let why = "TRIPPED: storey, axis 1: commanded displacement";
+    assert!(alarm.starts_with(why), "{alarm}");
+    assert_eq!(found["bars"], serde_json::json!(["commanded displacement"]));
+    assert_eq!(found["warned"], 0, "{found:#}");
+    let asked = [
+        "Freeze the specimens where they are?",
+        "Let it go on",
+        "FREEZE",
+    ];
+    assert_eq!(found["asked"], serde_json::json!(asked));
+    let outcome = found["outcome"].as_str().unwrap();
+    assert!(outcome.contains("STOPPED"), "{outcome}");
+    assert_eq!(found["tripped_after"], 1);
+}

@@ -1,0 +1,137 @@
+//! The report of a run, as a person sees it: pictures are there and not empty, all of them zoom together, a printer and a
+//! reader without scripts get the same pictures, and a title is never executed.
+
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use serde_json::Value;
+
+use super::stage::{assert_quiet, visit};
+use crate::common::{FRAME, completed, write};
+
+/// The report of one short run with a title that would like to be a script, made once.
+fn report() -> &'static Path {
+    static MADE: OnceLock<(tempfile::TempDir, PathBuf)> = OnceLock::new();
+    let (_, page) = MADE.get_or_init(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let title = "title = \"<script>document.title='taken'</script><b>&\"\n";
+        let text = FRAME.replacen("title = \"Frame\"\n", title, 1);
+        let test = write(
+            folder.path(),
+            "test.toml",
+            &text.replace("duration_s = 0.5", "duration_s = 6"),
+        );
+        let out = folder.path().join("run");
+        completed(&test, &out, &[]);
+        (folder, out.join("report.html"))
+    });
+    page
+}
+
+fn visited(page: &Path, how: &str) -> Option<Value> {
+    let address = format!("file://{}", page.display());
+    let shots = std::env::var("GUSSET_BROWSER_SHOTS").unwrap_or_default();
+    let shot = format!("{shots}/report-{how}.png");
+    let shot = if shots.is_empty() { "" } else { &shot };
+    let found = visit("report.mjs", &[&address, how, shot])?;
+    assert_quiet(&found);
+    assert_eq!(found["empty"], 0, "a frame round nothing: {found:#}");
+    Some(found)
+}
+
+fn seen(how: &str) -> Option<Value> {
+    let found = visited(report(), how)?;
+    assert_eq!(
+        found["title"],
+        "<script>document.title='taken'</script><b>&"
+    );
+    assert_eq!(found["wide"], false, "nothing sticks out sideways");
+    assert_eq!(
+        found["unnamed"], 0,
+        "every picture has a name for a screen reader"
+    );
+    Some(found)
+}
+
+fn digests(canvases: &Value) -> Vec<i64> {
+    let all = canvases.as_array().unwrap().iter();
+    all.map(|canvas| canvas["digest"].as_i64().unwrap())
+        .collect()
+}
+
+#[test]
+fn plots_are_there_zoom_together_and_come_back() {
+    for how in ["light", "dark"] {
+        let Some(found) = seen(how) else { return };
+        assert_eq!(found["scripts"], 1, "one script, our own");
+        let before = found["before"].as_array().unwrap();
+        // Ground, x, v, a, drift, target and measured, energy at least.
+        assert!(before.len() >= 7, "{found:#}");
+        for canvas in before {
+            assert!(
+                canvas["inked"].as_f64().unwrap() > 0.005,
+                "an empty plot: {found:#}"
+            );
+        }
+        assert!(
+            found["legend"].as_str().unwrap().parse::<f64>().is_ok()
+                || found["legend"].as_str().unwrap().contains('−')
+        );
+        let (before, zoomed) = (digests(&found["before"]), digests(&found["zoomed"]));
+        assert!(
+            before.iter().zip(&zoomed).all(|(a, b)| a != b),
+            "every plot follows the zoom"
+        );
+        assert_eq!(found["button"], true);
+        assert_eq!(digests(&found["after"]), before, "the whole test again");
+        assert_eq!(found["hidden"], true);
+        let background = found["background"].as_str().unwrap();
+        assert_eq!(
+            background == "rgb(255, 255, 255)",
+            how == "light",
+            "{background}"
+        );
+    }
+}
+
+#[test]
+fn paper_and_readers_without_scripts_get_every_picture() {
+    let Some(plain) = seen("noscript") else {
+        return;
+    };
+    let Some(printed) = seen("print") else { return };
+    let all = plain["pictures"].as_u64().unwrap();
+    assert!(all >= 14, "{plain:#}");
+    assert_eq!(printed["printed"]["pictures"], all);
+    assert_eq!(printed["printed"]["canvases"], 0);
+    assert!(
+        printed["pictures"].as_u64().unwrap() < all,
+        "on the screen the plots replace them"
+    );
+}
+
+#[test]
+fn a_history_of_one_point_keeps_its_picture() {
+    // Two cycles of one amplitude: one window of four periods, so errors in moving windows have one point.
+    let text = "title = \"Short\"\n[time]\nrate_hz = 256\nduration_s = 4\nclock = \"simulated\"\n\
+        [[excitation.prescribed_displacement]]\nspecimen = \"column\"\nease_in_s = 0.5\n\
+        signal.cyclic = { amplitudes = [0.002], cycles_per_amplitude = 2, shape = \"sine\", frequency_hz = 0.5 }\n\
+        [[specimen]]\nname = \"column\"\nlaw.linear = { stiffness_n_per_m = 1e5 }\n";
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("run");
+    completed(&write(folder.path(), "test.toml", text), &out, &[]);
+    let page = out.join("report.html");
+    let markup = std::fs::read_to_string(&page).unwrap();
+    let figures = |part: &str| markup.matches(part).count();
+    assert!(
+        figures("<figure class=\"history\">") > figures("<script type=\"application/json\">"),
+        "a history without numbers for the script"
+    );
+    for how in ["look", "print", "noscript"] {
+        let Some(found) = visited(&page, how) else {
+            return;
+        };
+        let pictures = |found: &Value| found["pictures"].as_u64().unwrap();
+        assert!(pictures(&found) >= 2, "{found:#}");
+    }
+}

@@ -1,0 +1,584 @@
+//! The report command: two runs on one page, tracking metrics with their noise floors, and folders that are not what they
+//! should be.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::common::{FRAME, Said, completed, json, say, write};
+use gusset::record::{Run, journal::encode};
+
+/// Runs the frame, with a changed text, into a folder of its own.
+fn made(folder: &Path, name: &str, text: &str) -> PathBuf {
+    let test = write(folder, &format!("{name}.toml"), text);
+    let out = folder.join(name);
+    completed(&test, &out, &[]);
+    out
+}
+
+fn compare(folder: &Path, first: &Path, second: &Path) -> (Said, String) {
+    let out = folder.join("compared.html");
+    let said = say([
+        "report".as_ref(),
+        first.as_os_str(),
+        second.as_os_str(),
+        "--out".as_ref(),
+        out.as_os_str(),
+    ]);
+    (said, fs::read_to_string(&out).unwrap_or_default())
+}
+
+/// The rows of a run, changed: (row, place, value).
+fn changed(out: &Path, change: &[(usize, usize, f64)]) {
+    let run = Run::open(out).unwrap();
+    let mut journal = run.journal().unwrap();
+    let mut bytes = Vec::new();
+    let mut at = 0;
+    while let Some(row) = journal.next_row().unwrap() {
+        let mut values = row.values.to_vec();
+        for (_, place, value) in change.iter().filter(|(row, ..)| *row == at) {
+            values[*place] = *value;
+        }
+        encode(row.sequence, &values, &mut bytes);
+        at += 1;
+    }
+    fs::write(out.join("samples.bin"), bytes).unwrap();
+}
+
+fn place(out: &Path, column: &str) -> usize {
+    Run::open(out).unwrap().layout().index_of(column).unwrap()
+}
+
+#[test]
+fn two_runs_of_one_test_are_the_same_to_the_last_bit_and_one_changed_bit_is_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let first = made(folder.path(), "first", FRAME);
+    let second = made(folder.path(), "second", FRAME);
+    let (said, page) = compare(folder.path(), &first, &second);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert!(
+        said.stderr
+            .contains("the same to the last bit: 101\u{a0}rows"),
+        "{}",
+        said.stderr
+    );
+    assert!(
+        page.contains("Both runs are identical to the last bit")
+            && page.contains("configurations are alike")
+    );
+
+    let x2 = place(&second, "x2");
+    let old = Run::open(&second).unwrap().columns(&["x2"]).unwrap()[0][40];
+    changed(&second, &[(40, x2, f64::from_bits(old.to_bits() ^ 1))]);
+    let (said, page) = compare(folder.path(), &first, &second);
+    assert!(
+        said.stderr
+            .contains("they differ first at step 40, 200\u{a0}ms, in x2:"),
+        "{}",
+        said.stderr
+    );
+    assert!(page.contains("Differences by column") && page.contains("The runs differ"));
+}
+
+#[test]
+fn another_test_shows_its_settings_differences_and_metrics_beside_the_first() {
+    let folder = tempfile::tempdir().unwrap();
+    let first = made(folder.path(), "first", FRAME);
+    let stronger = FRAME.replace("amplitude = 3.0", "amplitude = 4.0");
+    let second = made(folder.path(), "second", &stronger);
+    let (said, page) = compare(folder.path(), &first, &second);
+    // The sine begins at zero, so the first step is the same.
+    assert!(
+        said.stderr
+            .contains("they differ first at step 1, 5\u{a0}ms, in ground: "),
+        "{}",
+        said.stderr
+    );
+    for part in [
+        "excitation.ground_acceleration.signal.sine.amplitude",
+        "<td>3.0</td><td>4.0</td>",
+        "second − first",
+        "Hysteresis of storey",
+        "storey: FEI amplitude",
+    ] {
+        assert!(page.contains(part), "{part}");
+    }
+}
+
+#[test]
+fn what_cannot_be_compared_row_by_row_is_said_and_the_rest_is_shown() {
+    let folder = tempfile::tempdir().unwrap();
+    let first = made(folder.path(), "first", FRAME);
+    let finer = made(
+        folder.path(),
+        "finer",
+        &FRAME.replace("rate_hz = 200", "rate_hz = 400"),
+    );
+    let (said, page) = compare(folder.path(), &first, &finer);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert!(
+        said.stderr.contains("0.005 s and 0.0025 s"),
+        "{}",
+        said.stderr
+    );
+    assert!(
+        page.contains("Displacement of DOF 2") && page.contains("cannot be compared row by row")
+    );
+
+    let prescribed = "title = \"P\"\n[time]\nrate_hz = 200\nduration_s = 0.5\nclock = \"simulated\"\n\
+        [[excitation.prescribed_displacement]]\nspecimen = \"other\"\nease_in_s = 0.1\nsignal.cyclic = { amplitudes = [0.002], cycles_per_amplitude = 1, shape = \"sine\", frequency_hz = 2.0 }\n\
+        [[specimen]]\nname = \"other\"\nlaw.linear = { stiffness_n_per_m = 1e5 }\n";
+    let other = made(folder.path(), "other", prescribed);
+    let (said, page) = compare(folder.path(), &first, &other);
+    // The one has DOFs that the other lacks; the specimen's columns are in both.
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert!(
+        page.contains("Measured displacement, specimen 1, axis 1")
+            && !page.contains("Displacement of DOF")
+    );
+}
+
+#[test]
+fn metrics_stand_in_the_summary_with_the_noise_that_was_read_while_zeroing() {
+    let folder = tempfile::tempdir().unwrap();
+    // A rig that follows perfectly but for the noise of its sensors: 0.2 mm and 10 N rms.
+    let text = format!(
+        "{}\n[specimen.transfer]\nseed = 3\ndisp_sensor = {{ noise_rms_m = 2e-4 }}\nforce_sensor = {{ noise_rms_n = 10.0 }}\n[safety]\nzero_s = 5.0\n",
+        FRAME
+            .replace("duration_s = 0.5", "duration_s = 5.0")
+            .replace("amplitude = 3.0", "amplitude = 6.0")
+    );
+    let out = made(folder.path(), "noisy", &text);
+    let metrics = &json(&out, "summary.json")["metrics"]["storey"][0];
+    let number = |path: &str| {
+        metrics
+            .pointer(path)
+            .and_then(serde_json::Value::as_f64)
+            .unwrap_or(f64::NAN)
+    };
+    assert_eq!(number("/noise/count"), 1000.0, "{metrics:#}");
+    // A standard deviation of 1000 readings is known to 1/√2000 = 2.2 %.
+    assert!(
+        (number("/noise/disp_std_m") / 2e-4 - 1.0).abs() < 0.1,
+        "{metrics:#}"
+    );
+    assert!((number("/noise/force_std_n") / 10.0 - 1.0).abs() < 0.1);
+    let (value, floor) = (number("/nrmse/value"), number("/nrmse/floor"));
+    assert!(
+        floor > 0.0 && (value / floor - 1.0).abs() < 0.1,
+        "{metrics:#}"
+    );
+    assert!(number("/nrmse/corrected") < 0.5 * value);
+    assert!(number("/samples") == 1001.0);
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(page.contains("noise floor") && page.contains("1000\u{a0}readings while zeroing"));
+
+    // Without zeroing nothing is made up.
+    let plain = made(folder.path(), "plain", FRAME);
+    let metrics = &json(&plain, "summary.json")["metrics"]["storey"][0];
+    assert_eq!(
+        (&metrics["noise"], &metrics["nrmse"]["floor"]),
+        (&serde_json::Value::Null, &serde_json::Value::Null)
+    );
+    assert_eq!(metrics["nrmse"]["value"], 0.0);
+}
+
+#[test]
+fn missing_numbers_are_gaps_and_a_torn_file_gives_a_page_that_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = made(folder.path(), "gaps", FRAME);
+    let places =
+        ["x1", "v1", "meas_1_1", "force_1_1", "ground", "compute_s"].map(|name| place(&out, name));
+    let holes: Vec<_> = (20..30)
+        .flat_map(|row| places.map(|at| (row, at, f64::NAN)))
+        .collect();
+    changed(&out, &holes);
+    let said = say(["report".as_ref(), out.as_os_str()]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(!page.contains("NaN<") && page.contains("Energy balance"));
+
+    let samples = fs::read(out.join("samples.bin")).unwrap();
+    fs::write(out.join("samples.bin"), &samples[..samples.len() / 2 + 3]).unwrap();
+    assert_eq!(say(["report".as_ref(), out.as_os_str()]).code, Some(0));
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(page.contains("Damaged") && page.contains("in the middle of a row"));
+
+    // Not one row.
+    fs::write(out.join("samples.bin"), b"").unwrap();
+    assert_eq!(say(["report".as_ref(), out.as_os_str()]).code, Some(0));
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(page.contains("No row was recorded while the test was running"));
+}
+
+#[test]
+fn a_folder_that_is_no_run_is_told_apart_from_one_that_is_damaged() {
+    let folder = tempfile::tempdir().unwrap();
+    let first = made(folder.path(), "first", FRAME);
+    let empty = folder.path().join("empty");
+    fs::create_dir(&empty).unwrap();
+    let foreign = folder.path().join("foreign");
+    fs::create_dir(&foreign).unwrap();
+    fs::write(foreign.join("notes.txt"), "nothing of ours").unwrap();
+    let damaged = made(folder.path(), "damaged", FRAME);
+    fs::write(damaged.join("samples.json"), "{ \"a\": ").unwrap();
+    for (bad, word) in [
+        (&empty, "empty"),
+        (&foreign, "foreign"),
+        (&damaged, "samples.json"),
+    ] {
+        for arguments in [vec![bad.as_path()], vec![first.as_path(), bad.as_path()]] {
+            let mut line = vec!["report".as_ref()];
+            line.extend(arguments.iter().map(|path| path.as_os_str()));
+            let said = say(line);
+            assert!(
+                said.code.is_some_and(|code| code != 0 && code != 5),
+                "{}",
+                said.stderr
+            );
+            assert!(
+                said.stderr.starts_with("error: ") && said.stderr.contains(word),
+                "{}",
+                said.stderr
+            );
+        }
+        assert!(!bad.join("report.html").exists() || *bad == damaged);
+    }
+    let said = say([
+        "report".as_ref(),
+        first.as_os_str(),
+        "--out".as_ref(),
+        "x.html".as_ref(),
+    ]);
+    assert_eq!(said.code, Some(2), "--out is for a comparison");
+}
+
+#[test]
+fn a_summary_that_cannot_be_read_counts_as_missing_and_lost_lines_of_events_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = made(folder.path(), "run", FRAME);
+    let events = fs::read_to_string(run.join("events.jsonl")).unwrap();
+    fs::write(run.join("events.jsonl"), format!("{{\"event\": \n{events}")).unwrap();
+    assert_eq!(say(["report".as_ref(), run.as_os_str()]).code, Some(0));
+    let page = fs::read_to_string(run.join("report.html")).unwrap();
+    assert!(page.contains("of events.jsonl CANNOT BE READ") && !page.contains("verdict good"));
+    let whole = events.lines().count();
+    let all_but = |last: usize| {
+        let kept = events.lines().take(whole - last);
+        kept.map(|line| format!("{line}\n")).collect::<String>()
+    };
+    for (left, words) in [
+        (Some(all_but(0)), None),
+        (
+            Some(all_but(1)),
+            Some("Events.jsonl ends before the test did"),
+        ),
+        (
+            Some(String::new()),
+            Some("Events.jsonl ends before the test did"),
+        ),
+        (None, Some("Events.jsonl is not there")),
+    ] {
+        match left {
+            Some(text) => fs::write(run.join("events.jsonl"), text).unwrap(),
+            None => fs::remove_file(run.join("events.jsonl")).unwrap(),
+        }
+        assert_eq!(say(["report".as_ref(), run.as_os_str()]).code, Some(0));
+        let page = fs::read_to_string(run.join("report.html")).unwrap();
+        assert_eq!(page.contains("verdict good"), words.is_none());
+        assert!(words.is_none_or(|words| page.contains(words)), "{words:?}");
+    }
+    fs::write(run.join("events.jsonl"), &events).unwrap();
+    fs::write(run.join("summary.json"), "{ \"status\": ").unwrap();
+    let out = folder.path().join("out.csv");
+    for line in [
+        vec!["report".as_ref(), run.as_os_str()],
+        vec!["replay".as_ref(), run.as_os_str()],
+        vec![
+            "export".as_ref(),
+            run.as_os_str(),
+            "--out".as_ref(),
+            out.as_os_str(),
+        ],
+    ] {
+        let said = say(line);
+        assert_eq!(said.code, Some(0), "{}", said.stderr);
+        assert!(
+            said.stderr.contains("summary.json is DAMAGED"),
+            "{}",
+            said.stderr
+        );
+    }
+    let page = fs::read_to_string(run.join("report.html")).unwrap();
+    assert!(page.contains("Summary.json is DAMAGED") && page.contains("verdict bad"));
+}
+
+#[test]
+fn a_record_that_was_cut_off_is_bad_news_and_never_the_same_as_another() {
+    let folder = tempfile::tempdir().unwrap();
+    let first = made(folder.path(), "first", FRAME);
+    let second = made(folder.path(), "second", FRAME);
+    let samples = second.join("samples.bin");
+    let stride = gusset::record::Run::open(&second)
+        .unwrap()
+        .layout()
+        .stride();
+    let bytes = fs::read(&samples).unwrap();
+    fs::write(&samples, &bytes[..bytes.len() / stride / 2 * stride]).unwrap();
+    let said = say(["report".as_ref(), second.as_os_str()]);
+    assert!(
+        said.stderr.contains("but the rows end at"),
+        "{}",
+        said.stderr
+    );
+    let page = fs::read_to_string(second.join("report.html")).unwrap();
+    assert!(page.contains("verdict bad") && page.contains("but the rows end at"));
+    let (said, page) = compare(folder.path(), &first, &second);
+    assert!(
+        said.stderr.contains("second run: the summary has"),
+        "{}",
+        said.stderr
+    );
+    assert!(!page.contains("verdict good"));
+    // Damaged in the middle: a headline of its own.
+    let mut flipped = bytes;
+    let middle = flipped.len() / 2;
+    flipped[middle] ^= 4;
+    fs::write(&samples, flipped).unwrap();
+    say(["report".as_ref(), second.as_os_str()]);
+    let page = fs::read_to_string(second.join("report.html")).unwrap();
+    assert!(page.contains("Damaged: this record") && !page.contains("Unfinished"));
+    assert!(page.contains("is damaged; nothing behind it is read"));
+}
+
+#[test]
+fn an_audit_that_ends_without_a_number_does_not_say_that_all_is_booked_right() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = made(folder.path(), "lost", FRAME);
+    let page = |out: &Path| {
+        assert_eq!(say(["report".as_ref(), out.as_os_str()]).code, Some(0));
+        fs::read_to_string(out.join("report.html")).unwrap()
+    };
+    assert!(page(&out).contains("rows are booked right"));
+    let last = Run::open(&out).unwrap().columns(&["x1"]).unwrap()[0].len() - 1;
+    changed(&out, &[(last, place(&out, "step_audit"), f64::NAN)]);
+    let page = page(&out);
+    assert!(!page.contains("booked right") && page.contains("in the last row it is not a number"));
+}
+
+#[test]
+fn the_page_tells_the_way_out_and_how_limits_are_judged() {
+    // ±2 mm in the test, then 20 mm: 16 kN in the one, 40 kN + 0.05 · 8 MN/m · 15 mm = 46 kN in the other.
+    let text = "title = \"Shutdown\"\n[time]\nrate_hz = 256\nduration_s = 4\nclock = \"simulated\"\n\
+        [[excitation.prescribed_displacement]]\nspecimen = \"column\"\nease_in_s = 0.5\n\
+        signal.cyclic = { amplitudes = [0.002], cycles_per_amplitude = 2, shape = \"sine\", frequency_hz = 0.5 }\n\
+        [[specimen]]\nname = \"column\"\n\
+        law.bilinear = { stiffness_n_per_m = 8e6, yield_force_n = 40e3, post_yield_ratio = 0.05 }\n\
+        safe_disp_m = [0.02]\n\
+        [specimen.limits]\nmeasured_force_n = { warn = [-30e3, 30e3], trip = [-60e3, 60e3] }\n\
+        [safety]\nat_end = \"safe_displacement\"\nexit_speed_m_per_s = 0.05\n";
+    let folder = tempfile::tempdir().unwrap();
+    let out = made(folder.path(), "way", text);
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    let page = page.replace("&quot;", "\"");
+    for part in [
+        "Specimen \"column\" was moved to its end position (`at_end` of the test file); last command sent 20.0\u{a0}mm, last measurements received \
+         20.0\u{a0}mm and 46.0\u{a0}kN, largest force during shutdown 46.0\u{a0}kN, more than in the running test.",
+        "<b>16.0\u{a0}kN</b><span>largest force of the running test, column; 46.0\u{a0}kN during shutdown",
+        "1025\u{a0}steps of the running test; 161\u{a0}rows of the shutdown",
+        "<td>not checked: the simulated clock misses no deadlines</td>",
+        "At the end: every specimen moves to its `safe_disp_m`, at 0.05 m/s at most",
+        "safe displacement: 20\u{a0}mm.",
+    ] {
+        assert!(page.contains(part), "{part}");
+    }
+}
+
+/// The page of a test that need not complete.
+fn page_of(folder: &Path, name: &str, text: &str) -> (PathBuf, String) {
+    let test = write(folder, &format!("{name}.toml"), text);
+    let out = folder.join(name);
+    crate::common::run(&test, &out, &[]);
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    (out, page.replace("&quot;", "\""))
+}
+
+/// Two storeys of which the lower one is a spring of 6 MN/m, at 500 Hz; `more` are tables of the test.
+fn two_storeys(seconds: f64, structure: &str, more: &str) -> String {
+    format!(
+        "title = \"Two storeys\"\n[time]\nrate_hz = 500\nduration_s = {seconds}\nclock = \"simulated\"\n[structure]\n{structure}\n\
+         [structure.shear_building]\nmass_kg = [10e3, 10e3]\nstiffness_n_per_m = [0, 5e6]\ndamping_n_s_per_m = [5e3, 5e3]\n\
+         [[specimen]]\nname = \"col\"\nstorey = 1\nlaw.linear = {{ stiffness_n_per_m = 6e6, damping_n_s_per_m = 0 }}\n{more}"
+    )
+}
+
+#[test]
+fn coordinates_of_a_base_that_is_displaced_are_absolute_and_the_lowest_storey_drifts_against_it() {
+    let base =
+        "[excitation.base_displacement]\nsignal.sine = { amplitude = 0.1, frequency_hz = 0.5 }\n";
+    let folder = tempfile::tempdir().unwrap();
+    let (out, page) = page_of(folder.path(), "base", &two_storeys(3.0, "", base));
+    let columns = Run::open(&out).unwrap().columns(&["x1", "ground"]).unwrap();
+    let drifts = columns[0].iter().zip(&columns[1]).map(|(x, g)| x - g);
+    let drift = drifts.fold(0.0, |most: f64, drift| {
+        if drift.abs() > most.abs() {
+            drift
+        } else {
+            most
+        }
+    });
+    // The base moves by 100 mm: the drift is far less than x1.
+    assert!((0.01..0.05).contains(&drift.abs()), "{drift}");
+    let told = format!("{:.1}\u{a0}mm", 1e3 * drift).replace('-', "\u{2212}");
+    assert!(page.contains(&format!("Largest drifts: storey 1 {told}, storey 2 ")));
+    for title in [
+        "Displacement, absolute",
+        "Velocity, absolute",
+        "Acceleration, absolute",
+    ] {
+        assert!(page.contains(title), "{title}");
+    }
+    assert!(!page.contains("relative to the ground"));
+    let told = "Displacements, velocities and accelerations are";
+    assert!(page.contains(&format!("{told} absolute.")));
+
+    let ground = base.replace("base_displacement", "ground_acceleration");
+    let (_, page) = page_of(folder.path(), "ground", &two_storeys(1.0, "", &ground));
+    assert!(page.contains("Acceleration, relative to the ground") && !page.contains(", absolute"));
+    assert!(page.contains(&format!("{told} relative to the ground.")));
+}
+
+#[test]
+fn the_row_of_a_trip_is_in_the_tables_as_it_is_in_the_summary() {
+    let more = "[specimen.limits]\nmeasured_force_n = { trip = [-59e3, 59e3] }\n\
+        [excitation.ground_acceleration]\nsignal.sine = { amplitude = 3, frequency_hz = 1.5 }\n";
+    let folder = tempfile::tempdir().unwrap();
+    let (out, page) = page_of(folder.path(), "trip", &two_storeys(2.0, "", more));
+    let run = Run::open(&out).unwrap();
+    let columns = run.columns(&["state", "time", "x1", "x2"]).unwrap();
+    let last = columns[0].iter().rposition(|state| *state == 8.0).unwrap();
+    let peak = &json(&out, "summary.json")["peak"]["displacement"];
+    assert_eq!(
+        peak[0],
+        columns[2][last].abs(),
+        "it trips where it is largest"
+    );
+    let millimetres = |metres: f64| {
+        let decimals = if metres.abs() < 0.01 { 2 } else { 1 };
+        format!("{:.decimals$}\u{a0}mm", 1e3 * metres).replace('-', "\u{2212}")
+    };
+    let time = format!("{}\u{a0}s", columns[1][last]);
+    let row = format!(
+        "<td>DOF 1</td><td>{}</td><td>{time}</td>",
+        millimetres(columns[2][last])
+    );
+    assert!(page.contains(&row), "{row}");
+    let drift = format!("Largest drifts: storey 1 {}", millimetres(columns[2][last]));
+    assert!(page.contains(&drift), "{drift}");
+    let tile = format!(
+        "<b>{}</b><span>largest displacement, DOF 2<",
+        millimetres(columns[3][last])
+    );
+    assert!(page.contains(&tile), "{tile}");
+}
+
+#[test]
+fn a_test_that_tripped_on_its_way_in_has_made_no_step_and_no_way_out() {
+    let more = "[specimen.limits]\nmeasured_force_n = { trip = [-59e3, 59e3] }\n\
+        [excitation.ground_acceleration]\nsignal.sine = { amplitude = 3, frequency_hz = 0.5 }\n";
+    let text = two_storeys(2.0, "initial_displacement_m = [0.01, 0.01]", more);
+    let folder = tempfile::tempdir().unwrap();
+    let (_, page) = page_of(folder.path(), "way_in", &text);
+    for part in [
+        "<b>10.0\u{a0}mm</b><span>displacement at the start, DOF 1: no step was made<",
+        "<b>59.0\u{a0}kN</b><span>largest force before the first step, col<",
+        "and 59.0\u{a0}kN, largest force before the first step 59.0\u{a0}kN.",
+        "0\u{a0}steps of the running test; ",
+    ] {
+        assert!(page.contains(part), "{part}");
+    }
+    for part in ["during shutdown", "of the shutdown", "largest displacement"] {
+        assert!(!page.contains(part), "{part}");
+    }
+}
+
+#[test]
+fn a_test_that_made_no_step_is_told_of_with_the_largest_force_before_it() {
+    let more = "[specimen.limits]\nmeasured_force_n = { trip = [-59e3, 59e3] }\n\
+        [excitation.ground_acceleration]\nsignal.sine = { amplitude = 3, frequency_hz = 0.5 }\n";
+    let text = two_storeys(2.0, "initial_displacement_m = [0.01, 0.01]", more);
+    let folder = tempfile::tempdir().unwrap();
+    let test = write(folder.path(), "way_in.toml", &text);
+    let out = folder.path().join("way_in");
+    let said = crate::common::run(&test, &out, &[]);
+    let forces = Run::open(&out).unwrap().columns(&["force_1_1"]).unwrap();
+    let largest = forces[0].iter().map(|force| force.abs());
+    let largest = largest.fold(0.0, f64::max);
+    assert!(largest > 59e3);
+    let summary = json(&out, "summary.json");
+    assert_eq!(summary["steps"], 0);
+    assert_eq!(summary["force_on_the_way_in"]["col"][0], largest);
+    assert_eq!(summary["peak"]["force"]["col"][0], 0.0);
+    let mut lines = said.stderr.lines().map(str::trim_start);
+    let line = lines.find(|line| line.starts_with("peak force"));
+    let line = line.unwrap_or_else(|| panic!("{}", said.stderr));
+    let kilonewtons = format!("{:.1}", 1e-3 * largest);
+    assert!(
+        line.starts_with("peak force before the first step, col") && line.contains(&kilonewtons),
+        "{line}"
+    );
+}
+
+#[test]
+fn forces_of_a_specimen_at_another_scale_are_said_to_be_those_of_the_structure() {
+    let folder = tempfile::tempdir().unwrap();
+    let shaken =
+        "[excitation.ground_acceleration]\nsignal.sine = { amplitude = 1, frequency_hz = 1 }\n";
+    for (name, scale) in [("plain", ""), ("scaled", "length = 3.0\nforce = 9.0\n")] {
+        let text = two_storeys(1.0, "", &format!("[specimen.similitude]\n{scale}{shaken}"));
+        let test = write(folder.path(), &format!("{name}.toml"), &text);
+        let out = folder.path().join(name);
+        let said = completed(&test, &out, &[]);
+        let page = fs::read_to_string(out.join("report.html")).unwrap();
+        let is_scaled = !scale.is_empty();
+        let words = "as the structure sees it";
+        let told = said.stderr.lines().find(|line| line.contains("peak force"));
+        assert_eq!(told.unwrap().ends_with(words), is_scaled, "{}", said.stderr);
+        for part in [
+            &format!("<span>largest force, col, {words}<"),
+            "col: 1\u{a0}m of the specimen is 3\u{a0}m of the structure, 1\u{a0}N is 9\u{a0}N.",
+            "All of it as the structure sees it: ",
+        ] {
+            assert_eq!(page.contains(part), is_scaled, "{part}");
+        }
+    }
+}
+
+#[test]
+fn a_test_in_which_nothing_moves_has_no_empty_pictures() {
+    let still =
+        "[excitation.ground_acceleration]\nsignal.sine = { amplitude = 0, frequency_hz = 0.5 }\n";
+    let folder = tempfile::tempdir().unwrap();
+    let (out, page) = page_of(folder.path(), "still", &two_storeys(0.5, "", still));
+    assert!(page.contains("every energy is zero from the first step to the last"));
+    assert!(!page.contains("no finite values were recorded"));
+    let loops = page
+        .split("<svg")
+        .find(|svg| svg.contains("Force against measured"));
+    assert!(
+        loops
+            .unwrap()
+            .split("</svg>")
+            .next()
+            .unwrap()
+            .contains("<circle")
+    );
+    let picture = folder.path().join("still.svg");
+    let said = say([
+        "report".as_ref(),
+        out.as_os_str(),
+        "--picture".as_ref(),
+        picture.as_os_str(),
+    ]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert!(fs::read_to_string(picture).unwrap().contains("<circle"));
+}
