@@ -1,7 +1,7 @@
 //! A test that continues where an interrupted one stood.
 //!
-//! The interrupted test is retraced through the same loop, and the state that it came to is the state that it had. The resumed
-//! test reads every sensor before it moves a specimen. Position and force must be those of the record: a specimen that differs by
+//! The state of the interrupted test is that of its last checkpoint, from which its rows are retraced through the same loop. The
+//! resumed test reads every sensor before it moves a specimen. Position and force must be those of the record: a specimen that differs by
 //! more than its tolerance has changed, and the test is refused unless the user has accepted that. A relative displacement
 //! sensor takes its drift for its zero, a load cell only if `resume_takes_force_drift` is set. The pace is that after a hold.
 

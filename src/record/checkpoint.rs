@@ -484,7 +484,7 @@ mod tests {
         let found = |rows, told: &[u64]| {
             let folder = tempfile::tempdir().unwrap();
             let run = run_with(&folder.path().join("run"), rows, &all, told);
-            let (state, faults) = run.usable_state().unwrap();
+            let (state, faults) = run.usable_state(u64::MAX).unwrap();
             (state.map(|state| state.step), kinds(&faults))
         };
         assert_eq!(found(29, &[4, 9, 14]), (Some(14), vec![]));
@@ -505,14 +505,14 @@ mod tests {
         let mut bytes = std::fs::read(path.join(newest)).unwrap();
         bytes[50] ^= 1;
         std::fs::write(path.join(newest), &bytes).unwrap();
-        let (state, faults) = run.usable_state().unwrap();
+        let (state, faults) = run.usable_state(u64::MAX).unwrap();
         assert_eq!(state.map(|state| state.step), Some(4));
         assert!(matches!(faults[..], [(name, CheckpointFault::Damaged)] if name == newest));
         // An earlier version, or a test without states: nothing is wrong.
         for name in STATE_FILES {
             std::fs::remove_file(path.join(name)).unwrap();
         }
-        let (state, faults) = run.usable_state().unwrap();
+        let (state, faults) = run.usable_state(u64::MAX).unwrap();
         assert!(state.is_none() && faults.is_empty());
     }
 
@@ -525,7 +525,7 @@ mod tests {
         let run = run_with(&path, 29, &all, &[4, 9]);
         let [newest, before] = STATE_FILES.map(|name| path.join(name));
         let step = || {
-            let (state, faults) = run.usable_state().unwrap();
+            let (state, faults) = run.usable_state(u64::MAX).unwrap();
             assert!(faults.is_empty(), "{faults:?}");
             state.map(|state| state.step)
         };

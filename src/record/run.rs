@@ -182,12 +182,12 @@ impl Run {
         Ok(file.len() / self.layout.stride() as u64)
     }
 
-    /// The newest state from which the test can go on, and what is wrong with newer ones. Its event has the same SHA-256, and all
-    /// rows up to it are on record.
+    /// The newest state from which the test can continue, and what is wrong with newer ones. Its event has the same SHA-256, all
+    /// rows up to it are on record, and at least one row follows it before the row with number `end`.
     ///
     /// # Errors
     /// The system refuses the events or the rows.
-    pub fn usable_state(&self) -> Result<(Option<Checkpoint>, StateFaults), FolderError> {
+    pub fn usable_state(&self, end: u64) -> Result<(Option<Checkpoint>, StateFaults), FolderError> {
         let (mut found, mut faults) = (Vec::new(), StateFaults::new());
         for name in STATE_FILES {
             match Checkpoint::read(&self.path.join(name)) {
@@ -207,7 +207,7 @@ impl Run {
                 faults.push((name, CheckpointFault::Unmatched { step }));
             } else if rows > made {
                 faults.push((name, CheckpointFault::Ahead { rows, made }));
-            } else {
+            } else if rows < made.min(end) {
                 return Ok((Some(state), faults));
             }
         }

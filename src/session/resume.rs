@@ -1,11 +1,11 @@
 //! `gusset run --resume`: an interrupted test from its folder to an experiment that goes on with it.
 //!
-//! There is no snapshot of the state to be torn or stale. The record holds what was measured, and the loop makes the same
-//! state of it bit for bit, some hundred times faster than the test ran; digests of the state, written while it ran
-//! (checkpoints), prove that it is the same. Where the last rows are damaged, the test resumes after the last checkpoint that came
-//! out again, and specimens behind links repeat the steps after it. If that is more than a kill can lose, the record is damaged and
-//! the resume is refused. Files that were changed since are refused. Nothing of the interrupted test is written to. A trip stays
-//! latched: a test that ended with one resumes only with `--after-trip`.
+//! The newest state that a checkpoint kept is restored, and the loop retraces the rows after it, bit for bit. Without a valid
+//! state it retraces all rows, some hundred times faster than the test ran. Digests of the state, written while the test ran,
+//! prove that the state is the same. Where the last rows are damaged, the test resumes after the last checkpoint that came out
+//! again, and specimens behind links repeat the steps after it. If that is more than a kill can lose, the record is damaged and the
+//! resume is refused. Files that were changed since are refused. Nothing is written to the interrupted run. A trip stays latched:
+//! a test that ended with one resumes only with `--after-trip`.
 
 mod error;
 mod places;
@@ -18,7 +18,7 @@ use super::continued;
 use super::desk::{Request, Unanswered, ask};
 use super::lineage::Origin;
 use super::recorded::Replaced;
-use super::retrace::{Build, Retraced, prepared_by, retrace, take_over};
+use super::retrace::{Build, Retraced, prepared_by, retrace, take_over, unusable_states};
 use super::row_peaks::{earlier_peaks, peak_of};
 use crate::config::Loaded;
 use crate::port::Port;
@@ -133,11 +133,17 @@ fn resume_by(
     next.files.resolved = String::from_utf8_lossy(&read(&folder.join("resolved.toml"))?).into();
     next.facts.resumed = Some((folder.to_owned(), step));
     next.files.origin = serde_json::to_string_pretty(&origin).ok();
+    let retraced = match traced.restored {
+        Some((step, rows)) => format!(
+            "the state of step {step} restored, {} rows after it retraced",
+            traced.rows - rows
+        ),
+        None => format!("{} rows retraced", traced.rows),
+    };
     let resumed = format!(
-        "resumed from {} after step {step} ({}): {} rows retraced",
+        "resumed from {} after step {step} ({}): {retraced}",
         folder.display(),
-        duration(origin.time),
-        traced.rows
+        duration(origin.time)
     );
     // The wiring check is not repeated.
     let tried = !std::mem::take(&mut next.facts.announced).is_empty();
@@ -154,7 +160,8 @@ fn resume_by(
         note,
         accepted,
     ];
-    for text in texts.into_iter().flatten() {
+    let unusable = unusable_states(&run)?;
+    for text in texts.into_iter().flatten().chain(unusable) {
         next.facts.announced.push(text.clone());
         next.facts.warnings.push(text);
     }

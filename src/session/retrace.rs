@@ -3,6 +3,7 @@
 //! A resumed test has its parent's rows before its own ([`super::lineage`]). So the state is made of
 //! all its ancestors. Rows and events are read one after the other: no record is held whole.
 
+use std::ops::Range;
 use std::sync::{Arc, Mutex};
 
 use super::checksum::check_inputs;
@@ -97,8 +98,10 @@ fn state_of(
     mut ancestors: Vec<Ancestor>,
     replaced: Replaced,
 ) -> Result<Option<State>, ReplayError> {
-    let mut state = None;
-    let mut next = 0;
+    let (mut state, mut next) = match kept_state(&ancestors, replaced)? {
+        Some((index, kept)) => (Some(kept), index + 1),
+        None => (None, 0),
+    };
     while let Some(Ancestor { run, rows, origin }) = ancestors.get(next) {
         let before = origin.clone().zip(state.take());
         let test = prepared_from(run, before, false, &mut setup::build)?.experiment;
@@ -116,6 +119,20 @@ fn state_of(
         }
     }
     Ok(state)
+}
+
+/// The state of the newest ancestor that kept one, after its last row that counts, and which ancestor that is.
+fn kept_state(
+    ancestors: &[Ancestor],
+    replaced: Replaced,
+) -> Result<Option<(usize, State)>, ReplayError> {
+    for (index, Ancestor { run, rows, .. }) in ancestors.iter().enumerate().rev() {
+        let traced = retrace_from_state(run, Some(*rows), replaced)?;
+        if let Some(state) = traced.and_then(|traced| traced.state) {
+            return Ok(Some((index, state)));
+        }
+    }
+    Ok(None)
 }
 
 /// The retraced side and ports in place of new ones; links stay those of the new ones.
@@ -142,6 +159,8 @@ pub(super) struct Retraced {
     pub trouble: Option<String>,
     /// True if it came to the last step of the test.
     pub completed: bool,
+    /// Step and rows of the state that was restored; none if all rows were retraced.
+    pub restored: Option<(u64, u64)>,
 }
 
 /// Follows a run to its end, or through so many rows.
@@ -150,6 +169,9 @@ pub(super) fn retrace(
     until: Option<u64>,
     replaced: Replaced,
 ) -> Result<Retraced, ReplayError> {
+    if let Some(traced) = retrace_from_state(run, until, replaced)? {
+        return Ok(traced);
+    }
     let experiment = prepared(run, replaced, false)?.experiment;
     let mut traced = follow(run, experiment, until, replaced)?;
     if traced.state.is_none() && !traced.completed {
@@ -159,26 +181,68 @@ pub(super) fn retrace(
     Ok(traced)
 }
 
+/// Follows a run from the newest state that it kept. None without a state before its last row, or if anything is wrong with the
+/// rows after it: then all rows are to be followed.
+fn retrace_from_state(
+    run: &Run,
+    until: Option<u64>,
+    replaced: Replaced,
+) -> Result<Option<Retraced>, ReplayError> {
+    let (kept, _faults) = run.usable_state(until.unwrap_or(u64::MAX))?;
+    let Some(kept) = kept else {
+        return Ok(None);
+    };
+    // The state holds what the test had of its ancestors.
+    let experiment = prepared_from(run, None, false, &mut setup::build)?.experiment;
+    let rows = kept.rows..until.unwrap_or(u64::MAX);
+    let (test, tape, control) = recorded_test(run, experiment, rows, replaced)?;
+    let Ok(followed) = test.retrace_from(&kept.state, &control) else {
+        return Ok(None);
+    };
+    let traced = Retraced {
+        restored: Some((kept.step, kept.rows)),
+        ..judged(followed, &tape, until)
+    };
+    let is_whole = traced.trouble.is_none() && (traced.completed || traced.state.is_some());
+    Ok(Some(traced).filter(|_| is_whole))
+}
+
 /// Follows the rows of a run with an experiment that is prepared for it.
 fn follow(
     run: &Run,
-    mut experiment: Experiment,
+    experiment: Experiment,
     until: Option<u64>,
     replaced: Replaced,
 ) -> Result<Retraced, ReplayError> {
+    let rows = 0..until.unwrap_or(u64::MAX);
+    let (test, tape, control) = recorded_test(run, experiment, rows, replaced)?;
+    Ok(judged(test.retrace(&control), &tape, until))
+}
+
+/// A test whose specimens are replaced by these rows of a run.
+fn recorded_test(
+    run: &Run,
+    mut experiment: Experiment,
+    rows: Range<u64>,
+    replaced: Replaced,
+) -> Result<(Connected, Arc<Mutex<Tape>>, Control), ReplayError> {
     same_columns(run.layout().columns(), &experiment.columns())?;
     let (operator, requests) = crossbeam_channel::bounded(4);
     let recording = Recording::of(run)?;
-    let rows = 0..until.unwrap_or(u64::MAX);
     let tape = Tape::new(recording, run.layout(), &experiment, operator, rows, true);
     let tape = Arc::new(Mutex::new(tape));
     put_recorded(&mut experiment, &tape, run.layout(), replaced);
     let recorder = Box::new(Comparing(Arc::clone(&tape)));
     let test = Connected::for_a_replay(experiment, recorder);
-    let Followed { ending, state } = test.retrace(&Control::from(requests));
+    Ok((test, tape, Control::from(requests)))
+}
+
+/// What a retraced test came to, beside its record.
+fn judged(followed: Followed, tape: &Arc<Mutex<Tape>>, until: Option<u64>) -> Retraced {
+    let Followed { ending, state } = followed;
     let completed = ending == Ending::Completed;
     let state = state.filter(|_| !completed);
-    Ok(with(&tape, |tape| {
+    with(tape, |tape| {
         let damage = tape.end().filter(|end| {
             use crate::record::End::{Clean, Torn};
             // A kill ends the file in the middle of a row.
@@ -203,8 +267,16 @@ fn follow(
             verified: tape.verified,
             trouble,
             completed,
+            restored: None,
         }
-    }))
+    })
+}
+
+/// State files of a run that are of no use, and why.
+pub(super) fn unusable_states(run: &Run) -> Result<Vec<String>, ReplayError> {
+    let (_, faults) = run.usable_state(u64::MAX)?;
+    let text = |(name, fault)| format!("{name}: {fault}; it is not used");
+    Ok(faults.into_iter().map(text).collect())
 }
 
 /// The recording has the columns that the loop makes, in any order, but for those that earlier versions did not record.
