@@ -303,8 +303,9 @@ pub struct RecordTable {
     /// If true, an incomplete record makes the run fail with exit code 1. Examples are a lost row,
     /// a changed file, or a summary that cannot be written.
     pub required: bool,
-    /// Wall time between two checkpoints, at most 3600 s. A checkpoint is a digest of the state of
-    /// the test. `gusset run --resume` compares its recomputed state with it.
+    /// Wall time between two checkpoints, at most 3600 s. A checkpoint keeps the state of the test
+    /// and a digest of it; above 10 000 DOFs the digest only. `gusset run --resume` continues from
+    /// the newest state.
     #[schemars(example = 2.0)]
     pub checkpoint_s: f64,
 }
