@@ -253,3 +253,22 @@ fn rows_that_do_not_fit_are_refused() {
         Err(PortError::Gain { axis: 1, .. })
     ));
 }
+
+/// The command that was judged is another one.
+#[test]
+fn a_command_that_changes_after_it_was_judged_does_not_leave() {
+    let changes: [fn(&mut Port); 5] = [
+        |port| port.aim(&[0.0, 0.002], &[0.0, 0.0], 0.0, 0.0),
+        Port::stand_still,
+        |port| port.ramp_to(0.5, 1.0),
+        Port::return_to_the_test,
+        |port| port.advance(&PacerTick::none(), 0.01),
+    ];
+    for (index, change) in changes.into_iter().enumerate() {
+        let mut port = reversed();
+        assert_eq!(port.clear().trip, None);
+        change(&mut port);
+        assert_eq!(port.issue(0, 0.0, 0.0), Err(LinkFault::Refused), "{index}");
+        send(&mut port, 0);
+    }
+}
