@@ -1,8 +1,7 @@
 //! The running test: tick after tick, from target to target.
 //!
 //! With one tick a step every tick reaches a target. With more, or while the operator's hold eases in or out, or while a
-//! slow partner owes its answer, there are ticks in between: the command goes along its way ([`crate::port::StepPacer`],
-//! [`crate::port::Interpolation`]), the loop never waits. A force belongs to the tick in which its target was reached; it is kept
+//! slow partner owes its answer, there are ticks in between: the command goes along its way ([`crate::port::StepPacer`]), the loop never waits. A force belongs to the tick in which its target was reached; it is kept
 //! until the slowest partner has answered. At the last target everybody stands until the last answer is in.
 
 use super::numerical::Side;

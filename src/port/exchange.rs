@@ -471,7 +471,7 @@ mod tests {
         assert_eq!(exchange.count().sent, 0);
     }
 
-    /// A recording that ends loses every partner; the live one that follows has to be told what was not answered.
+    /// A recording that ends loses every partner; the live partner gets the target that was not answered.
     #[test]
     fn a_target_that_was_not_answered_is_told_again_when_the_test_goes_on() {
         for (told, answered) in [(false, false), (true, false), (true, true)] {

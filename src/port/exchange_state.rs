@@ -18,7 +18,7 @@ pub(super) enum Loss {
 
 /// The part of a step that a partner of whole steps still needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Due {
+pub(super) enum Due {
     Nothing,
     /// Its target, which was not sent.
     Target,

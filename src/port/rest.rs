@@ -2,7 +2,7 @@
 //!
 //! A specimen that reads exactly its command, twice the same, is at rest at once. Of every other specimen whole blocks of readings are
 //! taken, until the means of two in a row are the same but for their noise and a small share of the way. A specimen that has not gone
-//! most of its way by then may not have begun: it counts as one at rest only when it has stood still for longer. Limits: the
+//! most of its way by then may not have begun: it counts as one at rest only when it has not moved for longer. Limits: the
 //! specimen's own units; no clock, readings are counted.
 
 use super::probe::{Average, SIGMAS};

@@ -152,7 +152,7 @@ fn a_force_that_is_recovered_is_one_of_the_structure() {
     assert_eq!(port.recover(), None);
 }
 
-/// Half as fast as the structure's time has it.
+/// The specimen's time is half as fast as the structure's.
 #[test]
 fn a_ramp_says_how_fast_it_goes_in_the_specimens_own_time() {
     let mut port = reversed();

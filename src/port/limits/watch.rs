@@ -20,7 +20,7 @@ struct Axis {
 enum Targets {
     /// Each command is a target.
     AreCommands,
-    /// Targets of steps are told apart from commands, which may go on a smooth way between them.
+    /// Targets of steps are known beside the commands, which may go on a smooth path between them.
     AreTold,
 }
 

@@ -15,7 +15,7 @@ pub(super) struct Elasticity {
 }
 
 impl Elasticity {
-    /// Of a stiffness of `n` axes, by rows.
+    /// Inverts a stiffness of `n` axes, by rows.
     pub fn new(stiffness: Vec<f64>, n: usize) -> Self {
         let (stiffness, compliance) = compliance(stiffness, n);
         Self {

@@ -73,7 +73,7 @@ pub struct Leg {
 /// How the answers are counted into blocks.
 #[derive(Debug)]
 struct Blocks {
-    /// Answers of a block; one of every so many is looked at.
+    /// Answers of a block, and the distance of those that are looked at.
     length: usize,
     every: usize,
     /// Answers of this block.
@@ -141,7 +141,7 @@ impl UnloadTime {
     }
 }
 
-/// What an unloading does.
+/// Progress of an unloading.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum UnloadStage {
     /// It stands until its forces do, for this many blocks so far.
