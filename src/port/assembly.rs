@@ -385,7 +385,7 @@ impl Port {
     }
 
     /// Accepts the exchange of a probe, unless a computation answers. Over OpenFresco's protocols a specimen that received no step
-    /// would take the way back for a step that is taken back.
+    /// would take the return of a probe for a revoked step.
     pub fn accept_probe(&mut self, sequence: u64) {
         if self.is_remote() && !self.is_computed() {
             // A link that is lost shows at the next command.
