@@ -31,7 +31,7 @@
 //! | [`transfer`] | what lies between a command and a specimen: delay, actuators, limits, sensors |
 //! | [`compensation`] | commands that make up for an actuator |
 //! | [`geometry`] | loading units: from a pose to the strokes of its actuators, and back |
-//! | [`port`] | what stands between the structure's DOFs and a specimen's axes |
+//! | [`port`] | one specimen as the loop sees it: axes, command path, exchange, guard |
 //! | [`engine`] | the loop |
 //! | [`record`] | rows, the run folder, exports |
 //! | [`link`] | transports, and specimens across them |

@@ -58,7 +58,7 @@ impl Port {
     }
 
     /// Takes the live substructure of `fresh`, a port of the same test that was never used, in place of a recording; a formula
-    /// stays, with all it remembers. The counts begin anew.
+    /// stays with its state. The counts restart.
     pub fn go_live(&mut self, fresh: Port) {
         if self.exchange.go_live(fresh.exchange) {
             self.startup.forget_stated();
@@ -82,7 +82,7 @@ impl Port {
         self
     }
 
-    /// While the test runs it is told something every `step` s only, and judged by that; beside it every `tick` s.
+    /// In the running test its commands are `step` s apart, and judged by that; otherwise `tick` s.
     #[must_use]
     pub const fn told_every(mut self, tick: f64, step: f64) -> Self {
         self.guard.set_ticks(tick, step);
@@ -105,7 +105,7 @@ impl Port {
         self
     }
 
-    /// What is declared of the axes, with k̂ between them (n × n by rows, the diagonal is not looked at) and the step Δt.
+    /// Declared values of the axes, k̂ between them (n × n by rows, the diagonal is ignored) and the step Δt.
     #[must_use]
     pub fn with_declared(mut self, declared: &[Declared], stiffness: &[Vec<f64>], dt: f64) -> Self {
         self.estimates.declare(declared, dt);
@@ -158,7 +158,7 @@ impl Port {
         self
     }
 
-    /// What the displacement sensors are declared to add, m of the specimen rms: nothing is said of less, until it is read.
+    /// Declared noise of the displacement sensors, m of the specimen rms: smaller motion gives no estimate until noise is read.
     #[must_use]
     pub fn with_declared_noise(mut self, rms_m: f64) -> Self {
         let axes = self.axes.iter().zip(self.guard.units());
@@ -215,8 +215,8 @@ impl Port {
         &mut self.exits
     }
 
-    /// The same port for a rehearsal: `wrap` puts something round its substructure, and is told the metres and newtons in
-    /// one unit of each axis. Limits are known but trip no more, except at what is no number.
+    /// A port for a rehearsal: `wrap` puts something round its substructure, and takes the metres and newtons in
+    /// one unit of each axis. No limit trips any more, except at NaN and infinity.
     #[must_use]
     pub fn rehearsed(
         mut self,
@@ -226,7 +226,7 @@ impl Port {
         self.watched(wrap)
     }
 
-    /// The same port with something round its substructure that only looks: as [`Port::rehearsed`], limits and all.
+    /// A port with an observer round its substructure, which keeps its limits; `wrap` as in [`Port::rehearsed`].
     #[must_use]
     pub fn watched(
         mut self,
@@ -240,8 +240,8 @@ impl Port {
 
 // Connection, position and wiring.
 impl Port {
-    fn expected(&self) -> Expected<'_> {
-        Expected {
+    fn expected(&self) -> Expectation<'_> {
+        Expectation {
             name: &self.name,
             axes: &self.axes,
             stiffness: self.stiffness.own(),
@@ -299,7 +299,7 @@ impl Port {
         self.startup.standing()
     }
 
-    /// The specimen reports this position, in its own unit, one value per axis. What is not one value per axis is none.
+    /// The specimen reports this position, in its own unit, one value per axis; another number of values clears it.
     pub fn report_position(&mut self, disp: &[f64]) {
         self.startup.report_position(disp);
     }
@@ -340,8 +340,8 @@ impl Port {
             .ask_to_arm(sequence, &self.path.command().disp)
     }
 
-    /// The last agreement before commands move the specimen: command `sequence` stands ready. False if that was not `wanted` any
-    /// more while it was waited for.
+    /// The last agreement before commands move the specimen; command `sequence` is the next. False if the user does not want it any
+    /// more (`wanted`).
     ///
     /// # Errors
     /// The specimen is not ready, stands elsewhere, or is gone.
@@ -367,7 +367,7 @@ impl Port {
         self.startup.wiring().probe(start, self.stiffness.own())
     }
 
-    /// Makes the next command of a probe, which goes on by `share` of an exchange; false if there is none. Real-time: yes.
+    /// Makes the next command of a probe, `share` of an exchange after the last; false at its end. Real-time: yes.
     pub fn aim_probe(&mut self, probe: &mut Probe, share: f64) -> bool {
         let target = self.path.target_mut();
         let goes_on = probe.go_on(share, &mut target.disp, &mut target.vel);
@@ -384,8 +384,8 @@ impl Port {
         }
     }
 
-    /// What was tried has moved if it is no computation: over OpenFresco's protocols a specimen that heard of no step would take the
-    /// way back for one that is taken back.
+    /// Accepts the exchange of a probe, unless a computation answers. Over OpenFresco's protocols a specimen that received no step
+    /// would take the return of a probe for a revoked step.
     pub fn accept_probe(&mut self, sequence: u64) {
         if self.is_remote() && !self.is_computed() {
             // A link that is lost shows at the next command.
@@ -450,24 +450,24 @@ impl Port {
         }
     }
 
-    /// True if so many readings were kept.
+    /// True if this many readings were kept.
     #[must_use]
     pub fn has_read(&self, times: u32) -> bool {
         self.startup.has_read(times)
     }
 
-    /// Readings begin anew: those of an earlier startup are of another moment.
+    /// Drops the readings of an earlier startup.
     pub fn forget_readings(&mut self) {
         self.startup.forget_readings();
     }
 
-    /// What was read of one axis.
+    /// Readings of one axis.
     #[must_use]
     pub fn reading(&self, axis: usize) -> Reading {
         self.startup.reading(axis)
     }
 
-    /// Takes the zero of every relative channel from the readings. The estimates begin anew, with the noise that was read.
+    /// Takes the zero of every relative channel from the readings. The estimates restart with the noise that was read.
     pub fn take_zero(&mut self) {
         self.startup.take_zero(&mut self.axes, self.path.sent());
         self.estimates.rest(false);
@@ -495,7 +495,7 @@ impl Port {
         }
     }
 
-    /// The same of a load cell that read `force`.
+    /// A relative load cell takes its difference from `force` for drift.
     pub fn take_force_drift(&mut self, index: usize, force: f64) {
         if let Some(axis) = self.axes.get_mut(index) {
             self.startup.take_force_drift(index, force, axis);
@@ -514,7 +514,7 @@ impl Port {
         self.startup.has_relative_force(index)
     }
 
-    /// How the displacement sensor of each axis belongs to its commands, as it stands now.
+    /// How the displacement sensor of each axis belongs to its commands now.
     pub fn disp_zeros(&self) -> impl Iterator<Item = DispZero> {
         self.startup.disp_zeros(&self.axes)
     }
@@ -549,17 +549,17 @@ impl Port {
         self.stiffness.most_force(axis, &self.axes, ways)
     }
 
-    /// The specimen stands, and what is measured stands in no row: nothing is estimated from it.
+    /// Nothing is estimated from here on: the specimen is at rest, and its measurements are in no row.
     pub const fn pause_estimates(&mut self) {
         self.estimates.rest(true);
     }
 
-    /// The rest is over.
+    /// Estimates continue.
     pub const fn resume_estimates(&mut self) {
         self.estimates.rest(false);
     }
 
-    /// Begins with what is declared again: a trial of the wiring is not part of the test.
+    /// The estimates restart with the declared values: a wiring check is not part of the test.
     pub fn forget_trial(&mut self) {
         self.estimates.restart(self.stiffness.own());
     }
@@ -567,20 +567,19 @@ impl Port {
 
 // Begin, interruption and end of the test.
 impl Port {
-    /// From here on it is told once a step, or every tick again, if it is one of those.
+    /// Commands are a step apart from here on, or a tick again, if it is commanded once a step.
     pub fn is_told_by_steps(&mut self, by_steps: bool) {
         self.guard.is_told_by_steps(by_steps);
     }
 
-    /// The test begins, or goes on: energy counts from the next measurement on, beside what was counted before an
-    /// interruption, and what is remembered of the measurements is what stands in the rows, so that a replay remembers the same.
+    /// The test begins or is resumed: energy counts from the next measurement on. Measurements before it are forgotten, since a
+    /// replay has only those of the rows.
     pub fn begin_test(&mut self) {
         self.guard.forget_measurements();
         self.estimates.begin_test();
     }
 
-    /// The test is interrupted: what is measured from here on is not compared with what was measured in it, and no energy is
-    /// counted until it goes on.
+    /// The test is interrupted: no measurement is compared with those of the test, and no energy counts until it is resumed.
     pub fn leave_test(&mut self) {
         self.guard.forget_measurements();
         self.estimates.leave_test();
@@ -594,12 +593,12 @@ impl Port {
         }
     }
 
-    /// What moves the specimen from here on is none of the test's: nothing is seen of how it follows.
+    /// The motion from here on is not part of the test: nothing is estimated of how it is followed.
     pub const fn pause_following(&mut self) {
         self.tracking.test_runs(false);
     }
 
-    /// The test goes on.
+    /// The test is resumed: see [`Port::pause_following`].
     pub const fn go_on_following(&mut self) {
         self.tracking.test_runs(true);
     }
@@ -611,8 +610,7 @@ impl Port {
         }
     }
 
-    /// The compensators' states, for a test that is to go on later: before the command that stands ready, where the record
-    /// was followed.
+    /// The compensators' states, for a test that is resumed later: before the next command, where the record was retraced.
     pub fn freeze_compensation(&mut self, out: &mut Vec<f64>) {
         if let Some(compensators) = self.path.compensators_mut() {
             compensators.freeze(out);
@@ -627,19 +625,19 @@ impl Port {
         }
     }
 
-    /// Whatever moved when the test was interrupted stands by now: what it is told next is judged by that.
+    /// The specimen is at rest since the test was interrupted: the next command is judged by that.
     pub fn has_come_to_rest(&mut self) {
         self.guard.rests();
     }
 
-    /// A partner that is commanded once a step is told its target once more: what it answered, if it did, is lost.
+    /// A partner that is commanded once a step gets an unanswered target once more.
     pub fn ask_again(&mut self) {
         let per_step = self.path.is_per_step();
-        let was_told = self.exchange.ask_again(per_step);
+        let was_told = self.exchange.state_mut().ask_again(per_step);
         if per_step {
             self.guard.interrupt(was_told);
         }
-        // Only now: what it was told in the test is kept.
+        // Only now: the guard keeps the commands of the test.
         if self.path.was_led_away() {
             self.guard.stands_at(self.path.sent());
         }
@@ -650,19 +648,19 @@ impl Port {
         self.path.return_to_the_test();
     }
 
-    /// The test goes on: the target that a partner which is commanded once a step has not been told, or has not answered, is its
-    /// command again, and judged by those that it was told before. Everything else makes its next command of the way.
+    /// The test is resumed: a pending target is the next command again, and is judged by the commands of the test. All other ports
+    /// make their next command of the path.
     pub fn take_up_target(&mut self) {
         self.guard.go_on();
-        if self.exchange.is_pending() {
+        if self.exchange.state().is_pending() {
             self.path.take_goal(&self.axes);
         }
     }
 
     /// The test is over: the last command counts as one at rest, and nothing is estimated from here on. A partner that owes an
-    /// answer is told nothing before that has come.
+    /// answer gets no command before that has come.
     pub fn end_test(&mut self) {
-        self.exchange.end_test();
+        self.exchange.state_mut().end_test();
         self.guard.rests();
         self.pause_estimates();
         self.pause_following();
@@ -692,8 +690,8 @@ impl Port {
         let goal = match self.exits.after(tripped) {
             Exit::Freeze => return None,
             Exit::ZeroForce => {
-                let from = Departing {
-                    observed: Observed {
+                let from = ReturnStart {
+                    observed: Observation {
                         axes: &self.axes,
                         path: &self.path,
                         feedback: &self.feedback,
@@ -736,7 +734,7 @@ impl Port {
         self.exchange.holder()
     }
 
-    /// The same after the goodbye, when it is known whether it was armed.
+    /// Who holds the specimen after the goodbye, when it is known whether it was armed.
     #[must_use]
     pub fn left_to(&self) -> Holder {
         match self.holder() {
@@ -757,7 +755,7 @@ impl Port {
         self.exchange.has_acknowledged() == Some(false)
     }
 
-    /// What it answered to the goodbye beyond a plain acknowledgement.
+    /// Answer to the goodbye beyond a plain acknowledgement.
     #[must_use]
     pub fn last_words(&self) -> Option<String> {
         self.exchange.last_words()

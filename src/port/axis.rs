@@ -19,7 +19,7 @@ pub struct Axis {
     pub disp_gain: f64,
     /// Command at d = 0, in the specimen's unit.
     pub disp_offset: f64,
-    /// What the displacement sensor reads there beyond the command: 0 unless it was found while zeroing.
+    /// Reading of the displacement sensor there less the command: 0 unless it was found while zeroing.
     pub measured_offset: f64,
     /// Specimen velocity units per m/s.
     pub vel_gain: f64,
@@ -76,7 +76,7 @@ impl Axis {
         (command - self.disp_offset) / self.disp_gain
     }
 
-    /// Displacement in m and force in N at the structure of what was measured in the specimen's units. Real-time: yes.
+    /// Displacement in m and force in N at the structure of a measurement in the specimen's units. Real-time: yes.
     #[inline]
     pub(super) fn at_structure(&self, disp: f64, force: f64) -> (f64, f64) {
         let disp = (disp - self.measured_offset - self.disp_offset) / self.disp_gain;

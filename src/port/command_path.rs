@@ -1,7 +1,7 @@
 //! The command path: targets, the way between two targets, and the command that is made of them.
 //!
 //! Quantities at the structure are in m and m/s, commands in the specimen's unit. A specimen is commanded at every tick along the
-//! interpolation of its targets; or, if it is slow, once a step with the target itself. The command that stands ready is made here
+//! interpolation of its targets; or, if it is slow, once a step with the target itself. The next command is made here
 //! and judged elsewhere. Invariant: each change of this command revokes its clearance, so no command leaves that was not judged.
 
 use super::axis::Axis;
@@ -24,7 +24,7 @@ pub(super) enum VelocityOf {
     Path,
 }
 
-/// Whether the command that stands ready may leave.
+/// Whether the next command may leave.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Clearance {
     /// It was not judged, or it tripped.
@@ -33,7 +33,7 @@ enum Clearance {
     Cleared,
 }
 
-/// What the command in force is.
+/// Kind of the command in force.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum InForce {
     /// One that was made to move.
@@ -56,15 +56,15 @@ pub(super) struct CommandPath {
     per_step: bool,
     ramp: Ramp,
     compensators: Option<Compensators>,
-    /// The command that stands ready.
+    /// The next command.
     command: AxisMotion,
     clearance: Clearance,
-    /// What was sent last.
+    /// The last command.
     sent: Vec<f64>,
     in_force: InForce,
     /// Zero velocities.
     still: Vec<f64>,
-    /// The last command of an interrupted test; empty where there was none.
+    /// The last command of an interrupted test; empty without one.
     resumed_from: Vec<f64>,
 }
 
@@ -162,7 +162,7 @@ impl CommandPath {
         self.path.goal_mut()
     }
 
-    /// The command that stands ready was judged. Real-time: yes.
+    /// The next command was judged. Real-time: yes.
     #[inline]
     pub const fn clear(&mut self, passes: bool) {
         self.clearance = if passes {
@@ -172,7 +172,7 @@ impl CommandPath {
         };
     }
 
-    /// Lets the command that stands ready leave, if it was judged; false if it was not. Real-time: yes.
+    /// Lets the next command leave, if it was judged; false if it was not. Real-time: yes.
     #[inline]
     pub fn release(&mut self) -> bool {
         if self.clearance != Clearance::Cleared {
@@ -287,7 +287,7 @@ impl CommandPath {
     /// No command is made for the next tick. Real-time: yes, where no record is followed.
     #[inline]
     pub fn hold(&mut self) {
-        // What is commanded once a step may still have its target before it.
+        // A partner of whole steps may still have its target before it.
         if self.per_step {
             return;
         }
@@ -328,7 +328,7 @@ impl CommandPath {
         }
     }
 
-    /// A ramp goes from the last command to the one that stands ready. A loading unit goes from pose to pose.
+    /// A ramp goes from the last command to the next one. A loading unit goes from pose to pose.
     pub fn begin_ramp(&mut self, axes: &[Axis], unit: Option<&mut LoadingUnit>) {
         self.ramp.begin(&self.sent, &self.command.disp);
         if let Some(unit) = unit {
@@ -372,7 +372,7 @@ impl CommandPath {
         self.resumed_from.clone_from(&self.sent);
     }
 
-    /// True in a test that goes on where an interrupted one stood.
+    /// True in a test that resumes an interrupted one.
     pub const fn is_resumed(&self) -> bool {
         !self.resumed_from.is_empty()
     }
@@ -397,7 +397,7 @@ impl CommandPath {
         self.in_force == InForce::Motion
     }
 
-    /// Velocity of the command that stands ready, or of what is in force without its lead; in the axis' unit. Real-time: yes.
+    /// Velocity of the command in force without its lead, `ready` if it has none; in the axis' unit. Real-time: yes.
     #[inline]
     pub fn own_vel(&self, axis: usize, ready: f64) -> f64 {
         let led = self.compensators.as_ref();

@@ -44,7 +44,7 @@ impl Declared {
     };
 }
 
-/// What is remembered of one axis.
+/// Memory of one axis.
 #[derive(Debug, Clone, Copy)]
 struct Estimate {
     tangent: Tangent,
@@ -77,7 +77,7 @@ pub(super) struct Estimates {
 }
 
 /// A fresh measurement of all axes at the structure, and the command that it answers.
-pub(super) struct Observed<'a> {
+pub(super) struct Observation<'a> {
     pub axes: &'a [Axis],
     pub path: &'a CommandPath,
     pub feedback: &'a Feedback,
@@ -114,7 +114,7 @@ impl Estimates {
         self.begin(std::iter::repeat_n((0.0, 0.0), n));
     }
 
-    /// Begins with what is declared again: the wiring check is not part of the test.
+    /// Restarts with the declared values: the wiring check is not part of the test.
     pub fn restart(&mut self, stiffness: &[f64]) {
         for (axis, stiffness) in self.axes.iter_mut().zip(stiffness) {
             let with_damping = axis.tangent.with_damping();
@@ -133,7 +133,7 @@ impl Estimates {
         self.is_resting
     }
 
-    /// The test begins, or goes on: energy counts from the next measurement on.
+    /// The test begins or is resumed: energy counts from the next measurement on.
     pub const fn begin_test(&mut self) {
         self.is_resting = false;
         self.energy = EnergyCount::FromNext;
@@ -184,8 +184,8 @@ impl Estimates {
 
     /// Takes a fresh measurement. Real-time: yes.
     #[inline]
-    pub fn take(&mut self, observed: &Observed<'_>) {
-        let Observed {
+    pub fn take(&mut self, observed: &Observation<'_>) {
+        let Observation {
             axes,
             path,
             feedback,
@@ -220,7 +220,7 @@ impl Estimates {
         }
     }
 
-    /// What the limits judge of each axis. Real-time: yes.
+    /// Values of each axis for the limits. Real-time: yes.
     #[inline]
     pub fn judged(&self) -> impl Iterator<Item = Estimated> + '_ {
         self.axes.iter().map(Estimate::judged)
@@ -243,7 +243,7 @@ impl Estimates {
         axes.fold(others, |sum, axis| sum + axis.added_energy)
     }
 
-    /// Declared upper bounds of tangent stiffness and tangent damping, per axis; not a number where there is none.
+    /// Declared upper bounds of tangent stiffness and tangent damping, per axis; NaN without one.
     pub fn tangent_bounds(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
         let axes = self.axes.iter();
         axes.map(|axis| (axis.declared.stiffness_bound, axis.declared.damping_bound))

@@ -1,11 +1,9 @@
 //! The exchange with one substructure: who answers, what is owed, and what was counted.
 //!
-//! One enum says what stands between the loop and the partner. A partner that is commanded once a step goes from `Pending` (its
-//! target is known) to `Awaiting` (it was told) to `Idle` (it has answered). Every other command goes from `Idle` to `Awaiting`
-//! and back within one tick. An answer that is still owed when the test ends is `Overdue`: the partner hears nothing before it
-//! has come. A partner that is `Lost` is not commanded any more. Invariant: no command leaves to a partner that is lost or
-//! overdue. Limits: it knows no clock; the loop gives the times.
+//! Invariant: no command leaves to a partner that is lost or overdue, and the numbers on the link are those of the test but for
+//! exchanges that are not part of it. Limits: it knows no clock; the loop gives the times.
 
+use super::exchange_state::ExchangeState;
 use super::link_numbers::LinkNumbers;
 use crate::substructure::{
     Command, Coupling, Freshness, Holder, Introduction, LinkFault, LinkStats, Measurement,
@@ -13,7 +11,7 @@ use crate::substructure::{
 };
 use crate::time::Nanos;
 
-/// What went over one link.
+/// Counts of one link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct LinkCount {
     /// Commands sent.
@@ -26,14 +24,14 @@ pub struct LinkCount {
     pub unsettled: u64,
     /// Times that the specimen reported a hold by its own watchdog.
     pub holds: u64,
-    /// What the link itself counts.
+    /// Counts of the link itself.
     pub stats: LinkStats,
 }
 
-/// What is done with a stale force.
+/// Use of a stale force.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum OnStale {
-    /// The loop uses it as it is.
+    /// The loop uses it unchanged.
     Hold,
     /// The loop moves it along the estimate k̂.
     Extrapolate,
@@ -46,80 +44,17 @@ pub enum OnStale {
 pub struct WaitRules {
     /// How long the loop waits for a lockstep partner, in ns.
     pub reply_timeout_ns: u64,
-    /// What is done with a stale force.
+    /// Use of a stale force.
     pub on_stale: OnStale,
     /// Stale measurements in a row after which the test stops.
     pub stale_in_a_row: u64,
-}
-
-/// Why a partner is lost.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Loss {
-    /// The loop does not command it any more; its link may live.
-    Distrusted,
-    /// Its link is gone: nothing is known of it.
-    Gone,
-}
-
-/// What a partner of whole steps has to be told, or has to answer, besides the command in force.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Owed {
-    Nothing,
-    /// Its target: it was not told.
-    Target,
-    /// Its answer: it was told.
-    Answer,
-}
-
-/// What stands between the loop and the partner.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum State {
-    /// Nothing is owed.
-    Idle,
-    /// The target of the step is known and was not sent.
-    Pending,
-    /// A command has left, and its answer was not taken.
-    Awaiting {
-        /// When the loop first looked for the answer; none before.
-        since: Option<Nanos>,
-        /// The target of the step is still to be sent after the answer: the command was not that target.
-        target_follows: bool,
-    },
-    /// The test has ended before the answer was here.
-    Overdue {
-        /// As in [`State::Awaiting`].
-        since: Option<Nanos>,
-    },
-    /// The overdue answer came in this tick.
-    Answered,
-    /// The partner is not commanded any more.
-    Lost {
-        cause: Loss,
-        /// What was owed then: a test that is resumed tells the target again.
-        owed: Owed,
-    },
-}
-
-impl State {
-    const fn owed(self) -> Owed {
-        match self {
-            Self::Idle | Self::Answered => Owed::Nothing,
-            Self::Pending
-            | Self::Awaiting {
-                target_follows: true,
-                ..
-            } => Owed::Target,
-            Self::Awaiting { .. } | Self::Overdue { .. } => Owed::Answer,
-            Self::Lost { owed, .. } => owed,
-        }
-    }
 }
 
 /// The exchange with one substructure.
 pub(super) struct Exchange {
     substructure: Box<dyn Substructure>,
     is_recording: bool,
-    state: State,
+    state: ExchangeState,
     numbers: LinkNumbers,
     count: LinkCount,
     wait: Option<WaitRules>,
@@ -136,7 +71,7 @@ impl Exchange {
         Self {
             substructure,
             is_recording: false,
-            state: State::Idle,
+            state: ExchangeState::Idle,
             numbers: LinkNumbers::default(),
             count: LinkCount::default(),
             wait: None,
@@ -152,7 +87,7 @@ impl Exchange {
         self.is_recording = true;
     }
 
-    /// The same exchange with something round its substructure.
+    /// The exchange with something round its substructure.
     pub fn wrapped(
         mut self,
         wrap: impl FnOnce(Box<dyn Substructure>) -> Box<dyn Substructure>,
@@ -161,7 +96,7 @@ impl Exchange {
         self
     }
 
-    /// Goes on with the live partner of `fresh` in place of a recording; a formula stays. Counts begin anew, and nothing is lost.
+    /// Takes the live partner of `fresh` in place of a recording; a formula stays. Counts restart, and no partner is lost.
     /// True if another partner answers now.
     pub fn go_live(&mut self, fresh: Self) -> bool {
         let is_new = fresh.substructure.is_remote();
@@ -173,15 +108,18 @@ impl Exchange {
         // Times and counts in a row are of the clock of another test.
         self.count = LinkCount::default();
         (self.has_answered, self.stale, self.holding) = (false, 0, 0);
-        self.state = match self.state.owed() {
-            Owed::Nothing => State::Idle,
-            Owed::Target => State::Pending,
-            Owed::Answer => State::Awaiting {
-                since: None,
-                target_follows: false,
-            },
-        };
+        self.state.go_live();
         is_new
+    }
+
+    #[inline]
+    pub const fn state(&self) -> &ExchangeState {
+        &self.state
+    }
+
+    #[inline]
+    pub const fn state_mut(&mut self) -> &mut ExchangeState {
+        &mut self.state
     }
 
     #[inline]
@@ -205,116 +143,6 @@ impl Exchange {
         (self.is_remote() || self.is_recording) && self.coupling() == Coupling::Lockstep
     }
 
-    /// A command has left, and its answer was not taken. Real-time: yes.
-    #[inline]
-    pub const fn owes(&self) -> bool {
-        matches!(self.state.owed(), Owed::Answer) || matches!(self.state, State::Awaiting { .. })
-    }
-
-    /// The target of the step is known and was not sent. Real-time: yes.
-    #[inline]
-    pub const fn is_pending(&self) -> bool {
-        matches!(self.state, State::Pending)
-    }
-
-    #[inline]
-    pub const fn is_lost(&self) -> bool {
-        matches!(self.state, State::Lost { .. })
-    }
-
-    #[inline]
-    pub const fn is_gone(&self) -> bool {
-        matches!(
-            self.state,
-            State::Lost {
-                cause: Loss::Gone,
-                ..
-            }
-        )
-    }
-
-    /// It owed an answer when the test ended, and is told nothing until the tick after that has come. Real-time: yes.
-    #[inline]
-    pub const fn owes_the_last(&self) -> bool {
-        matches!(self.state, State::Overdue { .. } | State::Answered)
-    }
-
-    /// It may be commanded. Real-time: yes.
-    #[inline]
-    pub const fn is_heard(&self) -> bool {
-        !self.is_lost() && !self.owes_the_last()
-    }
-
-    /// The target of a step is known. Real-time: yes.
-    #[inline]
-    pub const fn pend(&mut self) {
-        match &mut self.state {
-            State::Lost { owed, .. } => *owed = Owed::Target,
-            state => *state = State::Pending,
-        }
-    }
-
-    /// The target of a step was told, and the answer to the command in force is the answer to it. Real-time: yes.
-    #[inline]
-    pub const fn told_the_target(&mut self) {
-        if let State::Awaiting { target_follows, .. } = &mut self.state {
-            *target_follows = false;
-        }
-    }
-
-    /// The interrupted test goes on: a partner of whole steps is told its target again unless it has answered it. True if the
-    /// partner had been told it before.
-    pub fn ask_again(&mut self, per_step: bool) -> bool {
-        let owed = self.state.owed();
-        self.state = if per_step && owed != Owed::Nothing {
-            State::Pending
-        } else {
-            State::Idle
-        };
-        owed == Owed::Answer
-    }
-
-    /// The test is over: an answer that is owed now is overdue.
-    pub const fn end_test(&mut self) {
-        if let State::Awaiting { since, .. } = self.state {
-            self.state = State::Overdue { since };
-        }
-    }
-
-    /// A tick of the shutdown is over: an overdue answer that came in it is not waited for any more. Real-time: yes.
-    pub const fn close_tick_of_shutdown(&mut self) {
-        if matches!(self.state, State::Answered) {
-            self.state = State::Idle;
-        }
-    }
-
-    /// The partner is not commanded any more. Real-time: yes.
-    pub fn lose(&mut self, loss: Loss) {
-        let cause = if self.is_gone() { Loss::Gone } else { loss };
-        self.state = State::Lost {
-            cause,
-            owed: self.state.owed(),
-        };
-    }
-
-    /// When the loop first looked for the answer that is owed; none if it is not owed, or was not looked for. Real-time: yes.
-    #[inline]
-    pub const fn asked_at(&self) -> Option<Nanos> {
-        match self.state {
-            State::Awaiting { since, .. } | State::Overdue { since } => since,
-            _ => None,
-        }
-    }
-
-    /// The same; the loop looks for it now, if it has not before. Real-time: yes.
-    #[inline]
-    pub fn look_for_answer(&mut self, now: Nanos) -> Nanos {
-        match &mut self.state {
-            State::Awaiting { since, .. } | State::Overdue { since } => *since.get_or_insert(now),
-            _ => now,
-        }
-    }
-
     /// Sends a command that has this number in the test, unless the partner is lost or overdue. Real-time: yes.
     #[inline]
     pub fn send(
@@ -323,7 +151,7 @@ impl Exchange {
         [time, dt]: [f64; 2],
         [disp, vel]: [&[f64]; 2],
     ) -> Result<(), LinkFault> {
-        if !self.is_heard() {
+        if !self.state.may_be_commanded() {
             return Err(LinkFault::Refused);
         }
         self.count.sent += 1;
@@ -335,10 +163,7 @@ impl Exchange {
             vel,
         };
         self.substructure.issue(&command)?;
-        self.state = State::Awaiting {
-            since: None,
-            target_follows: matches!(self.state.owed(), Owed::Target),
-        };
+        self.state.sent();
         Ok(())
     }
 
@@ -355,7 +180,7 @@ impl Exchange {
         answer
     }
 
-    /// The answer was taken; a stale one stands for a fresh one that stayed away. One that is not finite answers nothing. Real-time: yes.
+    /// The answer was taken, fresh or stale. One that is not finite settles nothing. Real-time: yes.
     #[inline]
     pub const fn note_answer(&mut self, is_fresh: bool, is_finite: bool) {
         if is_fresh {
@@ -364,18 +189,9 @@ impl Exchange {
         } else {
             self.count.stale += 1;
         }
-        if !is_finite {
-            return;
+        if is_finite {
+            self.state.answered();
         }
-        self.state = match self.state {
-            State::Awaiting {
-                target_follows: true,
-                ..
-            } => State::Pending,
-            State::Awaiting { .. } => State::Idle,
-            State::Overdue { .. } => State::Answered,
-            other => other,
-        };
     }
 
     /// The force of an answer that was lost and came with a later one; the number of its command in the test. Real-time: yes.
@@ -384,7 +200,7 @@ impl Exchange {
         Some(self.numbers.in_test(number))
     }
 
-    /// The command of this number is accepted, or the last one of a partner that was told its target some ticks ago. Real-time:
+    /// The command of this number is accepted, or the last one of a partner of whole steps. Real-time:
     /// yes.
     #[inline]
     pub fn accepted(&mut self, sequence: u64, per_step: bool) -> Result<(), LinkFault> {
@@ -413,7 +229,7 @@ impl Exchange {
     /// The next command is another one than the one of this number, which may have left: then that was accepted.
     pub fn leave_number(&mut self, sequence: u64) {
         if self.numbers.was_issued(sequence) {
-            if !self.owes() {
+            if !self.state.owes() {
                 // A link that is lost shows at the next command.
                 let _ = self.substructure.accepted(self.numbers.on_link(sequence));
             }
@@ -494,7 +310,7 @@ impl Exchange {
         self.count.sent > 0
     }
 
-    /// What was counted here, without what the link itself counts. Real-time: yes.
+    /// Counts of this exchange, without those of the link itself. Real-time: yes.
     #[inline]
     pub const fn count(&self) -> &LinkCount {
         &self.count
@@ -560,5 +376,124 @@ impl Exchange {
     pub const fn count_unsettled(&mut self) -> u64 {
         self.count.unsettled += 1;
         self.count.unsettled
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::port::exchange_state::Loss;
+
+    /// Behind a link that takes commands, or does not.
+    struct Linked(Result<(), LinkFault>);
+
+    impl Substructure for Linked {
+        fn axes(&self) -> usize {
+            1
+        }
+        fn coupling(&self) -> Coupling {
+            Coupling::Lockstep
+        }
+        fn is_remote(&self) -> bool {
+            true
+        }
+        fn issue(&mut self, _: &Command<'_>) -> Result<(), LinkFault> {
+            self.0
+        }
+        fn collect(&mut self, _: Nanos, _: &mut Measurement) -> Result<Freshness, LinkFault> {
+            Ok(Freshness::Fresh)
+        }
+        fn retire(&mut self, _: Retirement) {}
+    }
+
+    fn exchange() -> Exchange {
+        Exchange::new(Box::new(Linked(Ok(()))))
+    }
+
+    fn send(exchange: &mut Exchange) -> Result<(), LinkFault> {
+        exchange.send(0, [0.0; 2], [&[0.0], &[0.0]])
+    }
+
+    #[test]
+    fn a_pending_target_waits_through_exchanges_before_the_test() {
+        let mut exchange = exchange();
+        exchange.state_mut().pend();
+        send(&mut exchange).unwrap();
+        assert!(exchange.state().owes() && !exchange.state().is_pending());
+        exchange.note_answer(true, true);
+        assert!(exchange.state().is_pending() && !exchange.state().owes());
+        send(&mut exchange).unwrap();
+        exchange.state_mut().told_the_target();
+        exchange.note_answer(false, true);
+        assert_eq!(*exchange.state(), ExchangeState::Idle);
+        assert!(exchange.has_answered());
+    }
+
+    #[test]
+    fn a_command_that_does_not_leave_and_an_answer_that_is_no_number_settle_nothing() {
+        let mut exchange = Exchange::new(Box::new(Linked(Err(LinkFault::Closed))));
+        exchange.state_mut().pend();
+        assert!(send(&mut exchange).is_err());
+        assert!(exchange.state().is_pending() && !exchange.state().owes());
+        let mut exchange = self::exchange();
+        send(&mut exchange).unwrap();
+        exchange.note_answer(true, false);
+        assert!(exchange.state().owes());
+    }
+
+    #[test]
+    fn an_overdue_partner_is_told_nothing_until_the_tick_after_its_answer() {
+        let mut exchange = exchange();
+        send(&mut exchange).unwrap();
+        assert_eq!(exchange.state_mut().look_for_answer(Nanos(7)), Nanos(7));
+        exchange.state_mut().end_test();
+        assert_eq!(exchange.state_mut().look_for_answer(Nanos(9)), Nanos(7));
+        assert!(exchange.state().owes_the_last() && exchange.state().owes());
+        assert_eq!(send(&mut exchange), Err(LinkFault::Refused));
+        exchange.state_mut().close_tick_of_shutdown();
+        assert!(exchange.state().owes_the_last(), "it has not answered");
+        exchange.note_answer(true, true);
+        assert!(!exchange.state().owes() && !exchange.state().may_be_commanded());
+        exchange.state_mut().close_tick_of_shutdown();
+        assert!(exchange.state().may_be_commanded());
+        send(&mut exchange).unwrap();
+    }
+
+    #[test]
+    fn a_lost_partner_is_told_nothing_and_stays_gone() {
+        let mut exchange = exchange();
+        exchange.state_mut().lose(Loss::Distrusted);
+        assert!(exchange.state().is_lost() && !exchange.state().is_gone());
+        assert_eq!(send(&mut exchange), Err(LinkFault::Refused));
+        exchange.state_mut().lose(Loss::Gone);
+        exchange.state_mut().lose(Loss::Distrusted);
+        assert!(exchange.state().is_gone());
+        assert_eq!(exchange.count().sent, 0);
+    }
+
+    /// A recording that ends loses every partner; the live partner gets the target that was not answered.
+    #[test]
+    fn a_target_that_was_not_answered_is_told_again_when_the_test_goes_on() {
+        for (told, answered) in [(false, false), (true, false), (true, true)] {
+            let mut exchange = exchange();
+            exchange.state_mut().pend();
+            if told {
+                send(&mut exchange).unwrap();
+                exchange.state_mut().told_the_target();
+            }
+            if answered {
+                exchange.note_answer(true, true);
+            }
+            exchange.state_mut().lose(Loss::Gone);
+            exchange.go_live(self::exchange());
+            assert!(exchange.state().may_be_commanded() && !exchange.has_begun());
+            assert_eq!(exchange.state_mut().ask_again(true), told && !answered);
+            assert_eq!(exchange.state().is_pending(), !answered);
+        }
+        // One that is commanded in every tick is sent its next command.
+        let mut exchange = exchange();
+        send(&mut exchange).unwrap();
+        exchange.state_mut().ask_again(false);
+        assert_eq!(*exchange.state(), ExchangeState::Idle);
     }
 }

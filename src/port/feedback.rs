@@ -1,7 +1,7 @@
 //! What comes back from a specimen: the raw measurement, and displacement and force at the structure.
 //!
-//! Invariant: an older measurement never replaces a newer one. Peaks are raised by fresh measurements only; a force that stands in
-//! for an answer that stayed away was not measured.
+//! Invariant: an older measurement never replaces a newer one. Fresh measurements alone raise peaks: an old force in
+//! place of an answer was not measured.
 
 use super::axis::Axis;
 use super::rest::Rest;
@@ -242,7 +242,7 @@ impl Feedback {
         self.peak_before_last.copy_from_slice(&self.peak);
     }
 
-    /// The specimen is lost: its status says so in every row from here on.
+    /// The specimen is lost: its status shows that in every row from here on.
     pub const fn note_loss(&mut self) {
         self.raw.status.0 |= Status::LOST.0;
     }
@@ -252,7 +252,7 @@ impl Feedback {
         self.raw.status.0 |= Status::UNSENT.0;
     }
 
-    /// The loop does not wait for the answer any more: the status says so until it comes. Real-time: yes.
+    /// The loop does not wait for the answer any more: the status shows that until it comes. Real-time: yes.
     pub const fn leave_owing(&mut self) {
         self.raw.status.0 |= Status::OWED.0;
     }

@@ -11,24 +11,24 @@ use crate::catalog::limit::Limit;
 use crate::substructure::Measurement;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Share of an acceleration limit that a way in or out uses at its fastest.
+/// Share of an acceleration limit that a ramp or a return move uses at most.
 const SHARE_OF_ACCEL: f64 = 0.5;
 
-/// What a port knows about its limits.
+/// The limits of a port.
 #[derive(Debug)]
 pub(super) struct Guard {
     watch: Watch,
-    /// As they are declared; a rehearsal trips at none of them.
+    /// Declared limits; a rehearsal trips at none of them.
     declared: Vec<AxisLimits>,
     /// Axis and place in [`RECORDED`] of each judged value that has a column.
     recorded: Vec<(usize, usize)>,
     /// Metres and newtons in one unit of each axis.
     units: Vec<(f64, f64)>,
-    /// Wall time in s from command to command of a specimen that is told once a step, beside the test and in it.
+    /// Wall time in s from command to command of a specimen of whole steps: beside the test, and in it.
     ticks: Option<[f64; 2]>,
-    /// The watch of an interrupted test over a specimen that is told once a step: its commands were, and will be, of whole steps.
+    /// The watch of an interrupted test over a specimen of whole steps: its commands were, and will be, a step apart.
     interrupted: Option<Watch>,
-    /// A load cell tripped at the end of its range: no way out goes by its force.
+    /// A load cell tripped at the end of its range: no return move goes by its force.
     force_is_unknown: bool,
 }
 
@@ -56,12 +56,12 @@ impl Guard {
         self.watch = Watch::new(vec![AxisLimits::NONE; self.units.len()], 1.0);
     }
 
-    /// While the test runs the specimen is told something every `step` s only; beside it every `tick` s.
+    /// In the running test commands are `step` s apart, otherwise `tick` s.
     pub const fn set_ticks(&mut self, tick: f64, step: f64) {
         self.ticks = Some([tick, step]);
     }
 
-    /// From here on the specimen is told once a step, or every tick again, if it is one of those.
+    /// Commands are a step apart from here on, or a tick again, for a specimen of whole steps.
     pub fn is_told_by_steps(&mut self, by_steps: bool) {
         if let Some([tick, step]) = self.ticks {
             self.watch.tick_is(if by_steps { step } else { tick });
@@ -141,7 +141,7 @@ impl Guard {
         let axes = axes.iter().zip(sent).enumerate();
         let values = values.zip(axes).map(
             |(((disp, force), (metres, newtons)), (index, (axis, sent)))| {
-                // What the sensor reads beyond the command before its zero is taken is no following error.
+                // Before the zero is taken the sensor's offset is no following error.
                 let stands = if startup.awaits_zero(index) {
                     *sent
                 } else {
@@ -187,7 +187,7 @@ impl Guard {
         }
     }
 
-    /// The specimen stands at `disp` before the first command.
+    /// The position before the first command is `disp`.
     pub fn stands_at(&mut self, disp: &[f64]) {
         self.watch.stands_at(Self::metres(&self.units, disp));
     }
@@ -208,13 +208,13 @@ impl Guard {
         self.watch.rests();
     }
 
-    /// The next measurement is the first of the test, or of what comes after it.
+    /// The next measurement is compared with none before it.
     pub fn forget_measurements(&mut self) {
         self.watch.forget_measurements();
     }
 
-    /// What is commanded from here on is none of the test, until [`Guard::go_on`]. Where the last command of the test is to leave
-    /// once more, it is `told_again`.
+    /// Commands from here on are not part of the test, until [`Guard::go_on`]. `told_again`: the last command of the test is to
+    /// leave once more.
     pub fn interrupt(&mut self, told_again: bool) {
         let mut watch = self.watch.clone();
         if told_again {
@@ -223,7 +223,7 @@ impl Guard {
         self.interrupted = Some(watch);
     }
 
-    /// The interrupted test goes on.
+    /// The interrupted test is resumed.
     pub fn go_on(&mut self) {
         if let Some(before) = self.interrupted.take() {
             self.watch.goes_on_from(&before);
@@ -253,7 +253,7 @@ impl Guard {
         self.watch.jump(axis)
     }
 
-    /// Acceleration in m/s² that a way in or out may use on an axis.
+    /// Acceleration in m/s² that a ramp or a return move may use on an axis.
     pub fn way_accel(&self, axis: usize) -> f64 {
         let limit = self.declared.get(axis);
         limit.map_or(f64::INFINITY, |limits| {
@@ -284,7 +284,7 @@ impl Guard {
         for (axis, ((from, to), limits)) in axes.enumerate() {
             // Along poses it may be faster than along the chord, or go there and back.
             let distance = (to - from).abs().max(steepest(axis));
-            // What the static load left of roundoff is no way to go.
+            // Roundoff of the static load is no distance.
             if distance > SAME * from.abs().max(to.abs()) {
                 let distance = distance * self.metres_of(axis);
                 // Both bound the same.

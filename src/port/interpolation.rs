@@ -1,4 +1,4 @@
-//! The way of a command between two targets, per axis: value and slope are continuous, whatever becomes known when.
+//! The path of a command between two targets, per axis: value and slope are continuous, whatever becomes known when.
 //!
 //! Targets are one step apart; u counts steps from the last one reached (u = 0) to the next (u = 1). While the next is
 //! unknown, the way is the polynomial of order p (1 to 3) through the last p + 1 targets,

@@ -1,4 +1,4 @@
-//! What a specimen says when it is connected, beside what the test file says of it.
+//! The introduction: a specimen's own description when it is connected, compared with the test file.
 
 use super::axis::Axis;
 use super::exchange::{OnStale, WaitRules};
@@ -8,18 +8,18 @@ use super::wiring_check::WiringCheck;
 use crate::substructure::{Introduction, LinkFault, Unavailable};
 
 /// The test file's side of an introduction.
-pub(super) struct Expected<'a> {
+pub(super) struct Expectation<'a> {
     pub name: &'a str,
     pub axes: &'a [Axis],
     pub stiffness: &'a [f64],
     pub startup: &'a Startup,
     pub wait: Option<WaitRules>,
     pub is_remote: bool,
-    /// The test goes on where an interrupted one stood.
+    /// The test resumes an interrupted one.
     pub is_resumed: bool,
 }
 
-impl Expected<'_> {
+impl Expectation<'_> {
     /// Warnings about position, wiring and stale forces. The startup has learned the reported position already.
     pub fn warnings(&self, found: &Introduction) -> Vec<String> {
         let name = self.name;
@@ -88,8 +88,8 @@ impl Expected<'_> {
         })
     }
 
-    /// What the first command does to a specimen whose position is unknown. In a test that goes on the file cannot state it: what it
-    /// says is of the time before the test.
+    /// The effect of the first command on a specimen whose position is unknown. In a resumed test the file cannot state it: its
+    /// position is the one before the test.
     fn unknown_position(&self) -> String {
         let name = self.name;
         let leads = if self.is_resumed {
@@ -144,7 +144,7 @@ mod tests {
     };
     use crate::time::Nanos;
 
-    /// Says of itself what it is told to say, in N/m.
+    /// Reports this stiffness, in N/m.
     struct Says(f64);
 
     impl Substructure for Says {
@@ -169,7 +169,7 @@ mod tests {
         fn retire(&mut self, _: Retirement) {}
     }
 
-    /// A port that believes in 1e6 N/m, through an axis that counts backwards in mm and kN.
+    /// A port with k̂ = 1e6 N/m, through an axis that counts backwards in mm and kN.
     fn meets(reported: f64) -> Result<Introduction, Unavailable> {
         let mut axis = Axis::plain(vec![(0, 1.0)]);
         axis.disp_gain = -1e3;
@@ -227,7 +227,7 @@ mod tests {
         assert!(warned(vec![0.0]).is_empty());
         let words = warned(Vec::new());
         assert!(words.len() == 1 && words[0].contains("ITS POSITION IS UNKNOWN"));
-        // Whoever says it in its place is told if it says otherwise itself.
+        // The user is warned if the specimen reports another position than the file states.
         let warned = |standing| {
             let axes = vec![Axis::plain(vec![(0, 1.0)])];
             let mut port = Port::new("rig", axes, Box::new(Far(standing)), 1, vec![1e6]).unwrap();
@@ -245,7 +245,7 @@ mod tests {
         );
     }
 
-    /// When its answer was due by the clock of a retraced test says nothing in the test that goes on.
+    /// Times by the clock of a retraced test mean nothing in the resumed test.
     #[test]
     fn a_partner_of_a_test_that_goes_on_owes_nothing_of_the_one_before() {
         let port = || {

@@ -1,7 +1,7 @@
-//! What is believed of a specimen, in its place: f = k̂·d + ĉ·v, seen through the gear of its axes. For rehearsals.
+//! The linear stand-in for a specimen in a rehearsal: f = k̂·d + ĉ·v, seen through the units of its axes.
 //!
-//! It follows every command at once and never yields, so its force is at most too large for a specimen that yields and too
-//! small for one that hardens.
+//! It follows every command at once and never yields. So its force is too large for a specimen that yields, and too small for one
+//! that hardens.
 
 use super::axis::Axis;
 use super::row_product::product;

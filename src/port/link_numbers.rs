@@ -27,9 +27,9 @@ impl Offset {
 /// The numbers of one link.
 #[derive(Debug, Default)]
 pub(super) struct LinkNumbers {
-    /// Of the next command.
+    /// Offset of the next command.
     next: Offset,
-    /// Of the command that left last, and its number in the test.
+    /// Offset of the last command, and its number in the test.
     last: Offset,
     sent: u64,
     /// Number of that command without the ticks that had none; none before the first.

@@ -5,7 +5,7 @@
 //! back   measured strokes  →  measured pose q_m, by Newton from q  →  B ᵀ J(q_m)ᵀ f enters equilibrium
 //! ```
 //!
-//! The measured pose depends on the target and the measurement of its own step only: a replay finds the same one. Forces act where
+//! The measured pose depends on the target and the measurement of one step only: a replay finds the same one. Forces act where
 //! the actuators are, not where they should be. Invariant: a pose that cannot be is kept as a fault, and no command leaves while
 //! there is one.
 

@@ -1,4 +1,4 @@
-//! One specimen as the loop sees it: what stands between the structure's degrees of freedom and a specimen's axes.
+//! One specimen as the loop sees it: the way from the structure's degrees of freedom to a specimen's axes and back.
 //!
 //! A [`Port`] is made of parts that own their data. The command path makes commands of targets, the guard judges them, the exchange
 //! sends them and takes the answer, and the feedback brings it back to the structure. Startup, estimates and tracking are parts of
@@ -14,6 +14,7 @@ mod compensators;
 mod error;
 mod estimates;
 mod exchange;
+mod exchange_state;
 mod feedback;
 mod guard;
 mod initial_stiffness;
@@ -72,14 +73,15 @@ use crate::substructure::{
 };
 use crate::time::Nanos;
 use command_path::CommandPath;
-use estimates::{Estimates, Observed};
-use exchange::{Exchange, Loss};
+use estimates::{Estimates, Observation};
+use exchange::Exchange;
+use exchange_state::Loss;
 use feedback::Feedback;
 use guard::Guard;
 use initial_stiffness::InitialStiffness;
-use introduction::Expected;
+use introduction::Expectation;
 use loading_unit::LoadingUnit;
-use return_move::Departing;
+use return_move::ReturnStart;
 use startup::Startup;
 use tracking::Tracking;
 
@@ -152,7 +154,7 @@ impl Port {
         }
     }
 
-    /// The same from prescribed deformations. Real-time: yes.
+    /// The target of the next step, from prescribed deformations. Real-time: yes.
     pub fn seek_at(&mut self, along: &mut impl Iterator<Item = (f64, f64)>) {
         let goal = self.path.goal_mut();
         if let Some(unit) = &mut self.loading_unit {
@@ -166,7 +168,7 @@ impl Port {
     pub fn begin_way(&mut self) {
         self.path.begin();
         if self.path.is_per_step() {
-            self.exchange.pend();
+            self.exchange.state_mut().pend();
         }
         self.guard.aims_from(&self.axes, &self.path.goal().disp);
     }
@@ -177,7 +179,7 @@ impl Port {
         self.guard.aims_at(&self.axes, &self.path.goal().disp);
         self.path.know(share, &self.axes);
         if self.path.is_per_step() {
-            self.exchange.pend();
+            self.exchange.state_mut().pend();
         }
     }
 
@@ -212,7 +214,7 @@ impl Port {
         }
     }
 
-    /// The command that stands ready is where the ramp goes; the last one is where it begins.
+    /// The ramp goes from the last command to the next one.
     pub fn begin_ramp(&mut self) {
         let unit = self.loading_unit.as_deref_mut();
         self.path.begin_ramp(&self.axes, unit);
@@ -231,8 +233,8 @@ impl Port {
         self.way_time(share, tick, shortest, UNBOUNDED_RAMP_S)
     }
 
-    /// The same for one part of a way: where no such limit bounds it, a specimen whose position is known is given `unbounded` s at
-    /// least, and any other `shortest`.
+    /// Shortest time of one part of a way, as [`Port::ramp_time`]: where no limit bounds the speed, a specimen whose position is known
+    /// gets `unbounded` s at least, and any other `shortest`.
     #[must_use]
     pub fn way_time(&self, share: f64, tick: f64, shortest: f64, unbounded: f64) -> f64 {
         let unbounded = if self.standing().is_some() {
@@ -252,7 +254,7 @@ impl Port {
         unit.map_or(0.0, |(unit, of)| (unit.steepest(axis) * of.disp_gain).abs())
     }
 
-    /// Judges the command that stands ready. Only if nothing trips may it leave. Real-time: yes.
+    /// Judges the next command. It may leave only if nothing trips. Real-time: yes.
     #[inline]
     pub fn clear(&mut self) -> limits::Found {
         let found = self.guard.judge_command(self.path.command());
@@ -272,7 +274,7 @@ impl Port {
         self.guard.begin_tick();
     }
 
-    /// Sends the command that stands ready, if it was judged. Real-time: yes.
+    /// Sends the next command, if it was judged. Real-time: yes.
     ///
     /// # Errors
     /// The link is lost, or the command was not judged ([`Port::clear`]).
@@ -299,11 +301,11 @@ impl Port {
     /// The link is lost, or the command was not judged.
     pub fn tell_target(&mut self, sequence: u64, time: f64, dt: f64) -> Result<(), LinkFault> {
         self.issue(sequence, time, dt)?;
-        self.exchange.told_the_target();
+        self.exchange.state_mut().told_the_target();
         Ok(())
     }
 
-    /// Sends the last command again, at rest, whatever command stands ready. Real-time: yes.
+    /// Sends the last command again, at rest, whatever the next command is. Real-time: yes.
     ///
     /// # Errors
     /// The link is lost.
@@ -346,7 +348,7 @@ impl Port {
         let mut found = self
             .guard
             .judge_measured(raw, &self.axes, self.path.sent(), &self.startup);
-        let observed = Observed {
+        let observed = Observation {
             axes: &self.axes,
             path: &self.path,
             feedback: &self.feedback,
@@ -378,8 +380,7 @@ impl Port {
         feedback.take_recovered(|force| exchange.recover(force), &self.axes)
     }
 
-    /// Moves a stale force along the tangent, as far as it is known and not beyond its bounds, from where it was measured to
-    /// where the specimen should be by now. Real-time: yes.
+    /// Moves a stale force along the known tangent, within its bounds, from the measured displacement to the target. Real-time: yes.
     pub fn extrapolate(&mut self) {
         let tangents = self.estimates.bounded(self.stiffness.own());
         let target = &self.path.target().disp;
@@ -408,7 +409,7 @@ impl Port {
         }
     }
 
-    /// The same of what belongs to no step: in the row a pose that cannot be is no number. Real-time: yes.
+    /// Takes the pose of a measurement that belongs to no step: in the row an impossible pose is NaN. Real-time: yes.
     pub fn look_at_pose(&mut self) {
         if self.is_fresh() {
             let _ = self.resolve_pose();
@@ -437,7 +438,7 @@ impl Port {
         self.feedback.note_peak();
     }
 
-    /// The same before the test. Real-time: yes.
+    /// Raises the peak of the force before the test. Real-time: yes.
     pub fn note_force_at_startup(&mut self) {
         self.feedback.note_peak_at_startup();
     }
@@ -509,56 +510,57 @@ impl Port {
     #[inline]
     #[must_use]
     pub const fn owes(&self) -> bool {
-        self.exchange.owes()
+        self.exchange.state().owes()
     }
 
     /// True if its target is known and was not sent yet. Real-time: yes.
     #[inline]
     #[must_use]
     pub const fn has_pending_target(&self) -> bool {
-        self.exchange.is_pending()
+        self.exchange.state().is_pending()
     }
 
-    /// True if it owed an answer when the test ended: it is told nothing until the tick after that has come. Real-time: yes.
+    /// True if it owed an answer when the test ended: it gets no command until the tick after that has come. Real-time: yes.
     #[inline]
     #[must_use]
     pub const fn owes_the_last(&self) -> bool {
-        self.exchange.owes_the_last()
+        self.exchange.state().owes_the_last()
     }
 
     /// A tick of the shutdown is over: an overdue answer that came in it is not waited for any more. Real-time: yes.
     pub const fn close_tick_of_shutdown(&mut self) {
-        self.exchange.close_tick_of_shutdown();
+        self.exchange.state_mut().close_tick_of_shutdown();
     }
 
-    /// True of a partner that is told something: it is not lost, and owes no answer of a test that is over. Real-time: yes.
+    /// True if it may be commanded: it is not lost, and owes no answer of a test that is over. Real-time: yes.
     #[inline]
     #[must_use]
     pub const fn may_be_commanded(&self) -> bool {
-        self.exchange.is_heard()
+        self.exchange.state().may_be_commanded()
     }
 
     /// True if it is not commanded any more. Real-time: yes.
     #[inline]
     #[must_use]
     pub const fn is_lost(&self) -> bool {
-        self.exchange.is_lost()
+        self.exchange.state().is_lost()
     }
 
     /// True if it is lost because its link is gone: nothing is known of it. Real-time: yes.
     #[inline]
     #[must_use]
     pub const fn is_gone(&self) -> bool {
-        self.exchange.is_gone()
+        self.exchange.state().is_gone()
     }
 
     /// It is not commanded any more; `gone`: because its link is. Real-time: yes.
     pub fn lose(&mut self, gone: bool) {
         self.exchange
+            .state_mut()
             .lose(if gone { Loss::Gone } else { Loss::Distrusted });
     }
 
-    /// The specimen is lost: its status says so in every row from here on.
+    /// The specimen is lost: its status shows that in every row from here on.
     pub const fn note_loss(&mut self) {
         self.feedback.note_loss();
     }
@@ -579,21 +581,21 @@ impl Port {
     #[inline]
     #[must_use]
     pub const fn asked_at(&self) -> Option<Nanos> {
-        self.exchange.asked_at()
+        self.exchange.state().asked_at()
     }
 
     /// The same; the loop looks for the answer now, if it has not before. Real-time: yes.
     #[inline]
     pub fn look_for_answer(&mut self, now: Nanos) -> Nanos {
-        self.exchange.look_for_answer(now)
+        self.exchange.state_mut().look_for_answer(now)
     }
 
-    /// Its answer is not waited for any more: its status says so until it comes. Real-time: yes.
+    /// Its answer is not waited for any more: its status shows that until it comes. Real-time: yes.
     pub const fn leave_owing(&mut self) {
         self.feedback.leave_owing();
     }
 
-    /// True while it is so.
+    /// True while its answer is owed and not waited for.
     #[must_use]
     pub const fn is_left_owing(&self) -> bool {
         self.feedback.is_left_owing()
@@ -651,7 +653,7 @@ impl Port {
         self.wait_rules().map_or(others, |own| own.reply_timeout_ns)
     }
 
-    /// What was counted here, without what the link itself counts. Real-time: yes.
+    /// Counts of this exchange, without those of the link itself. Real-time: yes.
     #[inline]
     #[must_use]
     pub const fn counts(&self) -> &LinkCount {
@@ -670,23 +672,23 @@ impl Port {
         self.exchange.has_begun()
     }
 
-    /// A tick without a command of its own. Real-time: yes.
+    /// A tick passes without a command. Real-time: yes.
     pub const fn skip_command(&mut self) {
         self.exchange.skip_command();
     }
 
-    /// The exchange that was just made is none of the test's: the test's numbers go on as if it had not been. Real-time: yes.
+    /// The last exchange was not part of the test: the test's numbers continue without it. Real-time: yes.
     pub const fn skip_number(&mut self) {
         self.exchange.skip_number();
     }
 
-    /// Command `sequence` of the test stands ready to leave, but what tripped may have tripped in the exchange of that number: the
-    /// specimen stands where it was sent then, and the next command is another one.
+    /// The next command is not the command `sequence` of the test. The exchange of that number may have been made: then the specimen
+    /// is where that command sent it.
     pub fn leave_number(&mut self, sequence: u64) {
         self.exchange.leave_number(sequence);
     }
 
-    /// The operator holds the test. A partner that is commanded in every tick is told again where it stands, and need not know.
+    /// The operator holds the test. A partner that is commanded in every tick need not know.
     /// Real-time: yes.
     ///
     /// # Errors
@@ -707,7 +709,7 @@ impl Port {
     }
 }
 
-// What a row and a summary read.
+// Values for a row and a summary.
 impl Port {
     /// Name from the test file.
     #[must_use]
@@ -736,14 +738,14 @@ impl Port {
         &self.path.target().vel
     }
 
-    /// The command that stands ready, in the specimen's unit.
+    /// The next command, in the specimen's unit.
     #[inline]
     #[must_use]
     pub fn command(&self) -> &[f64] {
         &self.path.command().disp
     }
 
-    /// What was sent last, in the specimen's unit.
+    /// The last command, in the specimen's unit.
     #[inline]
     #[must_use]
     pub fn sent(&self) -> &[f64] {
@@ -792,7 +794,7 @@ impl Port {
         self.feedback.peak()
     }
 
-    /// The same of every exchange before the test.
+    /// Largest |force| of every exchange before the test, N.
     #[must_use]
     pub fn force_at_startup(&self) -> &[f64] {
         self.feedback.peak_at_startup()
@@ -869,7 +871,7 @@ impl Port {
     }
 
     /// Declared upper bounds of the tangent stiffness in N/m and of the tangent damping in N s/m, per axis at the structure;
-    /// not a number where there is none.
+    /// NaN without one.
     pub fn tangent_bounds(&self) -> impl Iterator<Item = (f64, f64)> {
         self.estimates.tangent_bounds()
     }
@@ -895,7 +897,7 @@ impl Port {
         self.estimates.knows_stability()
     }
 
-    /// True if delay and gain are estimated: columns of their own.
+    /// True if delay and gain are estimated: they have columns.
     #[must_use]
     pub const fn tracks(&self) -> bool {
         self.tracking.is_on()

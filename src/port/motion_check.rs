@@ -1,10 +1,9 @@
-//! Does a specimen go where the static load sends it? One that came to rest off its place is taken to have given what it
-//! can there, and is sent on. An actuator that stands at its end, or is cut off, would be sent on without end, and whoever frees it
-//! would get the whole way at once.
+//! The motion check: does a specimen go where the static load sends it?
 //!
-//! So every place where it rests is held against all the ways since it last showed that it went. It shows that by its
-//! displacement, however small its scale is, or by its force, where nobody reads the displacement or it is too small to be read.
-//! A play is gone through, and what sticks is torn loose, within a few ways. In the structure's units.
+//! A specimen that came to rest off its place is sent on. An actuator at its end, or cut off, would be sent on without end, and would
+//! make the whole way at once when it is freed. So every place where it rests is held against all ways since it last showed that it
+//! went. It shows that by its displacement, however small its scale is, or by its force. Play and sticking are overcome within a few
+//! ways. Limits: the structure's units.
 
 /// So many ways in a row, all to one side, are not gone by one that does not follow.
 const IN_A_ROW: u32 = 5;

@@ -1,4 +1,4 @@
-//! A ramp before or after the test: along half a cosine from the last command to the command that stands ready.
+//! A ramp before or after the test: along half a cosine from the last command to the next one.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 

@@ -1,11 +1,9 @@
-//! Has a specimen come to rest where it was sent? A force belongs to a place only if it was measured there, and an actuator
-//! takes its time.
+//! Has a specimen come to rest where it was sent? A force belongs to a place only if it was measured there.
 //!
-//! Who is read exactly where it was sent, and reads the same when the command is sent again, or once more, stands there at once and
-//! is not waited for. Of anyone else whole blocks of readings are taken, until the means of two in a row are the same but for their
-//! noise and a small share of the way. One that has not gone most of its way by then may not have begun yet: it counts as one
-//! that rests off its place only when it has stood still for longer. In the specimen's own units; no clock: readings are
-//! counted.
+//! A specimen that reads exactly its command, twice the same, is at rest at once. Of every other specimen whole blocks of readings are
+//! taken, until the means of two in a row are the same but for their noise and a small share of the way. A specimen that has not gone
+//! most of its way by then may not have begun: it counts as one at rest only when it has not moved for longer. Limits: the
+//! specimen's own units; no clock, readings are counted.
 
 use super::probe::{Average, SIGMAS};
 use crate::substructure::Measurement;
@@ -47,6 +45,16 @@ struct AxisRest {
     block: [Average; 2],
 }
 
+/// Whether a specimen moves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum RestState {
+    Moves,
+    /// It rests at its last answer.
+    RestsAtAnswer,
+    /// It rests at the mean of a block.
+    RestsAtMean,
+}
+
 /// One specimen that is sent from place to place. Real-time: yes, after its making.
 #[derive(Debug, Clone)]
 pub struct Rest {
@@ -63,9 +71,7 @@ pub struct Rest {
     still: u32,
     /// It showed that it stands at once where it is sent.
     at_once: bool,
-    rests: bool,
-    /// It rests at the mean of a block.
-    is_mean: bool,
+    state: RestState,
 }
 
 impl Rest {
@@ -84,15 +90,14 @@ impl Rest {
             blocks: 0,
             still: 0,
             at_once: false,
-            rests: true,
-            is_mean: false,
+            state: RestState::RestsAtAnswer,
         }
     }
 
     /// Whether it is at rest.
     #[must_use]
     pub const fn rests(&self) -> bool {
-        self.rests
+        !matches!(self.state, RestState::Moves)
     }
 
     /// Exchanges after which it has not come to rest.
@@ -104,7 +109,7 @@ impl Rest {
     /// Means of displacement and force of each axis where it rests; none where its last answer says it.
     pub fn means(&self) -> Option<impl Iterator<Item = (f64, f64)>> {
         let axes = self.axes.iter();
-        self.is_mean
+        (self.state == RestState::RestsAtMean)
             .then(|| axes.map(|axis| (axis.start[0], axis.start[1])))
     }
 
@@ -118,18 +123,22 @@ impl Rest {
             }
             self.has_origin = true;
         }
-        self.rests = true;
+        let mut rests = true;
         for (axis, (from, to)) in self.axes.iter_mut().zip(from.iter().zip(to)) {
             let way = to - from;
             // What the balance leaves of roundoff is no way.
             axis.size = from.abs().max(to.abs());
             let goes = way.abs() > ROUNDOFF * axis.size;
             axis.way = if goes { way } else { 0.0 };
-            self.rests &= !goes;
+            rests &= !goes;
             axis.block = Default::default();
         }
         (self.answers, self.blocks, self.still) = (0, 0, 0);
-        self.is_mean = false;
+        self.state = if rests {
+            RestState::RestsAtAnswer
+        } else {
+            RestState::Moves
+        };
     }
 
     /// It was led there, and this is the answer to the last command of the way, which is the one to be sent again. Real-time: yes.
@@ -140,12 +149,14 @@ impl Rest {
 
     /// A fresh answer to that command; true if it is at rest. Real-time: yes.
     pub fn take(&mut self, raw: &Measurement) -> bool {
-        if self.rests {
-            if !self.is_mean {
+        match self.state {
+            RestState::Moves => {}
+            RestState::RestsAtMean => return true,
+            RestState::RestsAtAnswer => {
                 self.keep(raw);
                 self.start_from_the_last();
+                return true;
             }
-            return true;
         }
         // One answer alone tells it of those only that are known to stand at once. The force of a damper is another as long as it
         // moves, and the same from then on.
@@ -156,7 +167,7 @@ impl Rest {
         self.answers = self.answers.saturating_add(1);
         if self.answers <= 3 && self.at_once && self.is_there() {
             self.start_from_the_last();
-            self.rests = true;
+            self.state = RestState::RestsAtAnswer;
             return true;
         }
         let mut count = 0.0;
@@ -169,7 +180,7 @@ impl Rest {
         if count >= f64::from(self.readings) {
             self.close_block();
         }
-        self.rests
+        self.rests()
     }
 
     fn keep(&mut self, raw: &Measurement) {
@@ -247,14 +258,18 @@ impl Rest {
         } else {
             self.still >= self.off
         };
-        self.rests = is_still && rests;
+        let rests = is_still && rests;
         for axis in &mut self.axes {
-            if self.rests {
+            if rests {
                 axis.start = axis.block.map(|block| block.mean);
             }
             axis.before = std::mem::take(&mut axis.block);
         }
-        self.is_mean = self.rests;
+        self.state = if rests {
+            RestState::RestsAtMean
+        } else {
+            RestState::Moves
+        };
     }
 }
 

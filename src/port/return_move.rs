@@ -1,13 +1,13 @@
 //! The return move: where a specimen is moved, slowly, when a test is over or has tripped.
 //!
-//! The default is to freeze: to drive a damaged specimen home can destroy it. Every other end is asked for by name, and needs a
+//! The default is to freeze: to drive a damaged specimen home can destroy it. The test file names every other end, with its
 //! speed. The move works from the last command and the last measurement alone. It keeps the limits of commands, starts from rest, and
-//! uses half of `command_accel_m_per_s2`. The way to zero force goes by what is measured ([`super::unloading`]), and rests while an
+//! uses half of `command_accel_m_per_s2`. The way to zero force goes by measurements ([`super::unloading`]), and rests while an
 //! answer stays away. Limits: a load cell out of its range forbids the way to zero force, not the ways to a displacement.
 
 use super::axis::Axis;
 use super::command_path::CommandPath;
-use super::estimates::Observed;
+use super::estimates::Observation;
 use super::feedback::Feedback;
 use super::guard::Guard;
 use super::loading_unit::LoadingUnit;
@@ -98,7 +98,7 @@ impl ReturnMove {
     }
 
     /// The way to zero force, at most at `speed` in m/s of the specimen, in ticks of `tick` s.
-    pub(super) fn unload(from: &Departing<'_>, speed: f64, tick: f64) -> Self {
+    pub(super) fn unload(from: &ReturnStart<'_>, speed: f64, tick: f64) -> Self {
         let count = from.observed.axes.len();
         let legs = (0..count).map(|axis| from.leg(axis, speed, tick));
         let mut legs: Vec<Leg> = legs.collect();
@@ -176,15 +176,15 @@ impl ReturnMove {
     }
 }
 
-/// What a return move begins with.
-pub(super) struct Departing<'a> {
-    pub observed: Observed<'a>,
+/// State at the begin of a return move.
+pub(super) struct ReturnStart<'a> {
+    pub observed: Observation<'a>,
     pub guard: &'a Guard,
     pub startup: &'a Startup,
     pub unit: Option<&'a LoadingUnit>,
 }
 
-impl Departing<'_> {
+impl ReturnStart<'_> {
     /// The unloading of a platform from where it was sent last.
     fn platform(&self) -> Option<PlatformUnloading> {
         let axes = self.observed.axes.iter();
@@ -195,14 +195,14 @@ impl Departing<'_> {
         self.unit?.unloading_from(&strokes)
     }
 
-    /// What is known of an axis before it is unloaded.
+    /// Data of an axis before it is unloaded.
     fn leg(&self, index: usize, speed: f64, tick: f64) -> Leg {
         let plain = Axis::plain(Vec::new());
         let axis = self.observed.axes.get(index).unwrap_or(&plain);
         let units = self.guard.units().get(index);
         let (metres, newtons) = units.copied().unwrap_or((1.0, 1.0));
         let force = |raw: f64| axis.at_structure(0.0, raw / newtons).1;
-        // Of the specimen's displacement in m.
+        // From metres of the specimen to metres of the structure.
         let disp = 1.0 / (metres * axis.disp_gain.abs());
         let limits = self.guard.declared().get(index);
         let meant = limits.map_or([f64::NEG_INFINITY, f64::INFINITY], |limits| {

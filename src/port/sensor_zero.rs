@@ -6,7 +6,7 @@ pub enum Zero {
     /// The declared offset holds; what is read is only reported.
     #[default]
     Absolute,
-    /// What is read while zeroing is the zero.
+    /// The mean reading while zeroing is the zero.
     Relative,
 }
 
@@ -33,7 +33,7 @@ pub struct DispZero {
 /// Readings from which on their scatter says how noisy a sensor is.
 const TELL_NOISE: u32 = 8;
 
-/// What was read of one axis while zeroing, in its own units.
+/// Readings of one axis while zeroing, in its own units.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Reading {
     /// Number of readings.
@@ -44,7 +44,7 @@ pub struct Reading {
     pub force: f64,
     /// Root mean square of the displacement about its mean: the noise floor, as far as this many readings show it.
     pub disp_noise: f64,
-    /// Of the force.
+    /// Root mean square of the force about its mean.
     pub force_noise: f64,
 }
 
@@ -56,16 +56,16 @@ impl Reading {
     }
 }
 
-/// Sums over the readings of one axis, about the first of them so that a large offset does not eat the noise.
+/// ReadingSums over the readings of one axis, about the first of them so that a large offset does not eat the noise.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Sums {
+pub(super) struct ReadingSums {
     count: f64,
     first: [f64; 2],
     sum: [f64; 2],
     squares: [f64; 2],
 }
 
-impl Sums {
+impl ReadingSums {
     /// Takes displacement and force.
     pub fn take(&mut self, values: [f64; 2]) {
         if self.count == 0.0 {

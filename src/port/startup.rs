@@ -1,10 +1,10 @@
-//! What a port knows of its specimen before the test: position, readings at rest, the zero, and how its wiring is checked.
+//! Startup: what is known of a specimen before the test, its position, readings at rest, the zero, and how its wiring is checked.
 //!
 //! Invariant: the zero of a relative channel is taken once, from readings of this startup. A position that the specimen reports
 //! counts more than the one that the test file states. Limits: all values are in the specimen's own units.
 
 use super::axis::Axis;
-use super::sensor_zero::{DispZero, Reading, Reference, Sums, Zero};
+use super::sensor_zero::{DispZero, Reading, ReadingSums, Reference, Zero};
 use super::wiring_check::WiringCheck;
 use crate::substructure::Measurement;
 
@@ -20,11 +20,11 @@ pub struct NeedsMeasuredDisp {
     pub of_the_test: Vec<String>,
 }
 
-/// What a port needs to begin.
+/// The startup of one specimen.
 #[derive(Debug)]
 pub(super) struct Startup {
     references: Vec<Reference>,
-    sums: Vec<Sums>,
+    sums: Vec<ReadingSums>,
     zero_is_taken: bool,
     /// Where the specimen reports that it stands.
     standing: Option<Vec<f64>>,
@@ -41,7 +41,7 @@ impl Startup {
     pub fn absolute(axes: usize) -> Self {
         Self {
             references: vec![Reference::default(); axes],
-            sums: vec![Sums::default(); axes],
+            sums: vec![ReadingSums::default(); axes],
             zero_is_taken: false,
             standing: None,
             stated: None,
@@ -112,15 +112,15 @@ impl Startup {
         sums.all(|sums| sums.count() >= f64::from(times))
     }
 
-    /// Readings begin anew.
+    /// Drops the readings.
     pub fn forget_readings(&mut self) {
-        self.sums.fill(Sums::default());
+        self.sums.fill(ReadingSums::default());
     }
 
-    /// What was read of one axis.
+    /// Readings of one axis.
     pub fn reading(&self, axis: usize) -> Reading {
         let sums = self.sums.get(axis);
-        sums.map_or_else(Reading::default, Sums::reading)
+        sums.map_or_else(Reading::default, ReadingSums::reading)
     }
 
     /// Puts the zero of every relative channel into `axes`: commands count from `sent`, measurements from where it took the
@@ -148,14 +148,14 @@ impl Startup {
         }
     }
 
-    /// The same of a load cell that read `force`.
+    /// A relative load cell takes its difference from `force` for drift.
     pub fn take_force_drift(&self, index: usize, force: f64, axis: &mut Axis) {
         if self.has_relative_force(index) {
             axis.force_offset += self.reading(index).force - force;
         }
     }
 
-    /// How the displacement sensor of each axis belongs to its commands, as it stands now.
+    /// How the displacement sensor of each axis belongs to its commands now.
     pub fn disp_zeros<'a>(&'a self, axes: &'a [Axis]) -> impl Iterator<Item = DispZero> + 'a {
         axes.iter().enumerate().map(|(index, axis)| DispZero {
             gain: axis.disp_gain,
@@ -164,12 +164,12 @@ impl Startup {
         })
     }
 
-    /// Where the specimen reports that it stands, or where the test file says it in its place.
+    /// Position that the specimen reports, or else the one that the test file states.
     pub fn standing(&self) -> Option<&[f64]> {
         self.standing.as_deref()
     }
 
-    /// The specimen reports this position. What is not one value per axis is none.
+    /// The specimen reports this position; another number of values than axes clears it.
     pub fn report_position(&mut self, disp: &[f64]) {
         self.standing = (disp.len() == self.references.len()).then(|| disp.to_vec());
     }

@@ -1,28 +1,11 @@
-//! How far a command is on its way from one target to the next: the predictor–corrector's clockwork.
+//! The step pacer: how far a command is on its path from one target to the next.
 //!
-//! One integration step is N ticks of the controller. The progress i runs from 0, where the last target was reached, to N,
-//! where the next one is. As long as the next target is not known (a slow partner, a distant site) the command follows the
-//! prediction of [`super::path`]; beyond 0.6 N it slows down, and never passes 0.8 N. After OpenFresco's state chart:
-//!
-//! ```text
-//! Correct    the target is known         i ← min(i + d, N),  d = clamp(d_sd + (i − i_sd)/(0.2 N), 0.001, 1)
-//! Predict    it is not, i < 0.6 N        i ← i + 1
-//! SlowDown   it is not, i ≥ 0.6 N        i ← i + d,          d = (0.8 N − i)/max(0.2 N, 1)
-//! ```
-//!
-//! with d_sd and i_sd the increment and the place at which a slow-down ended. Two things are our own. An operator's hold is
-//! a factor ρ on every d that falls linearly to 0 within the time of easing, and rises again after it: test time is
-//! stretched, nothing stops or starts at once. And i meets N without a corner: what is left of the way is cut into whole
-//! ticks, d ← (N − i)/q with q the whole number next to (N − i)/d that leaves d ≤ 1. A force belongs to a target, so a
-//! target must be met at a tick: with N = 1 the pace can only be 1, 1/2, 1/3 … steps a tick, and these are taken in turn;
-//! with a larger N it is finer by that factor.
-//!
-//! What lives in wall time beside a path in test time, the delay that a compensator makes up for, needs the pace without that
-//! cutting: ρ d, followed by no more than ρ may change in a tick. It has no corners that easing has not, is exactly 1 in a test
-//! that nothing disturbs, and goes on from where it was when the command was put to rest by others ([`StepPacer::stand`]).
-//!
-//! Invariants: i never passes N, nor 0.8 N while the target is unknown; with ρ = 1 and the target known at once, N
-//! increments of exactly 1. No input or output, no clock: ticks are counted by the caller's calls.
+//! One integration step is N ticks of the controller. The progress i runs from 0 at the last target to N at the next. While the next
+//! target is unknown the command follows the prediction of [`super::interpolation`], slows down beyond 0.6 N and never passes 0.8 N.
+//! An operator's hold is a factor ρ on every increment, which falls to 0 and rises again linearly. A target is met at a tick: what is
+//! left of the step is cut into whole ticks. A delay that a compensator makes up for lives in wall time, and gets the pace without
+//! that cutting. Invariants: i never passes N, nor 0.8 N while the target is unknown. With ρ = 1 and the target known at once, a step
+//! is N increments of exactly 1. Limits: no input or output and no clock; the caller's calls count the ticks.
 
 use crate::catalog::phase::Stage;
 use crate::state::Visit;
@@ -100,7 +83,17 @@ impl PacerTick {
     }
 }
 
-/// The clockwork.
+/// Progress and pace, after OpenFresco's state chart.
+///
+/// ```text
+/// Correct    the target is known         i ← min(i + d, N),  d = clamp(d_sd + (i − i_sd)/(0.2 N), 0.001, 1)
+/// Predict    it is not, i < 0.6 N        i ← i + 1
+/// SlowDown   it is not, i ≥ 0.6 N        i ← i + d,          d = (0.8 N − i)/max(0.2 N, 1)
+/// ```
+///
+/// d_sd and i_sd are the increment and the place at which a slow-down ended. What is left is cut as d ← (N − i)/q with q the whole
+/// number next to (N − i)/d that leaves d ≤ 1: with N = 1 the pace can only be 1, 1/2, 1/3 … steps a tick, which are taken in turn.
+/// The pace without that cutting is ρ d, followed by no more than ρ may change in a tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StepPacer {
     /// N.

@@ -152,7 +152,7 @@ fn a_force_that_is_recovered_is_one_of_the_structure() {
     assert_eq!(port.recover(), None);
 }
 
-/// Half as fast as the structure's time has it.
+/// The specimen's time is half as fast as the structure's.
 #[test]
 fn a_ramp_says_how_fast_it_goes_in_the_specimens_own_time() {
     let mut port = reversed();
@@ -252,4 +252,23 @@ fn rows_that_do_not_fit_are_refused() {
         Port::new("a", vec![axis], specimen(), 2, vec![1.0]),
         Err(PortError::Gain { axis: 1, .. })
     ));
+}
+
+/// The command that was judged is another one.
+#[test]
+fn a_command_that_changes_after_it_was_judged_does_not_leave() {
+    let changes: [fn(&mut Port); 5] = [
+        |port| port.aim(&[0.0, 0.002], &[0.0, 0.0], 0.0, 0.0),
+        Port::stand_still,
+        |port| port.ramp_to(0.5, 1.0),
+        Port::return_to_the_test,
+        |port| port.advance(&PacerTick::none(), 0.01),
+    ];
+    for (index, change) in changes.into_iter().enumerate() {
+        let mut port = reversed();
+        assert_eq!(port.clear().trip, None);
+        change(&mut port);
+        assert_eq!(port.issue(0, 0.0, 0.0), Err(LinkFault::Refused), "{index}");
+        send(&mut port, 0);
+    }
 }

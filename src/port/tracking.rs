@@ -1,14 +1,13 @@
-//! How well a specimen follows its targets, while the test runs: delay, gain, and the damping that they falsify.
+//! How well a specimen follows its targets while the test runs: delay, gain, and the delay-induced damping error.
 //!
-//! Over a window that forgets, the measured displacement is fitted by the target and its velocity, m ≈ a x + b ẋ; with the
-//! mean frequency ω² = Σẋ²/Σx² of the window, gain = √(a² + ω²b²) and lag = atan2(−ωb, a)/ω, exact for one frequency. A lag τ
-//! on a stiffness k_e is the damping −k_e τ (Horiuchi et al. 1999); k_e is fitted likewise, f ≈ a' x + b' ẋ, as the real part of
-//! (a' + iωb')/(a + iωb): sensors' noise is in neither x nor ẋ, and does not bias it. Nothing is said before the window holds motion well above
-//! the noise that was read while zeroing, or is declared where too little was read, and two periods of it: a fit that has just begun
-//! overshoots. It moves nothing: columns and limits only.
+//! Over a window that forgets, the measured displacement is fitted by the target and its velocity, m ≈ a x + b ẋ. With the mean
+//! frequency ω² = Σẋ²/Σx², gain = √(a² + ω²b²) and lag = atan2(−ωb, a)/ω, exact for one frequency. A lag τ on a stiffness k_e is the
+//! damping −k_e τ (Horiuchi et al. 1999); k_e is fitted likewise from the force, so that sensor noise does not bias it. The delay
+//! margin is the critical delay at k_e, tabulated before the test, less the lag. Invariant: there is no value before the window holds
+//! two periods of motion well above the noise. Limits: it moves nothing; it feeds columns and limits.
 
 use super::command_path::VelocityOf;
-use super::estimates::Observed;
+use super::estimates::Observation;
 use crate::stability::CriticalDelay;
 
 /// Time in which the window forgets, s of test time.
@@ -24,7 +23,7 @@ const INDEPENDENT: f64 = 1e-3;
 
 /// Fading sums of target x, velocity v, measured displacement m and force f.
 #[derive(Debug, Clone, Copy, Default)]
-struct Sums {
+struct FitSums {
     weight: f64,
     xx: f64,
     xv: f64,
@@ -35,7 +34,7 @@ struct Sums {
     vf: f64,
 }
 
-impl Sums {
+impl FitSums {
     #[inline]
     fn add(&mut self, keep: f64, [x, v]: [f64; 2], [m, f]: [f64; 2]) {
         self.weight = keep * self.weight + 1.0;
@@ -49,15 +48,15 @@ impl Sums {
     }
 }
 
-/// What the fit says; NaN where nothing is known.
+/// Result of the fit; NaN where nothing is known.
 #[derive(Debug, Clone, Copy)]
-struct Fit {
+struct TrackingFit {
     lag: f64,
     gain: f64,
     stiffness: f64,
 }
 
-impl Fit {
+impl TrackingFit {
     const UNKNOWN: Self = Self {
         lag: f64::NAN,
         gain: f64::NAN,
@@ -65,14 +64,14 @@ impl Fit {
     };
 }
 
-/// What is remembered of one axis.
+/// Memory of one axis.
 #[derive(Debug, Clone, Copy)]
 struct AxisTracking {
     /// Target, measured displacement and force where the test began, and the target's velocity of the tick before.
     start: Option<(f64, f64, f64)>,
     last_vel: f64,
-    sums: Sums,
-    fit: Fit,
+    sums: FitSums,
+    fit: TrackingFit,
     /// Time since the window holds motion, s, and whether that was two periods.
     fitted_for: f64,
     settled: bool,
@@ -83,7 +82,7 @@ impl AxisTracking {
     const NONE: Self = Self {
         start: None,
         last_vel: 0.0,
-        sums: Sums {
+        sums: FitSums {
             weight: 0.0,
             xx: 0.0,
             xv: 0.0,
@@ -93,7 +92,7 @@ impl AxisTracking {
             xf: 0.0,
             vf: 0.0,
         },
-        fit: Fit::UNKNOWN,
+        fit: TrackingFit::UNKNOWN,
         fitted_for: 0.0,
         settled: false,
         least: LEAST_M,
@@ -115,7 +114,7 @@ impl AxisTracking {
         let keep = 1.0 - (dt / WINDOW_S).min(1.0);
         let (x, m, f) = (target - x0, measured - m0, force - f0);
         self.sums.add(keep, [x, now], [m, f]);
-        let Sums {
+        let FitSums {
             weight,
             xx,
             xv,
@@ -129,7 +128,7 @@ impl AxisTracking {
         let moves = xx > weight * self.least * self.least;
         // Written so that NaN says nothing.
         if !(moves && determinant > INDEPENDENT * xx * vv) {
-            self.fit = Fit::UNKNOWN;
+            self.fit = TrackingFit::UNKNOWN;
             (self.fitted_for, self.settled) = (0.0, false);
             return;
         }
@@ -144,7 +143,7 @@ impl AxisTracking {
         let gain = (a * a + omega * omega * b * b).sqrt();
         let a_f = (xf * vv - vf * xv) / determinant;
         let b_f = (vf * xx - xf * xv) / determinant;
-        self.fit = Fit {
+        self.fit = TrackingFit {
             lag: libm::atan2(-omega * b, a) / omega,
             gain,
             stiffness: (a_f * a + omega * omega * b_f * b) / (gain * gain),
@@ -223,13 +222,13 @@ impl Tracking {
         }
     }
 
-    /// Takes a fresh measurement; false if it is none of the test's, or nothing is estimated. Real-time: yes.
+    /// Takes a fresh measurement; false if it is not part of the test, or nothing is estimated. Real-time: yes.
     #[inline]
-    pub fn take(&mut self, observed: &Observed<'_>) -> bool {
+    pub fn take(&mut self, observed: &Observation<'_>) -> bool {
         let Some(passes) = self.passes.filter(|_| self.is_on) else {
             return false;
         };
-        let Observed {
+        let Observation {
             path,
             feedback,
             stiffness,
@@ -250,7 +249,7 @@ impl Tracking {
         true
     }
 
-    /// What the limits judge of each axis. Real-time: yes.
+    /// Values of each axis for the limits. Real-time: yes.
     #[inline]
     pub fn judged(&self) -> impl Iterator<Item = [f64; 2]> + '_ {
         let axes = self.axes.iter();
@@ -266,7 +265,7 @@ impl Tracking {
             &[]
         };
         axes.iter().map(|axis| {
-            let Fit {
+            let TrackingFit {
                 lag,
                 gain,
                 stiffness,

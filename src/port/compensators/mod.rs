@@ -1,6 +1,6 @@
 //! The compensators of a specimen: one per axis, in m, between the command that a target asks for and the one that is sent.
 //!
-//! Before the test runs they hold: a command passes with its gain and without lead. In the running test each is asked for its lead
+//! Before the test runs they hold: a command passes with its gain and without lead. In the running test each gives its lead
 //! on one grid of test time, N points a step, where the ticks of an undisturbed test end. Between two points the lead is
 //! interpolated and scaled by the pace. So a command changes in a tick by no more than the gain times the target's change, the
 //! change of the lead from point to point, and the lead over the ticks of easing. At full pace and on the grid it is the
@@ -28,7 +28,7 @@ enum DelayIn {
     TestTime,
 }
 
-/// What the velocity of a target is.
+/// Kind of the velocity of a target.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum TargetVelocity {
     /// Its ∇d/Δt.
@@ -37,9 +37,9 @@ enum TargetVelocity {
     Own,
 }
 
-/// What the compensators do.
+/// LeadActivity of the compensators.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Activity {
+enum LeadActivity {
     /// Commands pass with their gain: the test does not run.
     Holding,
     /// Commands are led.
@@ -48,15 +48,15 @@ enum Activity {
     Awaiting,
 }
 
-/// How the command that stands ready was made.
+/// How the next command was made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Course {
+enum LeadCourse {
     Undisturbed,
     /// Between two points of the grid, or at another pace.
     Disturbed,
 }
 
-/// What the velocity of a command is.
+/// Kind of the velocity of a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum CommandVelocity {
     OfTarget,
@@ -83,18 +83,18 @@ pub(super) struct Compensators {
     pace: f64,
     delay_in: DelayIn,
     target_velocity: TargetVelocity,
-    activity: Activity,
-    course: Course,
-    /// Of the command that stands ready, and of the one in force.
+    activity: LeadActivity,
+    course: LeadCourse,
+    /// Velocities of the next command and of the command in force.
     velocities: [CommandVelocity; 2],
-    grid: Grid,
-    /// The state before the command that stands ready was made, where a record is followed to be gone on with.
+    grid: LeadGrid,
+    /// The state before the next command was made, where a record is retraced.
     before: Option<Vec<f64>>,
 }
 
 /// Where on the grid of test time the compensators are.
 #[derive(Debug, Clone, Copy, Default)]
-struct Grid {
+struct LeadGrid {
     /// The newest point that they were asked for, counted from the last target.
     point: f64,
     /// How far that is ahead of the command, in points.
@@ -103,7 +103,7 @@ struct Grid {
     spacing: f64,
 }
 
-impl Grid {
+impl LeadGrid {
     const fn of(tick: &PacerTick) -> Self {
         Self {
             point: tick.point,
@@ -128,10 +128,10 @@ impl Compensators {
             pace,
             delay_in: DelayIn::WallTime,
             target_velocity: TargetVelocity::Difference,
-            activity: Activity::Holding,
-            course: Course::Undisturbed,
+            activity: LeadActivity::Holding,
+            course: LeadCourse::Undisturbed,
             velocities: [CommandVelocity::OfTarget; 2],
-            grid: Grid::default(),
+            grid: LeadGrid::default(),
             before: None,
         }
     }
@@ -148,11 +148,11 @@ impl Compensators {
 
     /// The test runs: from the next target on commands are led.
     pub const fn begin(&mut self) {
-        self.activity = Activity::Running;
+        self.activity = LeadActivity::Running;
     }
 
     fn is_running(&self) -> bool {
-        self.activity != Activity::Holding
+        self.activity != LeadActivity::Holding
     }
 
     fn are_differences(&self) -> bool {
@@ -177,8 +177,8 @@ impl Compensators {
         self.before = Some(Vec::new());
     }
 
-    /// No command is made for the next tick, and what is measured meanwhile is not heard. Real-time: yes, where no record is
-    /// followed.
+    /// No command is made for the next tick, and measurements teach nothing meanwhile. Real-time: yes, where no record is
+    /// retraced.
     pub fn hold(&mut self) {
         if self.delay_in == DelayIn::WallTime {
             self.axes.iter_mut().for_each(AxisCompensator::misses);
@@ -186,7 +186,7 @@ impl Compensators {
         self.keep();
     }
 
-    /// The state, for a test that is to go on later: before the command that stands ready, where a record was followed.
+    /// The state, for a test that is resumed later: before the next command, where a record was retraced.
     pub fn freeze(&mut self, out: &mut Vec<f64>) {
         match self.before.take() {
             Some(before) if !before.is_empty() => out.extend(before),
@@ -195,7 +195,7 @@ impl Compensators {
     }
 
     fn write(&mut self, out: &mut Vec<f64>) {
-        let Grid {
+        let LeadGrid {
             point,
             ahead,
             spacing,
@@ -207,7 +207,7 @@ impl Compensators {
         }
     }
 
-    /// Keeps the state as it is now, where a record is followed. Real-time: yes, where none is.
+    /// Keeps the present state, where a record is retraced. Real-time: yes, without one.
     fn keep(&mut self) {
         if let Some(mut before) = self.before.take() {
             before.clear();
@@ -222,11 +222,11 @@ impl Compensators {
         let mut rest = from;
         if let Some((&[running, point, ahead, spacing], tail)) = rest.split_first_chunk::<4>() {
             self.activity = if running == 0.0 {
-                Activity::Holding
+                LeadActivity::Holding
             } else {
-                Activity::Running
+                LeadActivity::Running
             };
-            self.grid = Grid {
+            self.grid = LeadGrid {
                 point,
                 ahead,
                 spacing,
@@ -251,7 +251,7 @@ impl Compensators {
         is_published: bool,
     ) {
         self.keep();
-        self.course = Course::Undisturbed;
+        self.course = LeadCourse::Undisturbed;
         let running = self.is_running();
         self.velocities[0] = if running {
             CommandVelocity::Led
@@ -299,13 +299,13 @@ impl Compensators {
         let is_next = tick.point - self.grid.point == 1.0;
         if !self.is_running() || (pace == 1.0 && tick.ahead == 0.0 && is_next) {
             self.lead(axes, target, command, is_published);
-            self.grid = Grid::of(tick);
+            self.grid = LeadGrid::of(tick);
         } else {
             self.lead_between(axes, path, target, command, (tick, pace));
         }
     }
 
-    /// The same where the pace is not the full one, or has not always been in this step. Real-time: yes.
+    /// Makes the command where the pace is not the full one, or was not in all of this step. Real-time: yes.
     fn lead_between(
         &mut self,
         axes: &[Axis],
@@ -315,7 +315,7 @@ impl Compensators {
         (tick, pace): (&PacerTick, f64),
     ) {
         self.keep();
-        self.course = Course::Disturbed;
+        self.course = LeadCourse::Disturbed;
         self.velocities[0] = CommandVelocity::Led;
         let are_differences = self.are_differences();
         let targets = target.disp.iter().zip(&target.vel);
@@ -343,7 +343,7 @@ impl Compensators {
             let vel = in_metres * vel * self.pace;
             made.lead_vel(vel, self.tick, pace, self.pace, axis, command_vel);
         }
-        self.grid = Grid::of(tick);
+        self.grid = LeadGrid::of(tick);
     }
 
     /// A target is reached: points count from there. Real-time: yes.
@@ -352,11 +352,11 @@ impl Compensators {
         (self.grid.point, self.grid.ahead) = (0.0, 0.0);
     }
 
-    /// The next target is known: a point ahead of the command that was asked for while it was predicted is put right, so that the
+    /// The next target is known: a point ahead of the command that was predicted is corrected, so that the
     /// next lead is not one of the difference. Real-time: yes.
     #[inline]
     pub fn amend(&mut self, axes: &[Axis], path: &TargetPath) {
-        let Grid {
+        let LeadGrid {
             point,
             ahead,
             spacing,
@@ -380,9 +380,9 @@ impl Compensators {
     pub fn note_sent(&mut self, moves: bool) {
         if self.is_running() {
             self.activity = if moves {
-                Activity::Awaiting
+                LeadActivity::Awaiting
             } else {
-                Activity::Running
+                LeadActivity::Running
             };
         }
         let [ready, _] = self.velocities;
@@ -405,11 +405,11 @@ impl Compensators {
     /// The answer to a command is there, or an old one in place of it. `sent` and `raw` are in the specimen's units. Real-time: yes.
     #[inline]
     pub fn hear(&mut self, axes: &[Axis], sent: &[f64], raw: &[f64], is_fresh: bool) {
-        if self.activity != Activity::Awaiting {
+        if self.activity != LeadActivity::Awaiting {
             return;
         }
-        self.activity = Activity::Running;
-        let undisturbed = self.course == Course::Undisturbed;
+        self.activity = LeadActivity::Running;
+        let undisturbed = self.course == LeadCourse::Undisturbed;
         let axes = axes.iter().zip(sent).zip(raw);
         for (((axis, sent), raw), made) in axes.zip(&mut self.axes) {
             let command = (sent - axis.disp_offset) * made.metres;

@@ -15,6 +15,15 @@ struct Axis {
     past: Past,
 }
 
+/// Where a sawtooth is looked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Targets {
+    /// Each command is a target.
+    AreCommands,
+    /// Targets of steps are known beside the commands, which may go on a smooth path between them.
+    AreTold,
+}
+
 /// Watches the limits of one specimen. Real-time after `new`.
 #[derive(Debug, Clone)]
 pub struct Watch {
@@ -26,8 +35,7 @@ pub struct Watch {
     /// Commands that have left, up to two: a difference needs something to differ from.
     sent: u8,
     measured: bool,
-    /// Whether targets are told apart from commands, which may go on a smooth way between them.
-    aims: bool,
+    targets: Targets,
     /// On the way out after a trip.
     leaves: bool,
 }
@@ -47,7 +55,7 @@ impl Watch {
             tick_before: 0.0,
             sent: 0,
             measured: false,
-            aims: false,
+            targets: Targets::AreCommands,
             leaves: false,
         }
     }
@@ -133,7 +141,8 @@ impl Watch {
     /// The same, added to `found`. Real-time: yes.
     #[inline]
     pub fn judge_command(&mut self, disp: impl Iterator<Item = f64>, found: &mut Found) {
-        let (pace, sent, aims) = (self.pace(), self.sent, self.aims);
+        let (pace, sent) = (self.pace(), self.sent);
+        let aims = self.targets == Targets::AreTold;
         for ((index, axis), disp) in self.axes.iter_mut().enumerate().zip(disp) {
             let Axis {
                 limits,
@@ -152,7 +161,7 @@ impl Watch {
     #[inline]
     pub fn sent(&mut self, disp: impl Iterator<Item = f64>) {
         for (Axis { limits, past, .. }, disp) in self.axes.iter_mut().zip(disp) {
-            if !self.aims {
+            if self.targets == Targets::AreCommands {
                 past.sawtooth = past.sawtooth.after(disp);
             }
             let step = (disp - past.command[0]).abs();
@@ -213,7 +222,7 @@ impl Watch {
         for (Axis { past, .. }, disp) in self.axes.iter_mut().zip(disp) {
             past.sawtooth = Sawtooth::at_rest(disp);
         }
-        self.aims = true;
+        self.targets = Targets::AreTold;
     }
 
     /// The target of the next step, which the next commands approach. Real-time: yes.
@@ -237,7 +246,7 @@ impl Watch {
     pub fn rests(&mut self) {
         for Axis { past, .. } in &mut self.axes {
             past.command = [past.command[0]; 2];
-            if !self.aims {
+            if self.targets == Targets::AreCommands {
                 past.sawtooth = Sawtooth::at_rest(past.command[0]);
             }
         }

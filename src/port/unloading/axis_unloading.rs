@@ -3,6 +3,20 @@
 /// So many times the largest force so far is growth.
 const GROWS: f64 = 1.1;
 
+/// Where an axis began.
+#[derive(Debug, Default)]
+pub(super) struct UnloadStart {
+    /// Force in N, and how far the forces of a block differed before it moved.
+    pub force: f64,
+    pub still: f64,
+    /// Measured displacement in m, and how far it is to zero by K⁻¹.
+    pub disp: f64,
+    pub reach: f64,
+    /// Largest force, also of what the motion of the other axes brings here; and a force that counts as none.
+    pub scale: f64,
+    pub small: f64,
+}
+
 /// One axis on its way.
 #[derive(Debug, Default)]
 pub(super) struct AxisUnloading {
@@ -13,18 +27,12 @@ pub(super) struct AxisUnloading {
     pub force: f64,
     /// On which side of zero the force was last.
     pub side: f64,
-    /// Mean of the forces of a block and how far they differ, without a tenth at either end; and the latter before it moved.
+    /// Mean of the forces of a block and how far they differ, without a tenth at either end.
     pub mean: f64,
     pub spread: f64,
-    pub still: f64,
-    /// The force in N where it began, how far in m it is to zero by K⁻¹, and where it was measured.
-    pub first: f64,
-    pub reach: f64,
+    /// Displacement measured last.
     pub measured: f64,
-    pub began_at: f64,
-    pub small: f64,
-    /// The largest force, also of what the motion of the others brings here.
-    pub scale: f64,
+    pub start: UnloadStart,
     pub longest_step: f64,
     pub farthest: f64,
     pub wanted: f64,
@@ -42,7 +50,7 @@ impl AxisUnloading {
 
     /// True if the force has come out on the other side of zero.
     pub fn swings(&mut self) -> bool {
-        let crosses = -self.force * self.side > self.small.max(self.still);
+        let crosses = -self.force * self.side > self.start.small.max(self.start.still);
         if crosses {
             self.side = -self.side;
         }
@@ -50,7 +58,7 @@ impl AxisUnloading {
     }
 
     pub fn grows(&self) -> bool {
-        self.mean.abs() > GROWS * self.scale + self.still
+        self.mean.abs() > GROWS * self.start.scale + self.start.still
     }
 
     pub fn close_block(&mut self) {

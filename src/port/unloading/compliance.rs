@@ -5,9 +5,29 @@ use nalgebra::{DMatrix, SymmetricEigen};
 /// Beside the stiffest direction, so much is no stiffness.
 const NONE: f64 = 1e-9;
 
+/// A stiffness and its inverse.
+#[derive(Debug)]
+pub(super) struct Elasticity {
+    /// By rows; where they do not say what the inverse is, without what is beside the diagonal.
+    pub stiffness: Vec<f64>,
+    /// The inverse does not move in a direction that has no stiffness.
+    pub compliance: Vec<f64>,
+}
+
+impl Elasticity {
+    /// Inverts a stiffness of `n` axes, by rows.
+    pub fn new(stiffness: Vec<f64>, n: usize) -> Self {
+        let (stiffness, compliance) = compliance(stiffness, n);
+        Self {
+            stiffness,
+            compliance,
+        }
+    }
+}
+
 /// A stiffness and its inverse, which does not move in a direction that has no stiffness: one of more actuators than a platform has
 /// coordinates, say. Where a direction would give way, both go without what is beside the diagonal.
-pub(super) fn compliance(stiffness: Vec<f64>, n: usize) -> (Vec<f64>, Vec<f64>) {
+fn compliance(stiffness: Vec<f64>, n: usize) -> (Vec<f64>, Vec<f64>) {
     let matrix = DMatrix::from_row_iterator(n, n, stiffness.iter().copied());
     let symmetric = 0.5 * (&matrix + matrix.transpose());
     let is_finite = symmetric.iter().all(|entry| entry.is_finite());

@@ -1,22 +1,18 @@
-//! The way to zero force: a specimen is unloaded along its own stiffness, K⁻¹·F, by what is measured on the way.
+//! The way to zero force: a specimen is unloaded along its own stiffness, K⁻¹·F, by the forces that are measured on the way.
 //!
-//! First it stands, until its forces do: their means over a block of answers, without the extremes, are where the way begins,
-//! so that no glitch and no motion that is not over yet decides of it. Then every tick goes a share of what is left, so slowly
-//! that it does not swing behind an actuator that is late; where it swings nevertheless (a resonance), the share is halved at each
-//! swing. It has arrived where the means of two blocks in a row are small, and the forces keep as still as they did before it
-//! moved. All axes go together: what one of them feels is the doing of all.
-//!
-//! A load cell that has broken leads nobody: the force must not have jumped before, must follow what is moved, may not grow, and
-//! does not go all at once. Everything here is at the structure, in m and N. Real-time after [`Unloading::new`].
+//! First it stands until the means of its forces over blocks of answers do. Then every tick goes a share of the way that is left, so
+//! slowly that a late actuator does not swing. Where it swings nevertheless, the share is halved. It has arrived where the means of
+//! two blocks in a row are small, and the forces are as still as before it moved. All axes go together, since each feels the others.
+//! Invariant: a broken load cell leads no specimen. The force must not have jumped before, must follow the motion, must not grow, and
+//! must not vanish at once. Everything here is at the structure, in m and N. Real-time after [`Unloading::new`].
 
 mod axis_unloading;
-
 mod compliance;
 mod platform_unloading;
 mod unload_failure;
 
 use axis_unloading::AxisUnloading;
-use compliance::compliance;
+use compliance::Elasticity;
 pub use platform_unloading::PlatformUnloading;
 pub use unload_failure::UnloadFailure;
 
@@ -26,15 +22,15 @@ use super::row_product::row_times;
 /// the approach does not go beyond, and it dies out behind one of up to π/2 of it.
 const APPROACH_S: f64 = 0.1;
 const SHARE: f64 = 0.05;
-/// The share is halved so many times at most.
+/// The share is halved at most this many times.
 const HALVINGS: u32 = 6;
-/// A block takes this time in s, or so many answers while it still stands; so many at most are looked at.
+/// A block takes this time in s, or at least this many answers while the specimen stands; at most this many are looked at.
 const BLOCK_S: f64 = 0.05;
 const FEWEST: usize = 3;
 const MOST: usize = 256;
 /// Blocks in which it stands at most, until its forces do.
 const STANDING: u32 = 40;
-/// So many blocks in a row that are small are an arrival.
+/// Small blocks in a row that are an arrival.
 const BLOCKS: u32 = 2;
 /// Share of the largest force so far, that on the way out included, that counts as none; and of one that may be off. For one who feels
 /// what others move, a force that they bring counts as its own, as long as an axis has carried as much.
@@ -42,9 +38,9 @@ const SMALL: f64 = 0.01;
 const STILL: f64 = 0.05;
 /// So many times the noise of that mean, by what was read while zeroing, counts as none, too.
 const NOISE: f64 = 3.0;
-/// The forces of a block may differ by so many times what they did before it moved.
+/// The forces of a block may differ by this factor more than before it moved.
 const STIR: f64 = 1.5;
-/// The way may be so many times as long as k̂ says.
+/// The way may be longer than k̂ says by this factor.
 const STRAY: f64 = 3.0;
 /// Share of the forces that must be gone where they all should be, by what is measured of the way; or twice that far, by the commands.
 const FOLLOWS: f64 = 0.1;
@@ -74,35 +70,106 @@ pub struct Leg {
     pub slew: f64,
 }
 
+/// How the answers are counted into blocks.
+#[derive(Debug)]
+struct Blocks {
+    /// Answers of a block, and the distance of those that are looked at.
+    length: usize,
+    every: usize,
+    /// Answers of this block.
+    answers: usize,
+}
+
+impl Blocks {
+    fn new(tick: f64) -> Self {
+        let length = (BLOCK_S / tick).ceil().max(1.0) as usize;
+        Self {
+            length,
+            every: length.div_ceil(MOST),
+            answers: 0,
+        }
+    }
+
+    /// True if the next answer is looked at.
+    const fn looks(&self) -> bool {
+        self.answers.is_multiple_of(self.every)
+    }
+
+    /// One more answer; true if the block, of `fewest` at least, is over.
+    fn count(&mut self, fewest: usize) -> bool {
+        self.answers += 1;
+        let is_over = self.answers >= self.length.max(fewest);
+        if is_over {
+            self.answers = 0;
+        }
+        is_over
+    }
+}
+
+/// The share of the way that a tick goes.
+#[derive(Debug)]
+struct Approach {
+    share: f64,
+    halvings: u32,
+}
+
+impl Approach {
+    /// Halves the share; false if it was halved too often.
+    const fn halve(&mut self) -> bool {
+        let may = self.halvings < HALVINGS;
+        if may {
+            self.halvings += 1;
+            self.share *= 0.5;
+        }
+        may
+    }
+}
+
+/// Ticks of wall time.
+#[derive(Debug)]
+struct UnloadTime {
+    /// One tick in s.
+    tick: f64,
+    passed: f64,
+    most: f64,
+}
+
+impl UnloadTime {
+    /// It may take at least this many ticks from now, for a way and to settle after it.
+    fn allow(&mut self, way: f64, settling: f64) {
+        self.most = self.most.max(self.passed + way + settling);
+    }
+}
+
+/// Progress of an unloading.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum UnloadStage {
+    /// It stands until its forces do, for this many blocks so far.
+    Standing { blocks: u32 },
+    /// It goes.
+    Going,
+    /// It does not move while the last block was small.
+    Resting,
+}
+
 /// A specimen on its way to zero force.
 #[derive(Debug)]
 pub struct Unloading {
     legs: Vec<Leg>,
     ways: Vec<AxisUnloading>,
-    /// By rows; where they do not say what K⁻¹ is, without what is beside the diagonal.
-    stiffness: Vec<f64>,
-    compliance: Vec<f64>,
-    tick: f64,
-    share: f64,
-    halvings: u32,
-    /// Answers of a block, every how manieth is looked at, and those of this one.
-    of_a_block: usize,
-    every: usize,
-    answers: usize,
-    stood: u32,
-    begun: bool,
-    /// Nobody moves while the last block was small.
-    rests: bool,
+    elasticity: Elasticity,
+    approach: Approach,
+    blocks: Blocks,
+    stage: UnloadStage,
     small_blocks: u32,
     /// In this block an axis would have gone too far.
     is_at_its_end: bool,
-    /// Σ first·reach.
+    /// Σ first force · reach.
     work: f64,
     /// The shares of the way of the last ticks, and blocks for which a force that was gone at once is remembered.
     strides: [f64; 4],
     fell: u32,
-    ticks: f64,
-    most: f64,
+    time: UnloadTime,
     outcome: Option<Result<(), UnloadFailure>>,
 }
 
@@ -110,34 +177,32 @@ impl Unloading {
     /// With the stiffness of `legs` by rows in N/m, and ticks of `tick` s of wall time.
     pub fn new(legs: Vec<Leg>, stiffness: Vec<f64>, tick: f64) -> Self {
         let n = legs.len();
-        let of_a_block = (BLOCK_S / tick).ceil().max(1.0) as usize;
-        let room = of_a_block.clamp(FEWEST, MOST);
+        let blocks = Blocks::new(tick);
+        let room = blocks.length.clamp(FEWEST, MOST);
         let way = |_: &Leg| AxisUnloading {
             block: Vec::with_capacity(room),
             ..AxisUnloading::default()
         };
-        let (stiffness, compliance) = compliance(stiffness, n);
         Self {
             ways: legs.iter().map(way).collect(),
             legs,
-            stiffness,
-            compliance,
-            tick,
-            share: SHARE.min(tick / APPROACH_S),
-            halvings: 0,
-            of_a_block,
-            every: of_a_block.div_ceil(MOST),
-            answers: 0,
-            stood: 0,
-            begun: false,
-            rests: false,
+            elasticity: Elasticity::new(stiffness, n),
+            approach: Approach {
+                share: SHARE.min(tick / APPROACH_S),
+                halvings: 0,
+            },
+            blocks,
+            stage: UnloadStage::Standing { blocks: 0 },
             small_blocks: 0,
             is_at_its_end: false,
             work: 0.0,
             strides: [0.0; 4],
             fell: 0,
-            ticks: 0.0,
-            most: LONGEST_S / tick,
+            time: UnloadTime {
+                tick,
+                passed: 0.0,
+                most: LONGEST_S / tick,
+            },
             outcome: None,
         }
     }
@@ -149,7 +214,7 @@ impl Unloading {
 
     /// True before the first tick: what was measured last is of the test.
     pub fn is_new(&self) -> bool {
-        self.ticks == 0.0
+        self.time.passed == 0.0
     }
 
     /// How far each axis goes back in this tick, in m.
@@ -160,16 +225,16 @@ impl Unloading {
     /// The next tick, with displacement and force of each axis if they are the answer to the last; without, it comes to rest. False
     /// when there is no further to go.
     pub fn go_on(&mut self, answers: Option<impl Iterator<Item = (f64, f64)>>) -> bool {
-        self.ticks += 1.0;
-        if self.ticks > self.most && self.outcome.is_none() {
-            let seconds = (self.most * self.tick).round() as u32;
+        self.time.passed += 1.0;
+        if self.time.passed > self.time.most && self.outcome.is_none() {
+            let seconds = (self.time.most * self.time.tick).round() as u32;
             self.outcome = Some(Err(UnloadFailure::TooLong { seconds }));
         }
         let is_known = answers.is_some();
         if let Some(answers) = answers.filter(|_| self.outcome.is_none()) {
             self.take(answers);
         }
-        let goes = is_known && self.begun && !self.rests && self.outcome.is_none();
+        let goes = is_known && self.stage == UnloadStage::Going && self.outcome.is_none();
         self.stride(goes);
         self.outcome.is_none() || self.ways.iter().any(|way| way.step != 0.0)
     }
@@ -181,7 +246,8 @@ impl Unloading {
         let mut scale: f64 = 1.0;
         for index in 0..n {
             let forces = self.ways.iter().map(|way| way.force);
-            let left = self.share * row_times(&self.compliance, index, n, forces);
+            let left =
+                self.approach.share * row_times(&self.elasticity.compliance, index, n, forces);
             if let Some(way) = self.ways.get_mut(index) {
                 way.wanted = if goes && left.is_finite() { left } else { 0.0 };
                 scale = scale.min(way.longest_step / way.wanted.abs());
@@ -205,7 +271,7 @@ impl Unloading {
         let step = self
             .ways
             .iter()
-            .map(|way| way.first * way.step)
+            .map(|way| way.start.force * way.step)
             .sum::<f64>()
             / self.work;
         self.strides.rotate_right(1);
@@ -215,46 +281,49 @@ impl Unloading {
     }
 
     fn take(&mut self, answers: impl Iterator<Item = (f64, f64)>) {
-        let is_looked_at = self.answers.is_multiple_of(self.every);
+        let is_looked_at = self.blocks.looks();
+        let begun = self.has_begun();
         let (mut swings, mut gone, mut noise) = (false, 0.0, 0.0);
         for (way, (disp, force)) in self.ways.iter_mut().zip(answers) {
             let before = way.force;
             way.take(disp, force);
-            gone += way.reach * (before - way.force);
-            noise += 2.0 * (way.reach * way.still).abs();
+            gone += way.start.reach * (before - way.force);
+            noise += 2.0 * (way.start.reach * way.start.still).abs();
             if is_looked_at && way.block.len() < way.block.capacity() {
                 way.block.push(force);
             }
-            swings |= self.begun && way.swings();
+            swings |= begun && way.swings();
         }
         let longest = self.strides.iter().fold(0.0, |a: f64, b| a.max(b.abs()));
-        if self.begun && (gone - noise) / self.work > FELL.max(TIMES * longest) {
+        if begun && (gone - noise) / self.work > FELL.max(TIMES * longest) {
             self.fell = BLOCKS;
         }
-        if swings && self.halvings < HALVINGS {
-            self.halvings += 1;
-            self.share *= 0.5;
-            self.most = self.most.max(self.ticks + SETTLES / self.share);
+        if swings && self.approach.halve() {
+            self.time.allow(0.0, SETTLES / self.approach.share);
         }
-        self.answers += 1;
-        let fewest = if self.begun { 1 } else { FEWEST };
-        if self.answers < self.of_a_block.max(fewest) {
-            return;
+        if self.blocks.count(if begun { 1 } else { FEWEST }) {
+            self.close_block();
         }
-        self.answers = 0;
-        let mut still = self.stood > 0;
+    }
+
+    /// True if the specimen has begun to move.
+    fn has_begun(&self) -> bool {
+        !matches!(self.stage, UnloadStage::Standing { .. })
+    }
+
+    fn close_block(&mut self) {
+        let mut still = self.stage != UnloadStage::Standing { blocks: 0 };
         for (way, leg) in self.ways.iter_mut().zip(&self.legs) {
             let before = way.mean;
             way.close_block();
             let same = (STILL * way.mean.abs()).max(SMALL * leg.largest);
             still &= (way.mean - before).abs() <= same.max(way.spread);
         }
-        if self.begun {
-            self.judge();
-            return;
-        }
-        self.stood += 1;
-        if still || self.stood >= STANDING {
+        let UnloadStage::Standing { blocks } = &mut self.stage else {
+            return self.judge();
+        };
+        *blocks += 1;
+        if still || *blocks >= STANDING {
             self.begin();
         }
     }
@@ -268,29 +337,33 @@ impl Unloading {
         };
         for index in 0..n {
             let forces = self.ways.iter().zip(&self.legs).map(meant);
-            let reach = row_times(&self.compliance, index, n, forces);
+            let reach = row_times(&self.elasticity.compliance, index, n, forces);
             if let Some(way) = self.ways.get_mut(index) {
-                way.reach = if reach.is_finite() { reach } else { 0.0 };
+                way.start.reach = if reach.is_finite() { reach } else { 0.0 };
             }
         }
         let carried = |(way, leg): (&AxisUnloading, &Leg)| leg.largest.max(meant((way, leg)).abs());
         let of_all = self.ways.iter().zip(&self.legs).map(carried);
         let of_all = of_all.fold(0.0, f64::max);
-        let answers = self.of_a_block.min(MOST) as f64;
+        let answers = self.blocks.length.min(MOST) as f64;
         let mut jumped = false;
         for index in 0..n {
             // What the motion of each axis takes away or brings here: where they nearly cancel, far more than any force that was.
-            let row = self.stiffness.get(index * n..).unwrap_or_default();
+            let row = self
+                .elasticity
+                .stiffness
+                .get(index * n..)
+                .unwrap_or_default();
             let parts = row.iter().zip(&self.ways);
-            let parts = parts.map(|(stiffness, way)| (stiffness * way.reach).abs());
+            let parts = parts.map(|(stiffness, way)| (stiffness * way.start.reach).abs());
             let brought = parts.fold(0.0, f64::max).min(of_all);
             if let (Some(way), Some(leg)) = (self.ways.get_mut(index), self.legs.get(index)) {
-                way.first = way.mean;
-                way.began_at = way.measured;
-                way.still = way.spread;
+                way.start.force = way.mean;
+                way.start.disp = way.measured;
+                way.start.still = way.spread;
                 way.side = way.mean.signum();
-                way.scale = brought.max(carried((way, leg)));
-                way.small = (SMALL * way.scale).max(NOISE * leg.noise / answers.sqrt());
+                way.start.scale = brought.max(carried((way, leg)));
+                way.start.small = (SMALL * way.start.scale).max(NOISE * leg.noise / answers.sqrt());
                 jumped |= leg
                     .jump
                     .is_some_and(|[before, allowed]| (way.mean - before).abs() > allowed);
@@ -298,48 +371,69 @@ impl Unloading {
         }
         let mut longest: f64 = 0.0;
         for index in 0..n {
-            let row = self.compliance.get(index * n..).unwrap_or_default();
+            let row = self
+                .elasticity
+                .compliance
+                .get(index * n..)
+                .unwrap_or_default();
             let spare = row.iter().zip(&self.ways);
-            let spare: f64 = spare.map(|(c, way)| (c * STILL * way.scale).abs()).sum();
+            let spare: f64 = spare
+                .map(|(c, way)| (c * STILL * way.start.scale).abs())
+                .sum();
             if let (Some(way), Some(leg)) = (self.ways.get_mut(index), self.legs.get(index)) {
                 // The approach slows down by a share of its step from tick to tick.
-                way.longest_step = leg.by_speed.min(leg.slew / self.share);
-                way.farthest = STRAY * (way.reach.abs() + spare);
+                way.longest_step = leg.by_speed.min(leg.slew / self.approach.share);
+                way.farthest = STRAY * (way.start.reach.abs() + spare);
                 longest = longest.max(way.farthest / way.longest_step);
             }
         }
-        self.work = self.ways.iter().map(|way| way.first * way.reach).sum();
-        self.rests = self.is_small();
-        self.most = self.most.max(self.ticks + longest + SETTLES / self.share);
-        self.begun = true;
+        self.work = self
+            .ways
+            .iter()
+            .map(|way| way.start.force * way.start.reach)
+            .sum();
+        let rests = self.rest_if_small();
+        self.time.allow(longest, SETTLES / self.approach.share);
         self.outcome = if jumped {
             Some(Err(UnloadFailure::Jumped))
-        } else if !self.rests && self.work == 0.0 {
+        } else if !rests && self.work == 0.0 {
             Some(Err(UnloadFailure::Unknown))
         } else {
             None
         };
     }
 
-    fn is_small(&self) -> bool {
-        self.ways.iter().all(|way| way.mean.abs() <= way.small)
+    /// Rests if the forces of the last block are small, and goes if not; true if it rests.
+    fn rest_if_small(&mut self) -> bool {
+        let mut ways = self.ways.iter();
+        let is_small = ways.all(|way| way.mean.abs() <= way.start.small);
+        self.stage = if is_small {
+            UnloadStage::Resting
+        } else {
+            UnloadStage::Going
+        };
+        is_small
     }
 
     /// A block on the way is over.
     fn judge(&mut self) {
-        self.rests = self.is_small();
-        let is_still = |way: &AxisUnloading| way.spread <= (STIR * way.still).max(2.0 * way.small);
-        let arrives = self.rests && self.ways.iter().all(is_still);
+        let rests = self.rest_if_small();
+        let is_still =
+            |way: &AxisUnloading| way.spread <= (STIR * way.start.still).max(2.0 * way.start.small);
+        let arrives = rests && self.ways.iter().all(is_still);
         self.small_blocks = if arrives { self.small_blocks + 1 } else { 0 };
         // As work, in which all axes are one: shares of the way by the command and as measured, and of the force that is gone.
         let share = |of: fn(&AxisUnloading) -> f64| -> f64 {
             self.ways.iter().map(of).sum::<f64>() / self.work
         };
-        let sent = share(|way| way.first * way.gone);
-        let measured = share(|way| way.first * (way.began_at - way.measured));
-        let noise = share(|way| (way.reach * way.still).abs()).abs();
-        let relief = 1.0 - share(|way| way.reach * way.mean);
-        let had_none = self.ways.iter().all(|way| way.first.abs() <= way.small);
+        let sent = share(|way| way.start.force * way.gone);
+        let measured = share(|way| way.start.force * (way.start.disp - way.measured));
+        let noise = share(|way| (way.start.reach * way.start.still).abs()).abs();
+        let relief = 1.0 - share(|way| way.start.reach * way.mean);
+        let had_none = self
+            .ways
+            .iter()
+            .all(|way| way.start.force.abs() <= way.start.small);
         self.outcome = if self.small_blocks >= BLOCKS {
             let is_gone = self.fell == 0 || had_none;
             Some(if is_gone {
@@ -347,7 +441,7 @@ impl Unloading {
             } else {
                 Err(UnloadFailure::Fell)
             })
-        } else if self.rests {
+        } else if rests {
             None
         } else if !had_none && relief + noise < -GREW && self.ways.iter().any(AxisUnloading::grows)
         {
@@ -360,7 +454,7 @@ impl Unloading {
         } else {
             None
         };
-        if !self.rests {
+        if !rests {
             self.fell = self.fell.saturating_sub(1);
         }
         self.is_at_its_end = false;
