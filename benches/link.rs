@@ -18,7 +18,7 @@ use gusset::config::Carrier;
 use gusset::law::{LawSpec, LinearSpec};
 use gusset::link::native::unlimited_axis;
 use gusset::link::secret::read_key;
-use gusset::link::serve::{Host, ServeOptions, Server};
+use gusset::link::server::{Host, ServeOptions, Server};
 use gusset::link::{
     NativeLink, NativeSetup, SocketOptions, TcpTransport, Transport, UdpTransport, Wait,
 };

@@ -8,7 +8,7 @@ use std::time::Duration;
 use gusset::config::Carrier;
 use gusset::law::{LawSpec, LinearSpec};
 use gusset::link::native::unlimited_axis;
-use gusset::link::serve::{Host, ServeOptions, Server};
+use gusset::link::server::{Host, ServeOptions, Server};
 use gusset::link::{NativeLink, NativeSetup, SocketOptions};
 use gusset::rt::os::monotonic_ns;
 use gusset::specimen::SpecimenLaw;

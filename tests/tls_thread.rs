@@ -10,7 +10,7 @@ use std::time::Duration;
 use gusset::config::{Carrier, ServeTlsSpec, TlsSpec};
 use gusset::law::{LawSpec, LinearSpec};
 use gusset::link::native::unlimited_axis;
-use gusset::link::serve::{Host, ServeError, ServeOptions, Server};
+use gusset::link::server::{Host, ServeError, ServeOptions, Server};
 use gusset::link::tls::{TlsClient, TlsFiles, TlsServer};
 use gusset::link::{NativeLink, NativeSetup, SocketOptions, Transport, Wait};
 use gusset::rt::os::monotonic_ns;

@@ -4,7 +4,7 @@ use gusset::catalog::limit::Limit;
 use gusset::config::{CommandPace, Loaded};
 use gusset::control::limits::AxisLimits;
 use gusset::engine::{Ending, Phase, Stop};
-use gusset::link::serve::Tapped;
+use gusset::link::server::Tapped;
 use gusset::record::{End, Event, Journal};
 use gusset::time::Nanos;
 use gusset::wire::native::Kind;

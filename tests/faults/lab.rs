@@ -9,7 +9,7 @@ use gusset::config::Loaded;
 use gusset::config::fault_script::Script;
 use gusset::engine::{Control, Engine, Notice, Operator, Outcome, Phase};
 use gusset::link::fault::StallingClock;
-use gusset::link::serve::{Host, Simulated, Tap, Tapped};
+use gusset::link::server::{Host, Simulated, Tap, Tapped};
 use gusset::link::{NativeSetup, Transport};
 use gusset::record::{Column, Event, FolderImage, Layout, Recorder, TimedEvent};
 use gusset::session::{Replay, ending, replay_rows};

@@ -1,17 +1,27 @@
-//! What an OpenFresco server has to tell: one line each for whoever watches it.
+//! How the test of an OpenFresco client ends, and why an exchange with it fails.
 
-use std::net::SocketAddr;
+use thiserror::Error;
 
-use super::dialect::ExchangeFault;
 use super::host::HostFault;
-use super::tally::Tally;
 use crate::catalog::ending::Cause;
 use crate::link::Transport;
 use crate::link::tls::TlsFault;
 use crate::substructure::LinkFault;
-use crate::wire::openfresco::Sizes;
+use crate::wire::WireError;
+
+/// Why an exchange fails.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+pub enum ExchangeFault {
+    /// Bytes that the dialect does not allow.
+    #[error(transparent)]
+    Wire(#[from] WireError),
+    /// The specimen refuses.
+    #[error(transparent)]
+    Host(#[from] HostFault),
+}
+
 /// The end of a test whose link failed.
-pub(super) fn lost(link: &dyn Transport, fault: LinkFault) -> End {
+pub(in crate::link) fn lost(link: &dyn Transport, fault: LinkFault) -> End {
     match (link.tls_fault(), fault) {
         (Some(why), _) => End::Tls(why),
         (None, LinkFault::Closed) => End::Vanished,
@@ -50,7 +60,7 @@ pub enum End {
 
 impl End {
     /// The same, when so many bytes of a message had come that is not whole.
-    pub(super) const fn within(self, partial: usize) -> Self {
+    pub(in crate::link) const fn within(self, partial: usize) -> Self {
         match self {
             Self::Vanished if partial > 0 => Self::CutShort(partial),
             end => end,
@@ -58,7 +68,7 @@ impl End {
     }
 
     /// Its row in the table of causes, for the summary of the log.
-    pub(super) const fn cause(&self) -> Cause {
+    pub(in crate::link) const fn cause(&self) -> Cause {
         match self {
             Self::Finished => Cause::Done,
             Self::Stopped => Cause::Shutdown,
@@ -112,102 +122,14 @@ impl std::fmt::Display for End {
     }
 }
 
-/// What a server has to tell.
-#[derive(Debug, Clone, PartialEq)]
-pub enum News {
-    /// Somebody came to the free port.
-    Connected(SocketAddr),
-    /// The sizes are agreed: the test may begin.
-    Ready(SocketAddr, Sizes),
-    /// Something about the specimen or its log, when a test begins.
-    Told(SocketAddr, String),
-    /// Somebody came while a client is served, and was turned away.
-    TurnedAway(SocketAddr),
-    /// Somebody came from a machine that may not command the specimen, and was turned away.
-    NotAdmitted(SocketAddr),
-    /// A datagram that can open no test.
-    Stray(SocketAddr, usize),
-    /// An action that the dialect does not know: it is not answered, and the client may wait for ever.
-    Ignored(f64),
-    /// A line of an init file, which nothing is done about.
-    InitLine,
-    /// The client's test is over; the port is free again.
-    Ended(SocketAddr, End, Tally),
-}
-
-impl News {
-    /// Kinds of news.
-    pub(super) const KINDS: usize = 10;
-
-    /// Whom it is about, if it is about one peer.
-    pub(super) const fn peer(&self) -> Option<SocketAddr> {
-        match self {
-            Self::Connected(peer)
-            | Self::Ready(peer, _)
-            | Self::Told(peer, _)
-            | Self::TurnedAway(peer)
-            | Self::NotAdmitted(peer)
-            | Self::Stray(peer, _)
-            | Self::Ended(peer, ..) => Some(*peer),
-            Self::Ignored(_) | Self::InitLine => None,
-        }
-    }
-
-    /// The kind of message; each kind has a quota, because any peer can cause it without end. The end of a test with commands
-    /// is a separate kind.
-    pub(super) const fn kind(&self) -> usize {
-        match self {
-            Self::Connected(_) => 0,
-            Self::Ready(..) => 1,
-            Self::Told(..) => 2,
-            Self::TurnedAway(_) => 3,
-            Self::NotAdmitted(_) => 4,
-            Self::Stray(..) => 5,
-            Self::Ignored(_) => 6,
-            Self::InitLine => 7,
-            Self::Ended(.., tally) if tally.commands == 0 => 8,
-            Self::Ended(..) => 9,
-        }
-    }
-}
-
-impl std::fmt::Display for News {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Connected(peer) => write!(f, "{peer} connected"),
-            Self::Ready(peer, sizes) => {
-                let [d, v, a, force, t] = sizes.ctrl().in_order();
-                let [dd, dv, da, df, dt] = sizes.daq().in_order();
-                write!(
-                    f,
-                    "{peer} commands {d} displacements, {v} velocities, {a} accelerations, {force} forces, {t} times; \
-                     wants {dd} displacements, {dv} velocities, {da} accelerations, {df} forces, {dt} times; \
-                     {} doubles a vector",
-                    sizes.data_size()
-                )
-            }
-            Self::Told(_, text) => f.write_str(text),
-            Self::TurnedAway(peer) => write!(f, "{peer} was turned away: a client is being served"),
-            Self::NotAdmitted(peer) => write!(
-                f,
-                "{peer} was turned away: it is not the machine that may command the specimen"
-            ),
-            Self::Stray(peer, bytes) => write!(f, "{peer} sent {bytes} bytes that open no test"),
-            Self::Ignored(code) => {
-                write!(f, "action {code} is not known here and was not answered")
-            }
-            Self::InitLine => f.write_str("a line of an init file was received and ignored"),
-            Self::Ended(peer, end, tally) => write!(
-                f,
-                "{peer}: {end}; {} commands, {} steps committed, {} taken back, {} answers",
-                tally.commands, tally.commits, tally.taken_back, tally.answers
-            ),
-        }
-    }
-}
-
 impl From<HostFault> for End {
     fn from(fault: HostFault) -> Self {
         Self::Refused(fault.into())
+    }
+}
+
+impl From<ExchangeFault> for End {
+    fn from(fault: ExchangeFault) -> Self {
+        Self::Refused(fault)
     }
 }

@@ -245,7 +245,7 @@ impl Host {
     }
 
     /// A warning about the client, for the log and the run folder.
-    pub(super) fn warn(&mut self, remark: Remark) {
+    pub(in crate::link) fn warn(&mut self, remark: Remark) {
         let text = remark.text(self.nature);
         self.station.warn(remark.event(), &text);
     }

@@ -1,6 +1,10 @@
-//! What a session's bytes go over, with the faults that are played on it.
+//! The connection to one client, with the faults that are played on it.
+//!
+//! A [`Connection`] carries bytes over TCP, UDP, TLS or a simulated wire. A [`ClientLink`] adds the faults of a script.
 
-use super::wire_end::FarEnd;
+use std::os::fd::BorrowedFd;
+
+use super::wire_end::WireEnd;
 use crate::config::fault_script::Script;
 use crate::link::fault::FaultyWire;
 use crate::link::tls::{TlsFault, TlsStream};
@@ -9,166 +13,187 @@ use crate::rt::os;
 use crate::substructure::LinkFault;
 use crate::time::Nanos;
 
-/// What carries the bytes: the data thread changes how it waits.
-pub(super) enum Carried {
+/// The transport of a connection.
+pub(super) enum Connection {
     Tcp(TcpTransport),
     Udp(UdpTransport),
     Tls(Box<TlsStream>),
-    Simulated(Box<FarEnd>),
+    Simulated(Box<WireEnd>),
 }
 
-/// The far end's end of a connection.
-pub(super) enum Line {
-    Plain(Carried),
-    Faulty(Box<FaultyWire<Carried>>),
-}
-
-impl Line {
-    /// The same, on which `script` is played for a test with ticks of `tick_ns`, whose commands count from `first` on.
-    pub fn played(self, script: &Script, tick_ns: u64, first: u64) -> Self {
+impl Connection {
+    /// The socket, if there is one.
+    pub fn fd(&self) -> Option<BorrowedFd<'_>> {
         match self {
-            Line::Plain(carried) => {
-                let mut wire = FaultyWire::new(carried, script, tick_ns);
-                wire.armed(first);
-                Line::Faulty(Box::new(wire))
-            }
-            Line::Faulty(_) => self,
+            Connection::Tcp(tcp) => Some(tcp.socket()),
+            Connection::Udp(udp) => Some(udp.socket()),
+            Connection::Tls(tls) => Some(tls.socket()),
+            Connection::Simulated(_) => None,
         }
     }
 
-    /// Commands count from this number on.
+    /// Closes our half and reads what lies there, so that closing does not tear away the last bytes that we sent.
+    pub fn close_gently(&mut self) {
+        match self {
+            Connection::Tcp(tcp) => tcp.close_gently(),
+            Connection::Tls(tls) => tls.close_gently(),
+            Connection::Udp(_) | Connection::Simulated(_) => {}
+        }
+    }
+}
+
+/// The connection to a client, with or without faults.
+pub(super) enum ClientLink {
+    Plain(Connection),
+    Faulty(Box<FaultyWire<Connection>>),
+}
+
+impl ClientLink {
+    /// Plays `script` on this link. The ticks of the test have a length of `tick_ns`; its first command has the number `first`.
+    pub fn played(self, script: &Script, tick_ns: u64, first: u64) -> Self {
+        match self {
+            ClientLink::Plain(connection) => {
+                let mut wire = FaultyWire::new(connection, script, tick_ns);
+                wire.armed(first);
+                ClientLink::Faulty(Box::new(wire))
+            }
+            ClientLink::Faulty(_) => self,
+        }
+    }
+
+    /// The first command of the test has this number.
     pub fn armed(&mut self, first: u64) {
-        if let Line::Faulty(faulty) = self {
+        if let ClientLink::Faulty(faulty) = self {
             faulty.armed(first);
         }
     }
 
-    /// True if a fault that is played has closed it.
+    /// True if a fault of the script has closed the link.
     pub fn is_cut(&self) -> bool {
         match self {
-            Line::Plain(_) => false,
-            Line::Faulty(faulty) => faulty.is_closed(),
+            ClientLink::Plain(_) => false,
+            ClientLink::Faulty(faulty) => faulty.is_closed(),
         }
     }
 
     pub fn set_wait(&mut self, wait: Wait) {
-        match self.carried() {
-            Carried::Tcp(tcp) => tcp.set_wait(wait),
-            Carried::Udp(udp) => udp.set_wait(wait),
-            Carried::Tls(tls) => tls.set_wait(wait),
-            Carried::Simulated(_) => {}
+        match self.connection() {
+            Connection::Tcp(tcp) => tcp.set_wait(wait),
+            Connection::Udp(udp) => udp.set_wait(wait),
+            Connection::Tls(tls) => tls.set_wait(wait),
+            Connection::Simulated(_) => {}
         }
     }
 
     /// The simulated end of the wire, if time is simulated.
-    pub fn far_end(&mut self) -> Option<&mut FarEnd> {
-        match self.carried() {
-            Carried::Simulated(end) => Some(end),
-            Carried::Tcp(_) | Carried::Udp(_) | Carried::Tls(_) => None,
+    pub fn wire_end(&mut self) -> Option<&mut WireEnd> {
+        match self.connection() {
+            Connection::Simulated(end) => Some(end),
+            Connection::Tcp(_) | Connection::Udp(_) | Connection::Tls(_) => None,
         }
     }
 
-    fn carried(&mut self) -> &mut Carried {
+    fn connection(&mut self) -> &mut Connection {
         match self {
-            Line::Plain(carried) => carried,
-            Line::Faulty(faulty) => faulty.inner_mut(),
+            ClientLink::Plain(connection) => connection,
+            ClientLink::Faulty(faulty) => faulty.inner_mut(),
         }
     }
 }
 
-impl From<Carried> for Line {
-    fn from(carried: Carried) -> Self {
-        Line::Plain(carried)
+impl From<Connection> for ClientLink {
+    fn from(connection: Connection) -> Self {
+        ClientLink::Plain(connection)
     }
 }
 
-impl Transport for Carried {
+impl Transport for Connection {
     fn trust_only_frames(&mut self) {
-        if let Carried::Udp(udp) = self {
+        if let Connection::Udp(udp) = self {
             udp.trust_only_frames();
         }
     }
 
     fn unreachable(&self) -> u64 {
         match self {
-            Carried::Udp(udp) => udp.unreachable(),
-            Carried::Tcp(_) | Carried::Tls(_) | Carried::Simulated(_) => 0,
+            Connection::Udp(udp) => udp.unreachable(),
+            Connection::Tcp(_) | Connection::Tls(_) | Connection::Simulated(_) => 0,
         }
     }
 
     fn send(&mut self, frame: &[u8]) -> Result<(), LinkFault> {
         match self {
-            Carried::Tcp(tcp) => tcp.send(frame),
-            Carried::Udp(udp) => udp.send(frame),
-            Carried::Tls(tls) => tls.send(frame),
-            Carried::Simulated(end) => end.send(frame),
+            Connection::Tcp(tcp) => tcp.send(frame),
+            Connection::Udp(udp) => udp.send(frame),
+            Connection::Tls(tls) => tls.send(frame),
+            Connection::Simulated(end) => end.send(frame),
         }
     }
 
     fn recv(&mut self, buffer: &mut [u8], deadline: Nanos) -> Result<Option<usize>, LinkFault> {
         match self {
-            Carried::Tcp(tcp) => tcp.recv(buffer, deadline),
-            Carried::Udp(udp) => udp.recv(buffer, deadline),
-            Carried::Tls(tls) => tls.recv(buffer, deadline),
-            Carried::Simulated(end) => end.recv(buffer, deadline),
+            Connection::Tcp(tcp) => tcp.recv(buffer, deadline),
+            Connection::Udp(udp) => udp.recv(buffer, deadline),
+            Connection::Tls(tls) => tls.recv(buffer, deadline),
+            Connection::Simulated(end) => end.recv(buffer, deadline),
         }
     }
 
     fn now(&self) -> Nanos {
         match self {
-            Carried::Tcp(_) | Carried::Udp(_) | Carried::Tls(_) => Nanos(os::monotonic_ns()),
-            Carried::Simulated(end) => end.now(),
+            Connection::Tcp(_) | Connection::Udp(_) | Connection::Tls(_) => Nanos(os::monotonic_ns()),
+            Connection::Simulated(end) => end.now(),
         }
     }
 
     fn tls_fault(&self) -> Option<TlsFault> {
         match self {
-            Carried::Tls(tls) => tls.tls_fault(),
-            Carried::Tcp(_) | Carried::Udp(_) | Carried::Simulated(_) => None,
+            Connection::Tls(tls) => tls.tls_fault(),
+            Connection::Tcp(_) | Connection::Udp(_) | Connection::Simulated(_) => None,
         }
     }
 }
 
-impl Transport for Line {
+impl Transport for ClientLink {
     fn trust_only_frames(&mut self) {
         match self {
-            Line::Plain(carried) => carried.trust_only_frames(),
-            Line::Faulty(faulty) => faulty.trust_only_frames(),
+            ClientLink::Plain(connection) => connection.trust_only_frames(),
+            ClientLink::Faulty(faulty) => faulty.trust_only_frames(),
         }
     }
 
     fn unreachable(&self) -> u64 {
         match self {
-            Line::Plain(carried) => carried.unreachable(),
-            Line::Faulty(faulty) => faulty.unreachable(),
+            ClientLink::Plain(connection) => connection.unreachable(),
+            ClientLink::Faulty(faulty) => faulty.unreachable(),
         }
     }
 
     fn send(&mut self, frame: &[u8]) -> Result<(), LinkFault> {
         match self {
-            Line::Plain(carried) => carried.send(frame),
-            Line::Faulty(faulty) => faulty.send(frame),
+            ClientLink::Plain(connection) => connection.send(frame),
+            ClientLink::Faulty(faulty) => faulty.send(frame),
         }
     }
 
     fn recv(&mut self, buffer: &mut [u8], deadline: Nanos) -> Result<Option<usize>, LinkFault> {
         match self {
-            Line::Plain(carried) => carried.recv(buffer, deadline),
-            Line::Faulty(faulty) => faulty.recv(buffer, deadline),
+            ClientLink::Plain(connection) => connection.recv(buffer, deadline),
+            ClientLink::Faulty(faulty) => faulty.recv(buffer, deadline),
         }
     }
 
     fn now(&self) -> Nanos {
         match self {
-            Line::Plain(carried) => carried.now(),
-            Line::Faulty(faulty) => faulty.now(),
+            ClientLink::Plain(connection) => connection.now(),
+            ClientLink::Faulty(faulty) => faulty.now(),
         }
     }
 
     fn tls_fault(&self) -> Option<TlsFault> {
         match self {
-            Line::Plain(carried) => carried.tls_fault(),
-            Line::Faulty(faulty) => faulty.tls_fault(),
+            ClientLink::Plain(connection) => connection.tls_fault(),
+            ClientLink::Faulty(faulty) => faulty.tls_fault(),
         }
     }
 }

@@ -1,88 +1,145 @@
-//! What a server has to tell: one line each for whoever watches it.
+//! The events of a server: one line of text each, for the operator.
+//!
+//! Both protocols report through one type. Each kind of event has a quota, because a peer can cause it without end.
 
 use std::net::SocketAddr;
 
-/// What a server hears and does.
+use crate::link::openfresco::{End, Tally};
+use crate::wire::openfresco::Sizes;
+
+/// An event of a server.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Heard {
-    /// A controller introduced itself and was welcomed.
+pub enum ServerEvent {
+    /// A client connected to a server of OpenFresco's protocols.
+    Connected(SocketAddr),
+    /// A client introduced itself and was welcomed.
     Hello {
-        /// From where.
+        /// Address of the client.
         peer: SocketAddr,
         /// Its program.
         software: String,
         /// The name of its test.
         test: String,
     },
-    /// Somebody was turned away.
+    /// A client of OpenFresco's protocols named the sizes of its vectors: its test may begin.
+    Sizes(SocketAddr, Sizes),
+    /// The server refused a client, and told it the reason if the protocol can.
     Refused {
-        /// From where.
+        /// Address of the client.
         peer: SocketAddr,
-        /// Why.
+        /// The reason.
         text: String,
     },
-    /// Something about the specimen or its log, when a test begins.
+    /// The server closed a connection while another client commands the specimen.
+    TurnedAway(SocketAddr),
+    /// The server closed a connection from a machine that may not command the specimen.
+    NotAdmitted(SocketAddr),
+    /// A datagram with this number of bytes opens no test.
+    Stray(SocketAddr, usize),
+    /// The client sent an action that the dialect does not know. The server does not answer it.
+    UnknownAction(f64),
+    /// The client sent a line of an initialisation file, which the server ignores.
+    InitLine,
+    /// A remark about the specimen or its log.
     Told {
-        /// In words.
+        /// The remark.
         text: String,
     },
-    /// From here on the specimen holds, and the controller is told that the interlock is open.
-    Tripped {
-        /// The command at which it happened.
-        sequence: u64,
-        /// Why.
-        text: String,
-    },
-    /// From here on commands move the specimen.
+    /// Commands move the specimen from now on.
     Armed {
-        /// From where.
+        /// Address of the client.
         peer: SocketAddr,
         /// The name of its test.
         test: String,
     },
-    /// Commands stopped coming; the specimen holds.
+    /// The specimen holds from now on, and the client is told that the interlock is open.
+    Tripped {
+        /// The command at which it happened.
+        sequence: u64,
+        /// The reason.
+        text: String,
+    },
+    /// No command arrives; the specimen holds.
     Holding {
-        /// Newest command.
+        /// The newest command.
         sequence: Option<u64>,
-        /// Since the last word of the controller, s.
+        /// Time since the last message of the client, s.
         silent_s: f64,
     },
-    /// Commands come again.
+    /// Commands arrive again.
     Resumed {
         /// The first of them.
         sequence: u64,
     },
-    /// What the machine refused to the data thread.
-    NotGranted {
-        /// What, and why.
-        text: String,
-    },
-    /// A test is over; a specimen that is not lost stays where it is.
+    /// The test of a client of our own protocol is over.
     Ended {
-        /// Why.
+        /// The reason.
         text: String,
-        /// New commands, with those that a trip has kept back.
+        /// Number of new commands, with those that were not passed on after a trip.
         commands: u64,
-        /// Commands that never arrived.
+        /// Number of commands that never arrived.
         missed: u32,
-        /// Frames that failed a check.
+        /// Number of frames that failed a check.
         corrupt: u64,
-        /// Its link is gone, and with it what is known of it.
+        /// The link to the specimen is lost, so its position is unknown here.
         is_lost: bool,
-        /// It is computed, and the next test finds it as new.
+        /// The specimen is computed, and the next test finds it in its initial state.
         starts_anew: bool,
     },
+    /// The test of a client of OpenFresco's protocols is over, or its handshake failed.
+    ClientLeft(SocketAddr, End, Tally),
 }
 
-impl std::fmt::Display for Heard {
+impl ServerEvent {
+    /// Number of quotas. The last one is for refused bytes of strangers.
+    pub(super) const KINDS: usize = 16;
+    /// The quota of peers that are refused for malformed bytes.
+    pub(super) const STRANGERS: usize = Self::KINDS - 1;
+
+    /// The quota of this event. The end of a test with commands has one of its own.
+    pub(super) const fn kind(&self) -> usize {
+        match self {
+            Self::Hello { .. } => 0,
+            Self::Refused { .. } => 1,
+            Self::Armed { .. } => 2,
+            Self::Told { .. } => 3,
+            Self::Ended { .. } => 4,
+            Self::Tripped { .. } => 5,
+            Self::Holding { .. } => 6,
+            Self::Resumed { .. } => 7,
+            Self::Connected(_) => 8,
+            Self::Sizes(..) => 9,
+            Self::TurnedAway(_) | Self::NotAdmitted(_) => 10,
+            Self::Stray(..) => 11,
+            Self::UnknownAction(_) => 12,
+            Self::InitLine => 13,
+            Self::ClientLeft(.., tally) if tally.commands == 0 => 14,
+            Self::ClientLeft(..) => 4,
+        }
+    }
+}
+
+impl std::fmt::Display for ServerEvent {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
+            Self::Connected(peer) => write!(f, "{peer} connected"),
             Self::Hello {
                 peer,
                 software,
                 test,
             } => write!(f, "{peer}: hello of {software} for \"{test}\""),
+            Self::Sizes(peer, sizes) => write_sizes(f, *peer, sizes),
             Self::Refused { peer, text } => write!(f, "{peer}: refused: {text}"),
+            Self::TurnedAway(peer) => write!(f, "{peer} was turned away: a client is being served"),
+            Self::NotAdmitted(peer) => write!(
+                f,
+                "{peer} was turned away: it is not the machine that may command the specimen"
+            ),
+            Self::Stray(peer, bytes) => write!(f, "{peer} sent {bytes} bytes that open no test"),
+            Self::UnknownAction(code) => {
+                write!(f, "action {code} is not known here and was not answered")
+            }
+            Self::InitLine => f.write_str("a line of an init file was received and ignored"),
             Self::Told { text } => f.write_str(text),
             Self::Tripped { sequence, text } => {
                 write!(
@@ -96,7 +153,6 @@ impl std::fmt::Display for Heard {
                 sequence.map_or(Ok(()), |k| write!(f, ", last command {k}"))
             }
             Self::Resumed { sequence } => write!(f, "commands come again, from {sequence}"),
-            Self::NotGranted { text } => write!(f, "not granted: {text}"),
             Self::Ended {
                 text,
                 commands,
@@ -105,19 +161,44 @@ impl std::fmt::Display for Heard {
                 is_lost,
                 starts_anew,
             } => {
-                let stands = match (is_lost, starts_anew) {
-                    (true, _) => "only the server of the specimen knows its position",
-                    (false, true) => {
-                        "the specimen stays where it is until the next test, which finds it as new: it cannot resume this one \
-                         (`[serve] remembers`)"
-                    }
-                    (false, false) => "the specimen stays where it is",
-                };
+                let position = position_after(*is_lost, *starts_anew);
                 write!(
                     f,
-                    "test over: {text}; {commands} commands, {missed} missed, {corrupt} frames corrupt; {stands}"
+                    "test over: {text}; {commands} commands, {missed} missed, {corrupt} frames corrupt; {position}"
                 )
             }
+            Self::ClientLeft(peer, end, tally) => write!(
+                f,
+                "{peer}: {end}; {} commands, {} steps committed, {} taken back, {} answers",
+                tally.commands, tally.commits, tally.taken_back, tally.answers
+            ),
         }
+    }
+}
+
+fn write_sizes(
+    f: &mut std::fmt::Formatter<'_>,
+    peer: SocketAddr,
+    sizes: &Sizes,
+) -> std::fmt::Result {
+    let [d, v, a, force, t] = sizes.ctrl().in_order();
+    let [dd, dv, da, df, dt] = sizes.daq().in_order();
+    write!(
+        f,
+        "{peer} commands {d} displacements, {v} velocities, {a} accelerations, {force} forces, {t} times; \
+         wants {dd} displacements, {dv} velocities, {da} accelerations, {df} forces, {dt} times; \
+         {} doubles a vector",
+        sizes.data_size()
+    )
+}
+
+const fn position_after(is_lost: bool, starts_anew: bool) -> &'static str {
+    match (is_lost, starts_anew) {
+        (true, _) => "only the server of the specimen knows its position",
+        (false, true) => {
+            "the specimen stays where it is until the next test, which finds it as new: it cannot resume this one \
+             (`[serve] remembers`)"
+        }
+        (false, false) => "the specimen stays where it is",
     }
 }

@@ -1,5 +1,7 @@
-//! The last words of a session over datagrams, which may be lost: its controller repeats the retire until it hears them, and
-//! is answered for a while after the session is over, beside whoever comes next.
+//! The last frames of a session over datagrams, which the network may lose.
+//!
+//! A controller repeats its retire until it receives the answer. The server repeats that answer for a while after the
+//! session, also while the next client is served.
 
 use std::net::SocketAddr;
 
@@ -8,26 +10,26 @@ use crate::rt::os;
 use crate::time::Nanos;
 use crate::wire::native::{Kind, LARGEST_FRAME, peek};
 
-/// So long after the end of its session. Longer than a controller waits for a goodbye.
+/// The server repeats the answer for this time after the session. A controller waits for less time.
 const AGAIN_NS: u64 = 500_000_000;
 
-/// What was said at the end, to whom, and when.
+/// The last frames of a session, with the address of its client and the time.
 #[derive(Debug, Clone)]
-pub(super) struct Parted {
+pub(super) struct Farewell {
     peer: SocketAddr,
     frames: Vec<Vec<u8>>,
     at: u64,
 }
 
-impl Parted {
-    /// Now. Without frames there is nothing to say again.
+impl Farewell {
+    /// The frames of a session that ends now.
     pub fn new(peer: SocketAddr, frames: Vec<Vec<u8>>) -> Self {
         let at = os::monotonic_ns();
         Self { peer, frames, at }
     }
 
-    /// What is said once more to this datagram, which came then: nothing, if it is no retire of that session. The frames are the
-    /// same to the last bit, so whoever asks in the name of the controller learns nothing new.
+    /// The frames that answer a datagram that arrived at `now`: none unless it is a retire of that session. The frames are the
+    /// same bit for bit, so a peer that forges the address of the controller learns nothing new.
     pub fn again(&self, peer: SocketAddr, datagram: &[u8], now: u64) -> &[Vec<u8>] {
         let session = |frame: &[u8]| peek(frame).map(|seen| seen.session);
         let ours = self.frames.first().and_then(|frame| session(frame));
@@ -41,17 +43,17 @@ impl Parted {
         }
     }
 
-    /// Answers what came on the session's own line while its books were closed.
-    pub fn answers(&self, line: &mut impl Transport) {
+    /// Answers the datagrams that arrived on the session's own link while its records were closed.
+    pub fn answers(&self, link: &mut impl Transport) {
         if self.frames.is_empty() {
             return;
         }
         let mut buffer = vec![0; LARGEST_FRAME + 1];
-        while let Ok(Some(count)) = line.recv(&mut buffer, Nanos(0)) {
+        while let Ok(Some(count)) = link.recv(&mut buffer, Nanos(0)) {
             let datagram = buffer.get(..count).unwrap_or_default();
             for frame in self.again(self.peer, datagram, os::monotonic_ns()) {
-                // Whoever does not hear it asks again.
-                let _ = line.send(frame);
+                // A client that does not receive it asks again.
+                let _ = link.send(frame);
             }
         }
     }
@@ -79,9 +81,9 @@ mod tests {
         };
         let (peer, other) = (([127, 0, 0, 1], 1).into(), ([127, 0, 0, 1], 2).into());
         let goodbye = frame(Side::Specimen, 5);
-        let parted = Parted::new(peer, vec![goodbye.clone()]);
+        let farewell = Farewell::new(peer, vec![goodbye.clone()]);
         let retire = frame(Side::Controller, 5);
-        let at = |ms: u64| parted.at + ms * 1_000_000;
+        let at = |ms: u64| farewell.at + ms * 1_000_000;
         for (from, datagram, now, is_answered) in [
             (peer, &retire, at(400), true),
             (peer, &retire, at(600), false),
@@ -90,10 +92,10 @@ mod tests {
             (peer, &goodbye, at(1), false),
             (peer, &b"retire".to_vec(), at(1), false),
         ] {
-            let again = parted.again(from, datagram, now);
+            let again = farewell.again(from, datagram, now);
             assert_eq!(again.len(), usize::from(is_answered));
         }
-        let silent = Parted::new(peer, Vec::new());
+        let silent = Farewell::new(peer, Vec::new());
         assert!(silent.again(peer, &retire, silent.at).is_empty());
     }
 }

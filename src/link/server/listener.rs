@@ -1,208 +1,208 @@
-//! The port of an OpenFresco server: who is let in, who is turned away.
+//! The port of a server: it binds the address, accepts connections and receives datagrams.
 //!
-//! Invariant: there is one client at a time, and whoever else knocks is turned away without the client noticing:
-//! over TCP the stranger's connection is closed, over UDP the client has a socket of its own and the stranger's
-//! datagrams are dropped. The port stays bound between clients, so it is offered again at once.
+//! One rule holds for every protocol: a port that other machines can reach needs proof of who commands the specimen.
+//! The proof is a pre-shared key, a required certificate, or a named machine.
+//! Over UDP one socket receives from everybody, and the present client gets a socket of its own on the same port.
+//! So the datagrams of strangers never reach the data thread.
+//! The port stays bound between clients.
 
 use std::io;
 use std::net::{IpAddr, SocketAddr, TcpListener, TcpStream, UdpSocket};
-use std::os::fd::AsFd;
+use std::os::fd::{AsFd, BorrowedFd};
+use std::time::Duration;
 
 use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::net::sockopt;
-use thiserror::Error;
 
-use crate::link::socket::{
-    ConnectError, SocketOptions, TcpTransport, UdpTransport, beside, listen_advice, resolve,
-};
-use crate::link::tls::TlsServer;
-use crate::wire::openfresco::Carrier;
+use super::connection::Connection;
+use super::{ServeError, ServeOptions};
+use crate::config::Carrier;
+use crate::link::socket::{SocketOptions, TcpTransport, UdpTransport, beside, resolve};
+use crate::link::tls::{TlsServer, TlsStream};
 
-/// Why a port cannot be served.
-#[derive(Debug, Error)]
-pub enum DoorError {
-    /// The address means nothing.
-    #[error(transparent)]
-    Address(#[from] ConnectError),
-    /// Somebody else has the port, or it is not ours to have.
-    #[error("cannot listen on {address}: {source}{}", listen_advice(source))]
-    Bind {
-        /// As given.
-        address: String,
-        /// The system's word.
-        source: io::Error,
-    },
-    /// Other machines could command the specimen, and these protocols prove nobody's identity.
-    #[error(
-        "{address} can be reached from other machines, and OpenFresco's protocols know no key: name the one machine that \
-         may command the specimen (--client ADDRESS), or require certificates (--transport tls)"
-    )]
-    Open {
-        /// Where.
-        address: SocketAddr,
-    },
-    /// The socket failed while nobody was connected.
-    #[error("the port failed: {0}")]
-    Port(#[from] io::Error),
+/// The proof of identity that a server asks of its clients.
+#[derive(Debug, Default)]
+pub(super) struct Access {
+    /// Clients must have a pre-shared key.
+    pub has_key: bool,
+    /// Only these addresses may connect; empty: all.
+    pub clients: Vec<IpAddr>,
+    /// Connections use TLS.
+    pub tls: Option<TlsServer>,
+    /// What a user can do if the port is open to other machines.
+    pub remedy: &'static str,
 }
 
-/// A port that is listened on, and who may come in.
-#[derive(Debug)]
-pub struct Door {
-    pub(super) socket: Socket,
-    /// Empty: everybody.
-    clients: Vec<IpAddr>,
-    pub(super) tls: Option<TlsServer>,
+impl Access {
+    fn is_proof(&self) -> bool {
+        self.has_key
+            || !self.clients.is_empty()
+            || self.tls.as_ref().is_some_and(TlsServer::requires_certificate)
+    }
 }
 
-#[derive(Debug)]
-pub(super) enum Socket {
-    Tcp(TcpListener),
-    /// Never connected itself.
-    Udp(UdpSocket),
-}
-
-/// Who came to a free port.
-#[derive(Debug)]
-pub(super) enum Caller {
-    /// A connection; nothing has been read from it.
+/// A new connection, or a datagram in the buffer of the caller.
+pub(super) enum Arrival {
+    /// A connection from which nothing has been read.
     Stream(TcpStream, SocketAddr),
-    /// So many bytes of a first datagram, in the buffer.
+    /// A datagram with this number of bytes.
     Datagram(usize, SocketAddr),
 }
 
-impl Door {
-    /// Listens on "host:port"; port 0 lets the system choose. With `clients` (the addresses of one machine), everybody
-    /// else is turned away; beyond loopback they must be given.
-    ///
-    /// # Errors
-    /// See [`DoorError`].
-    pub fn bind(
-        carrier: Carrier,
-        address: &str,
-        clients: impl IntoIterator<Item = IpAddr>,
-    ) -> Result<Self, DoorError> {
-        Self::open(carrier, address, clients.into_iter().collect(), None)
-    }
+/// A bound port.
+pub(super) struct Listener {
+    socket: Socket,
+    access: Access,
+    address: SocketAddr,
+}
 
-    /// The same over TLS. Beyond loopback `clients` must be given, or certificates required of clients.
-    ///
-    /// # Errors
-    /// See [`DoorError`].
-    pub fn bind_tls(
-        address: &str,
-        clients: impl IntoIterator<Item = IpAddr>,
-        tls: TlsServer,
-    ) -> Result<Self, DoorError> {
-        let clients = clients.into_iter().collect();
-        Self::open(Carrier::Stream, address, clients, Some(tls))
-    }
+enum Socket {
+    Tcp(TcpListener),
+    /// This socket is never connected.
+    Udp(UdpSocket),
+}
 
-    fn open(
-        carrier: Carrier,
-        address: &str,
-        clients: Vec<IpAddr>,
-        tls: Option<TlsServer>,
-    ) -> Result<Self, DoorError> {
-        let addresses = resolve(address)?;
-        let wrong = |source| DoorError::Bind {
-            address: address.to_owned(),
+impl Listener {
+    /// Binds the address of `options`.
+    pub(super) fn bind(options: &ServeOptions, access: Access) -> Result<Self, ServeError> {
+        let wrong = |source| ServeError::Listen {
+            address: options.listen.clone(),
             source,
         };
-        let proven =
-            !clients.is_empty() || tls.as_ref().is_some_and(TlsServer::requires_certificate);
-        if let (false, Some(open)) = (proven, addresses.iter().find(|a| !a.ip().is_loopback())) {
-            return Err(DoorError::Open { address: *open });
+        let addresses = resolve(&options.listen)?;
+        let open = addresses.iter().find(|a| !a.ip().is_loopback());
+        if let (Some(open), false) = (open, access.is_proof()) {
+            return Err(ServeError::Open {
+                address: *open,
+                remedy: access.remedy,
+            });
         }
-        let socket = match carrier {
-            Carrier::Stream => TcpListener::bind(addresses.as_slice()).map(Socket::Tcp),
-            Carrier::Datagrams => UdpSocket::bind(addresses.as_slice()).map(Socket::Udp),
-        }
-        .map_err(wrong)?;
-        match &socket {
-            Socket::Tcp(listener) => listener.set_nonblocking(true),
-            Socket::Udp(socket) => socket.set_nonblocking(true),
+        let socket = match options.carrier {
+            Carrier::Tcp | Carrier::Tls => TcpListener::bind(addresses.as_slice())
+                .and_then(|listener| {
+                    listener.set_nonblocking(true)?;
+                    Ok(Socket::Tcp(listener))
+                })
+                .map_err(wrong)?,
+            Carrier::Udp => UdpSocket::bind(addresses.as_slice())
+                .and_then(|socket| {
+                    socket.set_nonblocking(true)?;
+                    Ok(Socket::Udp(socket))
+                })
+                .map_err(wrong)?,
+        };
+        let address = match &socket {
+            Socket::Tcp(listener) => listener.local_addr(),
+            Socket::Udp(socket) => socket.local_addr(),
         }
         .map_err(wrong)?;
         Ok(Self {
             socket,
-            clients,
-            tls,
+            access,
+            address,
         })
     }
 
-    /// What carries the bytes.
-    #[must_use]
-    pub const fn carrier(&self) -> Carrier {
-        match self.socket {
-            Socket::Tcp(_) => Carrier::Stream,
-            Socket::Udp(_) => Carrier::Datagrams,
-        }
+    pub(super) const fn local_addr(&self) -> SocketAddr {
+        self.address
     }
 
-    /// Where it listens.
-    ///
-    /// # Errors
-    /// The system's word.
-    pub fn local_addr(&self) -> io::Result<SocketAddr> {
-        match &self.socket {
-            Socket::Tcp(listener) => listener.local_addr(),
-            Socket::Udp(socket) => socket.local_addr(),
-        }
+    pub(super) const fn is_stream(&self) -> bool {
+        matches!(self.socket, Socket::Tcp(_))
     }
 
-    /// True for who may command the specimen.
-    pub(super) fn admits(&self, caller: SocketAddr) -> bool {
-        let caller = caller.ip().to_canonical();
-        let named = |client: &IpAddr| client.to_canonical() == caller;
-        self.clients.is_empty() || self.clients.iter().any(named)
+    /// True if this machine may command the specimen.
+    pub(super) fn admits(&self, peer: SocketAddr) -> bool {
+        let peer = peer.ip().to_canonical();
+        let is_named = |client: &IpAddr| client.to_canonical() == peer;
+        self.access.clients.is_empty() || self.access.clients.iter().any(is_named)
     }
 
-    /// Waits up to `wait_ns` for somebody. May return `None` early.
-    pub(super) fn wait(&self, buffer: &mut [u8], wait_ns: u64) -> io::Result<Option<Caller>> {
-        let fd = match &self.socket {
+    /// Waits until the port or one of the sockets `others` has something to read, up to a time limit. May return early.
+    pub(super) fn wait<'a>(
+        &'a self,
+        others: impl Iterator<Item = BorrowedFd<'a>>,
+        limit: Duration,
+    ) {
+        let own = match &self.socket {
             Socket::Tcp(listener) => listener.as_fd(),
             Socket::Udp(socket) => socket.as_fd(),
         };
-        let time = Timespec {
-            tv_sec: (wait_ns / 1_000_000_000) as i64,
-            tv_nsec: (wait_ns % 1_000_000_000) as i64,
-        };
-        let mut fds = [PollFd::new(&fd, PollFlags::IN)];
-        match rustix::event::poll(&mut fds, Some(&time)) {
-            Ok(0) | Err(rustix::io::Errno::INTR) => return Ok(None),
-            Ok(_) => {}
-            Err(error) => return Err(error.into()),
-        }
+        let fds = std::iter::once(own).chain(others);
+        let mut fds: Vec<_> = fds
+            .map(|fd| PollFd::from_borrowed_fd(fd, PollFlags::IN))
+            .collect();
+        // An error shows again in the read that follows.
+        let _ = rustix::event::poll(&mut fds, Some(&timespec(limit)));
+    }
+
+    /// The next connection or datagram, without waiting.
+    pub(super) fn next(&self, buffer: &mut [u8]) -> io::Result<Option<Arrival>> {
         match &self.socket {
             Socket::Tcp(listener) => {
-                Ok(gone(listener.accept())?.map(|(stream, from)| Caller::Stream(stream, from)))
+                let accepted = present(listener.accept())?;
+                Ok(accepted.map(|(stream, peer)| Arrival::Stream(stream, peer)))
             }
             Socket::Udp(socket) => {
-                Ok(gone(socket.recv_from(buffer))?
-                    .map(|(count, from)| Caller::Datagram(count, from)))
+                let received = present(socket.recv_from(buffer))?;
+                Ok(received.map(|(count, peer)| Arrival::Datagram(count, peer)))
             }
         }
     }
 
-    /// Turns away whoever knocks while a client is served; calls `refused` with each of them.
-    pub(super) fn turn_away(&self, buffer: &mut [u8], refused: &mut dyn FnMut(SocketAddr)) {
-        // Bounded: a flood of strangers must not keep the client waiting.
-        for _ in 0..8 {
-            let from = match &self.socket {
-                Socket::Tcp(listener) => listener.accept().map(|(_, from)| from),
-                Socket::Udp(socket) => socket.recv_from(buffer).map(|(_, from)| from),
-            };
-            match from {
-                Ok(from) => refused(from),
-                Err(_) => return,
-            }
+    /// A transport over an accepted connection. With TLS, its handshake is still to come.
+    pub(super) fn open(&self, stream: TcpStream) -> Result<Opened, String> {
+        let options = SocketOptions::default();
+        match &self.access.tls {
+            None => TcpTransport::from_stream(stream, options)
+                .map(|tcp| Opened::Plain(Connection::Tcp(tcp))),
+            Some(tls) => tls
+                .accept(stream, options)
+                .map(|session| Opened::Encrypting(Box::new(session))),
         }
+        .map_err(|error| error.to_string())
+    }
+
+    /// Sends a datagram from the common socket. The network may lose it, and the peer then asks again.
+    pub(super) fn send_to(&self, datagram: &[u8], peer: SocketAddr) -> io::Result<()> {
+        match &self.socket {
+            Socket::Udp(socket) => socket.send_to(datagram, peer).map(|_| ()),
+            Socket::Tcp(_) => Ok(()),
+        }
+    }
+
+    /// A socket on the same port that receives from `peer` only. From now on the common socket receives from the others.
+    pub(super) fn own_socket(&self, peer: SocketAddr) -> Result<Connection, String> {
+        let Socket::Udp(socket) = &self.socket else {
+            return Err("a stream has a socket of its own already".to_owned());
+        };
+        let own = beside(socket, self.address, peer).map_err(|error| error.to_string())?;
+        UdpTransport::from_socket(own, SocketOptions::default())
+            .map(Connection::Udp)
+            .map_err(|error| error.to_string())
     }
 }
 
-/// What a non-blocking call does not bring is nobody's fault; what a stranger's hasty end brings neither.
-fn gone<T>(result: io::Result<T>) -> io::Result<Option<T>> {
+/// A connection that was accepted.
+pub(super) enum Opened {
+    Plain(Connection),
+    Encrypting(Box<TlsStream>),
+}
+
+fn timespec(time: Duration) -> Timespec {
+    Timespec {
+        tv_sec: i64::try_from(time.as_secs()).unwrap_or(i64::MAX),
+        tv_nsec: time.subsec_nanos().into(),
+    }
+}
+
+/// Passes time without a look at any socket.
+pub(super) fn pause(time: Duration) {
+    let _ = rustix::event::poll(&mut [], Some(&timespec(time)));
+}
+
+/// A non-blocking call that finds nothing is no error; neither is a peer that has already left.
+fn present<T>(result: io::Result<T>) -> io::Result<Option<T>> {
     use io::ErrorKind::{
         ConnectionAborted, ConnectionRefused, ConnectionReset, Interrupted, WouldBlock,
     };
@@ -217,23 +217,13 @@ fn gone<T>(result: io::Result<T>) -> io::Result<Option<T>> {
     }
 }
 
-/// Half-open connections show after this long: 10 s of silence, then three probes 5 s apart.
-pub(super) fn watch_over(stream: &TcpStream) -> io::Result<()> {
+/// Lets the kernel find a half-open connection: after 10 s of silence it sends three probes, 5 s apart. For protocols that have
+/// no sign of life.
+pub(super) fn probe_silence(stream: &TcpStream) -> io::Result<()> {
     sockopt::set_socket_keepalive(stream, true)?;
-    sockopt::set_tcp_keepidle(stream, std::time::Duration::from_secs(10))?;
-    sockopt::set_tcp_keepintvl(stream, std::time::Duration::from_secs(5))?;
+    sockopt::set_tcp_keepidle(stream, Duration::from_secs(10))?;
+    sockopt::set_tcp_keepintvl(stream, Duration::from_secs(5))?;
     sockopt::set_tcp_keepcnt(stream, 3)?;
     sockopt::set_tcp_user_timeout(stream, 20_000)?;
     Ok(())
-}
-
-/// Our end of a TCP connection.
-pub(super) fn stream_to(stream: TcpStream) -> Result<TcpTransport, ConnectError> {
-    TcpTransport::from_stream(stream, SocketOptions::default())
-}
-
-/// A socket on the same port that hears only `peer`, beside `door`, which from now on hears only the others.
-pub(super) fn socket_to(door: &UdpSocket, peer: SocketAddr) -> Result<UdpTransport, DoorError> {
-    let own = beside(door, door.local_addr()?, peer)?;
-    Ok(UdpTransport::from_socket(own, SocketOptions::default())?)
 }

@@ -1,235 +1,161 @@
-//! The far end: hosts a specimen, a formula or one across another link, for controllers that speak our own protocol.
+//! The server: it hosts one specimen for clients of our own protocol or of OpenFresco's.
 //!
-//! An asynchronous runtime on the caller's thread accepts, greets and refuses; a thread of its own commands the
-//! specimen once a controller has armed it. Guarantees: one controller at a time, one test after another, each
-//! with a specimen in its virgin state, or a connection of its own to it; a second controller, a stranger or nonsense is
-//! refused and named, and cannot reach the data thread; beyond loopback a key or TLS is required; every wait has an end.
+//! One thread receives clients ([`reception`]), one thread commands the specimen ([`data_thread`]), and the thread of the
+//! caller reports events.
+//! One client at a time commands the specimen; one test follows another.
+//! A second client, a stranger or malformed bytes are refused and reported, and never reach the data thread.
+//! A port that other machines can reach needs a key, certificates or the name of the client's machine.
+//! Every wait ends: each handshake, each session and the stop have a time limit.
+//! Our own protocol finds a computed specimen in its initial state unless it remembers.
+//! OpenFresco's protocols find a specimen that moves where the last test left it.
 
-mod armed;
-mod caller;
-mod data;
-mod far;
-mod greet;
-mod heard;
-mod host;
-mod line;
-mod parted;
+mod admission;
+mod backlog;
+mod channel;
+mod commanded;
+mod connection;
+mod data_thread;
+mod event;
+mod farewell;
+mod greeter;
+mod handshake;
+mod handshake_step;
+mod hosted;
+mod listener;
+mod native_codec;
+mod native_handshake;
+mod native_opening;
+mod native_session;
+mod openfresco_handshake;
+mod openfresco_session;
+mod reception;
+mod sampling;
+mod session;
+mod shared;
+mod silence;
 mod simulated;
-mod stand;
-mod tcp;
-mod udp;
+mod simulated_server;
+mod waiting;
 mod wire_end;
 
-pub use heard::Heard;
-pub use host::{Build, Host};
+pub use event::ServerEvent;
+pub use hosted::{Build, Host};
 pub use simulated::{Simulated, Tap, Tapped};
 
-use std::future::Future;
-use std::net::SocketAddr;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::net::{IpAddr, SocketAddr};
+use std::sync::Arc;
+use std::thread::JoinHandle;
+use std::time::Duration;
 
-use crossbeam_channel::Sender;
-use parted::Parted;
+use crossbeam_channel::{Receiver, RecvTimeoutError, bounded, unbounded};
 use thiserror::Error;
-use tokio::sync::mpsc::UnboundedSender;
 
-use super::quota::{Allowance, Quota};
+use super::openfresco::{Host as OpenFrescoHost, ServeSettings};
 use super::tls::TlsServer;
 use super::{ConnectError, socket};
 use crate::config::Carrier;
-use crate::rt::{RtPlan, os};
+use crate::rt::{Granted, RtPlan, apply};
 use crate::wire::key::PreSharedKey;
+use crate::wire::openfresco::Carrier as Bytes;
+use data_thread::Served;
+use greeter::Greeter;
+use listener::{Access, Listener};
+use native_handshake::Offer;
+use reception::Reception;
+use shared::Shared;
 
-/// Where a server listens unless told otherwise.
+/// The address of a server of our own protocol, unless the user gives another one.
 pub const USUAL_LISTEN: &str = "127.0.0.1:4823";
+/// The stop request of the caller is checked this often.
+const LOOK: Duration = Duration::from_millis(20);
 
 /// How a server listens.
 #[derive(Debug, Clone)]
 pub struct ServeOptions {
-    /// "host:port"; port 0: any free one.
+    /// "host:port"; port 0 is any free port.
     pub listen: String,
-    /// How the bytes travel.
+    /// The transport.
     pub carrier: Carrier,
-    /// Controllers must have it.
+    /// Clients of our own protocol must have this key.
     pub key: Option<PreSharedKey>,
-    /// What is asked of the system for the data thread; none: nothing.
+    /// Real-time conditions of the data thread.
     pub plan: Option<RtPlan>,
-    /// Busy loop around the moment at which the next command is expected, in ns on either side; otherwise the data thread
-    /// sleeps until bytes come.
+    /// The data thread reads in a busy loop for this time before and after the expected time of a command, ns. At other times it
+    /// sleeps until bytes arrive.
     pub spin_ns: u64,
 }
 
-/// Why nothing is served.
+/// Why a server does not start.
 #[derive(Debug, Error)]
 pub enum ServeError {
-    /// The address means nothing.
+    /// The address has no meaning.
     #[error(transparent)]
     Address(#[from] ConnectError),
-    /// The port is in use or not allowed.
+    /// The system refuses the port.
     #[error(
         "cannot listen on {address}: {source}{}",
         socket::listen_advice(source)
     )]
     Listen {
-        /// Where.
+        /// The address.
         address: String,
-        /// The system's word.
+        /// The error of the system.
         source: std::io::Error,
     },
     /// Other machines could command the specimen.
-    #[error(
-        "{address} can be reached from other machines: a pre-shared key is required there (--key FILE), or --transport tls"
-    )]
+    #[error("{address} can be reached from other machines{remedy}")]
     Open {
-        /// Where.
+        /// The address.
         address: SocketAddr,
+        /// The ways to prove who commands.
+        remedy: &'static str,
     },
-    /// TLS is wanted, and nobody gave a certificate.
+    /// TLS has no certificate.
     #[error("TLS wants a certificate, a key and an authority")]
     Bare,
-    /// The system gives no thread or runtime.
+    /// Real-time conditions are required and not granted.
+    #[error("real-time conditions are required and not granted")]
+    NoRealTime(Granted),
+    /// The system gives no thread.
     #[error("the server cannot be started: {0}")]
     Start(std::io::Error),
 }
 
-/// What everybody at the far end shares.
-struct Desk {
-    host: Host,
-    key: Option<PreSharedKey>,
-    tls: Option<TlsServer>,
-    spin_ns: u64,
-    /// A controller has armed the specimen.
-    present: AtomicBool,
-    stop: AtomicBool,
-    sessions: Sender<armed::Session>,
-    heard: UnboundedSender<Heard>,
-    /// One quota for each kind of event.
-    quotas: Mutex<[Quota; KINDS]>,
-    /// The end of the last session.
-    parted: Mutex<Option<Parted>>,
-}
+/// The remedies of an open port, for our own protocol.
+const NATIVE_REMEDY: &str = ": a pre-shared key is required there (--key FILE), or --transport tls";
+/// The remedies of an open port, for OpenFresco's protocols.
+const OPENFRESCO_REMEDY: &str = ", and OpenFresco's protocols know no key: name the one machine that may command the specimen \
+                                 (--client ADDRESS), or require certificates (--transport tls)";
 
-impl Desk {
-    /// A session is over.
-    fn part(&self, parted: Parted) {
-        *self.parted.lock().unwrap_or_else(PoisonError::into_inner) = Some(parted);
-    }
-
-    /// What the last session's controller is told once more, if this datagram asks for it.
-    fn last_words(&self, peer: SocketAddr, datagram: &[u8]) -> Vec<Vec<u8>> {
-        let parted = self.parted.lock().unwrap_or_else(PoisonError::into_inner);
-        let frames = parted
-            .as_ref()
-            .map(|parted| parted.again(peer, datagram, os::monotonic_ns()));
-        frames.unwrap_or_default().to_vec()
-    }
-
-    /// Reports an event, within the quota of its kind.
-    fn tell(&self, heard: Heard) {
-        self.tell_at_most(kind(&heard), heard);
-    }
-
-    /// Reports a peer that was turned away for nonsense.
-    fn complain(&self, peer: SocketAddr, text: String) {
-        self.tell_at_most(STRANGERS, Heard::Refused { peer, text });
-    }
-
-    fn tell_at_most(&self, kind: usize, heard: Heard) {
-        let allowance = {
-            let mut quotas = self.quotas.lock().unwrap_or_else(PoisonError::into_inner);
-            quotas
-                .get_mut(kind)
-                .map(|quota| quota.take(os::monotonic_ns()))
-        };
-        let Some(Allowance { is_told, notice }) = allowance else {
-            return;
-        };
-        if is_told {
-            self.pass(heard);
-        }
-        if let Some(text) = notice {
-            self.pass(Heard::Told { text });
-        }
-    }
-
-    fn pass(&self, heard: Heard) {
-        // Nobody listens any more only when the server ends.
-        let _ = self.heard.send(heard);
-    }
-
-    /// Reserves the specimen for one controller; false if another one has it.
-    fn take(&self) -> bool {
-        self.present
-            .compare_exchange(false, true, Ordering::AcqRel, Ordering::Acquire)
-            .is_ok()
-    }
-
-    fn is_taken(&self) -> bool {
-        self.present.load(Ordering::Acquire)
-    }
-
-    fn give_back(&self) {
-        self.present.store(false, Ordering::Release);
-    }
-}
-
-/// Kinds of events. A peer can cause each of them without end.
-const KINDS: usize = 10;
-const STRANGERS: usize = KINDS - 1;
-
-/// The kind of an event, below [`STRANGERS`].
-const fn kind(heard: &Heard) -> usize {
-    match heard {
-        Heard::Hello { .. } => 0,
-        Heard::Refused { .. } => 1,
-        Heard::Armed { .. } => 2,
-        Heard::Told { .. } => 3,
-        Heard::Ended { .. } => 4,
-        Heard::Tripped { .. } => 5,
-        Heard::Holding { .. } => 6,
-        Heard::Resumed { .. } => 7,
-        Heard::NotGranted { .. } => 8,
-    }
-}
-
-enum Listener {
-    Tcp(std::net::TcpListener),
-    Udp(std::net::UdpSocket),
-}
-
-/// A far end that has its port.
+/// A server that has its port.
 pub struct Server {
-    host: Host,
-    options: ServeOptions,
-    tls: Option<TlsServer>,
     listener: Listener,
-    address: SocketAddr,
+    greeter: Greeter,
+    served: Served,
+    plan: Option<RtPlan>,
 }
 
 impl std::fmt::Debug for Server {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Server")
-            .field("host", &self.host)
-            .field("address", &self.address)
+            .field("address", &self.listener.local_addr())
             .finish_non_exhaustive()
     }
 }
 
 impl Server {
-    /// Takes the port. Controllers that connect from now on are answered as soon as [`Server::run`] runs.
+    /// Binds the port for clients of our own protocol. Clients that connect from now on are answered once the server runs.
     ///
     /// # Errors
     /// See [`ServeError`].
     pub fn bind(host: Host, options: ServeOptions) -> Result<Self, ServeError> {
         match options.carrier {
             Carrier::Tls => Err(ServeError::Bare),
-            Carrier::Tcp | Carrier::Udp => Self::listen(host, options, None),
+            Carrier::Tcp | Carrier::Udp => Self::native(host, options, None),
         }
     }
 
-    /// The same over TLS, whatever carrier the options name. Clients must show a certificate, so no key is needed beyond
-    /// loopback.
+    /// Binds the port for clients of our own protocol over TLS. The carrier of the options has no effect.
     ///
     /// # Errors
     /// See [`ServeError`].
@@ -239,119 +165,203 @@ impl Server {
         tls: TlsServer,
     ) -> Result<Self, ServeError> {
         options.carrier = Carrier::Tls;
-        Self::listen(host, options, Some(tls))
+        Self::native(host, options, Some(tls))
     }
 
-    fn listen(
+    fn native(
         host: Host,
         options: ServeOptions,
         tls: Option<TlsServer>,
     ) -> Result<Self, ServeError> {
-        let wrong = |source| ServeError::Listen {
-            address: options.listen.clone(),
-            source,
-        };
-        let addresses = socket::resolve(&options.listen)?;
-        if let Some(open) = addresses.iter().find(|a| !a.ip().is_loopback())
-            && options.key.is_none()
-            && !tls.as_ref().is_some_and(TlsServer::requires_certificate)
-        {
-            return Err(ServeError::Open { address: *open });
-        }
-        let Some(first) = addresses.first() else {
-            return Err(wrong(std::io::ErrorKind::AddrNotAvailable.into()));
-        };
-        let listener = match options.carrier {
-            Carrier::Tcp | Carrier::Tls => std::net::TcpListener::bind(*first)
-                .and_then(|listener| {
-                    listener.set_nonblocking(true)?;
-                    Ok(Listener::Tcp(listener))
-                })
-                .map_err(wrong)?,
-            Carrier::Udp => udp::bind(*first).map(Listener::Udp).map_err(wrong)?,
-        };
-        let address = match &listener {
-            Listener::Tcp(listener) => listener.local_addr(),
-            Listener::Udp(socket) => socket.local_addr(),
-        }
-        .map_err(wrong)?;
-        Ok(Self {
-            host,
-            options,
+        let access = Access {
+            has_key: options.key.is_some(),
+            clients: Vec::new(),
             tls,
+            remedy: NATIVE_REMEDY,
+        };
+        let listener = Listener::bind(&options, access)?;
+        let offer = Arc::new(Offer {
+            host,
+            key: options.key,
+        });
+        Ok(Self {
+            greeter: Greeter::Native {
+                offer: Arc::clone(&offer),
+                is_stream: listener.is_stream(),
+            },
             listener,
-            address,
+            served: Served::Native {
+                offer,
+                spin_ns: options.spin_ns,
+            },
+            plan: options.plan,
         })
     }
 
-    /// Where it listens.
-    #[must_use]
-    pub const fn local_addr(&self) -> SocketAddr {
-        self.address
-    }
-
-    /// Serves one test after another until `until` is done; a test that runs then is ended with a goodbye. `heard` is told
-    /// everything, on the calling thread.
+    /// Binds the port for clients of OpenFresco's protocols. With `clients`, the server turns all other machines away.
     ///
     /// # Errors
-    /// [`ServeError::Start`].
+    /// See [`ServeError`].
+    pub fn bind_openfresco(
+        host: OpenFrescoHost,
+        settings: ServeSettings,
+        options: ServeOptions,
+        clients: impl IntoIterator<Item = IpAddr>,
+        tls: Option<TlsServer>,
+    ) -> Result<Self, ServeError> {
+        if options.carrier == Carrier::Tls && tls.is_none() {
+            return Err(ServeError::Bare);
+        }
+        let access = Access {
+            has_key: false,
+            clients: clients.into_iter().collect(),
+            tls,
+            remedy: OPENFRESCO_REMEDY,
+        };
+        let listener = Listener::bind(&options, access)?;
+        let carrier = if listener.is_stream() {
+            Bytes::Stream
+        } else {
+            Bytes::Datagrams
+        };
+        Ok(Self {
+            listener,
+            greeter: Greeter::OpenFresco {
+                settings,
+                carrier,
+                axes: host.axes(),
+                nature: host.nature(),
+            },
+            served: Served::OpenFresco {
+                host: Box::new(host),
+                settings,
+                is_stream: carrier == Bytes::Stream,
+            },
+            plan: options.plan,
+        })
+    }
+
+    /// The bound address.
+    #[must_use]
+    pub const fn local_addr(&self) -> SocketAddr {
+        self.listener.local_addr()
+    }
+
+    /// Starts the threads of the server. Clients are answered from now on.
+    ///
+    /// # Errors
+    /// [`ServeError::Start`], [`ServeError::NoRealTime`].
+    pub fn start(self) -> Result<RunningServer, ServeError> {
+        let (events_in, events) = unbounded();
+        // One client at a time: a second one never waits here.
+        let (clients_in, clients) = bounded(1);
+        let shared = Arc::new(Shared::new(events_in));
+        let mut running = RunningServer {
+            events,
+            shared: Arc::clone(&shared),
+            threads: Vec::new(),
+            granted: None,
+        };
+        let (granted_in, granted) = bounded(1);
+        let (mut served, plan, for_data) = (self.served, self.plan, Arc::clone(&shared));
+        running.spawn("gusset-serve", move || {
+            let granted = plan.as_ref().map(apply);
+            let cpu = granted.as_ref().and_then(|granted| granted.cpu);
+            served.keep_log_away_from(cpu);
+            // The receiver waits for it.
+            let _ = granted_in.send(granted);
+            data_thread::serve(&for_data, &clients, &mut served, cpu);
+        })?;
+        match granted.recv() {
+            Ok(Some(granted)) if granted.must_refuse() => {
+                return Err(ServeError::NoRealTime(granted));
+            }
+            Ok(granted) => running.granted = granted,
+            Err(_) => return Err(ServeError::Start(std::io::ErrorKind::BrokenPipe.into())),
+        }
+        let reception = Reception::new(self.listener, self.greeter, shared, clients_in);
+        running.spawn("gusset-listen", move || reception.run())?;
+        Ok(running)
+    }
+
+    /// Serves one test after another until `stop` returns true; a test that runs then ends with a goodbye. `tell` receives each
+    /// event. Both are called on this thread.
+    ///
+    /// # Errors
+    /// As [`Server::start`].
     pub fn run(
         self,
-        until: impl Future<Output = ()>,
-        heard: &mut dyn FnMut(&Heard),
+        stop: &dyn Fn() -> bool,
+        tell: &mut dyn FnMut(&ServerEvent),
     ) -> Result<(), ServeError> {
-        let runtime = tokio::runtime::Builder::new_current_thread()
-            .enable_io()
-            .enable_time()
-            .build()
-            .map_err(ServeError::Start)?;
-        let (heard_in, mut heard_out) = tokio::sync::mpsc::unbounded_channel();
-        // One controller at a time: more than one session never waits.
-        let (sessions, from_desk) = crossbeam_channel::bounded(1);
-        let desk = Arc::new(Desk {
-            host: self.host,
-            key: self.options.key,
-            tls: self.tls,
-            spin_ns: self.options.spin_ns,
-            present: AtomicBool::new(false),
-            stop: AtomicBool::new(false),
-            sessions,
-            heard: heard_in,
-            quotas: Mutex::default(),
-            parted: Mutex::default(),
-        });
-        let for_data = Arc::clone(&desk);
-        let plan = self.options.plan;
+        self.start()?.watch(stop, tell);
+        Ok(())
+    }
+}
+
+/// A server whose threads run. It stops when it is dropped.
+pub struct RunningServer {
+    events: Receiver<ServerEvent>,
+    shared: Arc<Shared>,
+    threads: Vec<JoinHandle<()>>,
+    /// Kept as long as the server runs: it keeps the processors awake.
+    granted: Option<Granted>,
+}
+
+impl std::fmt::Debug for RunningServer {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("RunningServer")
+            .field("granted", &self.granted)
+            .finish_non_exhaustive()
+    }
+}
+
+impl RunningServer {
+    fn spawn(
+        &mut self,
+        name: &str,
+        body: impl FnOnce() + Send + 'static,
+    ) -> Result<(), ServeError> {
         let thread = std::thread::Builder::new()
-            .name("gusset-serve".into())
-            .spawn(move || data::serve(&for_data, &from_desk, plan.as_ref()))
+            .name(name.to_owned())
+            .spawn(body)
             .map_err(ServeError::Start)?;
-        let served = runtime.block_on(async {
-            let _accepting = match self.listener {
-                Listener::Tcp(listener) => {
-                    let listener = tokio::net::TcpListener::from_std(listener)?;
-                    tokio::spawn(tcp::accept(listener, Arc::clone(&desk)))
-                }
-                Listener::Udp(socket) => {
-                    let socket = tokio::net::UdpSocket::from_std(socket)?;
-                    tokio::spawn(udp::receive(socket, Arc::clone(&desk)))
-                }
-            };
-            tokio::pin!(until);
-            loop {
-                tokio::select! {
-                    biased;
-                    () = &mut until => break Ok(()),
-                    Some(event) = heard_out.recv() => heard(&event),
-                }
+        self.threads.push(thread);
+        Ok(())
+    }
+
+    /// The real-time conditions of the data thread, if some were asked for.
+    #[must_use]
+    pub const fn granted(&self) -> Option<&Granted> {
+        self.granted.as_ref()
+    }
+
+    /// Reports events until `stop` returns true, and ends the server.
+    pub fn watch(mut self, stop: &dyn Fn() -> bool, tell: &mut dyn FnMut(&ServerEvent)) {
+        while !stop() {
+            match self.events.recv_timeout(LOOK) {
+                Ok(event) => tell(&event),
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => break,
             }
-        });
-        desk.stop.store(true, Ordering::Release);
-        // The thread looks at the flag many times a second, and ends.
-        let _ = thread.join();
-        while let Ok(event) = heard_out.try_recv() {
-            heard(&event);
         }
-        served.map_err(ServeError::Start)
+        self.end();
+        while let Ok(event) = self.events.try_recv() {
+            tell(&event);
+        }
+    }
+
+    fn end(&mut self) {
+        self.shared.stop();
+        for thread in self.threads.drain(..) {
+            // A thread checks the flag many times a second, and ends. It reports its own panic.
+            let _ = thread.join();
+        }
+    }
+}
+
+impl Drop for RunningServer {
+    fn drop(&mut self) {
+        self.end();
     }
 }

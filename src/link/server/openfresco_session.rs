@@ -1,286 +1,294 @@
-//! A force server that speaks OpenFresco: one client at a time, one test after another, until told to stop.
+//! The session of one client of OpenFresco's protocols, from its sizes to its end.
 //!
-//! Invariants: no wait is without a limit; who has not said what he wants keeps nobody out ([`super::hall`]); a client that
-//! has gone (end of stream, a reset, a half-open connection, UDP silence) leaves a formula at its last committed state, what
-//! moves where it is, and the port free; a computed specimen lets the next client wait, one that moves turns it away; after the word to stop nothing is carried out any more; every message is answered by
-//! one write, with acknowledgements not delayed, and nothing is allocated for it once the sizes have come (but over TLS, where
-//! encrypting allocates). What is not here: the meaning of bytes (`dialect`), of commands (`host`), and text on a terminal.
+//! A client that has gone leaves a computed specimen at its last committed state, and one that moves where it is.
+//! After the stop request no message is carried out any more.
+//! Each message is answered by one write, with acknowledgements that are not delayed.
+//! An exchange allocates nothing after the sizes, except that TLS encrypts.
 
-use std::net::SocketAddr;
-
-use super::dialect::{ExchangeFault, Machine, Said};
-use super::door::{Door, DoorError, Socket};
-use super::guest::seconds;
-use super::hall::{Client, Hall, LOOK_NS};
-use super::host::{Host, HostFault};
-use super::news::{End, News, lost};
-use super::remarks::Remarks;
-use super::settings::ServeSettings;
-use super::tally::Tally;
+use super::ServerEvent;
+use super::channel::Channel;
+use super::connection::ClientLink;
+use super::openfresco_handshake::OpenFrescoOpening;
+use super::session::{Conversation, Session};
+use super::shared::Shared;
 use crate::link::Transport;
-use crate::link::quota::{Allowance, Quota};
+use crate::link::openfresco::{
+    Codec, End, ExchangeFault, Host, HostFault, Remarks, Request, ServeSettings, Tally, lost,
+};
 use crate::link::rig::{TestEnd, Visitor};
 use crate::link::socket::LOOK;
 use crate::rt::os::monotonic_ns;
 use crate::substructure::LinkFault;
 use crate::time::Nanos;
-use crate::wire::openfresco::{Sizes, datagrams};
+use crate::wire::openfresco::{Course, Sizes, datagrams};
 
-/// After the goodbye the client is given so long to close first.
+/// After its goodbye the client has this time to close first.
 const LINGER_NS: u64 = 500_000_000;
-/// Longest chunk that is read at once; no datagram is longer.
+/// Longest piece that is read at once; no datagram is longer.
 const CHUNK: usize = 65_536;
+/// The limits of time are checked this often.
+const LOOK_NS: u64 = 50_000_000;
 
-/// Serves until `stop` says so; `tell` hears what happens.
-///
-/// # Errors
-/// [`DoorError::Port`] if the port itself fails. How a client ends is not an error but [`News::Ended`].
-pub fn serve_openfresco(
-    door: &Door,
+/// The conversation with one client.
+pub(super) struct OpenFrescoConversation<'a> {
+    codec: Codec,
+    host: &'a mut Host,
+    settings: &'a ServeSettings,
+    is_stream: bool,
+    remarks: Remarks,
+    /// Bytes that came while the specimen got ready.
+    early: Vec<Vec<u8>>,
+    buffer: Vec<u8>,
+    /// Bytes of the buffer that were received and not read.
+    received: usize,
+    heard_ns: u64,
+    look_ns: u64,
+}
+
+/// Serves a client whose handshake is complete.
+pub(super) fn attend(
+    mut channel: Channel,
+    opening: OpenFrescoOpening,
     host: &mut Host,
     settings: &ServeSettings,
-    stop: &dyn Fn() -> bool,
-    tell: &mut dyn FnMut(&News),
-) -> Result<(), DoorError> {
-    let mut buffer = vec![0; CHUNK];
-    let mut waste = vec![0; CHUNK];
-    let mut quotas: [Quota; News::KINDS] = Default::default();
-    let tell = &mut |news: &News| tell_at_most(&mut quotas, news, tell);
-    let mut hall = Hall::new(door, settings);
-    while let Some(client) = hall.receive(host, stop, tell, &mut buffer)? {
-        let peer = client.peer;
-        let mut remarks = Remarks::of(settings.role, &client.sizes);
-        let attendance = Attendance {
-            door,
-            hall: &mut hall,
-            peer,
-            settings,
-            stop,
-            tell,
-            remarks: &mut remarks,
-        };
-        let end = attendance.attend(client, host, (&mut buffer, &mut waste));
-        let tally = if host.has_begun() {
-            host.tally()
-        } else {
-            Tally::default()
-        };
-        if let Some(remark) = remarks.at_end(tally) {
-            host.warn(remark);
-        }
-        let whole = match end {
-            End::Refused(ExchangeFault::Host(fault)) => host.whole(fault),
-            end => end.to_string(),
-        };
-        host.end(end.cause(), &whole);
-        // What is known of the specimen beyond the fault itself.
-        let said = end.to_string();
-        if !said.contains(&whole) {
-            tell(&News::Told(peer, whole));
-        }
-        if let Some(next) = host.next_step() {
-            tell(&News::Told(peer, next));
-        }
-        tell(&News::Ended(peer, end, tally));
-    }
-    Ok(())
-}
-
-/// Tells what is within the quota of its kind, and where more is not told.
-fn tell_at_most(quotas: &mut [Quota], news: &News, tell: &mut dyn FnMut(&News)) {
-    let Some(quota) = quotas.get_mut(news.kind()) else {
-        return;
+    is_stream: bool,
+    shared: &Shared,
+) {
+    let OpenFrescoOpening {
+        codec,
+        sizes,
+        early,
+    } = opening;
+    let mut conversation = OpenFrescoConversation {
+        codec,
+        host,
+        settings,
+        is_stream,
+        remarks: Remarks::of(settings.role, &sizes),
+        early,
+        buffer: vec![0; CHUNK],
+        received: 0,
+        heard_ns: monotonic_ns(),
+        look_ns: 0,
     };
-    let Allowance { is_told, notice } = quota.take(monotonic_ns());
-    if is_told {
-        tell(news);
-    }
-    if let Some(text) = notice {
-        let nobody = || ([0, 0, 0, 0], 0).into();
-        tell(&News::Told(news.peer().unwrap_or_else(nobody), text));
+    match conversation.begin(sizes, &mut channel, shared) {
+        Ok(()) => Session::new(channel, conversation).run(shared),
+        Err(end) => {
+            Session::new(channel, conversation).finish(end, shared);
+        }
     }
 }
 
-/// One client from its sizes to its end.
-struct Attendance<'a, 'b> {
-    door: &'a Door,
-    hall: &'a mut Hall<'b>,
-    peer: SocketAddr,
-    settings: &'a ServeSettings,
-    stop: &'a dyn Fn() -> bool,
-    tell: &'a mut dyn FnMut(&News),
-    remarks: &'a mut Remarks,
-}
-
-impl Attendance<'_, '_> {
-    fn attend(
-        mut self,
-        client: Client,
-        host: &mut Host,
-        (buffer, waste): (&mut [u8], &mut [u8]),
-    ) -> End {
-        let Client {
-            mut link,
-            mut machine,
-            sizes,
-            early,
-            ..
-        } = client;
-        let (link, machine) = (link.as_mut(), &mut machine);
-        let mut heard_at = monotonic_ns();
-        let mut look_at = heard_at + LOOK_NS;
-        let mut early = early;
-        if let Err(end) = self.begin(sizes, host, link, (buffer, &mut early)) {
-            return end;
-        }
-        for bytes in early {
-            match self.take(&bytes, link, machine, host) {
-                Ok(false) => {}
-                Ok(true) => return self.linger(link, buffer),
-                Err(end) => return end,
-            }
-        }
-        loop {
-            match link.recv(buffer, Nanos(look_at)) {
-                Ok(Some(count)) => {
-                    heard_at = monotonic_ns();
-                    let bytes = buffer.get(..count).unwrap_or_default();
-                    match self.take(bytes, link, machine, host) {
-                        Ok(false) => {}
-                        Ok(true) => return self.linger(link, buffer),
-                        Err(end) => return end,
-                    }
-                }
-                Ok(None) => {}
-                Err(fault) => return lost(link, fault).within(machine.partial()),
-            }
-            let now = monotonic_ns();
-            if now < look_at {
-                continue;
-            }
-            look_at = now + LOOK_NS;
-            self.hall.meet_others(self.peer, host, self.tell, waste);
-            if (self.stop)() {
-                return End::Stopped;
-            }
-            let limit = self.settings.takeover_s;
-            if seconds(now, heard_at) > limit && self.hall.has_successor(self.peer, heard_at) {
-                return End::Replaced(limit);
-            }
-            if let Err(fault) = host.attend() {
-                return fault.into();
-            }
-            if let Some(limit) = self.settings.idle_limit_s
-                && seconds(now, heard_at) > limit
-            {
-                return End::Silent(limit);
-            }
-        }
-    }
-
-    /// The sizes have come: the test begins. What the client says meanwhile is kept in `early` for when it has.
-    fn begin(
-        &mut self,
-        sizes: Sizes,
-        host: &mut Host,
-        link: &mut dyn Transport,
-        (buffer, early): (&mut [u8], &mut Vec<Vec<u8>>),
-    ) -> Result<(), End> {
-        (self.tell)(&News::Ready(self.peer, sizes));
+impl OpenFrescoConversation<'_> {
+    /// Gets the specimen ready. What the client sends meanwhile is kept until then. A peer that only connects must not make a
+    /// specimen move, so this happens after the sizes.
+    fn begin(&mut self, sizes: Sizes, channel: &mut Channel, shared: &Shared) -> Result<(), End> {
+        let peer = channel.peer;
+        shared.tell(ServerEvent::Sizes(peer, sizes));
         let mut unwanted = None;
+        let (buffer, early) = (&mut self.buffer, &mut self.early);
         let mut wanted = || {
-            let end = if (self.stop)() {
+            let end = if shared.is_stopped() {
                 End::Stopped
             } else {
-                match hear_early(link, buffer, early) {
+                match receive_early(&mut channel.link, buffer, early) {
                     Ok(()) => return Ok(()),
-                    Err(fault) => lost(link, fault),
+                    Err(fault) => lost(&channel.link, fault),
                 }
             };
             unwanted = Some(end);
             let (cause, text) = (end.cause(), end.to_string());
             Err(TestEnd { cause, text })
         };
-        // Only now: a stranger who merely connects must not make a specimen move.
-        let begun = host.begin(&Visitor::unnamed(self.peer), &mut wanted);
+        let begun = self.host.begin(&Visitor::unnamed(peer), &mut wanted);
         let told = begun.map_err(|over| {
             unwanted.unwrap_or_else(|| {
-                (self.tell)(&News::Told(self.peer, over.text));
+                shared.tell(ServerEvent::Told { text: over.text });
                 HostFault::Unavailable.into()
             })
         })?;
         for text in told {
-            (self.tell)(&News::Told(self.peer, text));
+            shared.tell(ServerEvent::Told { text });
         }
+        for bytes in std::mem::take(&mut self.early) {
+            self.take(&bytes, channel, shared)?;
+        }
+        self.heard_ns = monotonic_ns();
+        self.look_ns = self.heard_ns + LOOK_NS;
         Ok(())
     }
 
-    /// Does what some bytes say, up to the word to stop: what a client has queued is carried out no more then. True at the
-    /// goodbye. Real-time: yes, after the sizes.
-    fn take(
-        &mut self,
-        bytes: &[u8],
-        link: &mut dyn Transport,
-        machine: &mut Machine,
-        host: &mut Host,
-    ) -> Result<bool, End> {
+    /// Obeys the requests in some bytes, up to the stop request. The goodbye is an error. Real-time: yes, after the sizes.
+    fn take(&mut self, bytes: &[u8], channel: &mut Channel, shared: &Shared) -> Result<(), End> {
         let mut rest = bytes;
         while !rest.is_empty() {
-            if (self.stop)() {
+            if shared.is_stopped() {
                 return Err(End::Stopped);
             }
-            let piece = match self.door.socket {
-                Socket::Tcp(_) => usize::MAX,
-                Socket::Udp(_) => machine.piece(),
+            let (used, request) = self.codec.feed(rest).map_err(ExchangeFault::Wire)?;
+            let piece = if self.is_stream {
+                usize::MAX
+            } else {
+                self.codec.piece()
             };
-            let mut wanted = || !(self.stop)();
-            let heard = machine.hear(rest, host, &mut wanted);
-            let heard = heard.map_err(|fault| match fault {
-                ExchangeFault::Host(HostFault::Unwanted) => End::Stopped,
-                fault => End::Refused(fault),
-            })?;
-            for part in datagrams(heard.reply, heard.reply.len(), piece) {
-                if let Err(fault) = link.send(part) {
-                    return Err(lost(link, fault));
-                }
-            }
-            match heard.said {
-                Said::Nothing => {}
-                Said::Ready(sizes) => (self.tell)(&News::Ready(self.peer, sizes)),
-                Said::InitLine => (self.tell)(&News::InitLine),
-                Said::Ignored(code) => (self.tell)(&News::Ignored(code)),
-                Said::Reset => {
+            let mut wanted = || !shared.is_stopped();
+            let reply = obey(&mut self.codec, request, self.host, &mut wanted)?;
+            send(&mut channel.link, reply, piece)?;
+            match request {
+                Request::Sizes(sizes) => shared.tell(ServerEvent::Sizes(channel.peer, sizes)),
+                Request::InitLine => shared.tell(ServerEvent::InitLine),
+                Request::Unknown(code) => shared.tell(ServerEvent::UnknownAction(code)),
+                Request::Command(_) if self.codec.is_reset() => {
                     if let Some(remark) = self.remarks.reset() {
-                        host.warn(remark);
+                        self.host.warn(remark);
                     }
                 }
-                Said::Finished => return Ok(true),
+                Request::Goodbye => return Err(End::Finished),
+                _ => {}
             }
-            let used = heard.used;
-            if let Some(remark) = self.remarks.after(host.tally()) {
-                host.warn(remark);
+            if let Some(remark) = self.remarks.after(self.host.tally()) {
+                self.host.warn(remark);
             }
             if used == 0 {
                 break;
             }
             rest = rest.get(used..).unwrap_or_default();
         }
-        Ok(false)
+        Ok(())
     }
 
-    /// Lets the client close first, so that its last answer is not torn away by a reset.
-    fn linger(self, link: &mut dyn Transport, buffer: &mut [u8]) -> End {
-        if matches!(self.door.socket, Socket::Tcp(_)) {
-            let until = Nanos(monotonic_ns() + LINGER_NS);
-            while let Ok(Some(_)) = link.recv(buffer, until) {}
+    /// Everything that happens because time passes.
+    fn keep_time(&mut self, shared: &Shared) -> Result<(), End> {
+        let now = monotonic_ns();
+        if now < self.look_ns {
+            return Ok(());
         }
-        End::Finished
+        self.look_ns = now + LOOK_NS;
+        let silent_s = now.saturating_sub(self.heard_ns) as f64 * 1e-9;
+        let limit = self.settings.takeover_s;
+        if silent_s > limit && shared.has_successor(self.heard_ns) {
+            return Err(End::Replaced(limit));
+        }
+        self.host.attend()?;
+        match self.settings.idle_limit_s {
+            Some(limit) if silent_s > limit => Err(End::Silent(limit)),
+            _ => Ok(()),
+        }
     }
 }
 
-/// What a client says before its specimen is ready, as far as there is room for it.
-fn hear_early(
-    link: &mut dyn Transport,
+impl Conversation for OpenFrescoConversation<'_> {
+    type End = End;
+
+    fn turn(&mut self, channel: &mut Channel, shared: &Shared) -> Result<Nanos, End> {
+        let count = std::mem::take(&mut self.received);
+        if count > 0 {
+            self.heard_ns = monotonic_ns();
+            let buffer = std::mem::take(&mut self.buffer);
+            let bytes = buffer.get(..count).unwrap_or_default();
+            let taken = self.take(bytes, channel, shared);
+            self.buffer = buffer;
+            taken?;
+        }
+        self.keep_time(shared)?;
+        Ok(Nanos(self.look_ns))
+    }
+
+    fn listen(&mut self, channel: &mut Channel, until: Nanos) -> Result<(), End> {
+        match channel.link.recv(&mut self.buffer, until) {
+            Ok(count) => {
+                self.received = count.unwrap_or(0);
+                Ok(())
+            }
+            Err(fault) => Err(lost(&channel.link, fault).within(self.codec.partial())),
+        }
+    }
+
+    fn stopped(&mut self, _channel: &mut Channel) -> End {
+        // These protocols have no goodbye of a server.
+        End::Stopped
+    }
+
+    fn finish(mut self, channel: &mut Channel, end: End, shared: &Shared) {
+        if end == End::Finished && self.is_stream {
+            // The client closes first, so that a reset does not tear away its last answer.
+            let until = Nanos(monotonic_ns() + LINGER_NS);
+            while let Ok(Some(_)) = channel.link.recv(&mut self.buffer, until) {}
+        }
+        let tally = if self.host.has_begun() {
+            self.host.tally()
+        } else {
+            Tally::default()
+        };
+        if let Some(remark) = self.remarks.at_end(tally) {
+            self.host.warn(remark);
+        }
+        let whole = match end {
+            End::Refused(ExchangeFault::Host(fault)) => self.host.whole(fault),
+            end => end.to_string(),
+        };
+        self.host.end(end.cause(), &whole);
+        // The link to the specimen may have more to say than the fault itself.
+        if !end.to_string().contains(&whole) {
+            shared.tell(ServerEvent::Told { text: whole });
+        }
+        if let Some(text) = self.host.next_step() {
+            shared.tell(ServerEvent::Told { text });
+        }
+        shared.tell(ServerEvent::ClientLeft(channel.peer, end, tally));
+    }
+}
+
+/// Obeys one request at the specimen. Returns the answer, which is empty for most requests. Real-time: yes, after the sizes.
+fn obey<'a>(
+    codec: &'a mut Codec,
+    request: Request,
+    host: &mut Host,
+    wanted: &mut dyn FnMut() -> bool,
+) -> Result<&'a [u8], End> {
+    Ok(match request {
+        Request::Reply => codec.reply(),
+        Request::Command(course) => {
+            if codec.commits_implicitly()
+                && course != Course::Repeat
+                && host.tally().commands > 0
+            {
+                host.commit();
+            }
+            if let Some(target) = codec.target() {
+                host.trial(course, &target.response, target.dt, wanted)
+                    .map_err(|fault| match fault {
+                        HostFault::Unwanted => End::Stopped,
+                        fault => fault.into(),
+                    })?;
+            }
+            &[]
+        }
+        Request::Commit => {
+            host.commit();
+            &[]
+        }
+        Request::Read => codec.answer(&host.response()).map_err(ExchangeFault::Wire)?,
+        Request::Matrix(which) => codec
+            .answer_matrix(host.matrix(which))
+            .map_err(ExchangeFault::Wire)?,
+        Request::Switch(is_on) => codec.answer_switch(is_on).map_err(ExchangeFault::Wire)?,
+        Request::Goodbye => codec.goodbye(),
+        Request::More | Request::Sizes(_) | Request::InitLine | Request::Unknown(_) => &[],
+    })
+}
+
+/// Sends an answer: a stream in one write, datagrams in pieces of the client's size.
+fn send(link: &mut ClientLink, reply: &[u8], piece: usize) -> Result<(), End> {
+    for part in datagrams(reply, reply.len(), piece) {
+        link.send(part).map_err(|fault| lost(link, fault))?;
+    }
+    Ok(())
+}
+
+/// Keeps what a client sends before its specimen is ready, as far as there is room for it.
+fn receive_early(
+    link: &mut ClientLink,
     buffer: &mut [u8],
     early: &mut Vec<Vec<u8>>,
 ) -> Result<(), LinkFault> {
@@ -290,4 +298,173 @@ fn hear_early(
         early.push(buffer.get(..count).unwrap_or_default().to_vec());
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::link::openfresco::Nature;
+    use crate::link::rig::Visitor;
+    use crate::specimen::SpecimenLaw;
+
+    const LINEAR: &str = "law = { linear = { stiffness_n_per_m = 8000.0 } }";
+    const VISCOUS: &str = "law = { linear = { stiffness_n_per_m = 0, damping_n_s_per_m = 50.0 } }";
+    /// Doubles of a vector.
+    const N: usize = 4;
+
+    /// A client of one axis that commands displacements and, if it is `timed`, times, and wants forces.
+    struct Client {
+        machine: Machine,
+        host: Host,
+        timed: i32,
+    }
+
+    impl Client {
+        fn new(role: Role, law: &str, nature: Nature, timed: bool) -> Self {
+            let law: SpecimenLaw = toml::from_str(law).unwrap();
+            let mut host = Host::new(law.build(1).unwrap(), nature, Some(0.01));
+            let visitor = Visitor::unnamed(([127, 0, 0, 1], 1).into());
+            host.begin(&visitor, &mut || Ok(())).unwrap();
+            let mut machine = Machine::new(role, None, Carrier::Stream, 1);
+            let timed = i32::from(timed);
+            let sizes = [1, 0, 0, 0, timed, 0, 0, 0, 1, 0, N as i32];
+            let bytes: Vec<u8> = sizes.into_iter().flat_map(i32::to_le_bytes).collect();
+            machine.hear(&bytes, &mut host, &mut || true).unwrap();
+            Self {
+                machine,
+                host,
+                timed,
+            }
+        }
+
+        fn send(&mut self, code: f64, disp: f64, time: f64) -> Result<Vec<f64>, ExchangeFault> {
+            let values = [code, disp, time * f64::from(self.timed), 0.0];
+            let bytes: Vec<u8> = values.into_iter().flat_map(f64::to_le_bytes).collect();
+            let heard = self.machine.hear(&bytes, &mut self.host, &mut || true)?;
+            let words = heard.reply.chunks_exact(8);
+            Ok(words
+                .map(|word| f64::from_le_bytes(word.try_into().unwrap()))
+                .collect())
+        }
+
+        /// The force of a command, which is committed then.
+        fn step(&mut self, disp: f64, time: f64) -> f64 {
+            self.send(3.0, disp, time).unwrap();
+            // Behind the flag, where there is one.
+            let at = usize::from(matches!(self.machine, Machine::Simulink { .. }));
+            let force = self.send(6.0, 0.0, 0.0).unwrap()[at];
+            // The time stands where a command has it.
+            self.send(5.0, 0.0, time).unwrap();
+            force
+        }
+    }
+
+    #[test]
+    fn a_damper_whose_client_holds_its_command_is_at_rest_with_and_without_a_time() {
+        for role in [Role::Application, Role::Simulink] {
+            for timed in [false, true] {
+                let mut client = Client::new(role, VISCOUS, Nature::Simulated, timed);
+                let commands = [0.0, 0.001, 0.002, 0.002, 0.002, 0.001];
+                let forces = (0_i32..)
+                    .zip(commands)
+                    .map(|(k, disp)| client.step(disp, 0.01 * f64::from(k)));
+                let forces: Vec<f64> = forces.collect();
+                for (force, wanted) in forces.iter().zip([0.0, 5.0, 5.0, 0.0, 0.0, -5.0]) {
+                    assert!(
+                        (force - wanted).abs() < 1e-9,
+                        "{role:?} {timed}: {forces:?}"
+                    );
+                }
+            }
+        }
+        // Nobody commits here: each target is a step.
+        let mut client = Client::new(Role::Controller, VISCOUS, Nature::Simulated, false);
+        for (disp, wanted) in [(0.0, 0.0), (0.001, 5.0), (0.001, 0.0)] {
+            client.send(3.0, disp, 0.0).unwrap();
+            let force = client.send(6.0, 0.0, 0.0).unwrap()[0];
+            assert!((force - wanted).abs() < 1e-9, "{force} {wanted}");
+        }
+    }
+
+    #[test]
+    fn a_step_taken_back_ends_the_test_of_what_moves_whoever_asks() {
+        for role in [Role::Application, Role::Simulink] {
+            for timed in [false, true] {
+                for nature in [Nature::Simulated, Nature::Physical] {
+                    let mut client = Client::new(role, LINEAR, nature, timed);
+                    client.step(0.0, 0.0);
+                    client.step(0.0004, 0.01);
+                    client.send(3.0, 0.0008, 0.02).unwrap();
+                    client.send(3.0, 0.0009, 0.02).unwrap();
+                    let back = client.send(3.0, 0.0004, 0.01);
+                    match nature {
+                        Nature::Simulated => assert!(back.is_ok(), "{role:?}"),
+                        Nature::Physical => assert!(
+                            matches!(back, Err(ExchangeFault::Host(HostFault::TakenBack { .. }))),
+                            "{role:?} {timed}: {back:?}"
+                        ),
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_moves_follows_a_client_without_commits_through_zero() {
+        for nature in [Nature::Simulated, Nature::Physical] {
+            let mut client = Client::new(Role::Application, LINEAR, nature, false);
+            for disp in [0.0, 0.0005, 0.001, 0.0005, 0.0] {
+                client.send(3.0, disp, 0.0).unwrap();
+                let force = client.send(10.0, 0.0, 0.0).unwrap()[0];
+                assert!((force - 8e3 * disp).abs() < 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn a_commit_with_zeros_behind_it_leaves_the_steps_their_length() {
+        let mut client = Client::new(Role::Application, VISCOUS, Nature::Simulated, true);
+        for k in 0..5 {
+            let (disp, time) = (0.001 * f64::from(k), 0.01 * f64::from(k));
+            client.send(3.0, disp, time).unwrap();
+            let force = client.send(10.0, 0.0, 0.0).unwrap()[0];
+            // 1 mm in 10 ms at 50 N s/m.
+            let wanted = if k > 0 { 5.0 } else { 0.0 };
+            assert!((force - wanted).abs() < 1e-9, "{k}: {force}");
+            client.send(5.0, 0.0, 0.0).unwrap();
+        }
+    }
+
+    #[test]
+    fn a_return_to_the_start_is_told_and_leaves_the_specimen_at_its_committed_state() {
+        const BILINEAR: &str = "law = { bilinear = { stiffness_n_per_m = 8000.0, yield_force_n = 60.0, post_yield_ratio = 0.05 } }";
+        let mut client = Client::new(Role::Application, BILINEAR, Nature::Simulated, true);
+        client.step(0.0, 0.0);
+        client.step(0.0275, 0.01);
+        let vector: Vec<u8> = [3.0, 0.0, 0.0, 0.0]
+            .into_iter()
+            .flat_map(f64::to_le_bytes)
+            .collect();
+        let heard = client
+            .machine
+            .hear(&vector, &mut client.host, &mut || true)
+            .unwrap();
+        assert_eq!(heard.said, Said::Reset);
+        // 27.5 mm are 20 mm beyond the yield: unloaded by 15 mm, and 12.5 mm beyond the other one.
+        let force = client.send(10.0, 0.0, 0.0).unwrap()[0];
+        assert!((force + 57.0).abs() < 1e-9, "{force}");
+    }
+
+    #[test]
+    fn a_load_factor_that_falls_in_a_step_ends_no_test() {
+        for nature in [Nature::Simulated, Nature::Physical] {
+            let mut client = Client::new(Role::Application, LINEAR, nature, true);
+            client.step(0.0, 0.0);
+            client.step(0.0004, 49.0);
+            client.send(3.0, 0.0008, 56.0).unwrap();
+            client.send(3.0, 0.0008, 47.0).unwrap();
+            let force = client.send(6.0, 0.0, 0.0).unwrap()[0];
+            assert!((force - 6.4).abs() < 1e-12);
+        }
+    }
 }

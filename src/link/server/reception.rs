@@ -1,415 +1,359 @@
-//! Between the port and the specimen: everybody who came and has not said in full what he wants. Several are greeted at the
-//! same time, and the first whose greeting is complete is the client; so nobody who only connects keeps others waiting. The others
-//! wait until a computed specimen is free again. A specimen that moves turns them away: their commands would be old by then.
+//! The thread that receives clients: it accepts them, leads their handshakes and hands over the first one that is ready.
 //!
-//! Invariants: nobody here reaches the specimen; there are never more than [`SEATS`], and where more come whoever has said
-//! the least for the longest gives way; nobody stays longer than the set-up may take. Over UDP a guest is an address: he has
-//! no socket of his own before he is the client.
+//! Several handshakes proceed at the same time, so a peer that only connects keeps no other client waiting.
+//! No peer reaches the specimen or the data thread before its handshake is complete.
+//! While a client is served, the protocol decides about the others.
+//! Our own protocol answers them that the server is busy.
+//! OpenFresco's protocols have no such answer: a specimen that moves turns them away, because their commands would be old
+//! later. A computed specimen lets them wait.
+//! Each wait has a time limit, and [`super::admission`] limits the number of waiting clients.
 
-use std::collections::VecDeque;
 use std::net::{SocketAddr, TcpStream};
+use std::sync::Arc;
+use std::time::Duration;
 
-use super::dialect::{Machine, Said};
-use super::door::{Caller, Door, DoorError, Socket, socket_to, stream_to, watch_over};
-use super::guest::{Guest, Heard, Line};
-use super::host::Host;
-use super::news::{End, News};
-use super::role::Nature;
-use super::settings::ServeSettings;
-use super::tally::Tally;
-use crate::link::Transport;
-use crate::link::socket::SocketOptions;
+use crossbeam_channel::Sender;
+
+use super::ServerEvent;
+use super::admission::{Candidate, gives_way};
+use super::channel::Channel;
+use super::connection::{ClientLink, Connection};
+use super::greeter::{Greeter, Others};
+use super::handshake::Opening;
+use super::handshake_step::Step;
+use super::listener::{Arrival, Listener, pause, probe_silence};
+use super::shared::{Occupancy, Shared};
+use super::waiting::{Route, WaitingClient};
 use crate::rt::os::monotonic_ns;
-use crate::wire::openfresco::{Carrier, Sizes};
+use crate::wire::native::LARGEST_FRAME;
 
-/// Most guests at a time.
-const SEATS: usize = 16;
-/// The server looks for strangers and for the word to stop this often.
-pub(super) const LOOK_NS: u64 = 50_000_000;
-/// From one look at the guests to the next, while there are any.
-const GLANCE_NS: u64 = 1_000_000;
-/// Datagrams of others that are read in one look while a client is served.
-const MOST_READS: u32 = 8;
-/// Datagrams that are kept of one peer that waits.
-const MOST_LETTERS: usize = 64;
+/// Longest wait for a socket: the stop flag and the time limits are checked this often.
+const LOOK: Duration = Duration::from_millis(50);
+/// Pause between two checks whether the specimen is free again.
+const PAUSE: Duration = Duration::from_millis(2);
+/// Pause after a failed accept, for instance when no file descriptors are left.
+const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
+/// Arrivals that are received in one turn.
+const MOST_ARRIVALS: u32 = 64;
+/// Size of the largest UDP datagram.
+const LARGEST_DATAGRAM: usize = 65_536;
 
-/// Whose greeting is complete.
+/// A client whose handshake is complete, on its way to the data thread.
 pub(super) struct Client {
-    pub peer: SocketAddr,
-    pub link: Box<dyn Transport>,
-    pub machine: Machine,
-    pub sizes: Sizes,
-    /// What he has said beyond it, in pieces as they came.
-    pub early: Vec<Vec<u8>>,
+    pub channel: Channel,
+    pub opening: Opening,
 }
 
-/// Clients that came and are not served.
-pub(super) struct Hall<'a> {
-    door: &'a Door,
-    settings: &'a ServeSettings,
-    /// In the order in which they came.
-    guests: Vec<Guest>,
-    /// The peer that was turned away last, so that it is reported once.
+/// The receiving thread.
+pub(super) struct Reception {
+    listener: Listener,
+    greeter: Greeter,
+    shared: Arc<Shared>,
+    clients: Sender<Client>,
+    /// In order of arrival.
+    waiting: Vec<WaitingClient>,
+    /// The peer that was turned away last: it is reported once.
     turned_away: Option<SocketAddr>,
+    buffer: Vec<u8>,
 }
 
-impl<'a> Hall<'a> {
-    /// An empty hall.
-    pub(super) const fn new(door: &'a Door, settings: &'a ServeSettings) -> Self {
+impl Reception {
+    pub fn new(
+        listener: Listener,
+        greeter: Greeter,
+        shared: Arc<Shared>,
+        clients: Sender<Client>,
+    ) -> Self {
         Self {
-            door,
-            settings,
-            guests: Vec::new(),
+            listener,
+            greeter,
+            shared,
+            clients,
+            waiting: Vec::new(),
             turned_away: None,
+            buffer: vec![0; LARGEST_DATAGRAM.max(LARGEST_FRAME + 1)],
         }
     }
 
-    /// Waits for a client; returns none if `stop` becomes true first.
-    ///
-    /// # Errors
-    /// [`DoorError::Port`] if the port itself fails.
-    pub(super) fn receive(
-        &mut self,
-        host: &mut Host,
-        stop: &dyn Fn() -> bool,
-        tell: &mut dyn FnMut(&News),
-        buffer: &mut [u8],
-    ) -> Result<Option<Client>, DoorError> {
-        self.turned_away = None;
-        for guest in &mut self.guests {
-            // Their bytes were not read while another client was served.
-            guest.came_ns = monotonic_ns();
-        }
-        while !stop() {
-            let wait_ns = if self.guests.is_empty() {
-                LOOK_NS
+    /// Receives clients until the server stops.
+    pub fn run(mut self) {
+        while !self.shared.is_stopped() {
+            if self.shared.occupancy() == Occupancy::Free
+                || self.greeter.others() == Others::AreAnswered
+            {
+                self.receive();
             } else {
-                GLANCE_NS
-            };
-            if let Some(caller) = self.door.wait(buffer, wait_ns)? {
-                self.admit(caller, host, tell, buffer);
-            }
-            if let Some(client) = self.listen(host, tell, buffer)? {
-                if host.nature() == Nature::Physical {
-                    for guest in self.guests.drain(..) {
-                        tell(&News::TurnedAway(guest.peer));
-                    }
-                }
-                return Ok(Some(client));
+                self.wait_until_free();
             }
         }
-        for guest in self.guests.drain(..) {
-            tell(&News::Ended(guest.peer, End::Stopped, Tally::default()));
+        for client in self.waiting.drain(..) {
+            let failure = client.handshake().stopped();
+            failure.report(client.peer(), &self.shared);
         }
-        Ok(None)
     }
 
-    /// What others send while `client` is served. A specimen that moves turns them away. A computed one lets them wait: TCP
-    /// connections in the backlog of the port, UDP clients of the same machine here.
-    pub(super) fn meet_others(
-        &mut self,
-        client: SocketAddr,
-        host: &mut Host,
-        tell: &mut dyn FnMut(&News),
-        buffer: &mut [u8],
-    ) {
-        match (host.nature(), self.door.carrier()) {
-            (Nature::Simulated, Carrier::Stream) => {}
-            (Nature::Simulated, Carrier::Datagrams) => {
-                // Bounded: a flood must not keep the client waiting.
-                for _ in 0..MOST_READS {
-                    let Ok(Some(Caller::Datagram(count, from))) = self.door.wait(buffer, 0) else {
-                        return;
-                    };
-                    let letter = buffer.get(..count).unwrap_or_default();
-                    if from.ip() != client.ip() || !self.keep(from, letter, host) {
-                        self.turn_away(from, tell);
-                    }
+    /// One turn: what has arrived, then each waiting client.
+    fn receive(&mut self) {
+        let fds = self.waiting.iter().filter_map(WaitingClient::fd);
+        self.listener.wait(fds, LOOK);
+        for _ in 0..MOST_ARRIVALS {
+            match self.listener.next(&mut self.buffer) {
+                Ok(Some(Arrival::Stream(stream, peer))) => self.accept(stream, peer),
+                Ok(Some(Arrival::Datagram(count, peer))) => {
+                    let datagram = self.buffer.get(..count).unwrap_or_default().to_vec();
+                    self.take_datagram(&datagram, peer);
+                }
+                Ok(None) => break,
+                Err(_) => {
+                    pause(ACCEPT_PAUSE);
+                    break;
                 }
             }
-            (Nature::Physical, _) => {
-                let door = self.door;
-                door.turn_away(buffer, &mut |from| self.turn_away(from, tell));
+            if self.is_closed_to_others() {
+                return;
             }
         }
+        self.attend_waiting();
     }
 
-    /// True if a client of the same machine as `client` came after `heard_ns`, the time of its last bytes.
-    pub(super) fn has_successor(&self, client: SocketAddr, heard_ns: u64) -> bool {
-        let mut guests = self.guests.iter();
-        guests.any(|guest| {
-            guest.peer.ip() == client.ip()
-                && guest.came_ns > heard_ns
-                && matches!(guest.line, Line::Letters(_))
-        })
+    /// True once a client is served whose protocol has no answer for others.
+    fn is_closed_to_others(&self) -> bool {
+        self.greeter.others() != Others::AreAnswered && self.shared.occupancy() != Occupancy::Free
     }
 
-    fn turn_away(&mut self, from: SocketAddr, tell: &mut dyn FnMut(&News)) {
-        if self.turned_away.replace(from) != Some(from) {
-            tell(&News::TurnedAway(from));
-        }
-    }
-
-    /// Keeps a datagram for later: one that opens a test, or a further one of a peer that waits. False if it is neither.
-    fn keep(&mut self, from: SocketAddr, letter: &[u8], host: &mut Host) -> bool {
-        // A separate machine judges it, so a stranger's datagram opens nothing.
-        let mut machine = self.machine(host);
-        let opens = machine
-            .hear(letter, host, &mut || true)
-            .is_ok_and(|heard| !heard.reply.is_empty() || matches!(heard.said, Said::Ready(_)));
-        if let Some(guest) = self.guests.iter_mut().find(|guest| guest.peer == from) {
-            if opens {
-                // A peer that opens again is there: it may follow a client that has fallen silent since it first came.
-                guest.came_ns = monotonic_ns();
-            }
-            return post(guest, letter, opens);
-        }
-        if !opens || self.guests.len() >= SEATS {
-            return false;
-        }
-        self.guests.push(Guest {
-            peer: from,
-            line: Line::Letters(VecDeque::from([letter.to_vec()])),
-            machine: self.machine(host),
-            came_ns: monotonic_ns(),
-            has_spoken: false,
-        });
-        true
-    }
-
-    /// Somebody came, or a datagram.
-    fn admit(
-        &mut self,
-        caller: Caller,
-        host: &mut Host,
-        tell: &mut dyn FnMut(&News),
-        buffer: &[u8],
-    ) {
-        let (Caller::Stream(_, peer) | Caller::Datagram(_, peer)) = caller;
-        if !self.door.admits(peer) {
-            tell(&News::NotAdmitted(peer));
-            return;
-        }
-        let line = match caller {
-            Caller::Stream(stream, _) => {
-                tell(&News::Connected(peer));
-                self.line_to(stream)
-            }
-            Caller::Datagram(count, _) => {
-                let letter = buffer.get(..count).unwrap_or_default().to_vec();
-                let mut guests = self.guests.iter_mut();
-                if let Some(guest) = guests.find(|guest| guest.peer == peer)
-                    && post(guest, &letter, false)
-                {
-                    return;
-                }
-                // Judged by a machine of its own: a stranger's datagram must open nothing.
-                let mut machine = self.machine(host);
-                if machine.hear(&letter, host, &mut || true).is_err() {
-                    tell(&News::Stray(peer, count));
-                    return;
-                }
-                tell(&News::Connected(peer));
-                Ok(Line::Letters(VecDeque::from([letter])))
-            }
-        };
-        match line {
-            Ok(line) => {
-                self.make_room(tell);
-                self.guests.push(Guest {
-                    peer,
-                    line,
-                    machine: self.machine(host),
-                    came_ns: monotonic_ns(),
-                    has_spoken: false,
-                });
-            }
-            Err(end) => tell(&News::Ended(peer, end, Tally::default())),
-        }
-    }
-
-    fn machine(&self, host: &Host) -> Machine {
-        let ServeSettings {
-            role, signal_order, ..
-        } = *self.settings;
-        Machine::new(role, signal_order, self.door.carrier(), host.axes())
-    }
-
-    fn line_to(&self, stream: TcpStream) -> Result<Line, End> {
-        // A kernel that refuses to watch serves all the same.
-        let _ = watch_over(&stream);
-        match &self.door.tls {
-            None => stream_to(stream)
-                .map(|link| Line::Open(Box::new(link)))
-                .ok(),
-            Some(tls) => tls
-                .accept(stream, SocketOptions::default())
-                .map(|session| Line::Shaking(Box::new(session)))
-                .ok(),
-        }
-        .ok_or(End::Vanished)
-    }
-
-    /// A seat for one more.
-    fn make_room(&mut self, tell: &mut dyn FnMut(&News)) {
-        if self.guests.len() < SEATS {
-            return;
-        }
-        let silent = self.guests.iter().position(|guest| !guest.has_spoken);
-        let guest = self.guests.remove(silent.unwrap_or(0));
-        tell(&News::Ended(guest.peer, End::GaveWay, Tally::default()));
-    }
-
-    /// Hears every guest; the first whose greeting is complete.
-    fn listen(
-        &mut self,
-        host: &mut Host,
-        tell: &mut dyn FnMut(&News),
-        buffer: &mut [u8],
-    ) -> Result<Option<Client>, DoorError> {
+    fn attend_waiting(&mut self) {
         let mut index = 0;
-        while let Some(guest) = self.guests.get_mut(index) {
-            let limit_s = self.settings.setup_limit_s;
-            match guest.hear(self.door, host, tell, buffer, limit_s) {
-                Ok(Heard::Nothing) => index += 1,
-                Ok(Heard::Ready(sizes, early)) => {
-                    let guest = self.guests.remove(index);
-                    return self.client(guest, sizes, early, tell, buffer);
+        while let Some(client) = self.waiting.get_mut(index) {
+            match client.attend(&self.listener, &self.shared, &mut self.buffer) {
+                Ok(Step::More) => index += 1,
+                Ok(Step::Complete) => {
+                    let client = self.waiting.remove(index);
+                    self.hand_over(client);
+                    if self.is_closed_to_others() {
+                        return;
+                    }
                 }
-                Err(end) => {
-                    let guest = self.guests.remove(index);
-                    tell(&News::Ended(guest.peer, end, Tally::default()));
+                Err(failure) => {
+                    let client = self.waiting.remove(index);
+                    failure.report(client.peer(), &self.shared);
                 }
             }
         }
-        Ok(None)
     }
 
-    fn client(
-        &self,
-        guest: Guest,
-        sizes: Sizes,
-        mut early: Vec<Vec<u8>>,
-        tell: &mut dyn FnMut(&News),
-        buffer: &mut [u8],
-    ) -> Result<Option<Client>, DoorError> {
-        let Guest {
-            peer,
-            line,
-            machine,
-            ..
-        } = guest;
-        let link: Box<dyn Transport> = match (line, &self.door.socket) {
-            (Line::Open(link), _) => link,
-            (Line::Letters(_), Socket::Udp(socket)) => {
-                let link = socket_to(socket, peer)?;
-                // What he sent before he had a socket of his own.
-                while let Ok((count, from)) = socket.recv_from(buffer) {
-                    if from == peer {
-                        early.push(buffer.get(..count).unwrap_or_default().to_vec());
-                    } else {
-                        tell(&News::TurnedAway(from));
-                    }
-                }
-                Box::new(link)
+    fn accept(&mut self, stream: TcpStream, peer: SocketAddr) {
+        if !self.admits(peer) {
+            return;
+        }
+        if self.greeter.is_openfresco() {
+            self.shared.tell(ServerEvent::Connected(peer));
+            // A kernel that refuses to probe serves all the same.
+            let _ = probe_silence(&stream);
+        }
+        // An error: the peer has already left.
+        if let Ok(opened) = self.listener.open(stream) {
+            self.enter(peer, opened.into());
+        }
+    }
+
+    fn admits(&self, peer: SocketAddr) -> bool {
+        let is_admitted = self.listener.admits(peer);
+        if !is_admitted {
+            self.shared.tell(ServerEvent::NotAdmitted(peer));
+        }
+        is_admitted
+    }
+
+    /// A datagram of the common socket.
+    fn take_datagram(&mut self, datagram: &[u8], peer: SocketAddr) {
+        if !self.admits(peer) {
+            return;
+        }
+        for frame in self.shared.last_frames(peer, datagram) {
+            let _ = self.listener.send_to(&frame, peer);
+        }
+        let known = self.waiting.iter_mut().find(|client| client.peer() == peer);
+        if let Some(client) = known {
+            client.keep(datagram, false);
+            return;
+        }
+        if !self.greeter.allows(datagram) {
+            self.shared.tell(ServerEvent::Stray(peer, datagram.len()));
+            return;
+        }
+        if self.greeter.is_openfresco() {
+            self.shared.tell(ServerEvent::Connected(peer));
+        }
+        let route = Route::Datagrams([datagram.to_vec()].into());
+        let mut client = WaitingClient::new(peer, route, self.greeter.handshake());
+        match client.attend(&self.listener, &self.shared, &mut self.buffer) {
+            // The datagram of a stranger takes no place.
+            Ok(Step::More) if !client.candidate().has_spoken => {}
+            Ok(Step::More) => {
+                self.make_room(peer);
+                self.waiting.push(client);
             }
-            // Nobody is ready before his handshake is done, and letters come over UDP.
-            (Line::Shaking(_), _) | (Line::Letters(_), Socket::Tcp(_)) => return Ok(None),
+            Ok(Step::Complete) => self.hand_over(client),
+            Err(failure) => failure.report(peer, &self.shared),
+        }
+    }
+
+    fn enter(&mut self, peer: SocketAddr, route: Route) {
+        self.make_room(peer);
+        let client = WaitingClient::new(peer, route, self.greeter.handshake());
+        self.waiting.push(client);
+    }
+
+    fn candidates(&self) -> Vec<Candidate> {
+        self.waiting.iter().map(WaitingClient::candidate).collect()
+    }
+
+    fn make_room(&mut self, newcomer: SocketAddr) {
+        if let Some(index) = gives_way(&self.candidates(), newcomer.ip()) {
+            let client = self.waiting.remove(index);
+            let failure = client.handshake().gave_way();
+            failure.report(client.peer(), &self.shared);
+        }
+    }
+
+    /// Gives a client to the data thread.
+    fn hand_over(&mut self, client: WaitingClient) {
+        let Some((peer, route, mut opening)) = client.into_parts() else {
+            self.shared.release();
+            return;
         };
-        Ok(Some(Client {
-            peer,
-            link,
-            machine,
-            sizes,
-            early,
-        }))
-    }
-}
-
-/// Keeps a further datagram of a peer that waits; false if its bytes do not come in datagrams. More than [`MOST_LETTERS`] are
-/// dropped. One that opens a test and repeats the datagram before it needs no second place.
-fn post(guest: &mut Guest, letter: &[u8], opens: bool) -> bool {
-    let Line::Letters(letters) = &mut guest.line else {
-        return false;
-    };
-    let is_again = opens && letters.back().is_some_and(|last| last == letter);
-    if !is_again && letters.len() < MOST_LETTERS {
-        letters.push_back(letter.to_vec());
-    }
-    true
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::link::openfresco::Role;
-    use crate::specimen::SpecimenLaw;
-
-    const PEER: ([u8; 4], u16) = ([127, 0, 0, 1], 9);
-
-    /// Calls `test` with an empty hall over UDP.
-    fn with_hall(test: impl FnOnce(&mut Hall<'_>, &mut Host)) {
-        let law: SpecimenLaw =
-            toml::from_str("law = { linear = { stiffness_n_per_m = 8000.0 } }").unwrap();
-        let mut host = Host::new(law.build(1).unwrap(), Nature::Simulated, None);
-        let door = Door::bind(Carrier::Datagrams, "127.0.0.1:0", []).unwrap();
-        let settings = ServeSettings::new(Role::Application, None);
-        test(&mut Hall::new(&door, &settings), &mut host);
-    }
-
-    #[test]
-    fn a_peer_that_opens_again_came_later_and_one_that_says_other_things_did_not() {
-        with_hall(|hall, host| {
-            let peer = PEER.into();
-            assert!(hall.keep(peer, b"a", host));
-            let came_ns = hall.guests[0].came_ns;
-            let heard_ns = monotonic_ns();
-            assert!(!hall.has_successor(peer, heard_ns));
-            assert!(hall.keep(peer, &[7; 16], host));
-            assert_eq!(hall.guests[0].came_ns, came_ns);
-            assert!(!hall.has_successor(peer, heard_ns));
-            assert!(hall.keep(peer, b"a", host));
-            assert!(hall.has_successor(peer, heard_ns));
-            assert!(!hall.has_successor(peer, monotonic_ns()));
-            assert_eq!(hall.guests.len(), 1);
-        });
-    }
-
-    #[test]
-    fn a_hello_that_is_repeated_takes_no_room_from_what_follows() {
-        with_hall(|hall, host| {
-            let peer = PEER.into();
-            for _ in 0..200 {
-                assert!(hall.keep(peer, b"a", host));
+        let connection = match route {
+            Route::Connected(connection) => Ok(connection),
+            Route::Datagrams(kept) => self.own_socket(peer, kept, &mut opening),
+            Route::Encrypting(_) => Err("the TLS session is not complete".to_owned()),
+        };
+        let link = match connection {
+            Ok(connection) => ClientLink::Plain(connection),
+            Err(text) => {
+                self.shared.release();
+                self.shared.tell(ServerEvent::Refused { peer, text });
+                return;
             }
-            let Line::Letters(letters) = &hall.guests[0].line else {
-                panic!("over UDP a guest has letters");
-            };
-            assert_eq!(letters.len(), 1);
-        });
+        };
+        if self.greeter.others() == Others::AreTurnedAway {
+            for other in self.waiting.drain(..) {
+                self.shared.tell(ServerEvent::TurnedAway(other.peer()));
+            }
+        }
+        let channel = Channel { link, peer };
+        let client = Client { channel, opening };
+        // The reservation makes room in the queue certain; a data thread that is gone ends the server.
+        if self.clients.try_send(client).is_err() {
+            self.shared.release();
+        }
     }
 
-    #[test]
-    fn no_peer_fills_the_memory_while_it_waits_or_while_it_is_greeted() {
-        for is_served in [false, true] {
-            with_hall(|hall, host| {
-                let peer = PEER.into();
-                let mut buffer = vec![7; 16];
-                buffer[0] = b'a';
-                for k in 0..200 {
-                    let count = if k == 0 { 1 } else { 16 };
-                    if is_served {
-                        assert!(hall.keep(peer, &buffer[..count], host));
-                    } else {
-                        let caller = Caller::Datagram(count, peer);
-                        hall.admit(caller, host, &mut |_| {}, &buffer);
+    /// The socket of a UDP client. The datagrams that came before it belong to the session, too.
+    fn own_socket(
+        &mut self,
+        peer: SocketAddr,
+        kept: impl IntoIterator<Item = Vec<u8>>,
+        opening: &mut Opening,
+    ) -> Result<Connection, String> {
+        let mut connection = self.listener.own_socket(peer)?;
+        let mut early: Vec<Vec<u8>> = kept.into_iter().collect();
+        let mut others = Vec::new();
+        while let Ok(Some(Arrival::Datagram(count, from))) = self.listener.next(&mut self.buffer) {
+            let datagram = self.buffer.get(..count).unwrap_or_default().to_vec();
+            if from == peer {
+                early.push(datagram);
+            } else {
+                others.push((datagram, from));
+            }
+        }
+        match opening {
+            Opening::OpenFresco(openfresco) => {
+                openfresco.early.extend(early);
+                for (_, from) in others {
+                    self.shared.tell(ServerEvent::TurnedAway(from));
+                }
+            }
+            // A client of our own protocol asks again for what was not answered.
+            Opening::Native(_) => {
+                for (datagram, from) in others {
+                    self.take_datagram(&datagram, from);
+                }
+            }
+        }
+        if self.greeter.has_key() {
+            crate::link::Transport::trust_only_frames(&mut connection);
+        }
+        Ok(connection)
+    }
+
+    /// While a client is served whose protocol has no answer for others.
+    fn wait_until_free(&mut self) {
+        self.turned_away = None;
+        let mut look_ns = monotonic_ns() + LOOK.as_nanos() as u64;
+        while !self.shared.is_stopped() {
+            match self.shared.occupancy() {
+                Occupancy::Free => break,
+                // The others may be clients of the next test.
+                Occupancy::Closing => {}
+                Occupancy::Served(client) if monotonic_ns() >= look_ns => {
+                    self.meet_others(client);
+                    look_ns = monotonic_ns() + LOOK.as_nanos() as u64;
+                }
+                Occupancy::Served(_) => {}
+            }
+            pause(PAUSE);
+        }
+        for client in &mut self.waiting {
+            client.restart();
+        }
+    }
+
+    fn meet_others(&mut self, client: SocketAddr) {
+        let waits = self.greeter.others() == Others::Wait;
+        if waits && self.listener.is_stream() {
+            // They wait in the backlog of the port.
+            return;
+        }
+        for _ in 0..MOST_ARRIVALS {
+            match self.listener.next(&mut self.buffer) {
+                Ok(Some(Arrival::Stream(_, peer))) => self.turn_away(peer),
+                Ok(Some(Arrival::Datagram(count, peer))) => {
+                    let datagram = self.buffer.get(..count).unwrap_or_default().to_vec();
+                    let is_neighbour = peer.ip() == client.ip();
+                    if !(waits && is_neighbour && self.keep(&datagram, peer)) {
+                        self.turn_away(peer);
                     }
                 }
-                let Line::Letters(letters) = &hall.guests[0].line else {
-                    panic!("over UDP a guest has letters");
-                };
-                assert_eq!(letters.len(), MOST_LETTERS);
-            });
+                Ok(None) | Err(_) => return,
+            }
         }
+    }
+
+    fn turn_away(&mut self, peer: SocketAddr) {
+        if self.turned_away.replace(peer) != Some(peer) {
+            self.shared.tell(ServerEvent::TurnedAway(peer));
+        }
+    }
+
+    /// Keeps a datagram until the specimen is free: one that opens a test, or a further one of a waiting client. False if it is
+    /// neither.
+    fn keep(&mut self, datagram: &[u8], peer: SocketAddr) -> bool {
+        let opens = self.greeter.opens(datagram);
+        let has_room = gives_way(&self.candidates(), peer.ip()).is_none();
+        let known = self.waiting.iter_mut().find(|client| client.peer() == peer);
+        let is_kept = match known {
+            Some(client) => client.keep(datagram, opens),
+            None if opens && has_room => {
+                let route = Route::Datagrams([datagram.to_vec()].into());
+                let client = WaitingClient::new(peer, route, self.greeter.handshake());
+                self.waiting.push(client);
+                true
+            }
+            None => false,
+        };
+        if is_kept && opens {
+            self.shared.succeed(monotonic_ns());
+        }
+        is_kept
     }
 }

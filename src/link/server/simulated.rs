@@ -1,62 +1,64 @@
-//! The far end on simulated time: the same greeting, the same stand and the same station as behind a socket, and in
-//! between a wire of a constant delay.
+//! A server behind a simulated wire of a constant delay, with the client's end of that wire.
 //!
-//! This is the controller's end of that wire: whoever waits for a reply lets time pass, and the far end ([`Far`]) does what is
-//! due meanwhile. Everything happens on one thread, in the order of simulated time, so that a test with the same faults is
-//! the same test to the last bit. What it does not do: faults. They are the host's ([`Host::faulty`]).
+//! The handshake and the session are the same as behind a socket. While the client waits for a reply, time passes and the
+//! server does what is due.
+//! Everything happens on one thread in the order of simulated time, so a test with the same faults is the same bit for bit.
+//! Faults are played by the host ([`Host::faulty`]), not by this wire.
 
-use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use tokio::sync::mpsc::UnboundedReceiver;
+use crossbeam_channel::{Receiver, unbounded};
 
-use super::far::Far;
-use super::wire_end::FarEnd;
-use super::{Desk, Heard, Host};
+use super::native_handshake::Offer;
+use super::shared::Shared;
+use super::simulated_server::SimulatedServer;
+use super::wire_end::WireEnd;
+use super::{Host, ServerEvent};
 use crate::link::Transport;
 use crate::substructure::LinkFault;
 use crate::time::{Clock, Nanos, SimClock};
 use crate::wire::native::{Kind, commanded, peek};
 
-/// What a controller sent, as seen on the wire, and what the far end had to tell.
+/// A frame that the client sent, or an event of the server.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Tapped {
-    /// A frame of the controller left it.
+    /// The client sent a frame.
     Sent {
-        /// When.
+        /// The time.
         at: Nanos,
-        /// What.
+        /// The kind of the frame.
         kind: Kind,
         /// Number of the command that it belongs to.
         sequence: u64,
         /// Displacement of each axis of a command.
         disp: Vec<f64>,
     },
-    /// The far end told this.
-    Heard {
-        /// When.
+    /// The server reported an event.
+    Event {
+        /// The time.
         at: Nanos,
-        /// What.
-        what: Heard,
+        /// The event.
+        event: ServerEvent,
     },
 }
 
-/// Where a simulated wire writes down what passes; everyone who has it can read it.
+/// The record of a simulated wire.
 pub type Tap = Arc<Mutex<Vec<Tapped>>>;
 
-/// A specimen behind a server, with both ends of the wire to it, on simulated time.
+/// A specimen behind a server on simulated time, with both ends of the wire to it.
 pub struct Simulated {
     clock: SimClock,
     stream: bool,
-    desk: Desk,
-    far: Far,
+    offer: Arc<Offer>,
+    shared: Shared,
+    server: SimulatedServer,
     tapped: Option<Tapping>,
 }
 
-/// Who wants to know what passes.
+/// The record of a wire, and the events of its server.
 struct Tapping {
     tap: Tap,
-    heard: UnboundedReceiver<Heard>,
+    events: Receiver<ServerEvent>,
 }
 
 impl Tapping {
@@ -69,54 +71,44 @@ impl Tapping {
 impl std::fmt::Debug for Simulated {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Simulated")
-            .field("host", &self.desk.host)
+            .field("host", &self.offer.host)
             .finish_non_exhaustive()
     }
 }
 
-/// Turns of the far end in which no time passes: beyond, it waits for nothing, and a real one would burn a processor.
-const MOST_IN_VAIN: u32 = 10_000;
+/// Largest number of turns in which no time passes: a server that needs more waits for nothing.
+const MOST_IDLE_TURNS: u32 = 10_000;
 
 impl Simulated {
-    /// `host` behind a wire whose frames take `delay_ns` either way; a `stream` tells when the far end has closed it,
-    /// datagrams do not. Whoever waits at this end lets time pass on `clock`.
+    /// A server of `host` behind a wire whose frames take `delay_ns` in each direction. A `stream` shows that the server has closed
+    /// it; datagrams do not. A wait of the client lets time pass on `clock`.
     #[must_use]
     pub fn new(host: Host, clock: SimClock, delay_ns: u64, stream: bool) -> Self {
-        // Nobody listens, unless it is tapped.
-        let (heard_in, _) = tokio::sync::mpsc::unbounded_channel();
-        let (sessions, _) = crossbeam_channel::bounded(1);
-        let end = FarEnd::new(clock.now(), delay_ns);
+        // The events are dropped, unless the wire is tapped.
+        let (events, _) = unbounded();
+        let end = WireEnd::new(clock.now(), delay_ns);
+        let offer = Arc::new(Offer { host, key: None });
         Self {
             clock,
             stream,
-            desk: Desk {
-                quotas: Mutex::default(),
-                host,
-                key: None,
-                tls: None,
-                spin_ns: 0,
-                present: AtomicBool::new(false),
-                stop: AtomicBool::new(false),
-                sessions,
-                heard: heard_in,
-                parted: Mutex::default(),
-            },
-            far: Far::waiting(end, stream),
+            shared: Shared::new(events),
+            server: SimulatedServer::waiting(Arc::clone(&offer), end, stream),
+            offer,
             tapped: None,
         }
     }
 
-    /// Writes down what the controller sends and what the far end tells.
+    /// Records what the client sends and the events of the server.
     #[must_use]
     pub fn tapped(mut self, tap: Tap) -> Self {
-        let (heard_in, heard) = tokio::sync::mpsc::unbounded_channel();
-        self.desk.heard = heard_in;
-        self.tapped = Some(Tapping { tap, heard });
+        let (events_in, events) = unbounded();
+        self.shared = Shared::new(events_in);
+        self.tapped = Some(Tapping { tap, events });
         self
     }
 
-    fn end(&mut self) -> Option<&mut FarEnd> {
-        self.far.end()
+    fn end(&mut self) -> Option<&mut WireEnd> {
+        self.server.end()
     }
 
     /// When the next frame is here.
@@ -124,21 +116,21 @@ impl Simulated {
         self.end().and_then(|end| end.next_at())
     }
 
-    /// Lets the far end live until `limit`, or until something is on its way to this end.
-    fn live(&mut self, limit: Nanos) {
-        let mut in_vain = 0;
-        while let Some(end) = self.far.end()
+    /// Lets the server run until `limit`, or until something is on its way to the client.
+    fn run(&mut self, limit: Nanos) {
+        let mut idle_turns = 0;
+        while let Some(end) = self.server.end()
             && end.is_due(limit)
         {
             let before = end.now();
             end.allow(limit);
-            self.far.turn(limit, &self.desk);
+            self.server.turn(limit, &self.offer, &self.shared);
             let now = self.end().map_or(limit, |end| end.now());
-            in_vain = if now > before { 0 } else { in_vain + 1 };
-            debug_assert!(in_vain < MOST_IN_VAIN, "the far end spins at {now:?}");
+            idle_turns = if now > before { 0 } else { idle_turns + 1 };
+            debug_assert!(idle_turns < MOST_IDLE_TURNS, "the server spins at {now:?}");
             if let Some(tapped) = &mut self.tapped {
-                while let Ok(what) = tapped.heard.try_recv() {
-                    tapped.write_down(Tapped::Heard { at: now, what });
+                while let Ok(event) = tapped.events.try_recv() {
+                    tapped.write_down(Tapped::Event { at: now, event });
                 }
             }
         }
@@ -148,7 +140,7 @@ impl Simulated {
 impl Transport for Simulated {
     fn send(&mut self, frame: &[u8]) -> Result<(), LinkFault> {
         let now = self.clock.now();
-        if self.stream && self.far.is_over() && self.next_at().is_none() {
+        if self.stream && self.server.is_over() && self.next_at().is_none() {
             return Err(LinkFault::Closed);
         }
         if let Some(tapped) = &self.tapped
@@ -169,13 +161,13 @@ impl Transport for Simulated {
 
     fn recv(&mut self, buffer: &mut [u8], deadline: Nanos) -> Result<Option<usize>, LinkFault> {
         let until = deadline.max(self.clock.now());
-        self.live(until);
+        self.run(until);
         match self.next_at() {
             Some(at) if at <= until => {
                 self.clock.sleep_until(at);
                 Ok(self.end().and_then(|end| end.arrived(at, buffer)))
             }
-            None if self.stream && self.far.is_over() => Err(LinkFault::Closed),
+            None if self.stream && self.server.is_over() => Err(LinkFault::Closed),
             Some(_) | None => {
                 self.clock.sleep_until(until);
                 Ok(None)
@@ -216,26 +208,26 @@ mod tests {
     #[test]
     fn every_event_that_a_client_can_repeat_has_a_quota() {
         let sequence = 1;
-        for heard in [
-            Heard::Tripped {
+        for event in [
+            ServerEvent::Tripped {
                 sequence,
                 text: String::new(),
             },
-            Heard::Holding {
+            ServerEvent::Holding {
                 sequence: None,
                 silent_s: 1.0,
             },
-            Heard::Resumed { sequence },
+            ServerEvent::Resumed { sequence },
         ] {
             let tap = Tap::default();
             let mut end = Simulated::new(host(), SimClock::new(), 0, true).tapped(tap);
             for _ in 0..1000 {
-                end.desk.tell(heard.clone());
+                end.shared.tell(event.clone());
             }
             let tapping = end.tapped.as_mut().unwrap();
-            let told = std::iter::from_fn(|| tapping.heard.try_recv().ok());
+            let told = std::iter::from_fn(|| tapping.events.try_recv().ok());
             // The last one says that further events are not reported.
-            assert_eq!(told.count(), 101, "{heard:?}");
+            assert_eq!(told.count(), 101, "{event:?}");
         }
     }
 }

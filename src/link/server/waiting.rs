@@ -1,156 +1,228 @@
-//! One peer before it is the client: its bytes are read up to the sizes, and no specimen hears of it.
+//! One waiting client: its connection, its handshake, and the time limit of the present phase.
 
 use std::collections::VecDeque;
-use std::net::{SocketAddr, UdpSocket};
+use std::net::SocketAddr;
+use std::os::fd::BorrowedFd;
 
-use super::dialect::{Machine, Said};
-use super::door::{Door, Socket};
-use super::host::Host;
-use super::news::{End, News, lost};
+use super::admission::Candidate;
+use super::connection::Connection;
+use super::handshake::{Handshake, Opening};
+use super::handshake_step::{Failure, Step};
+use super::listener::{Listener, Opened};
+use super::shared::Shared;
 use crate::link::Transport;
 use crate::link::socket::LOOK;
-use crate::link::tls::{TlsFault, TlsStream, is_client_hello};
+use crate::link::tls::TlsStream;
 use crate::rt::os::monotonic_ns;
-use crate::wire::openfresco::{Sizes, datagrams};
 
-/// Reads of one guest in one look: a talkative one must not hold up the others.
+/// Reads from one client in one turn: a talkative client must not delay the others.
 const MOST_READS: u32 = 8;
+/// Datagrams that are kept for one client.
+const MOST_KEPT: usize = 64;
+/// Bytes of a stream that are read at once: a handshake takes them whole.
+const CHUNK: usize = 4096;
 
-/// A client that has not said in full what it wants, or waits.
-pub(super) struct Guest {
-    pub peer: SocketAddr,
-    pub line: Line,
-    pub machine: Machine,
-    pub came_ns: u64,
-    pub has_spoken: bool,
+/// How the bytes of a waiting client arrive.
+pub(super) enum Route {
+    /// A connection whose TLS session is still to come.
+    Encrypting(Box<TlsStream>),
+    Connected(Connection),
+    /// Datagrams of the common socket that the handshake has not taken yet.
+    Datagrams(VecDeque<Vec<u8>>),
 }
 
-/// What carries the bytes of a guest.
-pub(super) enum Line {
-    /// Over TLS, whose handshake is not done.
-    Shaking(Box<TlsStream>),
-    Open(Box<dyn Transport>),
-    /// Datagrams that came through the door and were not read yet.
-    Letters(VecDeque<Vec<u8>>),
+/// A client whose handshake is not complete.
+pub(super) struct WaitingClient {
+    peer: SocketAddr,
+    route: Route,
+    handshake: Handshake,
+    /// The present phase of the handshake, and its beginning.
+    phase: u8,
+    since_ns: u64,
 }
 
-/// The state of a guest after its bytes were read.
-pub(super) enum Heard {
-    /// No more for now.
-    Nothing,
-    Ready(Sizes, Vec<Vec<u8>>),
-}
+impl WaitingClient {
+    pub fn new(peer: SocketAddr, route: Route, handshake: Handshake) -> Self {
+        let now_ns = monotonic_ns();
+        let (phase, _) = handshake.phase(matches!(route, Route::Encrypting(_)));
+        Self {
+            peer,
+            route,
+            handshake,
+            phase,
+            since_ns: now_ns,
+        }
+    }
 
-impl Guest {
-    /// Reads what has arrived from the guest, without waiting.
-    pub(super) fn hear(
+    pub const fn peer(&self) -> SocketAddr {
+        self.peer
+    }
+
+    pub fn candidate(&self) -> Candidate {
+        Candidate {
+            peer: self.peer,
+            has_spoken: self.handshake.has_spoken(),
+        }
+    }
+
+    pub const fn handshake(&self) -> &Handshake {
+        &self.handshake
+    }
+
+    /// Its own socket, if it has one.
+    pub fn fd(&self) -> Option<BorrowedFd<'_>> {
+        match &self.route {
+            Route::Encrypting(tls) => Some(tls.socket()),
+            Route::Connected(connection) => connection.fd(),
+            Route::Datagrams(_) => None,
+        }
+    }
+
+    /// Its time limits count from now: nobody read its bytes while another client was served.
+    pub fn restart(&mut self) {
+        self.since_ns = monotonic_ns();
+    }
+
+    /// Keeps a datagram for a later turn; false if its bytes do not arrive in datagrams. Surplus datagrams are dropped. `opens`: it
+    /// opens a test; repeated, it needs no second place.
+    pub fn keep(&mut self, datagram: &[u8], opens: bool) -> bool {
+        let Route::Datagrams(kept) = &mut self.route else {
+            return false;
+        };
+        let is_repeated = opens && kept.back().is_some_and(|last| last == datagram);
+        if !is_repeated && kept.len() < MOST_KEPT {
+            kept.push_back(datagram.to_vec());
+        }
+        true
+    }
+
+    /// Reads what has arrived, without waiting, and answers it.
+    pub fn attend(
         &mut self,
-        door: &Door,
-        host: &mut Host,
-        tell: &mut dyn FnMut(&News),
+        listener: &Listener,
+        shared: &Shared,
         buffer: &mut [u8],
-        limit_s: f64,
-    ) -> Result<Heard, End> {
-        if let Line::Shaking(session) = &mut self.line
-            && session.handshake(LOOK).map_err(End::Tls)?
-            && let Line::Shaking(session) =
-                std::mem::replace(&mut self.line, Line::Letters(VecDeque::new()))
-        {
-            self.line = Line::Open(session);
+    ) -> Result<Step, Failure> {
+        if !self.encrypt()? {
+            return self.in_time();
         }
         for _ in 0..MOST_READS {
-            let bytes = match &mut self.line {
-                Line::Shaking(_) => break,
-                Line::Open(link) => match link.recv(buffer, LOOK) {
-                    Ok(Some(count)) => buffer.get(..count).unwrap_or_default().to_vec(),
-                    Ok(None) => break,
-                    Err(fault) => {
-                        let end = lost(link.as_ref(), fault);
-                        return Err(end.within(self.machine.partial()));
+            let bytes = match &mut self.route {
+                Route::Encrypting(_) => break,
+                Route::Connected(connection) => {
+                    let chunk = CHUNK.min(buffer.len());
+                    let chunk = buffer.get_mut(..chunk).unwrap_or_default();
+                    match connection.recv(chunk, LOOK) {
+                        Ok(Some(count)) => chunk.get(..count).unwrap_or_default().to_vec(),
+                        Ok(None) => break,
+                        Err(fault) => return Err(self.handshake.link_lost(connection, fault)),
                     }
-                },
-                Line::Letters(letters) => match letters.pop_front() {
-                    Some(letter) => letter,
+                }
+                Route::Datagrams(kept) => match kept.pop_front() {
+                    Some(datagram) => datagram,
                     None => break,
                 },
             };
-            if matches!(door.socket, Socket::Tcp(_)) && is_client_hello(&bytes) {
-                return Err(End::SpeaksTls);
-            }
-            self.has_spoken = true;
-            if let Some((sizes, rest)) = self.digest(&bytes, door, host, tell)? {
-                let mut early = vec![rest];
-                if let Line::Letters(letters) = &mut self.line {
-                    early.extend(letters.drain(..));
+            match self.take(&bytes, listener, shared) {
+                Ok(Step::More) => {}
+                Ok(Step::Complete) => return Ok(Step::Complete),
+                Err(failure) => {
+                    self.refuse(failure.frame(), listener);
+                    return Err(failure);
                 }
-                return Ok(Heard::Ready(sizes, early));
             }
         }
-        if seconds(monotonic_ns(), self.came_ns) <= limit_s {
-            return Ok(Heard::Nothing);
-        }
-        Err(match &self.line {
-            Line::Shaking(_) => End::Tls(TlsFault::SlowHandshake),
-            Line::Open(_) | Line::Letters(_) => End::NoSizes(limit_s),
-        })
+        self.in_time()
     }
 
-    /// Does what some bytes of his say, up to the sizes; those, and what comes behind them.
-    fn digest(
+    fn take(
         &mut self,
         bytes: &[u8],
-        door: &Door,
-        host: &mut Host,
-        tell: &mut dyn FnMut(&News),
-    ) -> Result<Option<(Sizes, Vec<u8>)>, End> {
-        let mut rest = bytes;
-        while !rest.is_empty() {
-            let piece = match door.socket {
-                Socket::Tcp(_) => usize::MAX,
-                Socket::Udp(_) => self.machine.piece(),
-            };
-            // Before the sizes no specimen is queried.
-            let heard = self.machine.hear(rest, host, &mut || true);
-            let heard = heard.map_err(End::Refused)?;
-            for part in datagrams(heard.reply, heard.reply.len(), piece) {
-                match (&mut self.line, &door.socket) {
-                    (Line::Open(link), _) => {
-                        let sent = link.send(part);
-                        sent.map_err(|fault| lost(link.as_ref(), fault))?;
+        listener: &Listener,
+        shared: &Shared,
+    ) -> Result<Step, Failure> {
+        let mut replies = Vec::new();
+        let step = self
+            .handshake
+            .take(bytes, self.peer, shared, &mut replies)?;
+        for reply in replies {
+            match &mut self.route {
+                Route::Connected(connection) => {
+                    if let Err(fault) = connection.send(&reply) {
+                        return Err(self.handshake.link_lost(connection, fault));
                     }
-                    (Line::Letters(_), Socket::Udp(socket)) => post(socket, part, self.peer)?,
-                    (Line::Shaking(_), _) | (Line::Letters(_), Socket::Tcp(_)) => {}
                 }
-            }
-            let used = heard.used;
-            match heard.said {
-                // No command comes before the sizes.
-                Said::Nothing | Said::Reset => {}
-                Said::Ready(sizes) => {
-                    let rest = rest.get(used..).unwrap_or_default();
-                    return Ok(Some((sizes, rest.to_vec())));
+                // The network may lose a datagram; then the client asks again.
+                Route::Datagrams(_) => {
+                    let _ = listener.send_to(&reply, self.peer);
                 }
-                Said::InitLine => tell(&News::InitLine),
-                Said::Ignored(code) => tell(&News::Ignored(code)),
-                Said::Finished => return Err(End::Finished),
+                Route::Encrypting(_) => {}
             }
-            if used == 0 {
-                break;
-            }
-            rest = rest.get(used..).unwrap_or_default();
         }
-        Ok(None)
+        Ok(step)
+    }
+
+    /// Goes on with the TLS session, if there is to be one; true once bytes can be read.
+    fn encrypt(&mut self) -> Result<bool, Failure> {
+        let Route::Encrypting(session) = &mut self.route else {
+            return Ok(true);
+        };
+        match session.handshake(LOOK) {
+            Ok(false) => return Ok(false),
+            Ok(true) => {}
+            Err(fault) => {
+                session.close_gently();
+                return Err(self.handshake.tls_failed(fault, session.detail()));
+            }
+        }
+        let none = Route::Datagrams(VecDeque::new());
+        if let Route::Encrypting(session) = std::mem::replace(&mut self.route, none) {
+            self.route = Route::Connected(Connection::Tls(session));
+        }
+        Ok(true)
+    }
+
+    /// Sends the last bytes of a refusal. A client that does not take them sees the connection close.
+    fn refuse(&mut self, frame: &[u8], listener: &Listener) {
+        match &mut self.route {
+            Route::Connected(connection) => {
+                if !frame.is_empty() {
+                    let _ = connection.send(frame);
+                }
+                connection.close_gently();
+            }
+            Route::Datagrams(_) if !frame.is_empty() => {
+                let _ = listener.send_to(frame, self.peer);
+            }
+            Route::Encrypting(_) | Route::Datagrams(_) => {}
+        }
+    }
+
+    /// Checks the time limit of the phase.
+    fn in_time(&mut self) -> Result<Step, Failure> {
+        let is_encrypting = matches!(self.route, Route::Encrypting(_));
+        let (phase, limit) = self.handshake.phase(is_encrypting);
+        let now_ns = monotonic_ns();
+        if phase != self.phase {
+            (self.phase, self.since_ns) = (phase, now_ns);
+        }
+        if u128::from(now_ns.saturating_sub(self.since_ns)) <= limit.as_nanos() {
+            return Ok(Step::More);
+        }
+        Err(self.handshake.timed_out(is_encrypting))
+    }
+
+    /// The parts of a client whose handshake is complete.
+    pub fn into_parts(self) -> Option<(SocketAddr, Route, Opening)> {
+        Some((self.peer, self.route, self.handshake.into_opening()?))
     }
 }
 
-fn post(socket: &UdpSocket, part: &[u8], peer: SocketAddr) -> Result<(), End> {
-    match socket.send_to(part, peer) {
-        Ok(_) => Ok(()),
-        Err(_) => Err(End::Vanished),
+impl From<Opened> for Route {
+    fn from(opened: Opened) -> Self {
+        match opened {
+            Opened::Plain(connection) => Self::Connected(connection),
+            Opened::Encrypting(session) => Self::Encrypting(session),
+        }
     }
-}
-
-/// Seconds from one time in ns to another.
-pub(super) fn seconds(now: u64, since: u64) -> f64 {
-    now.saturating_sub(since) as f64 * 1e-9
 }

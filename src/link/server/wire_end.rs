@@ -1,13 +1,13 @@
-//! The far end's end of a simulated wire.
+//! The server's end of a simulated wire.
 
 use crate::link::Transport;
 use crate::link::fault::Queue;
 use crate::substructure::LinkFault;
 use crate::time::Nanos;
 
-/// The far end's end of the wire.
+/// The server's end of a wire with a constant delay.
 #[derive(Debug)]
-pub(super) struct FarEnd {
+pub(super) struct WireEnd {
     incoming: Queue,
     outgoing: Queue,
     now: Nanos,
@@ -16,7 +16,7 @@ pub(super) struct FarEnd {
     delay_ns: u64,
 }
 
-impl FarEnd {
+impl WireEnd {
     pub fn new(now: Nanos, delay_ns: u64) -> Self {
         Self {
             incoming: Queue::default(),
@@ -27,17 +27,17 @@ impl FarEnd {
         }
     }
 
-    /// A frame of the controller's leaves its end at `now`.
+    /// The controller sends a frame at `now`.
     pub fn carry(&mut self, now: Nanos, frame: &[u8]) {
         self.incoming.push(now.plus(self.delay_ns), frame);
     }
 
-    /// When the next frame is at the controller's end.
+    /// Arrival time of the next frame at the controller's end.
     pub fn next_at(&self) -> Option<Nanos> {
         self.outgoing.next_at()
     }
 
-    /// Puts a frame that is at the controller's end by `at` into `buffer`, and tells its size.
+    /// Copies a frame that has arrived at the controller's end by `at` into `buffer`. Returns its size.
     pub fn arrived(&mut self, at: Nanos, buffer: &mut [u8]) -> Option<usize> {
         self.outgoing.take(at, buffer)
     }
@@ -60,13 +60,13 @@ impl FarEnd {
     }
 }
 
-impl Transport for FarEnd {
+impl Transport for WireEnd {
     fn send(&mut self, frame: &[u8]) -> Result<(), LinkFault> {
         self.outgoing.push(self.now.plus(self.delay_ns), frame);
         Ok(())
     }
 
-    /// Returns before the deadline where the present of the controller's end is reached.
+    /// Returns before the deadline when the time of the controller's end is reached.
     fn recv(&mut self, buffer: &mut [u8], deadline: Nanos) -> Result<Option<usize>, LinkFault> {
         let until = deadline.min(self.limit).max(self.now);
         let at = self.incoming.next_at().filter(|at| *at <= until);
