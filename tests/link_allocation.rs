@@ -40,7 +40,7 @@ fn served(carrier: Carrier, key: Option<PreSharedKey>) -> SocketAddr {
     let server = Server::bind(host, options).unwrap();
     let address = server.local_addr();
     // Ends with the test's process.
-    std::thread::spawn(move || server.run(std::future::pending(), &mut |_| {}));
+    std::thread::spawn(move || server.run(&|| false, &mut |_| {}));
     address
 }
 

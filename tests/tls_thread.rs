@@ -72,7 +72,7 @@ impl Ends {
         let server = Server::bind_tls(host, options, self.server.clone()).unwrap();
         let address = server.local_addr();
         // Ends with the test's process.
-        std::thread::spawn(move || server.run(std::future::pending(), &mut |_| {}));
+        std::thread::spawn(move || server.run(&|| false, &mut |_| {}));
         address
     }
 

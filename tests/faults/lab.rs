@@ -314,7 +314,7 @@ impl Played {
             .iter()
             .flatten()
             .filter_map(|tapped| match tapped {
-                Tapped::Heard { what, .. } => Some(what.to_string()),
+                Tapped::Event { event, .. } => Some(event.to_string()),
                 Tapped::Sent { .. } => None,
             });
         told.collect::<Vec<_>>().join("\n")

@@ -303,9 +303,18 @@ fn receive_early(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::link::openfresco::Nature;
-    use crate::link::rig::Visitor;
+    use std::sync::Arc;
+
+    use crossbeam_channel::unbounded;
+
+    use crate::link::openfresco::{Nature, Role};
+    use crate::link::rig::{Law, Rig, Station, Wanted};
+    use crate::link::server::connection::Connection;
+    use crate::link::server::wire_end::WireEnd;
     use crate::specimen::SpecimenLaw;
+    use crate::substructure::{Command, Introduction, Measurement, Retirement};
+    use crate::units::AxisUnits;
+    use crate::wire::openfresco::Carrier;
 
     const LINEAR: &str = "law = { linear = { stiffness_n_per_m = 8000.0 } }";
     const VISCOUS: &str = "law = { linear = { stiffness_n_per_m = 0, damping_n_s_per_m = 50.0 } }";
@@ -314,7 +323,8 @@ mod tests {
 
     /// A client of one axis that commands displacements and, if it is `timed`, times, and wants forces.
     struct Client {
-        machine: Machine,
+        codec: Codec,
+        role: Role,
         host: Host,
         timed: i32,
     }
@@ -325,23 +335,25 @@ mod tests {
             let mut host = Host::new(law.build(1).unwrap(), nature, Some(0.01));
             let visitor = Visitor::unnamed(([127, 0, 0, 1], 1).into());
             host.begin(&visitor, &mut || Ok(())).unwrap();
-            let mut machine = Machine::new(role, None, Carrier::Stream, 1);
+            let mut codec = Codec::new(role, None, Carrier::Stream, 1);
             let timed = i32::from(timed);
             let sizes = [1, 0, 0, 0, timed, 0, 0, 0, 1, 0, N as i32];
             let bytes: Vec<u8> = sizes.into_iter().flat_map(i32::to_le_bytes).collect();
-            machine.hear(&bytes, &mut host, &mut || true).unwrap();
+            codec.feed(&bytes).unwrap();
             Self {
-                machine,
+                codec,
+                role,
                 host,
                 timed,
             }
         }
 
-        fn send(&mut self, code: f64, disp: f64, time: f64) -> Result<Vec<f64>, ExchangeFault> {
+        fn send(&mut self, code: f64, disp: f64, time: f64) -> Result<Vec<f64>, End> {
             let values = [code, disp, time * f64::from(self.timed), 0.0];
             let bytes: Vec<u8> = values.into_iter().flat_map(f64::to_le_bytes).collect();
-            let heard = self.machine.hear(&bytes, &mut self.host, &mut || true)?;
-            let words = heard.reply.chunks_exact(8);
+            let (_, request) = self.codec.feed(&bytes).unwrap();
+            let reply = obey(&mut self.codec, request, &mut self.host, &mut || true)?;
+            let words = reply.chunks_exact(8);
             Ok(words
                 .map(|word| f64::from_le_bytes(word.try_into().unwrap()))
                 .collect())
@@ -351,7 +363,7 @@ mod tests {
         fn step(&mut self, disp: f64, time: f64) -> f64 {
             self.send(3.0, disp, time).unwrap();
             // Behind the flag, where there is one.
-            let at = usize::from(matches!(self.machine, Machine::Simulink { .. }));
+            let at = usize::from(self.role == Role::Simulink);
             let force = self.send(6.0, 0.0, 0.0).unwrap()[at];
             // The time stands where a command has it.
             self.send(5.0, 0.0, time).unwrap();
@@ -400,7 +412,10 @@ mod tests {
                     match nature {
                         Nature::Simulated => assert!(back.is_ok(), "{role:?}"),
                         Nature::Physical => assert!(
-                            matches!(back, Err(ExchangeFault::Host(HostFault::TakenBack { .. }))),
+                            matches!(
+                                back,
+                                Err(End::Refused(ExchangeFault::Host(HostFault::TakenBack { .. })))
+                            ),
                             "{role:?} {timed}: {back:?}"
                         ),
                     }
@@ -441,15 +456,8 @@ mod tests {
         let mut client = Client::new(Role::Application, BILINEAR, Nature::Simulated, true);
         client.step(0.0, 0.0);
         client.step(0.0275, 0.01);
-        let vector: Vec<u8> = [3.0, 0.0, 0.0, 0.0]
-            .into_iter()
-            .flat_map(f64::to_le_bytes)
-            .collect();
-        let heard = client
-            .machine
-            .hear(&vector, &mut client.host, &mut || true)
-            .unwrap();
-        assert_eq!(heard.said, Said::Reset);
+        client.send(3.0, 0.0, 0.0).unwrap();
+        assert!(client.codec.is_reset());
         // 27.5 mm are 20 mm beyond the yield: unloaded by 15 mm, and 12.5 mm beyond the other one.
         let force = client.send(10.0, 0.0, 0.0).unwrap()[0];
         assert!((force + 57.0).abs() < 1e-9, "{force}");
@@ -466,5 +474,97 @@ mod tests {
             let force = client.send(6.0, 0.0, 0.0).unwrap()[0];
             assert!((force - 6.4).abs() < 1e-12);
         }
+    }
+
+    /// A spring that stops the server while it is moved for the tenth time.
+    struct Stopping {
+        spring: Law,
+        shared: Arc<Shared>,
+        trials: u32,
+    }
+
+    impl Rig for Stopping {
+        fn axes(&self) -> usize {
+            1
+        }
+        fn connect(
+            &mut self,
+            visitor: &Visitor,
+            wanted: &mut Wanted<'_>,
+        ) -> Result<Introduction, TestEnd> {
+            self.spring.connect(visitor, wanted)
+        }
+        fn arm(
+            &mut self,
+            sequence: u64,
+            start: &[f64],
+            wanted: &mut dyn FnMut() -> bool,
+        ) -> Result<bool, LinkFault> {
+            self.spring.arm(sequence, start, wanted)
+        }
+        fn trial(
+            &mut self,
+            command: &Command<'_>,
+            elapsed: f64,
+            _: &mut dyn FnMut() -> bool,
+            into: &mut Measurement,
+        ) -> Result<bool, LinkFault> {
+            self.trials += 1;
+            if self.trials == 10 {
+                self.shared.stop();
+            }
+            self.spring.trial(command, elapsed, &mut || true, into)
+        }
+        fn commit(&mut self) -> Result<(), LinkFault> {
+            self.spring.commit()
+        }
+        fn revert(&mut self) {
+            self.spring.revert();
+        }
+        fn tangent(&mut self, stiffness: &mut [f64]) {
+            self.spring.tangent(stiffness);
+        }
+        fn end(&mut self, how: Retirement) -> Option<String> {
+            self.spring.end(how)
+        }
+    }
+
+    #[test]
+    fn a_stop_request_ends_the_commands_of_one_piece() {
+        let (events_in, events) = unbounded();
+        let shared = Arc::new(Shared::new(events_in));
+        let law: SpecimenLaw = toml::from_str(LINEAR).unwrap();
+        let rig = Stopping {
+            spring: Law::new(law.build(1).unwrap(), false),
+            shared: Arc::clone(&shared),
+            trials: 0,
+        };
+        let units = vec![AxisUnits::SI];
+        let station = Station::new("spring".into(), Box::new(rig), units, vec![8e3], vec![0.0]);
+        let mut host = Host::of(station, Nature::Simulated, None);
+        let mut codec = Codec::new(Role::Application, None, Carrier::Stream, 1);
+        let sizes = [1, 0, 0, 0, 0, 0, 0, 0, 1, 0, 2_i32].map(i32::to_le_bytes);
+        let (_, Request::Sizes(sizes)) = codec.feed(sizes.as_flattened()).unwrap() else {
+            panic!("these are the sizes");
+        };
+        let commands = (1..=100).flat_map(|k| [[3.0, 1e-4 * f64::from(k)], [5.0, 0.0]]);
+        let early: Vec<u8> = commands.flatten().flat_map(f64::to_le_bytes).collect();
+        let opening = OpenFrescoOpening {
+            codec,
+            sizes,
+            early: vec![early],
+        };
+        let end = WireEnd::new(Nanos(0), 0);
+        let channel = Channel {
+            link: ClientLink::from(Connection::Simulated(Box::new(end))),
+            peer: ([127, 0, 0, 1], 1).into(),
+        };
+        let settings = ServeSettings::new(Role::Application, None);
+        attend(channel, opening, &mut host, &settings, true, &shared);
+        let left = events.try_iter().find_map(|event| match event {
+            ServerEvent::ClientLeft(_, end, tally) => Some((end, tally.commands)),
+            _ => None,
+        });
+        assert_eq!(left, Some((End::Stopped, 10)));
     }
 }

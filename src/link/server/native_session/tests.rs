@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 use crate::control::Pace;
 use crate::link::Transport;
 use crate::link::rig::{FarBuild, ProbeSettings};
-use crate::link::server::{Heard, Host, Simulated, Tap, Tapped};
+use crate::link::server::{Host, ServerEvent, Simulated, Tap, Tapped};
 use crate::specimen::SpecimenLaw;
 use crate::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Status,
@@ -556,8 +556,8 @@ impl Controller {
     fn ended(&self) -> String {
         let tap = self.tap.lock().unwrap();
         let ended = tap.iter().rev().find_map(|tapped| match tapped {
-            Tapped::Heard {
-                what: Heard::Ended { text, .. },
+            Tapped::Event {
+                event: ServerEvent::Ended { text, .. },
                 ..
             } => Some(text.clone()),
             _ => None,
@@ -669,7 +669,7 @@ fn a_controller_that_leaves_without_a_retire_is_told_of_in_its_own_words() {
             encoder.control(&message.unwrap(), out).unwrap()
         });
         assert_eq!(bye, format!("the controller said goodbye{told}: lunch"));
-        let over = crate::link::server::armed::said_goodbye(cause.code(), "");
+        let over = crate::link::server::channel::said_goodbye(cause.code(), "");
         assert_eq!(over.cause, cause.ending());
     }
 }

@@ -53,8 +53,8 @@ impl Controller {
     fn lost_it(&self) -> bool {
         let tap = self.tap.lock().unwrap();
         let lost = tap.iter().rev().find_map(|tapped| match tapped {
-            Tapped::Heard {
-                what: Heard::Ended { is_lost, .. },
+            Tapped::Event {
+                event: ServerEvent::Ended { is_lost, .. },
                 ..
             } => Some(*is_lost),
             _ => None,
