@@ -8,9 +8,7 @@ use std::net::TcpStream;
 use std::path::Path;
 
 use gusset::config::{ServeTlsSpec, TlsSpec};
-use gusset::link::openfresco::{
-    End, Nature, Remote, RemoteSettings, Role, ServeSettings,
-};
+use gusset::link::openfresco::{End, Nature, Remote, RemoteSettings, Role, ServeSettings};
 use gusset::link::server::ServerEvent;
 use gusset::link::tls::{TlsClient, TlsFault, TlsFiles, TlsServer};
 use gusset::substructure::{Command, Measurement, Retirement, Substructure};

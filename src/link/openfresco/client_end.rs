@@ -36,7 +36,7 @@ pub enum End {
     Finished,
     /// The connection was closed without a goodbye.
     Vanished,
-    /// The same when only so many bytes of a message had come.
+    /// The connection was closed after this number of bytes of an incomplete message.
     CutShort(usize),
     /// The connection broke.
     Lost(LinkFault),
@@ -54,12 +54,12 @@ pub enum End {
     SpeaksTls,
     /// Its bytes, or what they ask for, cannot be.
     Refused(ExchangeFault),
-    /// The server was told to stop.
+    /// The server stops.
     Stopped,
 }
 
 impl End {
-    /// The same, when so many bytes of a message had come that is not whole.
+    /// This end, after a number of bytes of an incomplete message.
     pub(in crate::link) const fn within(self, partial: usize) -> Self {
         match self {
             Self::Vanished if partial > 0 => Self::CutShort(partial),

@@ -4,7 +4,7 @@
 //! The codec knows no socket, no clock and no specimen.
 //! An error is final: the connection must be closed.
 //! The codec allocates memory only when it is made and when the sizes arrive.
-//! Two dialects have flags that the codec answers itself, because no specimen is asked.
+//! Flags of the Simulink model need no specimen: the codec answers them.
 
 use super::role::Role;
 use crate::wire::WireError;

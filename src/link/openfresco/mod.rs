@@ -25,6 +25,8 @@ mod client_end;
 mod codec;
 mod error;
 mod host;
+mod matrices;
+mod motion;
 mod remarks;
 mod role;
 mod settings;
@@ -32,8 +34,8 @@ mod tally;
 mod transformation;
 
 pub use client::Remote;
-pub use client_end::{End, ExchangeFault};
 pub(in crate::link) use client_end::lost;
+pub use client_end::{End, ExchangeFault};
 pub(in crate::link) use codec::{Codec, Request};
 pub use error::RemoteError;
 pub use host::{Host, HostFault};

@@ -23,7 +23,7 @@ impl Channel {
         self.link.now()
     }
 
-    /// Why a client of our own protocol is lost.
+    /// Why a native client is lost.
     pub fn lost(&self, is_stream: bool, fault: LinkFault) -> TestEnd {
         let Self { link, peer } = self;
         match (link.tls_fault(), fault) {
@@ -41,7 +41,7 @@ impl Channel {
         }
     }
 
-    /// A client of our own protocol has sent no message for `silent_ns`.
+    /// A native client has sent no message for `silent_ns`.
     pub fn silent(&self, silent_ns: u64) -> TestEnd {
         let (peer, seconds) = (self.peer, silent_ns / 1_000_000_000);
         TestEnd::vanished(format_args!("{peer} has been silent for {seconds} s"))

@@ -1,4 +1,4 @@
-//! The command in force of a session of our own protocol, and the count of commands.
+//! The command in force of a native session, and the count of commands.
 
 use crate::substructure::{Command, Measurement, Status};
 use crate::wire::WireError;
@@ -7,7 +7,7 @@ use crate::wire::native::CommandFrame;
 /// Test time may pass this many times as fast as the announced rate says that wall time does.
 const FASTEST: f64 = 1000.0;
 
-/// What a command does.
+/// The effect of a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Effect {
     /// A newer command is in force: nothing.
@@ -55,7 +55,7 @@ impl CommandInForce {
         &self.disp
     }
 
-    /// The test begins anew.
+    /// The test begins again.
     pub const fn reset(&mut self) {
         self.sequence = None;
         (self.time, self.dt) = (0.0, 0.0);
@@ -80,7 +80,7 @@ impl CommandInForce {
         }
     }
 
-    /// True if the next command only repeats the position while test time stands still. Real-time: yes.
+    /// True if the next command only repeats the position at the same test time. Real-time: yes.
     pub fn stays(&self, dt: f64) -> bool {
         self.sequence.is_some()
             && dt == 0.0

@@ -32,7 +32,7 @@ impl Connection {
         }
     }
 
-    /// Closes our half and reads what lies there, so that closing does not tear away the last bytes that we sent.
+    /// Closes the writing half and reads the bytes that have arrived. Otherwise the close could destroy our last bytes.
     pub fn close_gently(&mut self) {
         match self {
             Connection::Tcp(tcp) => tcp.close_gently(),
@@ -141,7 +141,9 @@ impl Transport for Connection {
 
     fn now(&self) -> Nanos {
         match self {
-            Connection::Tcp(_) | Connection::Udp(_) | Connection::Tls(_) => Nanos(os::monotonic_ns()),
+            Connection::Tcp(_) | Connection::Udp(_) | Connection::Tls(_) => {
+                Nanos(os::monotonic_ns())
+            }
             Connection::Simulated(end) => end.now(),
         }
     }

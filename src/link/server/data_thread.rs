@@ -56,9 +56,7 @@ impl Served {
                     is_stream,
                 },
                 Opening::OpenFresco(opening),
-            ) => openfresco_session::attend(
-                channel, *opening, host, settings, *is_stream, shared,
-            ),
+            ) => openfresco_session::attend(channel, *opening, host, settings, *is_stream, shared),
             // A server speaks one protocol.
             (Self::Native { .. } | Self::OpenFresco { .. }, _) => {}
         }

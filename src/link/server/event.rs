@@ -52,7 +52,7 @@ pub enum ServerEvent {
         /// The name of its test.
         test: String,
     },
-    /// The specimen holds from now on, and the client is told that the interlock is open.
+    /// The specimen holds from now on, and the client receives an open interlock.
     Tripped {
         /// The command at which it happened.
         sequence: u64,
@@ -71,7 +71,7 @@ pub enum ServerEvent {
         /// The first of them.
         sequence: u64,
     },
-    /// The test of a client of our own protocol is over.
+    /// The test of a native client is over.
     Ended {
         /// The reason.
         text: String,
@@ -96,7 +96,7 @@ impl ServerEvent {
     /// The quota of peers that are refused for malformed bytes.
     pub(super) const STRANGERS: usize = Self::KINDS - 1;
 
-    /// The quota of this event. The end of a test with commands has one of its own.
+    /// The quota of this event. The end of a test with commands has a separate one.
     pub(super) const fn kind(&self) -> usize {
         match self {
             Self::Hello { .. } => 0,

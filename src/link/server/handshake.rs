@@ -43,7 +43,7 @@ impl Handshake {
         }
     }
 
-    /// The number of the present phase, and its time limit. The TLS session is a phase of its own.
+    /// The number of the present phase, and its time limit. The start of the TLS session is a separate phase.
     pub fn phase(&self, is_encrypting: bool) -> (u8, Duration) {
         match self {
             Self::Native(native) => native.phase(is_encrypting),
@@ -91,6 +91,14 @@ impl Handshake {
                 frame: Vec::new(),
             },
             Self::OpenFresco(_) => Failure::Ended(End::GaveWay),
+        }
+    }
+
+    /// The client has left.
+    pub const fn left(&self) -> Failure {
+        match self {
+            Self::Native(_) => Failure::Left,
+            Self::OpenFresco(_) => Failure::Ended(End::Vanished),
         }
     }
 

@@ -1,4 +1,4 @@
-//! The steps of a handshake: it goes on, it is complete, or it fails.
+//! The steps of a handshake: it continues, it is complete, or it fails.
 
 use std::net::SocketAddr;
 
@@ -6,7 +6,7 @@ use super::ServerEvent;
 use super::shared::Shared;
 use crate::link::openfresco::{End, Tally};
 
-/// What some bytes led to.
+/// The result of some bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Step {
     /// More bytes must come.
@@ -19,9 +19,9 @@ pub(super) enum Step {
 pub(super) enum Failure {
     /// The client left by itself.
     Left,
-    /// The server refuses the client of our own protocol, with these last bytes.
+    /// The server refuses a native client, with these last bytes.
     Refused { text: String, frame: Vec<u8> },
-    /// The same for bytes or a silence that no client of ours would cause.
+    /// The server refuses a native client for bytes or a silence that Gusset does not cause.
     Malformed { text: String, frame: Vec<u8> },
     /// The client of OpenFresco's protocols has left or is refused.
     Ended(End),

@@ -1,8 +1,8 @@
 //! The port of a server: it binds the address, accepts connections and receives datagrams.
 //!
-//! One rule holds for every protocol: a port that other machines can reach needs proof of who commands the specimen.
+//! One rule holds for every protocol: a port that other machines can reach asks its clients for a proof of identity.
 //! The proof is a pre-shared key, a required certificate, or a named machine.
-//! Over UDP one socket receives from everybody, and the present client gets a socket of its own on the same port.
+//! Over UDP one socket receives from everybody, and the present client gets a separate socket on the same port.
 //! So the datagrams of strangers never reach the data thread.
 //! The port stays bound between clients.
 
@@ -29,7 +29,7 @@ pub(super) struct Access {
     pub clients: Vec<IpAddr>,
     /// Connections use TLS.
     pub tls: Option<TlsServer>,
-    /// What a user can do if the port is open to other machines.
+    /// Advice to the user if the port is open to other machines.
     pub remedy: &'static str,
 }
 
@@ -37,7 +37,10 @@ impl Access {
     fn is_proof(&self) -> bool {
         self.has_key
             || !self.clients.is_empty()
-            || self.tls.as_ref().is_some_and(TlsServer::requires_certificate)
+            || self
+                .tls
+                .as_ref()
+                .is_some_and(TlsServer::requires_certificate)
     }
 }
 
@@ -174,7 +177,7 @@ impl Listener {
     /// A socket on the same port that receives from `peer` only. From now on the common socket receives from the others.
     pub(super) fn own_socket(&self, peer: SocketAddr) -> Result<Connection, String> {
         let Socket::Udp(socket) = &self.socket else {
-            return Err("a stream has a socket of its own already".to_owned());
+            return Err("a stream needs no further socket".to_owned());
         };
         let own = beside(socket, self.address, peer).map_err(|error| error.to_string())?;
         UdpTransport::from_socket(own, SocketOptions::default())

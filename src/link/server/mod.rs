@@ -1,4 +1,4 @@
-//! The server: it hosts one specimen for clients of our own protocol or of OpenFresco's.
+//! The server: it hosts one specimen for clients of the native protocol or of OpenFresco's.
 //!
 //! One thread receives clients ([`reception`]), one thread commands the specimen ([`data_thread`]), and the thread of the
 //! caller reports events.
@@ -6,7 +6,7 @@
 //! A second client, a stranger or malformed bytes are refused and reported, and never reach the data thread.
 //! A port that other machines can reach needs a key, certificates or the name of the client's machine.
 //! Every wait ends: each handshake, each session and the stop have a time limit.
-//! Our own protocol finds a computed specimen in its initial state unless it remembers.
+//! The native protocol finds a computed specimen in its initial state unless it remembers.
 //! OpenFresco's protocols find a specimen that moves where the last test left it.
 
 mod admission;
@@ -42,6 +42,7 @@ pub use event::ServerEvent;
 pub use hosted::{Build, Host};
 pub use simulated::{Simulated, Tap, Tapped};
 
+use std::any::Any;
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -64,7 +65,7 @@ use native_handshake::Offer;
 use reception::Reception;
 use shared::Shared;
 
-/// The address of a server of our own protocol, unless the user gives another one.
+/// The address of a server of the native protocol, unless the user gives another one.
 pub const USUAL_LISTEN: &str = "127.0.0.1:4823";
 /// The stop request of the caller is checked this often.
 const LOOK: Duration = Duration::from_millis(20);
@@ -76,7 +77,7 @@ pub struct ServeOptions {
     pub listen: String,
     /// The transport.
     pub carrier: Carrier,
-    /// Clients of our own protocol must have this key.
+    /// Clients of the native protocol must have this key.
     pub key: Option<PreSharedKey>,
     /// Real-time conditions of the data thread.
     pub plan: Option<RtPlan>,
@@ -121,7 +122,7 @@ pub enum ServeError {
     Start(std::io::Error),
 }
 
-/// The remedies of an open port, for our own protocol.
+/// The remedies of an open port, for the native protocol.
 const NATIVE_REMEDY: &str = ": a pre-shared key is required there (--key FILE), or --transport tls";
 /// The remedies of an open port, for OpenFresco's protocols.
 const OPENFRESCO_REMEDY: &str = ", and OpenFresco's protocols know no key: name the one machine that may command the specimen \
@@ -144,7 +145,7 @@ impl std::fmt::Debug for Server {
 }
 
 impl Server {
-    /// Binds the port for clients of our own protocol. Clients that connect from now on are answered once the server runs.
+    /// Binds the port for clients of the native protocol. Clients that connect from now on are answered once the server runs.
     ///
     /// # Errors
     /// See [`ServeError`].
@@ -155,7 +156,7 @@ impl Server {
         }
     }
 
-    /// Binds the port for clients of our own protocol over TLS. The carrier of the options has no effect.
+    /// Binds the port for clients of the native protocol over TLS. The carrier of the options has no effect.
     ///
     /// # Errors
     /// See [`ServeError`].
@@ -337,31 +338,119 @@ impl RunningServer {
     }
 
     /// Reports events until `stop` returns true, and ends the server.
+    ///
+    /// # Panics
+    /// With the panic of a thread of the server: then it ends at once.
     pub fn watch(mut self, stop: &dyn Fn() -> bool, tell: &mut dyn FnMut(&ServerEvent)) {
-        while !stop() {
+        while !stop() && !self.threads.iter().any(JoinHandle::is_finished) {
             match self.events.recv_timeout(LOOK) {
                 Ok(event) => tell(&event),
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => break,
             }
         }
-        self.end();
+        let panic = self.end();
         while let Ok(event) = self.events.try_recv() {
             tell(&event);
         }
+        if let Some(panic) = panic {
+            std::panic::resume_unwind(panic);
+        }
     }
 
-    fn end(&mut self) {
+    /// Ends the threads, which check the flag many times a second. Returns the panic of one, if there was any.
+    fn end(&mut self) -> Option<Box<dyn Any + Send>> {
         self.shared.stop();
-        for thread in self.threads.drain(..) {
-            // A thread checks the flag many times a second, and ends. It reports its own panic.
-            let _ = thread.join();
-        }
+        let ends: Vec<_> = self.threads.drain(..).map(JoinHandle::join).collect();
+        ends.into_iter().find_map(Result::err)
     }
 }
 
 impl Drop for RunningServer {
     fn drop(&mut self) {
-        self.end();
+        let _ = self.end();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write;
+    use std::net::TcpStream;
+    use std::panic::{AssertUnwindSafe, catch_unwind};
+
+    use super::*;
+    use crate::link::openfresco::{Nature, Role};
+    use crate::link::rig::{Rig, Station, TestEnd, Visitor, Wanted};
+    use crate::rt::os::monotonic_ns;
+    use crate::substructure::{Command, Introduction, LinkFault, Measurement, Retirement};
+    use crate::units::AxisUnits;
+
+    /// A specimen that panics when it is moved.
+    struct Broken;
+
+    impl Rig for Broken {
+        fn axes(&self) -> usize {
+            1
+        }
+        fn connect(&mut self, _: &Visitor, _: &mut Wanted<'_>) -> Result<Introduction, TestEnd> {
+            Ok(Introduction::default())
+        }
+        fn arm(
+            &mut self,
+            _: u64,
+            _: &[f64],
+            _: &mut dyn FnMut() -> bool,
+        ) -> Result<bool, LinkFault> {
+            Ok(true)
+        }
+        fn trial(
+            &mut self,
+            _: &Command<'_>,
+            _: f64,
+            _: &mut dyn FnMut() -> bool,
+            _: &mut Measurement,
+        ) -> Result<bool, LinkFault> {
+            panic!("the specimen is broken")
+        }
+        fn commit(&mut self) -> Result<(), LinkFault> {
+            Ok(())
+        }
+        fn revert(&mut self) {}
+        fn tangent(&mut self, _: &mut [f64]) {}
+        fn end(&mut self, _: Retirement) -> Option<String> {
+            None
+        }
+    }
+
+    #[test]
+    fn a_panic_of_the_data_thread_ends_the_server_with_that_panic() {
+        let units = vec![AxisUnits::SI];
+        let station = Station::new(
+            "broken".into(),
+            Box::new(Broken),
+            units,
+            vec![1.0],
+            vec![0.0],
+        );
+        let host = OpenFrescoHost::of(station, Nature::Simulated, None);
+        let settings = ServeSettings::new(Role::Application, None);
+        let options = ServeOptions {
+            listen: "127.0.0.1:0".into(),
+            carrier: Carrier::Tcp,
+            key: None,
+            plan: None,
+            spin_ns: 0,
+        };
+        let server = Server::bind_openfresco(host, settings, options, [], None).unwrap();
+        let mut client = TcpStream::connect(server.local_addr()).unwrap();
+        let sizes = [1, 0, 0, 0, 0, 0, 0, 0, 1, 0, 2_i32].map(i32::to_le_bytes);
+        client.write_all(sizes.as_flattened()).unwrap();
+        let command = [3.0_f64, 1e-3].map(f64::to_le_bytes);
+        client.write_all(command.as_flattened()).unwrap();
+        let limit_ns = monotonic_ns() + 20_000_000_000;
+        let stop = || monotonic_ns() > limit_ns;
+        let run = AssertUnwindSafe(|| server.run(&stop, &mut |_| {}));
+        let panic = catch_unwind(run).unwrap_err();
+        assert_eq!(panic.downcast_ref(), Some(&"the specimen is broken"));
     }
 }

@@ -1,4 +1,4 @@
-//! The codec of a session of our own protocol: bytes become frames, and replies become bytes.
+//! The codec of a native session: bytes become frames, and replies become bytes.
 //!
 //! The codec knows no socket and no clock. Over a stream the first wrong byte is final; over datagrams a wrong frame is
 //! counted and dropped.

@@ -1,4 +1,4 @@
-//! The handshake of our own protocol: a Hello that is welcomed, then an Arm.
+//! The handshake of the native protocol: a Hello that is welcomed, then an Arm.
 //!
 //! Over a stream the first malformed byte ends the handshake. A datagram may come from anybody with a forged address, so
 //! a malformed one is reported and dropped.
@@ -34,7 +34,7 @@ const HELLO_LIMIT: Duration = Duration::from_secs(5);
 /// Time limit from the welcome to the Arm: a large model takes a while to get ready.
 const ARM_LIMIT: Duration = Duration::from_secs(60);
 
-/// The specimen that a server of our own protocol offers, and the key that its clients must have.
+/// The specimen that a native server offers, and the key that its clients must have.
 pub(super) struct Offer {
     pub host: Host,
     pub key: Option<PreSharedKey>,
@@ -165,7 +165,7 @@ impl NativeHandshake {
             _ if is_welcomed => self.arming(frame, peer, shared),
             Ok(_) => Ok(Step::More),
             Err(error) if self.medium != Medium::Datagrams => Err(malformed(error)),
-            // The last words of a test that is over.
+            // A late frame of a test that is over.
             Err(WireError::Session { .. } | WireError::Keyed { .. }) => Ok(Step::More),
             Err(error) => {
                 shared.complain(peer, nonsense(error).text);
@@ -257,7 +257,7 @@ pub(super) struct Greeted {
     pub rate: (u64, u64),
     pub watchdog_s: f64,
     pub sampling: Sampling,
-    /// What the controller announced, per axis.
+    /// The limits that the client announced, per axis.
     pub limits: Vec<Limits>,
     /// Where the specimen stands, as the welcome says; empty if that is not known.
     standing: Vec<f64>,
@@ -408,7 +408,7 @@ fn welcome(offer: &Offer, message: &[u8], hello: &Hello, version: u16) -> Result
     })
 }
 
-/// Judges the request to arm a specimen that stands at `standing`, which is empty if that is not known.
+/// Judges the request to arm a specimen whose position is `standing`; empty if it is not known.
 pub(super) fn fits(arm: &Arm, session: u64, standing: &[f64]) -> Result<(), Refuse> {
     if arm.session != session || !(standing.is_empty() || standing.len() == arm.disp.len()) {
         return Err(strange_arm());

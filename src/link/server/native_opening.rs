@@ -1,6 +1,6 @@
-//! The opening of a session of our own protocol: the specimen gets ready, and then the client hears that it is armed.
+//! The opening of a native session: the specimen gets ready, and then the client hears that it is armed.
 //!
-//! A client that leaves meanwhile, or a stop request, ends the opening: a wait ends, and nothing moves for nobody.
+//! A client that leaves meanwhile, or a stop request, ends the opening.
 
 use super::ServerEvent;
 use super::channel::{Channel, said_goodbye};
@@ -30,7 +30,7 @@ pub(super) struct DataThread {
 }
 
 impl DataThread {
-    /// The busy loop for this period, ns. A thread that has a processor of its own leaves the kernel its share of it.
+    /// The busy loop for this period, ns. A thread with a reserved processor leaves the kernel its share of it.
     fn spin_ns(self, period_ns: u64) -> u64 {
         match self.cpu {
             None => self.spin_ns,

@@ -1,7 +1,7 @@
-//! The conversation with one client of our own protocol: commands in, measurements out.
+//! The conversation with one native client: commands in, measurements out.
 //!
 //! The specimen commits a command when the next one comes.
-//! A command that repeats the position while test time stands still is answered again from the same state.
+//! A command that repeats the position at the same test time is answered again from the same state.
 //! So a test over a link takes the same course as one in process, bit for bit.
 //! A computed specimen gets every command.
 //! A specimen behind another link gets the newest of the commands that came while it was busy.
@@ -128,7 +128,9 @@ impl NativeConversation {
     ) -> Result<(), Wrong> {
         let now = channel.now();
         match self.read(place, now)? {
-            Message::Command(command, effect) => self.obey(command, effect, now, channel, shared)?,
+            Message::Command(command, effect) => {
+                self.obey(command, effect, now, channel, shared)?
+            }
             Message::Hold(notice) => self.take_notice(notice),
             Message::Retire(notice) => return Err(Wrong::End(self.retired(notice, channel))),
             Message::Goodbye(notice) => {

@@ -3,7 +3,7 @@
 //! Several handshakes proceed at the same time, so a peer that only connects keeps no other client waiting.
 //! No peer reaches the specimen or the data thread before its handshake is complete.
 //! While a client is served, the protocol decides about the others.
-//! Our own protocol answers them that the server is busy.
+//! The native protocol answers them that the server is busy.
 //! OpenFresco's protocols have no such answer: a specimen that moves turns them away, because their commands would be old
 //! later. A computed specimen lets them wait.
 //! Each wait has a time limit, and [`super::admission`] limits the number of waiting clients.
@@ -30,7 +30,7 @@ use crate::wire::native::LARGEST_FRAME;
 /// Longest wait for a socket: the stop flag and the time limits are checked this often.
 const LOOK: Duration = Duration::from_millis(50);
 /// Pause between two checks whether the specimen is free again.
-const PAUSE: Duration = Duration::from_millis(2);
+const PAUSE: Duration = Duration::from_millis(10);
 /// Pause after a failed accept, for instance when no file descriptors are left.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 /// Arrivals that are received in one turn.
@@ -150,9 +150,10 @@ impl Reception {
             // A kernel that refuses to probe serves all the same.
             let _ = probe_silence(&stream);
         }
-        // An error: the peer has already left.
-        if let Ok(opened) = self.listener.open(stream) {
-            self.enter(peer, opened.into());
+        match self.listener.open(stream) {
+            Ok(opened) => self.enter(peer, opened.into()),
+            // The peer has already left.
+            Err(_) => self.greeter.handshake().left().report(peer, &self.shared),
         }
     }
 
@@ -273,7 +274,7 @@ impl Reception {
                     self.shared.tell(ServerEvent::TurnedAway(from));
                 }
             }
-            // A client of our own protocol asks again for what was not answered.
+            // A native client asks again for what was not answered.
             Opening::Native(_) => {
                 for (datagram, from) in others {
                     self.take_datagram(&datagram, from);
@@ -355,5 +356,95 @@ impl Reception {
             self.shared.succeed(monotonic_ns());
         }
         is_kept
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crossbeam_channel::{Receiver, bounded, unbounded};
+
+    use super::*;
+    use crate::config;
+    use crate::link::openfresco::{Nature, Role, ServeSettings};
+    use crate::link::server::ServeOptions;
+    use crate::link::server::listener::Access;
+    use crate::wire::openfresco::Carrier;
+
+    const PEER: ([u8; 4], u16) = ([127, 0, 0, 1], 9);
+
+    /// The reception of a computed specimen of one axis over UDP, with its events.
+    fn reception() -> (Reception, Receiver<ServerEvent>) {
+        let options = ServeOptions {
+            listen: "127.0.0.1:0".into(),
+            carrier: config::Carrier::Udp,
+            key: None,
+            plan: None,
+            spin_ns: 0,
+        };
+        let greeter = Greeter::OpenFresco {
+            settings: ServeSettings::new(Role::Application, None),
+            carrier: Carrier::Datagrams,
+            axes: 1,
+            nature: Nature::Simulated,
+        };
+        let listener = Listener::bind(&options, Access::default()).unwrap();
+        let (events_in, events) = unbounded();
+        let shared = Arc::new(Shared::new(events_in));
+        let reception = Reception::new(listener, greeter, shared, bounded(1).0);
+        (reception, events)
+    }
+
+    #[test]
+    fn only_a_datagram_that_opens_a_test_makes_a_peer_the_successor() {
+        let (mut reception, _events) = reception();
+        let peer = PEER.into();
+        assert!(!reception.keep(&[7; 16], peer));
+        assert!(reception.keep(b"a", peer));
+        let heard_ns = monotonic_ns();
+        assert!(!reception.shared.has_successor(heard_ns));
+        assert!(reception.keep(&[7; 16], peer));
+        assert!(!reception.shared.has_successor(heard_ns));
+        assert!(reception.keep(b"a", peer));
+        assert!(reception.shared.has_successor(heard_ns));
+        assert!(!reception.shared.has_successor(monotonic_ns()));
+        assert_eq!(reception.waiting.len(), 1);
+    }
+
+    #[test]
+    fn a_repeated_hello_takes_one_place() {
+        let (mut reception, _events) = reception();
+        for _ in 0..200 {
+            assert!(reception.keep(b"a", PEER.into()));
+        }
+        assert_eq!(reception.waiting[0].kept(), 1);
+    }
+
+    #[test]
+    fn the_datagrams_kept_for_one_peer_are_limited() {
+        for is_served in [false, true] {
+            let (mut reception, _events) = reception();
+            for k in 0..200 {
+                let datagram: &[u8] = if k == 0 { b"a" } else { &[7; 16] };
+                if is_served {
+                    assert!(reception.keep(datagram, PEER.into()));
+                } else {
+                    reception.take_datagram(datagram, PEER.into());
+                }
+            }
+            assert_eq!(reception.waiting[0].kept(), 64);
+        }
+    }
+
+    #[test]
+    fn waiting_clients_of_one_address_are_limited() {
+        let (mut reception, events) = reception();
+        for port in 1..=40 {
+            reception.take_datagram(b"a", (PEER.0, port).into());
+        }
+        assert_eq!(reception.waiting.len(), 16);
+        let left = events
+            .try_iter()
+            .filter(|event| matches!(event, ServerEvent::ClientLeft(..)));
+        assert_eq!(left.count(), 24);
     }
 }

@@ -212,6 +212,15 @@ impl WaitingClient {
         Err(self.handshake.timed_out(is_encrypting))
     }
 
+    /// Number of datagrams that are kept for later.
+    #[cfg(test)]
+    pub fn kept(&self) -> usize {
+        match &self.route {
+            Route::Datagrams(kept) => kept.len(),
+            Route::Encrypting(_) | Route::Connected(_) => 0,
+        }
+    }
+
     /// The parts of a client whose handshake is complete.
     pub fn into_parts(self) -> Option<(SocketAddr, Route, Opening)> {
         Some((self.peer, self.route, self.handshake.into_opening()?))

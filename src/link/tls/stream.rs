@@ -144,7 +144,7 @@ impl TlsStream {
         self.session.detail()
     }
 
-    /// Sends the reason why the session ends, closes the writing half, and reads what has arrived.
+    /// Sends the reason why the session ends, closes the writing half, and reads the bytes that have arrived.
     pub(in crate::link) fn close_gently(&mut self) {
         if self.fault.is_none() && !self.session.is_handshaking() {
             self.say_closed();

@@ -1,4 +1,4 @@
-//! How a session ends or begins anew, and the last frames of it.
+//! The end of a native session with its last frames, and a repeated Arm.
 
 use super::{NativeConversation, send};
 use crate::catalog::ending::{self, Kind};
@@ -13,7 +13,7 @@ use crate::wire::WireError;
 use crate::wire::handshake::{self, Arm, Control, Refuse};
 use crate::wire::native::{Cause, Notice};
 
-/// What ends a session, or a frame that failed a check.
+/// The end of a session, or a frame that failed a check.
 pub(super) enum Wrong {
     Wire(WireError),
     End(TestEnd),
@@ -49,9 +49,9 @@ impl NativeConversation {
         }
         match self.station.tripped() {
             Some(trip) => {
-                // Why it tripped, in words, for whoever reads the controller's summary.
+                // The reason of the trip, for the summary of the client.
                 let why = self.station.whole(trip);
-                // At once: a specimen that owes its goodbye must not keep this from a controller that waits only a little.
+                // At once: a client waits for a short time only, and the goodbye of the specimen may take longer.
                 self.say(Cause::Tripped, &why, channel);
                 let said = self.station.dismiss(trip.cause());
                 if said.is_some() {
@@ -72,7 +72,7 @@ impl NativeConversation {
         }
     }
 
-    /// The controller leaves without a retire.
+    /// The client leaves without a retire.
     pub(super) fn left(&mut self, cause: u32, text: &str) -> TestEnd {
         let over = said_goodbye(cause, text);
         self.commits_what_ends(over.cause);
@@ -86,7 +86,7 @@ impl NativeConversation {
         }
     }
 
-    /// A control message. An Arm again: its answer was lost, or the test begins anew where the specimen stands, after commands
+    /// A control message. An Arm again: its answer was lost, or the test begins again at the position of the specimen, after commands
     /// that only checked the wiring. Any other message ends the session.
     pub(super) fn again_armed(
         &mut self,
