@@ -1,4 +1,4 @@
-//! What a server of our own protocol offers: its name, its axes, and how its station is made for each test.
+//! The specimen of a native server: its name, its axes, and how its station is made for each test.
 
 use std::sync::Arc;
 

@@ -30,7 +30,7 @@ use crate::wire::handshake::Arm;
 use crate::wire::native::{Cause, Frame, Heartbeat, Moment, Notice};
 use ends::Wrong;
 
-/// Reads of what came while the specimen was busy, before the newest command is passed on.
+/// Reads of the messages that came while the specimen was busy, before the newest command is passed on.
 const MOST_READS: u32 = 64;
 /// The stop flag and the specimen are checked this often.
 const LOOK_NS: u64 = 50_000_000;
@@ -39,7 +39,7 @@ const LOOK_NS: u64 = 50_000_000;
 pub(super) struct NativeConversation {
     codec: NativeCodec,
     station: Station,
-    /// What the client asked for last, and was granted.
+    /// The last Arm of the client that the server granted.
     armed: Arm,
     commanded: CommandInForce,
     count: CommandCount,
@@ -56,7 +56,7 @@ pub(super) struct NativeConversation {
     last_frames: Vec<Vec<u8>>,
 }
 
-/// What has come in a frame. Its vectors are in the conversation already.
+/// The content of a frame. The vectors of a command are in the conversation already.
 enum Message {
     Command(WaitingCommand, Effect),
     Hold(Notice),

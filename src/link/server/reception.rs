@@ -270,11 +270,11 @@ impl Reception {
         match opening {
             Opening::OpenFresco(openfresco) => {
                 openfresco.early.extend(early);
-                for (_, from) in others {
-                    self.shared.tell(ServerEvent::TurnedAway(from));
+                for (datagram, from) in others {
+                    self.meet(&datagram, from, peer);
                 }
             }
-            // A native client asks again for what was not answered.
+            // A native client repeats a message that was not answered.
             Opening::Native(_) => {
                 for (datagram, from) in others {
                     self.take_datagram(&datagram, from);
@@ -310,8 +310,7 @@ impl Reception {
     }
 
     fn meet_others(&mut self, client: SocketAddr) {
-        let waits = self.greeter.others() == Others::Wait;
-        if waits && self.listener.is_stream() {
+        if self.greeter.others() == Others::Wait && self.listener.is_stream() {
             // They wait in the backlog of the port.
             return;
         }
@@ -320,13 +319,18 @@ impl Reception {
                 Ok(Some(Arrival::Stream(_, peer))) => self.turn_away(peer),
                 Ok(Some(Arrival::Datagram(count, peer))) => {
                     let datagram = self.buffer.get(..count).unwrap_or_default().to_vec();
-                    let is_neighbour = peer.ip() == client.ip();
-                    if !(waits && is_neighbour && self.keep(&datagram, peer)) {
-                        self.turn_away(peer);
-                    }
+                    self.meet(&datagram, peer, client);
                 }
                 Ok(None) | Err(_) => return,
             }
+        }
+    }
+
+    /// A datagram of another peer while `client` is served.
+    fn meet(&mut self, datagram: &[u8], peer: SocketAddr, client: SocketAddr) {
+        let may_wait = self.greeter.others() == Others::Wait && peer.ip() == client.ip();
+        if !(may_wait && self.keep(datagram, peer)) {
+            self.turn_away(peer);
         }
     }
 

@@ -7,7 +7,7 @@ use crate::time::Nanos;
 /// A client that sends no message for this time is gone.
 const GONE_NS: u64 = 30_000_000_000;
 
-/// What silence asks for now.
+/// The action that silence requires.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Due {
     Nothing,
@@ -71,7 +71,7 @@ impl Silence {
         self.lasts_ns(now) >= GONE_NS.max(self.limit_ns.saturating_mul(10))
     }
 
-    /// What is due now. A heartbeat is due after each watchdog time. Real-time: yes.
+    /// The action that is due now. A heartbeat is due after each watchdog time. Real-time: yes.
     pub fn due(&mut self, now: Nanos) -> Due {
         if self.is_paused || self.lasts_ns(now) < self.limit_ns {
             return Due::Nothing;

@@ -78,7 +78,7 @@ impl WaitingClient {
         }
     }
 
-    /// Its time limits count from now: nobody read its bytes while another client was served.
+    /// Its time limits count from now: its bytes were not read while another client was served.
     pub fn restart(&mut self) {
         self.since_ns = monotonic_ns();
     }
@@ -162,7 +162,7 @@ impl WaitingClient {
         Ok(step)
     }
 
-    /// Goes on with the TLS session, if there is to be one; true once bytes can be read.
+    /// Continues the start of the TLS session, if the server uses TLS; true once bytes can be read.
     fn encrypt(&mut self) -> Result<bool, Failure> {
         let Route::Encrypting(session) = &mut self.route else {
             return Ok(true);

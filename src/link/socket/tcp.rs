@@ -99,7 +99,7 @@ impl TcpTransport {
         self.stream.as_fd()
     }
 
-    /// Closes the writing half, and reads what has arrived: data that nobody read would turn the close into a reset.
+    /// Closes the writing half, and reads what has arrived: unread data would turn the close into a reset.
     pub(in crate::link) fn close_gently(&mut self) {
         let _ = self.flush();
         let _ = self.stream.shutdown(Shutdown::Write);

@@ -240,7 +240,7 @@ fn the_first_command_is_a_step_from_where_the_specimen_stands() {
         host.commit();
     }
     host.end(Cause::Done, "");
-    // As genericClient does: it begins at zero, whatever the specimen stands at.
+    // As genericClient does: it begins at zero, at any position of the specimen.
     let told = host.begin(&visitor(), &mut || Ok(())).unwrap();
     assert!(told.iter().any(|text| text.contains("is at 40 mm")));
     assert_eq!(host.response().disp, [0.04]);
@@ -275,7 +275,7 @@ fn a_first_command_whose_step_nothing_bounds_goes_a_twentieth_of_the_range_or_a_
             0.00101,
         ),
         ("command_step_m = { trip = 0.02 }", 0.019, 0.021),
-        // Whoever bounds the speed has bounded the step of a tick.
+        // A bound of the speed bounds the step of a tick, too.
         ("command_vel_m_per_s = { trip = 10.0 }", 0.05, 0.11),
     ] {
         for disp in [holds, trips] {

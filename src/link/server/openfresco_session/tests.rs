@@ -61,7 +61,7 @@ impl Client {
         // Behind the flag, where there is one.
         let at = usize::from(self.role == Role::Simulink);
         let force = self.send(6.0, 0.0, 0.0).unwrap()[at];
-        // The time stands where a command has it.
+        // The time has the same place as in a command.
         self.send(5.0, 0.0, time).unwrap();
         force
     }
@@ -85,7 +85,7 @@ fn a_damper_whose_client_holds_its_command_is_at_rest_with_and_without_a_time() 
             }
         }
     }
-    // Nobody commits here: each target is a step.
+    // This protocol has no commits: each target is a step.
     let mut client = Client::new(Role::Controller, VISCOUS, Nature::Simulated, false);
     for (disp, wanted) in [(0.0, 0.0), (0.001, 5.0), (0.001, 0.0)] {
         client.send(3.0, disp, 0.0).unwrap();
