@@ -11,14 +11,15 @@
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream, UdpSocket};
-use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use gusset::config::Carrier;
 use gusset::law::{LawSpec, LinearSpec};
 use gusset::link::native::unlimited_axis;
 use gusset::link::secret::read_key;
-use gusset::link::serve::{Host, ServeOptions, Server};
+use gusset::link::server::{Host, ServeOptions, Server};
 use gusset::link::{
     NativeLink, NativeSetup, SocketOptions, TcpTransport, Transport, UdpTransport, Wait,
 };
@@ -345,14 +346,13 @@ fn ours(carrier: Carrier, key: Option<PreSharedKey>, recorder: &mut RingRecorder
     let host = Host::new("springs".into(), axes(), Box::new(build)).unwrap();
     let server = Server::bind(host, options).unwrap();
     let address = server.local_addr();
-    let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
+    let stop = Arc::new(AtomicBool::new(false));
+    let stopped = Arc::clone(&stop);
     let thread = std::thread::spawn(move || {
         // The server's threads inherit it.
         pin(End::Far);
-        let until = async {
-            let _ = stopped.await;
-        };
-        server.run(until, &mut |_| {}).unwrap();
+        let stopped = || stopped.load(Ordering::Relaxed);
+        server.run(&stopped, &mut |_| {}).unwrap();
     });
     let mut link = NativeLink::new(NativeSetup {
         address: address.to_string(),
@@ -383,7 +383,7 @@ fn ours(carrier: Carrier, key: Option<PreSharedKey>, recorder: &mut RingRecorder
         link.collect(FOR_EVER, &mut measured).unwrap();
     });
     link.retire(Retirement::Orderly);
-    let _ = stop.send(());
+    stop.store(true, Ordering::Relaxed);
     thread.join().unwrap();
     times
 }

@@ -6,9 +6,9 @@
 use std::net::{TcpListener, UdpSocket};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use gusset::link::openfresco::{
-    Door, Host, Nature, Remote, RemoteSettings, Role, ServeSettings, serve_openfresco,
-};
+use gusset::config;
+use gusset::link::openfresco::{Host, Nature, Remote, RemoteSettings, Role, ServeSettings};
+use gusset::link::server::{ServeOptions, Server};
 use gusset::link::{SocketOptions, TcpTransport, Transport, UdpTransport};
 use gusset::rt::os::{monotonic_ns, pin_to, process_cpus};
 use gusset::specimen::SpecimenLaw;
@@ -93,19 +93,30 @@ fn raw(carrier: Carrier, vector: usize) -> f64 {
 }
 
 fn ours(role: Role, peer: Peer, carrier: Carrier, data_size: usize) -> f64 {
-    let door = Door::bind(carrier, "127.0.0.1:0", None).unwrap();
-    let address = door.local_addr().unwrap().to_string();
+    let law = "law = { linear = { stiffness_n_per_m = 8000.0 } }";
+    let law: SpecimenLaw = toml::from_str(law).unwrap();
+    let host = Host::new(law.build(1).unwrap(), Nature::Simulated, None);
+    let options = ServeOptions {
+        listen: "127.0.0.1:0".into(),
+        carrier: match carrier {
+            Carrier::Stream => config::Carrier::Tcp,
+            Carrier::Datagrams => config::Carrier::Udp,
+        },
+        key: None,
+        plan: None,
+        spin_ns: 0,
+    };
+    let settings = ServeSettings::new(role, None);
+    let server = Server::bind_openfresco(host, settings, options, None, None).unwrap();
+    let address = server.local_addr().to_string();
     let stop = AtomicBool::new(false);
     std::thread::scope(|scope| {
-        let (stop, door) = (&stop, &door);
+        let stop = &stop;
         scope.spawn(move || {
+            // The server's threads inherit it.
             pin(true);
-            let law = "law = { linear = { stiffness_n_per_m = 8000.0 } }";
-            let law: SpecimenLaw = toml::from_str(law).unwrap();
-            let mut host = Host::new(law.build(1).unwrap(), Nature::Simulated, None);
-            let settings = ServeSettings::new(role, None);
             let stop = || stop.load(Ordering::Relaxed);
-            serve_openfresco(door, &mut host, &settings, &stop, &mut |_| {}).unwrap();
+            server.run(&stop, &mut |_| {}).unwrap();
         });
         let mut settings = RemoteSettings::new(peer, carrier, address, 1);
         settings.data_size = data_size;

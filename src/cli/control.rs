@@ -6,7 +6,7 @@ use super::args::{ResetArgs, ServeArgs};
 use super::exit::{Exit, WithExit};
 use super::{answer, tell};
 use crate::link::rig::Latch;
-use crate::link::serve::Host;
+use crate::link::server::Host;
 use crate::session::{self, ControlPlace, ResetError, ServerControl};
 
 /// Clears the latched trip of a server.

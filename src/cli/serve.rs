@@ -1,22 +1,20 @@
 //! `gusset serve`.
 
-use std::net::SocketAddr;
 use std::path::Path;
 
 use super::args::{ProtocolArg, ServeArgs, SignalOrderArg, TransportArg};
 use super::conduct;
 use super::control::latched;
 use super::exit::{Exit, WithExit};
-use super::log::remark;
-use super::serve_start::{misasked, say_ready};
+use super::serve_start::{misasked, run_until_signal, unbound};
 use super::test_file::refused;
 use super::{serve_openfresco, serve_tls, tell};
 use crate::config::{self, Carrier, ClientCertificate, Offer, SignalOrderSpec};
 use crate::link::openfresco::Role;
 use crate::link::rig::LogSettings;
 use crate::link::secret::read_key;
-use crate::link::serve::{Heard, Host, ServeError, ServeOptions, Server, USUAL_LISTEN};
-use crate::session::{Judged, Signal, Taken};
+use crate::link::server::{Host, ServeOptions, Server, USUAL_LISTEN};
+use crate::session::Judged;
 use crate::setup::{self, Served, load_served, openfresco_role, rt_plan};
 use anyhow::Context;
 
@@ -126,30 +124,8 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
         Some(tls) => Server::bind_tls(served.host, options, tls),
         None => Server::bind(served.host, options),
     }
-    .map_err(|error| match error {
-        ServeError::Start(_) => anyhow::Error::new(error),
-        other => {
-            let flag = args.listen.as_ref().map(|_| "--listen");
-            misasked(&served.source.locator, flag, &["listen"], &other)
-        }
-    })?;
-    let address = server.local_addr();
-    let mut exit = Exit::Done;
-    let quiet = args.quiet;
-    server.run(
-        async {
-            match until_signal(address).await {
-                Ok(signal) => exit = signal,
-                Err(error) => remark(format_args!("error: signals cannot be taken over: {error}")),
-            }
-        },
-        &mut |event: &Heard| {
-            if !quiet {
-                remark(event);
-            }
-        },
-    )?;
-    Ok(exit)
+    .map_err(|error| unbound(args, &served.source.locator, &error))?;
+    run_until_signal(server, args.quiet)
 }
 
 /// Obeys the verdict of a test file whose specimen this gateway would move.
@@ -237,14 +213,4 @@ fn listen_address(
         .check_listen(&listen, carrier, flag)
         .map_err(refused)?;
     Ok(listen)
-}
-
-/// Says that the port is open, and waits for the end.
-async fn until_signal(address: SocketAddr) -> anyhow::Result<Exit> {
-    let mut signals = Taken::over()?;
-    say_ready(address)?;
-    Ok(match signals.next().await {
-        Signal::Interrupt => Exit::Interrupted,
-        Signal::Terminate => Exit::Terminated,
-    })
 }

@@ -1,22 +1,15 @@
 //! `gusset serve --protocol openfresco…`: a specimen behind OpenFresco's dialects.
 
-use anyhow::Context;
-
 use super::args::ServeArgs;
-use super::exit::{Exit, WithExit};
-use super::log::remark;
-use super::serve_start::{misasked, say_ready};
+use super::exit::Exit;
+use super::serve_start::{misasked, run_until_signal, unbound};
 use super::serve_tls;
 use super::tell;
 use crate::config::Carrier;
-use crate::link::openfresco::{
-    Door, DoorError, Host, Nature, News, Role, ServeSettings, serve_openfresco,
-};
+use crate::link::openfresco::{Host, Nature, Role, ServeSettings};
+use crate::link::server::{ServeOptions, Server};
 use crate::link::socket::{resolve, resolve_host};
-use crate::rt;
-use crate::session::{Signal, Signals, missing};
 use crate::setup::{Served, rt_plan};
-use crate::wire::openfresco::Carrier as Bytes;
 
 /// The budget of a busy loop is judged for this period; a client has none.
 const USUAL_PERIOD_NS: u64 = 1_000_000;
@@ -47,13 +40,9 @@ pub fn serve(
     let remembers = nature == Nature::Physical || served.host.remembers();
     let station = served.host.station(remembers).map_err(anyhow::Error::msg)?;
     let host = Host::of(station, nature, wishes.step_s);
-    let mut host = match &served.transformation {
+    let host = match &served.transformation {
         Some(transformation) => host.transformed(transformation.clone()),
         None => host,
-    };
-    let bytes = match carrier {
-        Carrier::Tcp | Carrier::Tls => Bytes::Stream,
-        Carrier::Udp => Bytes::Datagrams,
     };
     let mut settings = ServeSettings::new(
         role,
@@ -76,53 +65,22 @@ pub fn serve(
         })?,
         None => Vec::new(),
     };
-    let unheard = |error: DoorError| {
-        let flag = args.listen.as_ref().map(|_| "--listen");
-        misasked(&served.source.locator, flag, &["listen"], &error)
-    };
     if let Some(text) = order_note(&settings, host.axes()) {
         tell(format_args!("note: {text}"));
     }
-    let door = match serve_tls::tls(
-        args,
-        served,
+    let is_closed = !clients.is_empty() || is_loopback(listen);
+    let tls = serve_tls::tls(args, served, carrier, is_closed)?;
+    let timing = served.source.file.timing.as_ref();
+    let options = ServeOptions {
+        listen: listen.to_owned(),
         carrier,
-        !clients.is_empty() || is_loopback(listen),
-    )? {
-        Some(tls) => Door::bind_tls(listen, clients, tls),
-        None => Door::bind(bytes, listen, clients),
-    }
-    .map_err(unheard)?;
-    let signals = Signals::listen().context("signals cannot be taken over")?;
-    let requests = signals.requests();
-    if let Some(timing) = &served.source.file.timing {
-        let granted = rt::apply(&rt_plan(timing, USUAL_PERIOD_NS));
-        host.keep_log_away_from(granted.cpu);
-        let missing = missing(&granted);
-        if granted.must_refuse() {
-            let text = format!("real-time conditions are required: {}", missing.join("; "));
-            return Err(WithExit(Exit::NoRealTime, text).into());
-        }
-        for text in missing {
-            tell(format_args!("warning: not granted: {text}"));
-        }
-    }
-    say_ready(door.local_addr()?)?;
-    serve_openfresco(
-        &door,
-        &mut host,
-        &settings,
-        &|| !requests.is_empty(),
-        &mut |news: &News| {
-            if !args.quiet {
-                remark(news);
-            }
-        },
-    )?;
-    Ok(match signals.seen() {
-        Some(Signal::Terminate) => Exit::Terminated,
-        Some(Signal::Interrupt) | None => Exit::Interrupted,
-    })
+        key: None,
+        plan: timing.map(|timing| rt_plan(timing, USUAL_PERIOD_NS)),
+        spin_ns: 0,
+    };
+    let server = Server::bind_openfresco(host, settings, options, clients, tls)
+        .map_err(|error| unbound(args, &served.source.locator, &error))?;
+    run_until_signal(server, args.quiet)
 }
 
 /// What SimSimulink's user should know before the first client comes: where the order of its signals will be asked for.

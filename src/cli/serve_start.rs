@@ -1,4 +1,4 @@
-//! What every server says when it starts: that it is ready, or which option is wrong.
+//! The life of every server on the command line: it starts, says that it is ready, and runs until a signal.
 
 use std::fmt::Display;
 use std::net::SocketAddr;
@@ -8,10 +8,14 @@ use std::os::unix::net::UnixDatagram;
 
 use anyhow::Context;
 
+use super::args::ServeArgs;
 use super::exit::{Exit, WithExit};
+use super::log::remark;
 use super::test_file::refused;
 use super::{answer, tell};
 use crate::config::{Finding, KeyPath, Locator};
+use crate::link::server::{ServeError, Server};
+use crate::session::{Signal, Signals, missing};
 
 /// An error in the option `flag`, or else in the key `key` below `[serve]`, shown at its place in the file.
 pub(super) fn misasked(
@@ -32,8 +36,42 @@ pub(super) fn misasked(
     WithExit(Exit::Usage, text).into()
 }
 
+/// A server that cannot bind its port, or has no right to.
+pub(super) fn unbound(args: &ServeArgs, locator: &Locator, error: &ServeError) -> anyhow::Error {
+    let flag = args.listen.as_ref().map(|_| "--listen");
+    misasked(locator, flag, &["listen"], error)
+}
+
+/// Runs the server until a signal ends it.
+pub(super) fn run_until_signal(server: Server, quiet: bool) -> anyhow::Result<Exit> {
+    let address = server.local_addr();
+    let signals = Signals::listen().context("signals cannot be taken over")?;
+    let requests = signals.requests();
+    let running = server.start().map_err(|error| match error {
+        ServeError::NoRealTime(granted) => {
+            let missing = missing(&granted).join("; ");
+            let text = format!("real-time conditions are required: {missing}");
+            WithExit(Exit::NoRealTime, text).into()
+        }
+        other => anyhow::Error::new(other),
+    })?;
+    for text in running.granted().map(missing).unwrap_or_default() {
+        tell(format_args!("warning: not granted: {text}"));
+    }
+    say_ready(address)?;
+    running.watch(&|| !requests.is_empty(), &mut |event| {
+        if !quiet {
+            remark(event);
+        }
+    });
+    Ok(match signals.seen() {
+        Some(Signal::Terminate) => Exit::Terminated,
+        Some(Signal::Interrupt) | None => Exit::Interrupted,
+    })
+}
+
 /// Says that the port is open.
-pub(super) fn say_ready(address: SocketAddr) -> anyhow::Result<()> {
+fn say_ready(address: SocketAddr) -> anyhow::Result<()> {
     // The caller waits for this line, or for the message below.
     answer(format_args!("listening on {address}")).context("stdout")?;
     if let Err(error) = notify_ready() {

@@ -49,6 +49,17 @@ impl Inbox {
         self.end = (self.end + count).min(self.bytes.len());
     }
 
+    /// Copies as many of these bytes as there is room for; returns their number.
+    pub(super) fn add(&mut self, bytes: &[u8]) -> usize {
+        let space = self.space();
+        let count = bytes.len().min(space.len());
+        if let (Some(to), Some(from)) = (space.get_mut(..count), bytes.get(..count)) {
+            to.copy_from_slice(from);
+        }
+        self.filled(count);
+        count
+    }
+
     /// The place of the next whole frame, and behind it. On datagrams an error drops the whole datagram; on a stream
     /// it is final.
     pub(super) fn next(&mut self) -> Result<Option<Range<usize>>, WireError> {

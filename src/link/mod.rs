@@ -13,13 +13,13 @@ pub mod openfresco;
 mod quota;
 pub mod rig;
 pub mod secret;
-pub mod serve;
+pub mod server;
 pub mod socket;
 pub mod tls;
 mod tls_fault;
 
 pub use native::{NativeLink, NativeSetup};
-pub use serve::Simulated;
+pub use server::Simulated;
 pub use socket::{ConnectError, SocketOptions, TcpTransport, UdpTransport, Wait};
 
 use self::tls::TlsFault;

@@ -15,7 +15,7 @@ use crate::link::announce::narrower;
 use crate::link::openfresco::{Remote, RemoteSettings};
 use crate::link::rig::{FarBuild, ProbeSettings, Visitor};
 use crate::link::secret::read_key;
-use crate::link::serve::Host;
+use crate::link::server::Host;
 use crate::link::tls::TlsClient;
 use crate::link::{NativeLink, NativeSetup};
 use crate::port::Pace;

@@ -10,7 +10,7 @@ use crate::config::{
 };
 use crate::link::openfresco::{Role, Transformation};
 use crate::link::secret::read_key;
-use crate::link::serve::Host;
+use crate::link::server::Host;
 use crate::specimen::{InUnits, Mounted, Specimen};
 use crate::transfer::Transfer;
 use crate::wire::key::PreSharedKey;

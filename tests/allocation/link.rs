@@ -8,7 +8,7 @@ use std::time::Duration;
 use gusset::config::Carrier;
 use gusset::law::{LawSpec, LinearSpec};
 use gusset::link::native::unlimited_axis;
-use gusset::link::serve::{Host, ServeOptions, Server};
+use gusset::link::server::{Host, ServeOptions, Server};
 use gusset::link::{NativeLink, NativeSetup, SocketOptions};
 use gusset::rt::os::monotonic_ns;
 use gusset::specimen::SpecimenLaw;
@@ -40,7 +40,7 @@ fn served(carrier: Carrier, key: Option<PreSharedKey>) -> SocketAddr {
     let server = Server::bind(host, options).unwrap();
     let address = server.local_addr();
     // Ends with the test's process.
-    std::thread::spawn(move || server.run(std::future::pending(), &mut |_| {}));
+    std::thread::spawn(move || server.run(&|| false, &mut |_| {}));
     address
 }
 

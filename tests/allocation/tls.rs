@@ -8,7 +8,7 @@ use std::time::Duration;
 use gusset::config::{Carrier, ServeTlsSpec, TlsSpec};
 use gusset::law::{LawSpec, LinearSpec};
 use gusset::link::native::unlimited_axis;
-use gusset::link::serve::{Host, ServeError, ServeOptions, Server};
+use gusset::link::server::{Host, ServeError, ServeOptions, Server};
 use gusset::link::tls::{TlsClient, TlsFiles, TlsServer};
 use gusset::link::{NativeLink, NativeSetup, SocketOptions, Transport, Wait};
 use gusset::rt::os::monotonic_ns;
@@ -70,7 +70,7 @@ impl Ends {
         let server = Server::bind_tls(host, options, self.server.clone()).unwrap();
         let address = server.local_addr();
         // Ends with the test's process.
-        std::thread::spawn(move || server.run(std::future::pending(), &mut |_| {}));
+        std::thread::spawn(move || server.run(&|| false, &mut |_| {}));
         address
     }
 

@@ -10,7 +10,7 @@ use gusset::catalog::ending;
 use gusset::config::LimitsSpec;
 use gusset::link::Transport;
 use gusset::link::rig::{FarBuild, Latch, Rig, Station, TestEnd, Visitor, Wanted};
-use gusset::link::serve::{Host, Simulated};
+use gusset::link::server::{Host, Simulated};
 use gusset::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
     Unavailable,

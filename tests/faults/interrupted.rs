@@ -12,7 +12,7 @@ use gusset::config::Loaded;
 use gusset::config::fault_script::Script;
 use gusset::engine::{Ending, Phase, Stop};
 use gusset::link::NativeSetup;
-use gusset::link::serve::Host;
+use gusset::link::server::Host;
 use gusset::record::{Journal, Layout, RunFolder};
 use gusset::session::{ResumeError, replay, resume_over};
 use gusset::setup::build_over;

@@ -3,7 +3,7 @@
 use gusset::catalog::limit::Limit;
 use gusset::config::{CommandPace, Loaded};
 use gusset::engine::{Ending, Phase, Stop};
-use gusset::link::serve::Tapped;
+use gusset::link::server::Tapped;
 use gusset::port::limits::AxisLimits;
 use gusset::record::{End, Event, Journal};
 use gusset::time::Nanos;

@@ -8,7 +8,7 @@ use gusset::config::Loaded;
 use gusset::config::fault_script::Script;
 use gusset::engine::{Connected, Control, Notice, Operator, Outcome, Phase, Stopped};
 use gusset::link::fault::StallingClock;
-use gusset::link::serve::{Host, Simulated, Tap, Tapped};
+use gusset::link::server::{Host, Simulated, Tap, Tapped};
 use gusset::link::{NativeSetup, Transport};
 use gusset::record::{Column, Event, FolderImage, Layout, Recorder, TimedEvent};
 use gusset::session::{Replay, ending, replay_rows};
@@ -323,7 +323,7 @@ impl Played {
             .iter()
             .flatten()
             .filter_map(|tapped| match tapped {
-                Tapped::Heard { what, .. } => Some(what.to_string()),
+                Tapped::Event { event, .. } => Some(event.to_string()),
                 Tapped::Sent { .. } => None,
             });
         told.collect::<Vec<_>>().join("\n")

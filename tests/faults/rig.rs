@@ -11,7 +11,7 @@ use gusset::config::{
 };
 use gusset::law::{LawSpec, Reach};
 use gusset::link::NativeSetup;
-use gusset::link::serve::Host;
+use gusset::link::server::Host;
 use gusset::specimen::{Specimen, Uniaxial};
 use gusset::state::Visit;
 

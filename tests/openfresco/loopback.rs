@@ -6,8 +6,8 @@ use std::io::{Read, Write};
 use std::net::{TcpStream, UdpSocket};
 use std::time::Duration;
 
-use crate::openfresco_ends::{LONG, Server, drive, in_process, path, settings};
-use gusset::link::openfresco::{Door, End, Nature, Remote, RemoteSettings, Role, ServeSettings};
+use crate::openfresco_ends::{LONG, Listen, Server, drive, in_process, path, settings};
+use gusset::link::openfresco::{End, Nature, Remote, RemoteSettings, Role, ServeSettings};
 use gusset::substructure::{Command, Measurement, Retirement, Substructure};
 use gusset::time::Nanos;
 use gusset::wire::openfresco::{Action, Carrier, Counts, Peer, Sizes, UdpGreeting, write_action};
@@ -100,9 +100,7 @@ fn a_server_that_opens_its_udp_port_after_the_first_hello_is_driven_like_any_oth
             remote.retire(Retirement::Orderly);
         });
         std::thread::sleep(Duration::from_millis(100));
-        let door = Door::bind(Carrier::Datagrams, &address.to_string(), None).unwrap();
-        let server = Server::behind(
-            door,
+        let server = Listen::at(Carrier::Datagrams, &address.to_string()).serve(
             ServeSettings::new(role, Some(30.0)),
             1,
             Nature::Simulated,

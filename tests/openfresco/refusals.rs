@@ -1,16 +1,14 @@
 //! What ends a test over OpenFresco's protocols, and what must not: strangers, silence, nonsense, ends that vanish, steps
 //! that are taken back. Nothing hangs, and the port is free again.
 
-use std::cell::Cell;
 use std::io::{Read, Write};
 use std::net::{TcpStream, UdpSocket};
 
-use crate::openfresco_ends::{LONG, Server, drive, in_process, path, settings};
+use crate::openfresco_ends::{LONG, Listen, Server, drive, in_process, path, settings};
 use gusset::link::openfresco::{
-    Door, End, ExchangeFault, Host, HostFault, Nature, News, Remote, RemoteSettings, Role,
-    ServeSettings, serve_openfresco,
+    End, ExchangeFault, HostFault, Nature, Remote, RemoteSettings, Role, ServeSettings,
 };
-use gusset::specimen::SpecimenLaw;
+use gusset::link::server::ServerEvent;
 use gusset::substructure::{Command, LinkFault, Measurement, Retirement, Substructure};
 use gusset::time::Nanos;
 use gusset::wire::openfresco::{Action, Carrier, Counts, Peer, Sizes, write_action};
@@ -32,7 +30,7 @@ fn a_second_controller_is_turned_away_and_the_first_does_not_notice() {
             refused.contains("closed the connection") || refused.contains("did not answer"),
             "{refused}"
         );
-        server.hears(|news| matches!(news, News::TurnedAway(_)));
+        server.hears(|event| matches!(event, ServerEvent::TurnedAway(_)));
         assert_eq!(before, in_process(1, 50));
         let mut into = Measurement::zeros(1);
         let disp = [path(50, 0)];
@@ -114,7 +112,7 @@ fn a_new_udp_client_of_the_same_machine_replaces_a_silent_one_at_a_computed_spec
                 }
                 Nature::Physical => {
                     opened.unwrap_err();
-                    server.hears(|news| matches!(news, News::TurnedAway(_)));
+                    server.hears(|event| matches!(event, ServerEvent::TurnedAway(_)));
                 }
             }
         }
@@ -193,45 +191,6 @@ fn a_server_that_vanishes_or_falls_silent_is_a_fault_and_never_a_hang() {
     assert_eq!(remote.issue(&command), Err(LinkFault::Timeout), "final");
 }
 
-/// Commands lie ready in one piece; the word to stop comes after the tenth message.
-#[test]
-fn after_the_word_to_stop_nothing_that_is_queued_is_carried_out() {
-    let door = Door::bind(Carrier::Stream, "127.0.0.1:0", None).unwrap();
-    let n = 2;
-    let mut bytes = vec![0; 44];
-    let counts = (Counts::new(1, 0, 0, 0, 0), Counts::new(0, 0, 0, 1, 0));
-    let sizes = Sizes::new(counts.0, counts.1, n).unwrap();
-    sizes.write(&mut bytes).unwrap();
-    for k in 1..=100 {
-        for action in [Action::Trial, Action::Commit] {
-            let mut vector = vec![0; 8 * n];
-            write_action(&mut vector, action).unwrap();
-            vector[8..16].copy_from_slice(&(1e-4 * f64::from(k)).to_le_bytes());
-            bytes.extend(vector);
-        }
-    }
-    let mut stream = TcpStream::connect(door.local_addr().unwrap()).unwrap();
-    stream.write_all(&bytes).unwrap();
-    let law: SpecimenLaw = toml::from_str(crate::openfresco_ends::BILINEAR).unwrap();
-    let mut host = Host::new(law.build(1).unwrap(), Nature::Simulated, None);
-    let (is_ready, asked) = (Cell::new(false), Cell::new(0));
-    let stop = || {
-        asked.set(asked.get() + u32::from(is_ready.get()));
-        asked.get() > 10
-    };
-    let mut ended = None;
-    let settings = ServeSettings::new(Role::Application, Some(30.0));
-    serve_openfresco(&door, &mut host, &settings, &stop, &mut |news| match news {
-        News::Ready(..) => is_ready.set(true),
-        News::Ended(_, end, tally) => ended = Some((*end, tally.commands)),
-        _ => {}
-    })
-    .unwrap();
-    let (end, commands) = ended.unwrap();
-    assert_eq!(end, End::Stopped);
-    assert!(commands <= 10, "{commands}");
-}
-
 #[test]
 fn a_step_taken_back_ends_the_test_of_a_physical_specimen_only() {
     for nature in [Nature::Simulated, Nature::Physical] {
@@ -302,7 +261,7 @@ fn other_protocols_garbage_and_silence_are_named_and_the_port_is_free_again() {
     let server = Server::with(limits, Carrier::Datagrams, 1, Nature::Simulated);
     let stranger = UdpSocket::bind("127.0.0.1:0").unwrap();
     stranger.send_to(&[7; 300], server.address).unwrap();
-    server.hears(|news| matches!(news, News::Stray(_, 300)));
+    server.hears(|event| matches!(event, ServerEvent::Stray(_, 300)));
     let mut remote = Remote::new(settings(
         Peer::Element,
         Carrier::Datagrams,
@@ -317,22 +276,19 @@ fn other_protocols_garbage_and_silence_are_named_and_the_port_is_free_again() {
 #[test]
 fn beyond_loopback_one_machine_must_be_named_and_only_it_is_served() {
     for carrier in [Carrier::Stream, Carrier::Datagrams] {
-        let open = Door::bind(carrier, "0.0.0.0:0", None).unwrap_err();
+        let limits = ServeSettings::new(Role::Application, None);
+        let open = Listen::at(carrier, "0.0.0.0:0").bind(limits, 1, Nature::Simulated);
+        let open = open.unwrap_err();
         assert!(open.to_string().contains("--client"), "{open}");
         let other = "192.0.2.7".parse().unwrap();
-        let door = Door::bind(carrier, "127.0.0.1:0", Some(other)).unwrap();
-        let server = Server::behind(
-            door,
-            ServeSettings::new(Role::Application, None),
-            1,
-            Nature::Simulated,
-        );
+        let listen = Listen::at(carrier, "127.0.0.1:0").only(other);
+        let server = listen.serve(limits, 1, Nature::Simulated);
         let mut remote = Remote::new(RemoteSettings {
             connect_limit_s: 0.3,
             ..settings(Peer::Element, carrier, server.address, 1)
         })
         .unwrap();
         remote.open().unwrap_err();
-        server.hears(|news| matches!(news, News::NotAdmitted(_)));
+        server.hears(|event| matches!(event, ServerEvent::NotAdmitted(_)));
     }
 }

@@ -2,18 +2,18 @@
 
 #![allow(dead_code, reason = "each test file uses its part")]
 
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use gusset::config::LimitsSpec;
-use gusset::link::openfresco::{
-    Door, End, Host, Nature, News, RemoteSettings, Role, ServeSettings, serve_openfresco,
-};
+use gusset::config::{self, LimitsSpec};
+use gusset::link::openfresco::{End, Host, Nature, RemoteSettings, Role, ServeSettings};
 use gusset::link::rig::{Law, Station};
+use gusset::link::server::{ServeError, ServeOptions, Server as Bound, ServerEvent};
+use gusset::link::tls::TlsServer;
 use gusset::specimen::SpecimenLaw;
 use gusset::substructure::{Command, Measurement, Substructure};
 use gusset::time::Nanos;
@@ -26,9 +26,62 @@ pub const LONG: Duration = Duration::from_secs(20);
 
 pub struct Server {
     pub address: SocketAddr,
-    news: Receiver<News>,
+    events: Receiver<ServerEvent>,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
+}
+
+/// How a server listens.
+pub struct Listen {
+    pub options: ServeOptions,
+    pub client: Option<IpAddr>,
+    pub tls: Option<TlsServer>,
+}
+
+impl Listen {
+    pub fn at(carrier: Carrier, address: &str) -> Self {
+        let carrier = match carrier {
+            Carrier::Stream => config::Carrier::Tcp,
+            Carrier::Datagrams => config::Carrier::Udp,
+        };
+        Self {
+            options: ServeOptions {
+                listen: address.to_owned(),
+                carrier,
+                key: None,
+                plan: None,
+                spin_ns: 0,
+            },
+            client: None,
+            tls: None,
+        }
+    }
+
+    pub fn tls(address: &str, tls: TlsServer) -> Self {
+        let mut listen = Self::at(Carrier::Stream, address);
+        listen.options.carrier = config::Carrier::Tls;
+        listen.tls = Some(tls);
+        listen
+    }
+
+    pub fn only(mut self, client: IpAddr) -> Self {
+        self.client = Some(client);
+        self
+    }
+
+    pub fn bind(
+        self,
+        settings: ServeSettings,
+        axes: usize,
+        nature: Nature,
+    ) -> Result<Bound, ServeError> {
+        let host = host(axes, nature);
+        Bound::bind_openfresco(host, settings, self.options, self.client, self.tls)
+    }
+
+    pub fn serve(self, settings: ServeSettings, axes: usize, nature: Nature) -> Server {
+        Server::of(self.bind(settings, axes, nature).unwrap())
+    }
 }
 
 impl Server {
@@ -38,43 +91,42 @@ impl Server {
     }
 
     pub fn with(settings: ServeSettings, carrier: Carrier, axes: usize, nature: Nature) -> Self {
-        let door = Door::bind(carrier, "127.0.0.1:0", None).unwrap();
-        Self::behind(door, settings, axes, nature)
+        Listen::at(carrier, "127.0.0.1:0").serve(settings, axes, nature)
     }
 
-    pub fn behind(door: Door, settings: ServeSettings, axes: usize, nature: Nature) -> Self {
-        let address = door.local_addr().unwrap();
+    fn of(bound: Bound) -> Self {
+        let address = bound.local_addr();
         let stop = Arc::new(AtomicBool::new(false));
-        let (tell, news) = channel();
+        let (tell, events) = channel();
         let told = Arc::clone(&stop);
         let thread = std::thread::spawn(move || {
-            let mut host = host(axes, nature);
             let stop = || told.load(Ordering::Relaxed);
-            serve_openfresco(&door, &mut host, &settings, &stop, &mut |news| {
-                let _ = tell.send(news.clone());
-            })
-            .unwrap();
+            bound
+                .run(&stop, &mut |event| {
+                    let _ = tell.send(event.clone());
+                })
+                .unwrap();
         });
         Self {
             address,
-            news,
+            events,
             stop,
             thread: Some(thread),
         }
     }
 
-    pub fn hears(&self, wanted: impl Fn(&News) -> bool) -> News {
+    pub fn hears(&self, wanted: impl Fn(&ServerEvent) -> bool) -> ServerEvent {
         loop {
-            let news = self.news.recv_timeout(LONG).expect("no such news");
-            if wanted(&news) {
-                return news;
+            let event = self.events.recv_timeout(LONG).expect("no such event");
+            if wanted(&event) {
+                return event;
             }
         }
     }
 
     pub fn end(&self) -> End {
-        match self.hears(|news| matches!(news, News::Ended(..))) {
-            News::Ended(_, end, _) => end,
+        match self.hears(|event| matches!(event, ServerEvent::ClientLeft(..))) {
+            ServerEvent::ClientLeft(_, end, _) => end,
             _ => unreachable!(),
         }
     }

@@ -4,12 +4,11 @@ use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
 
-use crate::openfresco_ends::{Server, drive, in_process, settings};
+use crate::openfresco_ends::{Listen, Server, drive, in_process, settings};
 use crate::tls_common::{Authority, EXPIRED, LOCAL, VALID};
 use gusset::config::{ServeTlsSpec, TlsSpec};
-use gusset::link::openfresco::{
-    Door, End, Nature, News, Remote, RemoteSettings, Role, ServeSettings,
-};
+use gusset::link::openfresco::{End, Nature, Remote, RemoteSettings, Role, ServeSettings};
+use gusset::link::server::ServerEvent;
 use gusset::link::tls::{TlsClient, TlsFault, TlsFiles, TlsServer};
 use gusset::substructure::{Command, Measurement, Retirement, Substructure};
 use gusset::time::Nanos;
@@ -30,12 +29,11 @@ fn server(folder: &Path, required: bool) -> Server {
         required,
     )
     .unwrap();
-    let door = Door::bind_tls("127.0.0.1:0", None, tls).unwrap();
     let limits = ServeSettings {
         setup_limit_s: 0.5,
         ..ServeSettings::new(Role::Application, Some(30.0))
     };
-    Server::behind(door, limits, 1, Nature::Simulated)
+    Listen::tls("127.0.0.1:0", tls).serve(limits, 1, Nature::Simulated)
 }
 
 fn remote(peer: Peer, server: &Server, tls: Option<TlsClient>) -> Remote {
@@ -139,7 +137,7 @@ fn who_stalls_in_the_handshake_does_not_keep_the_port() {
     let stall = || {
         let mut half = TcpStream::connect(here.address).unwrap();
         half.write_all(&[22, 3, 1, 2, 0, 1]).unwrap();
-        here.hears(|news| matches!(news, News::Connected(_)));
+        here.hears(|event| matches!(event, ServerEvent::Connected(_)));
         half
     };
     let alone = stall();
@@ -163,12 +161,17 @@ fn beyond_loopback_certificates_must_be_required_or_one_machine_named() {
     crate::tls_common::make(folder);
     let files = TlsFiles::of_server(&ServeTlsSpec::default(), folder);
     let lenient = || TlsServer::new(&files, false).unwrap();
-    let refused = Door::bind_tls("0.0.0.0:0", None, lenient()).unwrap_err();
+    let bind = |listen: Listen| {
+        let limits = ServeSettings::new(Role::Application, Some(30.0));
+        listen.bind(limits, 1, Nature::Simulated)
+    };
+    let refused = bind(Listen::tls("0.0.0.0:0", lenient())).unwrap_err();
     assert!(
         refused.to_string().contains("require certificates"),
         "{refused}"
     );
     let strict = TlsServer::new(&files, true).unwrap();
-    Door::bind_tls("0.0.0.0:0", None, strict).unwrap();
-    Door::bind_tls("0.0.0.0:0", Some([192, 0, 2, 7].into()), lenient()).unwrap();
+    bind(Listen::tls("0.0.0.0:0", strict)).unwrap();
+    let named = Listen::tls("0.0.0.0:0", lenient()).only([192, 0, 2, 7].into());
+    bind(named).unwrap();
 }

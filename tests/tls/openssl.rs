@@ -7,9 +7,9 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
 use crate::link_common::{ONE_AXIS, ONE_AXIS_LAW, Served, linked, run, test_file};
-use crate::openfresco_ends::{Server, in_process, path, settings};
+use crate::openfresco_ends::{Listen, in_process, path, settings};
 use gusset::config::{ServeTlsSpec, TlsSpec};
-use gusset::link::openfresco::{Door, End, Nature, Remote, RemoteSettings, Role, ServeSettings};
+use gusset::link::openfresco::{End, Nature, Remote, RemoteSettings, Role, ServeSettings};
 use gusset::link::tls::{TlsClient, TlsFiles, TlsServer};
 use gusset::substructure::{Command as Move, Measurement, Retirement, Substructure};
 use gusset::time::Nanos;
@@ -124,9 +124,8 @@ fn an_openssl_client_of_either_version_with_and_without_a_certificate_is_served(
     let folder = folder.path();
     let files = TlsFiles::of_server(&ServeTlsSpec::default(), folder);
     let tls = TlsServer::new(&files, false).unwrap();
-    let door = Door::bind_tls("127.0.0.1:0", None, tls).unwrap();
     let limits = ServeSettings::new(Role::Application, Some(30.0));
-    let server = Server::behind(door, limits, 1, Nature::Simulated);
+    let server = Listen::tls("127.0.0.1:0", tls).serve(limits, 1, Nature::Simulated);
     let address = server.address.to_string();
     for version in ["-tls1_2", "-tls1_3"] {
         for certificate in [&[][..], &["-cert", "client.crt", "-key", "client.key"][..]] {

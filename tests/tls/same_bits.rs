@@ -4,9 +4,9 @@ use crate::link_common::{
     ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, columns, gateway, linked, run, summary,
     test_file,
 };
-use crate::openfresco_ends::{Server, drive, in_process, settings};
+use crate::openfresco_ends::{Listen, drive, in_process, settings};
 use gusset::config::{ServeTlsSpec, TlsSpec};
-use gusset::link::openfresco::{Door, End, Nature, Remote, RemoteSettings, Role, ServeSettings};
+use gusset::link::openfresco::{End, Nature, Remote, RemoteSettings, Role, ServeSettings};
 use gusset::link::tls::{TlsClient, TlsFiles, TlsServer};
 use gusset::substructure::{Retirement, Substructure};
 use gusset::wire::openfresco::{Carrier, Peer};
@@ -102,9 +102,9 @@ fn every_dialect_of_which_both_ends_are_ours_is_the_same_over_tls() {
             (Role::Application, Peer::Site),
             (Role::Actor, Peer::Actor),
         ] {
-            let door = Door::bind_tls("127.0.0.1:0", None, tls.clone()).unwrap();
             let limits = ServeSettings::new(role, Some(30.0));
-            let server = Server::behind(door, limits, 3, Nature::Simulated);
+            let listen = Listen::tls("127.0.0.1:0", tls.clone());
+            let server = listen.serve(limits, 3, Nature::Simulated);
             for data_size in [2, 4096] {
                 let mut remote = Remote::new(RemoteSettings {
                     tls: Some(client.clone()),

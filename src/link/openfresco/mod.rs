@@ -2,10 +2,10 @@
 //!
 //! | item | dialect | speaks with |
 //! |---|---|---|
-//! | [`serve_openfresco`], [`Role::Application`] | A | OpenSees `genericClient`, OpenFresco's elements with `-server`, the C library |
-//! | [`serve_openfresco`], [`Role::Actor`] | B | OpenFresco `expSite ShadowSite` |
-//! | [`serve_openfresco`], [`Role::Controller`] | D | OpenFresco `expControl GenericTCP` or `SimFEAdapter` |
-//! | [`serve_openfresco`], [`Role::Simulink`] | D | OpenFresco `expControl SimSimulink` |
+//! | [`Server`](super::server::Server), [`Role::Application`] | A | OpenSees `genericClient`, OpenFresco's elements with `-server`, the C library |
+//! | [`Server`](super::server::Server), [`Role::Actor`] | B | OpenFresco `expSite ShadowSite` |
+//! | [`Server`](super::server::Server), [`Role::Controller`] | D | OpenFresco `expControl GenericTCP` or `SimFEAdapter` |
+//! | [`Server`](super::server::Server), [`Role::Simulink`] | D | OpenFresco `expControl SimSimulink` |
 //! | [`Remote`], `Peer::Element`, `Peer::Site` | A | `startSimAppElemServer`, `startSimAppSiteServer` |
 //! | [`Remote`], `Peer::Actor` | B | `expSite ActorSite` |
 //! | [`Remote`], `Peer::Adapter` | C | OpenSees `adapter`, `actuator`, `corotActuator` |
@@ -21,28 +21,26 @@
 mod asking;
 mod below;
 mod client;
-mod dialect;
-mod door;
+mod client_end;
+mod codec;
 mod error;
-mod guest;
-mod hall;
 mod host;
-mod news;
+mod matrices;
+mod motion;
 mod remarks;
 mod role;
-mod server;
 mod settings;
 mod tally;
 mod transformation;
 
 pub use client::Remote;
-pub use dialect::ExchangeFault;
-pub use door::{Door, DoorError};
+pub(in crate::link) use client_end::lost;
+pub use client_end::{End, ExchangeFault};
+pub(in crate::link) use codec::{Codec, Request};
 pub use error::RemoteError;
 pub use host::{Host, HostFault};
-pub use news::{End, News};
+pub(in crate::link) use remarks::Remarks;
 pub use role::{Nature, Role};
-pub use server::serve_openfresco;
 pub use settings::{RemoteSettings, ServeSettings};
 pub use tally::Tally;
 pub use transformation::Transformation;

@@ -18,6 +18,7 @@ use rustix::event::{PollFd, PollFlags, Timespec};
 pub(in crate::link) use beside::beside;
 pub use connect::{ConnectError, resolve, resolve_host};
 pub use tcp::TcpTransport;
+pub(in crate::link) use tcp::discard;
 pub use udp::UdpTransport;
 
 use crate::rt::os;

@@ -7,8 +7,8 @@
 //! the round trip.
 
 use std::io::{Read, Write};
-use std::net::{SocketAddr, TcpStream};
-use std::os::fd::AsFd;
+use std::net::{Shutdown, SocketAddr, TcpStream};
+use std::os::fd::{AsFd, BorrowedFd};
 use std::time::Duration;
 
 use rustix::net::sockopt;
@@ -95,6 +95,17 @@ impl TcpTransport {
         self.options.wait = wait;
     }
 
+    pub(in crate::link) fn socket(&self) -> BorrowedFd<'_> {
+        self.stream.as_fd()
+    }
+
+    /// Closes the writing half, and reads what has arrived: unread data would turn the close into a reset.
+    pub(in crate::link) fn close_gently(&mut self) {
+        let _ = self.flush();
+        let _ = self.stream.shutdown(Shutdown::Write);
+        discard(&self.stream);
+    }
+
     /// The bare socket, its peer and what was asked of it, for another transport over it.
     pub(in crate::link) fn into_parts(self) -> (TcpStream, SocketAddr, SocketOptions) {
         (self.stream, self.peer, self.options)
@@ -110,6 +121,16 @@ impl TcpTransport {
     fn flush(&mut self) -> Result<(), LinkFault> {
         let stream = &mut self.stream;
         self.kept.flush(|bytes| stream.write(bytes))
+    }
+}
+
+/// Reads and drops what has arrived on a non-blocking connection. Bounded: a peer that floods gets the reset.
+pub(in crate::link) fn discard(mut stream: &TcpStream) {
+    let mut waste = [0; 4096];
+    for _ in 0..64 {
+        if !matches!(stream.read(&mut waste), Ok(1..)) {
+            return;
+        }
     }
 }
 

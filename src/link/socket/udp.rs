@@ -2,7 +2,7 @@
 
 use std::io;
 use std::net::{SocketAddr, UdpSocket};
-use std::os::fd::AsFd;
+use std::os::fd::{AsFd, BorrowedFd};
 use std::time::Duration;
 
 use super::{
@@ -92,6 +92,10 @@ impl UdpTransport {
             address: address.to_owned(),
             reason: "the name has no address".to_owned(),
         }))
+    }
+
+    pub(in crate::link) fn socket(&self) -> BorrowedFd<'_> {
+        self.socket.as_fd()
     }
 
     /// Takes over a socket that is connected to its peer.

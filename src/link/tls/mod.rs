@@ -8,7 +8,6 @@
 //! | `session` | one TLS session over any socket that does not block |
 //! | `stream` | the session on the thread that asks: a server's |
 //! | `thread` | the session on a thread of its own: the loop's |
-//! | `greeting` | the session under the asynchronous runtime, until a controller has armed |
 //!
 //! **The exception to the promise of no allocation.** Encrypting and decrypting allocates. So on the loop's side the
 //! whole exchange lives on a helper thread; the loop's own thread hands bytes over through two rings and one
@@ -25,7 +24,6 @@
 
 mod client;
 mod files;
-mod greeting;
 mod record;
 mod server;
 mod session;
@@ -35,7 +33,6 @@ mod thread;
 pub use crate::link::tls_fault::TlsFault;
 pub use client::TlsClient;
 pub use files::{End, FileError, TlsFiles};
-pub(in crate::link) use greeting::Greeting;
 pub use server::TlsServer;
 pub use stream::TlsStream;
 pub use thread::TlsTransport;

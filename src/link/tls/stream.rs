@@ -2,7 +2,7 @@
 //!
 //! Encrypting allocates, so this is not for the loop's thread.
 
-use std::net::{SocketAddr, TcpStream};
+use std::net::{Shutdown, SocketAddr, TcpStream};
 use std::os::fd::{AsFd, BorrowedFd};
 
 use rustix::net::sockopt;
@@ -10,7 +10,7 @@ use rustls::Connection;
 
 use super::RECORD_LIMIT_NS;
 use super::session::Session;
-use crate::link::socket::{Pause, SocketOptions, Wait};
+use crate::link::socket::{Pause, SocketOptions, Wait, discard};
 use crate::link::tls_fault::TlsFault;
 use crate::link::{TcpTransport, Transport};
 use crate::rt::os;
@@ -80,7 +80,7 @@ impl TlsStream {
         self.options
     }
 
-    pub(super) fn socket(&self) -> BorrowedFd<'_> {
+    pub(in crate::link) fn socket(&self) -> BorrowedFd<'_> {
         self.stream.as_fd()
     }
 
@@ -137,6 +137,22 @@ impl TlsStream {
             }
             _ => Ok(()),
         }
+    }
+
+    /// More about the failure of the session, if the TLS library says it.
+    pub(in crate::link) fn detail(&self) -> Option<&str> {
+        self.session.detail()
+    }
+
+    /// Sends the reason why the session ends, closes the writing half, and reads the bytes that have arrived.
+    pub(in crate::link) fn close_gently(&mut self) {
+        if self.fault.is_none() && !self.session.is_handshaking() {
+            self.say_closed();
+        } else {
+            let _ = self.session.push(&mut &self.stream);
+        }
+        let _ = self.stream.shutdown(Shutdown::Write);
+        discard(&self.stream);
     }
 
     pub(super) fn say_closed(&mut self) {

@@ -1,0 +1,330 @@
+//! The specimen of a native server: its name, its axes, and how its station is made for each test.
+
+use std::sync::Arc;
+
+use crate::config::fault_script::Script;
+use crate::config::{LimitsSpec, ScriptError, check_script};
+use crate::link::announce::units_of;
+use crate::link::fault::Bench;
+use crate::link::rig::{
+    Far, FarBuild, GuardStore, Latch, Law, LogSettings, Memory, ProbeSettings, Station,
+    Whereabouts, first_words,
+};
+use crate::port::limits::AxisLimits;
+use crate::specimen::Specimen;
+use crate::units::AxisUnits;
+use crate::wire::handshake::{Axis, Capabilities};
+
+/// A specimen to be hosted, and how to make it anew for each test.
+pub struct Host {
+    pub(super) name: String,
+    pub(super) axes: Vec<Axis>,
+    pub(super) stiffness: Vec<f64>,
+    mass: Vec<f64>,
+    behind: Behind,
+    units: Vec<AxisUnits>,
+    limits: Vec<LimitsSpec>,
+    probe: ProbeSettings,
+    log: Option<LogSettings>,
+    pub(super) faults: Option<Arc<Script>>,
+    memory: Option<Memory>,
+    guard: GuardStore,
+    latch: Latch,
+    /// False of a gateway whose specimen answers with forces only.
+    measures_disp: bool,
+}
+
+/// Makes a specimen in its virgin state, or says why not.
+pub type Build = Box<dyn Fn() -> Result<Box<dyn Specimen>, String> + Send + Sync>;
+
+enum Behind {
+    Law(Build),
+    Far(FarBuild, u64, Whereabouts),
+}
+
+impl std::fmt::Debug for Host {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Host")
+            .field("name", &self.name)
+            .field("axes", &self.axes)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Host {
+    /// `build` makes the specimen in the units of `axes`, with as many axes.
+    ///
+    /// # Errors
+    /// What `build` says, or another number of axes.
+    pub fn new(name: String, axes: Vec<Axis>, build: Build) -> Result<Self, String> {
+        let n = axes.len();
+        let specimen = build()?;
+        if specimen.axes() != n {
+            return Err(format!("{n} axes wanted, {} found", specimen.axes()));
+        }
+        let (stiffness, mass) = Law::new(specimen, false).reference();
+        Ok(Self {
+            name,
+            units: axes.iter().map(units_of).collect(),
+            axes,
+            stiffness,
+            mass,
+            behind: Behind::Law(build),
+            limits: Vec::new(),
+            probe: ProbeSettings::Needless,
+            log: None,
+            faults: None,
+            memory: None,
+            guard: GuardStore::default(),
+            latch: Latch::default(),
+            measures_disp: true,
+        })
+    }
+
+    /// A gateway: `build` makes the link to the specimen, whose stiffness is believed to be `stiffness`, n × n by columns
+    /// in the units of `axes`; an answer is waited for up to `reply_limit_ns`.
+    #[must_use]
+    pub fn gateway(
+        name: String,
+        axes: Vec<Axis>,
+        stiffness: Vec<f64>,
+        build: FarBuild,
+        reply_limit_ns: u64,
+    ) -> Self {
+        Self {
+            name,
+            mass: vec![0.0; axes.len() * axes.len()],
+            units: axes.iter().map(units_of).collect(),
+            axes,
+            stiffness,
+            behind: Behind::Far(build, reply_limit_ns, Whereabouts::default()),
+            limits: Vec::new(),
+            probe: ProbeSettings::Unchecked { silent: false },
+            log: None,
+            faults: None,
+            memory: None,
+            guard: GuardStore::default(),
+            latch: Latch::default(),
+            measures_disp: true,
+        }
+    }
+
+    /// Of a gateway whose specimen cannot tell where it stands: where that is before the first test, in the units of the axes.
+    #[must_use]
+    pub fn said_to_stand_at(mut self, place: Vec<f64>) -> Self {
+        if let Behind::Far(.., whereabouts) = &mut self.behind {
+            *whereabouts = Whereabouts::said(place);
+        }
+        self
+    }
+
+    /// The specimen behind this gateway answers with forces only. The handshake says that no displacement is measured.
+    #[must_use]
+    pub const fn without_measured_disp(mut self) -> Self {
+        self.measures_disp = false;
+        self
+    }
+
+    /// Of a gateway to a computation, as somebody says: where nobody knows its place, it is believed at zero.
+    #[must_use]
+    pub fn computed(mut self) -> Self {
+        if let Behind::Far(.., whereabouts) = &mut self.behind {
+            *whereabouts = std::mem::take(whereabouts).of_a_computation();
+        }
+        self
+    }
+
+    /// The units of its axes, one entry per axis, where the handshake's units are not they: inches, pounds and kips. Such a
+    /// specimen is served by OpenFresco's protocols only.
+    #[must_use]
+    pub fn in_units(mut self, units: Vec<AxisUnits>) -> Self {
+        if units.len() == self.axes.len() {
+            self.units = units;
+        }
+        self
+    }
+
+    /// The bounds of its axes.
+    #[must_use]
+    pub fn limited(mut self, limits: Vec<LimitsSpec>) -> Self {
+        self.limits = limits;
+        self
+    }
+
+    /// How the direction of a specimen behind a link is found out.
+    #[must_use]
+    pub fn probed(mut self, probe: ProbeSettings) -> Self {
+        self.probe = probe;
+        self
+    }
+
+    /// Each controller's test gets a run folder.
+    #[must_use]
+    pub fn recorded(mut self, log: LogSettings) -> Self {
+        self.log = Some(log);
+        self
+    }
+
+    /// Where its trips are latched: else in memory, for as long as this host lives.
+    #[must_use]
+    pub fn latched(mut self, latch: Latch) -> Self {
+        self.latch = latch;
+        self
+    }
+
+    /// The latch of its trips.
+    #[must_use]
+    pub fn latch(&self) -> Latch {
+        self.latch.clone()
+    }
+
+    /// Shares the limits' history and the latch with `other`, which serves the same specimen.
+    #[must_use]
+    pub fn guarded_as(mut self, other: &Self) -> Self {
+        (self.guard, self.latch) = (other.guard.clone(), other.latch.clone());
+        self
+    }
+
+    /// A formula stays as the last test left it, as a real specimen does. Else each test finds it as new.
+    #[must_use]
+    pub fn remembering(mut self) -> Self {
+        self.memory = Some(Memory::default());
+        self
+    }
+
+    /// The same, and the first test finds it at `disp`, one displacement per axis in the units of the axes, where it was moved
+    /// from its virgin state.
+    ///
+    /// # Errors
+    /// What its maker says, another number of displacements, or a specimen behind a link: where that stands it says itself.
+    pub fn standing_at(mut self, disp: &[f64]) -> Result<Self, String> {
+        let Behind::Law(build) = &self.behind else {
+            return Err("the specimen is behind a link, and stands where it stands".to_owned());
+        };
+        if disp.len() != self.axes.len() {
+            let (axes, found) = (self.axes.len(), disp.len());
+            return Err(format!("{axes} displacements wanted, {found} found"));
+        }
+        self.memory = Some(Memory::of(build()?.as_mut(), disp));
+        Ok(self)
+    }
+
+    /// True if a formula stays as the last test left it.
+    #[must_use]
+    pub const fn remembers(&self) -> bool {
+        self.memory.is_some()
+    }
+
+    /// True of a computed specimen that each test finds as new.
+    #[must_use]
+    pub const fn starts_anew(&self) -> bool {
+        !self.is_gateway() && !self.remembers()
+    }
+
+    /// Where the specimen stands; empty if that is not known before a controller arms it: a gateway learns it with its first
+    /// test, and with its next whether what may be a computation stays where that left it.
+    #[must_use]
+    pub fn standing(&self) -> Vec<f64> {
+        match &self.behind {
+            Behind::Far(.., whereabouts) => whereabouts.place(),
+            Behind::Law(_) => {
+                let left = self.memory.as_ref().and_then(Memory::disp);
+                left.unwrap_or_else(|| vec![0.0; self.axes.len()])
+            }
+        }
+    }
+
+    /// Every test meets these faults, the same each time.
+    ///
+    /// # Errors
+    /// The script cannot be played, or the specimen is no formula: a real one is not to be played with.
+    pub fn faulty(mut self, script: Script) -> Result<Self, ScriptError> {
+        check_script(&script, Some(self.axes.len()))?;
+        if self.is_gateway() {
+            return Err(ScriptError {
+                fault: None,
+                key: "fault",
+                text: "is for specimens that are computed, but this one is behind a link"
+                    .to_owned(),
+            });
+        }
+        self.faults = Some(Arc::new(script));
+        Ok(self)
+    }
+
+    /// True if the specimen is behind a link.
+    #[must_use]
+    pub const fn is_gateway(&self) -> bool {
+        matches!(self.behind, Behind::Far(..))
+    }
+
+    /// How the first command of a test is judged on axes whose steps the file does not bound, in words. `moves`: it is no mere
+    /// computation; a gateway never is.
+    #[must_use]
+    pub fn first_command(&self, moves: bool) -> Vec<String> {
+        if !(moves || self.is_gateway()) {
+            return Vec::new();
+        }
+        let bound = |index| {
+            self.limits
+                .get(index)
+                .map_or(AxisLimits::NONE, AxisLimits::of)
+        };
+        let limits: Vec<AxisLimits> = (0..self.axes.len()).map(bound).collect();
+        first_words(&limits, &self.units)
+    }
+
+    pub(super) fn capabilities(&self) -> Capabilities {
+        // A gateway passes on what its specimen measures, and warns itself of one that may not.
+        let kind = match self.behind {
+            // In its first test a process finds the specimen as new: it holds no state of an interrupted test.
+            Behind::Law(_) if self.memory.as_ref().is_some_and(Memory::is_of_a_test) => {
+                Capabilities::SIMULATED.and(Capabilities::KEEPS_STATE)
+            }
+            Behind::Law(_) => Capabilities::SIMULATED,
+            // It reports its own trips as an interlock.
+            Behind::Far(..) => Capabilities::INTERLOCK,
+        };
+        let kind = kind.and(Capabilities::USES_VEL);
+        if self.measures_disp {
+            kind.and(Capabilities::MEASURES_DISP)
+        } else {
+            kind
+        }
+    }
+
+    /// A station with the specimen in its virgin state, or a link that is not connected. `remembers`: a test finds a
+    /// formula as the last one left it.
+    ///
+    /// # Errors
+    /// What its maker says.
+    pub fn station(&self, remembers: bool) -> Result<Station, String> {
+        let units = self.units.clone();
+        let rig: Box<dyn crate::link::rig::Rig> = match &self.behind {
+            Behind::Law(build) => {
+                let law = Law::new(build()?, remembers);
+                Box::new(match &self.memory {
+                    Some(memory) => law.recalling(memory.clone()),
+                    None => law,
+                })
+            }
+            Behind::Far(build, reply_limit_ns, whereabouts) => {
+                let (axes, stiffness) = (self.axes.len(), self.stiffness.clone());
+                let far = Far::new(build.clone(), axes, stiffness, *reply_limit_ns);
+                Box::new(far.remembering(whereabouts.clone()))
+            }
+        };
+        let rig = match &self.faults {
+            Some(script) => Bench::around(rig, script, units.clone()),
+            None => rig,
+        };
+        let (stiffness, mass) = (self.stiffness.clone(), self.mass.clone());
+        Ok(Station::new(self.name.clone(), rig, units, stiffness, mass)
+            .limited(&self.limits)
+            .guarded(self.guard.clone(), self.latch.clone())
+            .remembering(remembers || self.memory.is_some())
+            .probed(self.probe.clone())
+            .played(self.faults.as_ref().map(|script| script.words()))
+            .recorded(self.log.clone()))
+    }
+}

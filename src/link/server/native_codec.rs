@@ -1,0 +1,120 @@
+//! The codec of a native session: bytes become frames, and replies become bytes.
+//!
+//! The codec knows no socket and no clock. Over a stream the first wrong byte is final; over datagrams a wrong frame is
+//! counted and dropped.
+
+use std::ops::Range;
+
+use super::native_handshake::Greeted;
+use crate::link::inbox::Inbox;
+use crate::substructure::Measurement;
+use crate::text::is_hidden;
+use crate::wire::WireError;
+use crate::wire::handshake::{self, Bye, Control, Refuse, TEXT_LIMIT};
+use crate::wire::native::{
+    Cause, Decoder, Encoder, Heartbeat, LARGEST_FRAME, Moment, Notice, Received,
+};
+
+/// The codec of one session.
+pub(super) struct NativeCodec {
+    inbox: Inbox,
+    encoder: Encoder,
+    decoder: Decoder,
+    out: Vec<u8>,
+    /// Frames that failed a check.
+    corrupt: u64,
+}
+
+impl NativeCodec {
+    pub fn new(inbox: Inbox, greeted: Greeted) -> Self {
+        Self {
+            inbox,
+            encoder: greeted.encoder,
+            decoder: greeted.decoder,
+            out: vec![0; LARGEST_FRAME],
+            corrupt: 0,
+        }
+    }
+
+    pub const fn is_stream(&self) -> bool {
+        self.inbox.is_stream()
+    }
+
+    pub const fn corrupt(&self) -> u64 {
+        self.corrupt
+    }
+
+    /// Room for the next bytes.
+    pub fn space(&mut self) -> &mut [u8] {
+        self.inbox.space()
+    }
+
+    /// This number of bytes of the room is filled.
+    pub fn filled(&mut self, count: usize) {
+        self.inbox.filled(count);
+    }
+
+    /// The place of the next complete frame. Real-time: yes.
+    pub fn next(&mut self) -> Result<Option<Range<usize>>, WireError> {
+        self.inbox.next()
+    }
+
+    /// Opens the frame at this place. Real-time: yes.
+    pub fn open(&mut self, place: Range<usize>) -> Result<Received<'_>, WireError> {
+        self.decoder.open(self.inbox.frame(place))
+    }
+
+    /// Counts a frame that failed a check. The error again, if it is final.
+    pub fn failed(&mut self, error: WireError) -> Result<(), WireError> {
+        let is_overtaken = matches!(error, WireError::Replayed { .. } | WireError::TooOld { .. });
+        self.corrupt += u64::from(!is_overtaken);
+        if self.is_stream() { Err(error) } else { Ok(()) }
+    }
+
+    /// Real-time: yes.
+    pub fn measurement(
+        &mut self,
+        measured: &Measurement,
+        moment: Moment,
+    ) -> Result<&[u8], WireError> {
+        let length = self.encoder.measurement(measured, moment, &mut self.out)?;
+        Ok(self.written(length))
+    }
+
+    pub fn heartbeat(&mut self, beat: Heartbeat) -> Result<&[u8], WireError> {
+        let length = self.encoder.heartbeat(beat, &mut self.out)?;
+        Ok(self.written(length))
+    }
+
+    pub fn goodbye(&mut self, notice: Notice) -> Result<&[u8], WireError> {
+        let length = self.encoder.goodbye(notice, &mut self.out)?;
+        Ok(self.written(length))
+    }
+
+    /// A control message.
+    pub fn control(&mut self, message: &[u8]) -> Result<&[u8], WireError> {
+        let length = self.encoder.control(message, &mut self.out)?;
+        Ok(self.written(length))
+    }
+
+    pub fn refusal(&mut self, refuse: Refuse) -> Result<&[u8], WireError> {
+        let message = handshake::encode(&Control::Refuse(refuse))?;
+        self.control(&message)
+    }
+
+    /// A message for people that the session ends.
+    pub fn bye(&mut self, cause: Cause, text: &str) -> Result<&[u8], WireError> {
+        let mut text = text.to_owned();
+        text.retain(|c| !is_hidden(c));
+        while text.len() > TEXT_LIMIT {
+            text.pop();
+        }
+        let cause = cause.code();
+        let message = handshake::encode(&Control::Bye(Bye { cause, text }))?;
+        self.control(&message)
+    }
+
+    fn written(&self, length: usize) -> &[u8] {
+        self.out.get(..length).unwrap_or_default()
+    }
+}

@@ -1,0 +1,204 @@
+//! What the record of a test says of its course: the faults that were played on it, a hold and its end, what was lost on the
+//! way; and that a script is played anew after each arming.
+
+use std::path::Path;
+
+use super::*;
+use crate::config::fault_script::Script;
+use crate::link::rig::{LogSettings, Visitor};
+use crate::record::Run;
+use crate::record::summary::{Status as Ended, Summary};
+
+const TITLE: &str = "the fault";
+const SAID: &str = "FAULTS are played: the fault";
+/// The bytes of a script are kept as they are, whatever they say.
+const BYTES: &str = "# a script\n";
+
+fn scripted(fault: &str) -> Host {
+    let text = format!("title = \"{TITLE}\"\n[[fault]]\n{fault}\n");
+    let script: Script = toml::from_str(&text).unwrap();
+    host().faulty(script).unwrap()
+}
+
+pub(super) fn kept(root: &Path) -> LogSettings {
+    LogSettings {
+        root: root.into(),
+        file: Vec::new(),
+        resolved: String::new(),
+        inputs: vec![("scripts/wrong.toml".into(), BYTES.into())],
+        queue_s: 4.0,
+        required: true,
+    }
+}
+
+/// The events with their texts, and the summary.
+pub(super) fn record(root: &Path) -> (Vec<(String, String)>, Summary) {
+    let run = Run::open(&root.join("test-0001")).unwrap();
+    let word = |event: &serde_json::Value, key: &str| event[key].as_str().unwrap_or("").to_owned();
+    let events = run.events().unwrap().to_json();
+    let events = events.iter().map(|e| (word(e, "event"), word(e, "text")));
+    (events.collect(), run.summary().unwrap().clone())
+}
+
+impl Controller {
+    fn leave(&mut self, sequence: u64) {
+        let cause = Cause::Orderly;
+        let notice = Notice { sequence, cause };
+        let length = self.encoder.retire(notice, &mut self.out).unwrap();
+        self.send(length);
+        self.hear().unwrap().unwrap();
+    }
+
+    /// Whether the last test left the specimen where only its own end knows.
+    fn lost_it(&self) -> bool {
+        let tap = self.tap.lock().unwrap();
+        let lost = tap.iter().rev().find_map(|tapped| match tapped {
+            Tapped::Event {
+                event: ServerEvent::Ended { is_lost, .. },
+                ..
+            } => Some(*is_lost),
+            _ => None,
+        });
+        lost.unwrap()
+    }
+}
+
+#[test]
+fn a_record_says_that_faults_were_played_and_keeps_their_script() {
+    let root = tempfile::tempdir().unwrap();
+    let root = root.path();
+    let host = scripted("at = 1\nkind = { bias = { force_n = 500.0 } }");
+    let mut controller = Controller::of(host.recorded(kept(root)), axis());
+    let forces = [0, 1].map(|k| controller.told(k, 0.001, 0.001).unwrap().unwrap().force[0]);
+    assert_eq!(forces, [8.0, 508.0]);
+    controller.leave(1);
+    let (events, summary) = record(root);
+    assert_eq!(events[1], ("faults".into(), SAID.into()));
+    assert_eq!(summary.status, Ended::Completed);
+    assert_eq!(summary.warnings, [SAID]);
+    assert_eq!(summary.inputs.len(), 1);
+    assert_eq!(summary.inputs[0].path, "inputs/wrong.toml");
+    let copy = std::fs::read_to_string(root.join("test-0001/inputs/wrong.toml"));
+    assert_eq!(copy.unwrap(), BYTES);
+}
+
+#[test]
+fn so_does_the_record_of_a_test_that_they_did_not_let_begin() {
+    let root = tempfile::tempdir().unwrap();
+    let host = scripted("kind = { elsewhere = { disp_m = 0.01 } }").recorded(kept(root.path()));
+    let visitor = Visitor::unnamed(([127, 0, 0, 1], 1).into());
+    let mut station = host.station(false).unwrap();
+    assert!(station.begin(&visitor, &mut || Ok(())).is_err());
+    let (events, summary) = record(root.path());
+    assert_eq!(events[1], ("faults".into(), SAID.into()));
+    assert_eq!(summary.warnings, [SAID]);
+}
+
+#[test]
+fn a_hold_stands_in_the_record_with_its_end_and_commands_that_were_lost_are_the_links() {
+    let root = tempfile::tempdir().unwrap();
+    let mut controller = Controller::of(host().recorded(kept(root.path())), axis());
+    assert_eq!(controller.command(0, 0.0, 0.001), FINE);
+    assert_eq!(controller.command(1, 0.001, 0.001), FINE);
+    controller.clock.advance(600_000_000);
+    // Signs of life.
+    while controller.hear().unwrap().is_some() {}
+    assert_eq!(controller.command(4, 0.002, 0.001), FINE);
+    controller.leave(4);
+    let (events, summary) = record(root.path());
+    let names: Vec<&str> = events.iter().map(|(name, _)| name.as_str()).collect();
+    assert_eq!(
+        names,
+        ["controller", "holding", "commands_again", "counts", "ended"]
+    );
+    assert_eq!(events[2].1, "commands come again, from 4");
+    assert_eq!(events[3].1, "3 commands, 2 missed, 0 frames corrupt");
+    assert_eq!(
+        (summary.link["rig"].missed, summary.link["rig"].sent),
+        (2, 3)
+    );
+    assert!(summary.warnings.is_empty());
+}
+
+#[test]
+fn what_was_sent_and_not_passed_on_at_the_end_is_missed() {
+    // The last that came is pending when the retire does, which counts one more.
+    for (last, missed) in [(2, 2), (3, 3), (0, 2)] {
+        let root = tempfile::tempdir().unwrap();
+        let (host, _) = gateway(None);
+        let host = host.recorded(kept(root.path()));
+        let mut controller = Controller::of(host, axis());
+        assert_eq!(controller.command(0, 0.0, 0.001), FINE);
+        controller.tell(2, 0.001, 0.001);
+        controller.leave(last);
+        let (events, _) = record(root.path());
+        let counts = format!("1 commands, {missed} missed, 0 frames corrupt");
+        assert!(events.contains(&("counts".into(), counts)), "{events:?}");
+    }
+    // Nothing was sent at all, and the retire has to name a number.
+    let root = tempfile::tempdir().unwrap();
+    let mut controller = Controller::of(host().recorded(kept(root.path())), axis());
+    controller.leave(0);
+    let (events, _) = record(root.path());
+    let counts = "0 commands, 0 missed, 0 frames corrupt".to_owned();
+    assert!(events.contains(&("counts".into(), counts)), "{events:?}");
+}
+
+#[test]
+fn what_is_kept_back_by_a_trip_was_not_sent_and_has_no_measurement() {
+    let root = tempfile::tempdir().unwrap();
+    let limits = toml::from_str("command_step_m = { trip = 0.002 }").unwrap();
+    let host = host().limited(vec![limits]).recorded(kept(root.path()));
+    let mut controller = Controller::of(host, axis());
+    for (sequence, disp) in (0..).zip([0.0, 0.001, 0.01, 0.0011]) {
+        controller.told(sequence, disp, 0.001).unwrap().unwrap();
+    }
+    controller.leave(3);
+    let run = Run::open(&root.path().join("test-0001")).unwrap();
+    let names = ["state", "target_1_1", "cmd_1_1", "status_1"];
+    let columns = run.columns(&names).unwrap();
+    assert_eq!(columns[0], [3.0, 3.0, 8.0, 8.0]);
+    assert_eq!(columns[1], [0.0, 0.001, 0.01, 0.0011]);
+    assert_eq!(columns[2][..2], [0.0, 0.001]);
+    assert!(columns[2][2..].iter().all(|sent| sent.is_nan()));
+    let stale = f64::from(Status::STALE.0 | Status::INTERLOCK.0);
+    assert_eq!(columns[3], [0.0, 0.0, stale, stale]);
+}
+
+#[test]
+fn what_happens_once_happens_after_each_arming() {
+    let mut controller = Controller::of(
+        scripted("at = 2\nkind = { hangs = { ticks = 3.0 } }"),
+        axis(),
+    );
+    let answers = |controller: &mut Controller, first: u64| {
+        [0, 1, 2].map(|k| controller.told(first + k, 0.0, 0.001).unwrap().is_some())
+    };
+    assert_eq!(answers(&mut controller, 0), [true, true, false]);
+    controller.clock.advance(10_000_000);
+    while controller.hear().unwrap().is_some() {}
+    // The third time while it hangs still.
+    for first in [10, 20] {
+        assert!(matches!(controller.arm(first, 0.0), Some(Control::Arm(_))));
+        assert_eq!(answers(&mut controller, first), [true, true, false]);
+    }
+}
+
+#[test]
+fn who_closed_the_connection_and_where_a_formula_stays_is_said_as_it_is() {
+    for (kind, words) in [
+        ("closed", "is cut: a fault that is played (closed)"),
+        ("goodbye", "the specimen's end has been switched off"),
+    ] {
+        let root = tempfile::tempdir().unwrap();
+        let host = scripted(&format!("at = 1\nkind = \"{kind}\""));
+        let mut controller = Controller::of(host.recorded(kept(root.path())), axis());
+        assert_eq!(controller.command(0, 0.001, 0.001), FINE);
+        controller.tell(1, 0.002, 0.001);
+        while let Ok(Some(_)) = controller.hear() {}
+        let (_, summary) = record(root.path());
+        assert_eq!(summary.status, Ended::Failed);
+        assert!(summary.reason.contains(words), "{}", summary.reason);
+        assert!(!controller.lost_it(), "a formula in this process");
+    }
+}

@@ -1,0 +1,267 @@
+use super::*;
+use std::sync::Arc;
+
+use crossbeam_channel::unbounded;
+
+use crate::link::openfresco::{Nature, Role};
+use crate::link::rig::{Law, Rig, Station, Wanted};
+use crate::link::server::connection::Connection;
+use crate::link::server::wire_end::WireEnd;
+use crate::specimen::SpecimenLaw;
+use crate::substructure::{Command, Introduction, Measurement, Retirement};
+use crate::units::AxisUnits;
+use crate::wire::openfresco::Carrier;
+
+const LINEAR: &str = "law = { linear = { stiffness_n_per_m = 8000.0 } }";
+const VISCOUS: &str = "law = { linear = { stiffness_n_per_m = 0, damping_n_s_per_m = 50.0 } }";
+/// Doubles of a vector.
+const N: usize = 4;
+
+/// A client of one axis that commands displacements and, if it is `timed`, times, and wants forces.
+struct Client {
+    codec: Codec,
+    role: Role,
+    host: Host,
+    timed: i32,
+}
+
+impl Client {
+    fn new(role: Role, law: &str, nature: Nature, timed: bool) -> Self {
+        let law: SpecimenLaw = toml::from_str(law).unwrap();
+        let mut host = Host::new(law.build(1).unwrap(), nature, Some(0.01));
+        let visitor = Visitor::unnamed(([127, 0, 0, 1], 1).into());
+        host.begin(&visitor, &mut || Ok(())).unwrap();
+        let mut codec = Codec::new(role, None, Carrier::Stream, 1);
+        let timed = i32::from(timed);
+        let sizes = [1, 0, 0, 0, timed, 0, 0, 0, 1, 0, N as i32];
+        let bytes: Vec<u8> = sizes.into_iter().flat_map(i32::to_le_bytes).collect();
+        codec.feed(&bytes).unwrap();
+        Self {
+            codec,
+            role,
+            host,
+            timed,
+        }
+    }
+
+    fn send(&mut self, code: f64, disp: f64, time: f64) -> Result<Vec<f64>, End> {
+        let values = [code, disp, time * f64::from(self.timed), 0.0];
+        let bytes: Vec<u8> = values.into_iter().flat_map(f64::to_le_bytes).collect();
+        let (_, request) = self.codec.feed(&bytes).unwrap();
+        let reply = obey(&mut self.codec, request, &mut self.host, &mut || true)?;
+        let words = reply.chunks_exact(8);
+        Ok(words
+            .map(|word| f64::from_le_bytes(word.try_into().unwrap()))
+            .collect())
+    }
+
+    /// The force of a command, which is committed then.
+    fn step(&mut self, disp: f64, time: f64) -> f64 {
+        self.send(3.0, disp, time).unwrap();
+        // Behind the flag, where there is one.
+        let at = usize::from(self.role == Role::Simulink);
+        let force = self.send(6.0, 0.0, 0.0).unwrap()[at];
+        // The time has the same place as in a command.
+        self.send(5.0, 0.0, time).unwrap();
+        force
+    }
+}
+
+#[test]
+fn a_damper_whose_client_holds_its_command_is_at_rest_with_and_without_a_time() {
+    for role in [Role::Application, Role::Simulink] {
+        for timed in [false, true] {
+            let mut client = Client::new(role, VISCOUS, Nature::Simulated, timed);
+            let commands = [0.0, 0.001, 0.002, 0.002, 0.002, 0.001];
+            let forces = (0_i32..)
+                .zip(commands)
+                .map(|(k, disp)| client.step(disp, 0.01 * f64::from(k)));
+            let forces: Vec<f64> = forces.collect();
+            for (force, wanted) in forces.iter().zip([0.0, 5.0, 5.0, 0.0, 0.0, -5.0]) {
+                assert!(
+                    (force - wanted).abs() < 1e-9,
+                    "{role:?} {timed}: {forces:?}"
+                );
+            }
+        }
+    }
+    // This protocol has no commits: each target is a step.
+    let mut client = Client::new(Role::Controller, VISCOUS, Nature::Simulated, false);
+    for (disp, wanted) in [(0.0, 0.0), (0.001, 5.0), (0.001, 0.0)] {
+        client.send(3.0, disp, 0.0).unwrap();
+        let force = client.send(6.0, 0.0, 0.0).unwrap()[0];
+        assert!((force - wanted).abs() < 1e-9, "{force} {wanted}");
+    }
+}
+
+#[test]
+fn a_step_taken_back_ends_the_test_of_what_moves_whoever_asks() {
+    for role in [Role::Application, Role::Simulink] {
+        for timed in [false, true] {
+            for nature in [Nature::Simulated, Nature::Physical] {
+                let mut client = Client::new(role, LINEAR, nature, timed);
+                client.step(0.0, 0.0);
+                client.step(0.0004, 0.01);
+                client.send(3.0, 0.0008, 0.02).unwrap();
+                client.send(3.0, 0.0009, 0.02).unwrap();
+                let back = client.send(3.0, 0.0004, 0.01);
+                match nature {
+                    Nature::Simulated => assert!(back.is_ok(), "{role:?}"),
+                    Nature::Physical => assert!(
+                        matches!(
+                            back,
+                            Err(End::Refused(ExchangeFault::Host(
+                                HostFault::TakenBack { .. }
+                            )))
+                        ),
+                        "{role:?} {timed}: {back:?}"
+                    ),
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn what_moves_follows_a_client_without_commits_through_zero() {
+    for nature in [Nature::Simulated, Nature::Physical] {
+        let mut client = Client::new(Role::Application, LINEAR, nature, false);
+        for disp in [0.0, 0.0005, 0.001, 0.0005, 0.0] {
+            client.send(3.0, disp, 0.0).unwrap();
+            let force = client.send(10.0, 0.0, 0.0).unwrap()[0];
+            assert!((force - 8e3 * disp).abs() < 1e-9);
+        }
+    }
+}
+
+#[test]
+fn a_commit_with_zeros_behind_it_leaves_the_steps_their_length() {
+    let mut client = Client::new(Role::Application, VISCOUS, Nature::Simulated, true);
+    for k in 0..5 {
+        let (disp, time) = (0.001 * f64::from(k), 0.01 * f64::from(k));
+        client.send(3.0, disp, time).unwrap();
+        let force = client.send(10.0, 0.0, 0.0).unwrap()[0];
+        // 1 mm in 10 ms at 50 N s/m.
+        let wanted = if k > 0 { 5.0 } else { 0.0 };
+        assert!((force - wanted).abs() < 1e-9, "{k}: {force}");
+        client.send(5.0, 0.0, 0.0).unwrap();
+    }
+}
+
+#[test]
+fn a_return_to_the_start_is_told_and_leaves_the_specimen_at_its_committed_state() {
+    const BILINEAR: &str = "law = { bilinear = { stiffness_n_per_m = 8000.0, yield_force_n = 60.0, post_yield_ratio = 0.05 } }";
+    let mut client = Client::new(Role::Application, BILINEAR, Nature::Simulated, true);
+    client.step(0.0, 0.0);
+    client.step(0.0275, 0.01);
+    client.send(3.0, 0.0, 0.0).unwrap();
+    assert!(client.codec.is_reset());
+    // 27.5 mm are 20 mm beyond the yield: unloaded by 15 mm, and 12.5 mm beyond the other one.
+    let force = client.send(10.0, 0.0, 0.0).unwrap()[0];
+    assert!((force + 57.0).abs() < 1e-9, "{force}");
+}
+
+#[test]
+fn a_load_factor_that_falls_in_a_step_ends_no_test() {
+    for nature in [Nature::Simulated, Nature::Physical] {
+        let mut client = Client::new(Role::Application, LINEAR, nature, true);
+        client.step(0.0, 0.0);
+        client.step(0.0004, 49.0);
+        client.send(3.0, 0.0008, 56.0).unwrap();
+        client.send(3.0, 0.0008, 47.0).unwrap();
+        let force = client.send(6.0, 0.0, 0.0).unwrap()[0];
+        assert!((force - 6.4).abs() < 1e-12);
+    }
+}
+
+/// A spring that stops the server while it is moved for the tenth time.
+struct Stopping {
+    spring: Law,
+    shared: Arc<Shared>,
+    trials: u32,
+}
+
+impl Rig for Stopping {
+    fn axes(&self) -> usize {
+        1
+    }
+    fn connect(
+        &mut self,
+        visitor: &Visitor,
+        wanted: &mut Wanted<'_>,
+    ) -> Result<Introduction, TestEnd> {
+        self.spring.connect(visitor, wanted)
+    }
+    fn arm(
+        &mut self,
+        sequence: u64,
+        start: &[f64],
+        wanted: &mut dyn FnMut() -> bool,
+    ) -> Result<bool, LinkFault> {
+        self.spring.arm(sequence, start, wanted)
+    }
+    fn trial(
+        &mut self,
+        command: &Command<'_>,
+        elapsed: f64,
+        _: &mut dyn FnMut() -> bool,
+        into: &mut Measurement,
+    ) -> Result<bool, LinkFault> {
+        self.trials += 1;
+        if self.trials == 10 {
+            self.shared.stop();
+        }
+        self.spring.trial(command, elapsed, &mut || true, into)
+    }
+    fn commit(&mut self) -> Result<(), LinkFault> {
+        self.spring.commit()
+    }
+    fn revert(&mut self) {
+        self.spring.revert();
+    }
+    fn tangent(&mut self, stiffness: &mut [f64]) {
+        self.spring.tangent(stiffness);
+    }
+    fn end(&mut self, how: Retirement) -> Option<String> {
+        self.spring.end(how)
+    }
+}
+
+#[test]
+fn a_stop_request_ends_the_commands_of_one_piece() {
+    let (events_in, events) = unbounded();
+    let shared = Arc::new(Shared::new(events_in));
+    let law: SpecimenLaw = toml::from_str(LINEAR).unwrap();
+    let rig = Stopping {
+        spring: Law::new(law.build(1).unwrap(), false),
+        shared: Arc::clone(&shared),
+        trials: 0,
+    };
+    let units = vec![AxisUnits::SI];
+    let station = Station::new("spring".into(), Box::new(rig), units, vec![8e3], vec![0.0]);
+    let mut host = Host::of(station, Nature::Simulated, None);
+    let mut codec = Codec::new(Role::Application, None, Carrier::Stream, 1);
+    let sizes = [1, 0, 0, 0, 0, 0, 0, 0, 1, 0, 2_i32].map(i32::to_le_bytes);
+    let (_, Request::Sizes(sizes)) = codec.feed(sizes.as_flattened()).unwrap() else {
+        panic!("these are the sizes");
+    };
+    let commands = (1..=100).flat_map(|k| [[3.0, 1e-4 * f64::from(k)], [5.0, 0.0]]);
+    let early: Vec<u8> = commands.flatten().flat_map(f64::to_le_bytes).collect();
+    let opening = OpenFrescoOpening {
+        codec,
+        sizes,
+        early: vec![early],
+    };
+    let end = WireEnd::new(Nanos(0), 0);
+    let channel = Channel {
+        link: ClientLink::from(Connection::Simulated(Box::new(end))),
+        peer: ([127, 0, 0, 1], 1).into(),
+    };
+    let settings = ServeSettings::new(Role::Application, None);
+    attend(channel, opening, &mut host, &settings, true, &shared);
+    let left = events.try_iter().find_map(|event| match event {
+        ServerEvent::ClientLeft(_, end, tally) => Some((end, tally.commands)),
+        _ => None,
+    });
+    assert_eq!(left, Some((End::Stopped, 10)));
+}
