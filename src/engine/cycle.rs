@@ -18,7 +18,7 @@ use super::running_state::RunningState;
 use super::step_progress::StepProgress;
 use super::test_judge::TestJudge;
 use super::tick::Tick;
-use super::{Peaks, Plan, Settling, Stop};
+use super::{Peaks, Plan, StaticLoad, Stop};
 use crate::port::Port;
 use crate::record::{Event, LimitReached, ON_MISS, Recorder, WarmUpRows};
 use crate::rt::timing::TickStamps;
@@ -62,7 +62,7 @@ pub(super) struct Engine<'a> {
     pub ports: &'a mut [Port],
     pub side: &'a mut Side,
     /// The static load that is still to be applied.
-    pub settling: &'a mut Option<Settling>,
+    pub settling: &'a mut Option<StaticLoad>,
     pub peaks: &'a mut Peaks,
     pub progress: &'a mut StepProgress,
     pub exchanges: &'a mut Exchanges,

@@ -6,7 +6,7 @@ use crate::port::UnloadFailure;
 
 /// Where a specimen was left.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Left {
+pub enum EndPosition {
     /// At its last command: the test file asks for nothing else, or too little was known of it to move it.
     Stayed,
     /// Where the test file wants it.
@@ -17,22 +17,22 @@ pub enum Left {
     Lost,
 }
 
-impl Left {
+impl EndPosition {
     /// As the files spell it.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
-            Left::Stayed => "stayed",
-            Left::Reached => "reached",
-            Left::NotReached(_) => "not_reached",
-            Left::Lost => "lost",
+            EndPosition::Stayed => "stayed",
+            EndPosition::Reached => "reached",
+            EndPosition::NotReached(_) => "not_reached",
+            EndPosition::Lost => "lost",
         }
     }
 }
 
 /// A shutdown that did not complete.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Unfinished {
+pub struct IncompleteShutdown {
     /// What stopped it.
     pub stop: Stop,
     /// How the test had ended before.
@@ -43,13 +43,13 @@ pub struct Unfinished {
 #[derive(Debug, Clone)]
 pub(super) struct Ends {
     /// Where each specimen was left.
-    pub left: Vec<Left>,
+    pub left: Vec<EndPosition>,
     /// Specimens that did not answer the last message.
     pub unheard: Vec<usize>,
     /// Specimens that were still getting ready when the operator ended the test.
     pub unarmed: Vec<usize>,
     /// What stopped the shutdown.
-    pub unfinished: Option<Unfinished>,
+    pub unfinished: Option<IncompleteShutdown>,
     /// How the test ended whose shutdown is performed.
     after: Option<Ending>,
 }
@@ -58,7 +58,7 @@ impl Ends {
     /// Every specimen stays where it is.
     pub fn new(ports: usize) -> Self {
         Self {
-            left: vec![Left::Stayed; ports],
+            left: vec![EndPosition::Stayed; ports],
             unheard: Vec::new(),
             unarmed: Vec::new(),
             unfinished: None,
@@ -84,7 +84,7 @@ impl Ends {
     /// The link of a specimen is lost.
     pub fn mark_lost(&mut self, port: usize) {
         if let Some(left) = self.left.get_mut(port) {
-            *left = Left::Lost;
+            *left = EndPosition::Lost;
         }
     }
 }

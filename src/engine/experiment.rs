@@ -1,7 +1,7 @@
 //! Everything a test needs, as plain data that can be sent to the loop's thread.
 
 use super::columns::Row;
-use super::{Limits, Opening, Pacing, Resumption, Settling, Side};
+use super::{Limits, Pacing, Resumption, Side, StartupSettings, StaticLoad};
 use crate::port::Port;
 use crate::record::Column;
 use crate::time::Ratio;
@@ -18,9 +18,9 @@ pub struct Experiment {
     /// The numerical side.
     pub side: Side,
     /// How the specimens come to where the test begins.
-    pub opening: Opening,
+    pub opening: StartupSettings,
     /// Static load before t = 0.
-    pub settling: Option<Settling>,
+    pub settling: Option<StaticLoad>,
     /// One port per specimen.
     pub ports: Vec<Port>,
     /// DOFs to record, from 0.

@@ -4,71 +4,24 @@
 //! maneuver ends the transition, moves nothing more, and leaves the ports here. So every specimen receives its last message,
 //! once, however the test ended, and a panic in one of these messages does not keep it from the others.
 
-use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
-use super::columns::Row;
-use super::commanding::{Commanding, Exchanges};
+use super::commanding::Commanding;
 use super::cycle::Engine;
-use super::deadlines::Deadlines;
-use super::end_positions::{Ends, Left};
-use super::environment::Environment;
-use super::journal::Journal;
 use super::operator::{Control, Watch};
-use super::pace::Pace;
+use super::owned_test::{Parts, Test, Watches, panic_text};
 use super::phase::Phase;
-use super::place::Place;
 use super::shutdown::Shutdown;
 use super::startup::Startup;
-use super::step_progress::StepProgress;
 use super::stepping::Stepping;
-use super::supervision::Supervision;
-use super::test_judge::TestJudge;
 use super::tick::Tick;
-use super::{
-    Ending, Experiment, Outcome, PaceOutcome, Peaks, Plan, Resumption, Settling, Side, Stop,
-};
+use super::{Ending, Experiment, Outcome, Resumption, Side, Stop};
 use crate::port::{Port, Poses};
 use crate::record::{Column, Event, GridOf, Recorder};
 use crate::rt::timing::Timing;
 use crate::state::{StateError, TestState};
 use crate::substructure::Retirement;
 use crate::time::{Clock, SimClock};
-
-/// Largest model whose states are kept.
-const MOST_DOFS_OF_A_STATE: usize = 10_000;
-
-/// Everything of a test besides its ports.
-pub(super) struct Parts {
-    pub plan: Plan,
-    pub side: Side,
-    pub settling: Option<Settling>,
-    pub peaks: Peaks,
-    pub progress: StepProgress,
-    pub exchanges: Exchanges,
-    pub judge: TestJudge,
-    pub environment: Environment,
-    pub ends: Ends,
-    /// Largest |force| of each axis of each specimen in the test that this one continues.
-    earlier_forces: Vec<Vec<f64>>,
-}
-
-/// Something to do on the loop's own thread just before the first and just after the last tick of the test: tests put a guard
-/// there that counts system calls and allocations.
-#[derive(Default)]
-struct Watches {
-    before_first_tick: Option<Watch>,
-    after_last_tick: Option<Watch>,
-}
-
-/// The content of every state of the life cycle.
-struct Test {
-    ports: Vec<Port>,
-    parts: Box<Parts>,
-    watches: Watches,
-    resume: Option<Resumption>,
-    columns: Vec<Column>,
-}
 
 /// A test whose specimens are connected. Nothing has moved.
 #[derive(Debug)]
@@ -114,14 +67,6 @@ impl Retired {
             (Some(outcome), None) => outcome,
             (_, fault) => resume_unwind(Box::new(fault.unwrap_or_default())),
         }
-    }
-}
-
-impl std::fmt::Debug for Test {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Test")
-            .field("ports", &self.ports)
-            .finish_non_exhaustive()
     }
 }
 
@@ -203,7 +148,7 @@ impl Connected {
         let ending: Ending = Startup::perform(resume, &mut engine)
             .and_then(|()| run_steps(&mut engine, watches))
             .into();
-        test.into_retraced(ending)
+        retraced(test, ending)
     }
 
     /// Retraces a recorded test from this state to the end of the recording, which begins with the row after it. No specimen is
@@ -226,7 +171,7 @@ impl Connected {
         engine.environment.supervision.continue_running();
         engine.environment.pace.begin();
         let ending = perform_steps(&mut engine, &mut steps).into();
-        Ok(test.into_retraced(ending))
+        Ok(retraced(test, ending))
     }
 }
 
@@ -345,242 +290,21 @@ fn perform_steps(engine: &mut Engine<'_>, steps: &mut Stepping) -> Result<(), St
     result
 }
 
-impl Test {
-    fn new(
-        timing: Timing,
-        experiment: Experiment,
-        clock: Box<dyn Clock>,
-        recorder: Box<dyn Recorder>,
-    ) -> Self {
-        let Experiment {
-            dt,
-            period,
-            steps,
-            side,
-            opening,
-            settling,
-            ports,
-            record_dofs,
-            rotations,
-            limits,
-            pacing,
-            resume,
-        } = experiment;
-        let (row, columns) = Row::new((&record_dofs, &rotations), &side, &ports);
-        let dofs = match &side {
-            Side::Structure(numerical) => numerical.structure.dofs(),
-            Side::Prescribed(_) => 0,
-        };
-        let per_step = ports.iter().any(Port::is_per_step);
-        let environment = Environment {
-            pace: Pace::new(clock, period, limits.on_miss),
-            deadlines: Deadlines::new(timing, &limits.test, per_step),
-            supervision: Supervision::new(Control::unattended()),
-            journal: Journal::new(row, columns.len(), recorder),
-            place: Place::start(dt),
-        };
-        let earlier = resume.as_ref().map(|resume| resume.earlier.forces.clone());
-        let parts = Parts {
-            side,
-            settling,
-            peaks: Peaks::zeros(dofs),
-            progress: StepProgress::new(pacing),
-            exchanges: Exchanges::new(),
-            judge: TestJudge::new(limits.test.clone()),
-            environment,
-            ends: Ends::new(ports.len()),
-            earlier_forces: earlier.unwrap_or_default(),
-            plan: Plan {
-                dt,
-                steps,
-                opening,
-                limits,
-                checkpoint_ticks: pacing.checkpoint_ticks,
-                keeps_state: dofs <= MOST_DOFS_OF_A_STATE,
-            },
-        };
-        let mut test = Self {
-            ports,
-            parts: Box::new(parts),
-            watches: Watches::default(),
-            resume,
-            columns,
-        };
-        test.allocate_states();
-        test
+/// The state that a retraced test came to.
+fn retraced(test: Test, ending: Ending) -> Retraced {
+    let Parts {
+        side,
+        environment,
+        progress,
+        exchanges,
+        peaks,
+        ..
+    } = *test.parts;
+    let numbers = (exchanges.sequence(), environment.place.steps_done());
+    let phase = environment.supervision.phase();
+    let state = Resumption::of(phase, progress, numbers, peaks);
+    Retraced {
+        ending,
+        state: state.map(|resumption| (side, test.ports, resumption)),
     }
-
-    fn attend(&mut self, control: &Control) {
-        let supervision = &mut self.parts.environment.supervision;
-        supervision.attend(control.clone());
-    }
-
-    fn into_retraced(self, ending: Ending) -> Retraced {
-        let Parts {
-            side,
-            environment,
-            progress,
-            exchanges,
-            peaks,
-            ..
-        } = *self.parts;
-        let numbers = (exchanges.sequence(), environment.place.steps_done());
-        let phase = environment.supervision.phase();
-        let state = Resumption::of(phase, progress, numbers, peaks);
-        Retraced {
-            ending,
-            state: state.map(|resumption| (side, self.ports, resumption)),
-        }
-    }
-
-    /// Makes room for the states of checkpoints.
-    fn allocate_states(&mut self) {
-        let plan = &self.parts.plan;
-        if !plan.keeps_state || plan.checkpoint_ticks == u64::MAX {
-            return;
-        }
-        let (mut engine, _) = self.engine();
-        let mut last = Tick::before_start(0.0);
-        let (mut state, recorder) = engine.state(&mut last);
-        let room = TestState::with_room(|visit| state.visit_state(visit));
-        recorder.allocate_states(&room);
-    }
-
-    fn engine(&mut self) -> (Engine<'_>, &mut Watches) {
-        let parts = &mut *self.parts;
-        let engine = Engine {
-            plan: &parts.plan,
-            ports: &mut self.ports,
-            side: &mut parts.side,
-            settling: &mut parts.settling,
-            peaks: &mut parts.peaks,
-            progress: &mut parts.progress,
-            exchanges: &mut parts.exchanges,
-            judge: &mut parts.judge,
-            environment: &mut parts.environment,
-            ends: &mut parts.ends,
-        };
-        (engine, &mut self.watches)
-    }
-
-    /// Lets the engine run inside the panic boundary; a panic comes back in words.
-    fn guarded<R>(
-        &mut self,
-        work: impl FnOnce(&mut Engine<'_>, &mut Watches) -> R,
-    ) -> Result<R, String> {
-        let (mut engine, watches) = self.engine();
-        let work = AssertUnwindSafe(|| work(&mut engine, watches));
-        catch_unwind(work).map_err(|panic| panic_text(panic.as_ref()))
-    }
-
-    /// The record of the end, after the last messages.
-    fn close(&mut self, ending: Ending) -> Outcome {
-        self.note_unheard();
-        let environment = &mut self.parts.environment;
-        let is_leaving = environment.supervision.phase() == Phase::Leaving;
-        let of_last_phase = match ending {
-            Ending::Stopped(Stop::Internal) => ending,
-            // The shutdown is complete, whatever had ended the test.
-            _ if is_leaving && self.parts.ends.unfinished.is_none() => Ending::Completed,
-            _ if is_leaving => Ending::Stopped(Stop::Operator),
-            _ => ending,
-        };
-        environment.enter(Phase::Safe, of_last_phase);
-        environment.deadlines.flush();
-        environment.report_now(Event::Ended);
-        self.outcome(ending)
-    }
-
-    /// A specimen that did not answer the last message is reported. Where its last reply was not to its last command, its position
-    /// is unknown.
-    fn note_unheard(&mut self) {
-        let Parts {
-            ends, environment, ..
-        } = &mut *self.parts;
-        let mut unheard = Vec::new();
-        for (index, (port, left)) in self.ports.iter().zip(&mut ends.left).enumerate() {
-            if port.lacks_acknowledgement() && !port.is_gone() {
-                unheard.push(index);
-                if port.stale_in_a_row() > 0 || port.owes() {
-                    *left = Left::Lost;
-                }
-                environment.report_now(Event::Unacknowledged { port: index as u32 });
-            }
-        }
-        ends.unheard = unheard;
-        // Without an answer to the last message, the owed reply would have been the last one.
-        for (port, left) in self.ports.iter().zip(&mut ends.left) {
-            if port.needs_no_acknowledgement() && port.is_left_owing() && !port.is_gone() {
-                *left = Left::Lost;
-            }
-        }
-    }
-
-    /// The report of each specimen, by its number from 0.
-    fn said(&self, words: impl Fn(&Port) -> Option<String>) -> Vec<(usize, String)> {
-        let ports = self.ports.iter().enumerate();
-        ports
-            .filter_map(|(index, port)| words(port).map(|text| (index, text)))
-            .collect()
-    }
-
-    /// Largest |force| per axis of each specimen, over the whole test. A shutdown knows its own only: what tripped the test before
-    /// is no force that it may come to again.
-    fn peak_forces(&self) -> impl Iterator<Item = Vec<f64>> {
-        let before = self.parts.earlier_forces.iter().map(Vec::as_slice);
-        let before = before.chain(std::iter::repeat(&[][..]));
-        self.ports.iter().zip(before).map(|(port, before)| {
-            let before = before.iter().copied().chain(std::iter::repeat(0.0));
-            let each = port.peak_force().iter().zip(before);
-            each.map(|(own, before)| own.max(before)).collect()
-        })
-    }
-
-    fn outcome(&mut self, ending: Ending) -> Outcome {
-        let timing = self.parts.environment.deadlines.take_timing();
-        let Environment {
-            pace,
-            deadlines,
-            journal,
-            place,
-            ..
-        } = &self.parts.environment;
-        let (rows_lost, events_lost) = journal.lost();
-        let ends = &self.parts.ends;
-        Outcome {
-            ending,
-            unfinished: ends.unfinished,
-            left: ends.left.clone(),
-            unheard: ends.unheard.clone(),
-            unarmed: ends.unarmed.clone(),
-            holders: self.ports.iter().map(Port::left_to).collect(),
-            steps: place.steps_done(),
-            peaks: self.parts.peaks.clone(),
-            ports: (self.ports.iter().zip(self.peak_forces()))
-                .map(|(port, forces)| (port.name().to_owned(), forces, port.link_count()))
-                .collect(),
-            forces_on_the_way_in: (self.ports.iter())
-                .map(|port| port.force_at_startup().to_vec())
-                .collect(),
-            pace: PaceOutcome {
-                timing,
-                misses: deadlines.total(),
-                stretched: pace.stretched(),
-                gaps: deadlines.gaps(),
-                wall_ns: pace.now().since(pace.first_edge()),
-            },
-            rows_lost,
-            events_lost,
-            complaints: self.said(Port::complaint),
-            last_words: self.said(Port::last_words),
-        }
-    }
-}
-
-fn panic_text(panic: &(dyn Any + Send)) -> String {
-    panic
-        .downcast_ref::<&str>()
-        .map(|text| (*text).to_owned())
-        .or_else(|| panic.downcast_ref::<String>().cloned())
-        .unwrap_or_else(|| "without a message".to_owned())
 }

@@ -13,7 +13,7 @@ use super::order::Order;
 use super::phase::Phase;
 use super::ramping::Ramp;
 use super::standing::Listening;
-use super::static_load::Settling;
+use super::static_load::StaticLoad;
 use super::tick::Tick;
 use super::{Ending, Stop};
 use crate::integrate::State;
@@ -250,8 +250,8 @@ impl Balance {
 }
 
 /// The static load on its way.
-pub(super) struct StaticLoad {
-    settling: Settling,
+pub(super) struct Loading {
+    settling: StaticLoad,
     waits: Waits,
     exchanges: u32,
     /// How far the load alone takes the structure, which is what the ramp's time is meant for.
@@ -263,7 +263,7 @@ pub(super) struct StaticLoad {
     nearest: f64,
 }
 
-impl StaticLoad {
+impl Loading {
     /// Applies the static load, if there is one.
     ///
     /// # Errors
@@ -297,7 +297,7 @@ impl StaticLoad {
         Ok(())
     }
 
-    fn new(mut settling: Settling, engine: &Engine<'_>) -> Self {
+    fn new(mut settling: StaticLoad, engine: &Engine<'_>) -> Self {
         let period = engine.environment.pace.period_s();
         let rests = engine.ports.iter();
         let rests = rests.map(|port| Rest::new(port.axes(), period));

@@ -2,7 +2,7 @@
 
 /// How a test begins.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Opening {
+pub struct StartupSettings {
     /// Ticks over which each sensor is averaged while the specimens hold; 0: not at all.
     pub zero_ticks: u32,
     /// Whether the operator must confirm the offsets.
@@ -24,7 +24,7 @@ pub struct InitialForce {
     pub most_n: f64,
 }
 
-impl Opening {
+impl StartupSettings {
     /// True if nothing moves at once: the first command is where the specimen stands.
     #[must_use]
     pub fn is_gentle(&self) -> bool {

@@ -1,6 +1,6 @@
 //! The results of a test beside its rows and events.
 
-use super::{Ending, Gaps, Left, Peaks, Unfinished};
+use super::{EndPosition, Ending, Gaps, IncompleteShutdown, Peaks};
 use crate::port::LinkCount;
 use crate::rt::timing::Timing;
 use crate::substructure::Holder;
@@ -11,9 +11,9 @@ pub struct Outcome {
     /// How it ended.
     pub ending: Ending,
     /// The stop of the shutdown, if it did not complete.
-    pub unfinished: Option<Unfinished>,
+    pub unfinished: Option<IncompleteShutdown>,
     /// Where each specimen was left.
-    pub left: Vec<Left>,
+    pub left: Vec<EndPosition>,
     /// Specimens, from 0, that owe an answer to the last message.
     pub unheard: Vec<usize>,
     /// Specimens, from 0, whose own ends were getting them ready when the operator ended the test.

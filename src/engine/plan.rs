@@ -1,6 +1,6 @@
 //! What never changes while a test runs.
 
-use super::opening::Opening;
+use super::opening::StartupSettings;
 use super::rules::Limits;
 
 /// The constants of a test.
@@ -11,7 +11,7 @@ pub(super) struct Plan {
     /// Number of the last step.
     pub steps: u64,
     /// How the specimens come to where the test begins.
-    pub opening: Opening,
+    pub opening: StartupSettings,
     /// Bounds that the loop tolerates.
     pub limits: Limits,
     /// Ticks from one checkpoint to the next, at least.

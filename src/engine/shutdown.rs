@@ -7,7 +7,7 @@
 
 use super::columns::Word;
 use super::cycle::{Engine, Maneuver};
-use super::end_positions::{Left, Unfinished};
+use super::end_positions::{EndPosition, IncompleteShutdown};
 use super::operator::OperatorCommands;
 use super::order::Order;
 use super::phase::Phase;
@@ -59,7 +59,7 @@ impl Shutdown {
         if let Stop::Link { port, .. } = stop {
             engine.ends.mark_lost(port);
         }
-        engine.ends.unfinished = Some(Unfinished {
+        engine.ends.unfinished = Some(IncompleteShutdown {
             stop,
             after: ending,
         });
@@ -128,11 +128,11 @@ impl Shutdown {
             let is_wanted = is_known && port.has_begun() && replies && port.exits().moves(tripped);
             let unfelt = (!port.can_be_led(tripped)).then_some(UnloadFailure::Unfelt);
             *left = if port.is_gone() {
-                Left::Lost
+                EndPosition::Lost
             } else if is_wanted {
-                Left::NotReached(unfelt)
+                EndPosition::NotReached(unfelt)
             } else {
-                Left::Stayed
+                EndPosition::Stayed
             };
             exits.push(Exit {
                 is_led: is_wanted && unfelt.is_none(),
@@ -181,8 +181,8 @@ impl Shutdown {
         }
         for (left, exit) in engine.ends.left.iter_mut().zip(&self.exits) {
             match exit.departure.as_ref().and_then(ReturnMove::end) {
-                Some(Ok(())) => *left = Left::Reached,
-                Some(Err(astray)) => *left = Left::NotReached(Some(astray)),
+                Some(Ok(())) => *left = EndPosition::Reached,
+                Some(Err(failure)) => *left = EndPosition::NotReached(Some(failure)),
                 None => {}
             }
         }

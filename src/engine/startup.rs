@@ -4,7 +4,7 @@
 //! it stands and reads; the ramp goes from there to where the test begins, slower than any speed limit. Nothing jumps.
 
 use super::cycle::Engine;
-use super::loading::StaticLoad;
+use super::loading::Loading;
 use super::numerical::Side;
 use super::ramping::Ramp;
 use super::standing::{Confirmation, Zeroing};
@@ -58,7 +58,7 @@ impl Startup {
         engine.environment.begin_grid(GridOf::Opening);
         Self::zero(engine)?;
         engine.aim_at_start();
-        StaticLoad::perform(engine)?;
+        Loading::perform(engine)?;
         engine.aim_at_start();
         Ramp::perform(engine)?;
         engine.aim_at_start();

@@ -4,7 +4,7 @@ use crate::linalg::Spd;
 
 /// How the static load is applied.
 #[derive(Debug)]
-pub struct Settling {
+pub struct StaticLoad {
     /// Factor of an upper bound of the total tangent stiffness at the start.
     pub stiffness: Spd,
     /// Static load in N, one entry per DOF; it acts from here to the end of the test.

@@ -17,7 +17,7 @@ use crate::catalog::ending::{Cause, Kind};
 use crate::catalog::limit::Limit;
 use crate::catalog::phase::Part;
 use crate::config::{Time, TimeTable};
-use crate::engine::{Ending, Outcome, Phase, Stop, Unfinished};
+use crate::engine::{Ending, IncompleteShutdown, Outcome, Phase, Stop};
 use crate::record::summary::{Peak, Status};
 use crate::record::{Event, EventLine, FolderError, Run, Summary};
 use crate::substructure::LinkFault;
@@ -205,7 +205,7 @@ fn steps_and_peaks(summary: &Summary, outcome: &Outcome) -> Vec<SummaryDifferenc
 /// The words of an ending that the reason must contain, as far as the loop alone determines them.
 fn words_of(outcome: &Outcome) -> Vec<String> {
     let ends = match outcome.unfinished {
-        Some(Unfinished { stop, after }) => vec![after, Ending::Stopped(stop)],
+        Some(IncompleteShutdown { stop, after }) => vec![after, Ending::Stopped(stop)],
         None => vec![outcome.ending],
     };
     let words = |ending: &Ending| match ending {

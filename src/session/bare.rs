@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::config::{ClockChoice, Diagnostics, TimingSpec};
-use crate::engine::{Experiment, Limits, OnMiss, Opening, Pacing, Side, TestLimits};
+use crate::engine::{Experiment, Limits, OnMiss, Pacing, Side, StartupSettings, TestLimits};
 use crate::setup::{Facts, Files, LimitFacts, Prepared};
 use crate::time::{RateError, Ratio};
 
@@ -46,7 +46,7 @@ pub fn loop_round(
         period,
         steps,
         side,
-        opening: Opening::default(),
+        opening: StartupSettings::default(),
         settling: None,
         ports: Vec::new(),
         record_dofs: record.to_vec(),

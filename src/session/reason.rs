@@ -2,7 +2,7 @@
 
 use super::lineage::ACCEPT;
 use crate::catalog::ending::Cause;
-use crate::engine::{Ending, Left, Outcome, Stop, Unfinished};
+use crate::engine::{EndPosition, Ending, IncompleteShutdown, Outcome, Stop};
 use crate::substructure::{AGREED, Holder};
 
 /// How a test ended, and why in words.
@@ -13,7 +13,7 @@ pub fn ending(outcome: &Outcome) -> (Cause, String) {
         None => {
             let mut reason = words(&outcome.ending, outcome);
             for (index, left) in outcome.left.iter().enumerate() {
-                let Left::NotReached(why) = left else {
+                let EndPosition::NotReached(why) = left else {
                     continue;
                 };
                 reason = format!("{reason}; {} did not reach its end position", of(index));
@@ -23,7 +23,7 @@ pub fn ending(outcome: &Outcome) -> (Cause, String) {
             }
             reason
         }
-        Some(Unfinished { stop, after }) => {
+        Some(IncompleteShutdown { stop, after }) => {
             let (stop, before) = (
                 words(&Ending::Stopped(*stop), outcome),
                 words(after, outcome),
@@ -37,7 +37,7 @@ pub fn ending(outcome: &Outcome) -> (Cause, String) {
             }
         }
     };
-    let lost = left_as(outcome, Left::Lost);
+    let lost = left_as(outcome, EndPosition::Lost);
     for (index, _) in lost.filter(|(index, _)| !outcome.unheard.contains(index)) {
         let name = of(index);
         reason.push_str(&match outcome.holders.get(index) {
@@ -75,7 +75,7 @@ pub fn ending(outcome: &Outcome) -> (Cause, String) {
 }
 
 /// The specimens that were left so.
-fn left_as(outcome: &Outcome, how: Left) -> impl Iterator<Item = (usize, &Left)> {
+fn left_as(outcome: &Outcome, how: EndPosition) -> impl Iterator<Item = (usize, &EndPosition)> {
     let left = outcome.left.iter().enumerate();
     left.filter(move |(_, left)| **left == how)
 }
@@ -154,7 +154,7 @@ pub(super) fn last_words(outcome: &Outcome) -> Vec<(usize, String)> {
 /// Sentences about the ending in the specimens' own words.
 fn news(outcome: &Outcome) -> impl Iterator<Item = &(usize, String)> {
     let mut reason = words(&outcome.ending, outcome);
-    if let Some(Unfinished { stop, after }) = &outcome.unfinished {
+    if let Some(IncompleteShutdown { stop, after }) = &outcome.unfinished {
         reason.push_str(&words(&Ending::Stopped(*stop), outcome));
         reason.push_str(&words(after, outcome));
     }

@@ -34,7 +34,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use crate::config::{ConfigError, Diagnostics, Finding, KeyPath, Loaded, SpecimenTable, TestFile};
-use crate::engine::{Experiment, Numerical, Settling, Side, StepAudit};
+use crate::engine::{Experiment, Numerical, Side, StaticLoad, StepAudit};
 use crate::link::{NativeSetup, Transport};
 use crate::rt;
 use crate::stability::{Analysis, AtRest, Kind, Matrices, Stability};
@@ -298,7 +298,7 @@ fn moved(file: &TestFile) -> Vec<String> {
 fn numerical(
     site: &mut Site<'_>,
     specimens: &Specimens,
-) -> Result<(Numerical, Option<Settling>, StructureFacts), Refused> {
+) -> Result<(Numerical, Option<StaticLoad>, StructureFacts), Refused> {
     let mut structure = structure::structure(site, specimens)?;
     let n = structure.dofs();
     specimens.check_rows(site, n)?;

@@ -7,7 +7,7 @@ use crate::config::{
     AxisTable, BoundSpec, ExitChoice, Finding, LimitsSpec, ShareSpec, SpecimenTable, TestFile,
     Time, ZeroChoice,
 };
-use crate::engine::{InitialForce, Intake, Numerical, Opening, TestLimits};
+use crate::engine::{InitialForce, Intake, Numerical, StartupSettings, TestLimits};
 use crate::port::limits::Bound;
 use crate::port::{Axis, Exit, Exits, Reference, Zero};
 
@@ -26,8 +26,8 @@ fn zero_s(file: &TestFile) -> f64 {
 }
 
 /// How a test begins, with ticks of `period` seconds.
-pub(super) fn opening(file: &TestFile, period: f64) -> Opening {
-    Opening {
+pub(super) fn opening(file: &TestFile, period: f64) -> StartupSettings {
+    StartupSettings {
         zero_ticks: (zero_s(file) / period).ceil() as u32,
         confirm: confirms(file),
         ramp_s: file.safety.ramp_s,

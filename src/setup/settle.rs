@@ -2,7 +2,7 @@
 
 use super::{Refused, Site, path};
 use crate::config::Finding;
-use crate::engine::Settling;
+use crate::engine::StaticLoad;
 use crate::linalg::{Spd, SymMatrix};
 
 /// Equal parts in which a static load is brought on.
@@ -17,9 +17,9 @@ pub(super) fn settle(
     load: Vec<f64>,
     initial: &SymMatrix,
     bound: Option<&SymMatrix>,
-) -> Result<Settling, Refused> {
+) -> Result<StaticLoad, Refused> {
     match Spd::factor(bound.unwrap_or(initial)) {
-        Ok(stiffness) => Ok(Settling {
+        Ok(stiffness) => Ok(StaticLoad {
             stiffness,
             load,
             parts: SETTLING_PARTS,

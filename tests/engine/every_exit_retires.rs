@@ -4,7 +4,7 @@
 use crate::common::engine::{Run, prepare, run_on, run_under};
 use crate::common::rig::{Act, Call, Log, Phase, attach, storey, two_floors};
 use gusset::catalog::ending::Cause;
-use gusset::engine::{Control, Ending, Experiment, Left, Operator, Stop};
+use gusset::engine::{Control, EndPosition, Ending, Experiment, Operator, Stop};
 use gusset::port::{Axis, Exit};
 use gusset::record::{Event, RunFolder};
 use gusset::session::{self, Watches};
@@ -384,7 +384,10 @@ fn a_link_that_fails_on_the_way_out_fails_the_test() {
     };
     assert_eq!(run.outcome.ending, Ending::Stopped(lost));
     assert_retired(&log.lock().unwrap(), Retirement::Tripped);
-    assert_eq!(run.outcome.left, [Left::NotReached(None), Left::Lost]);
+    assert_eq!(
+        run.outcome.left,
+        [EndPosition::NotReached(None), EndPosition::Lost]
+    );
     assert_eq!(session::ending(&run.outcome).0, Cause::Link);
     let told = run.events.iter().any(|event| {
         let kind = &event.kind;

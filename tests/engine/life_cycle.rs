@@ -8,7 +8,7 @@ use crate::common::rig;
 use crate::common::spring::Spring;
 use gusset::catalog::ending::Cause;
 use gusset::catalog::limit::Limit;
-use gusset::engine::{Control, Ending, Experiment, Left, Operator, Phase, Stop};
+use gusset::engine::{Control, EndPosition, Ending, Experiment, Operator, Phase, Stop};
 use gusset::port::limits::{AxisLimits, Bound, Hit, Range};
 use gusset::port::{Axis, Exit, Exits, Port, Reference, UnloadFailure, Zero};
 use gusset::record::{Event, Word};
@@ -341,7 +341,7 @@ fn a_test_that_trips_on_its_way_out_has_tripped() {
     assert_eq!(run.outcome.ending, Ending::Completed);
     assert_eq!(
         (way.last(), run.outcome.left.as_slice()),
-        (Some(&0.3), &[Left::Reached][..])
+        (Some(&0.3), &[EndPosition::Reached][..])
     );
     assert_eq!(ending(&run.outcome).1, "end of the test");
 
@@ -350,7 +350,7 @@ fn a_test_that_trips_on_its_way_out_has_tripped() {
     assert_eq!(hit.quantity, Limit::CommandDisp);
     assert!(way.iter().all(|disp| *disp <= 0.2), "frozen where it was");
     assert_eq!(phases(&run)[2..], ["running", "leaving", "tripped", "safe"]);
-    assert_eq!(run.outcome.left, [Left::NotReached(None)]);
+    assert_eq!(run.outcome.left, [EndPosition::NotReached(None)]);
     let unfinished = run.outcome.unfinished.unwrap();
     assert_eq!(unfinished.after, Ending::Completed);
     let (cause, reason) = ending(&run.outcome);
@@ -367,7 +367,7 @@ fn an_operator_ends_the_way_out_at_once_and_it_is_told() {
     let (run, way) = led_after_its_end(0.5).run_with_operator(&[(600, Operator::Stop)]);
     assert_eq!(run.outcome.ending, Ending::Stopped(Stop::Operator));
     assert_eq!(way.len(), 601);
-    assert_eq!(run.outcome.left, [Left::NotReached(None)]);
+    assert_eq!(run.outcome.left, [EndPosition::NotReached(None)]);
     let last: Vec<&Event> = run.events.iter().map(|event| &event.kind).collect();
     assert!(
         matches!(
@@ -549,7 +549,7 @@ fn where_its_zero_is_not_known_yet_nobody_is_led_anywhere() {
     let (run, way) = lab.run_with_operator(&[(3, Operator::Stop)]);
     assert!(way.iter().all(|disp| *disp == 0.01), "{way:?}");
     assert_eq!(phases(&run), ["zeroing", "safe"]);
-    assert_eq!(run.outcome.left, [Left::Stayed]);
+    assert_eq!(run.outcome.left, [EndPosition::Stayed]);
     assert_eq!(ending(&run.outcome).1, "stopped by the operator");
 }
 
@@ -568,7 +568,7 @@ fn a_way_out_keeps_its_own_limits() {
         };
         let (run, way) = lab.run();
         assert_eq!(run.outcome.unfinished, None, "{exit:?}");
-        assert_eq!(run.outcome.left, [Left::Reached], "{exit:?}");
+        assert_eq!(run.outcome.left, [EndPosition::Reached], "{exit:?}");
         let begun = run.column("x1").len() + 5 + 3;
         let mut way = way[begun - 1..].to_vec();
         way[0] = way[1];
@@ -636,7 +636,7 @@ fn a_trip_of_one_specimen_costs_no_other_its_link() {
             Ending::Stopped(Stop::Limit { .. })
         ));
         assert_eq!(run.outcome.unfinished, None);
-        assert_eq!(run.outcome.left, [Left::Reached; 2]);
+        assert_eq!(run.outcome.left, [EndPosition::Reached; 2]);
         for column in ["cmd_1_1", "cmd_2_1"] {
             assert_eq!(run.all(column).last(), Some(&0.0), "{column}");
         }
@@ -690,7 +690,7 @@ fn what_trips_stands_in_a_row_wherever_it_trips() {
 fn a_stop_is_told_when_it_is_heard() {
     let (run, _) = led_after_its_end(0.5).run_with_operator(&[(200, Operator::Stop)]);
     assert_eq!(run.outcome.ending, Ending::Stopped(Stop::Operator));
-    assert_eq!(run.outcome.left, [Left::Reached]);
+    assert_eq!(run.outcome.left, [EndPosition::Reached]);
     let place = |wanted: &dyn Fn(&Event) -> bool| {
         let mut events = run.events.iter();
         events.position(|event| wanted(&event.kind)).unwrap()
@@ -781,7 +781,7 @@ fn the_way_to_zero_force_rests_while_answers_stay_away() {
             rig::Phase::Collect if (lost..lost + 48).contains(&number) => rig::Act::Miss,
             _ => rig::Act::Serve,
         });
-        assert_eq!(run.outcome.left, [Left::Reached], "{lost}");
+        assert_eq!(run.outcome.left, [EndPosition::Reached], "{lost}");
         assert!(
             way.iter().all(|disp| disp / from > 0.0),
             "{lost}: to the other side"
@@ -801,7 +801,7 @@ fn the_way_to_zero_force_does_not_end_at_a_glitch() {
             rig::Phase::Collect if number == at => rig::Act::Force(0.0),
             _ => rig::Act::Serve,
         });
-        assert_eq!(run.outcome.left, [Left::Reached], "{at}");
+        assert_eq!(run.outcome.left, [EndPosition::Reached], "{at}");
         assert!(way[way.len() - 1].abs() <= 0.011 * whole[0].abs(), "{at}");
         // It rests for one tick, and what is small is counted in blocks of 50.
         let more = way.len().checked_sub(whole.len());
@@ -825,7 +825,7 @@ fn the_sample_that_tripped_says_nothing_of_what_force_is_small() {
             let (way, run) = led_to_zero_force(limits, reads(glitch, 1));
             let stopped = run.outcome.ending;
             assert!(matches!(stopped, Ending::Stopped(Stop::Limit { .. })));
-            assert_eq!(run.outcome.left, [Left::Reached]);
+            assert_eq!(run.outcome.left, [EndPosition::Reached]);
             let (from, last) = (way[0], way[way.len() - 1]);
             assert!(from.abs() > 1e-3 && last.abs() <= 0.011 * from.abs());
         }
@@ -843,7 +843,7 @@ fn a_load_cell_that_stays_wild_leads_no_further_than_its_bound() {
         },
     );
     let (way, run) = led_to_zero_force(limits, reads(1e7, u64::MAX));
-    let left = Left::NotReached(Some(UnloadFailure::DoesNotFollow));
+    let left = EndPosition::NotReached(Some(UnloadFailure::DoesNotFollow));
     assert_eq!(run.outcome.left, [left]);
     let far = way.iter().map(|disp| (disp - way[0]).abs());
     let far = far.fold(0.0, f64::max);
@@ -862,18 +862,25 @@ fn a_force_that_has_jumped_leads_its_specimen_only_if_it_comes_back() {
         },
     );
     for (lasts, left) in [
-        (2, Left::Reached),
-        (u64::MAX, Left::NotReached(Some(UnloadFailure::Jumped))),
+        (2, EndPosition::Reached),
+        (
+            u64::MAX,
+            EndPosition::NotReached(Some(UnloadFailure::Jumped)),
+        ),
     ] {
         let (way, run) = led_to_zero_force(limits, reads(2e5, lasts));
         let hit = limit_hit(&run);
         assert_eq!(hit.quantity, Limit::ForceStep);
         assert_eq!(run.outcome.left, [left], "{lasts}");
         let moved = way.iter().any(|disp| *disp != way[0]);
-        assert_eq!(moved, left == Left::Reached, "{lasts}");
+        assert_eq!(moved, left == EndPosition::Reached, "{lasts}");
         let (_, reason) = ending(&run.outcome);
         let told = "did not reach its end position: its force has jumped and not come back";
-        assert_eq!(reason.contains(told), left != Left::Reached, "{reason}");
+        assert_eq!(
+            reason.contains(told),
+            left != EndPosition::Reached,
+            "{reason}"
+        );
     }
 }
 
@@ -891,9 +898,9 @@ fn a_load_cell_out_of_its_range_leads_its_specimen_nowhere() {
         for (exit, left) in [
             (
                 Exit::ZeroForce,
-                Left::NotReached(Some(UnloadFailure::Unfelt)),
+                EndPosition::NotReached(Some(UnloadFailure::Unfelt)),
             ),
-            (Exit::ZeroDisp, Left::Reached),
+            (Exit::ZeroDisp, EndPosition::Reached),
         ] {
             let (way, run) = led_to(exit, limits, reads(2e5, lasts));
             let hit = limit_hit(&run);
@@ -901,7 +908,7 @@ fn a_load_cell_out_of_its_range_leads_its_specimen_nowhere() {
             assert_eq!(run.outcome.left, [left], "{lasts}");
             let (_, reason) = ending(&run.outcome);
             let told = "did not reach its end position: its load cell is out of its range";
-            let stays = left != Left::Reached;
+            let stays = left != EndPosition::Reached;
             assert_eq!(reason.contains(told), stays, "{reason}");
             assert_eq!(way.is_empty(), stays, "{way:?}");
         }
@@ -926,7 +933,7 @@ fn who_comes_behind_within_its_limit_does_so_on_the_way_out() {
         let text = behind_a_delay(0.024, &format!("at_end = \"{exit}\""), limits);
         let run = crate::common::engine::run(&text);
         assert_eq!(run.outcome.ending, Ending::Completed, "{exit}");
-        assert_eq!(run.outcome.left, [Left::Reached], "{exit}");
+        assert_eq!(run.outcome.left, [EndPosition::Reached], "{exit}");
         let behind = run.all("cmd_1_1").into_iter().zip(run.all("raw_disp_1_1"));
         let worst = behind.fold(0.0, |worst: f64, (cmd, disp)| worst.max((cmd - disp).abs()));
         assert!(worst > 1.8e-3, "it comes behind by 79 mm/s for 24 ms");
@@ -974,7 +981,7 @@ fn two_limits_that_trip_in_one_tick_are_both_told_and_both_excused() {
             assert_eq!(tripped.len(), 2, "{tripped:?}");
             assert_eq!(tripped[0].0, tripped[1].0, "{tripped:?}");
             assert_eq!(run.outcome.unfinished, None, "{exit}");
-            assert_eq!(run.outcome.left, [Left::Reached], "{exit}");
+            assert_eq!(run.outcome.left, [EndPosition::Reached], "{exit}");
         }
     }
 }
@@ -993,7 +1000,7 @@ fn a_trip_on_one_side_is_no_excuse_on_the_other() {
     let least = force.iter().fold(0.0f64, |least, force| least.min(*force));
     assert!((-2.3e3..-2e3).contains(&least), "{least}");
     assert_eq!(force.last(), Some(&least), "it is left there");
-    assert_eq!(run.outcome.left, [Left::NotReached(None)]);
+    assert_eq!(run.outcome.left, [EndPosition::NotReached(None)]);
     let hit = run.outcome.unfinished.map(|unfinished| unfinished.stop);
     assert!(matches!(hit, Some(Stop::Limit { hit, .. }) if hit.bound == -2e3));
     assert_eq!(trips(&run).len(), 2);
@@ -1011,7 +1018,7 @@ fn an_actuator_that_lags_is_led_home_from_where_its_last_command_has_sent_it() {
                 let run = crate::common::engine::run(&behind_a_delay(delay, &exit, &limits));
                 let place = format!("{exit}, {delay} s, {count}");
                 assert_eq!(run.outcome.unfinished, None, "{place}");
-                assert_eq!(run.outcome.left, [Left::Reached], "{place}");
+                assert_eq!(run.outcome.left, [EndPosition::Reached], "{place}");
                 let Ending::Stopped(Stop::Limit { hit, .. }) = run.outcome.ending else {
                     panic!("{place}: {:?}", run.outcome.ending);
                 };

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use crate::common::engine::{Run, run_on};
 use crate::common::rig::{Act, Call, Log, Phase, STIFFNESS, attach, storey, two_floors};
-use gusset::engine::{Ending, Left, Phase as Ended, Stop};
+use gusset::engine::{EndPosition, Ending, Phase as Ended, Stop};
 use gusset::port::{Exit, Pace, Reference, WiringCheck, Zero};
 use gusset::record::Event;
 use gusset::substructure::{Coupling, Retirement, Status};
@@ -225,8 +225,8 @@ fn one_who_is_silent_or_saturated_stays_and_the_others_are_led_out() {
             };
             assert_eq!(run.outcome.ending, Ending::Stopped(wanted));
             assert_eq!(run.outcome.unfinished, None);
-            let mut left = [Left::Reached; 2];
-            left[port] = Left::NotReached(None);
+            let mut left = [EndPosition::Reached; 2];
+            left[port] = EndPosition::NotReached(None);
             assert_eq!(run.outcome.left, left);
             let told = |rig: usize| -> Vec<(u64, f64)> {
                 let calls = log.lock().unwrap();

@@ -7,7 +7,7 @@ use crate::common::engine::{Run, prepare, run_on, run_under};
 use crate::common::rig;
 use crate::common::spring::Spring;
 use gusset::catalog::limit::Limit;
-use gusset::engine::{Control, Ending, Left, Operator, Stop};
+use gusset::engine::{Control, EndPosition, Ending, Operator, Stop};
 use gusset::port::limits::{AxisLimits, Bound};
 use gusset::port::{Axis, Exit, Exits, Order, Pace, Port, Reference, WiringCheck, Zero};
 use gusset::record::Event;
@@ -156,7 +156,10 @@ fn nobody_is_moved_before_all_have_answered() {
         } else {
             let stood = stands(told(0));
             assert_eq!((stood, never_moves), (stops.unwrap_or(21), true));
-            assert_eq!(run.outcome.left, [Left::Reached, Left::Stayed]);
+            assert_eq!(
+                run.outcome.left,
+                [EndPosition::Reached, EndPosition::Stayed]
+            );
         }
     }
 }

@@ -1,7 +1,7 @@
 //! A static load is brought on before t = 0 and held: the structure stays where it is, and nothing was driven back and forth.
 
 use crate::common::engine::{Run, distance, prepare, run, run_on, run_under};
-use gusset::engine::{Control, Ending, Experiment, Left, Operator, Phase, Stop};
+use gusset::engine::{Control, EndPosition, Ending, Experiment, Operator, Phase, Stop};
 use gusset::port::{Exit, Trend, WiringCheck};
 use gusset::rt::timing::Quantity;
 use gusset::substructure::{
@@ -417,7 +417,7 @@ fn a_slow_actuator_is_not_taken_for_a_reversed_one_and_a_reversed_one_is_found()
             panic!("{transfer}: {:?}", run.outcome.ending);
         };
         assert_eq!(misfit.name(), "command_reversed");
-        assert_eq!(run.outcome.left, [Left::Stayed]);
+        assert_eq!(run.outcome.left, [EndPosition::Stayed]);
         let way = run.all("cmd_1_1");
         assert!(way.iter().all(|disp| disp.abs() < 0.2 * 0.01), "{transfer}");
     }

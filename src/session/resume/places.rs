@@ -7,7 +7,7 @@ use std::collections::VecDeque;
 
 use super::ResumeError;
 use crate::catalog::column;
-use crate::engine::{Left, Phase};
+use crate::engine::{EndPosition, Phase};
 use crate::port::Port;
 use crate::record::summary::{Peak, Status};
 use crate::record::{Row, Run};
@@ -201,7 +201,7 @@ fn is_all_known(run: &Run, port: &Port, state: Option<f64>) -> bool {
         return false;
     };
     let left = summary.left.get(port.name()).map(String::as_str);
-    let stands = [Left::Stayed, Left::Reached].map(|left| Some(left.word()));
+    let stands = [EndPosition::Stayed, EndPosition::Reached].map(|left| Some(left.word()));
     let ends = [Phase::Tripped, Phase::Leaving].map(Phase::code);
     let has_its_end = state.is_none_or(|last| ends.contains(&last));
     summary.rows_lost == 0

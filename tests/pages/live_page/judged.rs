@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use gusset::catalog::limit::{Kind, Limit};
-use gusset::engine::{Experiment, Glimpse, Opening, Phase, PhaseCell};
+use gusset::engine::{Experiment, Glimpse, Phase, PhaseCell, StartupSettings};
 use gusset::monitor::{About, Board, Snapshot, Subject, Tap, metrics};
 use gusset::port::limits::{AxisLimits, Bound, Range};
 use gusset::port::{Axis, Order, Port, Reference, Zero};
@@ -125,9 +125,9 @@ fn shaken(per_step: bool, limits: AxisLimits) -> Experiment {
         if per_step { more } else { String::new() },
     ))
     .experiment;
-    experiment.opening = Opening {
+    experiment.opening = StartupSettings {
         zero_ticks: 8,
-        ..Opening::default()
+        ..StartupSettings::default()
     };
     experiment.limits.warmup_ticks = 10;
     experiment.limits.stale_in_a_row = 100;

@@ -1,0 +1,297 @@
+//! Everything that a test owns on the loop's thread, and the panic boundary in which the engine runs.
+
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use super::columns::Row;
+use super::commanding::Exchanges;
+use super::cycle::Engine;
+use super::deadlines::Deadlines;
+use super::end_positions::{EndPosition, Ends};
+use super::environment::Environment;
+use super::journal::Journal;
+use super::operator::{Control, Watch};
+use super::pace::Pace;
+use super::phase::Phase;
+use super::place::Place;
+use super::step_progress::StepProgress;
+use super::supervision::Supervision;
+use super::test_judge::TestJudge;
+use super::tick::Tick;
+use super::{
+    Ending, Experiment, Outcome, PaceOutcome, Peaks, Plan, Resumption, Side, StaticLoad, Stop,
+};
+use crate::port::Port;
+use crate::record::{Column, Event, Recorder};
+use crate::rt::timing::Timing;
+use crate::state::TestState;
+use crate::time::Clock;
+
+/// Largest model whose states are kept.
+const MOST_DOFS_OF_A_STATE: usize = 10_000;
+
+/// Everything of a test besides its ports.
+pub(super) struct Parts {
+    pub plan: Plan,
+    pub side: Side,
+    pub settling: Option<StaticLoad>,
+    pub peaks: Peaks,
+    pub progress: StepProgress,
+    pub exchanges: Exchanges,
+    pub judge: TestJudge,
+    pub environment: Environment,
+    pub ends: Ends,
+    /// Largest |force| of each axis of each specimen in the test that this one continues.
+    earlier_forces: Vec<Vec<f64>>,
+}
+
+/// Something to do on the loop's own thread just before the first and just after the last tick of the test: tests put a guard
+/// there that counts system calls and allocations.
+#[derive(Default)]
+pub(super) struct Watches {
+    pub before_first_tick: Option<Watch>,
+    pub after_last_tick: Option<Watch>,
+}
+
+/// The content of every state of the life cycle.
+pub(super) struct Test {
+    pub ports: Vec<Port>,
+    pub parts: Box<Parts>,
+    pub watches: Watches,
+    pub resume: Option<Resumption>,
+    pub columns: Vec<Column>,
+}
+
+impl std::fmt::Debug for Test {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Test")
+            .field("ports", &self.ports)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Test {
+    /// Allocates everything that the loop will ever need.
+    pub fn new(
+        timing: Timing,
+        experiment: Experiment,
+        clock: Box<dyn Clock>,
+        recorder: Box<dyn Recorder>,
+    ) -> Self {
+        let Experiment {
+            dt,
+            period,
+            steps,
+            side,
+            opening,
+            settling,
+            ports,
+            record_dofs,
+            rotations,
+            limits,
+            pacing,
+            resume,
+        } = experiment;
+        let (row, columns) = Row::new((&record_dofs, &rotations), &side, &ports);
+        let dofs = match &side {
+            Side::Structure(numerical) => numerical.structure.dofs(),
+            Side::Prescribed(_) => 0,
+        };
+        let per_step = ports.iter().any(Port::is_per_step);
+        let environment = Environment {
+            pace: Pace::new(clock, period, limits.on_miss),
+            deadlines: Deadlines::new(timing, &limits.test, per_step),
+            supervision: Supervision::new(Control::unattended()),
+            journal: Journal::new(row, columns.len(), recorder),
+            place: Place::start(dt),
+        };
+        let earlier = resume.as_ref().map(|resume| resume.earlier.forces.clone());
+        let parts = Parts {
+            side,
+            settling,
+            peaks: Peaks::zeros(dofs),
+            progress: StepProgress::new(pacing),
+            exchanges: Exchanges::new(),
+            judge: TestJudge::new(limits.test.clone()),
+            environment,
+            ends: Ends::new(ports.len()),
+            earlier_forces: earlier.unwrap_or_default(),
+            plan: Plan {
+                dt,
+                steps,
+                opening,
+                limits,
+                checkpoint_ticks: pacing.checkpoint_ticks,
+                keeps_state: dofs <= MOST_DOFS_OF_A_STATE,
+            },
+        };
+        let mut test = Self {
+            ports,
+            parts: Box::new(parts),
+            watches: Watches::default(),
+            resume,
+            columns,
+        };
+        test.allocate_states();
+        test
+    }
+
+    /// Puts the operator in place.
+    pub fn attend(&mut self, control: &Control) {
+        let supervision = &mut self.parts.environment.supervision;
+        supervision.attend(control.clone());
+    }
+
+    /// Makes room for the states of checkpoints.
+    fn allocate_states(&mut self) {
+        let plan = &self.parts.plan;
+        if !plan.keeps_state || plan.checkpoint_ticks == u64::MAX {
+            return;
+        }
+        let (mut engine, _) = self.engine();
+        let mut last = Tick::before_start(0.0);
+        let (mut state, recorder) = engine.state(&mut last);
+        let room = TestState::with_room(|visit| state.visit_state(visit));
+        recorder.allocate_states(&room);
+    }
+
+    /// The running engine.
+    pub fn engine(&mut self) -> (Engine<'_>, &mut Watches) {
+        let parts = &mut *self.parts;
+        let engine = Engine {
+            plan: &parts.plan,
+            ports: &mut self.ports,
+            side: &mut parts.side,
+            settling: &mut parts.settling,
+            peaks: &mut parts.peaks,
+            progress: &mut parts.progress,
+            exchanges: &mut parts.exchanges,
+            judge: &mut parts.judge,
+            environment: &mut parts.environment,
+            ends: &mut parts.ends,
+        };
+        (engine, &mut self.watches)
+    }
+
+    /// Lets the engine run inside the panic boundary; a panic comes back in words.
+    pub fn guarded<R>(
+        &mut self,
+        work: impl FnOnce(&mut Engine<'_>, &mut Watches) -> R,
+    ) -> Result<R, String> {
+        let (mut engine, watches) = self.engine();
+        let work = AssertUnwindSafe(|| work(&mut engine, watches));
+        catch_unwind(work).map_err(|panic| panic_text(panic.as_ref()))
+    }
+
+    /// The record of the end, after the last messages.
+    pub fn close(&mut self, ending: Ending) -> Outcome {
+        self.note_unheard();
+        let environment = &mut self.parts.environment;
+        let is_leaving = environment.supervision.phase() == Phase::Leaving;
+        let of_last_phase = match ending {
+            Ending::Stopped(Stop::Internal) => ending,
+            // The shutdown is complete, whatever had ended the test.
+            _ if is_leaving && self.parts.ends.unfinished.is_none() => Ending::Completed,
+            _ if is_leaving => Ending::Stopped(Stop::Operator),
+            _ => ending,
+        };
+        environment.enter(Phase::Safe, of_last_phase);
+        environment.deadlines.flush();
+        environment.report_now(Event::Ended);
+        self.outcome(ending)
+    }
+
+    /// A specimen that did not answer the last message is reported. Where its last reply was not to its last command, its position
+    /// is unknown.
+    fn note_unheard(&mut self) {
+        let Parts {
+            ends, environment, ..
+        } = &mut *self.parts;
+        let mut unheard = Vec::new();
+        for (index, (port, left)) in self.ports.iter().zip(&mut ends.left).enumerate() {
+            if port.lacks_acknowledgement() && !port.is_gone() {
+                unheard.push(index);
+                if port.stale_in_a_row() > 0 || port.owes() {
+                    *left = EndPosition::Lost;
+                }
+                environment.report_now(Event::Unacknowledged { port: index as u32 });
+            }
+        }
+        ends.unheard = unheard;
+        // Without an answer to the last message, the owed reply would have been the last one.
+        for (port, left) in self.ports.iter().zip(&mut ends.left) {
+            if port.needs_no_acknowledgement() && port.is_left_owing() && !port.is_gone() {
+                *left = EndPosition::Lost;
+            }
+        }
+    }
+
+    /// The report of each specimen, by its number from 0.
+    fn said(&self, words: impl Fn(&Port) -> Option<String>) -> Vec<(usize, String)> {
+        let ports = self.ports.iter().enumerate();
+        ports
+            .filter_map(|(index, port)| words(port).map(|text| (index, text)))
+            .collect()
+    }
+
+    /// Largest |force| per axis of each specimen, over the whole test. A shutdown knows its own only: what tripped the test before
+    /// is no force that it may come to again.
+    fn peak_forces(&self) -> impl Iterator<Item = Vec<f64>> {
+        let before = self.parts.earlier_forces.iter().map(Vec::as_slice);
+        let before = before.chain(std::iter::repeat(&[][..]));
+        self.ports.iter().zip(before).map(|(port, before)| {
+            let before = before.iter().copied().chain(std::iter::repeat(0.0));
+            let each = port.peak_force().iter().zip(before);
+            each.map(|(own, before)| own.max(before)).collect()
+        })
+    }
+
+    fn outcome(&mut self, ending: Ending) -> Outcome {
+        let timing = self.parts.environment.deadlines.take_timing();
+        let Environment {
+            pace,
+            deadlines,
+            journal,
+            place,
+            ..
+        } = &self.parts.environment;
+        let (rows_lost, events_lost) = journal.lost();
+        let ends = &self.parts.ends;
+        Outcome {
+            ending,
+            unfinished: ends.unfinished,
+            left: ends.left.clone(),
+            unheard: ends.unheard.clone(),
+            unarmed: ends.unarmed.clone(),
+            holders: self.ports.iter().map(Port::left_to).collect(),
+            steps: place.steps_done(),
+            peaks: self.parts.peaks.clone(),
+            ports: (self.ports.iter().zip(self.peak_forces()))
+                .map(|(port, forces)| (port.name().to_owned(), forces, port.link_count()))
+                .collect(),
+            forces_on_the_way_in: (self.ports.iter())
+                .map(|port| port.force_at_startup().to_vec())
+                .collect(),
+            pace: PaceOutcome {
+                timing,
+                misses: deadlines.total(),
+                stretched: pace.stretched(),
+                gaps: deadlines.gaps(),
+                wall_ns: pace.now().since(pace.first_edge()),
+            },
+            rows_lost,
+            events_lost,
+            complaints: self.said(Port::complaint),
+            last_words: self.said(Port::last_words),
+        }
+    }
+}
+
+/// The text of a panic.
+pub(super) fn panic_text(panic: &(dyn Any + Send)) -> String {
+    panic
+        .downcast_ref::<&str>()
+        .map(|text| (*text).to_owned())
+        .or_else(|| panic.downcast_ref::<String>().cloned())
+        .unwrap_or_else(|| "without a message".to_owned())
+}
