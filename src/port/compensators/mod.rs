@@ -18,6 +18,7 @@ use super::axis_motion::AxisMotion;
 use super::step_pacer::PacerTick;
 use super::target_path::TargetPath;
 use crate::compensation::{Compensator, Parameter};
+use crate::state::{TestState, Visit};
 
 /// Which time a compensated delay is of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -89,7 +90,7 @@ pub(super) struct Compensators {
     velocities: [CommandVelocity; 2],
     grid: Grid,
     /// The state before the command that stands ready was made, where a record is followed to be gone on with.
-    before: Option<Vec<f64>>,
+    before: Option<TestState>,
 }
 
 /// Where on the grid of test time the compensators are.
@@ -136,6 +137,30 @@ impl Compensators {
         }
     }
 
+    /// Visits everything that later commands depend on. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("compensators");
+        let activities = [Activity::Holding, Activity::Running, Activity::Awaiting];
+        visit.choice(&mut self.activity, &activities);
+        let courses = [Course::Undisturbed, Course::Disturbed];
+        visit.choice(&mut self.course, &courses);
+        for velocity in &mut self.velocities {
+            let kinds = [CommandVelocity::OfTarget, CommandVelocity::Led];
+            visit.choice(velocity, &kinds);
+        }
+        let Grid {
+            point,
+            ahead,
+            spacing,
+        } = &mut self.grid;
+        for value in [point, ahead, spacing] {
+            visit.number(value);
+        }
+        for axis in &mut self.axes {
+            axis.visit_state(visit);
+        }
+    }
+
     /// The compensated delay is one of test time.
     pub const fn delay_is_in_test_time(&mut self) {
         self.delay_in = DelayIn::TestTime;
@@ -174,11 +199,10 @@ impl Compensators {
 
     /// From here on the state before each command is kept: the last one never leaves, and is made again.
     pub fn follow_record(&mut self) {
-        self.before = Some(Vec::new());
+        self.before = Some(TestState::with_room(|visit| self.visit_state(visit)));
     }
 
-    /// No command is made for the next tick, and what is measured meanwhile is not heard. Real-time: yes, where no record is
-    /// followed.
+    /// No command is made for the next tick, and what is measured meanwhile is not heard. Real-time: yes.
     pub fn hold(&mut self) {
         if self.delay_in == DelayIn::WallTime {
             self.axes.iter_mut().for_each(AxisCompensator::misses);
@@ -187,57 +211,30 @@ impl Compensators {
     }
 
     /// The state, for a test that is to go on later: before the command that stands ready, where a record was followed.
-    pub fn freeze(&mut self, out: &mut Vec<f64>) {
-        match self.before.take() {
-            Some(before) if !before.is_empty() => out.extend(before),
-            _ => self.write(out),
-        }
+    pub fn freeze(&mut self) -> Option<TestState> {
+        let before = self.before.take().filter(|before| !before.is_empty());
+        before.or_else(|| TestState::of(|visit| self.visit_state(visit)).ok())
     }
 
-    fn write(&mut self, out: &mut Vec<f64>) {
-        let Grid {
-            point,
-            ahead,
-            spacing,
-        } = self.grid;
-        out.push(f64::from(u8::from(self.is_running())));
-        out.extend([point, ahead, spacing]);
-        for axis in &mut self.axes {
-            axis.freeze(out);
-        }
-    }
-
-    /// Keeps the state as it is now, where a record is followed. Real-time: yes, where none is.
+    /// Keeps the state as it is now, where a record is followed. Real-time: yes.
     fn keep(&mut self) {
         if let Some(mut before) = self.before.take() {
-            before.clear();
-            self.write(&mut before);
+            // The room was made for it.
+            let _ = before.take(|visit| self.visit_state(visit));
             self.before = Some(before);
         }
     }
 
-    /// Takes a state back from the front of `from` and returns the rest. For what lives in wall time what was measured before lies in
-    /// another time.
-    pub fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
-        let mut rest = from;
-        if let Some((&[running, point, ahead, spacing], tail)) = rest.split_first_chunk::<4>() {
-            self.activity = if running == 0.0 {
-                Activity::Holding
-            } else {
-                Activity::Running
-            };
-            self.grid = Grid {
-                point,
-                ahead,
-                spacing,
-            };
-            rest = tail;
+    /// Takes a state back. For what lives in wall time what was measured before lies in another time.
+    pub fn thaw(&mut self, state: &TestState) {
+        // It is that of these compensators.
+        let _ = state.restore(|visit| self.visit_state(visit));
+        if self.activity == Activity::Awaiting {
+            self.activity = Activity::Running;
         }
-        let is_recent = self.delay_in == DelayIn::TestTime;
-        for axis in &mut self.axes {
-            rest = axis.thaw(rest, is_recent);
+        if self.delay_in == DelayIn::WallTime {
+            self.axes.iter_mut().for_each(AxisCompensator::misses);
         }
-        rest
     }
 
     /// Makes the command of a target, which is a tick of the compensators' after the last. `is_published`: the target came with the
