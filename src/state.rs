@@ -77,6 +77,23 @@ pub trait Visit {
     }
 }
 
+impl dyn Visit + '_ {
+    /// One of a few values, which is in the list.
+    pub fn choice<T: Copy + PartialEq>(&mut self, value: &mut T, list: &[T]) {
+        let mut place = list.iter().position(|one| one == value).unwrap_or(0);
+        self.index(&mut place, list.len());
+        *value = list.get(place).copied().unwrap_or(*value);
+    }
+
+    /// Real numbers that are all there, or none.
+    pub fn options<const N: usize>(&mut self, values: &mut Option<[f64; N]>) {
+        let (mut are_there, mut numbers) = (values.is_some(), values.unwrap_or([0.0; N]));
+        self.flag(&mut are_there);
+        self.numbers(&mut numbers);
+        *values = are_there.then_some(numbers);
+    }
+}
+
 /// Why a state cannot be taken or restored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum StateError {

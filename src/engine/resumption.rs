@@ -146,7 +146,7 @@ impl Resumption {
         // Motions before the test continues teach no compensator.
         let mut learned = Vec::new();
         for port in &mut *engine.ports {
-            port.freeze_compensation(&mut learned);
+            learned.push(port.freeze_compensation());
             port.pause_following();
             port.stand_still();
             port.ask_again();
@@ -160,9 +160,10 @@ impl Resumption {
         Ramp::perform(engine)?;
         engine.ports.iter_mut().for_each(Port::return_to_the_test);
         WarmUp::perform(engine)?;
-        let mut learned = learned.as_slice();
-        for port in &mut *engine.ports {
-            learned = port.thaw_compensation(learned);
+        for (port, learned) in engine.ports.iter_mut().zip(&learned) {
+            if let Some(learned) = learned {
+                port.thaw_compensation(learned);
+            }
             port.go_on_following();
             port.take_up_target();
         }

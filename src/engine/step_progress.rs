@@ -81,17 +81,8 @@ impl StepProgress {
         self.before.visit_state(visit);
         self.stride.visit_state(visit);
         visit.count(&mut self.step);
-        let mut target = match self.target {
-            Target::Ahead => 0,
-            Target::Reached => 1,
-            Target::Kept => 2,
-        };
-        visit.index(&mut target, 3);
-        self.target = match target {
-            0 => Target::Ahead,
-            1 => Target::Reached,
-            _ => Target::Kept,
-        };
+        let targets = [Target::Ahead, Target::Reached, Target::Kept];
+        visit.choice(&mut self.target, &targets);
         visit.count(&mut self.sub_tick);
         visit.count(&mut self.unchecked);
         StepPacer::visit_stage(&mut self.stage, visit);

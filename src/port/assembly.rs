@@ -7,6 +7,7 @@ use super::*;
 use crate::compensation::Compensator;
 use crate::geometry::LawPlace;
 use crate::stability::CriticalDelay;
+use crate::state::TestState;
 use crate::substructure::Substructure;
 use limits::AxisLimits;
 
@@ -610,18 +611,17 @@ impl Port {
         }
     }
 
-    /// The compensators' states, for a test that is resumed later: before the next command, where the record was retraced.
-    pub fn freeze_compensation(&mut self, out: &mut Vec<f64>) {
-        if let Some(compensators) = self.path.compensators_mut() {
-            compensators.freeze(out);
-        }
+    /// The compensators' states, for a test that is resumed later: before the next command, where the record
+    /// was retraced.
+    #[must_use]
+    pub fn freeze_compensation(&mut self) -> Option<TestState> {
+        self.path.compensators_mut().and_then(Compensators::freeze)
     }
 
-    /// Takes them back from the front of `from` and returns the rest.
-    pub fn thaw_compensation<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
-        match self.path.compensators_mut() {
-            Some(compensators) => compensators.thaw(from),
-            None => from,
+    /// Takes them back.
+    pub fn thaw_compensation(&mut self, state: &TestState) {
+        if let Some(compensators) = self.path.compensators_mut() {
+            compensators.thaw(state);
         }
     }
 

@@ -3,6 +3,7 @@
 //! Invariant: both directions use the same gains, so a command that is followed exactly comes back as its own target.
 
 use super::error::PortError;
+use crate::state::Visit;
 
 /// One axis of a specimen as the structure sees it: the row of B and the map between the two systems of units.
 ///
@@ -43,6 +44,13 @@ impl Axis {
             force_gain: 1.0,
             force_offset: 0.0,
         }
+    }
+
+    /// Visits what zeroing has found. Real-time: yes.
+    pub(super) fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.number(&mut self.disp_offset);
+        visit.number(&mut self.measured_offset);
+        visit.number(&mut self.force_offset);
     }
 
     /// Refuses rows of B beyond `dofs` degrees of freedom, and gains that cannot be undone; the axis counts from 0.

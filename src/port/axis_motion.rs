@@ -1,5 +1,7 @@
 //! Displacement and velocity of all axes of one specimen.
 
+use crate::state::Visit;
+
 /// One value per axis, of displacements and of their velocities.
 #[derive(Debug, Clone)]
 pub(super) struct AxisMotion {
@@ -14,6 +16,12 @@ impl AxisMotion {
             disp: vec![0.0; axes],
             vel: vec![0.0; axes],
         }
+    }
+
+    /// Visits every value. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.numbers(&mut self.disp);
+        visit.numbers(&mut self.vel);
     }
 
     /// Takes the values of another of as many axes. Real-time: yes.

@@ -13,6 +13,7 @@ use super::ramp::Ramp;
 use super::step_pacer::PacerTick;
 use super::target_path::TargetPath;
 use crate::geometry::MOST;
+use crate::state::Visit;
 
 /// Which moment the velocity that belongs to a target is of.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -87,6 +88,24 @@ impl CommandPath {
             still: vec![0.0; n],
             resumed_from: Vec::new(),
         }
+    }
+
+    /// Visits targets and commands. A state is taken when a step is closed: no target is kept, and no ramp is under way. Real-time:
+    /// yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("command path");
+        self.target.visit_state(visit);
+        let velocities = [VelocityOf::Integrator, VelocityOf::Path];
+        visit.choice(&mut self.velocity_of, &velocities);
+        self.path.visit_state(visit);
+        if let Some(compensators) = &mut self.compensators {
+            compensators.visit_state(visit);
+        }
+        self.command.visit_state(visit);
+        let clearances = [Clearance::Unjudged, Clearance::Cleared];
+        visit.choice(&mut self.clearance, &clearances);
+        visit.numbers(&mut self.sent);
+        visit.choice(&mut self.in_force, &[InForce::Motion, InForce::Repetition]);
     }
 
     pub fn set_pace(&mut self, per_step: bool, order: Order) {
@@ -284,7 +303,7 @@ impl CommandPath {
         }
     }
 
-    /// No command is made for the next tick. Real-time: yes, where no record is followed.
+    /// No command is made for the next tick. Real-time: yes.
     #[inline]
     pub fn hold(&mut self) {
         // A partner of whole steps may still have its target before it.

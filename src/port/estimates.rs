@@ -10,6 +10,7 @@ use super::feedback::Feedback;
 use super::initial_stiffness::InitialStiffness;
 use super::limits::Estimated;
 use super::tangent::{Point, Tangent};
+use crate::state::Visit;
 
 /// Noise levels that a change must exceed to count for a tangent.
 const ABOVE_NOISE: f64 = 10.0;
@@ -99,6 +100,20 @@ impl Estimates {
             energy: EnergyCount::Off,
             is_resting: false,
         }
+    }
+
+    /// Visits everything but what is declared. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("estimates");
+        for axis in &mut self.axes {
+            axis.tangent.visit_state(visit);
+            visit.number(&mut axis.added_energy);
+            visit.number(&mut axis.error);
+            visit.number(&mut axis.force);
+        }
+        let counts = [EnergyCount::Off, EnergyCount::FromNext, EnergyCount::On];
+        visit.choice(&mut self.energy, &counts);
+        visit.flag(&mut self.is_resting);
     }
 
     /// Takes what is declared of the axes, and the step Δt.

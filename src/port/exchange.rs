@@ -5,6 +5,7 @@
 
 use super::exchange_state::ExchangeState;
 use super::link_numbers::LinkNumbers;
+use crate::state::Visit;
 use crate::substructure::{
     Command, Coupling, Freshness, Holder, Introduction, LinkFault, LinkStats, Measurement,
     Retirement, Substructure, Unavailable,
@@ -66,6 +67,21 @@ pub(super) struct Exchange {
     holding: u64,
 }
 
+impl LinkCount {
+    /// Visits what was counted here. What the link itself counts belongs to the link. Real-time: yes.
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        for count in [
+            &mut self.sent,
+            &mut self.received,
+            &mut self.stale,
+            &mut self.unsettled,
+            &mut self.holds,
+        ] {
+            visit.count(count);
+        }
+    }
+}
+
 impl Exchange {
     pub fn new(substructure: Box<dyn Substructure>) -> Self {
         Self {
@@ -78,6 +94,33 @@ impl Exchange {
             has_answered: false,
             stale: 0,
             holding: 0,
+        }
+    }
+
+    /// Visits what is owed and counted, and a specimen that is computed in this process. A state is taken when no answer is owed: a
+    /// target may be pending. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("exchange");
+        let mut is_pending = self.state.is_pending();
+        if !is_pending && self.state != ExchangeState::Idle {
+            visit.refuse();
+        }
+        visit.flag(&mut is_pending);
+        if visit.restores() {
+            self.state = if is_pending {
+                ExchangeState::Pending
+            } else {
+                ExchangeState::Idle
+            };
+        }
+        let is_elsewhere = self.is_remote() || self.is_recording;
+        self.numbers.visit_state(is_elsewhere, visit);
+        self.count.visit_state(visit);
+        visit.flag(&mut self.has_answered);
+        visit.count(&mut self.stale);
+        visit.count(&mut self.holding);
+        if !self.substructure.visit_state(visit) && !is_elsewhere {
+            visit.refuse();
         }
     }
 

@@ -5,6 +5,7 @@
 
 use super::axis::Axis;
 use super::rest::Rest;
+use crate::state::Visit;
 use crate::substructure::{Freshness, LinkFault, Measurement, Status};
 
 /// The measured side of a port. All vectors have one entry per axis.
@@ -65,6 +66,25 @@ impl Feedback {
             peak: zeros(),
             peak_before_last: zeros(),
             peak_at_startup: zeros(),
+        }
+    }
+
+    /// Visits the newest measurement, what was made of it, and the peaks. When a step is closed nothing is kept. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("feedback");
+        self.raw.visit_state(visit);
+        if visit.restores() {
+            copy(&self.raw, &mut self.incoming);
+        }
+        for values in [
+            &mut self.disp,
+            &mut self.force,
+            &mut self.recovered,
+            &mut self.peak,
+            &mut self.peak_before_last,
+            &mut self.peak_at_startup,
+        ] {
+            visit.numbers(values);
         }
     }
 

@@ -8,6 +8,7 @@ use super::axis_motion::AxisMotion;
 use super::limits::{AxisLimits, Estimated, Found, Hit, Level, RECORDED, Watch};
 use super::startup::{SAME, Startup};
 use crate::catalog::limit::Limit;
+use crate::state::Visit;
 use crate::substructure::Measurement;
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -49,6 +50,11 @@ impl Guard {
             interrupted: None,
             force_is_unknown: false,
         }
+    }
+
+    /// Visits the watch. Only a resumption keeps a second one, and only the shutdown mistrusts a force. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        self.watch.visit_state(visit);
     }
 
     /// From here on nothing trips but what is no number.

@@ -13,6 +13,8 @@
 //!
 //! No input or output, no clock. Real-time: everything but [`Interpolation::new`].
 
+use crate::state::Visit;
+
 /// Targets that are remembered.
 const PAST: usize = 4;
 
@@ -137,6 +139,15 @@ impl Interpolation {
             ways: vec![Way::default(); axes],
             joined: None,
         }
+    }
+
+    /// Visits every target, and where the next became known. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        for way in &mut self.ways {
+            visit.numbers(&mut way.past);
+            visit.number(&mut way.goal);
+        }
+        visit.option(&mut self.joined);
     }
 
     /// Predicts with another order from here on.

@@ -3,6 +3,8 @@
 //! An exchange that is no part of the test puts the link ahead of the test. A tick without a command puts it behind. Invariant:
 //! an answer is counted back with the offsets of the command that left last, not with those of the command to come.
 
+use crate::state::Visit;
+
 /// Offset between the numbers on a link and the numbers of the test.
 #[derive(Debug, Clone, Copy, Default)]
 struct Offset {
@@ -13,6 +15,12 @@ struct Offset {
 }
 
 impl Offset {
+    /// Visits both counts. Real-time: yes.
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.count(&mut self.ahead);
+        visit.count(&mut self.behind);
+    }
+
     #[inline]
     const fn on_link(self, sequence: u64) -> u64 {
         (sequence + self.ahead).saturating_sub(self.behind)
@@ -29,19 +37,30 @@ impl Offset {
 pub(super) struct LinkNumbers {
     /// Offset of the next command.
     next: Offset,
-    /// Offset of the last command, and its number in the test.
+    /// Offset of the last command.
     last: Offset,
-    sent: u64,
-    /// Number of that command without the ticks that had none; none before the first.
-    issued: Option<u64>,
+    /// Number of that command in the test; none before the first.
+    sent: Option<u64>,
 }
 
 impl LinkNumbers {
+    /// Visits the number of the last command; and the offsets, unless they belong to a connection, which a test that continues makes
+    /// anew. Real-time: yes.
+    pub fn visit_state(&mut self, are_of_connection: bool, visit: &mut dyn Visit) {
+        let (mut has_sent, mut sent) = (self.sent.is_some(), self.sent());
+        visit.flag(&mut has_sent);
+        visit.count(&mut sent);
+        self.sent = has_sent.then_some(sent);
+        if !are_of_connection {
+            self.next.visit_state(visit);
+            self.last.visit_state(visit);
+        }
+    }
+
     /// The number on the link of a command that leaves now. Real-time: yes.
     #[inline]
     pub fn number(&mut self, sequence: u64) -> u64 {
-        self.issued = Some(sequence + self.next.ahead);
-        self.sent = sequence;
+        self.sent = Some(sequence);
         self.last = self.next;
         self.on_link(sequence)
     }
@@ -65,13 +84,14 @@ impl LinkNumbers {
 
     /// Number in the test of the command that left last. Real-time: yes.
     #[inline]
-    pub const fn sent(&self) -> u64 {
-        self.sent
+    pub fn sent(&self) -> u64 {
+        self.sent.unwrap_or(0)
     }
 
     /// True if the last command had this number of the test.
     pub fn was_issued(&self, sequence: u64) -> bool {
-        self.issued == Some(sequence + self.next.ahead)
+        let issued = self.sent.map(|sent| sent + self.last.ahead);
+        issued == Some(sequence + self.next.ahead)
     }
 
     /// The last exchange was not part of the test. Real-time: yes.

@@ -13,6 +13,7 @@ use super::axis::dots;
 use super::bend::Bend;
 use super::unloading::PlatformUnloading;
 use crate::geometry::{Coordinate, Fault, Geometry, LawPlace, MOST, Placed};
+use crate::state::Visit;
 
 /// One row of B: what a coordinate is of the structure's displacements.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -74,6 +75,18 @@ impl LoadingUnit {
             worst: reference,
             bend: Bend::new(reference),
         }
+    }
+
+    /// Visits poses and forces. A pose that cannot be ends the test before a state is taken. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("loading unit");
+        self.aim.visit_state(visit);
+        visit.numbers(&mut self.rates);
+        self.found.visit_state(visit);
+        visit.numbers(&mut self.force);
+        visit.flag(&mut self.is_unknown);
+        visit.numbers(self.range.as_flattened_mut());
+        self.worst.visit_state(visit);
     }
 
     /// Goes to `pose` with `rates`, and leaves strokes and their velocities in `target` and `target_vel`. Real-time: yes.

@@ -68,6 +68,7 @@ pub use crate::catalog::phase::Stage;
 
 use crate::compensation::Parameter;
 use crate::geometry::{Coordinate, Fault, Geometry};
+use crate::state::Visit;
 use crate::substructure::{
     Coupling, Freshness, Holder, Introduction, LinkFault, Measurement, Retirement, Unavailable,
 };
@@ -113,9 +114,22 @@ impl std::fmt::Debug for Port {
 
 // Targets and commands.
 impl Port {
-    /// Visits every value that later rows depend on. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn crate::state::Visit) {
+    /// Visits every value that later rows of a running test depend on, when a step is closed. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.part("port");
+        for axis in &mut self.axes {
+            axis.visit_state(visit);
+        }
+        if let Some(unit) = &mut self.loading_unit {
+            unit.visit_state(visit);
+        }
+        self.path.visit_state(visit);
+        self.exchange.visit_state(visit);
+        self.guard.visit_state(visit);
+        self.feedback.visit_state(visit);
+        self.estimates.visit_state(visit);
+        self.tracking.visit_state(visit);
+        self.startup.visit_state(visit);
     }
 
     /// Makes the next command from the structure's state. Real-time: yes.
@@ -195,7 +209,7 @@ impl Port {
         self.path.advance(tick, dt, &self.axes);
     }
 
-    /// No command is made for the next tick: the last one has left, and is repeated. Real-time: yes, where no record is followed.
+    /// No command is made for the next tick: the last one has left, and is repeated. Real-time: yes.
     #[inline]
     pub fn hold_compensation(&mut self) {
         self.path.hold();

@@ -1,5 +1,7 @@
 //! Readings of an axis at rest, and the zero that is taken of them.
 
+use crate::state::Visit;
+
 /// Whether a channel keeps its declared zero.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Zero {
@@ -77,6 +79,14 @@ impl ReadingSums {
             let value = value - first;
             *sum += value;
             *squares += value * value;
+        }
+    }
+
+    /// Visits every sum. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.number(&mut self.count);
+        for sums in [&mut self.first, &mut self.sum, &mut self.squares] {
+            visit.numbers(sums);
         }
     }
 

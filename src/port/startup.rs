@@ -6,6 +6,7 @@
 use super::axis::Axis;
 use super::sensor_zero::{DispZero, Reading, ReadingSums, Reference, Zero};
 use super::wiring_check::WiringCheck;
+use crate::state::Visit;
 use crate::substructure::Measurement;
 
 /// Displacements whose relative difference is smaller are the same place.
@@ -49,6 +50,15 @@ impl Startup {
             is_computed: false,
             needs_measured_disp: NeedsMeasuredDisp::default(),
         }
+    }
+
+    /// Visits what was read. Where the specimen stands is known when it is connected. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("startup");
+        for sums in &mut self.sums {
+            sums.visit_state(visit);
+        }
+        visit.flag(&mut self.zero_is_taken);
     }
 
     pub fn set_references(&mut self, references: Vec<Reference>) {

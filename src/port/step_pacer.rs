@@ -115,23 +115,16 @@ pub struct StepPacer {
 impl StepPacer {
     /// Visits a stage. Real-time: yes.
     pub fn visit_stage(stage: &mut Stage, visit: &mut dyn Visit) {
-        const ALL: [Stage; 3] = [Stage::Correct, Stage::Predict, Stage::SlowDown];
-        let mut index = ALL.iter().position(|of| of == stage).unwrap_or(0);
-        visit.index(&mut index, ALL.len());
-        *stage = ALL.get(index).copied().unwrap_or(*stage);
+        visit.choice(stage, &[Stage::Correct, Stage::Predict, Stage::SlowDown]);
     }
 
     /// Visits every value that changes from tick to tick. Real-time: yes.
     pub fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.number(&mut self.progress);
         visit.flag(&mut self.known);
-        let [mut pace, mut from] = [0, 1].map(|part| {
-            self.left
-                .map(|(pace, from)| if part == 0 { pace } else { from })
-        });
-        visit.option(&mut pace);
-        visit.option(&mut from);
-        self.left = pace.zip(from);
+        let mut left = self.left.map(|(pace, from)| [pace, from]);
+        visit.options(&mut left);
+        self.left = left.map(|[pace, from]| (pace, from));
         visit.number(&mut self.increment);
         visit.number(&mut self.ease);
         visit.number(&mut self.pace);

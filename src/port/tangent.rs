@@ -5,6 +5,8 @@
 //! the corner of a hysteresis loop is not taken for a tangent. Until there is one, and while nothing moves, the last
 //! value stands. Pure: no clock, no bounds. Real-time after `new`.
 
+use crate::state::Visit;
+
 /// Share of the past that the next sample leaves: a memory of eight samples, of 32 where two slopes are told apart, because
 /// displacement and velocity are in proportion over shorter stretches.
 const FADING: f64 = 7.0 / 8.0;
@@ -58,6 +60,25 @@ impl Tangent {
             furthest: Point::default(),
             sums: [0.0; 5],
         }
+    }
+
+    /// Visits every value. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        for value in [
+            &mut self.stiffness,
+            &mut self.damping,
+            &mut self.step,
+            &mut self.largest,
+        ] {
+            visit.number(value);
+        }
+        visit.flag(&mut self.begun);
+        for Point { disp, vel, force } in [&mut self.from, &mut self.furthest] {
+            for value in [disp, vel, force] {
+                visit.number(value);
+            }
+        }
+        visit.numbers(&mut self.sums);
     }
 
     /// Forgets the samples but not the values, and counts changes of at least `step` m from now on.

@@ -2,6 +2,7 @@
 
 use super::axis_motion::AxisMotion;
 use super::interpolation::{Interpolation, Order, PathPoint};
+use crate::state::Visit;
 
 /// Where the target goes.
 #[derive(Debug)]
@@ -16,6 +17,12 @@ impl TargetPath {
             goal: AxisMotion::zeros(axes),
             interpolation: Interpolation::new(axes, Order::default()),
         }
+    }
+
+    /// Visits every value. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        self.goal.visit_state(visit);
+        self.interpolation.visit_state(visit);
     }
 
     /// Predicts with this order while the goal is unknown.

@@ -9,6 +9,7 @@
 use super::command_path::VelocityOf;
 use super::estimates::Observation;
 use crate::stability::CriticalDelay;
+use crate::state::Visit;
 
 /// Time in which the window forgets, s of test time.
 const WINDOW_S: f64 = 2.0;
@@ -35,6 +36,23 @@ struct FitSums {
 }
 
 impl FitSums {
+    /// Visits every sum. Real-time: yes.
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        let Self {
+            weight,
+            xx,
+            xv,
+            vv,
+            xm,
+            vm,
+            xf,
+            vf,
+        } = self;
+        for sum in [weight, xx, xv, vv, xm, vm, xf, vf] {
+            visit.number(sum);
+        }
+    }
+
     #[inline]
     fn add(&mut self, keep: f64, [x, v]: [f64; 2], [m, f]: [f64; 2]) {
         self.weight = keep * self.weight + 1.0;
@@ -68,7 +86,7 @@ impl TrackingFit {
 #[derive(Debug, Clone, Copy)]
 struct AxisTracking {
     /// Target, measured displacement and force where the test began, and the target's velocity of the tick before.
-    start: Option<(f64, f64, f64)>,
+    start: Option<[f64; 3]>,
     last_vel: f64,
     sums: FitSums,
     fit: TrackingFit,
@@ -98,6 +116,22 @@ impl AxisTracking {
         least: LEAST_M,
     };
 
+    /// Visits every value. Real-time: yes.
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.options(&mut self.start);
+        visit.number(&mut self.last_vel);
+        self.sums.visit_state(visit);
+        let TrackingFit {
+            lag,
+            gain,
+            stiffness,
+        } = &mut self.fit;
+        for value in [lag, gain, stiffness, &mut self.fitted_for, &mut self.least] {
+            visit.number(value);
+        }
+        visit.flag(&mut self.settled);
+    }
+
     /// One tick of `dt` s in which `passed` s of test time pass, less where its pace eases: target, its velocity of `age` ticks ago,
     /// measured displacement and force. Real-time: yes.
     fn take(
@@ -107,7 +141,7 @@ impl AxisTracking {
         (measured, force): (f64, f64),
         (dt, passed): (f64, f64),
     ) {
-        let (x0, m0, f0) = *self.start.get_or_insert((target, measured, force));
+        let [x0, m0, f0] = *self.start.get_or_insert([target, measured, force]);
         // On along a straight line: the velocity of now.
         let now = vel + age * (vel - self.last_vel);
         self.last_vel = vel;
@@ -179,6 +213,16 @@ impl Tracking {
             test_runs: false,
             passes: None,
         }
+    }
+
+    /// Visits everything but what is declared. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("tracking");
+        for axis in &mut self.axes {
+            axis.visit_state(visit);
+        }
+        visit.flag(&mut self.test_runs);
+        visit.option(&mut self.passes);
     }
 
     /// Estimates delay and gain from here on: see [`super::Port::with_tracking`].

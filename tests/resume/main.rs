@@ -12,6 +12,7 @@ mod fresh;
 mod lineage;
 mod memory;
 mod refusals;
+mod restored_state;
 mod rigs;
 mod same_bits;
 mod standing;

@@ -3,7 +3,7 @@
 use super::gap::Gap;
 use crate::compensation::Compensator;
 use crate::port::Axis;
-use crate::state::{Layout, TestState};
+use crate::state::Visit;
 
 /// What is kept of one axis.
 #[derive(Debug)]
@@ -39,6 +39,20 @@ impl AxisCompensator {
             points: [(0.0, 0.0); 2],
             heard: u32::MAX,
         }
+    }
+
+    /// Visits every value. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.number(&mut self.disp);
+        visit.number(&mut self.vel);
+        visit.number(&mut self.own_vel);
+        for (disp, led) in &mut self.points {
+            visit.number(disp);
+            visit.number(led);
+        }
+        visit.short(&mut self.heard);
+        self.gap.visit_state(visit);
+        self.one.visit_state(visit);
     }
 
     /// The command for what has always stood at `disp`, and for which nothing is remembered but that. Real-time: yes.
@@ -132,40 +146,6 @@ impl AxisCompensator {
         } else {
             0
         };
-    }
-
-    pub fn freeze(&mut self, out: &mut Vec<f64>) {
-        out.extend([f64::from(self.heard), self.disp, self.vel]);
-        out.extend(self.points.iter().flat_map(|(disp, led)| [disp, led]));
-        self.gap.freeze(out);
-        let state = TestState::of(|visit| self.one.visit_state(visit));
-        let words = state.iter().flat_map(TestState::words);
-        out.extend(words.map(|word| f64::from_bits(*word)));
-    }
-
-    /// Takes it back; what was measured before counts only if it is `recent`.
-    pub fn thaw<'a>(&mut self, from: &'a [f64], recent: bool) -> &'a [f64] {
-        let Some((&[heard, disp, vel, newest, led, before, led_before], rest)) =
-            from.split_first_chunk::<7>()
-        else {
-            return from;
-        };
-        (self.disp, self.vel) = (disp, vel);
-        self.points = [(newest, led), (before, led_before)];
-        let rest = self.gap.thaw(rest);
-        if recent {
-            self.heard = heard as u32;
-        } else {
-            self.misses();
-        }
-        let layout = Layout::of(|visit| self.one.visit_state(visit));
-        let Some((words, rest)) = rest.split_at_checked(layout.words) else {
-            return rest;
-        };
-        let words = words.iter().map(|value| value.to_bits()).collect();
-        let state = TestState::from_words(layout, words);
-        let _ = state.and_then(|state| state.restore(|visit| self.one.visit_state(visit)));
-        rest
     }
 
     /// What is measured next does not follow what was measured last. Real-time: yes.

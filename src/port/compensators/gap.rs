@@ -3,6 +3,8 @@
 //! Filters and differences count in ticks. Whoever learns of them takes part in every tick, on a straight line across those in
 //! which nothing was measured; a straight line is good for a part of what the filters let through, and not for longer.
 
+use crate::state::Visit;
+
 /// What is remembered over what a straight line stands for: 36 ms of the filter's 0.3 s where its corner is at 20 Hz.
 const PARTS: u32 = 8;
 /// Most ticks that are filled in at once, whatever the filter: they are all pushed in one.
@@ -28,6 +30,12 @@ impl Gap {
             sent: Vec::with_capacity(most),
             most,
         }
+    }
+
+    /// Visits every value. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.option(&mut self.from);
+        visit.list(&mut self.sent, self.most);
     }
 
     /// The specimen was measured last, or has always stood, at `measured`. Real-time: yes.
@@ -62,22 +70,5 @@ impl Gap {
             }
         }
         self.begin(measured);
-    }
-
-    pub fn freeze(&self, out: &mut Vec<f64>) {
-        out.extend([self.from.unwrap_or(f64::NAN), self.sent.len() as f64]);
-        out.extend(&self.sent);
-    }
-
-    /// Takes it back from the front of `from` and returns the rest.
-    pub fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
-        let Some((&[measured, count], rest)) = from.split_first_chunk::<2>() else {
-            return from;
-        };
-        let (sent, rest) = rest.split_at(rest.len().min(count as usize));
-        self.from = measured.is_finite().then_some(measured);
-        self.sent.clear();
-        self.sent.extend(sent.iter().take(self.most));
-        rest
     }
 }

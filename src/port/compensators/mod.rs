@@ -18,6 +18,7 @@ use super::axis_motion::AxisMotion;
 use super::step_pacer::PacerTick;
 use super::target_path::TargetPath;
 use crate::compensation::{Compensator, Parameter};
+use crate::state::{TestState, Visit};
 
 /// Which time a compensated delay is of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -89,7 +90,7 @@ pub(super) struct Compensators {
     velocities: [CommandVelocity; 2],
     grid: LeadGrid,
     /// The state before the next command was made, where a record is retraced.
-    before: Option<Vec<f64>>,
+    before: Option<TestState>,
 }
 
 /// Where on the grid of test time the compensators are.
@@ -136,6 +137,34 @@ impl Compensators {
         }
     }
 
+    /// Visits everything that later commands depend on. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("compensators");
+        let activities = [
+            LeadActivity::Holding,
+            LeadActivity::Running,
+            LeadActivity::Awaiting,
+        ];
+        visit.choice(&mut self.activity, &activities);
+        let courses = [LeadCourse::Undisturbed, LeadCourse::Disturbed];
+        visit.choice(&mut self.course, &courses);
+        for velocity in &mut self.velocities {
+            let kinds = [CommandVelocity::OfTarget, CommandVelocity::Led];
+            visit.choice(velocity, &kinds);
+        }
+        let LeadGrid {
+            point,
+            ahead,
+            spacing,
+        } = &mut self.grid;
+        for value in [point, ahead, spacing] {
+            visit.number(value);
+        }
+        for axis in &mut self.axes {
+            axis.visit_state(visit);
+        }
+    }
+
     /// The compensated delay is one of test time.
     pub const fn delay_is_in_test_time(&mut self) {
         self.delay_in = DelayIn::TestTime;
@@ -174,11 +203,10 @@ impl Compensators {
 
     /// From here on the state before each command is kept: the last one never leaves, and is made again.
     pub fn follow_record(&mut self) {
-        self.before = Some(Vec::new());
+        self.before = Some(TestState::with_room(|visit| self.visit_state(visit)));
     }
 
-    /// No command is made for the next tick, and measurements teach nothing meanwhile. Real-time: yes, where no record is
-    /// retraced.
+    /// No command is made for the next tick, and measurements teach nothing meanwhile. Real-time: yes.
     pub fn hold(&mut self) {
         if self.delay_in == DelayIn::WallTime {
             self.axes.iter_mut().for_each(AxisCompensator::misses);
@@ -187,57 +215,30 @@ impl Compensators {
     }
 
     /// The state, for a test that is resumed later: before the next command, where a record was retraced.
-    pub fn freeze(&mut self, out: &mut Vec<f64>) {
-        match self.before.take() {
-            Some(before) if !before.is_empty() => out.extend(before),
-            _ => self.write(out),
-        }
+    pub fn freeze(&mut self) -> Option<TestState> {
+        let before = self.before.take().filter(|before| !before.is_empty());
+        before.or_else(|| TestState::of(|visit| self.visit_state(visit)).ok())
     }
 
-    fn write(&mut self, out: &mut Vec<f64>) {
-        let LeadGrid {
-            point,
-            ahead,
-            spacing,
-        } = self.grid;
-        out.push(f64::from(u8::from(self.is_running())));
-        out.extend([point, ahead, spacing]);
-        for axis in &mut self.axes {
-            axis.freeze(out);
-        }
-    }
-
-    /// Keeps the present state, where a record is retraced. Real-time: yes, without one.
+    /// Keeps the present state, where a record is retraced. Real-time: yes.
     fn keep(&mut self) {
         if let Some(mut before) = self.before.take() {
-            before.clear();
-            self.write(&mut before);
+            // The room was made for it.
+            let _ = before.take(|visit| self.visit_state(visit));
             self.before = Some(before);
         }
     }
 
-    /// Takes a state back from the front of `from` and returns the rest. For what lives in wall time what was measured before lies in
-    /// another time.
-    pub fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
-        let mut rest = from;
-        if let Some((&[running, point, ahead, spacing], tail)) = rest.split_first_chunk::<4>() {
-            self.activity = if running == 0.0 {
-                LeadActivity::Holding
-            } else {
-                LeadActivity::Running
-            };
-            self.grid = LeadGrid {
-                point,
-                ahead,
-                spacing,
-            };
-            rest = tail;
+    /// Takes a state back. Compensators in wall time forget the measurements before it.
+    pub fn thaw(&mut self, state: &TestState) {
+        // It is that of these compensators.
+        let _ = state.restore(|visit| self.visit_state(visit));
+        if self.activity == LeadActivity::Awaiting {
+            self.activity = LeadActivity::Running;
         }
-        let is_recent = self.delay_in == DelayIn::TestTime;
-        for axis in &mut self.axes {
-            rest = axis.thaw(rest, is_recent);
+        if self.delay_in == DelayIn::WallTime {
+            self.axes.iter_mut().for_each(AxisCompensator::misses);
         }
-        rest
     }
 
     /// Makes the command of a target, which is a tick of the compensators' after the last. `is_published`: the target came with the

@@ -1,5 +1,7 @@
 //! The largest value of the last while, in two numbers. Pure; real-time.
 
+use crate::state::Visit;
+
 /// Largest of the values of a while, which is kept for that long at least and for twice as long at most.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Lately {
@@ -22,6 +24,12 @@ impl Lately {
         // Of those so far the last is one tick old.
         self.largest = [value, if tick < time { largest } else { 0.0 }];
         self.time = 0.0;
+    }
+
+    /// Visits every value. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.numbers(&mut self.largest);
+        visit.number(&mut self.time);
     }
 
     /// Real-time: yes.

@@ -6,6 +6,7 @@ use super::sawtooth::Sawtooth;
 use super::trips::{GoesOn, Trips};
 use super::{AxisLimits, Found};
 use crate::catalog::limit::Limit;
+use crate::state::Visit;
 
 /// What is remembered of one axis, SI.
 #[derive(Debug, Clone, Copy, Default)]
@@ -47,6 +48,22 @@ impl Past {
             judged: [f64::NAN; RECORDED.len()],
             ..Self::default()
         }
+    }
+
+    /// Visits every value but those judged in this tick, which is over. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.numbers(&mut self.command);
+        self.speed.visit_state(visit);
+        visit.number(&mut self.measured);
+        visit.number(&mut self.force);
+        visit.options(&mut self.jump);
+        visit.number(&mut self.stands);
+        visit.short(&mut self.stuck_ticks);
+        visit.number(&mut self.stuck_travel);
+        self.sawtooth.visit_state(visit);
+        visit.numbers(&mut self.ready);
+        visit.short(&mut self.warned);
+        self.trips.visit_state(visit);
     }
 
     /// Keeps the commands and forgets measurements, warnings and trips, for a new session.

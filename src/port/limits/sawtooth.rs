@@ -1,5 +1,7 @@
 //! The sawtooth of an unstable integration, as it shows in a sequence of displacements. Pure; real-time.
 
+use crate::state::Visit;
+
 /// A sequence of displacements whose second differences may alternate and grow.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Sawtooth {
@@ -19,6 +21,14 @@ impl Sawtooth {
             bend: 0.0,
             ticks: 0,
         }
+    }
+
+    /// Visits every value. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.numbers(&mut self.disp);
+        visit.choice(&mut self.seen, &[0, 1, 2]);
+        visit.number(&mut self.bend);
+        visit.short(&mut self.ticks);
     }
 
     /// With one more. Real-time: yes.

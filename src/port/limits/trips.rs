@@ -9,6 +9,7 @@
 
 use super::{Hit, Level};
 use crate::catalog::limit::{AXIS_LIMITS, Limit};
+use crate::state::Visit;
 
 /// It has got worse by so much of the value that tripped.
 const WORSE: f64 = 0.05;
@@ -139,6 +140,15 @@ pub(super) enum Verdict {
 }
 
 impl Trips {
+    /// Visits what has tripped. Between two ticks nothing is untold, and only the shutdown leads an axis away. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        for kept in &mut self.kept {
+            let mut numbers = kept.map(|Kept { value, bound }| [value, bound]);
+            visit.options(&mut numbers);
+            *kept = numbers.map(|[value, bound]| Kept { value, bound });
+        }
+    }
+
     /// From here on they are excused, of an axis that stands at `stands`, as far as the `noise` of its sensor tells, and was sent
     /// to `sent`.
     pub fn excuse(&mut self, stands: f64, sent: f64, noise: f64) {

@@ -6,6 +6,7 @@ use super::sawtooth::Sawtooth;
 use super::trips::GoesOn;
 use super::{AxisLimits, Found, Hit};
 use crate::catalog::limit::Limit;
+use crate::state::Visit;
 
 /// One axis: its limits, the bounds within which no value is beyond a level, and its past values.
 #[derive(Debug, Clone)]
@@ -57,6 +58,19 @@ impl Watch {
             measured: false,
             targets: Targets::AreCommands,
             leaves: false,
+        }
+    }
+
+    /// Visits everything that the judgement of later ticks depends on, in a test that runs. Real-time: yes.
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.part("watch");
+        visit.number(&mut self.tick);
+        visit.number(&mut self.tick_before);
+        visit.choice(&mut self.sent, &[0, 1, 2]);
+        visit.flag(&mut self.measured);
+        visit.choice(&mut self.targets, &[Targets::AreCommands, Targets::AreTold]);
+        for Axis { past, .. } in &mut self.axes {
+            past.visit_state(visit);
         }
     }
 
