@@ -487,7 +487,9 @@ mod tests {
             let (state, faults) = run.usable_state(u64::MAX).unwrap();
             (state.map(|state| state.step), kinds(&faults))
         };
-        assert_eq!(found(29, &[4, 9, 14]), (Some(14), vec![]));
+        assert_eq!(found(30, &[4, 9, 14]), (Some(14), vec![]));
+        // A row must follow the state.
+        assert_eq!(found(29, &[4, 9, 14]), (Some(9), vec![]));
         assert_eq!(found(28, &[4, 9, 14]), (Some(9), vec!["ahead"]));
         assert_eq!(found(29, &[4, 9]), (Some(9), vec!["unmatched"]));
         assert_eq!(found(18, &[4, 9, 14]), (None, vec!["ahead"; 2]));
