@@ -41,17 +41,15 @@ struct Keeper {
 
 impl Recorder for Keeper {
     fn row(&mut self, row: &[f64]) -> bool {
-        let phase = if row[2] == Phase::Holding.code() {
-            Phase::Holding
-        } else {
-            Phase::Running
-        };
+        let phases = [Phase::Zeroing, Phase::Holding];
+        let phase = phases.into_iter().find(|phase| phase.code() == row[2]);
+        let phase = phase.unwrap_or(Phase::Running);
         if let Some(word) = (self.says)(row[0] as u64, row[1] as u64, phase) {
             self.line.send(word).unwrap();
         }
         let rows = &mut self.record.lock().unwrap().rows;
         rows.push(row.to_vec());
-        assert!(rows.len() < 50_000, "the test does not end: {:?}", &row[..8]);
+        assert!(rows.len() < 50_000, "the test does not end");
         true
     }
 
@@ -168,6 +166,9 @@ fn assert_same(whole: &Record, place: usize, rest: &Record, columns: &[Column]) 
 
 const SILENT: Says = |_, _, _| None;
 
+/// The operator confirms the sensor readings.
+const CONFIRMS: Says = |_, _, phase| (phase == Phase::Zeroing).then_some(Operator::Confirm);
+
 /// Half a second into the test the operator holds it for a while.
 const HOLDS: Says = |step, sub_tick, phase| match (step, sub_tick, phase) {
     (_, 300, Phase::Holding) => Some(Operator::Continue),
@@ -218,7 +219,6 @@ amplitude = 3.0
 frequency_hz = 1.5
 [safety]
 zero_s = 0.1
-confirm = false
 step_audit = { warn = 1e-15 }
 stability_used = { warn = 1e-3 }
 delay_used = { warn = 1e-3 }
@@ -270,7 +270,7 @@ fn a_test_with_all_limits_continues_from_its_states() {
     let test = Test {
         make: &|| prepare(WATCHED).experiment,
         checkpoint_ticks: 37,
-        says: SILENT,
+        says: CONFIRMS,
     };
     let (whole, _) = test.continues_from_its_states();
     println!("{:?}", warnings(&whole));
