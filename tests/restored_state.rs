@@ -28,6 +28,9 @@ struct Record {
     states: Vec<Saved>,
 }
 
+/// Largest |force| of each axis of each specimen.
+type Peaks = Vec<Vec<f64>>;
+
 /// What the operator says after a row of this step, tick and phase.
 type Says = fn(u64, u64, Phase) -> Option<Operator>;
 
@@ -99,32 +102,38 @@ impl Test<'_> {
         (test, record, requests)
     }
 
-    /// The whole test, and its columns.
-    fn whole(&self) -> (Record, Vec<Column>) {
+    /// The whole test, its columns, and the largest forces of each specimen in it.
+    fn whole(&self) -> (Record, Vec<Column>, Peaks) {
         let (test, record, requests) = self.connect();
         let columns = test.columns().to_vec();
         let outcome = test.run(&Control::from(requests)).into_outcome();
         assert_eq!(outcome.ending, Ending::Completed);
-        (std::mem::take(&mut *record.lock().unwrap()), columns)
+        let peaks = outcome.ports.into_iter().map(|(_, forces, _)| forces);
+        let record = std::mem::take(&mut *record.lock().unwrap());
+        (record, columns, peaks.collect())
     }
 
     /// The rest of the test after a saved state.
-    fn rest(&self, state: &TestState) -> Record {
+    fn rest(&self, state: &TestState) -> (Record, Peaks) {
         let (test, record, requests) = self.connect();
         let retraced = test.retrace_from(state, &Control::from(requests)).unwrap();
         assert_eq!(retraced.ending, Ending::Completed);
-        std::mem::take(&mut *record.lock().unwrap())
+        let (_, ports, _) = retraced.state.unwrap();
+        let peaks = ports.iter().map(|port| port.peak_force().to_vec());
+        let record = std::mem::take(&mut *record.lock().unwrap());
+        (record, peaks.collect())
     }
 
     /// Continues from some of its states. Returns the record of the whole test.
     #[track_caller]
     fn continues_from_its_states(&self) -> (Record, Vec<Column>) {
-        let (whole, columns) = self.whole();
+        let (whole, columns, peaks) = self.whole();
         let count = whole.states.len();
         assert!(count >= 4, "{count} states");
         for place in [0, count / 3, count / 2, count - 2] {
-            let rest = self.rest(&whole.states[place].2);
+            let (rest, peaks_of_rest) = self.rest(&whole.states[place].2);
             assert_same(&whole, place, &rest, &columns);
+            assert_eq!(peaks_of_rest, peaks);
         }
         (whole, columns)
     }
@@ -178,7 +187,9 @@ const HOLDS: Says = |step, sub_tick, phase| match (step, sub_tick, phase) {
 
 /// A file of `config/` on the simulated clock, shorter.
 fn shipped(name: &str, duration_s: f64, more: &[&str]) -> Experiment {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("config").join(name);
+    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("config")
+        .join(name);
     let mut sets = vec![
         "time.clock=simulated".to_owned(),
         format!("time.duration_s={duration_s}"),
@@ -273,7 +284,6 @@ fn a_test_with_all_limits_continues_from_its_states() {
         says: CONFIRMS,
     };
     let (whole, _) = test.continues_from_its_states();
-    println!("{:?}", warnings(&whole));
     assert!(warnings(&whole).len() >= 16, "{:?}", warnings(&whole));
 }
 
@@ -285,7 +295,10 @@ fn a_hold_between_two_states_does_not_change_the_rest() {
         says: HOLDS,
     };
     let (whole, _) = test.continues_from_its_states();
-    let holds = whole.rows.iter().filter(|row| row[2] == Phase::Holding.code());
+    let holds = whole
+        .rows
+        .iter()
+        .filter(|row| row[2] == Phase::Holding.code());
     assert!(holds.count() > 100);
 }
 
@@ -430,7 +443,13 @@ fn with_partner(ticks: u32, partner: Partner, port: impl Fn(Port) -> Port) -> Ex
     ))
     .experiment;
     let axis = Axis::plain(vec![(0, -1.0), (1, 1.0)]);
-    let far = Port::new("far", vec![axis], Box::new(partner), 2, vec![PARTNER_N_PER_M]);
+    let far = Port::new(
+        "far",
+        vec![axis],
+        Box::new(partner),
+        2,
+        vec![PARTNER_N_PER_M],
+    );
     experiment.ports.push(port(far.unwrap()));
     experiment
 }
