@@ -20,7 +20,7 @@ use gusset::time::{Nanos, SimClock};
 /// A state, and how many rows and events there were before it.
 type Saved = (usize, usize, TestState);
 
-/// What a test recorded.
+/// Rows, events and states of a test.
 #[derive(Default)]
 struct Record {
     rows: Vec<Vec<f64>>,
@@ -31,7 +31,7 @@ struct Record {
 /// Largest |force| of each axis of each specimen.
 type Peaks = Vec<Vec<f64>>;
 
-/// What the operator says after a row of this step, tick and phase.
+/// The operator's command after a row of this step, tick and phase.
 type Says = fn(u64, u64, Phase) -> Option<Operator>;
 
 /// A recorder that keeps everything, and speaks for the operator.
@@ -79,7 +79,7 @@ impl Recorder for Keeper {
     }
 }
 
-/// A test that can be begun again and again, with a checkpoint after so many ticks.
+/// A test that can be begun again and again, with a checkpoint every `checkpoint_ticks` ticks.
 struct Test<'a> {
     make: &'a dyn Fn() -> Experiment,
     checkpoint_ticks: u64,
@@ -157,7 +157,7 @@ fn assert_same(whole: &Record, place: usize, rest: &Record, columns: &[Column]) 
     let last = rest.rows.last().unwrap()[0];
     let is_running = |row: &&Vec<f64>| row[2] == Phase::Running.code();
     let end = whole.rows.iter().rfind(is_running).unwrap()[0];
-    assert_eq!(last, end, "it goes on to the last step");
+    assert_eq!(last, end, "it continues to the last step");
     // The event of the checkpoint itself follows the state.
     let expected = &whole.events[events + 1..];
     for (found, expected) in rest.events.iter().zip(expected) {

@@ -37,15 +37,15 @@ impl Offset {
 pub(super) struct LinkNumbers {
     /// Of the next command.
     next: Offset,
-    /// Of the command that left last.
+    /// Offset of the last command.
     last: Offset,
     /// Number of that command in the test; none before the first.
     sent: Option<u64>,
 }
 
 impl LinkNumbers {
-    /// Visits the number of the last command; and the offsets, unless they belong to a connection, which a test that continues makes
-    /// anew. Real-time: yes.
+    /// Visits the number of the last command. Offsets that belong to a connection are not visited: a resumed test has another one.
+    /// Real-time: yes.
     pub fn visit_state(&mut self, are_of_connection: bool, visit: &mut dyn Visit) {
         let (mut has_sent, mut sent) = (self.sent.is_some(), self.sent());
         visit.flag(&mut has_sent);

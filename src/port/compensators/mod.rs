@@ -202,7 +202,7 @@ impl Compensators {
         self.before = Some(TestState::with_room(|visit| self.visit_state(visit)));
     }
 
-    /// No command is made for the next tick, and what is measured meanwhile is not heard. Real-time: yes.
+    /// No command is made for the next tick, and measurements until then are ignored. Real-time: yes.
     pub fn hold(&mut self) {
         if self.delay_in == DelayIn::WallTime {
             self.axes.iter_mut().for_each(AxisCompensator::misses);
@@ -216,7 +216,7 @@ impl Compensators {
         before.or_else(|| TestState::of(|visit| self.visit_state(visit)).ok())
     }
 
-    /// Keeps the state as it is now, where a record is followed. Real-time: yes.
+    /// Keeps the present state, where a record is followed. Real-time: yes.
     fn keep(&mut self) {
         if let Some(mut before) = self.before.take() {
             // The room was made for it.
