@@ -516,6 +516,23 @@ mod tests {
     }
 
     #[test]
+    fn a_choice_and_optional_numbers_take_the_same_room_and_come_back() {
+        let walk = |choice: &mut char, known: &mut Option<[f64; 2]>, visit: &mut dyn Visit| {
+            visit.choice(choice, &['a', 'b', 'c']);
+            visit.options(known);
+        };
+        for (choice, known) in [('a', None), ('c', Some([f64::NAN, -0.0]))] {
+            let (mut one, mut other) = ((choice, known), ('b', Some([1.0; 2])));
+            let state = TestState::of(|visit| walk(&mut one.0, &mut one.1, visit)).unwrap();
+            assert_eq!(state.words().len(), 4);
+            let restored = state.restore(|visit| walk(&mut other.0, &mut other.1, visit));
+            restored.unwrap();
+            let bits = |known: Option<[f64; 2]>| known.map(|two| two.map(f64::to_bits));
+            assert_eq!((other.0, bits(other.1)), (choice, bits(known)));
+        }
+    }
+
+    #[test]
     fn a_restored_state_has_the_same_bits() {
         let mut one = example();
         let state = TestState::of(|visit| one.visit_state(visit)).unwrap();

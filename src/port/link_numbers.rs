@@ -44,8 +44,8 @@ pub(super) struct LinkNumbers {
 }
 
 impl LinkNumbers {
-    /// Visits the number of the last command; and the offsets, unless they belong to a connection, which a test that continues makes
-    /// anew. Real-time: yes.
+    /// Visits the number of the last command. Offsets that belong to a connection are not visited: a resumed test has another one.
+    /// Real-time: yes.
     pub fn visit_state(&mut self, are_of_connection: bool, visit: &mut dyn Visit) {
         let (mut has_sent, mut sent) = (self.sent.is_some(), self.sent());
         visit.flag(&mut has_sent);
