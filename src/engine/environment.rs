@@ -149,9 +149,8 @@ impl Environment {
     /// The operator ends the test.
     #[inline]
     pub fn hear(&mut self) -> Result<(), Stop> {
-        match self.supervision.take_request() {
-            Some(request) => self.obey(request)?,
-            None => {}
+        if let Some(request) = self.supervision.take_request() {
+            self.obey(request)?;
         }
         self.supervision.show();
         Ok(())

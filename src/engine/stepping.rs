@@ -59,7 +59,7 @@ impl Stepping {
         }
     }
 
-    /// The same after the tick `last`, at which a state was restored.
+    /// From the state that was restored after the tick `last`.
     pub fn after(last: Tick, side: &mut Side) -> Self {
         Self {
             course: Course::MayHold(last),

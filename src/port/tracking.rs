@@ -341,7 +341,7 @@ mod tests {
     };
     use crate::time::Nanos;
 
-    /// How velocities come with targets: as backward differences, which are half a tick old, or as they were so many ticks ago.
+    /// Age of the velocities of targets: half a tick for backward differences, or a given number of ticks.
     #[derive(Debug, Clone, Copy)]
     enum Vel {
         Difference,

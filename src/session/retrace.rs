@@ -237,7 +237,7 @@ fn recorded_test(
     Ok((test, tape, Control::from(requests)))
 }
 
-/// What a retraced test came to, beside its record.
+/// Compares a retraced test with its record.
 fn judged(followed: Followed, tape: &Arc<Mutex<Tape>>, until: Option<u64>) -> Retraced {
     let Followed { ending, state } = followed;
     let completed = ending == Ending::Completed;

@@ -250,5 +250,8 @@ fn a_server_gives_up_a_client_that_stops_in_the_middle_of_a_record() {
     // A handshake record of 512 bytes of which one comes.
     half.write_all(&[22, 3, 1, 2, 0, 1]).unwrap();
     served.hears("no end of the TLS handshake within 5 s");
-    assert_eq!(half.read(&mut [0; 10]).unwrap_or(0), 0, "it is let go");
+    // The connection closes, after a TLS alert at most.
+    let mut last = Vec::new();
+    let _ = half.read_to_end(&mut last);
+    assert!(last.len() <= 7, "{last:?}");
 }
