@@ -46,8 +46,7 @@ pub struct Retired {
     pub outcome: Option<Outcome>,
     /// The text of a panic of the program.
     pub fault: Option<String>,
-    /// How far the platform of each specimen went; none where its axes are no actuators of one.
-    pub poses: Vec<Option<Poses>>,
+    ports: Vec<Port>,
 }
 
 /// The end of a recorded test that was retraced.
@@ -60,6 +59,12 @@ pub struct Retraced {
 }
 
 impl Retired {
+    /// How far the platform of each specimen went; none where its axes are no actuators of one.
+    #[must_use]
+    pub fn poses(&self) -> Vec<Option<Poses>> {
+        self.ports.iter().map(Port::poses).collect()
+    }
+
     /// The outcome of a test without physical specimens. A panic of the program continues as a panic.
     #[must_use]
     pub fn into_outcome(self) -> Outcome {
@@ -225,7 +230,7 @@ impl Stopped {
         Retired {
             outcome: closed.ok(),
             fault: self.fault,
-            poses: self.test.ports.iter().map(Port::poses).collect(),
+            ports: self.test.ports,
         }
     }
 

@@ -263,7 +263,7 @@ measured_force_n = { warn = [-2e3, 2e3], trip = [-1e6, 1e6] }
 sensor_disp_m = { warn = [-0.01, 0.01], trip = [-1, 1] }
 sensor_force_n = { warn = [-2e3, 2e3], trip = [-1e6, 1e6] }
 following_error_m = { warn = 1e-5, trip = 1 }
-following_time_s = 0.002
+following_time_s = 0.02
 force_step_n = { warn = 100.0, trip = 1e6 }
 stuck_ticks = { warn = 1, trip = 100 }
 alternating_ticks = { warn = 1, trip = 100 }

@@ -282,8 +282,8 @@ fn staged_with(
     });
     experiment.ports = ports.collect();
     let test = Connected::new(experiment, Box::new(SimClock::new()), recorder);
-    let mut retired = test.run(control);
-    let poses = std::mem::take(&mut retired.poses);
+    let retired = test.run(control);
+    let poses = retired.poses();
     let taken = |book: &Arc<Mutex<Vec<AxisNeed>>>| {
         std::mem::take(&mut *book.lock().unwrap_or_else(PoisonError::into_inner))
     };
