@@ -593,7 +593,7 @@ impl Engine<'_> {
         self.ports.iter_mut().for_each(Port::skip_number);
     }
 
-    /// Aims every specimen at the first target, B·x[0].
+    /// Aims every specimen at the first target, `B·x[0]`.
     pub fn aim_at_start(&mut self) {
         match &mut *self.side {
             Side::Structure(numerical) => {

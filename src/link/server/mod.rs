@@ -1,6 +1,6 @@
 //! The server: it hosts one specimen for clients of the native protocol or of OpenFresco's.
 //!
-//! One thread receives clients ([`reception`]), one thread commands the specimen ([`data_thread`]), and the thread of the
+//! One thread receives clients (`reception`), one thread commands the specimen (`data_thread`), and the thread of the
 //! caller reports events.
 //! One client at a time commands the specimen; one test follows another.
 //! A second client, a stranger or malformed bytes are refused and reported, and never reach the data thread.
