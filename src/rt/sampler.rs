@@ -176,7 +176,7 @@ mod tests {
             last.minor_faults > 0 && last.voluntary_switches > samples[0].voluntary_switches
         };
         while samples.len() < 3 || (!grows(&samples) && samples.len() < 2000) {
-            // So much memory comes from the kernel as new pages, whose first touches are faults to count.
+            // 40 MB come from the kernel as new pages, whose first touches are faults to count.
             std::hint::black_box(vec![1_u8; 40 << 20]);
             samples.push(receiver.recv().unwrap());
         }
