@@ -4,6 +4,12 @@
 //! writing or takes no room could make a line say something else than it does. Every place that shows such a text uses
 //! [`printable`]: terminal, log, events, report and live page.
 
+/// Bytes as hexadecimal digits, two for each: a checksum.
+#[must_use]
+pub fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
 /// True of a character that is obeyed or hidden instead of shown: controls, those that turn the direction of writing or break
 /// lines, and those without width.
 #[must_use]

@@ -180,7 +180,7 @@ impl Inputs {
         self.files.push(Input {
             requested: vec![requested.to_owned()],
             name: self.unique_name(&path),
-            sha256: hexadecimal(&Sha256::digest(&bytes)),
+            sha256: crate::text::hex(&Sha256::digest(&bytes)),
             path: real,
             bytes,
         });
@@ -220,10 +220,6 @@ impl Inputs {
             .find(|name| !taken(name))
             .unwrap_or(first)
     }
-}
-
-fn hexadecimal(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 fn similar_name(path: &Path) -> Option<String> {

@@ -329,7 +329,7 @@ impl RunFolder {
     /// # Errors
     /// The system refuses.
     pub fn add_input(&mut self, source: &Path, bytes: &[u8]) -> Result<InputFile, FolderError> {
-        let sha256 = hex(&Sha256::digest(bytes));
+        let sha256 = crate::text::hex(&Sha256::digest(bytes));
         let name = file_safe(source.file_name());
         let (stem, extension) = match name.rfind('.') {
             Some(point) if point > 0 => name.split_at(point),
@@ -454,10 +454,6 @@ fn file_safe(name: Option<&std::ffi::OsStr>) -> String {
     } else {
         safe
     }
-}
-
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 #[cfg(test)]

@@ -8,6 +8,7 @@ use sha2::{Digest, Sha256};
 
 use super::replay_error::ReplayError;
 use crate::record::{Event, FolderError, Run, keeps_waiting};
+use crate::text::hex;
 
 pub(super) fn read(path: &Path) -> Result<Vec<u8>, ReplayError> {
     let bytes = if keeps_waiting(path) {
@@ -19,11 +20,7 @@ pub(super) fn read(path: &Path) -> Result<Vec<u8>, ReplayError> {
 }
 
 pub(super) fn sha256(bytes: &[u8]) -> String {
-    in_hex(&Sha256::digest(bytes))
-}
-
-fn in_hex(digest: &[u8]) -> String {
-    digest.iter().map(|byte| format!("{byte:02x}")).collect()
+    hex(&Sha256::digest(bytes))
 }
 
 pub(super) fn unreadable(path: &Path, source: std::io::Error) -> ReplayError {
@@ -46,7 +43,7 @@ pub(super) fn rows_sha256(run: &Run, rows: u64) -> Result<String, ReplayError> {
     let (mut file, mut digest) = (file.take(bytes), Sha256::new());
     loop {
         match file.read(&mut piece).map_err(failed)? {
-            0 => return Ok(in_hex(&digest.finalize())),
+            0 => return Ok(hex(&digest.finalize())),
             count => digest.update(piece.get(..count).unwrap_or_default()),
         }
     }

@@ -35,7 +35,7 @@ pub(super) fn list(root: &Path, folder: &Path, files: &mut Vec<Value>) -> io::Re
             continue;
         }
         let (sum, bytes) = digest(&path)?;
-        let digest: String = sum.iter().map(|b| format!("{b:02x}")).collect();
+        let digest = crate::text::hex(&sum);
         let path = path.strip_prefix(root).unwrap_or(&path);
         files.push(json!({"path": path, "bytes": bytes, "sha256": digest}));
     }
