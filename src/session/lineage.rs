@@ -52,18 +52,8 @@ fn way_between(from: &Path, to: &Path) -> Option<PathBuf> {
 pub(super) struct Kept {
     /// The last command.
     pub command: f64,
-    /// The reading of the displacement sensor there.
-    pub disp: f64,
-    /// The last force.
-    pub force: f64,
-    /// How far from `disp` the axis may stand.
-    pub within: f64,
-    /// The reading of the displacement sensor in the row of `force`.
-    pub disp_of_force: f64,
-    /// How far from `force` the load cell may read, at `disp_of_force`.
-    pub force_within: f64,
-    /// The way of the commands that the record may have lost.
-    pub way_lost: f64,
+    /// What its sensors read there.
+    pub place: Place,
 }
 
 /// Where a resumed test comes from: `resumed.json`.
@@ -175,17 +165,24 @@ impl Origin {
     /// Keeps where the axes of each specimen were left.
     pub fn keep(&mut self, left: &[Vec<Kept>]) {
         let words = |axis: &Kept| {
-            let values = [axis.command, axis.disp, axis.force, axis.within];
+            let Place {
+                disp,
+                force,
+                within,
+                ..
+            } = axis.place;
+            let values = [axis.command, disp, force, within];
             values.map(|value| format!("{value:?}"))
         };
-        let forces =
-            |axis: &Kept| [axis.disp_of_force, axis.force_within].map(|value| format!("{value:?}"));
+        let forces = |Kept { place, .. }: &Kept| {
+            [place.disp_of_force, place.force_within].map(|value| format!("{value:?}"))
+        };
         let each = left.iter();
         self.left = each
             .clone()
             .map(|axes| axes.iter().map(words).collect())
             .collect();
-        let ways = |axis: &Kept| format!("{:?}", axis.way_lost);
+        let ways = |axis: &Kept| format!("{:?}", axis.place.way_lost);
         self.left_ways = each
             .clone()
             .map(|axes| axes.iter().map(ways).collect())
@@ -213,15 +210,7 @@ impl Origin {
         let specimen = |(port, axes): (usize, &Vec<[String; 4]>)| {
             let each = axes.iter().enumerate();
             each.map(|(axis, values)| {
-                let kept = kept(values, self.force_of(port, axis), self.way_of(port, axis));
-                Place {
-                    disp: kept.disp,
-                    force: kept.force,
-                    within: kept.within,
-                    disp_of_force: kept.disp_of_force,
-                    force_within: kept.force_within,
-                    way_lost: kept.way_lost,
-                }
+                kept(values, self.force_of(port, axis), self.way_of(port, axis)).place
             })
             .collect()
         };
@@ -237,12 +226,14 @@ fn kept(values: &[String; 4], force: Option<&[String; 2]>, way: Option<&String>)
     };
     Kept {
         command,
-        disp,
-        force: left,
-        within,
-        disp_of_force,
-        force_within,
-        way_lost: way.map_or(f64::INFINITY, |way| number(way)),
+        place: Place {
+            disp,
+            force: left,
+            within,
+            disp_of_force,
+            force_within,
+            way_lost: way.map_or(f64::INFINITY, |way| number(way)),
+        },
     }
 }
 

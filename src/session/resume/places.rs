@@ -7,7 +7,7 @@ use std::collections::VecDeque;
 
 use super::ResumeError;
 use crate::catalog::column;
-use crate::engine::{EndPosition, Phase};
+use crate::engine::{EndPosition, Phase, Place};
 use crate::port::Port;
 use crate::record::summary::{Peak, Status};
 use crate::record::{Row, Run};
@@ -139,15 +139,15 @@ impl Axis {
         let command = self.command.unwrap_or(0.0);
         let disp = command + beyond;
         let [disp_of_force, force] = self.measured.unwrap_or([disp, 0.0]);
-        Kept {
-            command,
+        let place = Place {
             disp,
             force,
             within: SHARE * off,
             disp_of_force,
             force_within: f64::INFINITY,
             way_lost: 0.0,
-        }
+        };
+        Kept { command, place }
     }
 
     /// Of a test that went on with another and ended on its way in: as far from where it found the axis as it was commanded
@@ -159,15 +159,14 @@ impl Axis {
         let force = self.measured.map_or(0.0, |[_, last]| last - stood);
         let is_there = command == found.command;
         let way = command - found.command;
-        Kept {
-            command,
-            disp: found.disp + way,
-            force: found.force + if is_there { 0.0 } else { force },
-            within: found.within,
-            disp_of_force: found.disp_of_force + way,
-            force_within: found.force_within,
-            way_lost: found.way_lost,
-        }
+        let before = found.place;
+        let place = Place {
+            disp: before.disp + way,
+            force: before.force + if is_there { 0.0 } else { force },
+            disp_of_force: before.disp_of_force + way,
+            ..before
+        };
+        Kept { command, place }
     }
 
     /// How far a command may have gone after the last row of a test that was killed, in its own unit: as fast as at the end of
@@ -247,24 +246,24 @@ pub(super) fn places(
     let kept = specimens.map(|(index, (port, axes))| {
         let is_all_known = is_all_known(run, port, state);
         let one = |(number, axis): (usize, &Axis)| {
-            let mut kept = axis.place();
+            let Kept { command, mut place } = axis.place();
             if port.is_formula() {
                 // A formula is at its last command.
-                (kept.within, kept.force_within) = (f64::INFINITY, f64::INFINITY);
-                return kept;
+                (place.within, place.force_within) = (f64::INFINITY, f64::INFINITY);
+                return Kept { command, place };
             }
             let lost = if is_all_known {
                 0.0
             } else {
                 axis.way_lost(port, number, by.pace)
             };
-            let own = kept.within + lost + NOTHING * kept.command.abs();
-            kept.within = by
+            let own = place.within + lost + NOTHING * command.abs();
+            place.within = by
                 .within_m
                 .map_or(own, |metres| metres / port.metres_of(number));
-            kept.way_lost += lost;
-            kept.force_within = force_within(port, index, number, by);
-            kept
+            place.way_lost += lost;
+            place.force_within = force_within(port, index, number, by);
+            Kept { command, place }
         };
         axes.iter().enumerate().map(one).collect()
     });
