@@ -50,11 +50,7 @@ impl Place {
 
     /// A tick at the last step. `dt` is the test time that passes for a motion before or after the test.
     pub fn at_rest(&self, dt: f64) -> Tick {
-        Tick {
-            time: self.steps_done as f64 * self.dt,
-            step: self.steps_done,
-            ..Tick::before_start(dt)
-        }
+        Tick::of_step(self.steps_done, self.dt, dt)
     }
 
     /// Place of an event: the farthest tick, whose step may never end, or the last step. Real-time: yes.

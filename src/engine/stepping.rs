@@ -211,8 +211,7 @@ impl Maneuver for Stepping {
         if Self::can_close(engine) {
             self.close_step(engine, order, stamps)
         } else {
-            let stride = self.stride;
-            Self::pass(engine, order, &stride, stamps)
+            Self::pass(engine, order, &self.stride, stamps)
         }
     }
 
@@ -273,13 +272,7 @@ impl Stepping {
         if engine.progress.is_kept() {
             engine.ports.iter_mut().for_each(Port::take_kept);
         }
-        let step = engine.progress.step();
-        Tick {
-            step,
-            sub_tick: 0,
-            time: step as f64 * engine.plan.dt,
-            dt: tick.dt,
-        }
+        Tick::of_step(engine.progress.step(), engine.plan.dt, tick.dt)
     }
 
     /// Equilibrium at this step, x and v of the next, its targets, and the command that leaves next. Real-time: yes.
@@ -404,13 +397,8 @@ impl Stepping {
     /// are those of the step before.
     #[cold]
     fn record_divergence(engine: &mut Engine<'_>, place: &Tick, stamps: &TickStamps) {
-        let step = place.step + 1;
-        let next = Tick {
-            step,
-            sub_tick: 0,
-            time: step as f64 * engine.plan.dt,
-            dt: engine.plan.dt,
-        };
+        let dt = engine.plan.dt;
+        let next = Tick::of_step(place.step + 1, dt, dt);
         let journal = &mut engine.environment.journal;
         journal.note_trip();
         journal.row.cause = Some(Cause::Diverged);

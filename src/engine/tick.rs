@@ -19,10 +19,17 @@ impl Tick {
     /// A tick before t = 0, with `dt` of test time since the last.
     #[must_use]
     pub const fn before_start(dt: f64) -> Self {
+        Self::of_step(0, 0.0, dt)
+    }
+
+    /// The tick of a whole step, where a step has `step_s` of test time and `dt` has passed since the last. Real-time: yes.
+    #[inline]
+    #[must_use]
+    pub const fn of_step(step: u64, step_s: f64, dt: f64) -> Self {
         Self {
-            step: 0,
+            step,
             sub_tick: 0,
-            time: 0.0,
+            time: step as f64 * step_s,
             dt,
         }
     }
