@@ -1,5 +1,7 @@
 //! Displacement and velocity of all axes of one specimen.
 
+use super::axis::Axis;
+use super::loading_unit::LoadingUnit;
 use crate::state::Visit;
 
 /// One value per axis, of displacements and of their velocities.
@@ -43,6 +45,35 @@ impl AxisMotion {
         let axes = self.disp.iter_mut().zip(&mut self.vel);
         for ((disp, vel), (new_disp, new_vel)) in axes.zip(along) {
             (*disp, *vel) = (new_disp, new_vel);
+        }
+    }
+
+    /// Takes the deformations that the structure's [displacement, velocity] asks for, of a base that moves by [displacement, velocity];
+    /// of the actuators of a loading unit the strokes. Real-time: yes.
+    #[inline]
+    pub fn seek(
+        &mut self,
+        axes: &[Axis],
+        unit: Option<&mut LoadingUnit>,
+        state: [&[f64]; 2],
+        base: [f64; 2],
+    ) {
+        match unit {
+            Some(unit) => unit.seek(state, base, &mut self.disp, &mut self.vel),
+            None => self.take(axes.iter().map(|axis| axis.dots(state, base))),
+        }
+    }
+
+    /// Takes prescribed deformations, of one axis after the other; with a loading unit of one coordinate after the other.
+    /// Real-time: yes.
+    pub fn seek_at(
+        &mut self,
+        unit: Option<&mut LoadingUnit>,
+        along: &mut impl Iterator<Item = (f64, f64)>,
+    ) {
+        match unit {
+            Some(unit) => unit.seek_at(along, &mut self.disp, &mut self.vel),
+            None => self.take(along),
         }
     }
 

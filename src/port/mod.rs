@@ -134,13 +134,9 @@ impl Port {
 
     /// Makes the next command from the structure's state. Real-time: yes.
     pub fn aim(&mut self, disp: &[f64], vel: &[f64], base_disp: f64, base_vel: f64) {
-        let (state, base) = ([disp, vel], [base_disp, base_vel]);
         let target = self.path.target_mut();
-        if let Some(unit) = &mut self.loading_unit {
-            unit.seek(state, base, &mut target.disp, &mut target.vel);
-        } else {
-            target.take(self.axes.iter().map(|axis| axis.dots(state, base)));
-        }
+        let unit = self.loading_unit.as_deref_mut();
+        target.seek(&self.axes, unit, [disp, vel], [base_disp, base_vel]);
         self.path.prepare(&self.axes);
     }
 
@@ -148,34 +144,22 @@ impl Port {
     /// of the loading unit) after the other from `along`. Real-time: yes.
     pub fn aim_at(&mut self, along: &mut impl Iterator<Item = (f64, f64)>) {
         let target = self.path.target_mut();
-        if let Some(unit) = &mut self.loading_unit {
-            unit.seek_at(along, &mut target.disp, &mut target.vel);
-        } else {
-            target.take(along);
-        }
+        target.seek_at(self.loading_unit.as_deref_mut(), along);
         self.path.prepare(&self.axes);
     }
 
     /// The target of the next step, from the structure's state. Real-time: yes.
     #[inline]
     pub fn seek(&mut self, disp: &[f64], vel: &[f64], base_disp: f64, base_vel: f64) {
-        let (state, base) = ([disp, vel], [base_disp, base_vel]);
         let goal = self.path.goal_mut();
-        if let Some(unit) = &mut self.loading_unit {
-            unit.seek(state, base, &mut goal.disp, &mut goal.vel);
-        } else {
-            goal.take(self.axes.iter().map(|axis| axis.dots(state, base)));
-        }
+        let unit = self.loading_unit.as_deref_mut();
+        goal.seek(&self.axes, unit, [disp, vel], [base_disp, base_vel]);
     }
 
     /// The target of the next step, from prescribed deformations. Real-time: yes.
     pub fn seek_at(&mut self, along: &mut impl Iterator<Item = (f64, f64)>) {
         let goal = self.path.goal_mut();
-        if let Some(unit) = &mut self.loading_unit {
-            unit.seek_at(along, &mut goal.disp, &mut goal.vel);
-        } else {
-            goal.take(along);
-        }
+        goal.seek_at(self.loading_unit.as_deref_mut(), along);
     }
 
     /// The target is the first one of the test; everything has rested there.
