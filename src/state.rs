@@ -158,7 +158,11 @@ pub struct TestState {
 impl TestState {
     /// An empty state with room for what `walk` visits. All memory is allocated and touched here.
     pub fn with_room(walk: impl FnMut(&mut dyn Visit)) -> Self {
-        let layout = Layout::of(walk);
+        Self::empty(Layout::of(walk))
+    }
+
+    /// All memory is allocated and touched here.
+    fn empty(layout: Layout) -> Self {
         let mut words = vec![0; layout.words];
         words.clear();
         Self { layout, words }
@@ -177,12 +181,7 @@ impl TestState {
     /// An empty state with the layout and the room of this one. All memory is allocated and touched here.
     #[must_use]
     pub fn with_same_room(&self) -> Self {
-        let mut words = vec![0; self.layout.words];
-        words.clear();
-        Self {
-            layout: self.layout,
-            words,
-        }
+        Self::empty(self.layout)
     }
 
     /// A state that was read from a file.

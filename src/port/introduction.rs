@@ -144,21 +144,24 @@ mod tests {
     };
     use crate::time::Nanos;
 
-    /// Reports this stiffness, in N/m.
-    struct Says(f64);
+    /// A specimen of one axis with this introduction, in this process or behind a link.
+    struct Partner {
+        introduction: Introduction,
+        is_remote: bool,
+    }
 
-    impl Substructure for Says {
+    impl Substructure for Partner {
         fn axes(&self) -> usize {
             1
         }
         fn coupling(&self) -> Coupling {
             Coupling::Lockstep
         }
+        fn is_remote(&self) -> bool {
+            self.is_remote
+        }
         fn connect(&mut self) -> Result<Introduction, Unavailable> {
-            Ok(Introduction {
-                stiffness: vec![self.0],
-                ..Introduction::default()
-            })
+            Ok(self.introduction.clone())
         }
         fn issue(&mut self, _: &Command<'_>) -> Result<(), LinkFault> {
             Ok(())
@@ -169,12 +172,34 @@ mod tests {
         fn retire(&mut self, _: Retirement) {}
     }
 
+    /// In this process; it reports this stiffness, in N/m.
+    fn reports(stiffness: f64) -> Box<Partner> {
+        Box::new(Partner {
+            introduction: Introduction {
+                stiffness: vec![stiffness],
+                ..Introduction::default()
+            },
+            is_remote: false,
+        })
+    }
+
+    /// Behind a link, and perhaps able to say where it stands.
+    fn far(standing: Vec<f64>) -> Box<Partner> {
+        Box::new(Partner {
+            introduction: Introduction {
+                standing,
+                ..Introduction::default()
+            },
+            is_remote: true,
+        })
+    }
+
     /// A port with k̂ = 1e6 N/m, through an axis that counts backwards in mm and kN.
     fn meets(reported: f64) -> Result<Introduction, Unavailable> {
         let mut axis = Axis::plain(vec![(0, 1.0)]);
         axis.disp_gain = -1e3;
         axis.force_gain = -1e3;
-        Port::new("rig", vec![axis], Box::new(Says(reported)), 1, vec![1e6])
+        Port::new("rig", vec![axis], reports(reported), 1, vec![1e6])
             .unwrap()
             .connect()
     }
@@ -189,39 +214,11 @@ mod tests {
         assert_eq!(meets(f64::NAN).unwrap().warnings.len(), 1);
     }
 
-    /// Behind a link, and perhaps able to say where it stands.
-    struct Far(Vec<f64>);
-
-    impl Substructure for Far {
-        fn axes(&self) -> usize {
-            1
-        }
-        fn coupling(&self) -> Coupling {
-            Coupling::Lockstep
-        }
-        fn is_remote(&self) -> bool {
-            true
-        }
-        fn connect(&mut self) -> Result<Introduction, Unavailable> {
-            Ok(Introduction {
-                standing: self.0.clone(),
-                ..Introduction::default()
-            })
-        }
-        fn issue(&mut self, _: &Command<'_>) -> Result<(), LinkFault> {
-            Ok(())
-        }
-        fn collect(&mut self, _: Nanos, _: &mut Measurement) -> Result<Freshness, LinkFault> {
-            Ok(Freshness::Fresh)
-        }
-        fn retire(&mut self, _: Retirement) {}
-    }
-
     #[test]
     fn of_a_specimen_that_cannot_say_where_it_stands_everybody_is_told() {
         let warned = |standing| {
             let axes = vec![Axis::plain(vec![(0, 1.0)])];
-            let port = Port::new("rig", axes, Box::new(Far(standing)), 1, vec![1e6]);
+            let port = Port::new("rig", axes, far(standing), 1, vec![1e6]);
             port.unwrap().connect().unwrap().warnings
         };
         assert!(warned(vec![0.0]).is_empty());
@@ -230,7 +227,7 @@ mod tests {
         // The user is warned if the specimen reports another position than the file states.
         let warned = |standing| {
             let axes = vec![Axis::plain(vec![(0, 1.0)])];
-            let mut port = Port::new("rig", axes, Box::new(Far(standing)), 1, vec![1e6]).unwrap();
+            let mut port = Port::new("rig", axes, far(standing), 1, vec![1e6]).unwrap();
             port.state_position(&[0.01]);
             let warnings = port.connect().unwrap().warnings;
             (port.standing().unwrap()[0], warnings)
@@ -250,7 +247,7 @@ mod tests {
     fn a_partner_of_a_test_that_goes_on_owes_nothing_of_the_one_before() {
         let port = || {
             let axes = vec![Axis::plain(vec![(0, 1.0)])];
-            Port::new("rig", axes, Box::new(Far(Vec::new())), 1, vec![1e6]).unwrap()
+            Port::new("rig", axes, far(Vec::new()), 1, vec![1e6]).unwrap()
         };
         let mut retraced = port();
         retraced.repeat(0, 0.0).unwrap();

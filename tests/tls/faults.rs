@@ -3,6 +3,7 @@
 
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -24,6 +25,14 @@ fn local() -> String {
 
 fn over_tls(steps: u32, address: &str, keys: &str) -> String {
     linked(steps, address, &format!("transport = \"tls\"\n{keys}"))
+}
+
+/// The test in the folder `run` fails, and the reason has these words.
+fn fails_for(test: Running, folder: &Path, words: &str) {
+    let (code, said) = test.wait();
+    assert_eq!(code, 3, "{said}");
+    let reason = summary(folder, "run").reason;
+    assert!(reason.contains(words), "{reason}");
 }
 
 #[test]
@@ -117,10 +126,7 @@ fn a_server_that_goes_is_a_lost_link_and_one_that_says_goodbye_is_heard() {
         } else {
             assert_eq!(served.signal("TERM"), 143);
         }
-        let (code, said) = test.wait();
-        assert_eq!(code, 3, "{said}");
-        let reason = summary(folder, "run").reason;
-        assert!(reason.contains(words), "{reason}");
+        fails_for(test, folder, words);
         assert!(events(folder, "run").contains(&"link".to_owned()));
     }
 }
@@ -196,12 +202,10 @@ fn a_peer_that_stops_in_the_middle_of_a_record_is_given_up_after_the_time_limit(
             "commands 1 displacements"
         });
         stall.store(true, Ordering::Release);
-        let (code, said) = test.wait();
-        assert_eq!(code, 3, "{said}");
-        let reason = summary(folder, "run").reason;
-        assert!(
-            reason.contains("TLS: it stopped in the middle of a TLS record, after "),
-            "{reason}"
+        fails_for(
+            test,
+            folder,
+            "TLS: it stopped in the middle of a TLS record, after ",
         );
     }
 }
@@ -228,12 +232,10 @@ fn a_sampled_test_over_tls_ends_when_the_peer_stops_in_the_middle_of_a_record() 
     // Who never answered does not enter the first step at all.
     test.moves();
     stall.store(true, Ordering::Release);
-    let (code, said) = test.wait();
-    assert_eq!(code, 3, "{said}");
-    let reason = summary(folder, "run").reason;
-    assert!(
-        reason.contains("TLS: it stopped in the middle of a TLS record, after "),
-        "{reason}"
+    fails_for(
+        test,
+        folder,
+        "TLS: it stopped in the middle of a TLS record, after ",
     );
 }
 

@@ -63,22 +63,34 @@ impl Host {
             return Err(format!("{n} axes wanted, {} found", specimen.axes()));
         }
         let (stiffness, mass) = Law::new(specimen, false).reference();
-        Ok(Self {
+        let probe = ProbeSettings::Needless;
+        let behind = Behind::Law(build);
+        Ok(Self::of(name, axes, [stiffness, mass], behind, probe))
+    }
+
+    fn of(
+        name: String,
+        axes: Vec<Axis>,
+        [stiffness, mass]: [Vec<f64>; 2],
+        behind: Behind,
+        probe: ProbeSettings,
+    ) -> Self {
+        Self {
             name,
             units: axes.iter().map(units_of).collect(),
             axes,
             stiffness,
             mass,
-            behind: Behind::Law(build),
+            behind,
             limits: Vec::new(),
-            probe: ProbeSettings::Needless,
+            probe,
             log: None,
             faults: None,
             memory: None,
             guard: GuardStore::default(),
             latch: Latch::default(),
             measures_disp: true,
-        })
+        }
     }
 
     /// A gateway: `build` makes the link to the specimen, whose stiffness is believed to be `stiffness`, n × n by columns
@@ -91,22 +103,10 @@ impl Host {
         build: FarBuild,
         reply_limit_ns: u64,
     ) -> Self {
-        Self {
-            name,
-            mass: vec![0.0; axes.len() * axes.len()],
-            units: axes.iter().map(units_of).collect(),
-            axes,
-            stiffness,
-            behind: Behind::Far(build, reply_limit_ns, Whereabouts::default()),
-            limits: Vec::new(),
-            probe: ProbeSettings::Unchecked { silent: false },
-            log: None,
-            faults: None,
-            memory: None,
-            guard: GuardStore::default(),
-            latch: Latch::default(),
-            measures_disp: true,
-        }
+        let mass = vec![0.0; axes.len() * axes.len()];
+        let behind = Behind::Far(build, reply_limit_ns, Whereabouts::default());
+        let probe = ProbeSettings::Unchecked { silent: false };
+        Self::of(name, axes, [stiffness, mass], behind, probe)
     }
 
     /// Of a gateway whose specimen cannot tell where it stands: where that is before the first test, in the units of the axes.
