@@ -16,7 +16,6 @@
 //! | 48 | n × u64 | bits of the values |
 //! | 48 + 8 n | 32 bytes | SHA-256 of all bytes before it |
 
-use std::fmt;
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Write};
 use std::os::fd::OwnedFd;
@@ -24,11 +23,10 @@ use std::path::Path;
 use std::sync::Arc;
 
 use rustix::fs::{AtFlags, Mode, OFlags};
-use serde::de::Error as _;
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use sha2::{Digest as _, Sha256};
 use thiserror::Error;
 
+use super::checksum::Checksum;
 use crate::state::{Layout, TestState};
 
 /// The newest state of a run folder, and the one before it.
@@ -40,47 +38,9 @@ const MAGIC: [u8; 8] = *b"GUSSETST";
 const VERSION: u64 = 1;
 /// Bytes before the values, and after them.
 const HEADER: usize = 48;
-const TAIL: usize = 32;
+const TAIL: usize = Checksum::BYTES;
 /// Values that are written or read at a time.
 const PIECE: usize = 1024;
-
-/// SHA-256 of a state file, as the file and the event `checkpoint` carry it.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub struct Checksum([u8; TAIL]);
-
-impl fmt::Display for Checksum {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&crate::text::hex(&self.0))
-    }
-}
-
-impl fmt::Debug for Checksum {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        fmt::Display::fmt(self, f)
-    }
-}
-
-impl Serialize for Checksum {
-    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        to.collect_str(self)
-    }
-}
-
-impl<'de> Deserialize<'de> for Checksum {
-    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-        let text = String::deserialize(from)?;
-        let wrong = || D::Error::custom("a SHA-256 has 64 hexadecimal digits");
-        if text.len() != 2 * TAIL || !text.is_ascii() {
-            return Err(wrong());
-        }
-        let mut bytes = [0; TAIL];
-        for (byte, digits) in bytes.iter_mut().zip(text.as_bytes().chunks_exact(2)) {
-            let digits = std::str::from_utf8(digits).map_err(|_| wrong())?;
-            *byte = u8::from_str_radix(digits, 16).map_err(|_| wrong())?;
-        }
-        Ok(Self(bytes))
-    }
-}
 
 /// Why a state file is of no use.
 #[derive(Debug, Error)]
@@ -178,14 +138,14 @@ impl Checkpoint {
             sha.update(bytes);
             Ok(())
         });
-        Checksum(sha.finalize().into())
+        Checksum::from(sha)
     }
 
     /// Writes the bytes of the file; `checksum` is that of this checkpoint.
     fn write(&self, checksum: Checksum, to: impl Write) -> io::Result<()> {
         let mut to = BufWriter::with_capacity(1 << 16, to);
         self.pieces(|bytes| to.write_all(bytes))?;
-        to.write_all(&checksum.0)?;
+        to.write_all(checksum.bytes())?;
         to.flush()
     }
 
@@ -245,7 +205,7 @@ impl Checkpoint {
         let state = TestState::from_words(layout, words).map_err(|_| CheckpointFault::Damaged)?;
         let checkpoint = Self { step, rows, state };
         let checksum = checkpoint.checksum();
-        if checksum.0 == tail {
+        if *checksum.bytes() == tail {
             Ok((checkpoint, checksum))
         } else {
             Err(CheckpointFault::Damaged)
@@ -417,17 +377,6 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let fault = Checkpoint::read(folder.path()).unwrap_err();
         assert!(matches!(fault, CheckpointFault::Io(_)));
-    }
-
-    #[test]
-    fn a_checksum_survives_being_written_and_read_again() {
-        let checksum = checkpoint(1, &[2.0]).checksum();
-        let text = serde_json::to_string(&checksum).unwrap();
-        assert_eq!(text.len(), 66);
-        assert_eq!(serde_json::from_str::<Checksum>(&text).unwrap(), checksum);
-        for wrong in ["\"00\"", "\"é\"", &text.replace(['0', '1', '2', '3'], "x")] {
-            assert!(serde_json::from_str::<Checksum>(wrong).is_err(), "{wrong}");
-        }
     }
 
     /// A run folder with `rows` rows, these states in their order of time, and an event for each of those that are `told`.

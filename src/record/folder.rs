@@ -8,11 +8,11 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
-use sha2::{Digest, Sha256};
 use thiserror::Error;
 
 use super::atomic;
 use super::checkpoint::{STATE_FILES, StateFolder};
+use super::checksum::Checksum;
 use super::layout::{Layout, LayoutError};
 use super::summary::{InputFile, Summary};
 use super::utc::stamp;
@@ -329,7 +329,7 @@ impl RunFolder {
     /// # Errors
     /// The system refuses.
     pub fn add_input(&mut self, source: &Path, bytes: &[u8]) -> Result<InputFile, FolderError> {
-        let sha256 = crate::text::hex(&Sha256::digest(bytes));
+        let sha256 = Checksum::of(bytes).to_string();
         let name = file_safe(source.file_name());
         let (stem, extension) = match name.rfind('.') {
             Some(point) if point > 0 => name.split_at(point),

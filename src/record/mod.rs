@@ -11,6 +11,7 @@
 //! | [`layout`], [`journal`], [`append`] | the format of `samples.bin`; its reader; appending that survives a full disk |
 //! | [`events`], [`note`], [`miss`] | what happened and its line in `events.jsonl`; events from outside the loop; the class of a miss |
 //! | `event_log` | events on their way into the file and the log |
+//! | `checksum` | the SHA-256 of a file |
 //! | [`checkpoint`], `buffers` | the state of the test in a file; buffers in which the loop hands it over |
 //! | [`folder`], [`run`], [`summary`] | the run folder, written; read; `summary.json` |
 //! | `missing`, `intact` | what the rows lack at their end; what others did to a file |
@@ -23,6 +24,7 @@ pub mod append;
 pub mod atomic;
 mod buffers;
 pub mod checkpoint;
+mod checksum;
 mod event_log;
 pub mod events;
 pub mod export;
@@ -46,9 +48,8 @@ mod warned;
 mod whereabouts;
 pub mod writer;
 
-pub use checkpoint::{
-    Checkpoint, CheckpointFault, Checksum, STATE_FILES, StateFaults, StateFolder,
-};
+pub use checkpoint::{Checkpoint, CheckpointFault, STATE_FILES, StateFaults, StateFolder};
+pub use checksum::Checksum;
 pub use events::{Event, EventLine, LimitReached, Standing, TripValue, WarmUp, Word};
 pub use folder::{FolderError, RunFolder, make_free};
 pub use image::FolderImage;

@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value};
 
-use super::checkpoint::{Checkpoint, CheckpointFault, Checksum, STATE_FILES, StateFaults};
+use super::checkpoint::{Checkpoint, CheckpointFault, STATE_FILES, StateFaults};
+use super::checksum::Checksum;
 use super::events::{Event, EventLine};
 use super::folder::{AFTER, FILES, FolderError, at};
 use super::journal::Journal;

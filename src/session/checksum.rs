@@ -4,11 +4,10 @@ use std::fs::File;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
-use sha2::{Digest, Sha256};
+use sha2::{Digest as _, Sha256};
 
 use super::replay_error::ReplayError;
-use crate::record::{Event, FolderError, Run, keeps_waiting};
-use crate::text::hex;
+use crate::record::{Checksum, Event, FolderError, Run, keeps_waiting};
 
 pub(super) fn read(path: &Path) -> Result<Vec<u8>, ReplayError> {
     let bytes = if keeps_waiting(path) {
@@ -20,7 +19,7 @@ pub(super) fn read(path: &Path) -> Result<Vec<u8>, ReplayError> {
 }
 
 pub(super) fn sha256(bytes: &[u8]) -> String {
-    hex(&Sha256::digest(bytes))
+    Checksum::of(bytes).to_string()
 }
 
 pub(super) fn unreadable(path: &Path, source: std::io::Error) -> ReplayError {
@@ -43,7 +42,7 @@ pub(super) fn rows_sha256(run: &Run, rows: u64) -> Result<String, ReplayError> {
     let (mut file, mut digest) = (file.take(bytes), Sha256::new());
     loop {
         match file.read(&mut piece).map_err(failed)? {
-            0 => return Ok(hex(&digest.finalize())),
+            0 => return Ok(Checksum::from(digest).to_string()),
             count => digest.update(piece.get(..count).unwrap_or_default()),
         }
     }

@@ -14,7 +14,7 @@ use super::encoding::{from_one, from_one_if_any, hexadecimal, real};
 use super::payload::{LimitReached, Standing, TripValue, WarmUp, Word};
 use crate::catalog::event::{self, EventRow, Remark};
 use crate::catalog::phase::Phase;
-use crate::record::checkpoint::Checksum;
+use crate::record::checksum::Checksum;
 use crate::record::miss::Evidence;
 use crate::record::{GridOf, MissCause};
 use crate::substructure::LinkFault;

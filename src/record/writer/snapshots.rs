@@ -9,7 +9,8 @@ use crossbeam_channel::{Receiver, Sender};
 use rtrb::{Consumer, Producer};
 
 use crate::record::buffers::{BUFFERS, StateReceiver};
-use crate::record::checkpoint::{Checkpoint, Checksum, StateFolder};
+use crate::record::checkpoint::{Checkpoint, StateFolder};
+use crate::record::checksum::Checksum;
 
 /// A state with its SHA-256.
 type Hashed = (Checkpoint, Checksum);

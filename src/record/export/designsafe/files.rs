@@ -5,7 +5,9 @@ use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
-use sha2::{Digest, Sha256};
+use sha2::{Digest as _, Sha256};
+
+use crate::record::Checksum;
 
 /// Copies plain files, and folders with what is in them.
 pub(super) fn copy(from: &Path, to: &dyn Fn(&str) -> PathBuf) -> io::Result<()> {
@@ -35,20 +37,19 @@ pub(super) fn list(root: &Path, folder: &Path, files: &mut Vec<Value>) -> io::Re
             continue;
         }
         let (sum, bytes) = digest(&path)?;
-        let digest = crate::text::hex(&sum);
         let path = path.strip_prefix(root).unwrap_or(&path);
-        files.push(json!({"path": path, "bytes": bytes, "sha256": digest}));
+        files.push(json!({"path": path, "bytes": bytes, "sha256": sum}));
     }
     Ok(())
 }
 
-fn digest(path: &Path) -> io::Result<(Vec<u8>, u64)> {
+fn digest(path: &Path) -> io::Result<(Checksum, u64)> {
     let (mut file, mut sum, mut bytes) = (File::open(path)?, Sha256::new(), 0);
     let mut buffer = vec![0; 1 << 18];
     loop {
         let count = file.read(&mut buffer)?;
         if count == 0 {
-            return Ok((sum.finalize().to_vec(), bytes));
+            return Ok((sum.into(), bytes));
         }
         bytes += count as u64;
         sum.update(buffer.get(..count).unwrap_or_default());
