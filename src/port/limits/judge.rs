@@ -1,8 +1,8 @@
-//! The values of one look against the levels of their limits.
+//! The values of one judgement against the levels of their limits.
 //!
-//! A look judges all values of one group: commands, measurements, estimates or tracking. Each group is a list from the
+//! A judgement takes all values of one group: commands, measurements, estimates or tracking. Each group is a list from the
 //! catalogue, and its values come in the order of this list. Inner bounds say when nothing is beyond a level: one loop of
-//! comparisons without branches. Beyond one of them [`Look`] walks the list and keeps every trip and every new warning.
+//! comparisons without branches. Beyond one of them [`AxisJudge`] walks the list and keeps every trip and every new warning.
 //! Invariant: a command or a measurement that is not finite is never inside; an estimate that is not finite is not judged.
 
 use super::trips::{GoesOn, Trips, Verdict};
@@ -98,7 +98,7 @@ const fn higher(a: f64, b: f64) -> f64 {
 }
 
 /// One axis, what was warned of on it and what has tripped, and what is found.
-pub(super) struct Look<'a> {
+pub(super) struct AxisJudge<'a> {
     pub axis: usize,
     pub limits: &'a AxisLimits,
     pub warned: &'a mut u32,
@@ -108,21 +108,26 @@ pub(super) struct Look<'a> {
     pub found: &'a mut Found,
 }
 
-impl Look<'_> {
+impl AxisJudge<'_> {
     /// Judges a group; `before` earlier values are known, and a difference from more is not judged.
     #[cold]
-    pub fn at_all<const N: usize>(&mut self, group: [Limit; N], values: &[f64; N], before: u8) {
+    pub fn judge_group<const N: usize>(
+        &mut self,
+        group: [Limit; N],
+        values: &[f64; N],
+        before: u8,
+    ) {
         for (limit, value) in group.into_iter().zip(values) {
             let row = limit.row();
             let may_be_unknown = matches!(row.judges, Judges::Estimate | Judges::Tracking);
             if row.differs_from <= before && (value.is_finite() || !may_be_unknown) {
-                self.at(limit, *value);
+                self.judge(limit, *value);
             }
         }
     }
 
     /// Judges `value`; keeps every trip, and every warning that is new.
-    fn at(&mut self, limit: Limit, value: f64) {
+    fn judge(&mut self, limit: Limit, value: f64) {
         let bit = limit.bit();
         let Some((level, bound)) = self.limits.in_force(limit).judge(value) else {
             *self.warned &= !bit;

@@ -2,7 +2,7 @@
 //!
 //! All numbers are SI at the specimen's own scale, except energy and tangents, which are the structure's. The catalogue says
 //! what each limit is; [`AxisLimits`] holds its levels; [`Watch`] keeps the few past values that the judgement needs.
-//! One loop compares all values of a look with inner bounds. Only beyond one of them the table of limits is walked.
+//! One loop compares all values of a judgement with inner bounds. Only beyond one of them the table of limits is walked.
 //! Invariant: a command is judged before it leaves, and a command or a measurement that is not a number trips.
 //! The reaction to a trip is decided elsewhere.
 
@@ -273,7 +273,7 @@ pub fn listed(limit: Limit, ends: [f64; 2]) -> Vec<f64> {
     }
 }
 
-/// What one look found: what trips, and a warning that was not given before.
+/// What one judgement found: what trips, and a warning that was not given before.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Found {
     /// The first limit that trips.

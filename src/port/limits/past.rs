@@ -1,6 +1,6 @@
 //! The past values of one axis, and the values of its next command and measurement that are judged.
 
-use super::judge::{COMMAND, Look, MEASUREMENT, RECORDED};
+use super::judge::{AxisJudge, COMMAND, MEASUREMENT, RECORDED};
 use super::lately::Lately;
 use super::sawtooth::Sawtooth;
 use super::trips::{GoesOn, Trips};
@@ -198,13 +198,13 @@ impl Past {
         [disp, force, disp, force, error, change, stuck]
     }
 
-    pub fn look<'a>(
+    pub fn judge<'a>(
         &'a mut self,
         axis: usize,
         limits: &'a AxisLimits,
         found: &'a mut Found,
-    ) -> Look<'a> {
-        Look {
+    ) -> AxisJudge<'a> {
+        AxisJudge {
             axis,
             limits,
             warned: &mut self.warned,

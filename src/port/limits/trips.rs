@@ -99,7 +99,7 @@ impl Left {
         }
     }
 
-    fn look(&mut self, stands: f64, tick: f64) {
+    fn follow(&mut self, stands: f64, tick: f64) {
         let to_go = if self.upwards {
             self.sent - stands
         } else {
@@ -121,9 +121,9 @@ impl Left {
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Trips {
     kept: [Option<Kept>; AXIS_LIMITS],
-    /// One bit per quantity that tripped beside the first of its look, until it is told.
+    /// One bit per quantity that tripped beside the first of its judgement, until it is told.
     untold: u32,
-    /// Warnings beside the first of a look, until they are told: in the next tick the value may be within its level again.
+    /// Warnings beside the first of a judgement, until they are told: in the next tick the value may be within its level again.
     warnings: [Option<Kept>; AXIS_LIMITS],
     left: Option<Left>,
 }
@@ -156,9 +156,9 @@ impl Trips {
     }
 
     /// Takes note of where it is measured on its way out, `tick` seconds after the last time. Real-time: yes.
-    pub fn look(&mut self, stands: f64, tick: f64) {
+    pub fn follow(&mut self, stands: f64, tick: f64) {
         if let Some(left) = &mut self.left {
-            left.look(stands, tick);
+            left.follow(stands, tick);
         }
     }
 
@@ -196,12 +196,12 @@ impl Trips {
         }
     }
 
-    /// It is to be told, beside the first of its look.
+    /// It is to be told, beside the first of its judgement.
     pub const fn tell(&mut self, quantity: Limit) {
         self.untold |= quantity.bit();
     }
 
-    /// A warning is to be told, beside the first of its look.
+    /// A warning is to be told, beside the first of its judgement.
     pub fn tell_warning(&mut self, hit: &Hit) {
         if let Some(place) = self.warnings.get_mut(hit.quantity as usize) {
             *place = Some(Kept {

@@ -165,8 +165,8 @@ impl Watch {
             } = axis;
             let values = past.of_command(disp, pace, aims, sent);
             if !(sent >= 2 && past.warned == 0 && inner.command.covers(&values)) {
-                let mut look = past.look(index, limits, found);
-                look.at_all(COMMAND, &values, sent);
+                let mut judge = past.judge(index, limits, found);
+                judge.judge_group(COMMAND, &values, sent);
             }
         }
     }
@@ -207,7 +207,7 @@ impl Watch {
     fn goes_on(&mut self, stands: impl Iterator<Item = f64>) -> bool {
         let mut any = false;
         for (Axis { past, .. }, stands) in self.axes.iter_mut().zip(stands) {
-            past.trips.look(stands, self.tick);
+            past.trips.follow(stands, self.tick);
             any |= past.trips.goes_on();
         }
         any
@@ -335,9 +335,9 @@ impl Watch {
             let values = past.of_measurement(values, seen_before, limits);
             if !(seen_before && past.warned == 0 && inner.measurement.covers(&values)) {
                 let own = past.trips.goes_on();
-                let mut look = past.look(index, limits, found);
-                look.goes_on = GoesOn { own, any };
-                look.at_all(MEASUREMENT, &values, u8::from(seen_before));
+                let mut judge = past.judge(index, limits, found);
+                judge.goes_on = GoesOn { own, any };
+                judge.judge_group(MEASUREMENT, &values, u8::from(seen_before));
             }
         }
         self.measured = true;
@@ -375,7 +375,8 @@ impl Watch {
                 past,
             } = axis;
             if !(past.warned == 0 && bounds(inner).covers_known(&values)) {
-                past.look(index, limits, found).at_all(group, &values, 0);
+                past.judge(index, limits, found)
+                    .judge_group(group, &values, 0);
             }
         }
     }
