@@ -121,9 +121,9 @@ impl Left {
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Trips {
     kept: [Option<Kept>; AXIS_LIMITS],
-    /// One bit per quantity that tripped beside the first of its judgement, until it is told.
+    /// One bit per quantity that tripped beside the first of its judgement, until it is reported.
     untold: u32,
-    /// Warnings beside the first of a judgement, until they are told: in the next tick the value may be within its level again.
+    /// Warnings beside the first of a judgement, until they are reported: in the next tick the value may be within its level again.
     warnings: [Option<Kept>; AXIS_LIMITS],
     left: Option<Left>,
 }
@@ -196,12 +196,12 @@ impl Trips {
         }
     }
 
-    /// It is to be told, beside the first of its judgement.
+    /// It is to be reported, beside the first of its judgement.
     pub const fn tell(&mut self, quantity: Limit) {
         self.untold |= quantity.bit();
     }
 
-    /// A warning is to be told, beside the first of its judgement.
+    /// A warning is to be reported, beside the first of its judgement.
     pub fn tell_warning(&mut self, hit: &Hit) {
         if let Some(place) = self.warnings.get_mut(hit.quantity as usize) {
             *place = Some(Kept {
