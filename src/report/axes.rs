@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use super::axis::is_drawable;
-use super::digest::SpecimenAxis;
+use super::columns::SpecimenAxis;
 use super::sieve::{HOLDING, RUNNING, TRIPPED, is_even};
 use super::table::Table;
 use super::thin;

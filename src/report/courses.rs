@@ -5,7 +5,7 @@ use super::charts::Quantity;
 use super::lines::{Line, TimeChart};
 use super::plots::history;
 use super::rows::Rows;
-use super::specimens::Tracked;
+use super::tracked::Tracked;
 
 /// Kind of the column of the margin to the critical delay.
 pub(super) const MARGIN: &str = "margin";

@@ -7,8 +7,8 @@ use super::courses::MARGIN;
 use super::digest::{Digest, MISSING};
 use super::html::{note, table};
 use super::rows::Rows;
-use super::specimens::Tracked;
 use super::text::{NOTHING, number, plural, quantity};
+use super::tracked::Tracked;
 use crate::metrics::Judged;
 use crate::metrics::falsified::{Falsified, Margin, together};
 

@@ -2,14 +2,14 @@
 
 use std::collections::VecDeque;
 
-use super::digest::{
-    Difference, Digest, Holder, Item, MOST_AXES, MOST_DOFS, SpecimenAxis, sieve, spread,
+use super::axis_end::Ends;
+use super::columns::{
+    Difference, ERROR, MOST_AXES, MOST_DOFS, MOST_LINES, SpecimenAxis, TAIL, spread,
 };
-use super::left::Ends;
-use super::response::{MOST_LINES, TAIL};
+use super::digest::Digest;
+use super::holder::{Holder, Item, sieve};
 use super::sieve::{Sieve, Stretch};
 use super::source::Source;
-use super::specimens::ERROR;
 use super::stale::Stale;
 use super::table::{Table, Thinner};
 use super::worst::Worst;

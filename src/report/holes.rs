@@ -312,7 +312,7 @@ fn of_many_storeys_nothing_is_left_out_without_being_said() {
     assert!(page.contains("6 more storeys are not listed. The largest of all: storey 29"));
     let digest = run.digested();
     let rows = rows::Rows::new(&digest);
-    for dof in digest::spread(&digest.dofs, 4) {
+    for dof in columns::spread(&digest.dofs, 4) {
         for letter in ["x", "v", "a"] {
             assert!(
                 rows.get(&format!("{letter}{dof}")).is_some(),

@@ -7,8 +7,9 @@ use super::axes::FIRST_LOADING;
 use super::digest::{MISSING, WITHOUT_DISP};
 use super::html::{note, table};
 use super::rows::Rows;
-use super::specimens::{Tracked, lag_words, tracking};
+use super::specimens::lag_words;
 use super::text::{NOTHING, number, plural, quantity};
+use super::tracked::{Tracked, tracking};
 use crate::metrics::Estimate;
 
 /// A share in percent; below what matters it is only said to be small.

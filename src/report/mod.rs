@@ -15,7 +15,8 @@
 //! | `outcome`, `left`, `tested`, `sketch`, `scale`, `limits` | the verdict in words; how specimens were left; what was tested; a picture of it; which numbers are of which end; what would have ended it |
 //! | `ground`, `response`, `specimens`, `identified`, `courses`, `judged`, `falsified`, `balance`, `loops`, `timeline` | sections |
 //! | `compare`, `overlays`, `matched` | the page of two runs; their rows, number against number |
-//! | `source`, `sieve`, `stale`, `digest`, `first`, `axes`, `shaking`, `worst`, `table` | rows read in blocks, and what is kept of them |
+//! | `source`, `sieve`, `holder`, `stale`, `digest`, `passes`, `first`, `axes`, `axis_end`, `tracked`, `shaking`, `worst`, `table` | rows read in blocks, and what is kept of them |
+//! | `columns` | columns a digest reads |
 //! | `pictures` | the pictures that stand alone |
 //! | `plots`, `charts`, `lines`, `bars` | histories that can be zoomed; the frame of every picture; histories and loops; histograms |
 //! | `curves` | several curves over one pair of axes |
@@ -24,10 +25,12 @@
 
 mod axes;
 mod axis;
+mod axis_end;
 mod balance;
 mod bars;
 mod canvas;
 mod charts;
+mod columns;
 mod compare;
 mod courses;
 mod curves;
@@ -36,6 +39,7 @@ mod falsified;
 mod first;
 mod ground;
 mod histogram;
+mod holder;
 #[cfg(test)]
 mod holes;
 mod html;
@@ -49,6 +53,7 @@ mod matched;
 mod outcome;
 mod overlays;
 mod page;
+mod passes;
 mod pictures;
 mod plots;
 mod response;
@@ -69,11 +74,13 @@ mod tests;
 mod text;
 mod thin;
 mod timeline;
+mod tracked;
 mod worst;
 
+pub use columns::Difference;
 pub use compare::{compare, damages, verdict};
 pub(crate) use curves::{Curve, Curves, Scale};
-pub use digest::{Difference, Digest};
+pub use digest::Digest;
 pub use falsified::falsified;
 pub use histogram::Percentiles;
 pub(crate) use html::note;

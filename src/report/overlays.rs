@@ -10,10 +10,10 @@ use super::matched::Matched;
 use super::metrics;
 use super::plots::history;
 use super::rows::Rows;
-use super::specimens;
 use super::table::Table;
 use super::tested::configuration;
 use super::text::{NOTHING, count, number, quantity};
+use super::tracked;
 use crate::metrics::Judged;
 
 /// DOFs and axes that are drawn.
@@ -27,7 +27,7 @@ fn drawn(names: &[String]) -> Vec<(String, String)> {
         .iter()
         .filter_map(|n| n.strip_prefix('x')?.parse().ok())
         .collect();
-    let dofs = super::digest::spread(&dofs, MOST);
+    let dofs = super::columns::spread(&dofs, MOST);
     let mut out: Vec<(String, String)> = dofs
         .iter()
         .map(|dof| (format!("x{dof}"), format!("Displacement of DOF {dof}")))
@@ -163,7 +163,7 @@ pub(super) fn side_by_side(a: &Rows<'_>, b: &Rows<'_>) -> String {
 /// Hysteresis of the axes that both runs have, over the same axes.
 pub(super) fn loops<'a>(first: &RunData, a: &Rows<'a>, b: &Rows<'a>) -> String {
     let configuration = configuration(first);
-    let names = specimens::tracking(first, a, configuration.as_ref());
+    let names = tracked::tracking(first, a, configuration.as_ref());
     let mut figures = String::new();
     for (axis, name) in a.digest().axes.iter().zip(&names).take(MOST) {
         let Some(other) = b.digest().axes.iter().find(|other| other.axis == axis.axis) else {
@@ -207,8 +207,8 @@ pub(super) fn loops<'a>(first: &RunData, a: &Rows<'a>, b: &Rows<'a>) -> String {
 
 /// Tracking metrics of the axes that both runs have.
 pub(super) fn tracking(first: &RunData, second: &RunData, a: &Rows<'_>, b: &Rows<'_>) -> String {
-    let names = specimens::tracking(first, a, configuration(first).as_ref());
-    let others = specimens::tracking(second, b, configuration(second).as_ref());
+    let names = tracked::tracking(first, a, configuration(first).as_ref());
+    let others = tracked::tracking(second, b, configuration(second).as_ref());
     let mut rows = Vec::new();
     for (axis, name) in a.digest().axes.iter().zip(&names) {
         let other = b

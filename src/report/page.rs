@@ -21,6 +21,7 @@ use super::specimens;
 use super::tested;
 use super::text::{NOTHING, count, escape, micros, plural, quantity};
 use super::timeline::timeline;
+use super::tracked;
 use super::{histogram, loops};
 use crate::assets::{CHART_LICENCE, CHART_SCRIPT, CHART_STYLE};
 
@@ -41,7 +42,7 @@ pub fn render(run: &RunData) -> String {
 fn page(run: &RunData, digest: &Digest) -> String {
     let rows = Rows::new(digest);
     let configuration = tested::configuration(run);
-    let axes = specimens::tracking(run, &rows, configuration.as_ref());
+    let axes = tracked::tracking(run, &rows, configuration.as_ref());
     let timings = loops::timings(run);
     let title = if run.title.trim().is_empty() {
         "Untitled test"
@@ -194,7 +195,7 @@ fn banner(run: &RunData, after: Option<u64>, more: &[String]) -> String {
 fn extremes(
     run: &RunData,
     rows: &Rows<'_>,
-    axes: &[specimens::Tracked<'_>],
+    axes: &[tracked::Tracked<'_>],
 ) -> Vec<(String, String)> {
     let has_run = rows.running() > 0 || outcome::number(run, "steps").is_some_and(|n| n > 0.0);
     let of = match (rows.part(), outcome::at(run, "peak")) {
@@ -212,15 +213,15 @@ fn extremes(
         tiles.push((quantity(value, unit), words));
     }
     if !has_run {
-        let way_in = specimens::largest(axes, specimens::Tracked::force_on_the_way_in);
+        let way_in = tracked::largest(axes, tracked::Tracked::force_on_the_way_in);
         tiles.extend(way_in.map(|(axis, (force, unit))| {
             let words = format!("largest force before the first step, {}", axis.force_of());
             (quantity(force, unit), words)
         }));
     } else if let Some((axis, (force, unit))) =
-        specimens::largest(axes, specimens::Tracked::largest_force)
+        tracked::largest(axes, tracked::Tracked::largest_force)
     {
-        let way_out = specimens::largest(axes, specimens::Tracked::force_on_the_way_out);
+        let way_out = tracked::largest(axes, tracked::Tracked::force_on_the_way_out);
         let way_out = way_out.filter(|(_, (later, _))| later.abs() > force.abs());
         let words = match way_out {
             None => format!("largest force, {}{of}", axis.force_of()),
@@ -245,7 +246,7 @@ fn of_steps(rows: &Rows<'_>) -> String {
 fn tiles(
     run: &RunData,
     rows: &Rows<'_>,
-    axes: &[specimens::Tracked<'_>],
+    axes: &[tracked::Tracked<'_>],
     timings: &[histogram::Timing],
 ) -> String {
     let mut tiles = extremes(run, rows, axes);

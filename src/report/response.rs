@@ -7,8 +7,8 @@ use serde_json::Value;
 use super::RunData;
 use super::canvas::Ink;
 use super::charts::Quantity;
+use super::columns::{MOST_DOFS, MOST_LINES, TAIL, drift, spread};
 use super::curves::{Curve, Curves, Scale};
-use super::digest::{MOST_DOFS, spread};
 use super::html::{note, paragraph, table};
 use super::lines::{Line, TimeChart};
 use super::metrics;
@@ -16,11 +16,6 @@ use super::outcome;
 use super::plots::{history, note_on_extremes};
 use super::rows::Rows;
 use super::text::{NOTHING, quantity};
-
-/// Lines that one picture can carry and still be read.
-pub(super) const MOST_LINES: usize = 4;
-/// Share of the test at its end over which the residual displacement is averaged.
-pub(super) const TAIL: usize = 50;
 
 /// Response histories and peaks; none for a test without a structure.
 pub(super) fn response(run: &RunData, rows: &Rows<'_>) -> Option<String> {
@@ -125,11 +120,6 @@ fn units<'a>(all: impl Iterator<Item = &'a str>) -> Vec<&'a str> {
         }
         units
     })
-}
-
-/// Name of the column of a storey's drift, from 1.
-pub(super) fn drift(storey: usize) -> String {
-    format!("drift{storey}")
 }
 
 /// Storey drifts, where storeys are known.

@@ -2,8 +2,8 @@
 
 use std::borrow::Cow;
 
+use super::columns::SpecimenAxis;
 use super::digest::Digest;
-pub(super) use super::digest::SpecimenAxis;
 use super::html::{note, section};
 use super::sieve::Passed;
 use super::source::Earlier;

@@ -3,8 +3,9 @@
 
 use serde_json::Value;
 
+use super::columns::SpecimenAxis;
 use super::html::note;
-use super::rows::{Rows, SpecimenAxis};
+use super::rows::Rows;
 use super::tested::axis_name;
 use super::text::trimmed;
 

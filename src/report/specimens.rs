@@ -3,9 +3,9 @@
 use serde_json::Value;
 
 use super::RunData;
-use super::axes::AxisDigest;
 use super::canvas::Ink;
 use super::charts::Quantity;
+use super::columns::ERROR;
 use super::courses::{errors, estimates};
 use super::digest::WITHOUT_DISP;
 use super::html::{beside, figure, note, paragraph, table};
@@ -14,115 +14,13 @@ use super::lines::{Line, LoopChart, TimeChart};
 use super::outcome;
 use super::plots::history;
 use super::response::{amplitudes, curve};
-use super::rows::{Rows, SpecimenAxis};
-use super::scale::{AS_SEEN, Scale};
-use super::tested::{axis_name, configuration, specimen_name};
+use super::rows::Rows;
+use super::tested::{configuration, specimen_name};
 use super::text::{NOTHING, count, number, quantity};
+use super::tracked::Tracked;
 
-/// Kind of the column of measured − target.
-pub(super) const ERROR: &str = "error";
 /// Axes that are drawn; a table lists more.
 const MOST_DRAWN: usize = 8;
-
-/// Everything the page says about one axis.
-pub(super) struct Tracked<'a> {
-    pub name: String,
-    pub disp_unit: &'a str,
-    pub force_unit: &'a str,
-    pub digest: &'a AxisDigest,
-    /// Magnitude of the largest force as the summary has it: also of steps that are in another folder.
-    told_force: Option<f64>,
-    /// None where the numbers of the specimen's own end are those of the structure.
-    scale: Option<Scale>,
-    way_in: Option<f64>,
-    way_out: Option<f64>,
-}
-
-impl<'a> Tracked<'a> {
-    /// Peak force of the running test with its unit.
-    pub fn peak_force(&self) -> Option<(f64, &'a str)> {
-        self.digest.peak_force.map(|p| (p.value, self.force_unit))
-    }
-
-    /// The same of all of the test that is known; without a sign where only the summary tells of it.
-    pub fn largest_force(&self) -> Option<(f64, &'a str)> {
-        let own = self.digest.peak_force.map(|p| p.value);
-        let told = self.told_force;
-        let told = told.filter(|told| own.is_none_or(|own| *told > own.abs()));
-        Some((told.or(own)?, self.force_unit))
-    }
-
-    /// Its name, with whose a force of it is where that must be said.
-    pub fn force_of(&self) -> String {
-        self.name.clone() + self.scale.map_or("", |_| AS_SEEN)
-    }
-
-    /// Force of largest magnitude on the way in with its unit, where there was one.
-    pub fn force_on_the_way_in(&self) -> Option<(f64, &'a str)> {
-        self.way_in.map(|force| (force, self.force_unit))
-    }
-
-    /// Force of largest magnitude on the way out with its unit, where there was one.
-    pub fn force_on_the_way_out(&self) -> Option<(f64, &'a str)> {
-        self.way_out.map(|force| (force, self.force_unit))
-    }
-
-    /// Lag of measured behind target in s.
-    pub fn lag(&self) -> Option<f64> {
-        self.digest.lag()
-    }
-
-    /// The label of a picture of this axis.
-    fn label(&self, what: &str) -> String {
-        format!("{}: {what}", self.name)
-    }
-
-    /// A displacement of this axis under a name.
-    const fn disp<'b>(&'b self, words: &'b str) -> Quantity<'b> {
-        Quantity {
-            words,
-            unit: self.disp_unit,
-        }
-    }
-}
-
-/// Every axis with its name, which comes from the configuration.
-pub(super) fn tracking<'a>(
-    run: &RunData,
-    rows: &Rows<'a>,
-    configuration: Option<&Value>,
-) -> Vec<Tracked<'a>> {
-    let axes = rows.digest().axes.iter();
-    let end = |axis| {
-        let mut ends = rows.digest().ends.iter();
-        ends.find(|end| end.axis == axis)
-    };
-    let told_force = |axis: SpecimenAxis| {
-        let forces = outcome::at(run, "peak.force")?;
-        let own = forces.get(specimen_name(configuration, axis.specimen))?;
-        own.get(axis.axis.checked_sub(1)? as usize)?.as_f64()
-    };
-    axes.map(|digest| Tracked {
-        name: axis_name(configuration, digest.axis, rows.axes()),
-        disp_unit: rows.unit(&digest.axis.column("meas")),
-        force_unit: rows.unit(&digest.axis.column("force")),
-        told_force: told_force(digest.axis),
-        scale: Scale::of(rows, configuration, digest.axis),
-        way_in: end(digest.axis).and_then(|end| end.on_the_way_in),
-        way_out: end(digest.axis).and_then(|end| end.on_the_way_out),
-        digest,
-    })
-    .collect()
-}
-
-/// The axis of which a force is largest, with that force and its unit.
-pub(super) fn largest<'a, 'b>(
-    axes: &'b [Tracked<'a>],
-    force: impl Fn(&Tracked<'a>) -> Option<(f64, &'a str)>,
-) -> Option<(&'b Tracked<'a>, (f64, &'a str))> {
-    let forces = axes.iter().filter_map(|axis| Some((axis, force(axis)?)));
-    forces.max_by(|a, b| a.1.0.abs().total_cmp(&b.1.0.abs()))
-}
 
 /// The section on specimens; none if there are none.
 pub(super) fn specimens(run: &RunData, rows: &Rows<'_>, axes: &[Tracked<'_>]) -> Option<String> {

@@ -5,10 +5,8 @@
 use serde_json::Value;
 
 use super::RunData;
-use super::digest::Difference;
+use super::columns::{Difference, SpecimenAxis, drift};
 use super::outcome;
-use super::response::drift;
-use super::rows::SpecimenAxis;
 use super::text::{exact, number, plural, shortened};
 use crate::record::{Event, EventLine};
 

@@ -1,0 +1,90 @@
+//! The end of each axis: the last that was recorded of it, and the largest force before and after the test.
+
+use super::columns::SpecimenAxis;
+
+/// Kinds of columns of what was measured, as it came.
+pub(super) const MEASURED: &str = "raw_disp";
+pub(super) const FORCE: &str = "raw_force";
+
+/// The end of one axis; what was not recorded is not a number.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct AxisEnd {
+    pub axis: SpecimenAxis,
+    /// Of the last row that has them, whatever its state: all of them of the specimen's own end.
+    pub command: f64,
+    pub measured: f64,
+    pub force: f64,
+    /// Test time of the last row, s.
+    pub time: f64,
+    /// Force of largest magnitude on the way in, and on the way out, as the structure sees it, with its sign; none where no row of
+    /// it was recorded.
+    pub on_the_way_in: Option<f64>,
+    pub on_the_way_out: Option<f64>,
+}
+
+/// Follows the rows to their end.
+pub(super) struct Ends {
+    /// Places of command, measured displacement and force of every axis in a block, at its own end, and of the force as the
+    /// structure sees it.
+    places: Vec<[Option<usize>; 4]>,
+    time: Option<usize>,
+    ends: Vec<AxisEnd>,
+}
+
+impl Ends {
+    /// Of these axes; `place` tells where a column stands in a block.
+    pub fn new(axes: &[SpecimenAxis], place: impl Fn(&str) -> Option<usize>) -> Self {
+        let places = axes
+            .iter()
+            .map(|axis| ["cmd", MEASURED, FORCE, "force"].map(|kind| place(&axis.column(kind))));
+        let end = |&axis: &SpecimenAxis| AxisEnd {
+            axis,
+            command: f64::NAN,
+            measured: f64::NAN,
+            force: f64::NAN,
+            time: f64::NAN,
+            on_the_way_in: None,
+            on_the_way_out: None,
+        };
+        Self {
+            places: places.collect(),
+            time: place("time"),
+            ends: axes.iter().map(end).collect(),
+        }
+    }
+
+    /// Takes the next rows, of which those at these places are of the way in and of the way out.
+    pub fn take(&mut self, block: &[Vec<f64>], ways: [&[usize]; 2]) {
+        for (end, places) in self.ends.iter_mut().zip(&self.places) {
+            let [command, measured, own, force] =
+                places.map(|place| block.get(place?).map(Vec::as_slice));
+            let time = self.time.and_then(|place| block.get(place));
+            let kept = [
+                &mut end.command,
+                &mut end.measured,
+                &mut end.force,
+                &mut end.time,
+            ];
+            let columns = [command, measured, own, time.map(Vec::as_slice)];
+            for (kept, column) in kept.into_iter().zip(columns) {
+                let known = column.and_then(|all| all.iter().rfind(|v| !v.is_nan()));
+                *kept = known.copied().unwrap_or(*kept);
+            }
+            let largest = [&mut end.on_the_way_in, &mut end.on_the_way_out];
+            for (largest, rows) in largest.into_iter().zip(ways) {
+                let forces = rows.iter().filter_map(|&row| force?.get(row).copied());
+                *largest = largest
+                    .iter()
+                    .copied()
+                    .chain(forces)
+                    .filter(|force| force.is_finite())
+                    .max_by(|a, b| a.abs().total_cmp(&b.abs()));
+            }
+        }
+    }
+
+    /// The ends.
+    pub fn finish(self) -> Vec<AxisEnd> {
+        self.ends
+    }
+}
