@@ -409,6 +409,26 @@ pub trait Substructure: Send {
         false
     }
 
+    /// Whoever commands this specimen announces the wall time from command to command in s; 0 if it does not.
+    fn commanded_every(&mut self, seconds: f64) {
+        let _ = seconds;
+    }
+
+    /// What is measured before the first command. False if nothing is: whoever asks knows it from the introduction only.
+    fn at_rest(&mut self, into: &mut Measurement) -> bool {
+        let _ = into;
+        false
+    }
+
+    /// What was not accepted is forgotten, by a specimen that can forget: one that is computed in this process.
+    fn revert(&mut self) {}
+
+    /// Tangent stiffness, n × n by columns, in its own units. False if it is not known here. Real-time: yes.
+    fn tangent(&self, stiffness: &mut [f64]) -> bool {
+        let _ = stiffness;
+        false
+    }
+
     /// The step of command `sequence` is accepted: commit. Real-time: yes.
     ///
     /// # Errors

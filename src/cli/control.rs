@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::args::{ResetArgs, ServeArgs};
 use super::exit::{Exit, WithExit};
 use super::{answer, tell};
-use crate::link::rig::Latch;
+use crate::link::served::Latch;
 use crate::link::server::Host;
 use crate::session::{self, ControlPlace, ResetError, ServerControl};
 

@@ -11,8 +11,8 @@ use super::test_file::refused;
 use super::{serve_openfresco, serve_tls, tell};
 use crate::config::{self, Carrier, ClientCertificate, Offer, SignalOrderSpec};
 use crate::link::openfresco::Role;
-use crate::link::rig::LogSettings;
 use crate::link::secret::read_key;
+use crate::link::served::RecordSettings;
 use crate::link::server::{Host, ServeOptions, Server, USUAL_LISTEN};
 use crate::session::Judged;
 use crate::setup::{self, Served, load_served, openfresco_role, rt_plan};
@@ -70,7 +70,7 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
             served.source.file.title.clone_from(&specimen.name);
         }
         let record = served.source.file.record.clone().unwrap_or_default();
-        served.host = served.host.recorded(LogSettings {
+        served.host = served.host.recorded(RecordSettings {
             root: root.clone(),
             file: served.source.text.clone().into_bytes(),
             resolved: toml::to_string(&served.source.file)

@@ -38,8 +38,11 @@ pub fn serve(
         tell(format_args!("note: {text}"));
     }
     let remembers = nature == Nature::Physical || served.host.remembers();
-    let station = served.host.station(remembers).map_err(anyhow::Error::msg)?;
-    let host = Host::of(station, nature, wishes.step_s);
+    let specimen = served
+        .host
+        .specimen(remembers)
+        .map_err(anyhow::Error::msg)?;
+    let host = Host::of(specimen, nature, wishes.step_s);
     let host = match &served.transformation {
         Some(transformation) => host.transformed(transformation.clone()),
         None => host,

@@ -270,7 +270,7 @@ impl Engine<'_> {
             return Err(stop);
         }
         if status.has(Status::HOLDING) || was_holding {
-            self.judge_holding(index, status, freshness, tick)?;
+            self.judge_holding(index, freshness, tick)?;
         }
         if freshness == Freshness::Stale {
             return self.judge_age(index, tick);
@@ -428,30 +428,19 @@ impl Engine<'_> {
     fn judge_holding(
         &mut self,
         index: usize,
-        status: Status,
         freshness: Freshness,
         tick: &Tick,
     ) -> Result<(), Stop> {
         let Some(port) = self.ports.get_mut(index) else {
             return Ok(());
         };
-        let before = port.holding_in_a_row();
-        let holds = status.has(Status::HOLDING);
-        let goes_on = holds && !status.has(Status::HELD);
-        let answers = match (goes_on, freshness) {
-            (true, Freshness::Fresh) => before + 1,
-            (true, Freshness::Stale) => before.max(1),
-            (false, Freshness::Fresh) => 0,
-            // Stale data say nothing new.
-            (false, Freshness::Stale) => before,
-        };
-        port.set_holding_in_a_row(answers);
+        let hold = port.note_hold(freshness);
         let (_, in_a_row) = stale_rules(port, &self.plan.limits);
-        if holds && before == 0 {
-            port.count_hold();
+        if hold.begins {
             let port = index as u32;
             self.environment.report(tick, Event::SpecimenHolds { port });
         }
+        let answers = hold.answers;
         if answers > in_a_row {
             let port = index;
             return Err(Stop::HoldsOn { port, answers });

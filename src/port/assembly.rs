@@ -8,7 +8,6 @@ use crate::compensation::Compensator;
 use crate::geometry::LawPlace;
 use crate::stability::CriticalDelay;
 use crate::state::TestState;
-use crate::substructure::Substructure;
 use limits::AxisLimits;
 
 // Construction.
@@ -35,8 +34,19 @@ impl Port {
         for (index, axis) in axes.iter().enumerate() {
             axis.check(index, dofs)?;
         }
-        Ok(Self {
-            name: name.into(),
+        Ok(Self::joined(name.into(), axes, substructure, stiffness))
+    }
+
+    /// The same of axes that were checked, one for each of the substructure's and each entry of `stiffness`.
+    pub(super) fn joined(
+        name: String,
+        axes: Vec<Axis>,
+        substructure: Box<dyn Substructure>,
+        stiffness: Vec<f64>,
+    ) -> Self {
+        let n = axes.len();
+        Self {
+            name,
             loading_unit: None,
             path: CommandPath::new(&axes),
             exchange: Exchange::new(substructure),
@@ -48,7 +58,7 @@ impl Port {
             startup: Startup::absolute(n),
             exits: Exits::default(),
             axes,
-        })
+        }
     }
 
     /// Puts a recording with as many axes in place of the substructure that was there: it knows the test's numbers only.

@@ -46,6 +46,15 @@ impl Axis {
         }
     }
 
+    /// An axis that another controller commands in its own units: a command stays what it is to the last bit, and so does zero with
+    /// its sign.
+    pub(super) fn received() -> Self {
+        Self {
+            disp_offset: -0.0,
+            ..Self::plain(Vec::new())
+        }
+    }
+
     /// Visits what zeroing has found. Real-time: yes.
     pub(super) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.number(&mut self.disp_offset);

@@ -8,7 +8,7 @@ use super::link_numbers::LinkNumbers;
 use crate::state::Visit;
 use crate::substructure::{
     Command, Coupling, Freshness, Holder, Introduction, LinkFault, LinkStats, Measurement,
-    Retirement, Substructure, Unavailable,
+    Retirement, Status, Substructure, Unavailable,
 };
 use crate::time::Nanos;
 
@@ -27,6 +27,15 @@ pub struct LinkCount {
     pub holds: u64,
     /// Counts of the link itself.
     pub stats: LinkStats,
+}
+
+/// What answers say of a hold by the specimen's own watchdog.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Hold {
+    /// This is the first answer that says so.
+    pub begins: bool,
+    /// Answers in a row that say so.
+    pub answers: u64,
 }
 
 /// Use of a stale force.
@@ -155,6 +164,45 @@ impl Exchange {
         is_new
     }
 
+    /// Another partner with as many axes answers from here on; the one that answered before. Everything is counted anew.
+    pub fn swap(&mut self, substructure: Box<dyn Substructure>) -> Box<dyn Substructure> {
+        let fresh = Self::new(substructure);
+        std::mem::replace(self, fresh).substructure
+    }
+
+    /// Another controller commands: everything is counted anew, and nothing is owed.
+    pub fn begin_session(&mut self) {
+        self.numbers = LinkNumbers::default();
+        self.count = LinkCount::default();
+        (self.has_answered, self.stale, self.holding) = (false, 0, 0);
+        self.state = ExchangeState::Idle;
+    }
+
+    /// The next command has this number for whoever commands, and the next free number on the link.
+    pub fn renumber(&mut self, sequence: u64) {
+        self.numbers.rebase(sequence);
+    }
+
+    /// See [`Substructure::commanded_every`].
+    pub fn commanded_every(&mut self, seconds: f64) {
+        self.substructure.commanded_every(seconds);
+    }
+
+    /// What is measured before the first command; false if nothing is.
+    pub fn at_rest(&mut self, into: &mut Measurement) -> bool {
+        self.substructure.at_rest(into)
+    }
+
+    /// What was not accepted is forgotten, by a specimen that can forget.
+    pub fn revert(&mut self) {
+        self.substructure.revert();
+    }
+
+    /// Tangent stiffness, n × n by columns, in the specimen's units; false if it is not known. Real-time: yes.
+    pub fn tangent(&self, stiffness: &mut [f64]) -> bool {
+        self.substructure.tangent(stiffness)
+    }
+
     #[inline]
     pub const fn state(&self) -> &ExchangeState {
         &self.state
@@ -198,8 +246,13 @@ impl Exchange {
             return Err(LinkFault::Refused);
         }
         self.count.sent += 1;
+        let sequence = self.numbers.number(sequence);
+        if sequence == u64::MAX {
+            // No protocol has this number.
+            return Err(LinkFault::Refused);
+        }
         let command = Command {
-            sequence: self.numbers.number(sequence),
+            sequence,
             time,
             dt,
             disp,
@@ -410,9 +463,24 @@ impl Exchange {
         self.holding = answers;
     }
 
-    /// The specimen begins a hold by its own watchdog. Real-time: yes.
-    pub const fn count_hold(&mut self) {
-        self.count.holds += 1;
+    /// Takes note of whether the last answer says that the specimen's own watchdog holds it. Real-time: yes.
+    pub fn note_hold(&mut self, status: Status, freshness: Freshness) -> Hold {
+        let before = self.holding;
+        let holds = status.has(Status::HOLDING);
+        let goes_on = holds && !status.has(Status::HELD);
+        self.holding = match (goes_on, freshness) {
+            (true, Freshness::Fresh) => before + 1,
+            (true, Freshness::Stale) => before.max(1),
+            (false, Freshness::Fresh) => 0,
+            // Stale data say nothing new.
+            (false, Freshness::Stale) => before,
+        };
+        let begins = holds && before == 0;
+        self.count.holds += u64::from(begins);
+        Hold {
+            begins,
+            answers: self.holding,
+        }
     }
 
     /// One more measurement whose iteration did not converge; how many there are. Real-time: yes.

@@ -131,6 +131,11 @@ impl Feedback {
         !self.raw.status.has(Status::STALE)
     }
 
+    /// The next answers are counted from another number on.
+    pub const fn forget_number(&mut self) {
+        self.raw.sequence = 0;
+    }
+
     /// Where the next answer is to be written: it holds the newest measurement. Real-time: yes.
     #[inline]
     pub const fn incoming(&mut self) -> &mut Measurement {

@@ -16,8 +16,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 const SHARE_OF_ACCEL: f64 = 0.5;
 
 /// The limits of a port.
-#[derive(Debug)]
-pub(super) struct Guard {
+#[derive(Debug, Clone)]
+pub struct Guard {
     watch: Watch,
     /// Declared limits; a rehearsal trips at none of them.
     declared: Vec<AxisLimits>,
@@ -35,11 +35,12 @@ pub(super) struct Guard {
 
 impl Guard {
     /// For `axes` axes in SI units, without a limit.
-    pub fn open(axes: usize) -> Self {
+    pub(super) fn open(axes: usize) -> Self {
         Self::new(vec![AxisLimits::NONE; axes], vec![(1.0, 1.0); axes], 1.0)
     }
 
     /// With these limits, metres and newtons in one unit of each axis, and ticks of `tick` s of wall time.
+    #[must_use]
     pub fn new(limits: Vec<AxisLimits>, units: Vec<(f64, f64)>, tick: f64) -> Self {
         Self {
             recorded: recorded(&limits),
@@ -53,52 +54,66 @@ impl Guard {
     }
 
     /// Visits the watch. Only a resumption keeps a second one, and only the shutdown mistrusts a force. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(super) fn visit_state(&mut self, visit: &mut dyn Visit) {
         self.watch.visit_state(visit);
     }
 
     /// From here on nothing trips but what is no number.
-    pub fn open_all(&mut self) {
+    pub(super) fn open_all(&mut self) {
         self.watch = Watch::new(vec![AxisLimits::NONE; self.units.len()], 1.0);
     }
 
     /// In the running test commands are `step` s apart, otherwise `tick` s.
-    pub const fn set_ticks(&mut self, tick: f64, step: f64) {
+    pub(super) const fn set_ticks(&mut self, tick: f64, step: f64) {
         self.ticks = Some([tick, step]);
     }
 
     /// Commands are a step apart from here on, or a tick again, for a specimen of whole steps.
-    pub fn is_told_by_steps(&mut self, by_steps: bool) {
+    pub(super) fn is_told_by_steps(&mut self, by_steps: bool) {
         if let Some([tick, step]) = self.ticks {
             self.watch.tick_is(if by_steps { step } else { tick });
         }
     }
 
-    pub fn declared(&self) -> &[AxisLimits] {
+    pub(super) const fn watch_mut(&mut self) -> &mut Watch {
+        &mut self.watch
+    }
+
+    pub(super) const fn watch(&self) -> &Watch {
+        &self.watch
+    }
+
+    /// Another guard of the same specimen, which has seen nothing.
+    #[must_use]
+    pub fn forgetful(&self, tick: f64) -> Self {
+        Self::new(self.declared.clone(), self.units.clone(), tick)
+    }
+
+    pub(super) fn declared(&self) -> &[AxisLimits] {
         &self.declared
     }
 
-    pub fn units(&self) -> &[(f64, f64)] {
+    pub(super) fn units(&self) -> &[(f64, f64)] {
         &self.units
     }
 
-    pub fn metres_of(&self, axis: usize) -> f64 {
+    pub(super) fn metres_of(&self, axis: usize) -> f64 {
         self.units.get(axis).map_or(1.0, |unit| unit.0)
     }
 
-    pub fn newtons_of(&self, axis: usize) -> f64 {
+    pub(super) fn newtons_of(&self, axis: usize) -> f64 {
         self.units.get(axis).map_or(1.0, |unit| unit.1)
     }
 
     /// Axis (from 0) and limit of each judged value that has a column.
-    pub fn recorded_limits(&self) -> impl Iterator<Item = (usize, Limit)> + '_ {
+    pub(super) fn recorded_limits(&self) -> impl Iterator<Item = (usize, Limit)> + '_ {
         let recorded = self.recorded.iter();
         recorded.filter_map(|(axis, place)| Some((*axis, *RECORDED.get(*place)?)))
     }
 
     /// The values of [`Guard::recorded_limits`] that were judged in this tick; NaN where nothing was judged. Real-time: yes.
     #[inline]
-    pub fn judged(&self) -> impl Iterator<Item = f64> + '_ {
+    pub(super) fn judged(&self) -> impl Iterator<Item = f64> + '_ {
         self.recorded.iter().map(|(axis, place)| {
             let judged = self.watch.judged(*axis);
             judged
@@ -110,13 +125,13 @@ impl Guard {
 
     /// A tick begins: nothing was judged in it. Real-time: yes.
     #[inline]
-    pub fn begin_tick(&mut self) {
+    pub(super) fn begin_tick(&mut self) {
         self.watch.begin_tick();
     }
 
     /// Judges a command. Real-time: yes.
     #[inline]
-    pub fn judge_command(&mut self, command: &AxisMotion) -> Found {
+    pub(super) fn judge_command(&mut self, command: &AxisMotion) -> Found {
         let mut found = Found::default();
         self.watch
             .judge_command(Self::metres(&self.units, &command.disp), &mut found);
@@ -136,7 +151,7 @@ impl Guard {
 
     /// Judges a fresh measurement of axes that were sent to `sent`. Real-time: yes.
     #[inline]
-    pub fn judge_measured(
+    pub(super) fn judge_measured(
         &mut self,
         raw: &Measurement,
         axes: &[Axis],
@@ -163,29 +178,37 @@ impl Guard {
 
     /// Judges estimates of each axis, and adds to `found`. Real-time: yes.
     #[inline]
-    pub fn judge_estimates(&mut self, values: impl Iterator<Item = Estimated>, found: &mut Found) {
+    pub(super) fn judge_estimates(
+        &mut self,
+        values: impl Iterator<Item = Estimated>,
+        found: &mut Found,
+    ) {
         self.watch.estimated(values, found);
     }
 
     /// Judges delay and gain of each axis, and adds to `found`. Real-time: yes.
     #[inline]
-    pub fn judge_tracking(&mut self, values: impl Iterator<Item = [f64; 2]>, found: &mut Found) {
+    pub(super) fn judge_tracking(
+        &mut self,
+        values: impl Iterator<Item = [f64; 2]>,
+        found: &mut Found,
+    ) {
         self.watch.tracked(values, found);
     }
 
     /// The next of the trips and warnings that were found beside the first. Real-time: yes.
-    pub fn next_untold(&mut self) -> Option<Hit> {
+    pub(super) fn next_untold(&mut self) -> Option<Hit> {
         self.watch.next_untold()
     }
 
     /// A command leaves. Real-time: yes.
     #[inline]
-    pub fn sent(&mut self, disp: &[f64]) {
+    pub(super) fn sent(&mut self, disp: &[f64]) {
         self.watch.sent(Self::metres(&self.units, disp));
     }
 
     /// The last command, `disp`, leaves once more: where none has left, it is where the specimen stands. Real-time: yes.
-    pub fn sent_again(&mut self, disp: &[f64]) {
+    pub(super) fn sent_again(&mut self, disp: &[f64]) {
         if self.watch.was_told() {
             self.watch.sent_again();
         } else {
@@ -194,34 +217,50 @@ impl Guard {
     }
 
     /// The position before the first command is `disp`.
-    pub fn stands_at(&mut self, disp: &[f64]) {
+    pub(super) fn stands_at(&mut self, disp: &[f64]) {
         self.watch.stands_at(Self::metres(&self.units, disp));
     }
 
+    /// The specimen is found at `disp`: the next command is a step from there.
+    pub(super) fn is_found_at(&mut self, disp: &[f64]) {
+        self.watch.is_found_at(Self::metres(&self.units, disp));
+    }
+
+    /// True if `disp` is the last command once more. Real-time: yes.
+    pub(super) fn is_at(&self, disp: &[f64]) -> bool {
+        self.watch.is_at(Self::metres(&self.units, disp))
+    }
+
+    /// The specimen came to where it stands with these velocities, for `seconds`. Real-time: yes.
+    pub(super) fn came_with(&mut self, vel: &[f64], seconds: f64) {
+        let steps = Self::metres(&self.units, vel).map(|vel| vel * seconds);
+        self.watch.came_by(steps);
+    }
+
     /// Steps begin at `goal`.
-    pub fn aims_from(&mut self, axes: &[Axis], goal: &[f64]) {
+    pub(super) fn aims_from(&mut self, axes: &[Axis], goal: &[f64]) {
         self.watch.aims_from(Self::goals(&self.units, axes, goal));
     }
 
     /// The next step goes to `goal`. Real-time: yes.
     #[inline]
-    pub fn aims_at(&mut self, axes: &[Axis], goal: &[f64]) {
+    pub(super) fn aims_at(&mut self, axes: &[Axis], goal: &[f64]) {
         self.watch.aims_at(Self::goals(&self.units, axes, goal));
     }
 
     /// The last command counts as one at rest.
-    pub fn rests(&mut self) {
+    pub(super) fn rests(&mut self) {
         self.watch.rests();
     }
 
     /// The next measurement is compared with none before it.
-    pub fn forget_measurements(&mut self) {
+    pub(super) fn forget_measurements(&mut self) {
         self.watch.forget_measurements();
     }
 
     /// Commands from here on are not part of the test, until [`Guard::go_on`]. `told_again`: the last command of the test is to
     /// leave once more.
-    pub fn interrupt(&mut self, told_again: bool) {
+    pub(super) fn interrupt(&mut self, told_again: bool) {
         let mut watch = self.watch.clone();
         if told_again {
             watch.takes_back_the_last();
@@ -230,14 +269,14 @@ impl Guard {
     }
 
     /// The interrupted test is resumed.
-    pub fn go_on(&mut self) {
+    pub(super) fn go_on(&mut self) {
         if let Some(before) = self.interrupted.take() {
             self.watch.goes_on_from(&before);
         }
     }
 
     /// The specimen is moved back from what it tripped at.
-    pub fn excuse(&mut self, startup: &Startup) {
+    pub(super) fn excuse(&mut self, startup: &Startup) {
         let noise = self.units.iter().enumerate();
         let noise = noise.map(|(axis, (metres, _))| startup.reading(axis).disp_noise * metres);
         self.watch.excuse(noise);
@@ -245,22 +284,22 @@ impl Guard {
     }
 
     /// True if a load cell tripped at the end of its range.
-    pub const fn force_is_unknown(&self) -> bool {
+    pub(super) const fn force_is_unknown(&self) -> bool {
         self.force_is_unknown
     }
 
     /// Another partner answers from here on.
-    pub const fn trust_force(&mut self) {
+    pub(super) const fn trust_force(&mut self) {
         self.force_is_unknown = false;
     }
 
     /// The force of an axis before it first jumped beyond its trip level, and that level, in N; none if it has not.
-    pub fn jump(&self, axis: usize) -> Option<[f64; 2]> {
+    pub(super) fn jump(&self, axis: usize) -> Option<[f64; 2]> {
         self.watch.jump(axis)
     }
 
     /// Acceleration in m/s² that a ramp or a return move may use on an axis.
-    pub fn way_accel(&self, axis: usize) -> f64 {
+    pub(super) fn way_accel(&self, axis: usize) -> f64 {
         let limit = self.declared.get(axis);
         limit.map_or(f64::INFINITY, |limits| {
             SHARE_OF_ACCEL * limits.size(Limit::CommandAccel).lower()
@@ -269,7 +308,7 @@ impl Guard {
 
     /// Time in s of a way of `distance` m along half a cosine, at most at `speed` in m/s and with the acceleration that an axis
     /// may use.
-    pub fn cosine_time(&self, axis: usize, distance: f64, speed: f64) -> f64 {
+    pub(super) fn cosine_time(&self, axis: usize, distance: f64, speed: f64) -> f64 {
         // Half a cosine is π/2 times as fast in the middle as on the average, and π²/2 D/T² are its ends.
         let by_speed = FRAC_PI_2 * distance / speed;
         by_speed.max(PI * (0.5 * distance / self.way_accel(axis)).sqrt())
@@ -278,7 +317,7 @@ impl Guard {
     /// Shortest time in s of wall time of a way from one command to another, in ticks of `tick` s: `shortest`, or longer where it would
     /// be faster than `share` of a limit of speed or of the change in one tick; at least `unbounded` where no such limit is given; 0 if
     /// both are the same. `steepest`: see [`super::loading_unit::LoadingUnit::steepest`], in the unit of the axis.
-    pub fn way_time(
+    pub(super) fn way_time(
         &self,
         [from, to]: [&[f64]; 2],
         steepest: impl Fn(usize) -> f64,

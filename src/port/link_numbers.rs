@@ -23,12 +23,16 @@ impl Offset {
 
     #[inline]
     const fn on_link(self, sequence: u64) -> u64 {
-        (sequence + self.ahead).saturating_sub(self.behind)
+        sequence
+            .saturating_add(self.ahead)
+            .saturating_sub(self.behind)
     }
 
     #[inline]
     const fn in_test(self, number: u64) -> u64 {
-        (number + self.behind).saturating_sub(self.ahead)
+        number
+            .saturating_add(self.behind)
+            .saturating_sub(self.ahead)
     }
 }
 
@@ -108,6 +112,17 @@ impl LinkNumbers {
     pub fn restart(&mut self) {
         self.next = Offset::default();
     }
+
+    /// The next command has this number for whoever commands, and the next free number on the link.
+    pub fn rebase(&mut self, sequence: u64) {
+        let free = self
+            .sent
+            .map_or(0, |sent| self.on_link(sent).saturating_add(1));
+        self.next = Offset {
+            ahead: free.saturating_sub(sequence),
+            behind: sequence.saturating_sub(free),
+        };
+    }
 }
 
 #[cfg(test)]
@@ -126,5 +141,19 @@ mod tests {
         assert_eq!(numbers.first(6), 8);
         numbers.restart();
         assert_eq!(numbers.first(6), 6);
+    }
+
+    #[test]
+    fn a_controller_that_begins_again_gets_the_next_free_numbers() {
+        let mut numbers = LinkNumbers::default();
+        for (first, on_link) in [(100, 0), (0, 3), (7, 6)] {
+            numbers.rebase(first);
+            assert_eq!(numbers.first(first), on_link);
+            assert_eq!(numbers.number(first), on_link);
+            // One is lost on the way.
+            assert_eq!(numbers.number(first + 2), on_link + 2);
+            assert_eq!(numbers.in_test(on_link + 2), first + 2);
+        }
+        assert_eq!(numbers.number(u64::MAX), u64::MAX - 1);
     }
 }

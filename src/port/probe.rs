@@ -147,6 +147,12 @@ impl Probe {
         }
     }
 
+    /// From one exchange to the next, in ns.
+    #[must_use]
+    pub const fn period_ns(&self) -> u64 {
+        self.pace.period_ns
+    }
+
     /// The next command, one entry per axis; false if there is none. Real-time: yes.
     pub fn next(&mut self, disp: &mut [f64], vel: &mut [f64]) -> bool {
         self.go_on(1.0, disp, vel)

@@ -21,17 +21,28 @@ pub enum WiringCheck {
         amplitude: Vec<f64>,
         /// How fast.
         pace: Pace,
+        /// Units of the axes, for messages; empty where all is in m and N of the structure.
+        units: Vec<AxisUnits>,
     },
 }
 
 impl WiringCheck {
     /// The small motion, from `start` in m of the structure, if that is the check.
     pub(super) fn probe(&self, start: &[f64], stiffness: &[f64]) -> Option<Probe> {
-        let Self::Probe { amplitude, pace } = self else {
+        let Self::Probe {
+            amplitude,
+            pace,
+            units,
+        } = self
+        else {
             return None;
         };
-        let units = vec![AxisUnits::SI; start.len()];
-        Some(Probe::new(start, amplitude, stiffness, &units, *pace))
+        let units = if units.is_empty() {
+            &vec![AxisUnits::SI; start.len()]
+        } else {
+            units
+        };
+        Some(Probe::new(start, amplitude, stiffness, units, *pace))
     }
 
     /// True if the motion that brings the static load on is the check.

@@ -13,12 +13,12 @@ use super::specimens::loading::at_actuators;
 use crate::config::{Finding, KeyPath, LinkSpec, Protocol, SpecimenTable};
 use crate::link::announce::narrower;
 use crate::link::openfresco::{Remote, RemoteSettings};
-use crate::link::rig::{FarBuild, ProbeSettings, Visitor};
 use crate::link::secret::read_key;
+use crate::link::served::{Controller, LinkBuild};
 use crate::link::server::Host;
 use crate::link::tls::TlsClient;
 use crate::link::{NativeLink, NativeSetup};
-use crate::port::Pace;
+use crate::port::{Pace, WiringCheck};
 use crate::wire::handshake::Sampling;
 
 /// The specimen must hold after this silence where neither the file nor the controller says when, in s.
@@ -63,17 +63,16 @@ pub(super) fn host(
             stiffness.push(row[j] * of_disp.metres / of_force.newtons);
         }
     }
-    let probe = match (link.probe_m, link.probe) {
-        (Some(metres), _) => ProbeSettings::Motion {
+    let check = match (link.probe_m, link.probe) {
+        (Some(metres), _) => WiringCheck::Probe {
             amplitude: units.iter().map(|unit| metres / unit.metres).collect(),
             pace: Pace::of(link.probe_ramp_s, PROBE_PERIOD_S),
-            forgets: link.computed,
+            units: units.clone(),
         },
-        (None, choice) => ProbeSettings::Unchecked {
-            silent: choice.is_some(),
-        },
+        (None, Some(_)) => WiringCheck::Known,
+        (None, None) => WiringCheck::Unchecked,
     };
-    let build: FarBuild = match link.protocol {
+    let build: LinkBuild = match link.protocol {
         Protocol::Gusset => native(table, link, at, path, step_s)?,
         Protocol::OpenFresco | Protocol::OpenFrescoShadow | Protocol::OpenFrescoAdapter => {
             openfresco(link, at, path, n)?
@@ -95,7 +94,7 @@ pub(super) fn host(
         None => host,
         Some(_) => host.without_measured_disp(),
     };
-    Ok(host.probed(probe))
+    Ok(host.checked(check, link.computed))
 }
 
 /// A key without effect is a mistake that somebody would find out with a specimen.
@@ -135,7 +134,7 @@ fn native(
     at: &KeyPath,
     path: &Path,
     step_s: Option<f64>,
-) -> Result<FarBuild, Box<Finding>> {
+) -> Result<LinkBuild, Box<Finding>> {
     let key = match &link.key_file {
         None => None,
         Some(file) => Some(read_key(&beside(path, file)).map_err(|error| {
@@ -147,26 +146,26 @@ fn native(
     let template = native_setup(link, key, wire_axes(table, table.axes(), None));
     let step_rate = step_s.map(|step| ((1e9 / step) as u64, 1_000_000_000));
     let (name, watchdog_s, timed) = (table.name.clone(), link.watchdog_s, link.sample_after);
-    Ok(Arc::new(move |visitor: &Visitor| {
+    Ok(Arc::new(move |controller: &Controller| {
         let mut setup = NativeSetup {
-            test: if visitor.test.is_empty() {
+            test: if controller.test.is_empty() {
                 format!("gateway to {name}")
             } else {
-                visitor.test.clone()
+                controller.test.clone()
             },
             ..template.clone()
         };
-        for (axis, theirs) in setup.axes.iter_mut().zip(&visitor.limits) {
+        for (axis, theirs) in setup.axes.iter_mut().zip(&controller.limits) {
             axis.limits = narrower(&axis.limits, theirs);
         }
-        if let Some(rate) = visitor.rate.or(step_rate) {
+        if let Some(rate) = controller.rate.or(step_rate) {
             setup.rate = rate;
         }
         setup.watchdog_s = watchdog_s
-            .or(visitor.watchdog_s)
+            .or(controller.watchdog_s)
             .unwrap_or(USUAL_WATCHDOG_S);
-        if timed.is_none() && visitor.sampling != Sampling::Reply {
-            setup.sampling = visitor.sampling;
+        if timed.is_none() && controller.sampling != Sampling::Reply {
+            setup.sampling = controller.sampling;
         }
         let far = match &tls {
             Some(tls) => NativeLink::over_tls(setup, tls.clone()),
@@ -189,7 +188,7 @@ fn openfresco(
     at: &KeyPath,
     path: &Path,
     axes: usize,
-) -> Result<FarBuild, Box<Finding>> {
+) -> Result<LinkBuild, Box<Finding>> {
     let tls = tls_or(link, at, path)?;
     let at = at.key("link");
     let Some(settings) = remote_settings(link, axes) else {
@@ -204,7 +203,7 @@ fn openfresco(
     // Mistakes in the settings show now.
     Remote::new(settings.clone())
         .map_err(|error| Box::new(Finding::error(at.key(error.key()), error.to_string())))?;
-    Ok(Arc::new(move |_: &Visitor| {
+    Ok(Arc::new(move |_: &Controller| {
         let remote = Remote::new(settings.clone()).map_err(|error| error.to_string())?;
         Ok(Box::new(remote))
     }))

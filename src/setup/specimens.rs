@@ -145,6 +145,7 @@ impl Entry {
                 WiringCheck::Probe {
                     amplitude: way.collect(),
                     pace: Pace::of(link.probe_ramp_s, period_s),
+                    units: Vec::new(),
                 }
             }
             (None, Some(ProbeChoice::None)) => WiringCheck::Known,

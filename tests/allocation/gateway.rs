@@ -2,7 +2,7 @@
 
 use gusset::catalog::ending::Cause;
 use gusset::config::LimitsSpec;
-use gusset::link::rig::{Law, LogSettings, Station, Visitor};
+use gusset::link::served::{Computed, Controller, RecordSettings, ServedSpecimen};
 use gusset::record::Run;
 use gusset::specimen::SpecimenLaw;
 use gusset::substructure::{Command, Measurement};
@@ -13,7 +13,7 @@ fn an_exchange_with_its_limits_and_its_row_allocates_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let text = "law = { bilinear = { stiffness_n_per_m = 8000.0, yield_force_n = 60.0, post_yield_ratio = 0.05 } }";
     let law: SpecimenLaw = toml::from_str(text).unwrap();
-    let law = Law::new(law.build(2).unwrap(), false);
+    let law = Computed::new(law.build(2).unwrap(), false);
     let (stiffness, mass) = law.reference();
     let limits: LimitsSpec = toml::from_str(
         "command_disp_m = { warn = [-0.9, 0.9], trip = [-1, 1] }\nmeasured_force_n = { trip = [-1e6, 1e6] }\n\
@@ -21,9 +21,9 @@ fn an_exchange_with_its_limits_and_its_row_allocates_nothing() {
     )
     .unwrap();
     let units = vec![AxisUnits::SI; 2];
-    let mut station = Station::new("rig".into(), Box::new(law), units, stiffness, mass)
+    let mut served = ServedSpecimen::new("rig".into(), Box::new(law), units, stiffness, mass)
         .limited(&[limits, limits])
-        .recorded(Some(LogSettings {
+        .recorded(Some(RecordSettings {
             root: folder.path().into(),
             file: Vec::new(),
             resolved: String::new(),
@@ -31,9 +31,9 @@ fn an_exchange_with_its_limits_and_its_row_allocates_nothing() {
             queue_s: 4.0,
             required: false,
         }));
-    station
+    served
         .begin(
-            &Visitor::unnamed(([127, 0, 0, 1], 1).into()),
+            &Controller::unnamed(([127, 0, 0, 1], 1).into()),
             &mut || Ok(()),
         )
         .unwrap();
@@ -48,14 +48,14 @@ fn an_exchange_with_its_limits_and_its_row_allocates_nothing() {
                 disp: &[way, -way],
                 vel: &[0.0, 0.0],
             };
-            station
+            served
                 .exchange(&command, 0.01, &mut || true, &mut measured)
                 .unwrap();
-            station.commit();
+            served.commit();
         }
     });
     assert_eq!(count.count_total, 0);
-    station.end(Cause::Done, "end of the test");
+    served.end(Cause::Done, "end of the test");
     let run = Run::open(&folder.path().join("test-0001")).unwrap();
     let steps = run.columns(&["step"]).unwrap().remove(0);
     assert_eq!(steps.len(), 500);

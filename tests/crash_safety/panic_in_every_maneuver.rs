@@ -189,6 +189,7 @@ fn run(at: Option<(Phase, Call)>) -> (Ending, bool, [usize; 2], usize, Vec<Phase
             *port.wiring_check_mut() = WiringCheck::Probe {
                 amplitude: vec![1e-4],
                 pace: Pace::of(0.05, 0.005),
+                units: Vec::new(),
             };
             port.watched(|inner, _| {
                 Box::new(Panicking {

@@ -399,6 +399,7 @@ fn a_direction_is_told_from_answers_to_the_commands_that_count() {
         *experiment.ports[0].wiring_check_mut() = WiringCheck::Probe {
             amplitude: vec![amplitude],
             pace,
+            units: Vec::new(),
         };
         let run = run_on(experiment, SimClock::new());
         assert_eq!(run.outcome.ending, Ending::Completed);

@@ -84,6 +84,7 @@ fn a_specimen_that_stands_elsewhere_is_tried_there_and_led_to_the_test_from_ther
             *port.wiring_check_mut() = WiringCheck::Probe {
                 amplitude: vec![0.001],
                 pace: Pace::of(0.05, PERIOD),
+                units: Vec::new(),
             };
             port
         });
@@ -267,6 +268,7 @@ fn a_hold_while_it_is_tried_how_a_specimen_is_wired_stands_there() {
             *port.wiring_check_mut() = WiringCheck::Probe {
                 amplitude: vec![AMPLITUDE],
                 pace: Pace::of(1.0, PERIOD),
+                units: Vec::new(),
             };
             port
         };
@@ -350,6 +352,7 @@ fn what_is_told_once_a_step_is_judged_by_the_tick_where_it_is_told_every_tick() 
         *port.wiring_check_mut() = WiringCheck::Probe {
             amplitude: vec![0.01],
             pace: Pace::of(0.05, PERIOD),
+            units: Vec::new(),
         };
         port
     });

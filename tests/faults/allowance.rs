@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex};
 use gusset::catalog::ending;
 use gusset::config::LimitsSpec;
 use gusset::link::Transport;
-use gusset::link::rig::{FarBuild, Latch, Rig, Station, TestEnd, Visitor, Wanted};
+use gusset::link::served::{Controller, Latch, LinkBuild, ServedSpecimen};
 use gusset::link::server::{Host, Simulated};
 use gusset::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
@@ -265,7 +265,7 @@ impl Client {
 
 fn host(clock: &SimClock, led: &Led) -> Host {
     let (clock, led) = (clock.clone(), led.clone());
-    let build: FarBuild = Arc::new(move |_| {
+    let build: LinkBuild = Arc::new(move |_| {
         Ok(Box::new(Specimen {
             clock: clock.clone(),
             led: led.clone(),
@@ -363,58 +363,55 @@ fn no_client_with_a_rate_moves_a_specimen_faster_than_its_limit_and_one_burst() 
 }
 
 /// The server's end of a specimen behind a link.
-struct Standing(Led);
+struct Standing {
+    led: Led,
+    disp: f64,
+}
 
-impl Rig for Standing {
+impl Substructure for Standing {
     fn axes(&self) -> usize {
         1
+    }
+    fn coupling(&self) -> Coupling {
+        Coupling::Lockstep
     }
     fn is_remote(&self) -> bool {
         true
     }
-    fn connect(&mut self, _: &Visitor, _: &mut Wanted<'_>) -> Result<Introduction, TestEnd> {
+    fn connect(&mut self) -> Result<Introduction, Unavailable> {
         Ok(Introduction {
-            standing: vec![self.0.place()],
+            standing: vec![self.led.place()],
             force: vec![0.0],
             ..Introduction::default()
         })
     }
-    fn arm(&mut self, _: u64, _: &[f64], _: &mut dyn FnMut() -> bool) -> Result<bool, LinkFault> {
-        Ok(true)
-    }
-    fn trial(
-        &mut self,
-        command: &Command<'_>,
-        _: f64,
-        _: &mut dyn FnMut() -> bool,
-        into: &mut Measurement,
-    ) -> Result<bool, LinkFault> {
-        into.disp.copy_from_slice(command.disp);
-        Ok(true)
-    }
-    fn commit(&mut self) -> Result<(), LinkFault> {
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        self.disp = command.disp[0];
         Ok(())
     }
-    fn revert(&mut self) {}
-    fn tangent(&mut self, _: &mut [f64]) {}
-    fn end(&mut self, _: Retirement) -> Option<String> {
-        None
+    fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        into.disp[0] = self.disp;
+        Ok(Freshness::Fresh)
     }
+    fn retire(&mut self, _: Retirement) {}
 }
 
 #[test]
 fn no_client_without_a_rate_moves_a_specimen_faster_than_wall_time_and_test_time_say() {
-    let visitor = Visitor::unnamed(([127, 0, 0, 1], 1).into());
+    let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
     for seed in 0..SEEDS {
         let (mut chance, led) = (Chance::new(seed), Led::default());
         let units = vec![AxisUnits::SI];
-        let rig = Box::new(Standing(led.clone()));
-        let mut station = Station::new("rig".into(), rig, units, vec![1e5], vec![0.0])
+        let rig = Box::new(Standing {
+            led: led.clone(),
+            disp: 0.0,
+        });
+        let mut served = ServedSpecimen::new("rig".into(), rig, units, vec![1e5], vec![0.0])
             .limited(&[limits()])
             .guarded(Default::default(), Latch::default());
         let mut now = Nanos(1_000_000_000);
-        station.now_is(now);
-        station.begin(&visitor, &mut || Ok(())).unwrap();
+        served.now_is(now);
+        served.begin(&controller, &mut || Ok(())).unwrap();
         let (mut silent_since, mut into) = (now, Measurement::zeros(1));
         for sequence in 0..ACTIONS as u64 {
             match chance.below(8) {
@@ -431,27 +428,27 @@ fn no_client_without_a_rate_moves_a_specimen_faster_than_wall_time_and_test_time
                         disp: &[disp],
                         vel: &[0.0],
                     };
-                    let went = station.exchange(&command, said, &mut || true, &mut into);
+                    let went = served.exchange(&command, said, &mut || true, &mut into);
                     if went.is_ok() {
                         // Without a test time a command counts as 0.01 s of it.
                         let said = if said > 0.0 { said } else { 0.01 };
                         assert!(step.abs() <= SPEED * said * (1.0 + 1e-6), "{step} {said}");
                         led.to(now, disp);
                     }
-                    station.commit();
+                    served.commit();
                 }
                 4 | 5 => now = now.plus(chance.below(40_000_000)),
                 6 => now = now.plus(chance.below(3_000_000_000)),
                 _ => {
-                    station.end(ending::Cause::ControllerVanished, "gone");
-                    station.begin(&visitor, &mut || Ok(())).unwrap();
+                    served.end(ending::Cause::ControllerVanished, "gone");
+                    served.begin(&controller, &mut || Ok(())).unwrap();
                 }
             }
-            station.now_is(now);
-            if station.tripped().is_some() {
-                station.end(ending::Cause::ControllerTripped, "tripped");
-                station.latch().clear().unwrap();
-                station.begin(&visitor, &mut || Ok(())).unwrap();
+            served.now_is(now);
+            if served.tripped().is_some() {
+                served.end(ending::Cause::ControllerTripped, "tripped");
+                served.latch().clear().unwrap();
+                served.begin(&controller, &mut || Ok(())).unwrap();
             }
         }
         let beyond = led.beyond_its_own_time();

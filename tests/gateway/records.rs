@@ -9,7 +9,7 @@ use crate::link_common::{
 };
 use gusset::catalog::ending::Cause;
 use gusset::config::LimitsSpec;
-use gusset::link::rig::{Law, LogSettings, Station, Visitor};
+use gusset::link::served::{Computed, Controller, RecordSettings, ServedSpecimen};
 use gusset::record::Run;
 use gusset::record::summary::Status;
 use gusset::specimen::SpecimenLaw;
@@ -266,13 +266,13 @@ fn an_event_stands_at_the_exchange_it_is_about_and_a_command_that_is_refused_is_
             3.0,
         ),
     ]) {
-        let rig = Law::new(law.build(1).unwrap(), false);
+        let rig = Computed::new(law.build(1).unwrap(), false);
         let (stiffness, mass) = rig.reference();
         let limits: LimitsSpec = toml::from_str(limits).unwrap();
         let units = vec![AxisUnits::SI];
-        let mut station = Station::new("rig".into(), Box::new(rig), units, stiffness, mass)
+        let mut served = ServedSpecimen::new("rig".into(), Box::new(rig), units, stiffness, mass)
             .limited(&[limits])
-            .recorded(Some(LogSettings {
+            .recorded(Some(RecordSettings {
                 root: folder.path().into(),
                 file: Vec::new(),
                 resolved: String::new(),
@@ -280,8 +280,8 @@ fn an_event_stands_at_the_exchange_it_is_about_and_a_command_that_is_refused_is_
                 queue_s: 4.0,
                 required: true,
             }));
-        let visitor = Visitor::unnamed(([127, 0, 0, 1], 1).into());
-        station.begin(&visitor, &mut || Ok(())).unwrap();
+        let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
+        served.begin(&controller, &mut || Ok(())).unwrap();
         let mut measured = Measurement::zeros(1);
         let mut trip = None;
         for (sequence, disp) in (0..).zip(commands.iter().chain([&last, &0.0])) {
@@ -292,13 +292,13 @@ fn an_event_stands_at_the_exchange_it_is_about_and_a_command_that_is_refused_is_
                 disp: &[*disp],
                 vel: &[0.0],
             };
-            trip = station
+            trip = served
                 .exchange(&command, 0.01, &mut || true, &mut measured)
                 .err();
-            station.commit();
+            served.commit();
         }
         assert!(trip.is_some());
-        station.end(Cause::Protocol, "the end");
+        served.end(Cause::Protocol, "the end");
         let kept = folder.path().join(format!("test-000{number}"));
         let run = Run::open(&kept).unwrap();
         let summary = run.summary().unwrap();

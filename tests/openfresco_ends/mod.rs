@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use gusset::config::{self, LimitsSpec};
 use gusset::link::openfresco::{End, Host, Nature, RemoteSettings, Role, ServeSettings};
-use gusset::link::rig::{Law, Station};
+use gusset::link::served::{Computed, ServedSpecimen};
 use gusset::link::server::{ServeError, ServeOptions, Server as Bound, ServerEvent};
 use gusset::link::tls::TlsServer;
 use gusset::specimen::SpecimenLaw;
@@ -135,12 +135,12 @@ impl Server {
 /// Clients begin where their path does, wherever the specimen stands: steps of any length up to a metre are theirs.
 fn host(axes: usize, nature: Nature) -> Host {
     let law: SpecimenLaw = toml::from_str(BILINEAR).unwrap();
-    let law = Law::new(law.build(axes).unwrap(), nature == Nature::Physical);
+    let law = Computed::new(law.build(axes).unwrap(), nature == Nature::Physical);
     let (stiffness, mass) = law.reference();
     let bounds: LimitsSpec = toml::from_str("command_step_m = { trip = 1.0 }").unwrap();
     let units = vec![AxisUnits::SI; axes];
-    let station = Station::new("specimen".into(), Box::new(law), units, stiffness, mass);
-    Host::of(station.limited(&vec![bounds; axes]), nature, Some(0.01))
+    let served = ServedSpecimen::new("specimen".into(), Box::new(law), units, stiffness, mass);
+    Host::of(served.limited(&vec![bounds; axes]), nature, Some(0.01))
 }
 
 impl Drop for Server {

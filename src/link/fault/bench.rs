@@ -6,18 +6,19 @@ use std::collections::VecDeque;
 
 use super::dice::Dice;
 use crate::config::fault_script::{Channel, Fault, Kind, MEMORY, Place, Script};
-use crate::link::rig::{Rig, TestEnd, Visitor, Wanted};
 use crate::substructure::{
-    Command, Introduction, LinkFault, LinkStats, Measurement, Retirement, Status,
+    Command, Coupling, Freshness, Introduction, LinkFault, LinkStats, Measurement, Retirement,
+    Status, Substructure, Unavailable,
 };
+use crate::time::Nanos;
 use crate::units::AxisUnits;
 
 /// The stream of chance at the bench.
 const STREAM: u64 = 2;
 
-/// A rig on which a script is played.
+/// A specimen on which a script is played.
 pub struct Bench {
-    rig: Box<dyn Rig>,
+    specimen: Box<dyn Substructure>,
     faults: Vec<Fault>,
     units: Vec<AxisUnits>,
     dice: Dice,
@@ -31,11 +32,24 @@ pub struct Bench {
     /// Where the actuators stand: committed, and as last tried.
     place: Vec<f64>,
     tried: Vec<f64>,
+    /// The command at hand, and whether a fault concerns it.
+    command: CommandAtHand,
     vel: Vec<f64>,
     /// What the sensors said last.
     said: Measurement,
     past: VecDeque<(u64, Vec<f64>)>,
     complaint: Option<String>,
+}
+
+/// A command whose answer was not taken.
+#[derive(Debug, Default)]
+struct CommandAtHand {
+    sequence: u64,
+    time: f64,
+    dt: f64,
+    disp: Vec<f64>,
+    vel: Vec<f64>,
+    is_concerned: bool,
 }
 
 impl std::fmt::Debug for Bench {
@@ -47,21 +61,25 @@ impl std::fmt::Debug for Bench {
 }
 
 impl Bench {
-    /// `rig`, which counts in `units`, with the faults of `script` that happen there; itself where none does.
+    /// `specimen`, which counts in `units`, with the faults of `script` that happen there; itself where none does.
     #[must_use]
-    pub fn around(rig: Box<dyn Rig>, script: &Script, units: Vec<AxisUnits>) -> Box<dyn Rig> {
+    pub fn around(
+        specimen: Box<dyn Substructure>,
+        script: &Script,
+        units: Vec<AxisUnits>,
+    ) -> Box<dyn Substructure> {
         if script.faults_at(Place::Rig).is_empty() {
-            rig
+            specimen
         } else {
-            Box::new(Self::new(rig, script, units))
+            Box::new(Self::new(specimen, script, units))
         }
     }
 
-    fn new(rig: Box<dyn Rig>, script: &Script, units: Vec<AxisUnits>) -> Self {
-        let axes = rig.axes();
+    fn new(specimen: Box<dyn Substructure>, script: &Script, units: Vec<AxisUnits>) -> Self {
+        let axes = specimen.axes();
         let faults = script.faults_at(Place::Rig);
         Self {
-            rig,
+            specimen,
             happen: vec![false; faults.len()],
             faults,
             units,
@@ -72,6 +90,11 @@ impl Bench {
             number: 0,
             place: vec![0.0; axes],
             tried: vec![0.0; axes],
+            command: CommandAtHand {
+                disp: vec![0.0; axes],
+                vel: vec![0.0; axes],
+                ..CommandAtHand::default()
+            },
             vel: vec![0.0; axes],
             said: Measurement::zeros(axes),
             past: VecDeque::new(),
@@ -239,23 +262,57 @@ fn copy(to: &mut [f64], from: &[f64]) {
     }
 }
 
-impl Rig for Bench {
+impl Bench {
+    /// Sends the actuators where they go, with velocities that fit.
+    fn drive(&mut self) -> Result<(), LinkFault> {
+        let CommandAtHand {
+            sequence,
+            time,
+            dt,
+            disp: asked,
+            vel: wanted,
+            ..
+        } = &self.command;
+        let pairs = self.vel.iter_mut().zip(wanted).zip(&self.tried);
+        for (((vel, wanted), to), (asked, place)) in pairs.zip(asked.iter().zip(&self.place)) {
+            *vel = if to == asked {
+                *wanted
+            } else if *dt > 0.0 {
+                (to - place) / dt
+            } else {
+                0.0
+            };
+        }
+        self.specimen.issue(&Command {
+            sequence: *sequence,
+            time: *time,
+            dt: *dt,
+            disp: &self.tried,
+            vel: &self.vel,
+        })
+    }
+}
+
+impl Substructure for Bench {
     fn axes(&self) -> usize {
-        self.rig.axes()
+        self.specimen.axes()
+    }
+
+    fn coupling(&self) -> Coupling {
+        self.specimen.coupling()
     }
 
     fn is_remote(&self) -> bool {
-        self.rig.is_remote()
+        self.specimen.is_remote()
     }
 
-    fn connect(
-        &mut self,
-        visitor: &Visitor,
-        wanted: &mut Wanted<'_>,
-    ) -> Result<Introduction, TestEnd> {
-        let rate = visitor.rate.filter(|(commands, _)| *commands > 0);
-        self.period = rate.map(|(commands, seconds)| seconds as f64 / commands as f64);
-        self.rig.connect(visitor, wanted)
+    fn connect(&mut self) -> Result<Introduction, Unavailable> {
+        self.specimen.connect()
+    }
+
+    fn commanded_every(&mut self, seconds: f64) {
+        self.period = (seconds > 0.0).then_some(seconds);
+        self.specimen.commanded_every(seconds);
     }
 
     fn arm(
@@ -278,110 +335,97 @@ impl Rig for Bench {
         copy(&mut self.said.disp, start);
         self.said.force.fill(0.0);
         self.past.clear();
-        self.rig.arm(sequence, start, wanted)
+        self.specimen.arm(sequence, start, wanted)
     }
 
-    fn at_rest(&mut self, into: &mut Measurement) {
-        self.rig.at_rest(into);
+    fn at_rest(&mut self, into: &mut Measurement) -> bool {
+        self.specimen.at_rest(into)
     }
 
-    fn trial(
-        &mut self,
-        command: &Command<'_>,
-        elapsed: f64,
-        wanted: &mut dyn FnMut() -> bool,
-        into: &mut Measurement,
-    ) -> Result<bool, LinkFault> {
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
         let number = command.sequence.saturating_sub(self.first);
         self.number = number;
-        let concerned = self.throw(number);
+        let is_concerned = self.throw(number);
         if self.happening().any(|fault| fault.kind == Kind::Goodbye) {
             self.complaint = Some("the specimen's end has been switched off".to_owned());
             return Err(LinkFault::Closed);
         }
         copy(&mut self.tried, command.disp);
-        into.status = Status::default();
-        let moves = self
-            .faults
-            .iter()
-            .any(|fault| matches!(fault.kind, Kind::Lag { .. }));
-        if moves {
+        let at_hand = &mut self.command;
+        (at_hand.sequence, at_hand.is_concerned) = (command.sequence, is_concerned);
+        (at_hand.time, at_hand.dt) = (command.time, command.dt);
+        copy(&mut at_hand.disp, command.disp);
+        copy(&mut at_hand.vel, command.vel);
+        let mut faults = self.faults.iter();
+        if faults.any(|fault| matches!(fault.kind, Kind::Lag { .. })) {
             self.remember(number, command.disp);
         }
-        if !concerned {
-            if !self.rig.trial(command, elapsed, wanted, into)? {
-                return Ok(false);
+        if !is_concerned {
+            return self.specimen.issue(command);
+        }
+        self.actuate(number, command.dt);
+        self.drive()
+    }
+
+    fn is_answered(&mut self, wait_ns: u64) -> Result<bool, LinkFault> {
+        self.specimen.is_answered(wait_ns)
+    }
+
+    fn collect(&mut self, deadline: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        into.status = Status::default();
+        let mut answer = self.specimen.collect(deadline, into)?;
+        if self.command.is_concerned {
+            if self.stalls(&into.force) {
+                self.drive()?;
+                answer = self.specimen.collect(deadline, into)?;
             }
-        } else {
-            self.actuate(number, elapsed);
-            for attempt in 0..2 {
-                let pairs = self.vel.iter_mut().zip(command.vel).zip(&self.tried);
-                for (((vel, wanted), to), (asked, place)) in
-                    pairs.zip(command.disp.iter().zip(&self.place))
-                {
-                    *vel = if to == asked {
-                        *wanted
-                    } else if elapsed > 0.0 {
-                        (to - place) / elapsed
-                    } else {
-                        0.0
-                    };
-                }
-                let command = Command {
-                    disp: &self.tried,
-                    vel: &self.vel,
-                    ..*command
-                };
-                if !self.rig.trial(&command, elapsed, wanted, into)? {
-                    return Ok(false);
-                }
-                if attempt == 1 || !self.stalls(&into.force) {
-                    break;
-                }
-            }
-            self.sense(number, into);
+            self.sense(self.number, into);
         }
         copy(&mut self.said.disp, &into.disp);
         copy(&mut self.said.force, &into.force);
-        Ok(true)
+        Ok(answer)
     }
 
-    fn commit(&mut self) -> Result<(), LinkFault> {
+    fn accepted(&mut self, sequence: u64) -> Result<(), LinkFault> {
         copy(&mut self.place, &self.tried);
         self.committed = Some(self.number);
-        self.rig.commit()
+        self.specimen.accepted(sequence)
     }
 
     fn revert(&mut self) {
-        self.rig.revert();
+        self.specimen.revert();
     }
 
-    fn tangent(&mut self, stiffness: &mut [f64]) {
-        self.rig.tangent(stiffness);
+    fn tangent(&self, stiffness: &mut [f64]) -> bool {
+        self.specimen.tangent(stiffness)
     }
 
     fn attend(&mut self) -> Result<(), LinkFault> {
-        self.rig.attend()
+        self.specimen.attend()
     }
 
     fn pause(&mut self) -> Result<(), LinkFault> {
-        self.rig.pause()
+        self.specimen.pause()
     }
 
     fn halt(&mut self) -> Result<(), LinkFault> {
-        self.rig.halt()
+        self.specimen.halt()
     }
 
     fn stats(&self) -> LinkStats {
-        self.rig.stats()
+        self.specimen.stats()
     }
 
     fn complaint(&self) -> Option<String> {
-        self.complaint.clone().or_else(|| self.rig.complaint())
+        self.complaint.clone().or_else(|| self.specimen.complaint())
     }
 
-    fn end(&mut self, how: Retirement) -> Option<String> {
-        self.rig.end(how)
+    fn retire(&mut self, how: Retirement) {
+        self.specimen.retire(how);
+    }
+
+    fn last_words(&self) -> Option<String> {
+        self.specimen.last_words()
     }
 }
 
@@ -389,13 +433,13 @@ impl Rig for Bench {
 mod tests {
     use super::*;
     use crate::law::LawSpec;
-    use crate::link::rig::Law;
+    use crate::link::served::Computed;
     use crate::specimen::Uniaxial;
 
     /// A spring of 1000 N/m in millimetres and newtons, played with these faults.
     fn play(kinds: &[(Option<u64>, Option<u64>, Kind)], commands: &[f64]) -> Vec<(f64, f64)> {
         let spec: LawSpec = toml::from_str("linear = { stiffness_n_per_m = 1.0 }").unwrap();
-        let rig = Law::new(
+        let rig = Computed::new(
             Box::new(Uniaxial::new(vec![spec.build().unwrap()]).unwrap()),
             false,
         );
@@ -427,8 +471,9 @@ mod tests {
                 disp: &[*disp],
                 vel: &[0.0],
             };
-            bench.trial(&command, 0.1, &mut || true, &mut into).unwrap();
-            bench.commit().unwrap();
+            bench.issue(&command).unwrap();
+            bench.collect(Nanos(0), &mut into).unwrap();
+            bench.accepted(sequence).unwrap();
             (into.disp[0], into.force[0])
         });
         each.collect()
@@ -444,14 +489,10 @@ mod tests {
             ..Script::default()
         };
         crate::config::check_script(&script, Some(1)).unwrap();
-        let rig = Box::new(Law::new(Box::new(law), false));
+        let rig = Box::new(Computed::new(Box::new(law), false));
         let mut bench = Bench::around(rig, &script, vec![AxisUnits::SI]);
-        let visitor = Visitor {
-            rate: Some((10, 1)),
-            ..Visitor::unnamed(([127, 0, 0, 1], 1).into())
-        };
-        bench.connect(&visitor, &mut || Ok(())).unwrap();
-        let complaint = |bench: &dyn Rig| bench.complaint().unwrap_or_default();
+        bench.commanded_every(0.1);
+        let complaint = |bench: &dyn Substructure| bench.complaint().unwrap_or_default();
         if bench.arm(0, &[0.0], &mut || true).is_err() {
             return Err(complaint(&*bench));
         }
@@ -465,11 +506,12 @@ mod tests {
                 disp: &[*disp],
                 vel: &[0.0],
             };
-            let tried = bench.trial(&command, 0.01, &mut || true, &mut into);
+            let tried = bench.issue(&command);
             if tried.is_err() {
                 return Err(complaint(&*bench));
             }
-            bench.commit().unwrap();
+            bench.collect(Nanos(0), &mut into).unwrap();
+            bench.accepted(sequence).unwrap();
             went.push(into.disp[0]);
         }
         Ok(went)

@@ -10,7 +10,7 @@ use super::refused::{parting, reason};
 use super::setup::NativeSetup;
 use crate::link::Transport;
 use crate::link::inbox::Inbox;
-use crate::link::rig::LOST;
+use crate::link::served::LOST;
 use crate::link::socket::LOOK;
 use crate::substructure::{
     Command, Coupling, Freshness, LinkFault, LinkStats, Measurement, Status,

@@ -14,10 +14,9 @@ use super::remarks::Remark;
 use super::role::Nature;
 use super::tally::Tally;
 use crate::catalog::ending::Cause;
-use crate::link::rig::{Law, Rig as _, Station, TestEnd, Trip, Visitor, Wanted};
+use crate::link::served::{Computed, Controller, ServedSpecimen, TestEnd, Trip, Wanted};
 use crate::specimen::Specimen;
 use crate::substructure::{Command, Measurement};
-use crate::units::AxisUnits;
 use crate::wire::openfresco::{Course, Matrix, Response};
 
 /// Why a host refuses to go on. A formula is left at its last committed state, what moves where it is.
@@ -65,7 +64,7 @@ const LATEST_S: f64 = 1e9;
 /// A specimen as a server sees it.
 #[derive(Debug)]
 pub struct Host {
-    station: Station,
+    served: ServedSpecimen,
     nature: Nature,
     step: Option<f64>,
     sequence: u64,
@@ -84,18 +83,18 @@ impl Host {
     /// s of one step, for clients that send no time; without it such a client drives rate effects by its velocities alone.
     #[must_use]
     pub fn new(specimen: Box<dyn Specimen>, nature: Nature, step: Option<f64>) -> Self {
-        let law = Law::new(specimen, nature == Nature::Physical);
+        let law = Computed::new(specimen, nature == Nature::Physical);
         let (stiffness, mass) = law.reference();
-        let units = vec![AxisUnits::SI; law.axes()];
-        let station = Station::new("specimen".into(), Box::new(law), units, stiffness, mass);
-        Self::of(station, nature, step)
+        let name = "specimen".to_owned();
+        let served = ServedSpecimen::new(name, Box::new(law), Vec::new(), stiffness, mass);
+        Self::of(served, nature, step)
     }
 
-    /// A host of a station: a formula of that nature, or a specimen across another link, which is always physical.
+    /// A host of a served: a formula of that nature, or a specimen across another link, which is always physical.
     #[must_use]
-    pub fn of(station: Station, nature: Nature, step: Option<f64>) -> Self {
-        let n = station.axes();
-        let nature = if station.is_remote() {
+    pub fn of(served: ServedSpecimen, nature: Nature, step: Option<f64>) -> Self {
+        let n = served.axes();
+        let nature = if served.is_remote() {
             Nature::Physical
         } else {
             nature
@@ -108,12 +107,12 @@ impl Host {
             measured: Measurement::zeros(n),
             pending: false,
             begun: false,
-            matrices: ClientMatrices::of(&station, n, None),
+            matrices: ClientMatrices::of(&served, n, None),
             transformation: None,
             tally: Tally::default(),
-            station: match nature {
-                Nature::Simulated => station,
-                Nature::Physical => station.moving(),
+            served: match nature {
+                Nature::Simulated => served,
+                Nature::Physical => served.moving(),
             },
         }
     }
@@ -124,7 +123,7 @@ impl Host {
     pub fn transformed(mut self, mut transformation: Transformation) -> Self {
         let n = transformation.dofs();
         self.motion = ClientMotion::zeros(n);
-        self.matrices = ClientMatrices::of(&self.station, n, Some(&mut transformation));
+        self.matrices = ClientMatrices::of(&self.served, n, Some(&mut transformation));
         self.transformation = Some(transformation);
         self
     }
@@ -148,8 +147,8 @@ impl Host {
     }
 
     /// The processor that the log's threads leave to the data.
-    pub fn keep_log_away_from(&mut self, cpu: Option<usize>) {
-        self.station.keep_log_away_from(cpu);
+    pub fn keep_record_away_from(&mut self, cpu: Option<usize>) {
+        self.served.keep_record_away_from(cpu);
     }
 
     /// A new client: a simulated specimen becomes virgin again, a physical one stays as it is, one across another link is
@@ -159,7 +158,7 @@ impl Host {
     /// Why there is no test.
     pub fn begin(
         &mut self,
-        visitor: &Visitor,
+        controller: &Controller,
         wanted: &mut Wanted<'_>,
     ) -> Result<Vec<String>, TestEnd> {
         self.tally = Tally::default();
@@ -167,9 +166,9 @@ impl Host {
         self.begun = false;
         self.sequence = 0;
         self.motion.restart();
-        let told = self.station.begin(visitor, wanted)?;
+        let told = self.served.begin(controller, wanted)?;
         self.begun = true;
-        let at_rest = self.station.measured();
+        let at_rest = self.served.measured();
         self.measured.clone_from(at_rest);
         match &mut self.transformation {
             None => self.motion.disp.copy_from_slice(&at_rest.disp),
@@ -195,26 +194,26 @@ impl Host {
     /// # Errors
     /// It has.
     pub fn attend(&mut self) -> Result<(), HostFault> {
-        Ok(self.station.attend()?)
+        Ok(self.served.attend()?)
     }
 
     /// The operator's next step, if a trip is latched.
     #[must_use]
     pub fn next_step(&self) -> Option<String> {
-        self.station.next_step()
+        self.served.next_step()
     }
 
     /// A warning about the client, for the log and the run folder.
     pub(in crate::link) fn warn(&mut self, remark: Remark) {
         let text = remark.text(self.nature);
-        self.station.warn(remark.event(), &text);
+        self.served.warn(remark.event(), &text);
     }
 
     /// A fault with what the specimen's link has to say.
     #[must_use]
     pub fn whole(&self, fault: HostFault) -> String {
         match fault {
-            HostFault::Tripped(trip) => self.station.whole(trip),
+            HostFault::Tripped(trip) => self.served.whole(trip),
             other => other.to_string(),
         }
     }
@@ -251,7 +250,7 @@ impl Host {
             (Course::TakenBack, Nature::Physical) => return Err(HostFault::TakenBack { time }),
             (Course::TakenBack | Course::Reversed, Nature::Simulated) => {
                 self.tally.taken_back = self.tally.taken_back.saturating_add(1);
-                self.station.revert();
+                self.served.revert();
             }
             // What moves may have done so since, and whoever watches it hears that its controller is there.
             (Course::Repeat, Nature::Physical)
@@ -270,7 +269,7 @@ impl Host {
     pub fn commit(&mut self) {
         self.tally.commits = self.tally.commits.saturating_add(1);
         if std::mem::take(&mut self.pending) {
-            self.station.commit();
+            self.served.commit();
             self.motion.commit();
         }
     }
@@ -280,10 +279,10 @@ impl Host {
     pub fn end(&mut self, cause: Cause, text: &str) {
         self.begun = false;
         if self.nature == Nature::Simulated {
-            self.station.revert();
+            self.served.revert();
             self.motion.revert();
         }
-        self.station.end(cause, text);
+        self.served.end(cause, text);
         self.pending = false;
         self.motion.vel.fill(0.0);
     }
@@ -308,7 +307,7 @@ impl Host {
     pub fn matrix(&mut self, which: Matrix) -> &[f64] {
         self.tally.answers = self.tally.answers.saturating_add(1);
         let transformation = self.transformation.as_mut();
-        self.matrices.get(which, &mut self.station, transformation)
+        self.matrices.get(which, &mut self.served, transformation)
     }
 
     fn evaluate(&mut self, dt: f64, wanted: &mut dyn FnMut() -> bool) -> Result<(), HostFault> {
@@ -325,7 +324,7 @@ impl Host {
         };
         self.sequence += 1;
         let measured = &mut self.measured;
-        if !self.station.exchange(&command, dt, wanted, measured)? {
+        if !self.served.exchange(&command, dt, wanted, measured)? {
             return Err(HostFault::Unwanted);
         }
         if let Some(transformation) = &mut self.transformation {

@@ -1,7 +1,7 @@
 //! The matrices that a client may request, in its displacements and row by row.
 
 use super::Transformation;
-use crate::link::rig::Station;
+use crate::link::served::ServedSpecimen;
 use crate::wire::openfresco::Matrix;
 
 /// The matrices of one specimen.
@@ -17,17 +17,21 @@ pub(super) struct ClientMatrices {
 
 impl ClientMatrices {
     /// The matrices of a client that commands `n` displacements.
-    pub fn of(station: &Station, n: usize, transformation: Option<&mut Transformation>) -> Self {
+    pub fn of(
+        served: &ServedSpecimen,
+        n: usize,
+        transformation: Option<&mut Transformation>,
+    ) -> Self {
         let mut stiffness = vec![0.0; n * n];
         let mut mass = vec![0.0; n * n];
         match transformation {
             None => {
-                transpose(n, station.stiffness(), &mut stiffness);
-                transpose(n, station.mass(), &mut mass);
+                transpose(n, served.stiffness(), &mut stiffness);
+                transpose(n, served.mass(), &mut mass);
             }
             Some(transformation) => {
-                transformation.matrix(station.stiffness(), &mut stiffness);
-                transformation.matrix(station.mass(), &mut mass);
+                transformation.matrix(served.stiffness(), &mut stiffness);
+                transformation.matrix(served.mass(), &mut mass);
             }
         }
         Self {
@@ -35,7 +39,7 @@ impl ClientMatrices {
             damping: vec![0.0; n * n],
             mass,
             tangent: vec![0.0; n * n],
-            columns: vec![0.0; station.stiffness().len()],
+            columns: vec![0.0; served.stiffness().len()],
         }
     }
 
@@ -45,7 +49,7 @@ impl ClientMatrices {
     pub fn get(
         &mut self,
         which: Matrix,
-        station: &mut Station,
+        served: &mut ServedSpecimen,
         transformation: Option<&mut Transformation>,
     ) -> &[f64] {
         match which {
@@ -53,10 +57,10 @@ impl ClientMatrices {
             Matrix::Damping => &self.damping,
             Matrix::Mass => &self.mass,
             Matrix::TangentStiffness => {
-                station.tangent(&mut self.columns);
+                served.tangent(&mut self.columns);
                 match transformation {
                     None => {
-                        let n = station.axes();
+                        let n = served.axes();
                         transpose(n, &self.columns, &mut self.tangent);
                     }
                     Some(transformation) => {

@@ -6,7 +6,7 @@ use super::connection::ClientLink;
 use crate::catalog::ending::Cause;
 use crate::link::Transport;
 use crate::link::native::with_words;
-use crate::link::rig::TestEnd;
+use crate::link::served::TestEnd;
 use crate::substructure::LinkFault;
 use crate::time::Nanos;
 use crate::wire::native;

@@ -31,9 +31,9 @@ pub(super) enum Served {
 
 impl Served {
     /// The logs of tests leave this processor to the data thread.
-    pub fn keep_log_away_from(&mut self, cpu: Option<usize>) {
+    pub fn keep_record_away_from(&mut self, cpu: Option<usize>) {
         if let Self::OpenFresco { host, .. } = self {
-            host.keep_log_away_from(cpu);
+            host.keep_record_away_from(cpu);
         }
     }
 

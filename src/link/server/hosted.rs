@@ -1,4 +1,4 @@
-//! The specimen of a native server: its name, its axes, and how its station is made for each test.
+//! The specimen of a native server: its name, its axes, and how it is made for each test.
 
 use std::sync::Arc;
 
@@ -6,10 +6,11 @@ use crate::config::fault_script::Script;
 use crate::config::{LimitsSpec, ScriptError, check_script};
 use crate::link::announce::units_of;
 use crate::link::fault::Bench;
-use crate::link::rig::{
-    Far, FarBuild, GuardStore, Latch, Law, LogSettings, Memory, ProbeSettings, Station,
+use crate::link::served::{
+    Computed, GuardStore, Latch, LinkBuild, LinkMaker, Memory, RecordSettings, ServedSpecimen,
     Whereabouts, first_words,
 };
+use crate::port::WiringCheck;
 use crate::port::limits::AxisLimits;
 use crate::specimen::Specimen;
 use crate::units::AxisUnits;
@@ -24,8 +25,9 @@ pub struct Host {
     behind: Behind,
     units: Vec<AxisUnits>,
     limits: Vec<LimitsSpec>,
-    probe: ProbeSettings,
-    log: Option<LogSettings>,
+    /// How its wiring is checked, and whether a computation answers.
+    check: (WiringCheck, bool),
+    record: Option<RecordSettings>,
     pub(super) faults: Option<Arc<Script>>,
     memory: Option<Memory>,
     guard: GuardStore,
@@ -39,7 +41,7 @@ pub type Build = Box<dyn Fn() -> Result<Box<dyn Specimen>, String> + Send + Sync
 
 enum Behind {
     Law(Build),
-    Far(FarBuild, u64, Whereabouts),
+    Link(LinkBuild, u64, Whereabouts),
 }
 
 impl std::fmt::Debug for Host {
@@ -62,10 +64,10 @@ impl Host {
         if specimen.axes() != n {
             return Err(format!("{n} axes wanted, {} found", specimen.axes()));
         }
-        let (stiffness, mass) = Law::new(specimen, false).reference();
-        let probe = ProbeSettings::Needless;
+        let (stiffness, mass) = Computed::new(specimen, false).reference();
         let behind = Behind::Law(build);
-        Ok(Self::of(name, axes, [stiffness, mass], behind, probe))
+        let check = WiringCheck::Known;
+        Ok(Self::of(name, axes, [stiffness, mass], behind, check))
     }
 
     fn of(
@@ -73,7 +75,7 @@ impl Host {
         axes: Vec<Axis>,
         [stiffness, mass]: [Vec<f64>; 2],
         behind: Behind,
-        probe: ProbeSettings,
+        check: WiringCheck,
     ) -> Self {
         Self {
             name,
@@ -83,8 +85,8 @@ impl Host {
             mass,
             behind,
             limits: Vec::new(),
-            probe,
-            log: None,
+            check: (check, false),
+            record: None,
             faults: None,
             memory: None,
             guard: GuardStore::default(),
@@ -100,19 +102,19 @@ impl Host {
         name: String,
         axes: Vec<Axis>,
         stiffness: Vec<f64>,
-        build: FarBuild,
+        build: LinkBuild,
         reply_limit_ns: u64,
     ) -> Self {
         let mass = vec![0.0; axes.len() * axes.len()];
-        let behind = Behind::Far(build, reply_limit_ns, Whereabouts::default());
-        let probe = ProbeSettings::Unchecked { silent: false };
-        Self::of(name, axes, [stiffness, mass], behind, probe)
+        let behind = Behind::Link(build, reply_limit_ns, Whereabouts::default());
+        let check = WiringCheck::Unchecked;
+        Self::of(name, axes, [stiffness, mass], behind, check)
     }
 
     /// Of a gateway whose specimen cannot tell where it stands: where that is before the first test, in the units of the axes.
     #[must_use]
     pub fn said_to_stand_at(mut self, place: Vec<f64>) -> Self {
-        if let Behind::Far(.., whereabouts) = &mut self.behind {
+        if let Behind::Link(.., whereabouts) = &mut self.behind {
             *whereabouts = Whereabouts::said(place);
         }
         self
@@ -128,7 +130,7 @@ impl Host {
     /// Of a gateway to a computation, as somebody says: where nobody knows its place, it is believed at zero.
     #[must_use]
     pub fn computed(mut self) -> Self {
-        if let Behind::Far(.., whereabouts) = &mut self.behind {
+        if let Behind::Link(.., whereabouts) = &mut self.behind {
             *whereabouts = std::mem::take(whereabouts).of_a_computation();
         }
         self
@@ -151,17 +153,17 @@ impl Host {
         self
     }
 
-    /// How the direction of a specimen behind a link is found out.
+    /// How the wiring of a specimen behind a link is checked. `computed`: a computation answers.
     #[must_use]
-    pub fn probed(mut self, probe: ProbeSettings) -> Self {
-        self.probe = probe;
+    pub fn checked(mut self, check: WiringCheck, computed: bool) -> Self {
+        self.check = (check, computed);
         self
     }
 
     /// Each controller's test gets a run folder.
     #[must_use]
-    pub fn recorded(mut self, log: LogSettings) -> Self {
-        self.log = Some(log);
+    pub fn recorded(mut self, record: RecordSettings) -> Self {
+        self.record = Some(record);
         self
     }
 
@@ -226,7 +228,7 @@ impl Host {
     #[must_use]
     pub fn standing(&self) -> Vec<f64> {
         match &self.behind {
-            Behind::Far(.., whereabouts) => whereabouts.place(),
+            Behind::Link(.., whereabouts) => whereabouts.place(),
             Behind::Law(_) => {
                 let left = self.memory.as_ref().and_then(Memory::disp);
                 left.unwrap_or_else(|| vec![0.0; self.axes.len()])
@@ -255,7 +257,7 @@ impl Host {
     /// True if the specimen is behind a link.
     #[must_use]
     pub const fn is_gateway(&self) -> bool {
-        matches!(self.behind, Behind::Far(..))
+        matches!(self.behind, Behind::Link(..))
     }
 
     /// How the first command of a test is judged on axes whose steps the file does not bound, in words. `moves`: it is no mere
@@ -283,7 +285,7 @@ impl Host {
             }
             Behind::Law(_) => Capabilities::SIMULATED,
             // It reports its own trips as an interlock.
-            Behind::Far(..) => Capabilities::INTERLOCK,
+            Behind::Link(..) => Capabilities::INTERLOCK,
         };
         let kind = kind.and(Capabilities::USES_VEL);
         if self.measures_disp {
@@ -293,38 +295,39 @@ impl Host {
         }
     }
 
-    /// A station with the specimen in its virgin state, or a link that is not connected. `remembers`: a test finds a
-    /// formula as the last one left it.
+    /// The specimen in its virgin state, or across a link that is not connected. `remembers`: a test finds what is computed as the
+    /// last one left it.
     ///
     /// # Errors
     /// What its maker says.
-    pub fn station(&self, remembers: bool) -> Result<Station, String> {
-        let units = self.units.clone();
-        let rig: Box<dyn crate::link::rig::Rig> = match &self.behind {
-            Behind::Law(build) => {
-                let law = Law::new(build()?, remembers);
-                Box::new(match &self.memory {
-                    Some(memory) => law.recalling(memory.clone()),
-                    None => law,
-                })
-            }
-            Behind::Far(build, reply_limit_ns, whereabouts) => {
-                let (axes, stiffness) = (self.axes.len(), self.stiffness.clone());
-                let far = Far::new(build.clone(), axes, stiffness, *reply_limit_ns);
-                Box::new(far.remembering(whereabouts.clone()))
-            }
-        };
-        let rig = match &self.faults {
-            Some(script) => Bench::around(rig, script, units.clone()),
-            None => rig,
-        };
+    pub fn specimen(&self, remembers: bool) -> Result<ServedSpecimen, String> {
+        let (name, units) = (self.name.clone(), self.units.clone());
         let (stiffness, mass) = (self.stiffness.clone(), self.mass.clone());
-        Ok(Station::new(self.name.clone(), rig, units, stiffness, mass)
+        let served = match &self.behind {
+            Behind::Law(build) => {
+                let computed = Computed::new(build()?, remembers);
+                let computed = Box::new(match &self.memory {
+                    Some(memory) => computed.recalling(memory.clone()),
+                    None => computed,
+                });
+                let substructure = match &self.faults {
+                    Some(script) => Bench::around(computed, script, units.clone()),
+                    None => computed,
+                };
+                ServedSpecimen::new(name, substructure, units, stiffness, mass)
+            }
+            Behind::Link(build, reply_limit_ns, whereabouts) => {
+                let links = LinkMaker::new(build.clone(), whereabouts.clone(), *reply_limit_ns);
+                ServedSpecimen::linked(name, links, units, stiffness, mass)
+            }
+        };
+        let (check, computed) = self.check.clone();
+        Ok(served
             .limited(&self.limits)
             .guarded(self.guard.clone(), self.latch.clone())
             .remembering(remembers || self.memory.is_some())
-            .probed(self.probe.clone())
+            .checked(check, computed)
             .played(self.faults.as_ref().map(|script| script.words()))
-            .recorded(self.log.clone()))
+            .recorded(self.record.clone()))
     }
 }

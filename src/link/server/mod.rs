@@ -268,7 +268,7 @@ impl Server {
         running.spawn("gusset-serve", move || {
             let granted = plan.as_ref().map(apply);
             let cpu = granted.as_ref().and_then(|granted| granted.cpu);
-            served.keep_log_away_from(cpu);
+            served.keep_record_away_from(cpu);
             // The receiver waits for it.
             let _ = granted_in.send(granted);
             data_thread::serve(&for_data, &clients, &mut served, cpu);
@@ -380,59 +380,44 @@ mod tests {
 
     use super::*;
     use crate::link::openfresco::{Nature, Role};
-    use crate::link::rig::{Rig, Station, TestEnd, Visitor, Wanted};
+    use crate::link::served::ServedSpecimen;
     use crate::rt::os::monotonic_ns;
-    use crate::substructure::{Command, Introduction, LinkFault, Measurement, Retirement};
+    use crate::substructure::{
+        Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
+    };
+    use crate::time::Nanos;
     use crate::units::AxisUnits;
 
     /// A specimen that panics when it is moved.
     struct Broken;
 
-    impl Rig for Broken {
+    impl Substructure for Broken {
         fn axes(&self) -> usize {
             1
         }
-        fn connect(&mut self, _: &Visitor, _: &mut Wanted<'_>) -> Result<Introduction, TestEnd> {
-            Ok(Introduction::default())
+        fn coupling(&self) -> Coupling {
+            Coupling::Lockstep
         }
-        fn arm(
-            &mut self,
-            _: u64,
-            _: &[f64],
-            _: &mut dyn FnMut() -> bool,
-        ) -> Result<bool, LinkFault> {
-            Ok(true)
-        }
-        fn trial(
-            &mut self,
-            _: &Command<'_>,
-            _: f64,
-            _: &mut dyn FnMut() -> bool,
-            _: &mut Measurement,
-        ) -> Result<bool, LinkFault> {
+        fn issue(&mut self, _: &Command<'_>) -> Result<(), LinkFault> {
             panic!("the specimen is broken")
         }
-        fn commit(&mut self) -> Result<(), LinkFault> {
-            Ok(())
+        fn collect(&mut self, _: Nanos, _: &mut Measurement) -> Result<Freshness, LinkFault> {
+            Ok(Freshness::Fresh)
         }
-        fn revert(&mut self) {}
-        fn tangent(&mut self, _: &mut [f64]) {}
-        fn end(&mut self, _: Retirement) -> Option<String> {
-            None
-        }
+        fn retire(&mut self, _: Retirement) {}
     }
 
     #[test]
     fn a_panic_of_the_data_thread_ends_the_server_with_that_panic() {
         let units = vec![AxisUnits::SI];
-        let station = Station::new(
+        let served = ServedSpecimen::new(
             "broken".into(),
             Box::new(Broken),
             units,
             vec![1.0],
             vec![0.0],
         );
-        let host = OpenFrescoHost::of(station, Nature::Simulated, None);
+        let host = OpenFrescoHost::of(served, Nature::Simulated, None);
         let settings = ServeSettings::new(Role::Application, None);
         let options = ServeOptions {
             listen: "127.0.0.1:0".into(),

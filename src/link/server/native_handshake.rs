@@ -14,8 +14,8 @@ use super::shared::{Occupancy, Shared};
 use crate::config::WATCHDOG_MAX_S;
 use crate::link::inbox::Inbox;
 use crate::link::native::{SOFTWARE, fit};
-use crate::link::rig::elsewhere;
 use crate::link::secret::random;
+use crate::link::served::elsewhere;
 use crate::link::tls::is_client_hello;
 use crate::text::is_hidden;
 use crate::wire::handshake::{

@@ -11,7 +11,7 @@ use super::session::Session;
 use super::shared::Shared;
 use crate::catalog::ending::Cause;
 use crate::link::Transport;
-use crate::link::rig::{Station, TestEnd, Visitor};
+use crate::link::served::{Controller, ServedSpecimen, TestEnd};
 use crate::link::socket::LOOK;
 use crate::rt::throttle::Throttle;
 use crate::time::Nanos;
@@ -60,8 +60,8 @@ pub(super) fn open(
         );
     }
     let peer = channel.peer;
-    let mut station = match begin(&mut channel, &mut opening, host, thread, shared) {
-        Ok(station) => station,
+    let mut served = match begin(&mut channel, &mut opening, host, thread, shared) {
+        Ok(served) => served,
         Err(text) => {
             let refuse = native_handshake::not_ready(&text);
             let encoder = Some(&mut opening.greeted.encoder);
@@ -75,7 +75,7 @@ pub(super) fn open(
     let armed = opening.greeted.armed(opening.arm.clone());
     if let Err(fault) = channel.link.send(&armed) {
         let text = fault.to_string();
-        station.end(Cause::ControllerVanished, &text);
+        served.end(Cause::ControllerVanished, &text);
         shared.tell(ServerEvent::Refused { peer, text });
         return Err(Box::new(channel));
     }
@@ -86,7 +86,7 @@ pub(super) fn open(
     let spin_ns = thread.spin_ns(opening.greeted.period_ns);
     let now = channel.now();
     let starts_anew = host.starts_anew();
-    let conversation = NativeConversation::new(opening, station, now, spin_ns, starts_anew);
+    let conversation = NativeConversation::new(opening, served, now, spin_ns, starts_anew);
     Ok(Session::new(channel, conversation))
 }
 
@@ -96,23 +96,23 @@ fn begin(
     host: &Host,
     thread: DataThread,
     shared: &Shared,
-) -> Result<Station, String> {
-    let mut station = host.station(false)?;
-    station.keep_log_away_from(thread.cpu);
-    station.now_is(channel.now());
-    let visitor = visitor(channel, opening);
+) -> Result<ServedSpecimen, String> {
+    let mut served = host.specimen(false)?;
+    served.keep_record_away_from(thread.cpu);
+    served.now_is(channel.now());
+    let controller = controller(channel, opening);
     let mut heard_at = channel.now();
     let mut wanted = || is_wanted(channel, opening, &mut heard_at, shared);
-    let told = station.begin(&visitor, &mut wanted);
+    let told = served.begin(&controller, &mut wanted);
     for text in told.map_err(|over| over.text)? {
         shared.tell(ServerEvent::Told { text });
     }
-    Ok(station)
+    Ok(served)
 }
 
-fn visitor(channel: &Channel, opening: &NativeOpening) -> Visitor {
+fn controller(channel: &Channel, opening: &NativeOpening) -> Controller {
     let NativeOpening { greeted, arm, .. } = opening;
-    Visitor {
+    Controller {
         peer: channel.peer,
         test: greeted.test.clone(),
         software: greeted.software.clone(),

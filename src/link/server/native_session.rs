@@ -21,7 +21,7 @@ use super::shared::Shared;
 use super::silence::{Due, Silence};
 use crate::catalog::event::Remark;
 use crate::link::Transport;
-use crate::link::rig::{Station, TestEnd, Trip};
+use crate::link::served::{ServedSpecimen, TestEnd, Trip};
 use crate::link::socket::LOOK;
 use crate::substructure::Status;
 use crate::time::Nanos;
@@ -38,7 +38,7 @@ const LOOK_NS: u64 = 50_000_000;
 /// The conversation with one client.
 pub(super) struct NativeConversation {
     codec: NativeCodec,
-    station: Station,
+    served: ServedSpecimen,
     /// The last Arm of the client that the server granted.
     armed: Arm,
     commanded: CommandInForce,
@@ -70,7 +70,7 @@ impl NativeConversation {
     /// The specimen is armed, and the client knows it.
     pub fn new(
         opening: NativeOpening,
-        mut station: Station,
+        mut served: ServedSpecimen,
         now: Nanos,
         spin_ns: u64,
         starts_anew: bool,
@@ -80,9 +80,9 @@ impl NativeConversation {
             greeted,
             arm,
         } = opening;
-        station.starts(now);
+        served.starts(now);
         // The server of a specimen behind another link samples at the requested time: its answer is passed on at once.
-        let after_ns = greeted.sample_after_ns.filter(|_| !station.is_remote());
+        let after_ns = greeted.sample_after_ns.filter(|_| !served.is_remote());
         Self {
             sampling: SampleClock::new(now, after_ns, greeted.period_ns, spin_ns),
             silence: Silence::new(greeted.watchdog_ns, now),
@@ -90,7 +90,7 @@ impl NativeConversation {
             count: CommandCount::new(arm.first_sequence, greeted.period_ns),
             backlog: Backlog::default(),
             codec: NativeCodec::new(inbox, greeted),
-            station,
+            served,
             armed: arm,
             halted: None,
             attended: now,
@@ -184,7 +184,7 @@ impl NativeConversation {
             // Its answer is on its way.
             Effect::Repeated if !self.backlog.is_empty() => Ok(()),
             Effect::Repeated => self.answer(now, channel),
-            Effect::New if self.station.is_remote() => {
+            Effect::New if self.served.is_remote() => {
                 self.backlog.put(command);
                 Ok(())
             }
@@ -236,7 +236,7 @@ impl NativeConversation {
     /// The client is held by its operator: no command need come.
     fn hold(&mut self) {
         if !self.silence.pause() {
-            self.station.pause();
+            self.served.pause();
         }
     }
 
@@ -246,7 +246,7 @@ impl NativeConversation {
         let sequence = self.commanded.sequence;
         if self.halted != sequence || sequence.is_none() {
             self.halted = sequence;
-            self.station.halt();
+            self.served.halt();
         }
     }
 
@@ -266,7 +266,7 @@ impl NativeConversation {
         if self.silence.go_on() {
             let resumed = ServerEvent::Resumed { sequence };
             let text = resumed.to_string();
-            self.station.note(Remark::CommandsAgain, &text);
+            self.served.note(Remark::CommandsAgain, &text);
             shared.tell(resumed);
         }
         let longest = self.count.longest(sequence);
@@ -275,7 +275,7 @@ impl NativeConversation {
         self.count.expect(sequence.saturating_add(1));
         let is_first = self.commanded.sequence.is_none();
         if !is_first && !self.commanded.stays(dt) {
-            self.station.commit();
+            self.served.commit();
         }
         // Over a gap the motion took as long as all the steps that were lost, too.
         let elapsed = if gap == 0 || is_first {
@@ -288,7 +288,7 @@ impl NativeConversation {
         if self.sampling.arrive(now) {
             return Ok(());
         }
-        if !self.station.is_remote() {
+        if !self.served.is_remote() {
             return self.answer(now, channel);
         }
         // The measurement of a specimen behind another link comes only now. The client was not silent meanwhile: it waited.
@@ -305,20 +305,20 @@ impl NativeConversation {
         channel: &mut Channel,
         shared: &Shared,
     ) -> Result<(), TestEnd> {
-        self.station.now_is(now);
-        let was_tripped = self.station.tripped().is_some();
+        self.served.now_is(now);
+        let was_tripped = self.served.tripped().is_some();
         let mut wanted = || !shared.is_stopped();
         let (command, measured) = self.commanded.exchange();
         let sequence = command.sequence;
-        let outcome = (self.station).exchange(&command, elapsed, &mut wanted, measured);
+        let outcome = (self.served).exchange(&command, elapsed, &mut wanted, measured);
         self.commanded.flags = self.commanded.measured.status;
         self.count.commands += 1;
         match outcome {
             Err(trip @ Trip::Lost(_)) => return Err(self.lost_specimen(trip, channel)),
             Err(trip) if !was_tripped => {
-                let text = self.station.whole(trip);
+                let text = self.served.whole(trip);
                 shared.tell(ServerEvent::Tripped { sequence, text });
-                if let Some(text) = self.station.next_step() {
+                if let Some(text) = self.served.next_step() {
                     shared.tell(ServerEvent::Told { text });
                 }
             }
@@ -361,7 +361,7 @@ impl NativeConversation {
         }
         if now.since(self.attended) >= LOOK_NS {
             self.attended = now;
-            if let Err(trip) = self.station.attend() {
+            if let Err(trip) = self.served.attend() {
                 return Err(self.lost_specimen(trip, channel));
             }
         }
@@ -369,7 +369,7 @@ impl NativeConversation {
             Due::Nothing => return Ok(()),
             Due::Hold => {
                 let text = "no command comes from the controller: the specimen holds";
-                self.station.note(Remark::Holding, text);
+                self.served.note(Remark::Holding, text);
                 shared.tell(ServerEvent::Holding {
                     sequence: self.commanded.sequence,
                     silent_s: silent_ns as f64 * 1e-9,

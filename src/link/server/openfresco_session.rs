@@ -15,7 +15,7 @@ use crate::link::Transport;
 use crate::link::openfresco::{
     Codec, End, ExchangeFault, Host, HostFault, Remarks, Request, ServeSettings, Tally, lost,
 };
-use crate::link::rig::{TestEnd, Visitor};
+use crate::link::served::{Controller, TestEnd};
 use crate::link::socket::LOOK;
 use crate::rt::os::monotonic_ns;
 use crate::substructure::LinkFault;
@@ -100,7 +100,7 @@ impl OpenFrescoConversation<'_> {
             let (cause, text) = (end.cause(), end.to_string());
             Err(TestEnd { cause, text })
         };
-        let begun = self.host.begin(&Visitor::unnamed(peer), &mut wanted);
+        let begun = self.host.begin(&Controller::unnamed(peer), &mut wanted);
         let told = begun.map_err(|over| {
             unwanted.unwrap_or_else(|| {
                 shared.tell(ServerEvent::Told { text: over.text });

@@ -1,22 +1,23 @@
 use super::*;
 use crate::specimen::SpecimenLaw;
 use crate::time::Nanos;
+use crate::units::AxisUnits;
 
 fn host(law: &str, axes: usize, nature: Nature) -> Host {
     let law: SpecimenLaw = toml::from_str(law).unwrap();
-    let law = Law::new(law.build(axes).unwrap(), nature == Nature::Physical);
+    let law = Computed::new(law.build(axes).unwrap(), nature == Nature::Physical);
     let (stiffness, mass) = law.reference();
     // Steps are bounded, as they must be for a first one of some length to what moves.
     let limits = toml::from_str("command_step_m = { trip = 1.0 }").unwrap();
     let units = vec![AxisUnits::SI; axes];
-    let station = Station::new("rig".into(), Box::new(law), units, stiffness, mass);
-    let mut host = Host::of(station.limited(&vec![limits; axes]), nature, None);
-    host.begin(&visitor(), &mut || Ok(())).unwrap();
+    let served = ServedSpecimen::new("rig".into(), Box::new(law), units, stiffness, mass);
+    let mut host = Host::of(served.limited(&vec![limits; axes]), nature, None);
+    host.begin(&controller(), &mut || Ok(())).unwrap();
     host
 }
 
-fn visitor() -> Visitor {
-    Visitor::unnamed(([127, 0, 0, 1], 1).into())
+fn controller() -> Controller {
+    Controller::unnamed(([127, 0, 0, 1], 1).into())
 }
 
 const BILINEAR: &str = "law = { bilinear = { stiffness_n_per_m = 8000.0, yield_force_n = 60.0, post_yield_ratio = 0.05 } }";
@@ -76,7 +77,7 @@ fn a_load_factor_that_falls_is_no_length_of_a_step() {
             .unwrap();
     let law = law.build(1).unwrap();
     let mut host = Host::new(law, Nature::Simulated, Some(0.1));
-    host.begin(&visitor(), &mut || Ok(())).unwrap();
+    host.begin(&controller(), &mut || Ok(())).unwrap();
     host.trial(
         Course::Iteration,
         &at(&[0.02], 40.0),
@@ -125,7 +126,7 @@ fn only_commands_of_a_later_time_than_all_before_count_as_such() {
                 .unwrap();
         }
         assert_eq!(host.tally().later_times, 2, "{test}");
-        host.begin(&visitor(), &mut || Ok(())).unwrap();
+        host.begin(&controller(), &mut || Ok(())).unwrap();
         assert_eq!(host.tally().later_times, 0);
     }
 }
@@ -193,7 +194,7 @@ fn a_new_client_finds_a_formula_virgin_and_a_rig_as_it_was_left() {
         host.trial(Course::Step, &at(&[0.03], 0.01), Some(0.01), &mut || true)
             .unwrap();
         host.commit();
-        host.begin(&visitor(), &mut || Ok(())).unwrap();
+        host.begin(&controller(), &mut || Ok(())).unwrap();
         assert!((host.response().force[0] - left).abs() < 1e-9);
     }
 }
@@ -212,7 +213,7 @@ fn what_a_client_did_not_commit_before_it_went_is_forgotten_by_a_formula_and_sta
         host.trial(Course::Step, &at(&[0.01], 0.02), Some(0.01), &mut || true)
             .unwrap();
         host.end(Cause::Protocol, "");
-        host.begin(&visitor(), &mut || Ok(())).unwrap();
+        host.begin(&controller(), &mut || Ok(())).unwrap();
         assert_eq!(host.response().disp, [stands]);
         assert!((host.response().force[0] - force).abs() < 1e-9);
     }
@@ -221,17 +222,17 @@ fn what_a_client_did_not_commit_before_it_went_is_forgotten_by_a_formula_and_sta
 /// What moves, within limits.
 fn limited(limits: &str) -> Host {
     let law: SpecimenLaw = toml::from_str(BILINEAR).unwrap();
-    let law = Law::new(law.build(1).unwrap(), true);
+    let law = Computed::new(law.build(1).unwrap(), true);
     let limits = toml::from_str(limits).unwrap();
     let units = vec![AxisUnits::SI];
-    let station = Station::new("rig".into(), Box::new(law), units, vec![8e3], vec![0.0]);
-    Host::of(station.limited(&[limits]), Nature::Physical, None)
+    let served = ServedSpecimen::new("rig".into(), Box::new(law), units, vec![8e3], vec![0.0]);
+    Host::of(served.limited(&[limits]), Nature::Physical, None)
 }
 
 #[test]
 fn the_first_command_is_a_step_from_where_the_specimen_stands() {
     let mut host = limited("command_step_m = { trip = 0.00101 }");
-    host.begin(&visitor(), &mut || Ok(())).unwrap();
+    host.begin(&controller(), &mut || Ok(())).unwrap();
     for k in 1..=40 {
         let time = 0.01 * f64::from(k);
         let command = [1e-3 * f64::from(k)];
@@ -241,7 +242,7 @@ fn the_first_command_is_a_step_from_where_the_specimen_stands() {
     }
     host.end(Cause::Done, "");
     // As genericClient does: it begins at zero, at any position of the specimen.
-    let told = host.begin(&visitor(), &mut || Ok(())).unwrap();
+    let told = host.begin(&controller(), &mut || Ok(())).unwrap();
     assert!(told.iter().any(|text| text.contains("is at 40 mm")));
     assert_eq!(host.response().disp, [0.04]);
     let fault = host.trial(Course::First, &at(&[0.0], 0.0), None, &mut || true);
@@ -249,10 +250,10 @@ fn the_first_command_is_a_step_from_where_the_specimen_stands() {
     assert!(text.contains("command_step_m"), "{text}");
     assert!(text.contains("is at 40 mm"), "{text}");
     host.end(Cause::Protocol, "");
-    let over = host.begin(&visitor(), &mut || Ok(())).unwrap_err();
+    let over = host.begin(&controller(), &mut || Ok(())).unwrap_err();
     assert!(over.text.contains("command_step_m"), "{}", over.text);
-    host.station.latch().clear().unwrap();
-    host.begin(&visitor(), &mut || Ok(())).unwrap();
+    host.served.latch().clear().unwrap();
+    host.begin(&controller(), &mut || Ok(())).unwrap();
     host.trial(Course::First, &at(&[0.0395], 0.0), None, &mut || true)
         .unwrap();
     let fault = host.trial(Course::Step, &at(&[0.0], 0.01), Some(0.01), &mut || true);
@@ -280,7 +281,7 @@ fn a_first_command_whose_step_nothing_bounds_goes_a_twentieth_of_the_range_or_a_
     ] {
         for disp in [holds, trips] {
             let mut host = limited(limits);
-            host.begin(&visitor(), &mut || Ok(())).unwrap();
+            host.begin(&controller(), &mut || Ok(())).unwrap();
             let outcome = host.trial(Course::First, &at(&[disp], 0.0), None, &mut || true);
             assert_eq!(
                 outcome.is_ok(),
@@ -299,7 +300,7 @@ fn a_first_command_whose_step_nothing_bounds_goes_a_twentieth_of_the_range_or_a_
     // A formula is not moved.
     let law: SpecimenLaw = toml::from_str(BILINEAR).unwrap();
     let mut host = Host::new(law.build(1).unwrap(), Nature::Simulated, None);
-    host.begin(&visitor(), &mut || Ok(())).unwrap();
+    host.begin(&controller(), &mut || Ok(())).unwrap();
     host.trial(Course::First, &at(&[0.04], 0.0), None, &mut || true)
         .unwrap();
 }
@@ -309,9 +310,9 @@ fn the_speed_of_what_moves_is_judged_by_the_wall() {
     // A millimetre in 0.02 s of test time, every 0.02 s or every 0.2 ms.
     for (period_ns, holds) in [(20_000_000, true), (200_000, false)] {
         let mut host = limited("command_vel_m_per_s = { trip = 0.11 }");
-        host.begin(&visitor(), &mut || Ok(())).unwrap();
+        host.begin(&controller(), &mut || Ok(())).unwrap();
         let tripped = (1..=40_u32).any(|k| {
-            host.station.now_is(Nanos(u64::from(k) * period_ns));
+            host.served.now_is(Nanos(u64::from(k) * period_ns));
             let (disp, time) = ([1e-3 * f64::from(k)], 0.02 * f64::from(k));
             let outcome = host.trial(Course::Step, &at(&disp, time), Some(0.02), &mut || true);
             host.commit();

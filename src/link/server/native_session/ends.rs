@@ -3,7 +3,7 @@
 use super::{NativeConversation, send};
 use crate::catalog::ending::{self, Kind};
 use crate::link::Transport;
-use crate::link::rig::{TestEnd, Trip, with_last_words};
+use crate::link::served::{TestEnd, Trip, with_last_words};
 use crate::link::server::ServerEvent;
 use crate::link::server::backlog::Backlog;
 use crate::link::server::channel::{Channel, said_goodbye};
@@ -47,20 +47,20 @@ impl NativeConversation {
         if notice.sequence > 0 || self.commanded.sequence.is_some() {
             self.count.misses_up_to(notice.sequence);
         }
-        match self.station.tripped() {
+        match self.served.tripped() {
             Some(trip) => {
                 // The reason of the trip, for the summary of the client.
-                let why = self.station.whole(trip);
+                let why = self.served.whole(trip);
                 // At once: a client waits for a short time only, and the goodbye of the specimen may take longer.
                 self.say(Cause::Tripped, &why, channel);
-                let said = self.station.dismiss(trip.cause());
+                let said = self.served.dismiss(trip.cause());
                 if said.is_some() {
                     self.say(Cause::Tripped, &with_last_words(why, said), channel);
                 }
                 self.say_goodbye(Cause::Tripped, channel);
             }
             None => {
-                if let Some(said) = self.station.dismiss(cause) {
+                if let Some(said) = self.served.dismiss(cause) {
                     self.say(Cause::Orderly, &said, channel);
                 }
                 self.say_goodbye(Cause::Orderly, channel);
@@ -82,7 +82,7 @@ impl NativeConversation {
     fn commits_what_ends(&mut self, cause: ending::Cause) {
         let is_orderly = matches!(cause.kind(), Kind::Completion | Kind::Operator);
         if is_orderly && self.commanded.sequence.is_some() {
-            self.station.commit();
+            self.served.commit();
         }
     }
 
@@ -132,7 +132,7 @@ impl NativeConversation {
             Ok(())
         };
         let begun = self
-            .station
+            .served
             .begin_again(arm.first_sequence, &arm.disp, &mut wanted);
         begun.map_err(|over| {
             if over == TestEnd::told_to_stop() {
@@ -142,7 +142,7 @@ impl NativeConversation {
             }
         })?;
         let now = channel.now();
-        self.station.starts(now);
+        self.served.starts(now);
         if let Some(waiting) = self.backlog.sequence() {
             self.count.misses_up_to(waiting);
         }
@@ -167,7 +167,7 @@ impl NativeConversation {
 
     /// The link to the specimen is lost: tells the client why, and that the session ends.
     pub(super) fn lost_specimen(&mut self, trip: Trip, channel: &mut Channel) -> TestEnd {
-        let text = self.station.whole(trip);
+        let text = self.served.whole(trip);
         self.say(Cause::Tripped, &text, channel);
         self.say_goodbye(Cause::Tripped, channel);
         TestEnd::failed(text)
@@ -208,24 +208,24 @@ impl NativeConversation {
         }
         let (commands, missed) = (self.count.commands, self.count.missed);
         let corrupt = self.codec.corrupt();
-        self.station.counted(commands, missed, corrupt);
+        self.served.counted(commands, missed, corrupt);
         let lost = self
-            .station
+            .served
             .tripped()
             .filter(|trip| matches!(trip, Trip::Lost(_)));
         // The log has the trip already, and says it before everything else.
         let what_else = match lost {
-            Some(trip) if self.station.whole(trip) == text => "the controller was informed",
+            Some(trip) if self.served.whole(trip) == text => "the controller was informed",
             _ => &text,
         };
-        self.station.end(cause, what_else);
+        self.served.end(cause, what_else);
         ServerEvent::Ended {
             text,
             commands,
             missed,
             corrupt,
             // A computed specimen of this process is where it was, whatever faults a script plays.
-            is_lost: lost.is_some() && self.station.is_remote(),
+            is_lost: lost.is_some() && self.served.is_remote(),
             starts_anew: self.starts_anew,
         }
     }

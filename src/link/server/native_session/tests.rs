@@ -3,9 +3,9 @@ mod records;
 use std::sync::{Arc, Mutex};
 
 use crate::link::Transport;
-use crate::link::rig::{FarBuild, ProbeSettings};
+use crate::link::served::LinkBuild;
 use crate::link::server::{Host, ServerEvent, Simulated, Tap, Tapped};
-use crate::port::Pace;
+use crate::port::{Pace, WiringCheck};
 use crate::specimen::SpecimenLaw;
 use crate::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Status,
@@ -307,7 +307,7 @@ impl Substructure for Beyond {
 fn gateway(last_words: Option<&'static str>) -> (Host, Arc<Mutex<Vec<Told>>>) {
     let told = Arc::<Mutex<Vec<Told>>>::default();
     let heard = Arc::clone(&told);
-    let build: FarBuild = Arc::new(move |_| {
+    let build: LinkBuild = Arc::new(move |_| {
         Ok(Box::new(Beyond {
             told: Arc::clone(&heard),
             last_words,
@@ -490,12 +490,12 @@ fn a_computed_specimen_has_limits_and_a_trip_of_its_session_unless_it_remembers(
         assert!(into.status.has(Status::INTERLOCK));
         assert_eq!(latch.trip().is_some(), remembers);
         drop(controller);
-        let mut station = again.station(remembers).unwrap();
-        let visitor = crate::link::rig::Visitor::unnamed(([127, 0, 0, 1], 1).into());
-        let begun = station.begin(&visitor, &mut || Ok(()));
+        let mut served = again.specimen(remembers).unwrap();
+        let controller = crate::link::served::Controller::unnamed(([127, 0, 0, 1], 1).into());
+        let begun = served.begin(&controller, &mut || Ok(()));
         assert_eq!(begun.is_err(), remembers);
         latch.clear().unwrap();
-        assert!(station.begin(&visitor, &mut || Ok(())).is_ok());
+        assert!(served.begin(&controller, &mut || Ok(())).is_ok());
     }
 }
 
@@ -624,11 +624,12 @@ fn why_the_specimen_tripped_is_passed_on_by_a_gateway_that_tripped_with_it() {
 #[test]
 fn why_the_specimen_tripped_while_it_was_tried_stands_in_the_refusal() {
     let (host, _) = gateway(Some(FORCE));
-    let host = host.probed(ProbeSettings::Motion {
+    let check = WiringCheck::Probe {
         amplitude: vec![0.005],
         pace: Pace::of(0.001, 0.0001),
-        forgets: false,
-    });
+        units: Vec::new(),
+    };
+    let host = host.checked(check, false);
     let refused = Controller::greeting(host, axis(), true, (1000, 1)).arm(0, 0.0);
     let Some(Control::Refuse(refuse)) = refused else {
         panic!("{refused:?}");

@@ -4,11 +4,14 @@ use std::sync::Arc;
 use crossbeam_channel::unbounded;
 
 use crate::link::openfresco::{Nature, Role};
-use crate::link::rig::{Law, Rig, Station, Wanted};
+use crate::link::served::{Computed, ServedSpecimen};
 use crate::link::server::connection::Connection;
 use crate::link::server::wire_end::WireEnd;
 use crate::specimen::SpecimenLaw;
-use crate::substructure::{Command, Introduction, Measurement, Retirement};
+use crate::substructure::{
+    Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
+    Unavailable,
+};
 use crate::units::AxisUnits;
 use crate::wire::openfresco::Carrier;
 
@@ -29,8 +32,8 @@ impl Client {
     fn new(role: Role, law: &str, nature: Nature, timed: bool) -> Self {
         let law: SpecimenLaw = toml::from_str(law).unwrap();
         let mut host = Host::new(law.build(1).unwrap(), nature, Some(0.01));
-        let visitor = Visitor::unnamed(([127, 0, 0, 1], 1).into());
-        host.begin(&visitor, &mut || Ok(())).unwrap();
+        let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
+        host.begin(&controller, &mut || Ok(())).unwrap();
         let mut codec = Codec::new(role, None, Carrier::Stream, 1);
         let timed = i32::from(timed);
         let sizes = [1, 0, 0, 0, timed, 0, 0, 0, 1, 0, N as i32];
@@ -176,54 +179,33 @@ fn a_load_factor_that_falls_in_a_step_ends_no_test() {
 
 /// A spring that stops the server while it is moved for the tenth time.
 struct Stopping {
-    spring: Law,
+    spring: Computed,
     shared: Arc<Shared>,
     trials: u32,
 }
 
-impl Rig for Stopping {
+impl Substructure for Stopping {
     fn axes(&self) -> usize {
         1
     }
-    fn connect(
-        &mut self,
-        visitor: &Visitor,
-        wanted: &mut Wanted<'_>,
-    ) -> Result<Introduction, TestEnd> {
-        self.spring.connect(visitor, wanted)
+    fn coupling(&self) -> Coupling {
+        Coupling::Lockstep
     }
-    fn arm(
-        &mut self,
-        sequence: u64,
-        start: &[f64],
-        wanted: &mut dyn FnMut() -> bool,
-    ) -> Result<bool, LinkFault> {
-        self.spring.arm(sequence, start, wanted)
+    fn connect(&mut self) -> Result<Introduction, Unavailable> {
+        self.spring.connect()
     }
-    fn trial(
-        &mut self,
-        command: &Command<'_>,
-        elapsed: f64,
-        _: &mut dyn FnMut() -> bool,
-        into: &mut Measurement,
-    ) -> Result<bool, LinkFault> {
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
         self.trials += 1;
         if self.trials == 10 {
             self.shared.stop();
         }
-        self.spring.trial(command, elapsed, &mut || true, into)
+        self.spring.issue(command)
     }
-    fn commit(&mut self) -> Result<(), LinkFault> {
-        self.spring.commit()
+    fn collect(&mut self, deadline: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        self.spring.collect(deadline, into)
     }
-    fn revert(&mut self) {
-        self.spring.revert();
-    }
-    fn tangent(&mut self, stiffness: &mut [f64]) {
-        self.spring.tangent(stiffness);
-    }
-    fn end(&mut self, how: Retirement) -> Option<String> {
-        self.spring.end(how)
+    fn retire(&mut self, how: Retirement) {
+        self.spring.retire(how);
     }
 }
 
@@ -233,13 +215,13 @@ fn a_stop_request_ends_the_commands_of_one_piece() {
     let shared = Arc::new(Shared::new(events_in));
     let law: SpecimenLaw = toml::from_str(LINEAR).unwrap();
     let rig = Stopping {
-        spring: Law::new(law.build(1).unwrap(), false),
+        spring: Computed::new(law.build(1).unwrap(), false),
         shared: Arc::clone(&shared),
         trials: 0,
     };
     let units = vec![AxisUnits::SI];
-    let station = Station::new("spring".into(), Box::new(rig), units, vec![8e3], vec![0.0]);
-    let mut host = Host::of(station, Nature::Simulated, None);
+    let served = ServedSpecimen::new("spring".into(), Box::new(rig), units, vec![8e3], vec![0.0]);
+    let mut host = Host::of(served, Nature::Simulated, None);
     let mut codec = Codec::new(Role::Application, None, Carrier::Stream, 1);
     let sizes = [1, 0, 0, 0, 0, 0, 0, 0, 1, 0, 2_i32].map(i32::to_le_bytes);
     let (_, Request::Sizes(sizes)) = codec.feed(sizes.as_flattened()).unwrap() else {

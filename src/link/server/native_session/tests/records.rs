@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::*;
 use crate::config::fault_script::Script;
-use crate::link::rig::{LogSettings, Visitor};
+use crate::link::served::RecordSettings;
 use crate::record::Run;
 use crate::record::summary::{Status as Ended, Summary};
 
@@ -20,8 +20,8 @@ fn scripted(fault: &str) -> Host {
     host().faulty(script).unwrap()
 }
 
-pub(super) fn kept(root: &Path) -> LogSettings {
-    LogSettings {
+pub(super) fn kept(root: &Path) -> RecordSettings {
+    RecordSettings {
         root: root.into(),
         file: Vec::new(),
         resolved: String::new(),
@@ -86,9 +86,9 @@ fn a_record_says_that_faults_were_played_and_keeps_their_script() {
 fn so_does_the_record_of_a_test_that_they_did_not_let_begin() {
     let root = tempfile::tempdir().unwrap();
     let host = scripted("kind = { elsewhere = { disp_m = 0.01 } }").recorded(kept(root.path()));
-    let visitor = Visitor::unnamed(([127, 0, 0, 1], 1).into());
-    let mut station = host.station(false).unwrap();
-    assert!(station.begin(&visitor, &mut || Ok(())).is_err());
+    let controller = crate::link::served::Controller::unnamed(([127, 0, 0, 1], 1).into());
+    let mut served = host.specimen(false).unwrap();
+    assert!(served.begin(&controller, &mut || Ok(())).is_err());
     let (events, summary) = record(root.path());
     assert_eq!(events[1], ("faults".into(), SAID.into()));
     assert_eq!(summary.warnings, [SAID]);

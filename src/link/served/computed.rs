@@ -1,12 +1,15 @@
-//! A formula behind a server.
+//! A computed specimen behind a server.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::{Rig, TestEnd, Visitor, Wanted};
 use crate::specimen::{Specimen, status};
 use crate::state::TestState;
-use crate::substructure::{Command, Introduction, LinkFault, Measurement, Retirement};
+use crate::substructure::{
+    Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
+    Unavailable,
+};
+use crate::time::Nanos;
 
 /// How the last test left a specimen that is computed: shared by those who make one and those who ask where it stands.
 #[derive(Debug, Clone, Default)]
@@ -70,7 +73,7 @@ impl Memory {
 }
 
 /// A specimen that is computed.
-pub struct Law {
+pub struct Computed {
     specimen: Box<dyn Specimen>,
     /// The state and the place in which a test finds it.
     virgin: TestState,
@@ -80,19 +83,22 @@ pub struct Law {
     remembers: bool,
     /// It was driven since the last commit.
     driven: bool,
+    /// The command in force: its number, the test time since the last commit, displacements and velocities.
+    sequence: u64,
+    elapsed: f64,
     disp: Vec<f64>,
+    vel: Vec<f64>,
     committed: Vec<f64>,
-    still: Vec<f64>,
 }
 
-impl std::fmt::Debug for Law {
+impl std::fmt::Debug for Computed {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Law").finish_non_exhaustive()
+        f.debug_struct("Computed").finish_non_exhaustive()
     }
 }
 
-impl Law {
-    /// A formula in its present committed state, which is that of every test, or of the first one if it `remembers`.
+impl Computed {
+    /// A specimen in its present committed state, which is that of every test, or of the first one if it `remembers`.
     #[must_use]
     pub fn new(mut specimen: Box<dyn Specimen>, remembers: bool) -> Self {
         let axes = specimen.axes();
@@ -102,9 +108,11 @@ impl Law {
             memory: None,
             remembers,
             driven: false,
+            sequence: 0,
+            elapsed: 0.0,
             disp: vec![0.0; axes],
+            vel: vec![0.0; axes],
             committed: vec![0.0; axes],
-            still: vec![0.0; axes],
             specimen,
         }
     }
@@ -134,18 +142,21 @@ impl Law {
     }
 }
 
-impl Rig for Law {
+impl Substructure for Computed {
     fn axes(&self) -> usize {
         self.disp.len()
     }
 
-    fn connect(&mut self, visitor: &Visitor, _: &mut Wanted<'_>) -> Result<Introduction, TestEnd> {
-        let rate = visitor.rate.filter(|(numerator, _)| *numerator > 0);
-        let every = rate.map_or(0.0, |(numerator, denominator)| {
-            denominator as f64 / numerator as f64
-        });
-        self.specimen.commanded_every(every);
-        // What the test before left is forgotten when it is armed, if it is no specimen that remembers.
+    fn coupling(&self) -> Coupling {
+        Coupling::Lockstep
+    }
+
+    fn commanded_every(&mut self, seconds: f64) {
+        self.specimen.commanded_every(seconds);
+    }
+
+    fn connect(&mut self) -> Result<Introduction, Unavailable> {
+        // What the test before left is forgotten when it is armed, if it does not remember.
         let standing = if self.remembers {
             &self.committed
         } else {
@@ -170,33 +181,39 @@ impl Rig for Law {
         Ok(true)
     }
 
-    fn at_rest(&mut self, into: &mut Measurement) {
+    fn at_rest(&mut self, into: &mut Measurement) -> bool {
+        self.vel.fill(0.0);
         self.specimen
-            .trial(&self.committed, &self.still, 0.0, &mut into.force);
+            .trial(&self.committed, &self.vel, 0.0, &mut into.force);
         into.disp.copy_from_slice(&self.committed);
         self.specimen.measured(&mut into.disp);
         self.specimen.revert();
+        true
     }
 
-    fn trial(
-        &mut self,
-        command: &Command<'_>,
-        elapsed: f64,
-        _: &mut dyn FnMut() -> bool,
-        into: &mut Measurement,
-    ) -> Result<bool, LinkFault> {
-        for ((own, measured), disp) in self.disp.iter_mut().zip(&mut into.disp).zip(command.disp) {
-            (*own, *measured) = (*disp, *disp);
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        (self.sequence, self.elapsed) = (command.sequence, command.dt);
+        let own = self.disp.iter_mut().zip(&mut self.vel);
+        for ((own_disp, own_vel), (disp, vel)) in own.zip(command.disp.iter().zip(command.vel)) {
+            (*own_disp, *own_vel) = (*disp, *vel);
         }
         self.driven = true;
-        self.specimen
-            .trial(&self.disp, command.vel, elapsed, &mut into.force);
-        self.specimen.measured(&mut into.disp);
-        into.status = status(self.specimen.as_ref());
-        Ok(true)
+        Ok(())
     }
 
-    fn commit(&mut self) -> Result<(), LinkFault> {
+    fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        into.sequence = self.sequence;
+        for (measured, disp) in into.disp.iter_mut().zip(&self.disp) {
+            *measured = *disp;
+        }
+        self.specimen
+            .trial(&self.disp, &self.vel, self.elapsed, &mut into.force);
+        self.specimen.measured(&mut into.disp);
+        into.status = status(self.specimen.as_ref());
+        Ok(Freshness::Fresh)
+    }
+
+    fn accepted(&mut self, _: u64) -> Result<(), LinkFault> {
         self.specimen.commit();
         self.committed.copy_from_slice(&self.disp);
         self.driven = false;
@@ -208,11 +225,12 @@ impl Rig for Law {
         self.driven = false;
     }
 
-    fn tangent(&mut self, stiffness: &mut [f64]) {
+    fn tangent(&self, stiffness: &mut [f64]) -> bool {
         self.specimen.tangent(stiffness);
+        true
     }
 
-    fn end(&mut self, _: Retirement) -> Option<String> {
+    fn retire(&mut self, _: Retirement) {
         let is_kept = self.remembers || self.memory.is_some();
         if is_kept && self.driven {
             // However the test ended, it is where it was driven last.
@@ -228,7 +246,6 @@ impl Rig for Law {
             };
             *memory.left.lock().unwrap_or_else(PoisonError::into_inner) = Some(left);
         }
-        None
     }
 }
 
@@ -245,26 +262,25 @@ mod tests {
 
     /// A test that goes to these places, each of which but the last is accepted, and ends at once; where the law was introduced
     /// as standing.
-    fn goes_to(law: &mut Law, places: &[f64]) -> Vec<f64> {
-        let visitor = Visitor::unnamed("127.0.0.1:1".parse().unwrap());
-        let introduced = law.connect(&visitor, &mut || Ok(())).unwrap().standing;
+    fn goes_to(law: &mut Computed, places: &[f64]) -> Vec<f64> {
+        let introduced = law.connect().unwrap().standing;
         law.arm(0, &introduced, &mut || true).unwrap();
         let mut measured = Measurement::zeros(1);
         for (index, place) in places.iter().enumerate() {
             if index > 0 {
-                law.commit().unwrap();
+                law.accepted(index as u64 - 1).unwrap();
             }
             let command = Command {
                 sequence: index as u64,
                 time: 0.0,
-                dt: 0.0,
+                dt: 0.01,
                 disp: &[*place],
                 vel: &[0.0],
             };
-            law.trial(&command, 0.01, &mut || true, &mut measured)
-                .unwrap();
+            law.issue(&command).unwrap();
+            law.collect(Nanos(0), &mut measured).unwrap();
         }
-        law.end(Retirement::Tripped);
+        law.retire(Retirement::Tripped);
         introduced
     }
 
@@ -272,10 +288,9 @@ mod tests {
     #[test]
     fn a_memory_is_of_a_test_once_one_has_armed_the_specimen() {
         let memory = Memory::of(spring().as_mut(), &[0.01]);
-        let mut law = Law::new(spring(), true).recalling(memory.clone());
-        let visitor = Visitor::unnamed("127.0.0.1:1".parse().unwrap());
-        law.connect(&visitor, &mut || Ok(())).unwrap();
-        law.end(Retirement::Operator);
+        let mut law = Computed::new(spring(), true).recalling(memory.clone());
+        law.connect().unwrap();
+        law.retire(Retirement::Operator);
         assert!(!memory.is_of_a_test());
         goes_to(&mut law, &[0.01]);
         assert!(memory.is_of_a_test());
@@ -286,7 +301,7 @@ mod tests {
         // By itself from test to test, or one for each test, as over our own protocol.
         for remembers in [true, false] {
             let memory = Memory::default();
-            let law = || Law::new(spring(), remembers).recalling(memory.clone());
+            let law = || Computed::new(spring(), remembers).recalling(memory.clone());
             assert_eq!(goes_to(&mut law(), &[0.01, 0.02]), [0.0]);
             assert_eq!(memory.disp(), Some(vec![0.02]));
             assert_eq!(goes_to(&mut law(), &[]), [0.02]);
@@ -296,7 +311,7 @@ mod tests {
 
     #[test]
     fn what_does_not_remember_is_introduced_where_its_next_test_finds_it() {
-        let mut law = Law::new(spring(), false);
+        let mut law = Computed::new(spring(), false);
         goes_to(&mut law, &[0.01, 0.02, 0.03]);
         assert_eq!(goes_to(&mut law, &[]), [0.0]);
     }

@@ -1,23 +1,24 @@
 //! The second look: what a controller announced in the handshake, kept by the specimen's end as well.
 
-use super::{AxisLimits, AxisUnits, Trip, USUAL_TICK_S, Watch};
+use super::{Controller, Trip, USUAL_TICK_S};
 use crate::link::announce;
-use crate::link::rig::Visitor;
+use crate::port::limits::{AxisLimits, Watch};
+use crate::units::AxisUnits;
 
 /// What one controller has announced.
 #[derive(Debug)]
-pub(super) struct Announced {
+pub(super) struct AnnouncedLimits {
     limits: Vec<AxisLimits>,
     watch: Watch,
 }
 
-impl Announced {
+impl AnnouncedLimits {
     /// None if the protocol has no limits.
-    pub fn by(visitor: &Visitor, units: &[AxisUnits]) -> Option<Self> {
-        if visitor.limits.len() != units.len() {
+    pub fn by(controller: &Controller, units: &[AxisUnits]) -> Option<Self> {
+        if controller.limits.len() != units.len() {
             return None;
         }
-        let axes = visitor.limits.iter().zip(units);
+        let axes = controller.limits.iter().zip(units);
         let limits: Vec<_> = axes
             .map(|(limits, units)| announce::kept(limits, units))
             .collect();
@@ -67,13 +68,13 @@ impl Announced {
 mod tests {
     use super::*;
     use crate::catalog::limit::Limit;
-    use crate::link::rig::{Law, Station};
+    use crate::link::served::{Computed, ServedSpecimen};
     use crate::specimen::SpecimenLaw;
     use crate::substructure::{Command, Measurement, Status};
     use crate::wire::handshake::Limits;
 
     /// A spring of 1 MN/m in mm and kN, which is 1 kN/mm, for a controller that announces 50 mm, 500 mm/s and 30 kN.
-    fn station() -> Station {
+    fn served() -> ServedSpecimen {
         let law: SpecimenLaw =
             toml::from_str("law = { linear = { stiffness_n_per_m = 1.0 } }").unwrap();
         let units = vec![AxisUnits {
@@ -82,9 +83,9 @@ mod tests {
             disp: "mm",
             force: "kN",
         }];
-        let rig = Box::new(Law::new(law.build(1).unwrap(), false));
-        let mut station = Station::new("rig".into(), rig, units, vec![1.0], vec![0.0]);
-        let visitor = Visitor {
+        let rig = Box::new(Computed::new(law.build(1).unwrap(), false));
+        let mut served = ServedSpecimen::new("rig".into(), rig, units, vec![1.0], vec![0.0]);
+        let controller = Controller {
             rate: Some((1000, 1)),
             limits: vec![Limits {
                 disp_min: -50.0,
@@ -92,15 +93,15 @@ mod tests {
                 speed_max: 500.0,
                 force_max: 30.0,
             }],
-            ..Visitor::unnamed(([127, 0, 0, 1], 1).into())
+            ..Controller::unnamed(([127, 0, 0, 1], 1).into())
         };
-        station.begin(&visitor, &mut || Ok(())).unwrap();
-        station
+        served.begin(&controller, &mut || Ok(())).unwrap();
+        served
     }
 
     /// Sends these commands, (sequence, displacement in mm) each; the trip of the last.
     fn told(commands: &[(u64, f64)]) -> (Option<Limit>, Status) {
-        let (mut station, mut into) = (station(), Measurement::zeros(1));
+        let (mut served, mut into) = (served(), Measurement::zeros(1));
         let mut trip = None;
         for &(sequence, disp) in commands {
             assert_eq!(trip, None, "only the last may trip");
@@ -112,7 +113,7 @@ mod tests {
                 disp: &[disp],
                 vel: &[0.0],
             };
-            trip = match station.exchange(&command, 1e-5, &mut || true, &mut into) {
+            trip = match served.exchange(&command, 1e-5, &mut || true, &mut into) {
                 Ok(_) => None,
                 Err(Trip::Announced(hit)) => Some(hit.quantity),
                 Err(other) => panic!("{other}"),

@@ -5,9 +5,9 @@
 
 use std::path::{Path, PathBuf};
 
-use super::columns::{Exchange, HEAD, WIDTH, columns};
-use super::summary::{self, Counted};
-use super::{Trip, Visitor};
+use super::exchange_columns::{Exchange, HEAD, WIDTH, columns};
+use super::session_summary::{self, Counted};
+use super::{Controller, Trip};
 use crate::catalog::ending::{Cause, Status as Ended};
 use crate::catalog::event::{Remark, Severity};
 use crate::record::writer::Clocks;
@@ -23,7 +23,7 @@ use crate::units::AxisUnits;
 
 /// Where and what a server records.
 #[derive(Debug, Clone)]
-pub struct LogSettings {
+pub struct RecordSettings {
     /// Folder in which each controller's test gets one of its own: `test-0001`, `test-0002`, …
     pub root: PathBuf,
     /// The file that is served, byte for byte.
@@ -44,7 +44,7 @@ const USUAL_RATE_HZ: f64 = 1000.0;
 const MOST_FOLDERS: u32 = 999_999;
 
 /// A test that is being recorded.
-pub(super) struct Log {
+pub(super) struct SessionRecord {
     folder: RunFolder,
     name: String,
     units: Vec<AxisUnits>,
@@ -61,17 +61,17 @@ pub(super) struct Log {
     required: bool,
 }
 
-impl Log {
+impl SessionRecord {
     /// The folder, with everything that is known before the test. Touches the disk, and starts two threads.
     pub fn open(
-        settings: &LogSettings,
+        settings: &RecordSettings,
         name: &str,
         units: &[AxisUnits],
-        visitor: &Visitor,
+        controller: &Controller,
         away_from: Option<usize>,
     ) -> Result<Self, String> {
         let mut folder = next_folder(&settings.root)?;
-        let rate_hz = visitor
+        let rate_hz = controller
             .rate
             .map(|(above, below)| above as f64 / below as f64)
             .filter(|rate| rate.is_finite());
@@ -99,9 +99,9 @@ impl Log {
         };
         log.note(
             Event::Controller {
-                peer: visitor.peer.to_string(),
-                test: visitor.test.clone(),
-                software: visitor.software.clone(),
+                peer: controller.peer.to_string(),
+                test: controller.test.clone(),
+                software: controller.software.clone(),
             }
             .into(),
         );
@@ -109,7 +109,7 @@ impl Log {
     }
 
     fn make(
-        settings: &LogSettings,
+        settings: &RecordSettings,
         folder: &mut RunFolder,
         name: &str,
         units: &[AxisUnits],
@@ -290,8 +290,8 @@ impl Log {
         } = self;
         let wall_seconds = os::monotonic_ns().saturating_sub(began_ns) as f64 * 1e-9;
         let recorded = writer.finish().unwrap_or_default();
-        let summary = summary::summarise(
-            summary::End {
+        let summary = session_summary::summarise(
+            session_summary::End {
                 cause,
                 text,
                 wall_seconds,

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde_json::json;
 
-use super::columns::Exchange;
+use super::exchange_columns::Exchange;
 use crate::catalog::ending::Cause;
 use crate::record::summary::{ClockKind, InputFile, LinkCounts, Peak};
 use crate::record::{MissClasses, Recorded, Summary};

@@ -1,14 +1,13 @@
-//! A station before a specimen across a link: where it stands, what it is found to resist there, and what it says of itself.
+//! A served before a specimen across a link: where it stands, what it is found to resist there, and what it says of itself.
 
 use std::sync::{Arc, Mutex};
 
-use super::Station;
+use super::ServedSpecimen;
 use crate::catalog::ending::Cause;
 use crate::catalog::limit::Limit;
 use crate::config::LimitsSpec;
-use crate::link::rig::settings::ProbeSettings;
-use crate::link::rig::{Far, Rig, TestEnd, Trip, Visitor, Wanted, Whereabouts};
-use crate::port::Pace;
+use crate::link::served::{Controller, LinkMaker, TestEnd, Trip, Whereabouts};
+use crate::port::{Pace, WiringCheck};
 use crate::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Status,
     Substructure, Unavailable,
@@ -68,25 +67,34 @@ impl Substructure for Spring {
     fn retire(&mut self, _: Retirement) {}
 }
 
-fn station(spring: &Spring, whereabouts: &Whereabouts) -> Station {
+fn served(spring: &Spring, whereabouts: &Whereabouts) -> ServedSpecimen {
     let spring = spring.clone();
-    let build = Arc::new(move |_: &Visitor| {
+    let build = Arc::new(move |_: &Controller| {
         let link: Box<dyn Substructure> = Box::new(spring.clone());
         Ok(link)
     });
-    let far = Far::new(build, 1, vec![K], 1_000_000_000).remembering(whereabouts.clone());
+    let links = LinkMaker::new(build, whereabouts.clone(), 1_000_000_000);
     let units = vec![AxisUnits::SI];
-    Station::new("rig".into(), Box::new(far), units, vec![K], vec![0.0])
-        .probed(ProbeSettings::Unchecked { silent: true })
+    ServedSpecimen::linked("rig".into(), links, units, vec![K], vec![0.0])
+        .checked(WiringCheck::Known, false)
 }
 
-fn begin(station: &mut Station) -> Result<Vec<String>, TestEnd> {
-    let visitor = Visitor::unnamed(([127, 0, 0, 1], 1).into());
-    station.begin(&visitor, &mut || Ok(()))
+/// The wiring check along one axis.
+fn check(amplitude: f64, pace: Pace) -> WiringCheck {
+    WiringCheck::Probe {
+        amplitude: vec![amplitude],
+        pace,
+        units: vec![AxisUnits::SI],
+    }
+}
+
+fn begin(served: &mut ServedSpecimen) -> Result<Vec<String>, TestEnd> {
+    let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
+    served.begin(&controller, &mut || Ok(()))
 }
 
 /// One command; the force that is answered.
-fn goes_to(station: &mut Station, sequence: u64, disp: f64) -> Result<f64, Trip> {
+fn goes_to(served: &mut ServedSpecimen, sequence: u64, disp: f64) -> Result<f64, Trip> {
     let command = Command {
         sequence,
         time: 0.0,
@@ -95,19 +103,15 @@ fn goes_to(station: &mut Station, sequence: u64, disp: f64) -> Result<f64, Trip>
         vel: &[0.0],
     };
     let mut into = Measurement::zeros(1);
-    station.exchange(&command, 0.01, &mut || true, &mut into)?;
+    served.exchange(&command, 0.01, &mut || true, &mut into)?;
     Ok(into.force[0])
 }
 
 #[test]
 fn a_specimen_whose_place_nobody_knows_is_refused_before_it_is_told_anything() {
     let spring = Spring::default();
-    let probe = ProbeSettings::Motion {
-        amplitude: vec![1e-3],
-        pace: Pace::of(0.01, 0.001),
-        forgets: false,
-    };
-    let mut refused = station(&spring, &Whereabouts::default()).probed(probe);
+    let probe = check(1e-3, Pace::of(0.01, 0.001));
+    let mut refused = served(&spring, &Whereabouts::default()).checked(probe, false);
     let over = begin(&mut refused).unwrap_err();
     for words in ["its position is unknown", "`stands_at_m`"] {
         assert!(over.text.contains(words), "{}", over.text);
@@ -115,13 +119,13 @@ fn a_specimen_whose_place_nobody_knows_is_refused_before_it_is_told_anything() {
     assert!(spring.told.lock().unwrap().is_empty());
     // A computation is believed at zero, whoever says that it is one.
     let computed = Whereabouts::default().of_a_computation();
-    assert_eq!(begin(&mut station(&spring, &computed)).err(), None);
+    assert_eq!(begin(&mut served(&spring, &computed)).err(), None);
     let simulated = Spring {
         simulated: true,
         ..Spring::default()
     };
     let nowhere = Whereabouts::default();
-    assert_eq!(begin(&mut station(&simulated, &nowhere)).err(), None);
+    assert_eq!(begin(&mut served(&simulated, &nowhere)).err(), None);
     assert!(spring.told.lock().unwrap().is_empty());
 }
 
@@ -129,13 +133,13 @@ fn a_specimen_whose_place_nobody_knows_is_refused_before_it_is_told_anything() {
 fn of_a_specimen_that_does_not_tell_the_file_says_where_it_stands_and_then_where_it_was_led() {
     let spring = Spring::default();
     let whereabouts = Whereabouts::said(vec![0.004]);
-    let mut one = station(&spring, &whereabouts);
+    let mut one = served(&spring, &whereabouts);
     assert_eq!(begin(&mut one).err(), None);
     assert_eq!(one.measured().disp, [0.004]);
     goes_to(&mut one, 0, 0.0045).unwrap();
     drop(one);
     // Another test, another connection.
-    let mut next = station(&spring, &whereabouts);
+    let mut next = served(&spring, &whereabouts);
     let told = begin(&mut next).unwrap();
     assert!(
         told.iter().any(|text| text.contains("is at 4.5 mm")),
@@ -151,12 +155,12 @@ fn what_is_asked_before_the_first_command_was_measured() {
         tells: vec![0.004],
         ..Spring::default()
     };
-    let mut station = station(&spring, &Whereabouts::default());
-    begin(&mut station).unwrap();
-    let measured = station.measured();
+    let mut served = served(&spring, &Whereabouts::default());
+    begin(&mut served).unwrap();
+    let measured = served.measured();
     assert_eq!((measured.disp[0], measured.force[0]), (0.004, K * 0.004));
     assert_eq!(*spring.told.lock().unwrap(), [0.004], "nothing has moved");
-    assert_eq!(goes_to(&mut station, 0, 0.0045), Ok(K * 0.0045));
+    assert_eq!(goes_to(&mut served, 0, 0.0045), Ok(K * 0.0045));
 }
 
 /// Half a metre from where its controller believes it.
@@ -168,13 +172,13 @@ fn the_first_command_is_a_step_from_where_the_specimen_was_measured() {
         ..Spring::default()
     };
     let limits: LimitsSpec = toml::from_str("command_step_m = { trip = 0.01 }").unwrap();
-    let mut station = station(&spring, &Whereabouts::default()).limited(&[limits]);
-    let visitor = Visitor {
+    let mut served = served(&spring, &Whereabouts::default()).limited(&[limits]);
+    let controller = Controller {
         start: vec![0.0],
-        ..Visitor::unnamed(([127, 0, 0, 1], 1).into())
+        ..Controller::unnamed(([127, 0, 0, 1], 1).into())
     };
-    station.begin(&visitor, &mut || Ok(())).unwrap();
-    let Err(Trip::Limit(hit)) = goes_to(&mut station, 0, 0.0) else {
+    served.begin(&controller, &mut || Ok(())).unwrap();
+    let Err(Trip::Limit(hit)) = goes_to(&mut served, 0, 0.0) else {
         panic!("it leaves");
     };
     assert_eq!((hit.quantity, hit.value), (Limit::CommandStep, 0.5));
@@ -189,14 +193,14 @@ fn says(status: Status) -> Option<(usize, Trip)> {
         says: (5, status),
         ..Spring::default()
     };
-    let mut station = station(&spring, &Whereabouts::default());
-    begin(&mut station).unwrap();
+    let mut served = served(&spring, &Whereabouts::default());
+    begin(&mut served).unwrap();
     let tripped = (0..20).find_map(|sequence| {
-        let trip = goes_to(&mut station, sequence, 0.0).err()?;
+        let trip = goes_to(&mut served, sequence, 0.0).err()?;
         Some((sequence as usize, trip))
     });
     if let Some((last, _)) = tripped {
-        assert!(goes_to(&mut station, 20, 0.0).is_err());
+        assert!(goes_to(&mut served, 20, 0.0).is_err());
         assert_eq!(spring.told.lock().unwrap().len(), last + 2, "not passed on");
     }
     tripped
@@ -223,17 +227,13 @@ fn a_small_motion_that_is_broken_off_is_told_with_the_place_where_it_ends() {
         tells: vec![0.004],
         ..Spring::default()
     };
-    let motion = ProbeSettings::Motion {
-        amplitude: vec![1e-3],
-        pace: Pace::of(0.001, 0.0005),
-        forgets: false,
-    };
+    let motion = check(1e-3, Pace::of(0.001, 0.0005));
     // Before it has begun, and in the midst of it.
     for moves in [false, true] {
         let told = Arc::clone(&spring.told);
         told.lock().unwrap().clear();
-        let mut station = station(&spring, &Whereabouts::default()).probed(motion.clone());
-        let visitor = Visitor::unnamed(([127, 0, 0, 1], 1).into());
+        let mut served = served(&spring, &Whereabouts::default()).checked(motion.clone(), false);
+        let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
         let mut wanted = || {
             let told = told.lock().unwrap();
             if !moves || told.last().is_some_and(|at| *at != 0.004) {
@@ -241,7 +241,7 @@ fn a_small_motion_that_is_broken_off_is_told_with_the_place_where_it_ends() {
             }
             Ok(())
         };
-        let over = station.begin(&visitor, &mut wanted).unwrap_err();
+        let over = served.begin(&controller, &mut wanted).unwrap_err();
         let left = spring.told.lock().unwrap().last().copied();
         let left = left.unwrap_or(0.004);
         assert_eq!(left != 0.004, moves);
@@ -252,8 +252,8 @@ fn a_small_motion_that_is_broken_off_is_told_with_the_place_where_it_ends() {
 
 /// A specimen at zero that is moved by one client.
 struct Led {
-    station: Station,
-    visitor: Visitor,
+    served: ServedSpecimen,
+    controller: Controller,
     now: Nanos,
     sequence: u64,
     disp: f64,
@@ -267,10 +267,10 @@ impl Led {
         };
         let limits: LimitsSpec = toml::from_str(limits).unwrap();
         let mut led = Self {
-            station: station(&spring, &Whereabouts::default()).limited(&[limits]),
-            visitor: Visitor {
+            served: served(&spring, &Whereabouts::default()).limited(&[limits]),
+            controller: Controller {
                 rate,
-                ..Visitor::unnamed(([127, 0, 0, 1], 1).into())
+                ..Controller::unnamed(([127, 0, 0, 1], 1).into())
             },
             now: Nanos(1_000_000_000),
             sequence: 0,
@@ -282,32 +282,32 @@ impl Led {
 
     fn connects(&mut self) {
         self.sequence = 0;
-        if self.visitor.rate.is_some() {
-            self.visitor.start = vec![self.disp];
+        if self.controller.rate.is_some() {
+            self.controller.start = vec![self.disp];
         }
-        self.station.end(Cause::ControllerVanished, "gone");
-        self.station.now_is(self.now);
+        self.served.end(Cause::ControllerVanished, "gone");
+        self.served.now_is(self.now);
         // The specimen is at its last command.
-        self.station.rig = Box::new(Standing {
+        self.served.answered_by(Standing {
             disp: self.disp,
             reads: None,
             measures: true,
         });
-        self.station.begin(&self.visitor, &mut || Ok(())).unwrap();
-        self.station.starts(self.now);
+        self.served.begin(&self.controller, &mut || Ok(())).unwrap();
+        self.served.starts(self.now);
     }
 
     fn arms(&mut self) {
         self.sequence += 10;
         let (first, start) = (self.sequence, [self.disp]);
-        let armed = self.station.begin_again(first, &start, &mut || Ok(()));
+        let armed = self.served.begin_again(first, &start, &mut || Ok(()));
         armed.unwrap();
-        self.station.starts(self.now);
+        self.served.starts(self.now);
     }
 
     fn waits(&mut self, seconds: f64) {
         self.now = self.now.plus((1e9 * seconds) as u64);
-        self.station.now_is(self.now);
+        self.served.now_is(self.now);
     }
 
     /// One command that moves the specimen by `metres`; the limit that trips.
@@ -322,7 +322,7 @@ impl Led {
         };
         self.sequence += 1;
         let mut into = Measurement::zeros(1);
-        match (self.station).exchange(&command, 0.02, &mut || true, &mut into) {
+        match (self.served).exchange(&command, 0.02, &mut || true, &mut into) {
             Ok(_) => {
                 self.disp = disp;
                 None
@@ -342,14 +342,17 @@ struct Standing {
     measures: bool,
 }
 
-impl Rig for Standing {
+impl Substructure for Standing {
     fn axes(&self) -> usize {
         1
+    }
+    fn coupling(&self) -> Coupling {
+        Coupling::Lockstep
     }
     fn is_remote(&self) -> bool {
         true
     }
-    fn connect(&mut self, _: &Visitor, _: &mut Wanted<'_>) -> Result<Introduction, TestEnd> {
+    fn connect(&mut self) -> Result<Introduction, Unavailable> {
         Ok(Introduction {
             standing: vec![self.disp],
             force: vec![0.0],
@@ -357,27 +360,22 @@ impl Rig for Standing {
             ..Introduction::default()
         })
     }
-    fn arm(&mut self, _: u64, _: &[f64], _: &mut dyn FnMut() -> bool) -> Result<bool, LinkFault> {
-        Ok(true)
-    }
-    fn trial(
-        &mut self,
-        command: &Command<'_>,
-        _: f64,
-        _: &mut dyn FnMut() -> bool,
-        into: &mut Measurement,
-    ) -> Result<bool, LinkFault> {
-        into.disp.copy_from_slice(command.disp);
-        into.disp[0] = self.reads.unwrap_or(into.disp[0]);
-        Ok(true)
-    }
-    fn commit(&mut self) -> Result<(), LinkFault> {
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        self.disp = command.disp[0];
         Ok(())
     }
-    fn revert(&mut self) {}
-    fn tangent(&mut self, _: &mut [f64]) {}
-    fn end(&mut self, _: Retirement) -> Option<String> {
-        None
+    fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        into.disp[0] = self.reads.unwrap_or(self.disp);
+        Ok(Freshness::Fresh)
+    }
+    fn retire(&mut self, _: Retirement) {}
+}
+
+impl ServedSpecimen {
+    /// This specimen answers from here on, without a link.
+    fn answered_by(&mut self, standing: Standing) {
+        self.links = None;
+        drop(self.port.swap_partner(Box::new(standing)));
     }
 }
 
@@ -428,7 +426,7 @@ fn a_slow_client_moves_a_specimen_by_a_tenth_of_a_second_in_each_command() {
                 led.goes(step)
             });
             assert_eq!(found, trip, "{rate:?} {step}");
-            if let Some(trip) = led.station.latch().trip() {
+            if let Some(trip) = led.served.latch().trip() {
                 assert!(trip.text.contains("0.1 s"), "{}", trip.text);
             }
         }
@@ -472,21 +470,18 @@ fn our_own_small_motion_is_judged_by_its_own_time_and_not_by_the_last_clients() 
         assert_eq!(led.goes(0.0), None);
         led.waits(rate.1 as f64 / rate.0 as f64);
         assert_eq!(led.goes(1e-6), None);
-        led.station.probe = ProbeSettings::Motion {
-            amplitude: vec![1e-3],
-            pace: Pace::of(4.0 * own_s, own_s),
-            forgets: false,
-        };
-        led.station.end(Cause::ControllerVanished, "gone");
-        led.station.rig = Box::new(Standing {
+        let motion = check(1e-3, Pace::of(4.0 * own_s, own_s));
+        *led.served.port.wiring_check_mut() = motion;
+        led.served.end(Cause::ControllerVanished, "gone");
+        led.served.answered_by(Standing {
             disp: led.disp,
             reads: None,
             measures: true,
         });
-        led.visitor.start = vec![led.disp];
+        led.controller.start = vec![led.disp];
         // A specimen without a force is refused; the limits judge the motion before.
-        let over = led.station.begin(&led.visitor, &mut || Ok(()));
-        let trip = led.station.latch().trip().map(|trip| trip.what);
+        let over = led.served.begin(&led.controller, &mut || Ok(()));
+        let trip = led.served.latch().trip().map(|trip| trip.what);
         assert_eq!(trip.is_some(), trips, "{rate:?}: {trip:?} {over:?}");
     }
 }
@@ -496,7 +491,7 @@ fn a_measured_displacement_that_cannot_be_trips_without_any_limit() {
     for (reads, trips) in [(999.0, false), (-1001.0, true), (1e308, true)] {
         let mut led = Led::at("", Some((1000, 1)));
         assert_eq!(led.goes(0.0), None);
-        led.station.rig = Box::new(Standing {
+        led.served.answered_by(Standing {
             disp: led.disp,
             reads: Some(reads),
             measures: true,
@@ -512,16 +507,19 @@ fn a_trip_is_the_specimens_until_its_operator_clears_it_and_a_lost_link_is_none(
     let mut led = Led::at("command_step_m = { trip = 0.001 }", Some((1000, 1)));
     assert_eq!(led.goes(0.0), None);
     assert_eq!(led.goes(0.002), Some(Limit::CommandStep));
-    led.station.end(Cause::ControllerTripped, "tripped");
+    led.served.end(Cause::ControllerTripped, "tripped");
     for _ in 0..2 {
-        let over = led.station.begin(&led.visitor, &mut || Ok(())).unwrap_err();
+        let over = led
+            .served
+            .begin(&led.controller, &mut || Ok(()))
+            .unwrap_err();
         let told = over.text.contains("command_step_m") && over.text.contains("allowed 1 mm");
         assert!(told, "{}", over.text);
     }
-    let cleared = led.station.latch().clear().unwrap().unwrap();
+    let cleared = led.served.latch().clear().unwrap().unwrap();
     assert_eq!(cleared.what, "command_step_m");
     led.connects();
-    led.station.trip(Trip::Lost(LinkFault::Closed));
+    led.served.trip(Trip::Lost(LinkFault::Closed));
     led.connects();
     assert_eq!(led.goes(0.0), None);
 }
@@ -532,17 +530,146 @@ fn a_limit_that_needs_a_measured_displacement_is_not_kept_by_the_command() {
     let begun = |limits: &str| {
         let limits: LimitsSpec = toml::from_str(limits).unwrap();
         let spring = Spring::default();
-        let mut station = station(&spring, &Whereabouts::default()).limited(&[limits]);
-        station.rig = Box::new(Standing {
+        let mut served = served(&spring, &Whereabouts::default()).limited(&[limits]);
+        served.answered_by(Standing {
             disp: 0.0,
             reads: None,
             measures: false,
         });
-        let visitor = Visitor::unnamed(([127, 0, 0, 1], 1).into());
-        station.begin(&visitor, &mut || Ok(()))
+        let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
+        served.begin(&controller, &mut || Ok(()))
     };
     let refused = begun("measured_disp_m = { trip = [-1, 1] }\nstuck_ticks = { trip = 9 }");
     let text = refused.unwrap_err().text;
     assert!(text.contains("measured_disp_m, stuck_ticks"), "{text}");
     assert!(begun("force_step_n = { trip = 1 }").is_ok());
+}
+
+/// Two springs of 10 N/m; from the command with this number on the load cell of the second says no number.
+#[derive(Debug)]
+struct Broken {
+    from: u64,
+    sequence: u64,
+    disp: [f64; 2],
+}
+
+impl Broken {
+    fn from(from: u64) -> Box<Self> {
+        let (sequence, disp) = (0, [0.0; 2]);
+        Box::new(Self {
+            from,
+            sequence,
+            disp,
+        })
+    }
+}
+
+impl Substructure for Broken {
+    fn axes(&self) -> usize {
+        2
+    }
+    fn coupling(&self) -> Coupling {
+        Coupling::Lockstep
+    }
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        self.sequence = command.sequence;
+        self.disp.copy_from_slice(command.disp);
+        Ok(())
+    }
+    fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        into.disp.copy_from_slice(&self.disp);
+        into.force = self.disp.iter().map(|disp| 10.0 * disp).collect();
+        if self.sequence >= self.from {
+            into.force[1] = f64::NAN;
+        }
+        Ok(Freshness::Fresh)
+    }
+    fn retire(&mut self, _: Retirement) {}
+}
+
+#[test]
+fn a_sensor_without_a_number_is_answered_with_what_it_read_last_and_marked() {
+    let units = vec![AxisUnits::SI; 2];
+    let mut served = ServedSpecimen::new(
+        "rig".into(),
+        Broken::from(3),
+        units,
+        vec![0.0; 4],
+        vec![0.0; 4],
+    );
+    let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
+    served.begin(&controller, &mut || Ok(())).unwrap();
+    let mut into = Measurement::zeros(2);
+    let mut exchange = |sequence: u64| {
+        let disp = [0.5 * sequence as f64, 0.25 * sequence as f64];
+        let command = Command {
+            sequence,
+            time: 0.0,
+            dt: 0.01,
+            disp: &disp,
+            vel: &[0.0; 2],
+        };
+        let trip = served
+            .exchange(&command, 0.01, &mut || true, &mut into)
+            .err();
+        (trip, into.clone())
+    };
+    for sequence in 0..=2 {
+        assert_eq!(exchange(sequence).0, None);
+    }
+    let (axis, measured) = (1, true);
+    let is_none = Some(Trip::NotFinite { axis, measured });
+    // And so it stays.
+    for sequence in 3..=4 {
+        let (trip, into) = exchange(sequence);
+        assert_eq!(trip, is_none);
+        assert_eq!((into.disp, into.force), (vec![1.5, 0.5], vec![15.0, 5.0]));
+        assert!(into.status.has(Status::INTERLOCK) && into.status.has(Status::SATURATED));
+    }
+}
+
+/// Stands for three commands at test time `from`, and then goes on by 0.1 m in each 0.01 s, with a limit that bounds any change
+/// of that speed. Whether it trips, and where.
+fn goes_on(from: f64, vel: f64, steps: &[f64]) -> Option<u64> {
+    let limits: LimitsSpec = toml::from_str("command_accel_m_per_s2 = { trip = 50.0 }").unwrap();
+    let units = vec![AxisUnits::SI; 2];
+    let rig = Broken::from(u64::MAX);
+    let served = ServedSpecimen::new("rig".into(), rig, units, vec![0.0; 4], vec![0.0; 4]);
+    let mut served = served.limited(&[limits; 2]);
+    let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
+    served.begin(&controller, &mut || Ok(())).unwrap();
+    let mut into = Measurement::zeros(2);
+    let (mut time, mut disp) = (from, [0.0; 2]);
+    let still = [0.0; 3];
+    (0..)
+        .zip(still.iter().chain(steps))
+        .find_map(|(sequence, step)| {
+            let dt = if sequence < 3 { 0.0 } else { 0.01 };
+            time += dt;
+            disp = disp.map(|disp| disp + step);
+            let command = Command {
+                sequence,
+                time,
+                dt,
+                disp: &disp,
+                vel: &[if dt > 0.0 { vel } else { 0.0 }; 2],
+            };
+            let trip = served
+                .exchange(&command, 0.01, &mut || true, &mut into)
+                .err();
+            trip.map(|_| sequence)
+        })
+}
+
+#[test]
+fn the_first_step_of_a_test_that_goes_on_is_judged_by_its_announced_speed_and_no_other_is() {
+    let steady = [0.1; 5];
+    assert_eq!(goes_on(2.0, 10.0, &steady), None);
+    // It begins, or comes faster than it says, or changes its speed later.
+    assert_eq!(goes_on(0.0, 10.0, &steady), Some(3));
+    assert_eq!(goes_on(2.0, 0.0, &steady), Some(3));
+    assert_eq!(goes_on(2.0, 10.0, &[0.1, 0.1, 0.0]), Some(5));
+    assert_eq!(goes_on(2.0, 10.0, &[0.1, 0.2]), Some(4));
+    // It is told once more where it stands.
+    assert_eq!(goes_on(2.0, 10.0, &[0.0, 0.1, 0.1]), None);
 }

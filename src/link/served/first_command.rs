@@ -1,8 +1,11 @@
 //! The first command to what moves, where the file bounds neither step nor speed nor acceleration of an axis: nothing that
 //! was declared says how far a single command may take it, and whoever commands may believe it elsewhere.
 
+use super::Trip;
 use crate::catalog::limit::Limit;
+use crate::port::Port;
 use crate::port::limits::{AxisLimits, Hit, Level};
+use crate::substructure::Command;
 use crate::units::AxisUnits;
 use crate::units::in_axis_unit;
 
@@ -13,6 +16,77 @@ const UNDECLARED_M: f64 = 1e-3;
 /// The first command after an Arm may be so far in m from the place that it names: a controller that tries a specimen's direction
 /// begins with the first step of that small motion.
 const BEGINS_WITHIN_M: f64 = 1e-3;
+
+/// What is known of the first commands of a session, and what is judged by it. Places are in the units of the axes.
+#[derive(Debug, Default)]
+pub(super) struct FirstCommand {
+    /// Where the specimen stands, until the first command of a controller that did not say where that will be has passed.
+    pub stands: Option<Vec<f64>>,
+    /// The same for what moves, whoever commands it.
+    pub leaves: Option<Vec<f64>>,
+    /// Of what moves: the number of the first command of a controller that asked to be armed, and where it said that it will be.
+    pub begins: Option<(u64, Vec<f64>)>,
+    /// Test time of the first command since it was armed.
+    goes_on_from: Option<f64>,
+    /// A command has moved it since that time passed.
+    runs: bool,
+}
+
+impl FirstCommand {
+    /// The specimen is armed again: a test may go on from another time.
+    pub fn armed(&mut self) {
+        (self.goes_on_from, self.runs) = (None, false);
+    }
+
+    /// Judges a command of the controller to a specimen with this port. Real-time: yes.
+    ///
+    /// # Errors
+    /// It is not where the controller had asked to begin, or too far from where the specimen stands.
+    pub fn judge(&self, command: &Command<'_>, port: &Port) -> Result<(), Trip> {
+        if let Some((number, place)) = &self.begins
+            && command.sequence == *number
+            && let Some(axis) = elsewhere(in_metres(port, place), in_metres(port, command.disp))
+        {
+            return Err(Trip::Elsewhere(axis));
+        }
+        if let Some(leaves) = &self.leaves
+            && let Some(hit) = judge(
+                port.limits(),
+                in_metres(port, leaves),
+                in_metres(port, command.disp),
+            )
+        {
+            return Err(Trip::Limit(hit));
+        }
+        Ok(())
+    }
+
+    /// A test that goes on begins at its own speed. By that, as it is announced, the acceleration of the first command that moves is
+    /// judged, and not from the rest in which the specimen waited. What moves while test time stands still is none of it. Real-time:
+    /// yes.
+    pub fn take_up_pace(&mut self, command: &Command<'_>, elapsed: f64, port: &mut Port) {
+        let from = *self.goes_on_from.get_or_insert(command.time);
+        // A test that begins does so at rest.
+        let goes_on = from > 0.0 && command.time > from;
+        if goes_on && !self.runs && !port.is_at(command.disp) {
+            self.runs = true;
+            port.came_with(command.vel, elapsed);
+        }
+    }
+
+    /// A command of the controller was passed on. Real-time: yes.
+    pub fn passed(&mut self) {
+        (self.stands, self.leaves) = (None, None);
+    }
+}
+
+/// Displacements in m. Real-time: yes.
+fn in_metres<'a>(port: &'a Port, disp: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+    let units = port.units().iter();
+    disp.iter()
+        .zip(units)
+        .map(|(disp, (metres, _))| disp * metres)
+}
 
 /// How far in m a first command may take an axis; none where its own limits bound that.
 fn farthest(limits: &AxisLimits) -> Option<f64> {
@@ -30,13 +104,13 @@ fn farthest(limits: &AxisLimits) -> Option<f64> {
 }
 
 /// The first axis that goes too far from where it stands. Displacements in m. Real-time: yes.
-pub(super) fn judge(
+fn judge(
     limits: &[AxisLimits],
-    stands: &[f64],
+    stands: impl Iterator<Item = f64>,
     disp: impl Iterator<Item = f64>,
 ) -> Option<Hit> {
-    let axes = limits.iter().zip(stands.iter().zip(disp)).enumerate();
-    axes.into_iter().find_map(|(axis, (limits, (from, to)))| {
+    let mut axes = limits.iter().zip(stands.zip(disp)).enumerate();
+    axes.find_map(|(axis, (limits, (from, to)))| {
         let bound = farthest(limits)?;
         let value = (to - from).abs();
         let is_near = value <= bound;
@@ -51,10 +125,7 @@ pub(super) fn judge(
 }
 
 /// The first axis (from 0) on which a first command is not where the Arm said. Displacements in m. Real-time: yes.
-pub(super) fn elsewhere(
-    place: impl Iterator<Item = f64>,
-    disp: impl Iterator<Item = f64>,
-) -> Option<usize> {
+fn elsewhere(place: impl Iterator<Item = f64>, disp: impl Iterator<Item = f64>) -> Option<usize> {
     place.zip(disp).position(|(place, disp)| {
         let is_there = (disp - place).abs() <= BEGINS_WITHIN_M;
         !is_there
@@ -110,7 +181,7 @@ mod tests {
     fn every_axis_is_judged_by_where_it_stands() {
         let limits = AxisLimits::NONE.with(Limit::CommandDisp, Range::trip([-0.1, 0.1]));
         let first = |to: [f64; 2]| {
-            let hit = judge(&[limits; 2], &[0.0, 0.05], to.into_iter());
+            let hit = judge(&[limits; 2], [0.0, 0.05].into_iter(), to.into_iter());
             hit.map(|hit| hit.axis)
         };
         assert_eq!(first([0.009, 0.041]), None);

@@ -18,7 +18,7 @@ use crate::time::Nanos;
 /// The burst in s, where two announced periods are not longer.
 const BURST_S: f64 = 0.02;
 /// The longest burst in s of a specimen that moves, and the longest time that one command has for its motion.
-pub(super) const MOST_S: f64 = 0.1;
+const MOST_S: f64 = 0.1;
 /// A speed has a time, however short.
 const SHORTEST_S: f64 = 1e-9;
 
@@ -54,7 +54,7 @@ impl Times {
 
 /// The speed allowance of one specimen.
 #[derive(Debug, Clone)]
-pub(super) struct Allowed {
+pub(super) struct SpeedAllowance {
     /// Wall time from one command to the next, if it was announced.
     period_s: Option<f64>,
     /// What is commanded moves.
@@ -74,7 +74,7 @@ pub(super) struct Allowed {
     is_cut: bool,
 }
 
-impl Allowed {
+impl SpeedAllowance {
     /// The full burst, for a specimen that `moves` or a formula.
     pub fn new(moves: bool) -> Self {
         Self {
@@ -130,9 +130,13 @@ impl Allowed {
         self.two_periods().min(longest)
     }
 
-    /// True if the last command had [`MOST_S`] for its motion although its client is slower.
-    pub const fn is_cut(&self) -> bool {
-        self.is_cut
+    /// Why the last command was judged by less time than its client has for it, if it was.
+    pub fn says_cut(&self) -> Option<String> {
+        self.is_cut.then(|| {
+            format!(
+                "at a specimen that moves a command has at most {MOST_S} s for its motion: send smaller steps more often"
+            )
+        })
     }
 
     /// True if no command came for longer than two periods, so that the specimen has come to rest. After an Arm that holds for
@@ -204,8 +208,8 @@ mod tests {
 
     const PERIOD: f64 = 1e-3;
 
-    fn allowed(rate: Option<(u64, u64)>, moves: bool) -> Allowed {
-        let mut allowed = Allowed::new(moves);
+    fn allowed(rate: Option<(u64, u64)>, moves: bool) -> SpeedAllowance {
+        let mut allowed = SpeedAllowance::new(moves);
         allowed.announced(rate);
         allowed.begin(0);
         allowed
@@ -213,14 +217,14 @@ mod tests {
 
     /// The times that are allowed to commands (number, test time since the last, wall time in ms) that all move.
     fn times(
-        mut allowed: Allowed,
+        mut allowed: SpeedAllowance,
         commands: impl IntoIterator<Item = (u64, f64, f64)>,
     ) -> Vec<f64> {
         times_of(&mut allowed, commands)
     }
 
     fn times_of(
-        allowed: &mut Allowed,
+        allowed: &mut SpeedAllowance,
         commands: impl IntoIterator<Item = (u64, f64, f64)>,
     ) -> Vec<f64> {
         let commands = commands.into_iter();
@@ -292,7 +296,7 @@ mod tests {
             let found = one.time_of(request(sequence, false), Nanos(at)).unwrap();
             assert!(is(found.own, MOST_S), "{found:?}");
             assert!(is(found.announced, 10.0), "{found:?}");
-            assert!(one.is_cut());
+            assert!(one.says_cut().is_some());
         }
         // The first is lost, or left out: as much as has passed, up to the burst.
         for (at_ns, own, announced) in [

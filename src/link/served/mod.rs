@@ -1,42 +1,54 @@
-//! What stands behind a server, whatever the server speaks: a formula, or a specimen across another link, which makes
-//! the server a gateway.
+//! What stands behind a server, whatever the server speaks: a specimen that is computed here, or one across another link, which
+//! makes the server a gateway.
 //!
-//! A [`Station`] is what a server commands: every exchange passes its limits and stands in its log. Behind it is a
-//! [`Rig`]. Invariants: what a limit refuses is not passed on. A trip stops its session for good, and the specimen holds at
-//! the last command that it was given. The limits' history and the trip are the specimen's: they outlive the session of a
-//! specimen that keeps its state ([`Latch`], [`GuardStore`]). However a test ends, the specimen receives
-//! the goodbye of its protocol.
+//! A [`ServedSpecimen`] is what a server commands. It is a [`crate::port::Port`] whose commands are received: the same guard judges
+//! them, and the same exchange sends them, as in the loop. Beside the port stand what only a server needs: the speed allowance, the
+//! limits that the controller announced, the first command, the latch of trips, and the record. Invariants: what a limit refuses is
+//! not passed on. A trip stops its session for good, and the specimen holds at the last command. The limits' history and the trip
+//! belong to the specimen and outlive a session. However a test ends, the specimen receives the goodbye of its protocol.
 
-mod columns;
-mod far;
+mod announced_limits;
+mod computed;
+mod exchange_columns;
+mod first_command;
+mod guard_store;
 mod latch;
-mod law;
-mod log;
-mod settings;
-mod station;
-mod summary;
+mod link_maker;
+mod readiness;
+mod recording;
+mod served_specimen;
+mod session_record;
+mod session_summary;
+mod speed_allowance;
+#[cfg(test)]
+mod tests;
+mod whereabouts;
 
 use std::net::SocketAddr;
 
 use thiserror::Error;
 
-pub use far::{Far, FarBuild, Whereabouts};
+pub use computed::{Computed, Memory};
+pub(in crate::link) use first_command::words as first_words;
+pub use guard_store::GuardStore;
 pub use latch::{Latch, LatchedTrip};
-pub use law::{Law, Memory};
-pub use log::LogSettings;
-pub use settings::{ProbeSettings, TestEnd};
-pub(in crate::link) use station::first_words;
-pub use station::{GuardStore, Station};
+pub use link_maker::{LinkBuild, LinkMaker};
+pub use served_specimen::ServedSpecimen;
+pub use session_record::RecordSettings;
+pub use whereabouts::Whereabouts;
 
 use crate::catalog::ending::Cause;
 use crate::port::limits::Hit;
-use crate::substructure::{Command, Introduction, LinkFault, LinkStats, Measurement, Retirement};
+use crate::substructure::LinkFault;
 use crate::units::compared;
 use crate::wire::handshake::{Limits, Sampling};
 
+/// From one command to the next in s, until it is known.
+const USUAL_TICK_S: f64 = 0.01;
+
 /// Who commands a specimen, as far as the protocol tells.
 #[derive(Debug, Clone)]
-pub struct Visitor {
+pub struct Controller {
     /// From where.
     pub peer: SocketAddr,
     /// Name of the test; empty if the protocol has none.
@@ -57,8 +69,8 @@ pub struct Visitor {
     pub limits: Vec<Limits>,
 }
 
-impl Visitor {
-    /// A visitor of whom only the address is known.
+impl Controller {
+    /// A controller of which only the address is known.
     #[must_use]
     pub const fn unnamed(peer: SocketAddr) -> Self {
         Self {
@@ -155,6 +167,50 @@ impl Trip {
     }
 }
 
+/// Why a test is over, or does not begin.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TestEnd {
+    /// The row of the table of causes.
+    pub cause: Cause,
+    /// In words.
+    pub text: String,
+}
+
+impl TestEnd {
+    /// The specimen was lost, or the test cannot be served.
+    #[must_use]
+    pub fn failed(text: impl ToString) -> Self {
+        Self {
+            cause: Cause::Protocol,
+            text: text.to_string(),
+        }
+    }
+
+    /// The controller is lost without a goodbye.
+    #[must_use]
+    pub fn vanished(text: impl ToString) -> Self {
+        Self {
+            cause: Cause::ControllerVanished,
+            text: text.to_string(),
+        }
+    }
+
+    /// The operator of this server ends it.
+    #[must_use]
+    pub fn told_to_stop() -> Self {
+        Self {
+            cause: Cause::Shutdown,
+            text: "the server was stopped".to_owned(),
+        }
+    }
+}
+
+impl From<String> for TestEnd {
+    fn from(text: String) -> Self {
+        Self::failed(text)
+    }
+}
+
 /// Asked while a specimen is waited for or moved before a test: whether that test is still wanted, and why not.
 pub type Wanted<'a> = dyn FnMut() -> Result<(), TestEnd> + 'a;
 
@@ -186,107 +242,4 @@ pub(in crate::link) fn with_last_words(why: String, said: Option<String>) -> Str
         Some(said) => format!("{why}; the specimen said: {said}"),
         None => why,
     }
-}
-
-/// Something that answers commands, for one test after another.
-pub trait Rig: Send {
-    /// Number of axes.
-    fn axes(&self) -> usize;
-
-    /// True if commands leave this process: then they are not to be sent in a burst, and cannot be taken back.
-    fn is_remote(&self) -> bool {
-        false
-    }
-
-    /// Gets ready for a controller; nothing moves. May block, within time limits of its own and for as long as the test is
-    /// `wanted`.
-    ///
-    /// # Errors
-    /// The specimen cannot take part, or need not.
-    fn connect(
-        &mut self,
-        visitor: &Visitor,
-        wanted: &mut Wanted<'_>,
-    ) -> Result<Introduction, TestEnd>;
-
-    /// From here on commands come, from this number and this place on. A formula begins anew. May block, for as long as it is
-    /// `wanted`: false if it is not any more.
-    ///
-    /// # Errors
-    /// The specimen is not ready, or gone.
-    fn arm(
-        &mut self,
-        sequence: u64,
-        start: &[f64],
-        wanted: &mut dyn FnMut() -> bool,
-    ) -> Result<bool, LinkFault>;
-
-    /// What can be said of the specimen before the first command. Zeros if nothing.
-    fn at_rest(&mut self, into: &mut Measurement) {
-        into.disp.fill(0.0);
-        into.force.fill(0.0);
-    }
-
-    /// Takes the place of a command, from the last committed state, and measures. `elapsed` is the test time since the
-    /// last commit in s. May block for an answer, for as long as it is `wanted`: false if it is not any more, and then the answer
-    /// is still owed. Real-time: yes, as far as the link is.
-    ///
-    /// # Errors
-    /// The specimen is lost.
-    fn trial(
-        &mut self,
-        command: &Command<'_>,
-        elapsed: f64,
-        wanted: &mut dyn FnMut() -> bool,
-        into: &mut Measurement,
-    ) -> Result<bool, LinkFault>;
-
-    /// The last command is accepted. Real-time: yes.
-    ///
-    /// # Errors
-    /// The specimen is lost.
-    fn commit(&mut self) -> Result<(), LinkFault>;
-
-    /// What was not committed is forgotten, by what can forget.
-    fn revert(&mut self);
-
-    /// Tangent stiffness, n × n by columns, as far as it is known. Real-time: yes.
-    fn tangent(&mut self, stiffness: &mut [f64]);
-
-    /// Nothing to command for now: notices a specimen that has gone. Does not block.
-    ///
-    /// # Errors
-    /// The specimen is lost.
-    fn attend(&mut self) -> Result<(), LinkFault> {
-        Ok(())
-    }
-
-    /// Its controller is held by an operator: see [`crate::substructure::Substructure::pause`].
-    ///
-    /// # Errors
-    /// The specimen is lost.
-    fn pause(&mut self) -> Result<(), LinkFault> {
-        Ok(())
-    }
-
-    /// Its controller ends its test here: see [`crate::substructure::Substructure::halt`].
-    ///
-    /// # Errors
-    /// The specimen is lost.
-    fn halt(&mut self) -> Result<(), LinkFault> {
-        self.pause()
-    }
-
-    /// What went over the link so far.
-    fn stats(&self) -> LinkStats {
-        LinkStats::default()
-    }
-
-    /// More than a fault says about why the specimen was lost.
-    fn complaint(&self) -> Option<String> {
-        None
-    }
-
-    /// Last words of a test. What the specimen answers to them beyond a plain goodbye, in words.
-    fn end(&mut self, how: Retirement) -> Option<String>;
 }

@@ -1,0 +1,153 @@
+//! The links of a gateway: each controller's test has a connection of its own.
+//!
+//! It is made when the controller arms, and closed when its test is over. So the next test finds a gateway that owes nothing to the
+//! last one, and a specimen that was restarted meanwhile.
+
+use std::sync::mpsc::RecvTimeoutError;
+use std::sync::{Arc, mpsc};
+use std::time::Duration;
+
+use super::{Controller, TestEnd, Wanted, Whereabouts};
+use crate::substructure::{
+    Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
+};
+use crate::time::Nanos;
+
+/// How often it is asked whether a connection that is waited for is still wanted.
+const LOOK_EVERY: Duration = Duration::from_millis(20);
+
+/// Why a specimen is not commanded whose place nobody knows: any first command might take it anywhere at once.
+const NOBODY_KNOWS: &str = "its position is unknown: it does not report it, and no earlier test moved it; `stands_at_m` \
+     in [specimen.link] says it, in m as each axis counts (or `computed = true`, that nothing moves there)";
+
+/// Makes the link for a controller's test; it is not connected yet.
+pub type LinkBuild =
+    Arc<dyn Fn(&Controller) -> Result<Box<dyn Substructure>, String> + Send + Sync>;
+
+/// Makes and connects the links to one specimen.
+#[derive(Clone)]
+pub struct LinkMaker {
+    build: LinkBuild,
+    whereabouts: Whereabouts,
+    /// An answer is waited for so long, ns.
+    reply_limit_ns: u64,
+}
+
+impl std::fmt::Debug for LinkMaker {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("LinkMaker").finish_non_exhaustive()
+    }
+}
+
+impl LinkMaker {
+    /// Links that `build` makes to a specimen that stands where `whereabouts` tells; an answer is waited for up to `reply_limit_ns`.
+    #[must_use]
+    pub const fn new(build: LinkBuild, whereabouts: Whereabouts, reply_limit_ns: u64) -> Self {
+        Self {
+            build,
+            whereabouts,
+            reply_limit_ns,
+        }
+    }
+
+    /// How long an answer is waited for, ns.
+    pub(super) const fn reply_limit_ns(&self) -> u64 {
+        self.reply_limit_ns
+    }
+
+    /// A new link, connected, and what the specimen says of itself. Blocks as long as the test is `wanted`.
+    ///
+    /// # Errors
+    /// The specimen cannot take part, or nobody knows where it stands.
+    pub(super) fn connect(
+        &self,
+        controller: &Controller,
+        wanted: &mut Wanted<'_>,
+    ) -> Result<(Box<dyn Substructure>, Introduction), TestEnd> {
+        let (link, mut introduction) = connected((self.build)(controller)?, wanted)?;
+        if introduction.standing.is_empty() {
+            introduction.standing = self.whereabouts.stated();
+            introduction.measured = false;
+            let computed = introduction.simulated || self.whereabouts.is_of_a_computation();
+            if introduction.standing.is_empty() && !computed {
+                return Err(TestEnd::failed(NOBODY_KNOWS));
+            }
+        } else {
+            let doubt = self.whereabouts.contradicted_by(&introduction.standing);
+            introduction.warnings.extend(doubt);
+        }
+        self.whereabouts.begins(&introduction);
+        Ok((link, introduction))
+    }
+
+    /// The test is over, and the specimen was told to go here last.
+    pub(super) fn left_at(&self, disp: &[f64]) {
+        self.whereabouts.ends(disp);
+    }
+}
+
+/// Connects a link on a thread of its own, for it waits. One that is not wanted any more is left behind with its thread: its
+/// far end was told of nothing that could move, and its connection closes with it.
+fn connected(
+    mut link: Box<dyn Substructure>,
+    wanted: &mut Wanted<'_>,
+) -> Result<(Box<dyn Substructure>, Introduction), TestEnd> {
+    let (done, said) = mpsc::channel();
+    let work = move || {
+        let outcome = link.connect();
+        let _ = done.send((link, outcome));
+    };
+    let thread = std::thread::Builder::new().name("gusset-connect".into());
+    thread
+        .spawn(work)
+        .map_err(|error| TestEnd::failed(format_args!("no thread to connect it on: {error}")))?;
+    loop {
+        match said.recv_timeout(LOOK_EVERY) {
+            Ok((link, outcome)) => {
+                let introduction = outcome.map_err(|error| TestEnd::failed(error.text))?;
+                return Ok((link, introduction));
+            }
+            Err(RecvTimeoutError::Timeout) => wanted()?,
+            Err(RecvTimeoutError::Disconnected) => {
+                return Err(TestEnd::failed("internal error: its connection panicked"));
+            }
+        }
+    }
+}
+
+/// In place of a link between two tests: nothing leaves.
+pub(super) struct Unconnected {
+    pub axes: usize,
+}
+
+impl Substructure for Unconnected {
+    fn axes(&self) -> usize {
+        self.axes
+    }
+
+    fn coupling(&self) -> Coupling {
+        Coupling::Lockstep
+    }
+
+    fn is_remote(&self) -> bool {
+        true
+    }
+
+    fn arm(&mut self, _: u64, _: &[f64], _: &mut dyn FnMut() -> bool) -> Result<bool, LinkFault> {
+        Err(LinkFault::Closed)
+    }
+
+    fn issue(&mut self, _: &Command<'_>) -> Result<(), LinkFault> {
+        Err(LinkFault::Closed)
+    }
+
+    fn collect(&mut self, _: Nanos, _: &mut Measurement) -> Result<Freshness, LinkFault> {
+        Err(LinkFault::Closed)
+    }
+
+    fn attend(&mut self) -> Result<(), LinkFault> {
+        Err(LinkFault::Closed)
+    }
+
+    fn retire(&mut self, _: Retirement) {}
+}

@@ -1,0 +1,335 @@
+//! Before a controller's first command: connection, comparison with what is believed, wiring check, arming.
+
+use super::link_maker::LinkMaker;
+use super::served_specimen::{Origin, ServedSpecimen, not_finite};
+use super::{Controller, TestEnd, USUAL_TICK_S, Wanted, apart, elsewhere};
+use crate::catalog::event::Remark;
+use crate::port::{Opinion, Probe, WiringCheck, compare_stiffness};
+use crate::rt::os;
+use crate::substructure::{Command, Introduction, Measurement};
+use crate::units::{AxisUnits, signed_in_axis_unit};
+
+const WHILE: &str = "while its direction was tried";
+
+/// A specimen on its way to a controller's first command.
+pub(super) struct Readiness<'a> {
+    served: &'a mut ServedSpecimen,
+    controller: &'a Controller,
+    /// What whoever watches should know.
+    told: Vec<String>,
+}
+
+impl<'a> Readiness<'a> {
+    pub fn new(served: &'a mut ServedSpecimen, controller: &'a Controller) -> Self {
+        Self {
+            served,
+            controller,
+            told: Vec::new(),
+        }
+    }
+
+    /// Connects the specimen, checks its wiring if that is to be checked, and arms it. Blocks as long as the test is `wanted`.
+    ///
+    /// # Errors
+    /// Why there is no test.
+    pub fn reach(mut self, wanted: &mut Wanted<'_>) -> Result<Vec<String>, TestEnd> {
+        self.told.extend(self.served.recording.place());
+        let introduction = self.connect(wanted)?;
+        self.compare(&introduction)?;
+        let start = self.start(&introduction);
+        let names_start = !self.controller.start.is_empty();
+        self.served.first.stands = (!names_start).then(|| start.clone());
+        if !names_start && start.iter().any(|disp| *disp != 0.0) {
+            self.told.push(format!(
+                "the specimen is at {}: the first command is judged as a step from there",
+                self.served.identity.in_words(&start)
+            ));
+        }
+        if matches!(self.served.port.wiring_check(), WiringCheck::Probe { .. }) {
+            self.check_wiring(&start, wanted)?;
+            self.served.port.has_come_to_rest();
+        }
+        let felt = self.feel(&start, &introduction, wanted)?;
+        self.served
+            .arm(self.controller.first_sequence, &start, wanted)?;
+        self.take_place(&start, &introduction);
+        self.take_rest(&introduction, felt)?;
+        Ok(self.told)
+    }
+
+    /// The link of this test, and what the specimen says of itself.
+    fn connect(&mut self, wanted: &mut Wanted<'_>) -> Result<Introduction, TestEnd> {
+        let served = &mut *self.served;
+        let rate = self.controller.rate.filter(|(commands, _)| *commands > 0);
+        let every = rate.map_or(0.0, |(commands, seconds)| seconds as f64 / commands as f64);
+        let introduction = match served.links.clone() {
+            Some(links) => self.connect_link(&links, wanted)?,
+            None => served
+                .port
+                .introduce()
+                .map_err(|error| TestEnd::failed(error.text))?,
+        };
+        self.served.port.commanded_every(every);
+        if self.served.is_remote() {
+            let Introduction { peer, .. } = &introduction;
+            let name = &self.served.identity.name;
+            self.told.push(format!("specimen \"{name}\": {peer}"));
+            self.served.note(Remark::Connected, peer);
+        }
+        Ok(introduction)
+    }
+
+    fn connect_link(
+        &mut self,
+        links: &LinkMaker,
+        wanted: &mut Wanted<'_>,
+    ) -> Result<Introduction, TestEnd> {
+        let (link, introduction) = links.connect(self.controller, wanted)?;
+        let (found, axes) = (link.axes(), self.served.axes());
+        if found != axes {
+            let text = format!("the link has {found} axes, the specimen {axes}");
+            return Err(text.into());
+        }
+        drop(self.served.port.swap_partner(link));
+        Ok(introduction)
+    }
+
+    /// What the specimen says of itself beside what is believed of it.
+    fn compare(&mut self, introduction: &Introduction) -> Result<(), TestEnd> {
+        for warning in self.doubts(introduction)? {
+            self.served.note(Remark::Warning, &warning);
+        }
+        let needs = &self.served.identity.needs_measured_disp;
+        if introduction.repeats_the_command && !needs.is_empty() {
+            let text = format!(
+                "its end does not say that it measures displacement. What it sends as such may be the command, and {} would compare \
+                 the command with itself: let the end of the link measure displacement and announce it, or do without",
+                needs.join(", ")
+            );
+            return Err(text.into());
+        }
+        if introduction.repeats_the_command {
+            let text = "its end does not say that it measures displacement: what is passed on as measured may be the command";
+            self.served.note(Remark::Warning, text);
+        }
+        // What is measured is never quite what was commanded: the first command is judged as a step from there.
+        if !introduction.measured
+            && let Some(text) = elsewhere(&introduction.standing, &self.controller.start)
+        {
+            return Err(text.into());
+        }
+        Ok(())
+    }
+
+    fn doubts(&self, introduction: &Introduction) -> Result<Vec<String>, String> {
+        let identity = &self.served.identity;
+        let n = identity.units.len();
+        let mut doubts = introduction.warnings.clone();
+        let theirs = introduction.stiffness.iter().step_by(n + 1);
+        let ours = identity.stiffness.iter().step_by(n + 1);
+        let axes = theirs.zip(ours).zip(&identity.units);
+        for (number, ((theirs, ours), units)) in (1..).zip(axes) {
+            let AxisUnits { disp, force, .. } = units;
+            match compare_stiffness(*theirs, *ours) {
+                Opinion::Agrees => {}
+                Opinion::Differs => doubts.push(format!(
+                    "axis {number} reports a stiffness of {theirs:e} {force}/{disp}, the file says {ours:e} \
+                     {force}/{disp}"
+                )),
+                Opinion::Reversed => {
+                    return Err(format!(
+                        "axis {number} reports a stiffness of {theirs:e} {force}/{disp} where {ours:e} {force}/{disp} is \
+                         expected: a channel is reversed; look at the wiring"
+                    ));
+                }
+            }
+        }
+        let is_unchecked = matches!(self.served.port.wiring_check(), WiringCheck::Unchecked);
+        if is_unchecked && !introduction.simulated {
+            doubts.push(
+                "NOTHING CHECKS WHICH WAY ROUND THE SPECIMEN IS WIRED: give `probe_m` in [specimen.link] for a small \
+                 motion before each test, or say `probe = \"none\"`"
+                    .to_owned(),
+            );
+        }
+        Ok(doubts)
+    }
+
+    /// Where the first command leads away from: where the controller says that it will be, else where the specimen says
+    /// that it stands. What is computed elsewhere without a word of its own is believed to stand at zero.
+    fn start(&self, introduction: &Introduction) -> Vec<f64> {
+        let axes = self.served.axes();
+        let known = [&self.controller.start, &introduction.standing];
+        let known = known.into_iter().find(|known| known.len() == axes);
+        known.cloned().unwrap_or_else(|| vec![0.0; axes])
+    }
+
+    /// A small motion shows which way round each axis is wired. Whoever does not want the test any more ends the motion where it is,
+    /// and it is told where.
+    fn check_wiring(&mut self, start: &[f64], wanted: &mut Wanted<'_>) -> Result<(), TestEnd> {
+        let checked = self.move_a_little(start, wanted);
+        let text = checked.map_err(|TestEnd { cause, text }| {
+            let served = &mut *self.served;
+            if apart(served.port.sent(), start).is_none() {
+                return TestEnd { cause, text };
+            }
+            let left = format!(
+                "it was led to {}, from {}",
+                served.identity.in_words(served.port.sent()),
+                served.identity.in_words(start)
+            );
+            served.warn(Remark::LeftAside, &format!("{WHILE}: {left}"));
+            let text = format!("{text}; {left}");
+            TestEnd { cause, text }
+        })?;
+        self.served.note(Remark::Direction, &text);
+        self.told.push(text);
+        Ok(())
+    }
+
+    fn move_a_little(&mut self, start: &[f64], wanted: &mut Wanted<'_>) -> Result<String, TestEnd> {
+        self.served
+            .note(Remark::Probing, "a small motion and back, axis after axis");
+        self.served.port.report_position(start);
+        let Some(mut probe) = self.served.port.probe() else {
+            return Ok(String::new());
+        };
+        self.served.arm(0, start, wanted)?;
+        let period_ns = probe.period_ns();
+        let period_s = period_ns as f64 * 1e-9;
+        let n = start.len();
+        let (mut disp, mut vel) = (start.to_vec(), vec![0.0; n]);
+        let mut edge = os::monotonic_ns();
+        let mut sequence = 0;
+        while probe.next(&mut disp, &mut vel) {
+            let command = Command {
+                sequence,
+                time: 0.0,
+                dt: 0.0,
+                disp: &disp,
+                vel: &vel,
+            };
+            self.send_one(WHILE, (&command, period_s), wanted)?;
+            self.served.port.take_probe(&mut probe);
+            self.served.port.accept_probe(sequence);
+            sequence += 1;
+            // An answer that came late is no reason to go faster.
+            edge = (edge + period_ns).max(os::monotonic_ns());
+            os::sleep_until_ns(edge);
+        }
+        self.verdict(&probe)
+    }
+
+    fn verdict(&self, probe: &Probe) -> Result<String, TestEnd> {
+        let found = probe.verdict().map_err(|misfit| misfit.to_string())?;
+        let axes = found.iter().map(|axis| {
+            let units = self.served.identity.units.get(axis.axis);
+            let units = units.unwrap_or(&AxisUnits::SI);
+            format!(
+                "axis {}: {} gave {}",
+                axis.axis + 1,
+                signed_in_axis_unit(axis.disp, units.disp),
+                signed_in_axis_unit(axis.force, units.force)
+            )
+        });
+        Ok(format!(
+            "direction: {}",
+            axes.collect::<Vec<_>>().join("; ")
+        ))
+    }
+
+    /// The force that one command at the very place where it stands is answered with: nothing moves. Who does not say where the
+    /// first command will be may ask before it. What nobody has measured is no answer.
+    fn feel(
+        &mut self,
+        stands: &[f64],
+        introduction: &Introduction,
+        wanted: &mut Wanted<'_>,
+    ) -> Result<Option<Vec<f64>>, TestEnd> {
+        let n = stands.len();
+        let is_felt = self.served.is_remote()
+            && self.controller.start.is_empty()
+            && introduction.standing.len() == n
+            && introduction.force.len() != n;
+        if !is_felt {
+            return Ok(None);
+        }
+        self.served.arm(0, stands, wanted)?;
+        let command = Command {
+            sequence: 0,
+            time: 0.0,
+            dt: 0.0,
+            disp: stands,
+            vel: &vec![0.0; n],
+        };
+        let measured = self.send_one("where it stands", (&command, USUAL_TICK_S), wanted)?;
+        Ok(Some(measured.force))
+    }
+
+    /// One own exchange before the test, with the seconds that its motion takes.
+    fn send_one(
+        &mut self,
+        when: &str,
+        (command, period_s): (&Command<'_>, f64),
+        wanted: &mut Wanted<'_>,
+    ) -> Result<Measurement, TestEnd> {
+        wanted()?;
+        let mut unwanted = None;
+        let mut is_wanted = || wanted().map_err(|over| unwanted = Some(over)).is_ok();
+        let mut measured = Measurement::zeros(self.served.axes());
+        let origin = Origin::Own { period_s };
+        let outcome = self
+            .served
+            .exchange_as(origin, command, 0.0, &mut is_wanted, &mut measured);
+        match (unwanted, outcome) {
+            (Some(over), _) => Err(over),
+            (None, Err(trip)) => Err(format!("{when}: {}", self.served.whole(trip)).into()),
+            (None, Ok(_)) => Ok(measured),
+        }
+    }
+
+    /// The place that the first command leads away from, as far as it was measured.
+    fn take_place(&mut self, start: &[f64], introduction: &Introduction) {
+        let is_measured = introduction.measured && introduction.standing.len() == start.len();
+        let stands = if is_measured {
+            introduction.standing.as_slice()
+        } else {
+            start
+        };
+        if is_measured {
+            self.served.port.found_at(stands);
+        }
+        if !self.controller.start.is_empty() {
+            self.served
+                .begins_at(self.controller.first_sequence, &self.controller.start);
+        }
+        let moves = self.served.identity.moves;
+        self.served.first.leaves = moves.then(|| stands.to_vec());
+    }
+
+    /// What can be answered before the first command.
+    fn take_rest(
+        &mut self,
+        introduction: &Introduction,
+        felt: Option<Vec<f64>>,
+    ) -> Result<(), TestEnd> {
+        let served = &mut *self.served;
+        let mut rest = Measurement::zeros(served.axes());
+        if !served.port.at_rest(&mut rest) {
+            let disp = rest.disp.iter_mut().zip(&introduction.standing);
+            let force = rest.force.iter_mut().zip(&introduction.force);
+            disp.chain(force).for_each(|(to, stands)| *to = *stands);
+        }
+        if let Some(force) = felt {
+            // The place stays as commands count, whatever its sensor reads: a client may begin its test there.
+            rest.force = force;
+        }
+        if let Some(axis) = not_finite(&rest.disp, &rest.force) {
+            let axis = axis + 1;
+            return Err(format!("axis {axis}: the force at rest is no number").into());
+        }
+        (rest.time, rest.status) = (served.answer.time, served.answer.status);
+        served.answer = rest;
+        Ok(())
+    }
+}

@@ -1,0 +1,121 @@
+//! Notes and rows of a served specimen: into the record of its test, or into the program's log where nothing is recorded.
+
+use super::exchange_columns::Exchange;
+use super::served_specimen::Identity;
+use super::session_record::{RecordSettings, SessionRecord};
+use super::{Controller, GuardStore, Trip};
+use crate::catalog::ending::Cause;
+use crate::catalog::event::{Remark, Severity};
+use crate::link::quota::Allowance;
+use crate::record::Event;
+use crate::rt::os;
+use crate::substructure::LinkStats;
+
+/// What is recorded of a served specimen, and how.
+#[derive(Default)]
+pub(super) struct Recording {
+    /// Each test gets a run folder.
+    pub settings: Option<RecordSettings>,
+    /// What is played on every test, in words.
+    pub played: Option<String>,
+    pub away_from: Option<usize>,
+    /// Of a specimen in this process: what its controller's link did to its commands. Of another: what its own link has counted
+    /// when it was dismissed.
+    pub link: LinkStats,
+    open: Option<SessionRecord>,
+}
+
+impl Recording {
+    /// Opens the record of a controller's test, if there is to be one.
+    ///
+    /// # Errors
+    /// It cannot be kept.
+    pub fn open(&mut self, identity: &Identity, controller: &Controller) -> Result<(), String> {
+        self.link = LinkStats::default();
+        let Some(settings) = &self.settings else {
+            return Ok(());
+        };
+        let Identity { name, units, .. } = identity;
+        let record = SessionRecord::open(settings, name, units, controller, self.away_from);
+        let mut record = record.map_err(|text| format!("the log cannot be kept: {text}"))?;
+        if let Some(words) = &self.played {
+            record.warn(Remark::Faults, words);
+        }
+        self.open = Some(record);
+        Ok(())
+    }
+
+    /// Where the record of the test is, in words for whoever watches.
+    pub fn place(&self) -> Option<String> {
+        let record = self.open.as_ref()?;
+        Some(format!("recording into {}", record.path().display()))
+    }
+
+    /// The present, if something is recorded: only the record wants to know the time. Real-time: yes.
+    pub fn now_ns(&self) -> u64 {
+        self.open.as_ref().map_or(0, |_| os::monotonic_ns())
+    }
+
+    /// An exchange begins, whose command is of this test time. When it began. Real-time: yes.
+    pub fn begins(&mut self, time: f64) -> u64 {
+        let now_ns = self.now_ns();
+        if let Some(record) = &mut self.open {
+            record.begins(time);
+        }
+        now_ns
+    }
+
+    /// One row. Real-time: yes.
+    pub fn exchange(&mut self, exchange: &Exchange<'_>) {
+        if let Some(record) = &mut self.open {
+            record.exchange(exchange);
+        }
+    }
+
+    /// The specimen holds from here on.
+    pub fn tripped(&self, trip: Trip, text: &str) {
+        if let Some(record) = &self.open {
+            record.tripped(trip, text);
+        }
+    }
+
+    /// Something for the record. Without one the program's log has the warnings, as many as the `store` lets through.
+    pub fn note(&self, store: &GuardStore, event: Remark, text: &str) {
+        let event = Event::said(event, text);
+        if let Some(record) = &self.open {
+            return record.note(event.into());
+        }
+        let row = event.row();
+        // Whoever watches the server is told of everything else.
+        if row.is_some_and(|row| row.severity == Severity::Warning) {
+            let Allowance { is_told, notice } = store.warning(os::monotonic_ns());
+            let text = is_told.then_some(text);
+            for text in text.into_iter().chain(notice.as_deref()) {
+                tracing::warn!("{text}");
+            }
+        }
+    }
+
+    /// The same for the summary, too.
+    pub fn warn(&mut self, store: &GuardStore, event: Remark, text: &str) {
+        match &mut self.open {
+            Some(record) => record.warn(event, text),
+            None => self.note(store, event, text),
+        }
+    }
+
+    /// The same; in the summary it stands once.
+    pub fn warn_once(&mut self, store: &GuardStore, event: Remark, text: &str) {
+        match &mut self.open {
+            Some(record) if !record.has_warned(text) => record.warn(event, text),
+            _ => self.note(store, event, text),
+        }
+    }
+
+    /// The test is over.
+    pub fn close(&mut self, cause: Cause, text: &str, commits: u64) {
+        if let Some(record) = self.open.take() {
+            record.close(cause, text, &self.link, commits);
+        }
+    }
+}
