@@ -12,6 +12,8 @@ mod computed;
 mod exchange_columns;
 mod first_command;
 mod guard_store;
+mod guarded_specimen;
+mod identity;
 mod latch;
 mod link_maker;
 mod readiness;

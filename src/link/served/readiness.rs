@@ -1,7 +1,7 @@
 //! Before a controller's first command: connection, comparison with what is believed, wiring check, arming.
 
+use super::guarded_specimen::{GuardedSpecimen, Origin, not_finite};
 use super::link_maker::LinkMaker;
-use super::served_specimen::{Origin, ServedSpecimen, not_finite};
 use super::{Controller, TestEnd, USUAL_TICK_S, Wanted, apart, elsewhere};
 use crate::catalog::event::Remark;
 use crate::port::{Opinion, Probe, WiringCheck, compare_stiffness};
@@ -13,16 +13,22 @@ const WHILE: &str = "while its direction was tried";
 
 /// A specimen on its way to a controller's first command.
 pub(super) struct Readiness<'a> {
-    served: &'a mut ServedSpecimen,
+    served: &'a mut GuardedSpecimen,
+    links: Option<&'a LinkMaker>,
     controller: &'a Controller,
     /// What whoever watches should know.
     told: Vec<String>,
 }
 
 impl<'a> Readiness<'a> {
-    pub fn new(served: &'a mut ServedSpecimen, controller: &'a Controller) -> Self {
+    pub const fn new(
+        served: &'a mut GuardedSpecimen,
+        links: Option<&'a LinkMaker>,
+        controller: &'a Controller,
+    ) -> Self {
         Self {
             served,
+            links,
             controller,
             told: Vec::new(),
         }
@@ -59,18 +65,18 @@ impl<'a> Readiness<'a> {
 
     /// The link of this test, and what the specimen says of itself.
     fn connect(&mut self, wanted: &mut Wanted<'_>) -> Result<Introduction, TestEnd> {
-        let served = &mut *self.served;
         let rate = self.controller.rate.filter(|(commands, _)| *commands > 0);
         let every = rate.map_or(0.0, |(commands, seconds)| seconds as f64 / commands as f64);
-        let introduction = match served.links.clone() {
-            Some(links) => self.connect_link(&links, wanted)?,
-            None => served
+        let introduction = match self.links {
+            Some(links) => self.connect_link(links, wanted)?,
+            None => self
+                .served
                 .port
                 .introduce()
                 .map_err(|error| TestEnd::failed(error.text))?,
         };
         self.served.port.commanded_every(every);
-        if self.served.is_remote() {
+        if self.served.port.is_remote() {
             let Introduction { peer, .. } = &introduction;
             let name = &self.served.identity.name;
             self.told.push(format!("specimen \"{name}\": {peer}"));
@@ -85,7 +91,7 @@ impl<'a> Readiness<'a> {
         wanted: &mut Wanted<'_>,
     ) -> Result<Introduction, TestEnd> {
         let (link, introduction) = links.connect(self.controller, wanted)?;
-        let (found, axes) = (link.axes(), self.served.axes());
+        let (found, axes) = (link.axes(), self.served.port.axes());
         if found != axes {
             let text = format!("the link has {found} axes, the specimen {axes}");
             return Err(text.into());
@@ -158,7 +164,7 @@ impl<'a> Readiness<'a> {
     /// Where the first command leads away from: where the controller says that it will be, else where the specimen says
     /// that it stands. What is computed elsewhere without a word of its own is believed to stand at zero.
     fn start(&self, introduction: &Introduction) -> Vec<f64> {
-        let axes = self.served.axes();
+        let axes = self.served.port.axes();
         let known = [&self.controller.start, &introduction.standing];
         let known = known.into_iter().find(|known| known.len() == axes);
         known.cloned().unwrap_or_else(|| vec![0.0; axes])
@@ -247,7 +253,7 @@ impl<'a> Readiness<'a> {
         wanted: &mut Wanted<'_>,
     ) -> Result<Option<Vec<f64>>, TestEnd> {
         let n = stands.len();
-        let is_felt = self.served.is_remote()
+        let is_felt = self.served.port.is_remote()
             && self.controller.start.is_empty()
             && introduction.standing.len() == n
             && introduction.force.len() != n;
@@ -276,7 +282,7 @@ impl<'a> Readiness<'a> {
         wanted()?;
         let mut unwanted = None;
         let mut is_wanted = || wanted().map_err(|over| unwanted = Some(over)).is_ok();
-        let mut measured = Measurement::zeros(self.served.axes());
+        let mut measured = Measurement::zeros(self.served.port.axes());
         let origin = Origin::Own { period_s };
         let outcome = self
             .served
@@ -314,7 +320,7 @@ impl<'a> Readiness<'a> {
         felt: Option<Vec<f64>>,
     ) -> Result<(), TestEnd> {
         let served = &mut *self.served;
-        let mut rest = Measurement::zeros(served.axes());
+        let mut rest = Measurement::zeros(served.port.axes());
         if !served.port.at_rest(&mut rest) {
             let disp = rest.disp.iter_mut().zip(&introduction.standing);
             let force = rest.force.iter_mut().zip(&introduction.force);

@@ -1,7 +1,7 @@
 //! Notes and rows of a served specimen: into the record of its test, or into the program's log where nothing is recorded.
 
 use super::exchange_columns::Exchange;
-use super::served_specimen::Identity;
+use super::identity::Identity;
 use super::session_record::{RecordSettings, SessionRecord};
 use super::{Controller, GuardStore, Trip};
 use crate::catalog::ending::Cause;

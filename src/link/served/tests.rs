@@ -375,7 +375,8 @@ impl ServedSpecimen {
     /// This specimen answers from here on, without a link.
     fn answered_by(&mut self, standing: Standing) {
         self.links = None;
-        drop(self.port.swap_partner(Box::new(standing)));
+        self.guarded.reply_limit_ns = 0;
+        drop(self.guarded.port.swap_partner(Box::new(standing)));
     }
 }
 
@@ -471,7 +472,7 @@ fn our_own_small_motion_is_judged_by_its_own_time_and_not_by_the_last_clients() 
         led.waits(rate.1 as f64 / rate.0 as f64);
         assert_eq!(led.goes(1e-6), None);
         let motion = check(1e-3, Pace::of(4.0 * own_s, own_s));
-        *led.served.port.wiring_check_mut() = motion;
+        *led.served.guarded.port.wiring_check_mut() = motion;
         led.served.end(Cause::ControllerVanished, "gone");
         led.served.answered_by(Standing {
             disp: led.disp,
@@ -519,7 +520,7 @@ fn a_trip_is_the_specimens_until_its_operator_clears_it_and_a_lost_link_is_none(
     let cleared = led.served.latch().clear().unwrap().unwrap();
     assert_eq!(cleared.what, "command_step_m");
     led.connects();
-    led.served.trip(Trip::Lost(LinkFault::Closed));
+    led.served.guarded.trip(Trip::Lost(LinkFault::Closed));
     led.connects();
     assert_eq!(led.goes(0.0), None);
 }

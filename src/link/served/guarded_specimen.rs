@@ -1,0 +1,490 @@
+//! A specimen behind its guard: everything that is judged of a received command and of its answer.
+
+use super::announced_limits::AnnouncedLimits;
+use super::exchange_columns::Exchange;
+use super::first_command::{self, FirstCommand};
+use super::guard_store::{GuardStore, LastingGuard};
+use super::identity::Identity;
+use super::latch::Latch;
+use super::recording::Recording;
+use super::speed_allowance::{Request, SpeedAllowance, Times};
+use super::{Controller, TestEnd, Trip, USUAL_TICK_S, Wanted};
+use crate::catalog::event::Remark;
+use crate::catalog::limit::Limit;
+use crate::port::Port;
+use crate::port::limits::{Found, Level};
+use crate::rt::os;
+use crate::substructure::{Command, Freshness, LISTEN_NS, LinkFault, Measurement, Status};
+use crate::time::Nanos;
+
+/// Whose motion a command is part of.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Origin {
+    /// A command of the controller's test.
+    Controller,
+    /// A command of ours before the test. It has `period_s` for its motion.
+    Own { period_s: f64 },
+}
+
+impl Origin {
+    /// Its value in the column `state`.
+    const fn state(self) -> f64 {
+        match self {
+            Self::Controller => Exchange::RUNNING,
+            Self::Own { .. } => Exchange::PROBING,
+        }
+    }
+}
+
+/// Answers in a row in which a specimen may say that it holds: as many as a controller's loop puts up with at least.
+const HOLDING_IN_A_ROW: u64 = 10;
+
+/// A specimen with its guard, and everything that is judged by it.
+pub(super) struct GuardedSpecimen {
+    pub identity: Identity,
+    pub port: Port,
+    /// Longest wait for an answer in ns; 0 of a specimen without a link.
+    pub reply_limit_ns: u64,
+    pub allowance: SpeedAllowance,
+    announced: Option<AnnouncedLimits>,
+    pub first: FirstCommand,
+    pub store: GuardStore,
+    pub latch: Latch,
+    pub recording: Recording,
+    /// The last answer. Each of its numbers is finite.
+    pub answer: Measurement,
+    tripped: Option<Trip>,
+    commits: u64,
+    /// The wall time of the server; the machine's own until the server gives it.
+    now: Option<Nanos>,
+}
+
+// How a session begins.
+impl GuardedSpecimen {
+    /// A specimen without limits and without a record.
+    pub fn new(identity: Identity, port: Port) -> Self {
+        Self {
+            answer: Measurement::zeros(port.axes()),
+            allowance: SpeedAllowance::new(identity.moves),
+            identity,
+            port,
+            reply_limit_ns: 0,
+            announced: None,
+            first: FirstCommand::default(),
+            store: GuardStore::default(),
+            latch: Latch::default(),
+            recording: Recording::default(),
+            tripped: None,
+            commits: 0,
+            now: None,
+        }
+    }
+
+    pub const fn tripped(&self) -> Option<Trip> {
+        self.tripped
+    }
+
+    pub const fn commits(&self) -> u64 {
+        self.commits
+    }
+
+    /// A session begins with the guard of the specimen, or with a new one of a specimen that is new in each session.
+    ///
+    /// # Errors
+    /// Another session has the guard.
+    pub fn begin_session(&mut self, controller: &Controller) -> Result<(), TestEnd> {
+        let new = || LastingGuard {
+            guard: self.port.guard().forgetful(USUAL_TICK_S),
+            allowance: SpeedAllowance::new(self.identity.moves),
+        };
+        let lent = if self.identity.is_lasting() {
+            self.store.lend(new)
+        } else {
+            Some(new())
+        };
+        let lent = lent.ok_or_else(|| TestEnd::failed("another session has the specimen"))?;
+        self.port.set_guard(lent.guard);
+        self.allowance = lent.allowance;
+        self.port.begin_session(USUAL_TICK_S);
+        self.allowance.announced(controller.rate);
+        (self.tripped, self.commits) = (None, 0);
+        self.announced = AnnouncedLimits::by(controller, &self.identity.units);
+        self.first.begins = None;
+        self.answer = Measurement::zeros(self.port.axes());
+        Ok(())
+    }
+
+    /// The session is over: the next one begins with this guard.
+    pub fn end_session(&mut self) {
+        if self.identity.is_lasting() {
+            self.store.take_back(LastingGuard {
+                guard: self.port.guard().clone(),
+                allowance: self.allowance.clone(),
+            });
+            self.latch.settle();
+        }
+    }
+
+    /// The controller said that its first command will be here.
+    pub fn begins_at(&mut self, sequence: u64, start: &[f64]) {
+        self.first.begins = self.identity.moves.then(|| (sequence, start.to_vec()));
+    }
+
+    pub fn arm(
+        &mut self,
+        sequence: u64,
+        start: &[f64],
+        wanted: &mut Wanted<'_>,
+    ) -> Result<(), TestEnd> {
+        if !self.identity.is_lasting() {
+            self.port
+                .set_guard(self.port.guard().forgetful(USUAL_TICK_S));
+            self.allowance.forget();
+        }
+        self.port.begin_commands(sequence, start);
+        self.allowance.begin(sequence);
+        self.first.armed();
+        if let Some(announced) = &mut self.announced {
+            announced.begin(self.port.watch());
+        }
+        let mut unwanted = None;
+        let mut is_wanted = || wanted().map_err(|over| unwanted = Some(over)).is_ok();
+        let asked = self.port.ask_to_arm(sequence);
+        let outcome = asked.and_then(|()| self.port.arm(sequence, &mut is_wanted));
+        if let Some(over) = unwanted {
+            return Err(over);
+        }
+        outcome.map(|_| ()).map_err(|fault| {
+            let why = self.port.complaint().unwrap_or_default();
+            let between = if why.is_empty() { "" } else { ": " };
+            TestEnd::failed(format_args!("not armed: {fault}{between}{why}"))
+        })
+    }
+
+    /// Commands may come from now on. Real-time: yes.
+    pub fn starts(&mut self, now: Nanos) {
+        self.now = Some(now);
+        self.allowance.starts(now);
+    }
+
+    /// The present wall time, by a clock other than the machine's. Real-time: yes.
+    pub const fn now_is(&mut self, now: Nanos) {
+        self.now = Some(now);
+    }
+}
+
+// One exchange.
+impl GuardedSpecimen {
+    /// One exchange: limits, specimen, limits, record. `elapsed` is the test time since the last commit. `into` receives the last
+    /// measurement, with the interlock flag while a trip is latched. False if the answer is owed, and not `wanted` any more.
+    /// Real-time: yes, as far as the link is.
+    ///
+    /// # Errors
+    /// The specimen holds. The command was not passed on, or is the last one.
+    pub fn exchange_as(
+        &mut self,
+        origin: Origin,
+        command: &Command<'_>,
+        elapsed: f64,
+        wanted: &mut dyn FnMut() -> bool,
+        into: &mut Measurement,
+    ) -> Result<bool, Trip> {
+        let received_ns = self.recording.begins(command.time);
+        let mut answered_ns = None;
+        let mut is_answered = true;
+        if self.tripped.is_none() {
+            match self.attempt(command, elapsed, origin, wanted, &mut answered_ns) {
+                Ok(answered) => is_answered = answered,
+                Err(trip) => self.trip(trip),
+            }
+        }
+        into.sequence = command.sequence;
+        into.time = self.answer.time;
+        into.status = self.answer.status;
+        copy(&self.answer, into);
+        if self.tripped.is_some() {
+            into.status.0 |= Status::INTERLOCK.0;
+        }
+        if !is_answered {
+            into.status.0 |= Status::OWED.0;
+        }
+        self.recording.exchange(&Exchange {
+            state: answered_ns.map_or(Exchange::KEPT_BACK, |_| origin.state()),
+            command,
+            elapsed,
+            commits: self.commits,
+            measured: into,
+            trip: self.tripped,
+            received_ns,
+            answered_ns: answered_ns.unwrap_or(received_ns),
+        });
+        self.tripped.map_or(Ok(is_answered), Err)
+    }
+
+    /// `answered_ns` stays empty for a command that is not passed on. False if its answer is owed, and not
+    /// `wanted` any more.
+    fn attempt(
+        &mut self,
+        command: &Command<'_>,
+        elapsed: f64,
+        origin: Origin,
+        wanted: &mut dyn FnMut() -> bool,
+        answered_ns: &mut Option<u64>,
+    ) -> Result<bool, Trip> {
+        self.judge_command(command, elapsed, origin)?;
+        let is_theirs = origin == Origin::Controller;
+        if is_theirs {
+            self.first.passed();
+        }
+        let answer = self.pass_on(command, elapsed, wanted);
+        *answered_ns = Some(self.recording.now_ns());
+        let fault = match answer {
+            Ok(true) => None,
+            Ok(false) => return Ok(false),
+            Err(LinkFault::NotFinite) => Some(LinkFault::NotFinite),
+            Err(fault) => return Err(Trip::Lost(fault)),
+        };
+        let raw = self.port.raw();
+        (self.answer.time, self.answer.status) = (raw.time, raw.status);
+        copy(raw, &mut self.answer);
+        if let Some(axis) = not_finite(&raw.disp, &raw.force) {
+            // A sensor is at its end. What it read before is the answer.
+            self.answer.status.0 |= Status::SATURATED.0;
+            let measured = true;
+            return Err(Trip::NotFinite { axis, measured });
+        }
+        if let Some(fault) = fault {
+            return Err(Trip::Lost(fault));
+        }
+        self.judge_answer(is_theirs)?;
+        Ok(true)
+    }
+
+    /// Everything that is judged before a command leaves. Real-time: yes.
+    fn judge_command(
+        &mut self,
+        command: &Command<'_>,
+        elapsed: f64,
+        origin: Origin,
+    ) -> Result<(), Trip> {
+        if let Some(axis) = not_finite(command.disp, command.vel) {
+            let measured = false;
+            return Err(Trip::NotFinite { axis, measured });
+        }
+        let time = self.time_of(command, elapsed, origin);
+        if let Some(time) = time {
+            self.port.set_motion_time(time.own);
+        }
+        // Our own small motions before the test are none of the controller's.
+        let is_theirs = origin == Origin::Controller;
+        if is_theirs {
+            self.first.judge(command, &self.port)?;
+            self.first.take_up_pace(command, elapsed, &mut self.port);
+        }
+        let motion = command.disp.iter().zip(command.vel);
+        self.port
+            .aim_at(&mut motion.map(|(disp, vel)| (*disp, *vel)));
+        let found = self.port.clear();
+        self.heed(found)?;
+        if let Some(announced) = self.announced.as_mut().filter(|_| is_theirs) {
+            let units = self.port.units().iter();
+            let disp = command.disp.iter().zip(units);
+            let disp = disp.map(|(disp, (metres, _))| disp * metres);
+            announced.command(time.map_or(USUAL_TICK_S, |time| time.announced), disp)?;
+        }
+        Ok(())
+    }
+
+    /// Sends the command that was judged, and takes its answer; false if that is not `wanted` any more.
+    fn pass_on(
+        &mut self,
+        command: &Command<'_>,
+        elapsed: f64,
+        wanted: &mut dyn FnMut() -> bool,
+    ) -> Result<bool, LinkFault> {
+        // The other end counts the time over commands that were lost by itself.
+        let dt = if self.port.is_remote() {
+            command.dt
+        } else {
+            elapsed
+        };
+        let limit_ns = self.reply_limit_ns;
+        let deadline = match limit_ns {
+            0 => Nanos(0),
+            _ => Nanos(os::monotonic_ns()).plus(limit_ns),
+        };
+        self.port.issue(command.sequence, command.time, dt)?;
+        for _ in 0..limit_ns.div_ceil(LISTEN_NS) {
+            if self.port.is_answered(LISTEN_NS)? {
+                break;
+            }
+            if !wanted() {
+                return Ok(false);
+            }
+        }
+        match self.port.collect(deadline)? {
+            Freshness::Fresh => Ok(true),
+            // The time limit of a link that does not keep one itself.
+            Freshness::Stale => Err(LinkFault::Timeout),
+        }
+    }
+
+    /// Everything that is judged of an answer. Real-time: yes.
+    fn judge_answer(&mut self, is_theirs: bool) -> Result<(), Trip> {
+        if self.answer.status.has(Status::UNSETTLED) {
+            self.port.count_unsettled();
+        }
+        let found = self.port.judge();
+        if let Some(announced) = self.announced.as_mut().filter(|_| is_theirs) {
+            let units = self.port.units().iter();
+            let values = self.answer.disp.iter().zip(&self.answer.force).zip(units);
+            announced.measured(
+                values.map(|((disp, force), (metres, newtons))| (disp * metres, force * newtons)),
+            )?;
+        }
+        self.heed(found)?;
+        if self.answer.status.has(Status::SATURATED) {
+            return Err(Trip::Saturated);
+        }
+        if self.answer.status.has(Status::INTERLOCK) {
+            return Err(Trip::Interlock);
+        }
+        let hold = self.port.note_hold(Freshness::Fresh);
+        // No word of a link.
+        self.answer.status.0 &= !Status::HELD.0;
+        if hold.begins {
+            let text = "the specimen says that it holds by its own watchdog, since commands had stopped: what it answers meanwhile \
+                        does not belong to the commands";
+            self.warn(Remark::SpecimenHolds, text);
+        }
+        if hold.answers > HOLDING_IN_A_ROW {
+            return Err(Trip::Holds(hold.answers));
+        }
+        Ok(())
+    }
+
+    /// The times that a command has for its motion, if anything is known of them. Our own small motions before the test keep to
+    /// a pace of ours, and no controller decides their time. Real-time: yes.
+    fn time_of(&mut self, command: &Command<'_>, elapsed: f64, origin: Origin) -> Option<Times> {
+        if let Origin::Own { period_s } = origin {
+            return Some(Times::both(period_s));
+        }
+        let now = self.now.unwrap_or_else(|| Nanos(os::monotonic_ns()));
+        if self.allowance.has_rested(now) {
+            self.has_come_to_rest();
+        }
+        let request = Request {
+            sequence: command.sequence,
+            elapsed,
+            stays: self.port.is_at(command.disp),
+        };
+        self.allowance.time_of(request, now)
+    }
+
+    /// Warnings are told, and so is what trips beside the first; that ends the test.
+    fn heed(&mut self, found: Found) -> Result<(), Trip> {
+        let mut untold = found.warning;
+        while let Some(hit) = untold.take().or_else(|| self.port.next_untold()) {
+            // Each time that the level is crossed from inside.
+            let what = match hit.level {
+                Level::Warning => "a warning",
+                Level::Trip => "it trips, too",
+            };
+            let text = format!("{hit} ({}): {what}", hit.quantity.key());
+            self.note(Remark::Limit, &text);
+        }
+        found.trip.map_or(Ok(()), |hit| Err(Trip::Limit(hit)))
+    }
+
+    /// Latches the trip of a lasting specimen: no session begins before its operator has cleared it. A lost link is not latched.
+    pub fn trip(&mut self, trip: Trip) {
+        self.tripped = Some(trip);
+        let text = self.whole(trip);
+        if self.identity.is_lasting() && !matches!(trip, Trip::Lost(_)) {
+            self.latch.set(&self.identity.name, trip.name(), &text);
+        }
+        self.recording.tripped(trip, &text);
+    }
+
+    /// The last command is accepted. The next command shows a specimen that is lost meanwhile. Real-time: yes.
+    pub fn commit(&mut self) {
+        if self.tripped.is_some() {
+            return;
+        }
+        self.commits += 1;
+        if self.port.has_begun()
+            && let Err(fault) = self.port.accepted(0)
+        {
+            self.trip(Trip::Lost(fault));
+        }
+    }
+
+    /// The specimen rests, and the next command comes from rest.
+    pub fn has_come_to_rest(&mut self) {
+        self.port.has_come_to_rest();
+        if let Some(announced) = &mut self.announced {
+            announced.rests();
+        }
+    }
+}
+
+// What it says.
+impl GuardedSpecimen {
+    /// A trip with what its link has to say.
+    pub fn whole(&self, trip: Trip) -> String {
+        let mut text = trip.to_string();
+        match trip {
+            Trip::Lost(_) => {
+                if let Some(complaint) = self.port.complaint() {
+                    text.push_str(&format!(" ({complaint})"));
+                }
+            }
+            Trip::Limit(hit) if hit.quantity.is_of_motion() => {
+                if let Some(stands) = &self.first.stands {
+                    text.push_str(&format!(
+                        ": the specimen is at {}, and the first command leads away from there",
+                        self.identity.in_words(stands)
+                    ));
+                }
+                let leaves = self.first.leaves.as_ref();
+                if let Some(why) = leaves.and_then(|_| first_command::why(self.port.limits(), &hit))
+                {
+                    text.push_str(&format!(" ({why})"));
+                }
+                let is_timed = hit.quantity != Limit::CommandStep;
+                if let Some(cut) = self.allowance.says_cut().filter(|_| is_timed) {
+                    text.push_str(&format!(" ({cut})"));
+                }
+            }
+            _ => {}
+        }
+        text
+    }
+
+    /// A warning about the controller or the specimen: for the program's log, and once for the events and the summary of the
+    /// run folder.
+    pub fn warn(&mut self, event: Remark, text: &str) {
+        self.recording.warn_once(&self.store, event, text);
+    }
+
+    /// Something for the record.
+    pub fn note(&self, event: Remark, text: &str) {
+        self.recording.note(&self.store, event, text);
+    }
+}
+
+/// The numbers of each axis that are finite. Real-time: yes.
+fn copy(from: &Measurement, to: &mut Measurement) {
+    let values = to.disp.iter_mut().zip(&mut to.force);
+    for ((disp, force), (from_disp, from_force)) in values.zip(from.disp.iter().zip(&from.force)) {
+        if from_disp.is_finite() && from_force.is_finite() {
+            (*disp, *force) = (*from_disp, *from_force);
+        }
+    }
+}
+
+/// The first axis (from 0) on which a number is none. Real-time: yes.
+pub(super) fn not_finite(one: &[f64], other: &[f64]) -> Option<usize> {
+    let mut pairs = one.iter().zip(other);
+    pairs.position(|(one, other)| !(one.is_finite() && other.is_finite()))
+}

@@ -1,0 +1,35 @@
+//! The properties of a served specimen that never change.
+
+use crate::units::{AxisUnits, position};
+
+/// What never changes of a served specimen.
+#[derive(Debug)]
+pub(super) struct Identity {
+    pub name: String,
+    pub units: Vec<AxisUnits>,
+    /// n × n by columns, in `units`.
+    pub stiffness: Vec<f64>,
+    pub mass: Vec<f64>,
+    /// Keys of its limits that need a measured displacement.
+    pub needs_measured_disp: Vec<&'static str>,
+    /// It moves: its speed is judged by the wall clock.
+    pub moves: bool,
+    /// It is computed and keeps its state between sessions.
+    pub remembers: bool,
+}
+
+impl Identity {
+    /// True if a session finds the specimen as the last one left it: the history of its limits and its trip stay, too.
+    pub const fn is_lasting(&self) -> bool {
+        self.moves || self.remembers
+    }
+
+    /// A place, axis after axis.
+    pub fn in_words(&self, place: &[f64]) -> String {
+        let axes = place.iter().zip(&self.units);
+        let words: Vec<_> = axes
+            .map(|(disp, units)| position(*disp, units.disp))
+            .collect();
+        words.join(", ")
+    }
+}
