@@ -1,9 +1,8 @@
 //! Gusset: a real-time hybrid simulation controller.
 //!
 //! A hybrid test joins a numerical substructure, which is integrated, and a physical one, which is commanded
-//! and measured. One step is one function ([`engine`]): it sends the displacement that the explicit
-//! integrator knew before the tick, takes the measured force, closes equilibrium, advances, and hands one row to
-//! the recorder. It does not know whether time is real, whether the specimen is a formula, a process across a
+//! and measured. Each tick of the loop ([`engine`]) sends the displacement that the explicit integrator knew before the tick,
+//! takes the measured force, and hands one row to the recorder. At the end of a step equilibrium is closed. The loop does not know whether time is real, whether the specimen is a formula, a process across a
 //! socket or a replayed file, or who reads the rows.
 //!
 //! The user's guide is in [`guide`]: how to prepare, run and evaluate a test.

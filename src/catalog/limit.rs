@@ -2,7 +2,8 @@
 //!
 //! A limit belongs to one axis of a specimen or to the test as a whole. All other modules read this table: the test file
 //! and its schema, the checks, the judgement in the loop, events, the summary, the report, the live page and the guide.
-//! A new limit is one variant of [`Limit`], one row of [`TABLE`], and the code that computes its value.
+//! A new limit is one variant of [`Limit`], one row of [`TABLE`], and the code that computes its value. `CONTRIBUTING.md` lists
+//! the places.
 //! The table is in the order of the test file. The variants are in the order in which limits are listed and reported.
 //! The table holds no levels: those are of the test.
 
@@ -102,9 +103,9 @@ pub enum Judges {
 /// Who checks a limit of an axis; each one beside those before.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum CheckedBy {
-    /// The controller only.
+    /// The controller. A server judges it as well if its file gives a level.
     Controller,
-    /// A gateway too.
+    /// Every server whose file gives a level.
     Gateway,
     /// Every server of the Gusset protocol too: the controller announces the limit.
     Server,
@@ -126,7 +127,8 @@ pub struct Setting {
 pub struct Row {
     /// The limit.
     pub limit: Limit,
-    /// Key of the test file, and name in events.
+    /// Key of the test file, and name in events. The limits of missed deadlines keep the names of an earlier version here: their
+    /// keys in the test file are those of `timing.misses`.
     pub key: &'static str,
     /// The key without its unit: part of the names of columns.
     pub name: &'static str,
@@ -552,7 +554,7 @@ impl Limit {
         TABLE.iter().find(|row| row.key == key).map(|row| row.limit)
     }
 
-    /// Key of the test file, and name in events.
+    /// Its key; see [`Row::key`].
     #[must_use]
     pub const fn key(self) -> &'static str {
         self.row().key
@@ -626,7 +628,7 @@ impl Limit {
         matches!(self.row().judges, Judges::Misses)
     }
 
-    /// Whether only the loop knows its value: no single command and no single measurement shows it.
+    /// Whether its value needs the history of a test: no single command and no single measurement shows it.
     #[must_use]
     pub const fn is_of_loop(self) -> bool {
         matches!(self, Self::FollowingError | Self::StuckSensor)

@@ -1,7 +1,7 @@
 //! The tick loop.
 //!
-//! Every tick of a test goes through [`Engine::perform`]: wait for the edge, exchange, judge, record, hand over. A
-//! [`Maneuver`] defines the differences: the next command, the reaction to the measurements, and the completion. Each command is
+//! Every tick of a test goes through [`Engine::perform`]: wait for the edge, exchange commands and
+//! measurements, record the row, close the tick. The exchange judges each measurement as it arrives. A [`Maneuver`] defines the differences: the next command, the reaction to the measurements, and the completion. Each command is
 //! judged before its tick begins, so that nothing but the send stands between the edge and the wire. A stop leaves the loop at
 //! once, and the next commands do not leave.
 //! Everything here is on the real-time path: no allocation, no lock, no system call but the clock's and the links', no panic.
@@ -34,7 +34,7 @@ pub(super) trait Maneuver {
     /// Reacts to the measurements, before the row is made.
     ///
     /// # Errors
-    /// The test ends. The tick has no row.
+    /// The test ends. A maneuver that wants a row of this tick makes it before it returns the error.
     fn measured(
         &mut self,
         _: &mut Engine<'_>,
@@ -85,7 +85,7 @@ impl Engine<'_> {
             maneuver.measured(self, &mut order, &mut stamps)?;
             self.record(&order, &stamps);
             maneuver.recorded(self, &order, &mut stamps)?;
-            self.hand_over(&order, stamps, skipped)?;
+            self.close_tick(&order, stamps, skipped)?;
         }
         Ok(())
     }
@@ -168,7 +168,7 @@ impl Engine<'_> {
 
     /// Ends a tick. In the test a deadline miss is counted, judged and answered by the policy.
     #[inline]
-    fn hand_over(&mut self, order: &Order, stamps: TickStamps, skipped: u64) -> Result<(), Stop> {
+    fn close_tick(&mut self, order: &Order, stamps: TickStamps, skipped: u64) -> Result<(), Stop> {
         if order.kind != Kind::Test {
             return Ok(());
         }

@@ -83,7 +83,7 @@ impl Engine<'_> {
     /// The exchange of a tick: commands out, measurements in and judged. Real-time: yes.
     ///
     /// # Errors
-    /// The first stop, whose row is kept.
+    /// The first stop. The row of the tick is kept, unless the link is lost.
     #[inline]
     pub fn exchange(&mut self, order: &Order, stamps: &mut TickStamps) -> Result<(), Stop> {
         let tick = &order.tick;
@@ -110,8 +110,8 @@ impl Engine<'_> {
     fn issue(&mut self, order: &Order) -> Result<(), Stop> {
         let (tick, steps) = (&order.tick, self.plan.steps);
         let held = self.environment.supervision.is_held();
-        let is_held = held || !self.progress.is_at_the_end(steps);
-        let holds = is_held && self.progress.pacer().stands() && tick.sub_tick > 0;
+        let may_stand = held || !self.progress.is_at_the_end(steps);
+        let holds = may_stand && self.progress.pacer().stands() && tick.sub_tick > 0;
         let sequence = self.exchanges.sequence();
         let (step, dt) = (self.progress.step(), self.plan.dt);
         for (index, port) in self.ports.iter_mut().enumerate() {

@@ -1,7 +1,7 @@
 //! The life of a test: `Connected → Ready → Stopped → Retired`. Each transition consumes the state before it.
 //!
 //! The life cycle owns the ports. The running engine borrows them for one transition, inside a panic boundary: a panic in any
-//! maneuver ends the transition, moves nothing more, and leaves the ports here. So every specimen receives its last message,
+//! maneuver ends the transition, moves nothing more, and leaves the ports here. So every connected specimen receives its last message,
 //! once, however the test ended, and a panic in one of these messages does not keep it from the others.
 
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};

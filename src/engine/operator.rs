@@ -220,7 +220,7 @@ impl Requests {
     }
 }
 
-/// Something to do on the loop's own thread just before the first and just after the last tick of the grid: tests put
+/// Something to do on the loop's own thread just before the first and just after the last tick of the test: the tests of Gusset put
 /// a guard there that counts system calls and allocations.
 pub type Watch = Box<dyn FnMut() + Send>;
 

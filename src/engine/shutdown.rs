@@ -1,6 +1,6 @@
 //! The shutdown: every specimen holds, or is moved slowly to where it is to be left, and then receives the last message.
 //!
-//! A specimen that is saturated, whose interlock is open, or which its own watchdog holds is not commanded: its own end holds it.
+//! A specimen that is saturated, whose measurements are stale, whose interlock is open, or which its own watchdog holds is not commanded: its own end holds it.
 //! One whose load cell left its range is not led by a force. Until it is known how the specimens are wired, where their zeros
 //! are and that they stand where they should, none is moved. What stops the shutdown stops it for all, and is part of how the
 //! test ended: a test that trips there has tripped.

@@ -9,7 +9,7 @@ use crate::port::Port;
 use crate::record::Event;
 use crate::rt::timing::TickStamps;
 
-/// Longest time in s, and most readings, in which a listened-to specimen is read before the static load is applied.
+/// Most readings of a specimen before the static load is applied, and the longest time in s that they may take.
 const AT_REST: f64 = 16.0;
 const AT_REST_S: f64 = 1.0;
 
@@ -75,7 +75,7 @@ impl Maneuver for Zeroing {
     }
 }
 
-/// Waits until the operator has confirmed the readings. A hold is another matter: it neither begins nor ends here.
+/// Waits until the operator has confirmed the readings. A hold that is requested meanwhile takes effect in the next motion.
 pub(super) struct Confirmation;
 
 impl Confirmation {

@@ -241,7 +241,7 @@ impl Stop {
         }
     }
 
-    /// As the files spell it, where it is the cause of a phase: of a limit its key in the test file.
+    /// As the files spell it, where it is the cause of a phase: of a limit the key of its row in the catalogue.
     #[must_use]
     pub const fn word(&self) -> &'static str {
         match self {

@@ -1,6 +1,7 @@
 //! The operator's view of the test and his requests: phase, hold, confirmation.
 //!
-//! A hold is no maneuver. It stretches the time of the running maneuver, which continues after it as if there had been none.
+//! A hold is not a maneuver. It stretches the time of a motion (wiring check, static load, ramp, steps), which continues after it.
+//! Zeroing, warm-up and shutdown are not stretched: specimens rest in the first two, and nothing interrupts the third.
 
 use std::time::Duration;
 

@@ -11,7 +11,7 @@ pub struct Tick {
     pub sub_tick: u64,
     /// Test time in s.
     pub time: f64,
-    /// Test time since the last accepted step: 0 at step 0.
+    /// Test time since the tick before: 0 at step 0 and in a hold.
     pub dt: f64,
 }
 

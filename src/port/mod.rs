@@ -2,7 +2,8 @@
 //!
 //! A [`Port`] is made of parts that own their data. The command path makes commands of targets, the guard judges them, the exchange
 //! sends them and takes the answer, and the feedback brings it back to the structure. Startup, estimates and tracking are parts of
-//! their own. The port itself holds the operations that need several parts. Invariant: no command leaves that was not judged.
+//! their own. The port itself holds the operations that need several parts. Invariant: no command leaves that was not
+//! judged. The last command may leave again, at rest.
 //! Limits: no clock, no thread, no file; every value of a tick can be read, so that the row hides nothing.
 
 mod assembly;
@@ -609,8 +610,8 @@ impl Port {
         self.path.is_per_step()
     }
 
-    /// True if its answer has to be waited for: it is owed, and comes from outside this process. A recording says whether it
-    /// was. Real-time: yes.
+    /// True if each of its commands has an answer that comes from outside this process and has to be waited for. A recording keeps
+    /// the property. Real-time: yes.
     #[inline]
     #[must_use]
     pub fn is_awaited(&self) -> bool {

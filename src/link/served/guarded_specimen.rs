@@ -176,7 +176,7 @@ impl GuardedSpecimen {
 // One exchange.
 impl GuardedSpecimen {
     /// One exchange: limits, specimen, limits, record. `elapsed` is the test time since the last commit. `into` receives the last
-    /// measurement, with the interlock flag while a trip is latched. False if the answer is owed, and not `wanted` any more.
+    /// measurement, with the interlock flag after a trip. False if the answer is owed, and not `wanted` any more.
     /// Real-time: yes, as far as the link is.
     ///
     /// # Errors
@@ -335,14 +335,19 @@ impl GuardedSpecimen {
             self.port.count_unsettled();
         }
         let found = self.port.judge();
-        if let Some(announced) = self.announced.as_mut().filter(|_| is_theirs) {
+        let mut announced = Ok(());
+        if let Some(limits) = self.announced.as_mut().filter(|_| is_theirs) {
             let units = self.port.units().iter();
             let values = self.answer.disp.iter().zip(&self.answer.force).zip(units);
-            announced.measured(
-                values.map(|((disp, force), (metres, newtons))| (disp * metres, force * newtons)),
-            )?;
+            announced =
+                limits
+                    .measured(values.map(|((disp, force), (metres, newtons))| {
+                        (disp * metres, force * newtons)
+                    }));
         }
+        // The specimen's own limits come first.
         self.heed(found)?;
+        announced?;
         if self.answer.status.has(Status::SATURATED) {
             return Err(Trip::Saturated);
         }

@@ -313,7 +313,7 @@ impl ServedSpecimen {
 // Commands.
 impl ServedSpecimen {
     /// One exchange of the controller: limits, specimen, limits, record. `elapsed` is the test time since the last commit. `into`
-    /// receives the last measurement, with the interlock flag while a trip is latched. False if the answer is owed, and not `wanted`
+    /// receives the last measurement, with the interlock flag after a trip. False if the answer is owed, and not `wanted`
     /// any more. Real-time: yes, as far as the link is.
     ///
     /// # Errors

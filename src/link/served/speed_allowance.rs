@@ -1,15 +1,15 @@
 //! The speed allowance of a specimen: the time that each command has for its motion, which its speed is judged by.
 //!
 //! For a specimen that moves, this is wall time, whatever test time the client says. The allowance is the specimen's: it
-//! fills with the time that passes, up to the burst, and each command that moves the specimen uses its share. An Arm, a
-//! new session, a silence and a hold fill nothing. The burst is [`BURST_S`], or two periods of the announced rate where
+//! fills with the time that passes, up to the burst, and each command that moves the specimen uses its share. An Arm and a
+//! new session fill nothing, and a silence or a hold fills no more than the burst. The burst is [`BURST_S`], or two periods of the announced rate where
 //! that is longer, and [`MOST_S`] at most. So with a velocity limit v no commands move the specimen by more than
 //! v·(T + burst) in T seconds. The client does not choose the burst: a single command has at most [`MOST_S`] for its
 //! motion, however seldom commands come. The limits that the client announced are judged by its own period instead.
 //!
 //! A client that announced its rate has one period for each command, lost ones included, as far as the allowance goes.
 //! Before its first command the allowance holds [`BURST_S`] at most. A client without a rate has the shorter of the wall
-//! time since its last command and the test time that it says. Haste does not hurt a formula: it has at least one
+//! time since its last command (0.01 s at least) and the test time that it says. Haste does not hurt a formula: it has at least one
 //! announced period, or the test time that was said.
 
 use super::USUAL_TICK_S;

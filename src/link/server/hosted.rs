@@ -1,4 +1,4 @@
-//! The specimen of a native server: its name, its axes, and how it is made for each test.
+//! The specimen of a server: its name, its axes, and how it is made for each test.
 
 use std::sync::Arc;
 

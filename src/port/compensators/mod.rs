@@ -38,7 +38,7 @@ enum TargetVelocity {
     Own,
 }
 
-/// LeadActivity of the compensators.
+/// Activity of the compensators.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum LeadActivity {
     /// Commands pass with their gain: the test does not run.

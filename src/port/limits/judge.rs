@@ -2,7 +2,8 @@
 //!
 //! A judgement takes all values of one group: commands, measurements, estimates or tracking. Each group is a list from the
 //! catalogue, and its values come in the order of this list. Inner bounds say when nothing is beyond a level: one loop of
-//! comparisons without branches. Beyond one of them [`AxisJudge`] walks the list and keeps every trip and every new warning.
+//! comparisons without branches. Beyond one of them, for the first values, and while
+//! a warning stands, [`AxisJudge`] walks the list and keeps every trip and every new warning.
 //! Invariant: a command or a measurement that is not finite is never inside; an estimate that is not finite is not judged.
 
 use super::trips::{GoesOn, Trips, Verdict};

@@ -2,7 +2,8 @@
 //!
 //! All numbers are SI at the specimen's own scale, except energy and tangents, which are the structure's. The catalogue says
 //! what each limit is; [`AxisLimits`] holds its levels; [`Watch`] keeps the few past values that the judgement needs.
-//! One loop compares all values of a judgement with inner bounds. Only beyond one of them the table of limits is walked.
+//! One loop compares all values of a judgement with inner bounds. The table of limits is walked beyond one of them, for the
+//! first two commands, and while a warning stands.
 //! Invariant: a command is judged before it leaves, and a command or a measurement that is not a number trips.
 //! The reaction to a trip is decided elsewhere.
 
