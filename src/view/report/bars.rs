@@ -118,9 +118,20 @@ impl HistogramChart<'_> {
             .filter(|m| m.0 > 0.0 && is_drawable(m.0))
             .collect();
         all.sort_by(|a, b| a.0.total_cmp(&b.0));
-        all.into_iter()
-            .map(|(us, name, ink)| (us, format!("{name} {}", micros(us)), ink))
-            .collect()
+        // Of few values several percentiles are one: they share a label.
+        let mut marks: Vec<(f64, String, Ink)> = Vec::new();
+        for (us, name, ink) in all {
+            match marks.last_mut() {
+                Some((at, words, _)) if *at == us && ink != Ink::Alarm => {
+                    *words = format!("{words}, {name}");
+                }
+                _ => marks.push((us, name.to_owned(), ink)),
+            }
+        }
+        for (us, words, _) in &mut marks {
+            *words = format!("{words} {}", micros(*us));
+        }
+        marks
     }
 }
 
@@ -168,9 +179,14 @@ fn labels(marks: &[(f64, f64)], right: f64) -> Vec<Label> {
                 (apart || other.row != row) && clear_of_line && line_is_clear
             })
         };
-        let row = (0..MOST_ROWS)
-            .find(|&row| fits(row))
-            .unwrap_or(MOST_ROWS - 1);
+        // Where every row crosses a line, a label crosses it, but lies on no other label.
+        let is_free = |row: &usize| {
+            let mut others = placed.iter().filter(|other| other.row == *row);
+            others.all(|other| label.to <= other.from || label.from >= other.to)
+        };
+        let row = (0..MOST_ROWS).find(|&row| fits(row));
+        let row = row.or_else(|| (0..MOST_ROWS).rev().find(is_free));
+        let row = row.unwrap_or(MOST_ROWS - 1);
         placed.push(Label { row, ..label });
     }
     placed.sort_by(|a, b| a.at.total_cmp(&b.at));
@@ -215,6 +231,25 @@ mod tests {
                     );
                 }
             }
+        }
+    }
+
+    #[test]
+    fn labels_without_a_row_of_their_own_still_lie_on_no_other() {
+        let crowded = [
+            (330.0, 60.0),
+            (350.0, 90.0),
+            (352.0, 90.0),
+            (354.0, 90.0),
+            (356.0, 80.0),
+        ];
+        let placed = labels(&crowded, 400.0);
+        for (i, a) in placed.iter().enumerate() {
+            let mut others = placed.iter().skip(i + 1).filter(|b| b.row == a.row);
+            assert!(
+                others.all(|b| a.to <= b.from || b.to <= a.from),
+                "{placed:?}"
+            );
         }
     }
 }

@@ -6,7 +6,7 @@ use super::following::lag_words;
 use super::histogram::Timing;
 use super::response;
 use super::rows::Rows;
-use super::text::{NOTHING, count, escape, micros, number, quantity};
+use super::text::{count, escape, micros, number, quantity};
 use super::tracked;
 
 /// The largest displacement and the largest force: of the whole test, as far as the summary tells of it; of one that made no step,
@@ -76,17 +76,18 @@ pub(super) fn tiles(
     tiles.extend(storeys(rows));
     tiles.extend(tracking(rows, axes));
     if !run.is_simulated() {
-        let misses = run.progress().deadline_misses;
-        if let Some(misses) = misses.filter(|_| !run.is_served()) {
-            tiles.push((count(misses), "deadline misses".to_owned()));
-        }
-        if let Some(wakeup) = timings.iter().find(|t| t.key == "wakeup_lateness") {
-            let show = |v: Option<f64>| v.map_or_else(|| NOTHING.to_owned(), micros);
-            tiles.push((
-                show(wakeup.percentiles.p99),
-                "wake-up lateness, p99".to_owned(),
-            ));
-        }
+        let wakeup = timings.iter().find(|t| t.key == "wakeup_lateness");
+        let wakeup = wakeup.and_then(|timing| timing.percentiles.p99).map(micros);
+        let misses = run.progress().deadline_misses.filter(|_| !run.is_served());
+        tiles.extend(match (misses, wakeup) {
+            (Some(misses), Some(p99)) => Some((
+                count(misses),
+                format!("deadline misses; wake-up lateness {p99} (p99)"),
+            )),
+            (Some(misses), None) => Some((count(misses), "deadline misses".to_owned())),
+            (None, Some(p99)) => Some((p99, "wake-up lateness, p99".to_owned())),
+            (None, None) => None,
+        });
     }
     let tile = |(value, words): &(String, String)| {
         format!(

@@ -61,7 +61,7 @@ pub(super) fn ground(rows: &Rows<'_>) -> Option<String> {
         width: 1.1,
     }];
     let chart = TimeChart::history("Ground motion", Quantity { words, unit }, &lines);
-    let mut markup = history((WHOLE, 150.0), "Ground motion over test time", &chart);
+    let mut markup = history((WHOLE, 170.0), "Ground motion over test time", &chart);
     let when = format!(" at {}", rows.moment(peak.time));
     let largest = quantity(peak.value.abs(), unit);
     let in_g = format!(" ({} g)", number(peak.value.abs() / 9.806_65, 3));

@@ -228,7 +228,7 @@ mod tests {
             "largest force of the running test, column, as the structure sees it; −47.0\u{a0}kN during shutdown",
             "peaks are as the structure sees them. column: \
              1\u{a0}m of the specimen is −3\u{a0}m of the structure, 1\u{a0}N is −9\u{a0}N.",
-            "All of it as the structure sees it: 1\u{a0}m of the specimen is −3\u{a0}m",
+            "all as the structure sees it: 1\u{a0}m of the specimen is −3\u{a0}m",
         ] {
             assert!(page.contains(part), "{part} is missing");
         }

@@ -116,7 +116,10 @@ pub(super) fn verdict(run: &RunView, after: Option<u64>, more: &[String]) -> Ver
         tone = worse(tone);
         sentences.push("Lines of events.jsonl are damaged: see the events.".to_owned());
     }
-    if let Some(reason) = summary.reason.as_ref().filter(|r| !r.trim().is_empty()) {
+    if let Some(reason) = summary.reason.as_ref().filter(|r| {
+        // That a completed test came to its end is in the headline.
+        !r.trim().is_empty() && known != Some(Status::Completed)
+    }) {
         sentences.push(ended(&format!("Reason: {reason}")));
     }
     let is_shown = !matches!(known, Some(Status::Interrupted | Status::Completed));
@@ -318,19 +321,14 @@ fn feature_words(want: &str) -> String {
     .to_owned()
 }
 
-/// Sentences on what was asked of the operating system: what was granted, what was refused, and what to do about it.
-pub(super) fn granted(run: &RunView) -> Vec<String> {
+/// Sentences on what the operating system refused, and what to do about it.
+pub(super) fn refused(run: &RunView) -> Vec<String> {
     let features = run
         .summary
         .iter()
         .flat_map(|summary| &summary.realtime.features);
-    let name = |feature: &Feature| feature.want.as_deref().map(feature_words);
-    let (given, refused): (Vec<&Feature>, Vec<_>) = features.partition(|feature| feature.granted);
-    let given: Vec<String> = given.into_iter().filter_map(name).collect();
-    let given = (!given.is_empty())
-        .then(|| format!("Granted by the operating system: {}.", given.join(", ")));
-    let refused = refused.into_iter().filter_map(|feature| {
-        let mut sentence = format!("Not granted: {}", name(feature)?);
+    let sentence = |feature: &Feature| {
+        let mut sentence = format!("Not granted: {}", feature_words(feature.want.as_deref()?));
         if let Some(reason) = &feature.reason {
             sentence += &format!(" ({reason})");
         }
@@ -338,8 +336,11 @@ pub(super) fn granted(run: &RunView) -> Vec<String> {
             sentence += &format!("; {advice}");
         }
         Some(ended(&sentence))
-    });
-    given.into_iter().chain(refused).collect()
+    };
+    features
+        .filter(|feature| !feature.granted)
+        .filter_map(sentence)
+        .collect()
 }
 
 #[cfg(test)]

@@ -15,7 +15,7 @@ use super::html::{beside, definitions, details, note, section};
 use super::identified;
 use super::left;
 use super::limits::limits;
-use super::outcome::{Tone, granted, verdict};
+use super::outcome::{Tone, refused, verdict};
 use super::plots::base64;
 use super::response;
 use super::rows::Rows;
@@ -109,7 +109,7 @@ fn machine(run: &RunView) -> String {
     } else {
         definitions(&facts)
     };
-    let granted: String = granted(run).iter().map(|text| note(text)).collect();
+    let refused: String = refused(run).iter().map(|text| note(text)).collect();
     let text = &run.test.text;
     let configuration = if text.trim().is_empty() {
         note("The resolved configuration is missing from the run folder.")
@@ -119,7 +119,7 @@ fn machine(run: &RunView) -> String {
     };
     section(
         "Machine and configuration",
-        &(facts + &granted + &configuration),
+        &(facts + &refused + &configuration),
     )
 }
 

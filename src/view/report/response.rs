@@ -192,7 +192,7 @@ fn of_storeys(
         unit: rows.unit(&kind.column(1)),
     };
     let chart = TimeChart::history(title, up, &lines);
-    history((HALF, 270.0), &format!("{title} over test time"), &chart)
+    history((HALF, 290.0), &format!("{title} over test time"), &chart)
 }
 
 /// Largest floor acceleration, drift and shear of each storey, the roof first.

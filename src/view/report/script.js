@@ -79,7 +79,7 @@
     });
     const options = {
       width: Math.max(260, box.clientWidth),
-      height: data.height + 16,
+      height: data.height,
       cursor: { sync: { key: cursor.key }, drag: { x: true, y: false }, points: { size: 5 } },
       legend: { live: true },
       scales: {

@@ -126,7 +126,7 @@ fn hysteresis(rows: &Rows<'_>, axis: &Tracked<'_>) -> String {
         },
         lines: &[line],
     };
-    figure(HALF, 340.0, &label, |canvas, area| chart.draw(canvas, area))
+    figure(HALF, 326.0, &label, |canvas, area| chart.draw(canvas, area))
 }
 
 fn listed(axes: &[Tracked<'_>]) -> String {

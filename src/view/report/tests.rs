@@ -348,7 +348,7 @@ fn many_dofs_axes_and_events_are_limited_and_the_page_says_so() {
         ..RunView::default()
     });
     assert!(
-        page.contains("show 4 of 60 recorded DOFs") && page.contains("24 of 60 DOFs are listed")
+        page.contains("show 6 of 60 recorded DOFs") && page.contains("24 of 60 DOFs are listed")
     );
     assert!(page.contains("show 8 of 50 axes"));
     assert!(page.contains("531\u{a0}further events"));
@@ -428,11 +428,11 @@ fn an_axis_without_a_measured_displacement_has_no_tracking_metrics_and_says_why(
     assert!(axes[0].stiffness.is_none() && axes[0].lag.is_none());
     let page = render(&run);
     assert_pictures_are_well_formed(&page);
-    assert!(page.contains("Target and command") && page.contains("Force against command"));
+    assert!(page.contains("Target and command") && page.contains("force against command"));
     for line in [
         "Target and measured",
         ">measured<",
-        "Force against measured",
+        "force against measured",
     ] {
         assert!(!page.contains(line), "{line}");
     }
