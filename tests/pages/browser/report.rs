@@ -117,7 +117,8 @@ fn a_history_of_one_point_keeps_its_picture() {
     let text = "title = \"Short\"\n[time]\nrate_hz = 256\nduration_s = 4\nclock = \"simulated\"\n\
         [[excitation.prescribed_displacement]]\nspecimen = \"column\"\nease_in_s = 0.5\n\
         signal.cyclic = { amplitudes = [0.002], cycles_per_amplitude = 2, shape = \"sine\", frequency_hz = 0.5 }\n\
-        [[specimen]]\nname = \"column\"\nlaw.linear = { stiffness_n_per_m = 1e5 }\n";
+        [[specimen]]\nname = \"column\"\nlaw.linear = { stiffness_n_per_m = 1e5 }\n\
+        transfer.actuator.first_order = { time_constant_s = 0.006 }\n";
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("run");
     completed(&write(folder.path(), "test.toml", text), &out, &[]);
