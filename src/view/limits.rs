@@ -62,22 +62,22 @@ pub struct LimitsView {
     /// By specimen.
     #[serde(deserialize_with = "lenient::items")]
     pub specimens: Vec<SpecimenLimitsView>,
-    /// Of the test as a whole.
+    /// Limits of the test as a whole.
     #[serde(deserialize_with = "lenient::items")]
     pub test: Vec<LimitView>,
     /// What ends every test.
     #[serde(deserialize_with = "lenient::items")]
     pub always: Vec<String>,
-    /// What has no limit.
+    /// Quantities without a limit.
     #[serde(deserialize_with = "lenient::field")]
     pub unlimited: Option<String>,
     /// The startup.
     #[serde(deserialize_with = "lenient::field")]
     pub way_in: Option<String>,
-    /// What a late tick does.
+    /// Effect of a late tick.
     #[serde(deserialize_with = "lenient::field")]
     pub on_miss: Option<String>,
-    /// What a trip does.
+    /// Effect of a trip.
     #[serde(deserialize_with = "lenient::field")]
     pub on_trip: Option<String>,
     /// Where the specimens are at the end.

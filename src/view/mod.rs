@@ -34,7 +34,7 @@ use report::Digest;
 pub struct Flaws {
     /// Why the folder counts as unfinished, if it does.
     pub unfinished: Option<String>,
-    /// Rows that are damaged or missing. Empty where all rows are as they were recorded.
+    /// Rows that are damaged or missing. Empty for a complete record.
     pub damaged: Vec<String>,
     /// Keys of the summary that the rows and events contradict, and a run that names itself as an ancestor.
     pub contradicted: Vec<String>,
@@ -53,9 +53,9 @@ pub struct RunView {
     pub columns: Vec<Column>,
     /// One vector per column, all rows in order; an absent value is NaN. Empty where `digest` is given.
     pub data: Vec<Vec<f64>>,
-    /// What a page needs of rows that are not held in memory.
+    /// Digest of rows that are not held in memory.
     pub digest: Option<Digest>,
-    /// Why there is no energy balance, if there is none.
+    /// Reason for a missing energy balance.
     pub no_balance: Option<String>,
     /// Modes of the structure with what delays do to their damping; none without a structure.
     pub modes: Vec<Mode>,
@@ -69,7 +69,7 @@ pub struct RunView {
     pub timing: Timings,
     /// The lines of `events.jsonl`.
     pub events: Vec<EventLine>,
-    /// What is missing or wrong.
+    /// Missing or contradictory parts of the record.
     pub flaws: Flaws,
     /// `resolved.toml`.
     pub test: ResolvedTest,

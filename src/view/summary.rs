@@ -64,7 +64,7 @@ pub struct Feature {
     pub advice: Option<String>,
 }
 
-/// What was asked of the operating system.
+/// Requests to the operating system.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(default)]
 pub struct Realtime {
@@ -79,7 +79,7 @@ pub struct Realtime {
     pub features: Vec<Feature>,
 }
 
-/// What a person should know beside the numbers.
+/// Remarks for people, beside the numbers.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(default)]
 pub struct Remarks {
@@ -98,7 +98,7 @@ pub struct Remarks {
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(default)]
 pub struct SummaryView {
-    /// How the run ended, as the file has it.
+    /// How the run ended, in the word of the file.
     #[serde(deserialize_with = "lenient::field")]
     pub status: Option<String>,
     /// Why, in words.
@@ -122,7 +122,7 @@ pub struct SummaryView {
     /// Percentiles of the loop's timing.
     #[serde(deserialize_with = "lenient::field")]
     pub timing: Timings,
-    /// What was asked of the operating system.
+    /// Requests to the operating system.
     #[serde(deserialize_with = "lenient::field")]
     pub realtime: Realtime,
     /// Traffic by specimen.

@@ -1,4 +1,4 @@
-//! `resolved.toml` of any version, as far as a page tells of it. The reader of tests is [`crate::config`].
+//! `resolved.toml` of any version, as far as a page needs it. The reader of tests is [`crate::config`].
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use serde::{Deserialize, Deserializer};
 
 use super::lenient;
 
-/// A number, or a word in its place.
+/// A number or a word.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(untagged)]
 pub enum NumberOrWord {

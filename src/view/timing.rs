@@ -37,7 +37,7 @@ pub struct TimingEntry {
     /// Upper edge of each bin and its count.
     #[serde(default, alias = "bins", deserialize_with = "bins")]
     pub histogram: Vec<(f64, u64)>,
-    /// The same by specimen, for round trips.
+    /// Round trips by specimen.
     #[serde(default, deserialize_with = "lenient::entries")]
     pub specimens: BTreeMap<String, TimingEntry>,
 }

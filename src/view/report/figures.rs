@@ -9,8 +9,8 @@ use super::rows::Rows;
 use super::text::{count, escape, micros, number, quantity};
 use super::tracked;
 
-/// The largest displacement and the largest force: of the whole test, as far as the summary tells of it; of one that made no step,
-/// what was before the first.
+/// The largest displacement and the largest force: of the whole test, as far as the summary reports it. Without a
+/// step they are those of the startup.
 fn extremes(
     run: &RunView,
     rows: &Rows<'_>,

@@ -89,7 +89,7 @@ fn of_specimens(specimens: &[SpecimenLimitsView]) -> String {
             ("direction:", &specimen.direction),
             ("ends of its range:", &specimen.ends),
         ];
-        // The star stands for a column of this table.
+        // The star refers to a column of this table.
         let told_of = |(what, text): (&str, &Option<String>)| {
             Some(format!("{what} {}", text.as_ref()?.replace(" (*)", "")))
         };

@@ -86,7 +86,7 @@ fn page(run: &RunView, digest: &Digest) -> String {
     zoomable(title, &body)
 }
 
-/// What was tested.
+/// Facts of the tested model, and its sketch.
 fn model(run: &RunView, rows: &Rows<'_>) -> String {
     let mut facts = tested::facts(run);
     facts.push(("Recorded".to_owned(), recorded(rows)));

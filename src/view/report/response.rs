@@ -126,7 +126,7 @@ fn lines<'a>(series: &'a Series<'_>, time: &'a [f64]) -> Vec<Line<'a>> {
     series.iter().map(line).collect()
 }
 
-/// What displacements, velocities and accelerations are measured against, as a title goes on; nothing where the ground rests.
+/// The reference of displacements, velocities and accelerations, to be added to a title. Empty where the ground rests.
 fn measured_against(rows: &Rows<'_>) -> &'static str {
     let shakes = rows.marks("ground").peak.is_some_and(|p| p.value != 0.0);
     match rows.unit("ground") {
@@ -300,7 +300,7 @@ pub(super) fn amplitudes<'a>(
     }
 }
 
-/// Six decades below the largest amplitude: what lies lower is roundoff.
+/// Six decades below the largest amplitude; smaller values are roundoff.
 fn decades<'a>(amplitudes: impl Iterator<Item = &'a [f64]>) -> Option<(f64, f64)> {
     let top = amplitudes
         .flatten()
@@ -311,7 +311,7 @@ fn decades<'a>(amplitudes: impl Iterator<Item = &'a [f64]>) -> Option<(f64, f64)
 }
 
 fn peaks(run: &RunView, rows: &Rows<'_>, dofs: &[u32]) -> String {
-    // Of a test that was stopped in motion the last rows are no rest.
+    // A test that was stopped in motion has no residual displacement.
     let ending = run.summary.as_ref().and_then(|summary| summary.ending());
     let is_completed = ending == Some(Status::Completed);
     let listed = spread(dofs, MOST_DOFS);

@@ -1,4 +1,4 @@
-//! What the specimens did: hysteresis, peaks and traffic.
+//! The specimens: hysteresis, peaks and traffic.
 
 use super::RunView;
 use super::canvas::Ink;
@@ -166,7 +166,7 @@ fn listed(axes: &[Tracked<'_>]) -> String {
         )
 }
 
-/// What went over the links, by specimen; nothing where nothing was counted.
+/// Traffic on the links, by specimen; empty where nothing was counted.
 fn traffic(run: &RunView) -> String {
     let links = run.summary.iter().flat_map(|summary| &summary.link);
     let row = |(name, link): (&String, &LinkCounts)| {

@@ -1,6 +1,4 @@
-//! What was tested, read out of the resolved configuration: a few lines that a reader needs before any picture.
-//!
-//! Reads by key and leaves out what it does not find; the whole configuration stands at the end of the page.
+//! The tested model in a few lines, from the resolved test. Absent tables are left out.
 
 use super::RunView;
 use super::columns::{Combination, MOST_DOFS, SpecimenAxis, Storey};
@@ -88,7 +86,7 @@ pub(super) fn axis_name(test: &TestFile, axis: SpecimenAxis, all: &[SpecimenAxis
     }
 }
 
-/// Names and values of what was tested.
+/// Names and values of the tested model.
 pub(super) fn facts(run: &RunView) -> Vec<(String, String)> {
     let test = &run.test.file;
     let has_specimens = !test.specimen.is_empty();
@@ -115,7 +113,7 @@ pub(super) fn facts(run: &RunView) -> Vec<(String, String)> {
     known.collect()
 }
 
-/// Step, rate and clock; of a run without a summary as it was configured.
+/// Step, rate and clock: from the summary, else from the test file.
 fn time(run: &RunView) -> String {
     let (test, progress) = (&run.test.file, run.progress());
     let step = progress.dt.or_else(|| test.step_s());
@@ -228,7 +226,7 @@ fn excitation(test: &TestFile) -> Option<String> {
     (!parts.is_empty()).then(|| shortened(&parts.join("; "), 300))
 }
 
-/// The file of an excitation and what its samples are scaled by, as far as they are told.
+/// The file of an excitation and the scaling of its samples, where known.
 fn record(entry: &Excitation) -> String {
     let path = entry
         .signal
@@ -262,7 +260,7 @@ fn integration(run: &RunView) -> String {
     parts.into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
-/// What a specimen is: its law, or what it is reached by.
+/// Kind of a specimen: its law, or its link.
 fn kind(table: &SpecimenTable) -> Option<String> {
     if let Some(link) = &table.link {
         let by = link

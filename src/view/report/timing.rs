@@ -68,7 +68,7 @@ pub(super) fn timing(run: &RunView, rows: &Rows<'_>, timings: &[Timing]) -> Stri
     rows.section(heading, &markup)
 }
 
-/// The ticks that took longest, with what is known of each.
+/// The ticks that took longest, each with the evidence around it.
 fn worst(run: &RunView, rows: &Rows<'_>) -> String {
     let miss_at = |step: f64| {
         let near = run.events.iter().filter(|e| is_miss(e));
