@@ -202,9 +202,9 @@ fn storey_peaks(rows: &Rows<'_>) -> String {
         return String::new();
     }
     let kinds = [
-        (Storey::Floor, "floor acceleration, absolute"),
         (Storey::Drift, "drift"),
         (Storey::Shear, "shear"),
+        (Storey::Floor, "absolute floor acceleration"),
     ];
     let known = kinds
         .into_iter()
