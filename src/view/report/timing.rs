@@ -274,7 +274,7 @@ fn over_time(run: &RunView, rows: &Rows<'_>) -> String {
         reduce: Reduce::Highest,
         named_time: true,
     };
-    let mut markup = history((WHOLE, 240.0), "Lateness over test time", &chart);
+    let mut markup = history((WHOLE, 200.0), "Lateness over test time", &chart);
     if !marks.is_empty() {
         markup += &note("Red strokes at the top mark deadline misses.");
     }
