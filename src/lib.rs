@@ -40,7 +40,7 @@
 //! | [`config`] | the files that a user writes: schema, reading, checks, diagnostics; knows no engine |
 //! | [`setup`] | from a file to an experiment, or to the specimen of a server |
 //! | [`metrics`] | numbers read off recorded histories |
-//! | [`report`] | the page a run leaves behind |
+//! | [`view`] | a recorded run as people look at it: typed files, report, comparison |
 //! | [`monitor`] | a running test as people look at it: live page, terminal, Prometheus |
 //! | [`text`] | text that is shown to people, with what a terminal would obey or hide spelled out |
 //! | [`assets`] | the chart script that our pages carry |
@@ -79,7 +79,6 @@ pub mod monitor;
 pub mod motion;
 pub mod port;
 pub mod record;
-pub mod report;
 pub mod rt;
 pub mod session;
 pub mod setup;
@@ -93,5 +92,6 @@ pub mod time;
 pub mod transfer;
 pub mod units;
 pub mod verify;
+pub mod view;
 pub mod wire;
 pub mod work;

@@ -108,7 +108,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("rt", &["time"]),
     // Substructures say what the bits of a status column mean.
     (
-        "report",
+        "view",
         &[
             "assets",
             "config",
@@ -142,7 +142,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "law",
             "linalg",
             "model",
-            "report",
+            "view",
             "spectral",
             "stability",
             "time",
@@ -238,7 +238,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "model",
             "motion",
             "record",
-            "report",
+            "view",
             "rt",
             "setup",
             "specimen",

@@ -13,12 +13,12 @@ use super::table::Table;
 use super::{answer, only_with, tell};
 use crate::catalog::ending::Cause;
 use crate::record::{Progress, RunFolder};
-use crate::report::{Percentiles, jitter_svg};
 use crate::rt::load::{Load, USUAL_BYTES};
 use crate::session::fitness::Measured;
 use crate::session::{self, Finished, Signals, Watches, bare_loop};
 use crate::setup::Prepared;
 use crate::time::Ratio;
+use crate::view::report::{Percentiles, jitter_svg};
 
 /// More than any machine keeps.
 const HIGHEST_HZ: f64 = 1e6;

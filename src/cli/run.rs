@@ -12,13 +12,13 @@ use super::table::Table;
 use super::test_file::refused;
 use super::{answer, only_with, tell, warn};
 use crate::record::Progress;
-use crate::report::told;
 use crate::session::{
     self, Allowed, Finished, Judged, Page, ReplayError, ResumeError, Signals, Watches, integration,
 };
 use crate::setup::{self, Facts, Prepared};
 use crate::stability::RecordedVerdict;
 use crate::units::{duration, number, quantity};
+use crate::view::report::told;
 
 /// Runs one test.
 pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {

@@ -128,6 +128,7 @@ impl SampleWindow {
 
 /// Deadline misses by class.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(default)]
 pub struct MissClasses {
     /// The thread was switched away against its will.
     pub preempted: u64,

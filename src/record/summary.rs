@@ -50,6 +50,7 @@ impl<'de> Deserialize<'de> for Lambda {
 /// Largest magnitudes over the run, all DOFs whether recorded or not; of a run that went on with another one over the whole test,
 /// the steps in the other folder too. What does not exist or is not finite is null.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Peak {
     /// DOFs, from 1, that are rotations.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::page::{PageError, read, write};
 use crate::record::{FolderError, Journal, Run};
-use crate::report::{self, Matched, Matcher, Next, RunData};
+use crate::view::report::{self, Matched, Matcher, Next, RunView};
 
 /// A page that was written, and what it says in a sentence.
 #[derive(Debug)]
@@ -48,10 +48,10 @@ fn name(folder: &Path) -> Option<String> {
 }
 
 fn matched(
-    (first, a): (&Path, &RunData),
-    (second, b): (&Path, &RunData),
+    (first, a): (&Path, &RunView),
+    (second, b): (&Path, &RunView),
 ) -> Result<Result<Matched, String>, PageError> {
-    let dt = |run: &RunData| run.summary.as_ref()?.get("dt")?.as_f64();
+    let dt = |run: &RunView| run.progress().dt;
     if let (Some(x), Some(y)) = (dt(a), dt(b))
         && (x / y - 1.0).abs() > 1e-9
     {

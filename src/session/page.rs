@@ -14,10 +14,11 @@ use super::replay_error::ReplayError;
 use crate::metrics::energy::Model;
 use crate::record::summary::Status;
 use crate::record::{Column, End, Events, FolderError, MissingEnd, Run, atomic};
-use crate::report::{
-    BLOCK, Digest, Earlier, IdentifiedAxis, RunData, Source, count, drifts, falsified, hero_svg,
-    identified, missing_metrics, render, ticks_per_step, tracking_metrics, without_disp,
+use crate::view::report::{
+    BLOCK, Digest, Earlier, IdentifiedAxis, Source, count, effect, hero_svg, identified,
+    missing_metrics, render, storeys, tracking_metrics, without_disp,
 };
+use crate::view::{Flaws, ResolvedTest, RunView, SummaryView, Timings};
 
 /// Its name in the run folder.
 const PAGE: &str = "report.html";
@@ -78,21 +79,20 @@ pub fn conclude(finished: &mut Finished) -> Result<Page, PageError> {
     let mut run = read(folder.path())?;
     summary.metrics = tracking_metrics(&run);
     summary.metrics_missing = missing_metrics(&run);
-    summary.falsified = falsified(&run);
+    summary.falsified = effect(&run);
     folder.write_summary(summary)?;
-    // As whoever writes the report again will read it.
-    let text = serde_json::to_string(summary).ok();
-    run.summary = text.and_then(|text| serde_json::from_str(&text).ok());
+    // As a later report reads it.
+    run.summary = serde_json::to_value(summary).ok().map(SummaryView::from);
     folder.write_extra(PAGE, render(&run).as_bytes())?;
     Ok(page(folder.path().join(PAGE), &run))
 }
 
-fn page(path: PathBuf, run: &RunData) -> Page {
+fn page(path: PathBuf, run: &RunView) -> Page {
     Page {
         path,
         identified: identified(run),
-        damaged: run.damaged.clone(),
-        contradicted: run.contradicted.clone(),
+        damaged: run.flaws.damaged.clone(),
+        contradicted: run.flaws.contradicted.clone(),
         is_of_an_earlier_version: is_of_an_earlier_version(run.events.iter()),
     }
 }
@@ -194,32 +194,28 @@ pub(super) fn write(path: &Path, text: &str) -> Result<PathBuf, PageError> {
 }
 
 /// What the page of the run in `folder` is made of.
-pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
+pub(super) fn read(folder: &Path) -> Result<RunView, PageError> {
     let run = Run::open(folder)?;
     let at = |name: &str| folder.join(name);
-    let json = |name: &str| {
+    let json = |name: &str| -> Option<serde_json::Value> {
         let bytes = std::fs::read(at(name)).ok()?;
         serde_json::from_slice(&bytes).ok()
     };
-    let text = |name: &str| std::fs::read_to_string(at(name)).unwrap_or_default();
-    let resolved = text("resolved.toml");
-    let table: Option<toml::Table> = resolved.parse().ok();
-    let title = table.and_then(|table| table.get("title")?.as_str().map(str::to_owned));
+    let text = std::fs::read_to_string(at("resolved.toml")).unwrap_or_default();
+    let test = ResolvedTest::from(text);
     let name = || {
         folder
             .file_name()
             .map(|name| name.to_string_lossy().into_owned())
     };
     // One that lacks what it must have is none.
-    let summary: Option<serde_json::Value> = run.summary().and_then(|_| json("summary.json"));
-    let configured = || table_step(&resolved);
-    let recorded = summary
-        .as_ref()
-        .and_then(|summary| summary.get("dt")?.as_f64());
+    let summary = run.summary().and_then(|_| json("summary.json"));
+    let summary = summary.map(SummaryView::from);
+    let recorded = summary.as_ref().and_then(|summary| summary.progress.dt);
     // One that cannot be read is for a replay to refuse.
     let origin = Origin::of(folder).ok().flatten();
     let step = origin.as_ref().map(|origin| origin.step);
-    let known = known(folder, &resolved, run.layout().columns(), step);
+    let known = known(folder, &test.text, run.layout().columns(), step);
     let earlier = origin.map(|origin| Earlier {
         folders: folders_of(folder),
         step: origin.step,
@@ -233,15 +229,15 @@ pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
     let told = run.events()?;
     let on_disk = OnDisk {
         path: at("samples.bin"),
-        step_s: recorded.or_else(configured),
-        ticks_per_step: ticks_per_step(&resolved),
+        step_s: recorded.or_else(|| test.file.step_s()),
+        ticks_per_step: test.file.ticks_per_step(),
         earlier,
         without_disp: without_disp(&told.events),
         end: Cell::new(None),
         run: &run,
     };
     let model = model.as_mut().map(|model| model as &mut dyn Model);
-    let digest = Digest::of(&on_disk, &drifts(&resolved), model);
+    let digest = Digest::of(&on_disk, &storeys(&test.file), model);
     let digest = digest.map_err(|source| PageError::File {
         path: at("samples.bin"),
         source,
@@ -251,10 +247,15 @@ pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
         .then(|| "the run has no summary.json: it is still running or was killed".to_owned());
     let rows = on_disk.end.get();
     let damaged = rows.map_or_else(Vec::new, |rows| damages(&run, &told, rows));
-    let contradicted = with_record(&run, &resolved)?;
+    let contradicted = with_record(&run, &test.text)?;
     let contradicted = contradicted.iter().map(ToString::to_string);
-    Ok(RunData {
-        title: title.or_else(name).unwrap_or_else(|| "run".to_owned()),
+    Ok(RunView {
+        title: test
+            .file
+            .title
+            .clone()
+            .or_else(name)
+            .unwrap_or_else(|| "run".to_owned()),
         columns: run.layout().columns().to_vec(),
         data: Vec::new(),
         digest: Some(digest),
@@ -263,14 +264,16 @@ pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
         no_modes: known.modes.as_ref().err().cloned(),
         modes: known.modes.unwrap_or_default(),
         summary,
-        timing: json("timing.json"),
+        timing: json("timing.json").map(Timings::from).unwrap_or_default(),
         events: told.events,
-        unreadable_events: told.unreadable,
-        unfinished,
-        damaged,
-        contradicted: circle(folder).into_iter().chain(contradicted).collect(),
-        missing_rows: rows.map_or(0, |rows| rows.lost),
-        resolved,
+        flaws: Flaws {
+            unfinished,
+            damaged,
+            contradicted: circle(folder).into_iter().chain(contradicted).collect(),
+            missing_rows: rows.map_or(0, |rows| rows.lost),
+            unreadable_events: told.unreadable,
+        },
+        test,
     })
 }
 
@@ -354,23 +357,4 @@ fn damages(run: &Run, told: &Events, rows: RowsEnd) -> Vec<String> {
         .into_iter()
         .flatten()
         .collect()
-}
-
-/// Δt in s as `resolved.toml` has it.
-fn table_step(resolved: &str) -> Option<f64> {
-    let table: toml::Table = resolved.parse().ok()?;
-    let time = table.get("time")?;
-    let number = |key: &str| {
-        let value = time.get(key)?;
-        value
-            .as_float()
-            .or_else(|| value.as_integer().map(|v| v as f64))
-    };
-    let rate = || {
-        let (a, b) = time.get("rate_hz")?.as_str()?.split_once('/')?;
-        Some(b.trim().parse::<f64>().ok()? / a.trim().parse::<f64>().ok()?)
-    };
-    number("step_s")
-        .or_else(|| Some(1.0 / number("rate_hz")?))
-        .or_else(rate)
 }

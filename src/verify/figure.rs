@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::report::{self, Curve, Curves};
+use crate::view::report::{self, Curve, Curves};
 
 /// One curve of a figure.
 #[derive(Debug, Clone, PartialEq)]

@@ -8,7 +8,7 @@
 use crate::common::engine::{Run, distance, run};
 use gusset::engine::Phase;
 use gusset::law::LawSpec;
-use gusset::report::metrics::identify;
+use gusset::view::report::metrics::identify;
 
 const ROUNDOFF: f64 = 2.3e-12;
 

@@ -36,7 +36,8 @@ pub enum Event {
     Ended,
     /// A deadline was missed.
     Miss {
-        /// Cause as the loop knows it; the writer refines it.
+        /// Cause as the loop knows it; the writer refines it. The first records named it `cause`.
+        #[serde(alias = "cause")]
         class: MissCause,
         /// Size of the miss.
         #[serde(default)]

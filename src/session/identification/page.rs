@@ -4,7 +4,7 @@ use super::outcome::{Axis, Outcome};
 use super::words::{felt, of_specimen, parameters, with_error};
 use crate::config::Loaded;
 use crate::identify::Identification;
-use crate::report::{Curve, Curves, Scale, escape, frame, note};
+use crate::view::report::{Curve, Curves, Scale, escape, frame, note};
 
 /// Points of a fitted curve.
 const POINTS: usize = 300;

@@ -1,8 +1,8 @@
-// Visits a run's report as tests/pages/browser/report.rs wants it seen: light, dark, printed, without scripts, or looked at only.
+// Visits a run's report as tests/pages/browser/report.rs wants it seen: light, dark, printed, without scripts, its layout, or looked at only.
 import { visit } from "./stage.mjs";
 
 const [address, how, shot] = process.argv.slice(2);
-const options = { colorScheme: how === "dark" ? "dark" : "light", javaScriptEnabled: how !== "noscript" };
+const options = { colorScheme: how.endsWith("dark") ? "dark" : "light", javaScriptEnabled: how !== "noscript" };
 
 /** What stands on the canvases: share of inked pixels and a digest of each. */
 const canvases = (page) =>
@@ -23,12 +23,56 @@ const canvases = (page) =>
     }),
   );
 
+/** Pairs of texts of one picture that lie on each other. */
+const overlaps = (page) =>
+  page.$$eval("svg.chart", (pictures) =>
+    pictures.flatMap((picture) => {
+      const seen = [...picture.querySelectorAll("text")].map((text) => [text.textContent.trim(), text.getBoundingClientRect()]);
+      const texts = seen.filter(([, box]) => box.width > 0);
+      return texts.flatMap(([words, a], i) =>
+        texts
+          .slice(i + 1)
+          .filter(([, b]) => {
+            const across = Math.min(a.right, b.right) - Math.max(a.left, b.left);
+            const down = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
+            // Boxes of letters have some air at the top and at the bottom.
+            return across > 1 && down > 0.35 * Math.min(a.height, b.height);
+          })
+          .map(([other]) => `${words} | ${other}`),
+      );
+    }),
+  );
+
+/** Order, sizes, folded parts and colours of a page, and the number of its pages on paper. */
+async function layout(page, found) {
+  found.sections = await page.$$eval("main > section > h2", (all) => all.map((one) => one.textContent));
+  found.tops = await page.$$eval("main > section", (all) => all.map((one) => one.getBoundingClientRect().top));
+  found.headline = await page.$eval(".headline", (one) => one.getBoundingClientRect().bottom);
+  found.open = await page.$$eval("details", (all) => all.filter((one) => one.open).length);
+  found.folded = await page.$$eval("details summary", (all) => all.length);
+  found.hidden = await page.$$eval("details table", (all) => all.filter((one) => one.checkVisibility()).length);
+  const pictures = await page.$$eval("svg.chart", (all) => all.map((one) => [...one.querySelectorAll("text")].map((text) => text.textContent.trim())));
+  found.bare = pictures.filter((texts) => texts.length < 3).length;
+  // What the style sheet makes of the inks.
+  found.inks = await page.evaluate(() => {
+    const root = getComputedStyle(document.documentElement);
+    return ["--paper", "--text", "--s0", "--s1", "--s2", "--s3", "--s4", "--s5"].map((name) => root.getPropertyValue(name).trim());
+  });
+  found.borders = await page.$$eval(".wide", (all) => all.filter((one) => getComputedStyle(one).backgroundImage !== "none").length);
+  found.printed = (await page.pdf({ format: "A4", preferCSSPageSize: true })).toString("latin1").match(/\/Type\s*\/Page\b/g).length;
+  await page.emulateMedia({ media: "print" });
+  found.overlaps = await overlaps(page);
+  await page.$$eval("details", (all) => all.forEach((one) => (one.open = true)));
+  found.overlaps.push(...(await overlaps(page)));
+}
+
 await visit(address, options, async (page, found) => {
   await page.waitForTimeout(300);
   found.title = await page.title();
   found.scripts = await page.$$eval("script:not([type])", (all) => all.length);
   found.wide = await page.evaluate(() => document.documentElement.scrollWidth > innerWidth);
   found.pictures = await page.$$eval("figure svg", (all) => all.filter((svg) => svg.getBoundingClientRect().height > 50).length);
+  found.unfolded = await page.$$eval("figure svg", (all) => all.filter((svg) => !svg.closest("details") && svg.getBoundingClientRect().height > 50).length);
   found.unnamed = await page.$$eval("figure svg, .plot", (all) => all.filter((one) => !one.getAttribute("aria-label")).length);
   found.background = await page.evaluate(() => getComputedStyle(document.body).backgroundColor);
   // With a picture or with a plot: a frame round nothing tells nobody anything.
@@ -37,6 +81,7 @@ await visit(address, options, async (page, found) => {
     return all.filter((figure) => ![...figure.querySelectorAll("svg, .plot")].some(isSeen)).length;
   });
   if (shot) await page.screenshot({ path: shot, fullPage: true });
+  if (how.startsWith("layout")) return layout(page, found);
   if (how === "noscript" || how === "look") return;
   if (how === "print") {
     await page.emulateMedia({ media: "print" });

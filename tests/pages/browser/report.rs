@@ -7,7 +7,7 @@ use std::sync::OnceLock;
 use serde_json::Value;
 
 use super::stage::{assert_quiet, visit};
-use crate::common::{FRAME, completed, write};
+use crate::common::{FRAME, PATIENT, completed, write};
 
 /// The report of one short run with a title that would like to be a script, made once.
 fn report() -> &'static Path {
@@ -65,8 +65,8 @@ fn plots_are_there_zoom_together_and_come_back() {
         let Some(found) = seen(how) else { return };
         assert_eq!(found["scripts"], 1, "one script, our own");
         let before = found["before"].as_array().unwrap();
-        // Ground, x, v, a, drift, target and measured, energy at least.
-        assert!(before.len() >= 7, "{found:#}");
+        // Displacement, floor acceleration, drift, shear, energy and ground at least.
+        assert!(before.len() >= 6, "{found:#}");
         for canvas in before {
             assert!(
                 canvas["inked"].as_f64().unwrap() > 0.005,
@@ -101,8 +101,9 @@ fn paper_and_readers_without_scripts_get_every_picture() {
     };
     let Some(printed) = seen("print") else { return };
     let all = plain["pictures"].as_u64().unwrap();
-    assert!(all >= 14, "{plain:#}");
-    assert_eq!(printed["printed"]["pictures"], all);
+    assert!(all >= 7, "{plain:#}");
+    // A picture without numbers for the script is folded: neither the screen nor paper shows it.
+    assert_eq!(printed["printed"]["pictures"], plain["unfolded"]);
     assert_eq!(printed["printed"]["canvases"], 0);
     assert!(
         printed["pictures"].as_u64().unwrap() < all,
@@ -116,17 +117,16 @@ fn a_history_of_one_point_keeps_its_picture() {
     let text = "title = \"Short\"\n[time]\nrate_hz = 256\nduration_s = 4\nclock = \"simulated\"\n\
         [[excitation.prescribed_displacement]]\nspecimen = \"column\"\nease_in_s = 0.5\n\
         signal.cyclic = { amplitudes = [0.002], cycles_per_amplitude = 2, shape = \"sine\", frequency_hz = 0.5 }\n\
-        [[specimen]]\nname = \"column\"\nlaw.linear = { stiffness_n_per_m = 1e5 }\n";
+        [[specimen]]\nname = \"column\"\nlaw.linear = { stiffness_n_per_m = 1e5 }\n\
+        transfer.actuator.first_order = { time_constant_s = 0.006 }\n";
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("run");
     completed(&write(folder.path(), "test.toml", text), &out, &[]);
     let page = out.join("report.html");
     let markup = std::fs::read_to_string(&page).unwrap();
     let figures = |part: &str| markup.matches(part).count();
-    assert!(
-        figures("<figure class=\"history\">") > figures("<script type=\"application/json\">"),
-        "a history without numbers for the script"
-    );
+    let windows = "Amplitude error in moving windows";
+    assert!(figures(windows) > 0, "no history of one point");
     for how in ["look", "print", "noscript"] {
         let Some(found) = visited(&page, how) else {
             return;
@@ -134,4 +134,97 @@ fn a_history_of_one_point_keeps_its_picture() {
         let pictures = |found: &Value| found["pictures"].as_u64().unwrap();
         assert!(pictures(&found) >= 2, "{found:#}");
     }
+}
+
+/// A virtual test of 20 s at 1 kHz whose actuator lags.
+fn long() -> &'static Path {
+    static MADE: OnceLock<(tempfile::TempDir, PathBuf)> = OnceLock::new();
+    let (_, page) = MADE.get_or_init(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let text = FRAME
+            .replace("rate_hz = 200", "rate_hz = 1000")
+            .replace("duration_s = 0.5", "duration_s = 20")
+            .replace(
+                "storey = 1\n",
+                "storey = 1\ntransfer.actuator.first_order = { time_constant_s = 0.004 }\n\
+                 compensation.polynomial = { order = 3, delay_s = 0.003 }\n",
+            );
+        let test = write(folder.path(), "test.toml", &text);
+        let out = folder.path().join("run");
+        completed(&test, &out, &[]);
+        (folder, out.join("report.html"))
+    });
+    page
+}
+
+fn texts(found: &Value) -> Vec<&str> {
+    let all = found.as_array().unwrap().iter();
+    all.map(|text| text.as_str().unwrap()).collect()
+}
+
+#[test]
+fn a_page_of_twenty_seconds_is_short_in_order_and_folded() {
+    let page = long();
+    let bytes = std::fs::metadata(page).unwrap().len();
+    assert!(bytes <= 1_500_000, "{bytes}");
+    let Some(found) = visited(page, "layout") else {
+        return;
+    };
+    let sections = texts(&found["sections"]);
+    let order = [
+        "Response",
+        "Tracking",
+        "Energy",
+        "Timing",
+        "Model",
+        "Ground motion",
+        "Limits",
+        "Events",
+        "Machine and configuration",
+    ];
+    assert_eq!(sections, order);
+    let tops = found["tops"].as_array().unwrap().iter();
+    let tops: Vec<f64> = tops.map(|top| top.as_f64().unwrap()).collect();
+    assert!(tops.is_sorted(), "{tops:?}");
+    assert!(found["headline"].as_f64().unwrap() < tops[0]);
+    assert_eq!(found["open"], 0, "{found:#}");
+    assert!(found["folded"].as_u64().unwrap() >= 5, "{found:#}");
+    assert_eq!(found["hidden"], 0, "{found:#}");
+    assert!(found["printed"].as_u64().unwrap() <= 4, "{found:#}");
+    assert_eq!(found["borders"], 0, "{found:#}");
+    assert_eq!(found["bare"], 0, "a picture without title and axes");
+    assert_eq!(texts(&found["overlaps"]), [""; 0]);
+}
+
+#[test]
+fn no_label_of_a_timing_histogram_lies_on_another() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = FRAME.replace("duration_s = 0.5", "duration_s = 2");
+    let test = write(folder.path(), "test.toml", &text);
+    let out = folder.path().join("run");
+    let patient = [&["--clock", "real"][..], &PATIENT].concat();
+    completed(&test, &out, &patient);
+    let page = out.join("report.html");
+    let markup = std::fs::read_to_string(&page).unwrap();
+    assert!(markup.contains(">Wake-up lateness</text>") || markup.contains("Wake-up lateness"));
+    let Some(found) = visited(&page, "layout") else {
+        return;
+    };
+    assert_eq!(texts(&found["overlaps"]), [""; 0]);
+}
+
+#[test]
+fn every_colour_of_the_page_changes_in_the_dark() {
+    let Some(light) = visited(report(), "layout") else {
+        return;
+    };
+    let Some(dark) = visited(report(), "layout-dark") else {
+        return;
+    };
+    let (light, dark) = (texts(&light["inks"]), texts(&dark["inks"]));
+    assert_eq!(light[0], "#ffffff");
+    assert!(
+        light.iter().zip(&dark).all(|(a, b)| a != b),
+        "{light:?} {dark:?}"
+    );
 }

@@ -1,0 +1,363 @@
+//! The page of two runs: a rehearsal against the test, yesterday's against today's.
+
+use std::collections::HashMap;
+
+use serde_json::Value;
+
+use super::RunView;
+use super::html::{beside, note, paragraph, section, table};
+use super::matched::Matched;
+use super::overlays::{columns, loops, overlaid, side_by_side, tracking};
+use super::page::zoomable;
+use super::rows::Rows;
+use super::tested::clock_word;
+use super::text::{NOTHING, count, escape, exact, plural, shortened};
+
+/// Rows of a table of settings, and letters of a value in it.
+const MOST_LISTED: usize = 60;
+const MOST_SHOWN: usize = 120;
+
+/// Two runs on one page: `matched` is what comes of their rows, or why they cannot be compared row by row. `names` are what
+/// the runs are called.
+#[must_use]
+pub fn compare(
+    first: &RunView,
+    second: &RunView,
+    names: (&str, &str),
+    matched: &Result<Matched, String>,
+) -> String {
+    let title = format!("{} against {}", names.0, names.1);
+    let mut body = format!(
+        "<header>\n<p class=\"brand\">gusset · comparison of two runs</p>\n<h1>{}</h1>\n",
+        escape(&title)
+    );
+    body += &banner(matched, &damages(first, second));
+    body += "</header>\n<main>\n";
+    let (a, b) = (first.digested(), second.digested());
+    let (rows_a, rows_b) = (Rows::new(&a), Rows::new(&b));
+    body += &match matched {
+        Ok(matched) => overlaid(matched),
+        Err(_) => side_by_side(&rows_a, &rows_b),
+    };
+    body += &loops(first, &rows_a, &rows_b);
+    body += &tracking(first, second, &rows_a, &rows_b);
+    body += &section("Model", &(facts(first, second) + &settings(first, second)));
+    if let Ok(matched) = matched {
+        body += &columns(matched);
+    }
+    body += "</main>\n";
+    zoomable(&title, &body)
+}
+
+/// What came of the comparison in one sentence.
+#[must_use]
+pub fn verdict(matched: &Result<Matched, String>) -> String {
+    match matched {
+        Err(why) => format!("not compared row by row: {why}"),
+        Ok(found) if found.rows == 0 => "the runs have no step in common".to_owned(),
+        Ok(found) => match &found.first {
+            None => {
+                let same = format!(
+                    "the same to the last bit: {} of {}",
+                    plural(found.rows, "row", "rows"),
+                    plural(found.columns as u64, "column", "columns")
+                );
+                alone(found).map_or_else(|| same.clone(), |more| format!("{same}; but {more}"))
+            }
+            Some(first) => format!(
+                "{}they differ first at step {}, {}, in {}: {:e} against {:e}",
+                if found.only_counts {
+                    "every number of structure and specimens is the same, only the count of ticks, holds and commands is not: "
+                } else {
+                    ""
+                },
+                first.step,
+                exact(first.time, "s"),
+                first.column,
+                first.values.0,
+                first.values.1
+            ),
+        },
+    }
+}
+
+/// Rows that only one of the runs has, in words.
+fn alone(found: &Matched) -> Option<String> {
+    let (first, second) = found.alone;
+    (found.alone != (0, 0)).then(|| {
+        format!(
+            "{} of the first run and {} of the second have no counterpart",
+            plural(first, "row", "rows"),
+            count(second)
+        )
+    })
+}
+
+/// What of each run's record is not there, in words; each sentence says of which run.
+#[must_use]
+pub fn damages(first: &RunView, second: &RunView) -> Vec<String> {
+    let of = |run: &RunView, which: &str| {
+        let what = run.flaws.unfinished.iter().chain(&run.flaws.damaged);
+        what.map(|what| format!("{which} run: {what}"))
+            .collect::<Vec<_>>()
+    };
+    [of(first, "first"), of(second, "second")].concat()
+}
+
+fn banner(matched: &Result<Matched, String>, damages: &[String]) -> String {
+    let (class, headline, mut more) = match matched {
+        Err(why) => (
+            "warning",
+            "The runs cannot be compared row by row",
+            vec![capital(why)],
+        ),
+        Ok(found) if found.rows == 0 => ("warning", "The runs have no step in common", Vec::new()),
+        Ok(found) => {
+            let is_whole = found.alone == (0, 0) && damages.is_empty();
+            let (class, headline) = match &found.first {
+                None if is_whole => ("good", "Both runs are identical to the last bit"),
+                None => (
+                    "warning",
+                    "Both runs are identical where both have data, but data is missing",
+                ),
+                Some(_) => ("warning", "The runs differ"),
+            };
+            let mut more = vec![format!("{}.", capital(&verdict(matched)))];
+            if found.first.is_some() {
+                more.extend(alone(found).map(|text| format!("{text}.")));
+            }
+            more.push(
+                "Compared were all ticks of the running tests that have one at the same test time in the other, number by number; columns that depend on wall time were not."
+                    .to_owned(),
+            );
+            (class, headline, more)
+        }
+    };
+    more.extend(damages.iter().map(|text| format!("{}.", capital(text))));
+    let more: String = more.iter().map(|text| paragraph(text)).collect();
+    format!("<div class=\"verdict {class}\">\n<p class=\"headline\">{headline}</p>\n{more}</div>\n")
+}
+
+fn capital(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or_else(String::new, |first| {
+        first.to_uppercase().chain(letters).collect()
+    })
+}
+
+fn facts(first: &RunView, second: &RunView) -> String {
+    let of = |run: &RunView| {
+        let known = |text: Option<String>| text.unwrap_or_else(|| NOTHING.to_owned());
+        let summary = run.summary.clone().unwrap_or_default();
+        let progress = summary.progress;
+        let misses = progress.deadline_misses.filter(|_| !run.is_served());
+        [
+            run.title.clone(),
+            known(summary.status),
+            known(summary.reason),
+            known(progress.steps.map(count)),
+            known(progress.dt.map(|dt| exact(dt, "s"))),
+            known(summary.lambda.map(|lambda| lambda.0.to_string())),
+            known(summary.clock.map(|clock| clock_word(clock).to_owned())),
+            known(misses.map(count)),
+            known(summary.version),
+        ]
+    };
+    let names = [
+        "title",
+        "status",
+        "reason",
+        "steps",
+        "step",
+        "λ",
+        "clock",
+        "deadline misses",
+        "program",
+    ];
+    let rows = names.iter().zip(of(first).into_iter().zip(of(second)));
+    let rows: Vec<_> = rows
+        .map(|(name, (a, b))| vec![(*name).to_owned(), a, b])
+        .collect();
+    beside("plain", &table(&["", "first", "second"], &rows))
+}
+
+/// Keys of the configuration that are not alike.
+fn settings(first: &RunView, second: &RunView) -> String {
+    let tree = |run: &RunView| toml::from_str::<Value>(&run.test.text).ok();
+    let (Some(a), Some(b)) = (tree(first), tree(second)) else {
+        return note("The configurations cannot be compared: one of them cannot be read.");
+    };
+    let (mut left, mut right) = (Vec::new(), Vec::new());
+    flat(&a, String::new(), &mut left);
+    flat(&b, String::new(), &mut right);
+    let known =
+        |list: &[(String, String)]| -> HashMap<String, String> { list.iter().cloned().collect() };
+    let (of_left, of_right) = (known(&left), known(&right));
+    let nothing = || NOTHING.to_owned();
+    // What both say otherwise, and what only one of them says.
+    let mut kinds: [Vec<Vec<String>>; 3] = Default::default();
+    for (key, value) in left {
+        match of_right.get(&key) {
+            Some(other) if *other == value => {}
+            Some(other) => {
+                let [value, other] = around_difference(&value, other);
+                kinds[0].push(vec![key, value, other]);
+            }
+            None => kinds[1].push(vec![key, shortened(&value, MOST_SHOWN), nothing()]),
+        }
+    }
+    for (key, value) in right
+        .into_iter()
+        .filter(|(key, _)| !of_left.contains_key(key))
+    {
+        kinds[2].push(vec![key, nothing(), shortened(&value, MOST_SHOWN)]);
+    }
+    let all: usize = kinds.iter().map(Vec::len).sum();
+    if all == 0 {
+        return note("The resolved configurations are alike.");
+    }
+    let shares = shares(kinds.each_ref().map(Vec::len), MOST_LISTED);
+    let listed = kinds.into_iter().zip(shares);
+    let rows: Vec<Vec<String>> = listed
+        .flat_map(|(rows, share)| rows.into_iter().take(share))
+        .collect();
+    let more = match all - rows.len() {
+        0 => String::new(),
+        more => note(&format!(
+            "{} differ{}.",
+            plural(more as u64, "more key", "more keys"),
+            if more == 1 { "s" } else { "" }
+        )),
+    };
+    format!(
+        "<h3>Settings that differ</h3>\n{}{more}",
+        beside("plain", &table(&["key", "first", "second"], &rows))
+    )
+}
+
+/// How many of each list are shown where `room` are shown in all: one after the other has its turn, so that none crowds out another.
+fn shares(lengths: [usize; 3], room: usize) -> [usize; 3] {
+    let mut shares = [0; 3];
+    let (mut left, mut is_over) = (room, false);
+    while left > 0 && !is_over {
+        is_over = true;
+        for (share, length) in shares.iter_mut().zip(lengths) {
+            if *share < length && left > 0 {
+                (*share, left, is_over) = (*share + 1, left - 1, false);
+            }
+        }
+    }
+    shares
+}
+
+/// Two texts that are not alike, so short that a table has room for them, with the place at which they part.
+fn around_difference(one: &str, other: &str) -> [String; 2] {
+    let alike = one.chars().zip(other.chars()).take_while(|(a, b)| a == b);
+    let before = alike.count().saturating_sub(MOST_SHOWN / 3);
+    [one, other].map(|text| {
+        if before == 0 || text.chars().count() <= MOST_SHOWN {
+            return shortened(text, MOST_SHOWN);
+        }
+        let rest: String = text.chars().skip(before).collect();
+        shortened(&format!("…{rest}"), MOST_SHOWN)
+    })
+}
+
+fn flat(value: &Value, path: String, out: &mut Vec<(String, String)>) {
+    let join = |key: &str| {
+        if path.is_empty() {
+            key.to_owned()
+        } else {
+            format!("{path}.{key}")
+        }
+    };
+    match value {
+        Value::Object(map) => map
+            .iter()
+            .for_each(|(key, value)| flat(value, join(key), out)),
+        Value::Array(list) if list.iter().any(Value::is_object) => {
+            for (i, value) in list.iter().enumerate() {
+                // As `--set` and every message count them.
+                flat(value, format!("{path}.{i}"), out);
+            }
+        }
+        other => out.push((path, other.to_string())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::matched::Matcher;
+    use super::super::synthetic::columns;
+    use super::*;
+    use crate::view::Flaws;
+
+    #[test]
+    fn what_is_the_same_is_good_news_only_where_all_of_both_is_there() {
+        let names = columns(&["step", "sub_tick", "state", "time", "x1"]);
+        let found = |left: (u64, u64)| {
+            let mut matcher = Matcher::new(&names, &names, 2).unwrap();
+            let row = [0.0, 0.0, 3.0, 0.0, 1.0];
+            matcher.take(&row, &row);
+            Ok(matcher.finish(left))
+        };
+        let whole = RunView::default();
+        let torn = RunView {
+            flaws: Flaws {
+                damaged: vec!["row 7 of the samples is damaged".to_owned()],
+                ..Flaws::default()
+            },
+            ..RunView::default()
+        };
+        let page = |second: &RunView, left| compare(&whole, second, ("a", "b"), &found(left));
+        assert!(page(&whole, (0, 0)).contains("verdict good"));
+        let short = page(&whole, (0, 9));
+        assert!(short.contains("verdict warning") && !short.contains("verdict good"));
+        assert!(short.contains("0\u{a0}rows of the first run and 9 of the second"));
+        let damaged = page(&torn, (0, 0));
+        assert!(!damaged.contains("verdict good"));
+        assert!(damaged.contains("Second run: row 7 of the samples is damaged."));
+        assert!(verdict(&found((0, 9))).contains("no counterpart"));
+    }
+    fn configured(resolved: String) -> RunView {
+        RunView {
+            test: resolved.into(),
+            ..RunView::default()
+        }
+    }
+
+    #[test]
+    fn a_difference_far_along_a_list_is_found_and_shown() {
+        let listed = |last: f64| {
+            let values: Vec<String> = (0..200).map(|i| format!("{i}.5")).collect();
+            configured(format!("mass_kg = [{}, {last:?}]\n", values.join(", ")))
+        };
+        let alike = settings(&listed(7.25), &listed(7.25));
+        assert!(alike.contains("are alike"), "{alike}");
+        let page = settings(&listed(7.25), &listed(8.25));
+        assert!(!page.contains("alike"), "{page}");
+        for part in ["mass_kg", "…", "199.5,7.25]", "199.5,8.25]"] {
+            assert!(page.contains(part), "{part} is missing in {page}");
+        }
+        // The list itself is not shown to where they part.
+        assert!(!page.contains("100.5"), "{page}");
+    }
+
+    #[test]
+    fn what_is_not_listed_is_counted_and_neither_run_crowds_out_the_other() {
+        let keys = |name: &str, count: usize| -> String {
+            (0..count).map(|i| format!("{name}{i:03} = 1\n")).collect()
+        };
+        let first = configured(keys("a", 100) + "both = 1\n");
+        let second = configured(keys("b", 25) + "both = 2\n");
+        let page = settings(&first, &second);
+        let rows = page.matches("<tr>").count() - 1;
+        assert_eq!(rows, MOST_LISTED);
+        for key in ["both", "a033", "b024"] {
+            assert!(page.contains(&format!("<td>{key}</td>")), "{key}");
+        }
+        assert!(page.contains("66\u{a0}more keys differ."), "{page}");
+        assert_eq!(shares([3, 100, 0], 60), [3, 57, 0]);
+        assert_eq!(shares([1, 2, 0], 60), [1, 2, 0]);
+    }
+}

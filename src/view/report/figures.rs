@@ -1,0 +1,151 @@
+//! The key figures at the top of a page.
+
+use super::RunView;
+use super::columns::Storey;
+use super::following::lag_words;
+use super::histogram::Timing;
+use super::response;
+use super::rows::Rows;
+use super::text::{count, escape, micros, number, quantity};
+use super::tracked;
+
+/// The largest displacement and the largest force: of the whole test, as far as the summary reports it. Without a
+/// step they are those of the startup.
+fn extremes(
+    run: &RunView,
+    rows: &Rows<'_>,
+    axes: &[tracked::Tracked<'_>],
+) -> Vec<(String, String)> {
+    let has_run = rows.running() > 0 || run.progress().steps.is_some_and(|n| n > 0);
+    let peak = run
+        .summary
+        .as_ref()
+        .and_then(|summary| summary.peak.as_ref());
+    let of = match (rows.part(), peak) {
+        (None, _) => String::new(),
+        (Some(_), Some(_)) => ", of the whole test".to_owned(),
+        (Some(_), None) => of_steps(rows),
+    };
+    let mut tiles = Vec::new();
+    if let Some((dof, value, unit)) = response::largest_displacement(run, rows) {
+        let words = if has_run {
+            format!("largest displacement, DOF {dof}{of}")
+        } else {
+            format!("displacement at the start, DOF {dof}: no step was made")
+        };
+        tiles.push((quantity(value, unit), words));
+    }
+    if !has_run {
+        let way_in = tracked::largest(axes, tracked::Tracked::force_on_the_way_in);
+        tiles.extend(way_in.map(|(axis, (force, unit))| {
+            let words = format!("largest force before the first step, {}", axis.force_of());
+            (quantity(force, unit), words)
+        }));
+    } else if let Some((axis, (force, unit))) =
+        tracked::largest(axes, tracked::Tracked::largest_force)
+    {
+        let way_out = tracked::largest(axes, tracked::Tracked::force_on_the_way_out);
+        let way_out = way_out.filter(|(_, (later, _))| later.abs() > force.abs());
+        let words = match way_out {
+            None => format!("largest force, {}{of}", axis.force_of()),
+            Some((_, (later, unit))) => format!(
+                "largest force of the running test, {}{of}; {} during shutdown",
+                axis.force_of(),
+                quantity(later, unit)
+            ),
+        };
+        tiles.push((quantity(force, unit), words));
+    }
+    tiles
+}
+
+/// Which steps a number is of, where they are not all of the test.
+fn of_steps(rows: &Rows<'_>) -> String {
+    let steps = rows.steps().map(|steps| format!(", of {steps}"));
+    steps.unwrap_or_default()
+}
+
+/// The numbers one looks for first.
+pub(super) fn tiles(
+    run: &RunView,
+    rows: &Rows<'_>,
+    axes: &[tracked::Tracked<'_>],
+    timings: &[Timing],
+) -> String {
+    let mut tiles = extremes(run, rows, axes);
+    tiles.extend(storeys(rows));
+    tiles.extend(tracking(rows, axes));
+    if !run.is_simulated() {
+        let wakeup = timings.iter().find(|t| t.key == "wakeup_lateness");
+        let wakeup = wakeup.and_then(|timing| timing.percentiles.p99).map(micros);
+        let misses = run.progress().deadline_misses.filter(|_| !run.is_served());
+        tiles.extend(match (misses, wakeup) {
+            (Some(misses), Some(p99)) => Some((
+                count(misses),
+                format!("deadline misses; wake-up lateness {p99} (p99)"),
+            )),
+            (Some(misses), None) => Some((count(misses), "deadline misses".to_owned())),
+            (None, Some(p99)) => Some((p99, "wake-up lateness, p99".to_owned())),
+            (None, None) => None,
+        });
+    }
+    let tile = |(value, words): &(String, String)| {
+        format!(
+            "<div><b>{}</b><span>{}</span></div>\n",
+            escape(value),
+            escape(words)
+        )
+    };
+    if tiles.is_empty() {
+        return String::new();
+    }
+    format!(
+        "<div class=\"tiles\">\n{}</div>\n",
+        tiles.iter().map(tile).collect::<String>()
+    )
+}
+
+/// The largest drift and floor acceleration, where there are storeys.
+fn storeys(rows: &Rows<'_>) -> Vec<(String, String)> {
+    let kinds = [
+        (Storey::Drift, "largest drift, storey"),
+        (Storey::Floor, "largest absolute acceleration, floor"),
+    ];
+    let largest = |(kind, words): (Storey, &str)| {
+        let columns = (1..).map(|storey| (storey, kind.column(storey)));
+        let known = columns.take_while(|(_, name)| rows.get(name).is_some());
+        let peaks =
+            known.filter_map(|(storey, name)| Some((storey, rows.marks(&name).peak?.value)));
+        let (storey, value) = peaks.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
+        let unit = rows.unit(&kind.column(storey));
+        Some((quantity(value, unit), format!("{words} {storey}")))
+    };
+    kinds.into_iter().filter_map(largest).collect()
+}
+
+/// Delay and amplitude error of the axis with the largest, and the largest energy error.
+fn tracking(rows: &Rows<'_>, axes: &[tracked::Tracked<'_>]) -> Vec<(String, String)> {
+    let largest = |value: &dyn Fn(&tracked::Tracked<'_>) -> Option<f64>| {
+        let found = axes.iter().filter_map(|axis| Some((axis, value(axis)?)));
+        found.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
+    };
+    let words = |what: &str, axis: &tracked::Tracked<'_>| {
+        let most = if axes.len() > 1 { "largest " } else { "" };
+        format!("{most}{what}, {}{}", axis.name, of_steps(rows))
+    };
+    let delay = largest(&|axis| axis.delay());
+    let delay = delay.map(|(axis, delay)| (lag_words(delay), words("delay", axis)));
+    let amplitude = largest(&|axis| axis.amplitude_error());
+    let amplitude = amplitude.map(|(axis, share)| {
+        let percent = format!("{}\u{a0}%", number(100.0 * share, 3));
+        (percent, words("amplitude error", axis))
+    });
+    let energy = largest(&|axis| axis.digest.tracking.map(|t| t.energy_error_j.value));
+    let energy = energy.map(|(axis, error)| {
+        (
+            quantity(error, axis.work_unit()),
+            words("energy error", axis),
+        )
+    });
+    [delay, amplitude, energy].into_iter().flatten().collect()
+}

@@ -1,0 +1,190 @@
+//! The table of limits: what would have ended the test, how it was judged and who watched it; and what the specimens do at
+//! either end of a test.
+
+use super::RunView;
+use super::html::{beside, details, note, paragraph, table_without};
+use super::text::{NOTHING, exact, number, quantity};
+use crate::catalog::limit::Limit;
+use crate::view::{LimitView, LimitsView, SpecimenLimitsView};
+
+/// The limits of the run, as markup; nothing where the summary has none.
+pub(super) fn limits(run: &RunView) -> Option<String> {
+    let limits = run.summary.as_ref()?.limits.as_ref()?;
+    let mut rows: Vec<Vec<String>> = Vec::new();
+    let mut unlimited = Vec::new();
+    for specimen in &limits.specimens {
+        let name = &specimen.name;
+        for (axis, of_axis) in specimen.axes.iter().enumerate() {
+            let who = if specimen.axes.len() > 1 {
+                format!("{name}, axis {}", axis + 1)
+            } else {
+                name.clone()
+            };
+            rows.extend(of_axis.iter().map(|limit| row(&who, limit)));
+            if of_axis.is_empty() {
+                unlimited.push(who);
+            }
+        }
+    }
+    rows.extend(limits.test.iter().map(|limit| row("the test", limit)));
+    let mut markup = String::new();
+    if rows.is_empty() {
+        markup += &paragraph("The test had no limits but those that every test has.");
+    } else {
+        let heading = [
+            "of",
+            "limit",
+            "warning",
+            "trip",
+            "also at the specimen",
+            "how it is checked",
+        ];
+        markup += &beside("limits", &table_without("no", &heading, &rows));
+    }
+    if !unlimited.is_empty() {
+        markup += &note(&format!("Without limits: {}.", unlimited.join(", ")));
+    }
+    Some(
+        markup
+            + &details(
+                "What else ends a test, and what happens then",
+                &consequences(limits),
+            ),
+    )
+}
+
+/// What ends every test, and what a trip, a late tick and the end do.
+fn consequences(limits: &LimitsView) -> String {
+    let always = limits.always.join("; ");
+    let each = [
+        ("Always", Some(always).filter(|text| !text.is_empty())),
+        ("Unlimited", limits.unlimited.clone()),
+        ("Startup", limits.way_in.clone()),
+        ("A late tick", limits.on_miss.clone()),
+        ("On a trip", limits.on_trip.clone()),
+        ("At the end", limits.at_end.clone()),
+    ];
+    let known = each
+        .into_iter()
+        .filter_map(|(what, text)| Some((what, text?)));
+    let notes: String = known
+        .map(|(what, text)| note(&format!("{what}: {}.", one_line(&text))))
+        .collect();
+    notes + &of_specimens(&limits.specimens)
+}
+
+/// A text of several lines as a sentence.
+fn one_line(text: &str) -> String {
+    text.lines().map(str::trim).collect::<Vec<_>>().join(" ")
+}
+
+/// What belongs to specimens beside the sizes; of those that are alike once.
+fn of_specimens(specimens: &[SpecimenLimitsView]) -> String {
+    let mut told: Vec<(String, Vec<&str>)> = Vec::new();
+    for specimen in specimens {
+        let parts = [
+            ("limits checked by", &specimen.checked_by),
+            ("stale answers:", &specimen.stale),
+            ("watchdog:", &specimen.watchdog),
+            ("direction:", &specimen.direction),
+            ("ends of its range:", &specimen.ends),
+        ];
+        // The star refers to a column of this table.
+        let told_of = |(what, text): (&str, &Option<String>)| {
+            Some(format!("{what} {}", text.as_ref()?.replace(" (*)", "")))
+        };
+        let parts = parts.into_iter().filter_map(told_of);
+        let safe = specimen.safe_disp_m.iter().map(|disp| exact(*disp, "m"));
+        let safe = safe.collect::<Vec<_>>().join(", ");
+        let safe = (!safe.is_empty()).then(|| format!("safe displacement: {safe}"));
+        let text = parts.chain(safe).collect::<Vec<_>>().join("; ");
+        let name = specimen.name.as_str();
+        match told.iter_mut().find(|(known, _)| *known == text) {
+            _ if text.is_empty() => {}
+            Some((_, names)) => names.push(name),
+            None => told.push((text, vec![name])),
+        }
+    }
+    told.iter()
+        .map(|(text, names)| note(&format!("{}: {}.", names.join(", "), one_line(text))))
+        .collect()
+}
+
+fn row(who: &str, limit: &LimitView) -> Vec<String> {
+    let sizes = |values: &[f64]| {
+        let write = |v: &f64| match limit.unit.as_str() {
+            "" => number(*v, 3),
+            words if words.starts_with("in ") => format!("{} {words}", exact(*v, "1").trim()),
+            unit => quantity(*v, unit),
+        };
+        match values {
+            [] => NOTHING.to_owned(),
+            values => values.iter().map(write).collect::<Vec<_>>().join(" … "),
+        }
+    };
+    let is_twice = limit.also_at_the_specimen;
+    vec![
+        who.to_owned(),
+        words(&limit.key),
+        sizes(&limit.warn),
+        sizes(&limit.trip),
+        if is_twice { "yes" } else { "no" }.to_owned(),
+        limit.judged.clone().unwrap_or_else(|| NOTHING.to_owned()),
+    ]
+}
+
+/// A key of a limit in words. The table shows units with the values.
+fn words(key: &str) -> String {
+    match Limit::of_key(key) {
+        Some(limit) => limit.words().to_owned(),
+        None => key.strip_suffix("_m").unwrap_or(key).replace('_', " "),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn how_a_limit_is_judged_and_what_is_done_at_either_end_stand_beside_the_sizes() {
+        let miss = json!({"key": "max_total_misses", "unit": "in all", "warn": [50.0], "trip": [100.0],
+            "judged": "not checked: the simulated clock misses no deadlines"});
+        let following = json!({"key": "following_error_m", "unit": "m", "warn": [], "trip": [0.02],
+            "judged": "at rest; in motion 0.02 s of it more"});
+        let specimen = |name: &str| {
+            json!({"name": name, "axes": [[following]], "safe_disp_m": [0.02], "watchdog": "after 0.25 s it holds",
+                "stale": "the last force is held", "checked_by": "this loop, its server (*)"})
+        };
+        let run = RunView {
+            summary: Some(json!({"limits": {
+                "specimens": [specimen("a"), specimen("b")], "test": [miss],
+                "way_in": "no sensor is read;\nthen a ramp", "at_end": "every specimen moves to its `safe_disp_m`",
+                "on_trip": "every specimen holds", "on_miss": "the grid moves",
+            }}).into()),
+            ..RunView::default()
+        };
+        let markup = limits(&run).unwrap();
+        for part in [
+            "<th>how it is checked</th>",
+            "<td>at rest; in motion 0.02 s of it more</td>",
+            "<td>not checked: the simulated clock misses no deadlines</td>",
+            "Startup: no sensor is read; then a ramp.",
+            "A late tick: the grid moves.",
+            "On a trip: every specimen holds.",
+            "At the end: every specimen moves to its `safe_disp_m`.",
+            "a, b: limits checked by this loop, its server; stale answers: the last force is held; \
+             watchdog: after 0.25 s it holds; safe displacement: 20\u{a0}mm.",
+        ] {
+            assert!(markup.contains(part), "{part} is missing in {markup}");
+        }
+    }
+
+    #[test]
+    fn keys_are_told_in_words_without_their_units() {
+        assert_eq!(words("command_disp_m"), "commanded displacement");
+        assert_eq!(words("following_error_m"), "following error");
+        assert_eq!(words("max_total_misses"), "deadlines missed in total");
+        assert_eq!(words("divergence_m"), "divergence");
+    }
+}

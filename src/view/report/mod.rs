@@ -1,0 +1,120 @@
+//! The page a run leaves behind, and the pictures that go with it.
+//!
+//! [`render`] makes one self-contained HTML file from a [`RunView`]: no network, light and dark, prints well. [`hero_svg`]
+//! is one wide picture of a run, [`jitter_svg`] the histogram of the loop's own timing. [`metrics`] are the numbers
+//! in them.
+//!
+//! Invariant: nothing here fails. A run without rows, with NaN in them, without a summary or killed in the middle still
+//! gives a page that says what is missing; a user's text never becomes markup. Physics comes only from rows in
+//! which the test was running: a structure's of ends of steps, a specimen's of all ticks (see `sieve`). No file is read or
+//! written: the caller owns the run folder.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `page`, `html`, `page.css`, `script.js` | the order of the page; its pieces; its looks; zooming of histories |
+//! | `outcome`, `left`, `figures` | the verdict in words; how specimens were left; key figures |
+//! | `response`, `specimens`, `following`, `indices`, `courses`, `effect`, `identified`, `balance`, `timing` | sections of results |
+//! | `tested`, `sketch`, `scale`, `ground`, `limits`, `events`, `timeline` | sections of the test: model, ends, ground motion, limits, events |
+//! | `compare`, `overlays`, `matched` | the page of two runs; their rows, number against number |
+//! | `source`, `sieve`, `holder`, `stale`, `digest`, `passes`, `first`, `axes`, `axis_end`, `tracked`, `shaking`, `worst`, `table` | rows read in blocks, and what is kept of them |
+//! | `columns` | columns a digest reads |
+//! | `pictures` | the pictures that stand alone |
+//! | `plots`, `charts`, `lines`, `bars` | histories that can be zoomed; the frame of every picture; histories and loops; histograms |
+//! | `curves` | several curves over one pair of axes |
+//! | `axis`, `thin`, `canvas` | ranges and ticks; fewer points; SVG |
+//! | `rows`, `histogram`, `text` | columns by name; timing counts; numbers as text |
+
+mod axes;
+mod axis;
+mod axis_end;
+mod balance;
+mod bars;
+mod canvas;
+mod charts;
+mod columns;
+mod compare;
+mod courses;
+mod curves;
+mod digest;
+mod effect;
+mod events;
+mod figures;
+mod first;
+mod following;
+mod ground;
+mod histogram;
+mod holder;
+#[cfg(test)]
+mod holes;
+mod html;
+mod identified;
+mod indices;
+mod left;
+mod limits;
+mod lines;
+mod matched;
+mod outcome;
+mod overlays;
+mod page;
+mod passes;
+mod pictures;
+mod plots;
+mod response;
+mod rows;
+mod scale;
+mod shaking;
+mod sieve;
+mod sketch;
+mod source;
+mod specimens;
+mod stale;
+#[cfg(test)]
+mod synthetic;
+mod table;
+mod tested;
+#[cfg(test)]
+mod tests;
+mod text;
+mod thin;
+mod timeline;
+mod timing;
+mod tracked;
+mod worst;
+
+pub use columns::Combination;
+pub use compare::{compare, damages, verdict};
+pub(crate) use curves::{Curve, Curves, Scale};
+pub use digest::Digest;
+pub use effect::effect;
+pub(crate) use html::note;
+pub use identified::{IdentifiedAxis, identified, missing_metrics, told, tracking_metrics};
+pub use matched::{FirstDifference, Matched, Matcher, Next};
+pub(crate) use page::frame;
+pub use page::render;
+pub use pictures::{hero_svg, jitter_svg};
+pub use source::{BLOCK, Earlier, Source};
+pub use tested::{storeys, without_disp};
+pub(crate) use text::{count, escape};
+
+use std::borrow::Cow;
+
+pub use super::{Percentiles, RunView};
+pub use crate::metrics;
+
+impl RunView {
+    /// The digest: the one that is given, or that of the rows in memory.
+    fn digested(&self) -> Cow<'_, Digest> {
+        if let Some(digest) = &self.digest {
+            return Cow::Borrowed(digest);
+        }
+        let memory = source::Memory {
+            columns: &self.columns,
+            data: &self.data,
+            step_s: self.progress().dt,
+            ticks_per_step: self.test.file.ticks_per_step(),
+            without_disp: without_disp(&self.events),
+        };
+        // Reading memory does not fail.
+        Cow::Owned(Digest::of(&memory, &storeys(&self.test.file), None).unwrap_or_default())
+    }
+}

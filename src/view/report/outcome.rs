@@ -1,0 +1,537 @@
+//! How a run ended, in plain words, from its summary; and what can be said without one.
+//!
+//! It never guesses: what is absent is said to be absent.
+
+use std::collections::BTreeSet;
+
+use super::RunView;
+use super::text::{count, exact, plural, quantity};
+use crate::catalog::ending::Status;
+use crate::catalog::event::Remark;
+use crate::record::{Event, EventLine, MissCause};
+use crate::stability::RecordedVerdict;
+use crate::view::{Feature, SummaryView};
+
+/// How good the news is; decides the colour of the banner.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Tone {
+    Good,
+    Warning,
+    Bad,
+}
+
+/// The verdict: one headline, then sentences. Plain text, not yet escaped.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Verdict {
+    pub tone: Tone,
+    pub headline: String,
+    pub sentences: Vec<String>,
+}
+
+/// The verdict on `run`, which goes on after step `after` of another if it does; `more` are sentences on which steps of the test these are and how its specimens were left.
+pub(super) fn verdict(run: &RunView, after: Option<u64>, more: &[String]) -> Verdict {
+    let nothing = SummaryView::default();
+    let summary = run.summary.as_ref().unwrap_or(&nothing);
+    let status = summary.status.as_deref();
+    let known = summary.ending();
+    let (mut tone, headline) = match known {
+        _ if run.flaws.unfinished.is_some() => (
+            Tone::Bad,
+            "Unfinished: this run did not come to an orderly end",
+        ),
+        _ if !run.flaws.contradicted.is_empty() => (
+            Tone::Bad,
+            "Contradicted: the files of this run contradict each other",
+        ),
+        _ if !run.flaws.damaged.is_empty() => {
+            (Tone::Bad, "Damaged: this record is not whole any more")
+        }
+        Some(Status::Completed) => (Tone::Good, "Completed: the test ran to its end"),
+        Some(Status::Interrupted) => (
+            Tone::Warning,
+            "Interrupted: the test was ended by the operator",
+        ),
+        Some(Status::Stopped) => (Tone::Bad, "Stopped: a limit or bound ended the test"),
+        Some(Status::Failed) => (Tone::Bad, "Failed: the test could not go on"),
+        None if status.is_some() => (
+            Tone::Warning,
+            "Ended with a status that this report does not know",
+        ),
+        None => (Tone::Bad, "No summary: how this run ended is not recorded"),
+    };
+    let warned = warned(run);
+    let mut headline = headline.to_owned();
+    if let Some(first) = run
+        .flaws
+        .contradicted
+        .first()
+        .filter(|_| run.flaws.unfinished.is_none())
+    {
+        headline += &format!(": {first}");
+    }
+    if warned > 0 {
+        tone = worse(tone);
+        let limits = if warned == 1 { "limit" } else { "limits" };
+        headline += &format!("; {warned} {limits} warned");
+    }
+    let is_played = |line: &EventLine| {
+        matches!(
+            line.event,
+            Event::Said {
+                event: Remark::Faults,
+                ..
+            }
+        )
+    };
+    if run.events.iter().any(is_played) {
+        tone = worse(tone);
+        headline += "; FAULTS were played on it";
+    }
+    let mut sentences = Vec::new();
+    let remarks = &summary.remarks;
+    let judged = remarks.verdict.as_ref();
+    if let Some(unstable) = judged.and_then(RecordedVerdict::headline) {
+        tone = Tone::Bad;
+        headline += "; the LOOP IS UNSTABLE";
+        sentences.push(ended(&unstable));
+    }
+    for (key, reason) in &remarks.accepted {
+        tone = worse(tone);
+        sentences.push(ended(&format!(
+            "The user accepted findings by `{key}`: {reason}"
+        )));
+    }
+    if let Some(why) = &run.flaws.unfinished {
+        sentences.push(ended(why));
+    }
+    sentences.extend(run.flaws.contradicted.iter().map(|what| ended(what)));
+    sentences.extend(run.flaws.damaged.iter().map(|what| ended(what)));
+    if let Some(status) =
+        status.filter(|_| !run.flaws.damaged.is_empty() && run.flaws.contradicted.is_empty())
+    {
+        sentences.push(format!("The test itself: {}.", status.replace('_', " ")));
+    }
+    if run.flaws.unreadable_events > 0 && run.flaws.unfinished.is_none() {
+        // One at the end is normal after a kill.
+        tone = worse(tone);
+        sentences.push("Lines of events.jsonl are damaged: see the events.".to_owned());
+    }
+    if let Some(reason) = summary.reason.as_ref().filter(|r| {
+        // That a completed test came to its end is in the headline.
+        !r.trim().is_empty() && known != Some(Status::Completed)
+    }) {
+        sentences.push(ended(&format!("Reason: {reason}")));
+    }
+    let is_shown = !matches!(known, Some(Status::Interrupted | Status::Completed));
+    if let (Some(status), Tone::Warning) = (status.filter(|_| is_shown), tone) {
+        sentences.push(ended(&format!("Status: {status}")));
+    }
+    sentences.extend(extent(run, after));
+    sentences.extend_from_slice(more);
+    let lost = summary.progress.rows_lost;
+    if lost > 0 {
+        tone = worse(tone);
+        let gaps = match run.flaws.missing_rows {
+            0 => "they are missing at the end of this record",
+            _ => "this record has gaps",
+        };
+        sentences.push(format!(
+            "ROWS LOST: {} did not reach the disk; {gaps}.",
+            count(lost)
+        ));
+    }
+    let (misses, sentence) = misses(run);
+    if misses > 0 {
+        tone = worse(tone);
+    }
+    sentences.extend(sentence);
+    let stretched = summary.progress.stretched_ticks;
+    if stretched > 0 {
+        tone = worse(tone);
+        let ticks = plural(stretched, "tick", "ticks");
+        sentences.push(format!(
+            "The grid was stretched by {ticks}: the specimen saw slower time."
+        ));
+    }
+    let warnings = remarks.warnings.iter();
+    sentences.extend(warnings.map(|w| ended(&format!("Warning: {w}"))));
+    Verdict {
+        tone,
+        headline,
+        sentences,
+    }
+}
+
+/// Number of limits whose warning level was passed, each counted once however often it was.
+fn warned(run: &RunView) -> usize {
+    let limits: BTreeSet<_> = run
+        .events
+        .iter()
+        .filter_map(|line| match &line.event {
+            Event::LimitWarning(reached) => Some((reached.port, reached.axis, &reached.limit)),
+            _ => None,
+        })
+        .collect();
+    limits.len()
+}
+
+const fn worse(tone: Tone) -> Tone {
+    match tone {
+        Tone::Good | Tone::Warning => Tone::Warning,
+        Tone::Bad => Tone::Bad,
+    }
+}
+
+/// A sentence with its full stop.
+fn ended(text: &str) -> String {
+    let text = text.trim();
+    let stop = if text.ends_with(['.', '!', '?']) {
+        ""
+    } else {
+        "."
+    };
+    let mut letters = text.chars();
+    letters.next().map_or_else(String::new, |first| {
+        format!("{}{}{stop}", first.to_uppercase(), letters.as_str())
+    })
+}
+
+fn extent(run: &RunView, after: Option<u64>) -> Option<String> {
+    let progress = run.progress();
+    let (steps, dt) = (progress.steps?, progress.dt?);
+    // Of the commands of a controller the first is of no step, and others may be of none.
+    let mut sentence = if run.is_served() {
+        let accepted = plural(steps, "command", "commands");
+        let apart = exact(dt, "s");
+        format!("{accepted} accepted, {apart} of test time from one to the next")
+    } else {
+        let before = after.unwrap_or(0);
+        let own = steps.saturating_sub(before);
+        let steps_of = if before > 0 && own > 0 {
+            format!("Steps {} to {}", count(before + 1), count(steps))
+        } else {
+            plural(own, "step", "steps")
+        };
+        let sentence = format!("{steps_of} of {} each", exact(dt, "s"));
+        let tested = own as f64 * dt;
+        sentence + &format!(", {tested:.6} s of test time").replace(".000000", "")
+    };
+    match (run.is_simulated(), progress.wall_seconds) {
+        (true, wall) => {
+            let took = wall.map_or_else(String::new, |w| format!(" in {}", quantity(w, "s")));
+            sentence += &format!(", on the simulated clock{took}: nothing here was in real time");
+        }
+        (_, Some(wall)) => sentence += &format!(", in {:.1} s of wall time", wall),
+        _ => {}
+    }
+    Some(sentence + ".")
+}
+
+/// Deadline misses by class, from the summary or, where it has none, counted from the events.
+pub(super) fn miss_classes(run: &RunView) -> Vec<(Option<MissCause>, u64)> {
+    if let Some(classes) = run.progress().miss_classes {
+        let counts = [
+            (MissCause::LateReply, classes.late_reply),
+            (MissCause::Ours, classes.ours),
+            (MissCause::Preempted, classes.preempted),
+            (MissCause::TakenAway, classes.taken_away),
+        ];
+        return counts.map(|(cause, n)| (Some(cause), n)).into();
+    }
+    let mut classes = Vec::new();
+    for line in run.events.iter().filter(|line| is_miss(line)) {
+        let class = class_of(line);
+        match classes.iter_mut().find(|(known, _)| *known == class) {
+            Some((_, n)) => *n += 1,
+            None => classes.push((class, 1)),
+        }
+    }
+    classes
+}
+
+/// The class of a miss, if it was recorded.
+pub(super) const fn class_of(line: &EventLine) -> Option<MissCause> {
+    match line.event {
+        Event::Miss { class, .. } => Some(class),
+        _ => None,
+    }
+}
+
+/// True for the record of a deadline miss.
+pub(super) fn is_miss(event: &EventLine) -> bool {
+    event.name() == "miss"
+}
+
+/// Number of misses, and a sentence about them where anything is known.
+fn misses(run: &RunView) -> (u64, Option<String>) {
+    let classes = miss_classes(run);
+    let sum: u64 = classes.iter().map(|(_, n)| n).sum();
+    let stated = run.progress().deadline_misses;
+    // A server has no deadlines: the controller's record has its own.
+    if run.is_simulated() || run.is_served() {
+        return (stated.unwrap_or(0), None);
+    }
+    let total = stated.unwrap_or(sum);
+    if total == 0 {
+        return (0, stated.map(|_| "No deadline was missed.".to_owned()));
+    }
+    let list: Vec<_> = classes
+        .iter()
+        .filter(|(_, n)| *n > 0)
+        .map(|(class, n)| format!("{}: {}", class_words(*class), count(*n)))
+        .collect();
+    // Only where every miss has a class can it be said that none was our own.
+    let is_other = |class: &Option<MissCause>| class.is_some_and(|class| class != MissCause::Ours);
+    let others = classes.iter().filter(|(class, _)| is_other(class));
+    let others: u64 = others.map(|(_, n)| n).sum();
+    let mut sentence = format!("{} missed", plural(total, "deadline was", "deadlines were"));
+    if !list.is_empty() {
+        sentence += &format!(" ({})", list.join(", "));
+        sentence += if others == total {
+            ", none by this program's own fault"
+        } else {
+            ""
+        };
+    }
+    (total, Some(sentence + "."))
+}
+
+/// A class of misses in words.
+pub(super) const fn class_words(class: Option<MissCause>) -> &'static str {
+    match class {
+        Some(MissCause::Preempted) => "thread switched away",
+        Some(MissCause::TakenAway) => "processor taken away by hypervisor or interrupt",
+        Some(MissCause::LateReply) => "late reply of a specimen",
+        Some(MissCause::Ours) => "own computation",
+        None => "class not recorded",
+    }
+}
+
+fn feature_words(want: &str) -> String {
+    match want {
+        "affinity" => "a separate processor",
+        "policy" => "real-time priority",
+        "lock_memory" => "locked memory",
+        "prefault" => "a touched stack",
+        "cpu_awake" => "processors held awake",
+        "timer_slack" => "exact timers",
+        "signals" => "signals kept off the loop",
+        other => return other.replace('_', " "),
+    }
+    .to_owned()
+}
+
+/// Sentences on what the operating system refused, and what to do about it.
+pub(super) fn refused(run: &RunView) -> Vec<String> {
+    let features = run
+        .summary
+        .iter()
+        .flat_map(|summary| &summary.realtime.features);
+    let sentence = |feature: &Feature| {
+        let mut sentence = format!("Not granted: {}", feature_words(feature.want.as_deref()?));
+        if let Some(reason) = &feature.reason {
+            sentence += &format!(" ({reason})");
+        }
+        if let Some(advice) = &feature.advice {
+            sentence += &format!("; {advice}");
+        }
+        Some(ended(&sentence))
+    };
+    features
+        .filter(|feature| !feature.granted)
+        .filter_map(sentence)
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::view::Flaws;
+    use serde_json::{Value, json};
+
+    fn of(summary: Value, events: Vec<Value>) -> Verdict {
+        verdict(
+            &RunView {
+                summary: Some(summary.into()),
+                events: events.into_iter().map(EventLine::from).collect(),
+                ..RunView::default()
+            },
+            None,
+            &[],
+        )
+    }
+
+    #[test]
+    fn a_clean_run_is_good_news_and_says_so() {
+        let v = of(
+            json!({"status": "completed", "steps": 40960, "dt": 0.0009765625, "clock": "real", "wall_seconds": 40.0, "deadline_misses": 0}),
+            vec![],
+        );
+        assert_eq!(v.tone, Tone::Good);
+        assert!(
+            v.sentences.iter().any(|s| s.contains("40 s of test time")),
+            "{v:?}"
+        );
+        assert!(v.sentences.contains(&"No deadline was missed.".to_owned()));
+    }
+
+    #[test]
+    fn misses_lost_rows_and_refusals_are_spelled_out() {
+        let miss = |class: &str| json!({"event": "miss", "class": class});
+        let v = of(
+            json!({
+                "status": "completed", "deadline_misses": 3, "rows_lost": 7, "stretched_ticks": 1,
+                "warnings": ["the record is shorter than the test"],
+                "realtime": {"complete": false, "features": [
+                    {"want": "policy", "granted": true},
+                    {"want": "lock_memory", "granted": false, "reason": "EPERM", "advice": "raise memlock in limits.conf"},
+                ]},
+            }),
+            vec![miss("preempted"), miss("taken_away"), miss("taken_away")],
+        );
+        assert_eq!(v.tone, Tone::Warning);
+        let all = v.sentences.join("\n");
+        for part in [
+            "deadlines were missed",
+            "thread switched away: 1",
+            "hypervisor or interrupt: 2",
+            "none by this program's own fault",
+            "ROWS LOST: 7",
+            "stretched by 1\u{a0}tick",
+            "Warning: the record is shorter than the test.",
+        ] {
+            assert!(all.contains(part), "{part} is missing in:\n{all}");
+        }
+    }
+
+    #[test]
+    fn limits_that_warned_are_no_unmixed_good_news_and_are_counted() {
+        let warned = |specimen: u64, limit: &str| json!({"event": "limit_warning", "specimen": specimen, "axis": 1, "limit": limit});
+        let of_test = json!({"event": "limit_warning", "limit": "delay_used"});
+        let events = vec![
+            warned(1, "measured_force_n"),
+            warned(1, "measured_force_n"),
+            warned(2, "measured_force_n"),
+            of_test,
+        ];
+        let v = of(json!({"status": "completed"}), events);
+        assert_eq!(v.tone, Tone::Warning);
+        assert!(v.headline.ends_with("to its end; 3 limits warned"), "{v:?}");
+        let v = of(json!({"status": "completed"}), vec![warned(1, "a")]);
+        assert!(v.headline.ends_with("; 1 limit warned"), "{v:?}");
+        let trip = json!({"event": "limit_trip", "limit": "a"});
+        let v = of(json!({"status": "stopped"}), vec![trip]);
+        assert!(
+            v.tone == Tone::Bad && !v.headline.contains("warned"),
+            "{v:?}"
+        );
+    }
+
+    #[test]
+    fn a_miss_without_a_class_is_not_excused() {
+        let miss = |class: Value| json!({"event": "miss", "class": class});
+        let v = of(
+            json!({"status": "completed", "deadline_misses": 2}),
+            vec![miss(json!("preempted")), miss(Value::Null)],
+        );
+        let all = v.sentences.join("\n");
+        assert!(
+            all.contains("class not recorded: 1") && !all.contains("own fault"),
+            "{all}"
+        );
+        let v = of(
+            json!({"status": "completed", "deadline_misses": 2, "miss_classes": {"ours": 1, "preempted": 1}}),
+            vec![],
+        );
+        let all = v.sentences.join("\n");
+        assert!(
+            all.contains("own computation: 1") && !all.contains("own fault"),
+            "{all}"
+        );
+    }
+
+    #[test]
+    fn every_other_end_is_said_plainly() {
+        assert!(
+            of(
+                json!({"status": "stopped", "reason": "force limit of axis 1"}),
+                vec![]
+            )
+            .sentences[0]
+                .contains("Reason: force limit")
+        );
+        assert_eq!(of(json!({"status": "failed"}), vec![]).tone, Tone::Bad);
+        assert_eq!(
+            of(json!({"status": "interrupted"}), vec![]).tone,
+            Tone::Warning
+        );
+        assert!(of(json!({"status": "odd"}), vec![]).sentences[0].contains("odd"));
+        assert!(of(json!(17), vec![]).headline.starts_with("No summary"));
+        let v = verdict(
+            &RunView {
+                flaws: Flaws {
+                    unfinished: Some("killed".to_owned()),
+                    ..Flaws::default()
+                },
+                ..RunView::default()
+            },
+            None,
+            &[],
+        );
+        assert!(v.headline.starts_with("Unfinished") && v.sentences == ["Killed."]);
+    }
+
+    #[test]
+    fn a_test_that_goes_on_claims_its_own_steps_only() {
+        let run = RunView {
+            summary: Some(
+                json!({"status": "completed", "steps": 5120, "dt": 0.00390625, "clock": "real", "wall_seconds": 16.1}).into()),
+            ..RunView::default()
+        };
+        let told = verdict(&run, Some(1869), &[]).sentences[0].clone();
+        let own = "Steps 1870 to 5120 of 3.90625\u{a0}ms each, 12.699219 s of test time, in 16.1 s of wall time.";
+        assert_eq!(told, own);
+        let whole = verdict(&run, None, &[]).sentences[0].clone();
+        assert!(whole.contains(", 20 s of test time, in 16.1 s"), "{whole}");
+    }
+
+    #[test]
+    fn events_that_cannot_be_read_are_no_good_news() {
+        let v = verdict(
+            &RunView {
+                summary: Some(json!({"status": "completed"}).into()),
+                flaws: Flaws {
+                    unreadable_events: 1,
+                    ..Flaws::default()
+                },
+                ..RunView::default()
+            },
+            None,
+            &[],
+        );
+        assert_eq!(v.tone, Tone::Warning);
+        assert!(v.sentences[0].contains("events.jsonl"), "{v:?}");
+    }
+
+    #[test]
+    fn a_record_that_is_not_whole_is_never_good_news() {
+        let v = verdict(
+            &RunView {
+                summary: Some(json!({"status": "completed", "steps": 100, "dt": 0.01}).into()),
+                flaws: Flaws {
+                    damaged: vec!["the rows end at 0.25 s".to_owned()],
+                    ..Flaws::default()
+                },
+                ..RunView::default()
+            },
+            None,
+            &[],
+        );
+        assert_eq!(v.tone, Tone::Bad);
+        assert!(v.headline.starts_with("Damaged"), "{v:?}");
+        assert_eq!(
+            v.sentences[..2],
+            ["The rows end at 0.25 s.", "The test itself: completed."]
+        );
+    }
+}

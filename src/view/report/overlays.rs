@@ -1,0 +1,342 @@
+//! The sections of a comparison: histories and loops over the same axes, metrics and columns side by side.
+
+use super::RunView;
+use super::axes::AxisDigest;
+use super::canvas::Ink;
+use super::charts::Quantity;
+use super::html::{self, beside, figure, note, paragraph, section};
+use super::lines::{Line, LoopChart, TimeChart};
+use super::matched::Matched;
+use super::metrics;
+use super::plots::{WHOLE, history};
+use super::rows::Rows;
+use super::table::Table;
+use super::text::{NOTHING, count, number, quantity};
+use super::tracked;
+use crate::metrics::Judged;
+
+/// DOFs and axes that are drawn.
+const MOST: usize = 4;
+/// Columns that are listed.
+const MOST_LISTED: usize = 60;
+
+/// Name and words of the columns that are drawn: displacements, then measured displacements and forces.
+fn drawn(names: &[String]) -> Vec<(String, String)> {
+    let dofs: Vec<u32> = names
+        .iter()
+        .filter_map(|n| n.strip_prefix('x')?.parse().ok())
+        .collect();
+    let dofs = super::columns::spread(&dofs, MOST);
+    let mut out: Vec<(String, String)> = dofs
+        .iter()
+        .map(|dof| (format!("x{dof}"), format!("Displacement of DOF {dof}")))
+        .collect();
+    for (kind, words) in [
+        ("meas_", "Measured displacement, specimen"),
+        ("force_", "Force, specimen"),
+    ] {
+        let axes = names.iter().filter(|n| n.starts_with(kind)).take(MOST);
+        out.extend(axes.map(|name| {
+            (
+                name.clone(),
+                format!("{words} {}", name[kind.len()..].replace('_', ", axis ")),
+            )
+        }));
+    }
+    out
+}
+
+/// Histories of rows that both runs have, with their difference.
+pub(super) fn overlaid(matched: &Matched) -> String {
+    let heading = "Response";
+    if matched.rows < 2 {
+        return section(
+            heading,
+            &paragraph("There is nothing to draw: the runs have no step in common."),
+        );
+    }
+    let tables = matched.tables.iter();
+    let names: Vec<String> = tables
+        .flat_map(Table::names)
+        .filter_map(|n| n.strip_prefix("a:"))
+        .map(str::to_owned)
+        .collect();
+    let mut markup = String::new();
+    for (name, title) in drawn(&names) {
+        let Some(table) = matched.table_of(&name) else {
+            continue;
+        };
+        let column = |side: &str| table.get(&format!("{side}:{name}"));
+        let (Some(a), Some(b), Some(d)) = (column("a"), column("b"), column("d")) else {
+            continue;
+        };
+        let time = table.get("time").unwrap_or_default();
+        let words = if name.starts_with("force") {
+            "force"
+        } else {
+            "displacement"
+        };
+        let up = |words| Quantity {
+            words,
+            unit: table.unit(&format!("a:{name}")),
+        };
+        let line = |name, y, ink, width| Line {
+            name,
+            x: time,
+            y,
+            ink: Ink::Series(ink),
+            width,
+        };
+        let lines = [line("first", a, 0, 1.6), line("second", b, 1, 1.0)];
+        markup += &history(
+            (WHOLE, 220.0),
+            &format!("{title} of both runs"),
+            &TimeChart::history(&title, up(words), &lines),
+        );
+        if metrics::peak(d).is_some_and(|peak| peak.value != 0.0) {
+            let lines = [line("second − first", d, 4, 1.1)];
+            let title = format!("{title}: second − first");
+            markup += &history(
+                (WHOLE, 150.0),
+                &title,
+                &TimeChart::history(&title, up("difference"), &lines),
+            );
+        } else {
+            markup += &note(&format!("{title}: no difference."));
+        }
+    }
+    section(heading, &markup)
+}
+
+/// Histories of runs that share no grid: over the same axes, without a difference.
+pub(super) fn side_by_side(a: &Rows<'_>, b: &Rows<'_>) -> String {
+    if a.get("time").is_none() || b.get("time").is_none() {
+        return section(
+            "Response",
+            &paragraph("One of the runs has no column of time."),
+        );
+    }
+    let names = a.names();
+    let mut markup = String::new();
+    for (name, title) in drawn(&names) {
+        let (Some(first), Some(second)) = (a.filled(&name), b.filled(&name)) else {
+            continue;
+        };
+        let (Some(time_a), Some(time_b)) = (a.time_of(&name), b.time_of(&name)) else {
+            continue;
+        };
+        let lines = [
+            Line {
+                name: "first",
+                x: &time_a,
+                y: &first,
+                ink: Ink::Series(0),
+                width: 1.6,
+            },
+            Line {
+                name: "second",
+                x: &time_b,
+                y: &second,
+                ink: Ink::Series(1),
+                width: 1.0,
+            },
+        ];
+        let words = if name.starts_with("force") {
+            "force"
+        } else {
+            "displacement"
+        };
+        let up = Quantity {
+            words,
+            unit: a.unit(&name),
+        };
+        let chart = TimeChart::history(&title, up, &lines);
+        markup += &history((WHOLE, 220.0), &format!("{title} of both runs"), &chart);
+    }
+    if markup.is_empty() {
+        markup = paragraph("The runs have no recorded displacement or force in common.");
+    }
+    section("Response", &markup)
+}
+
+/// Hysteresis of the axes that both runs have, over the same axes.
+pub(super) fn loops<'a>(first: &RunView, a: &Rows<'a>, b: &Rows<'a>) -> String {
+    let names = tracked::tracking(first, a);
+    let mut figures = String::new();
+    for (axis, name) in a.digest().axes.iter().zip(&names).take(MOST) {
+        let Some(other) = b.digest().axes.iter().find(|other| other.axis == axis.axis) else {
+            continue;
+        };
+        if !(axis.is_drawable() && other.is_drawable()) {
+            continue;
+        }
+        let title = format!("Hysteresis of {}", name.name);
+        let line = |name, of: &'a AxisDigest, ink, width| Line {
+            name,
+            x: &of.hysteresis.0,
+            y: &of.hysteresis.1,
+            ink: Ink::Series(ink),
+            width,
+        };
+        let picture = LoopChart {
+            title: &title,
+            across: Quantity {
+                words: "measured displacement",
+                unit: name.disp_unit,
+            },
+            up: Quantity {
+                words: "force",
+                unit: name.force_unit,
+            },
+            lines: &[line("first", axis, 0, 1.6), line("second", other, 1, 1.0)],
+        };
+        figures += &figure(
+            510.0,
+            400.0,
+            &format!("{title} of both runs"),
+            |canvas, area| picture.draw(canvas, area),
+        );
+    }
+    if figures.is_empty() {
+        return String::new();
+    }
+    section("Hysteresis", &beside("grid", &figures))
+}
+
+/// Tracking metrics of the axes that both runs have.
+pub(super) fn tracking(first: &RunView, second: &RunView, a: &Rows<'_>, b: &Rows<'_>) -> String {
+    let names = tracked::tracking(first, a);
+    let others = tracked::tracking(second, b);
+    let mut rows = Vec::new();
+    for (axis, name) in a.digest().axes.iter().zip(&names) {
+        let other = b
+            .digest()
+            .axes
+            .iter()
+            .zip(&others)
+            .find(|(other, _)| other.axis == axis.axis);
+        let Some((other, _)) = other else { continue };
+        let (Some(t), Some(u)) = (&axis.tracking, &other.tracking) else {
+            continue;
+        };
+        let mut row =
+            |what: &str, a: Option<Judged>, b: Option<Judged>, write: &dyn Fn(f64) -> String| {
+                let show = |j: Option<Judged>| {
+                    j.map_or_else(
+                        || NOTHING.to_owned(),
+                        |j| match j.corrected {
+                            Some(corrected) => {
+                                format!("{} (corrected {})", write(j.value), write(corrected))
+                            }
+                            None => write(j.value),
+                        },
+                    )
+                };
+                rows.push(vec![format!("{}: {what}", name.name), show(a), show(b)]);
+            };
+        let percent = |v: f64| format!("{}\u{a0}%", number(100.0 * v, 3));
+        let second = |v: f64| {
+            if v.abs() < 1e-9 {
+                "0\u{a0}s".to_owned()
+            } else {
+                quantity(v, "s")
+            }
+        };
+        let plain = |v: f64| number(v, 4);
+        row(
+            "NRMSE, by the root mean square of the target",
+            Some(t.nrmse),
+            Some(u.nrmse),
+            &percent,
+        );
+        row(
+            "largest error",
+            Some(t.peak_error_m),
+            Some(u.peak_error_m),
+            &|v| quantity(v, name.disp_unit),
+        );
+        row("delay by cross-correlation", t.delay_s, u.delay_s, &second);
+        row(
+            "FEI amplitude",
+            t.fei.map(|f| f.amplitude),
+            u.fei.map(|f| f.amplitude),
+            &plain,
+        );
+        row(
+            "FEI delay",
+            t.fei.map(|f| f.delay_s),
+            u.fei.map(|f| f.delay_s),
+            &second,
+        );
+        row(
+            "energy error",
+            Some(t.energy_error_j),
+            Some(u.energy_error_j),
+            &|v| quantity(v, "J"),
+        );
+        row(
+            "energy error over input and strain energy",
+            t.energy_error_share,
+            u.energy_error_share,
+            &percent,
+        );
+    }
+    if rows.is_empty() {
+        return String::new();
+    }
+    section("Tracking", &html::table(&["", "first", "second"], &rows))
+}
+
+/// How far each column is apart.
+pub(super) fn columns(matched: &Matched) -> String {
+    let mut apart: Vec<_> = matched
+        .apart
+        .iter()
+        .filter(|apart| apart.first.is_some())
+        .collect();
+    if apart.is_empty() {
+        return section("Differences by column", &paragraph("No column differs."));
+    }
+    apart.sort_by_key(|apart| apart.first);
+    let rows: Vec<_> = apart
+        .iter()
+        .take(MOST_LISTED)
+        .map(|apart| {
+            let unit = apart.column.unit.as_str();
+            let share = if apart.size > 0.0 {
+                format!("{}\u{a0}%", number(100.0 * apart.largest / apart.size, 2))
+            } else {
+                NOTHING.to_owned()
+            };
+            vec![
+                apart.column.name.clone(),
+                apart.first.map_or_else(|| NOTHING.to_owned(), count),
+                quantity(apart.largest, unit),
+                if apart.at.is_finite() {
+                    format!("{:.4}\u{a0}s", apart.at)
+                } else {
+                    NOTHING.to_owned()
+                },
+                share,
+                quantity(apart.rms, unit),
+            ]
+        })
+        .collect();
+    let heading = [
+        "column",
+        "from step",
+        "largest difference",
+        "at",
+        "of the largest value",
+        "root mean square",
+    ];
+    let mut markup = html::table(&heading, &rows);
+    if apart.len() > MOST_LISTED {
+        markup += &note(&format!(
+            "{} of {} columns that differ are listed.",
+            MOST_LISTED,
+            apart.len()
+        ));
+    }
+    section("Differences by column", &markup)
+}

@@ -1,0 +1,101 @@
+//! The two ends of a specimen: its own, in its own units, and the structure's. Where they are not one to one, a page says of which
+//! a number is.
+
+use super::columns::SpecimenAxis;
+use super::html::note;
+use super::rows::Rows;
+use super::tested::axis_name;
+use super::text::trimmed;
+use crate::view::{AxisTable, TestFile};
+
+/// Unit of a column that is of a specimen's own end: which one it is stands in the configuration.
+const OWN: &str = "specimen unit";
+/// What is said behind a number that is another at the specimen.
+pub(super) const AS_SEEN: &str = ", as the structure sees it";
+
+/// What a metre and a newton of an axis are for the structure.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Scale {
+    metres: f64,
+    newtons: f64,
+}
+
+/// The table of the axis.
+fn entry(test: &TestFile, axis: SpecimenAxis) -> Option<&AxisTable> {
+    let axes = &test.specimen(axis.specimen)?.axis;
+    axes.get(axis.axis.checked_sub(1)? as usize)
+}
+
+/// Unit of the column of this kind, which is of the specimen's own end.
+pub(super) fn own_unit<'a>(
+    rows: &Rows<'a>,
+    test: &'a TestFile,
+    axis: SpecimenAxis,
+    kind: &str,
+) -> &'a str {
+    let unit = rows.unit(&axis.column(kind));
+    if unit != OWN {
+        return unit;
+    }
+    let entry = entry(test, axis);
+    match kind {
+        "raw_force" => entry
+            .and_then(|axis| axis.unit_force.as_deref())
+            .unwrap_or("N"),
+        _ => entry
+            .and_then(|axis| axis.unit_disp.as_deref())
+            .unwrap_or("m"),
+    }
+}
+
+impl Scale {
+    /// Of an axis; none where both ends are one to one, or the record has only the specimen's.
+    pub fn of(rows: &Rows<'_>, test: &TestFile, axis: SpecimenAxis) -> Option<Self> {
+        if rows.unit(&axis.column("cmd")) != OWN {
+            return None;
+        }
+        let table = entry(test, axis);
+        let ratio = |of: fn(&AxisTable) -> Option<f64>| table.and_then(of).unwrap_or(1.0);
+        let similitude = test.specimen(axis.specimen)?.similitude;
+        let ratio = ratio(|axis| axis.sign) * ratio(|axis| axis.scale);
+        let metres = similitude.length.unwrap_or(1.0) / ratio;
+        let newtons = similitude.force.unwrap_or(1.0) * ratio;
+        let is_plain = metres == 1.0 && newtons == 1.0;
+        (!is_plain).then_some(Self { metres, newtons })
+    }
+
+    /// In words.
+    pub fn words(self) -> String {
+        format!(
+            "1\u{a0}m of the specimen is {}\u{a0}m of the structure, 1\u{a0}N is {}\u{a0}N",
+            trimmed(self.metres, 6),
+            trimmed(self.newtons, 6)
+        )
+    }
+}
+
+/// Which numbers are of which end, and the scale of every axis that is not one to one; nothing where all are.
+pub(super) fn of_both_ends(rows: &Rows<'_>, test: &TestFile) -> String {
+    let mut told: Vec<(String, Vec<String>)> = Vec::new();
+    for &axis in rows.axes() {
+        let Some(scale) = Scale::of(rows, test, axis) else {
+            continue;
+        };
+        let (name, words) = (axis_name(test, axis, rows.axes()), scale.words());
+        match told.iter_mut().find(|(known, _)| *known == words) {
+            Some((_, names)) => names.push(name),
+            None => told.push((words, vec![name])),
+        }
+    }
+    if told.is_empty() {
+        return String::new();
+    }
+    let each = told
+        .iter()
+        .map(|(words, names)| format!("{}: {words}.", names.join(", ")));
+    note(&format!(
+        "Limits, warnings and where a specimen was left are of the specimen itself; histories, loops and peaks are as the structure \
+         sees them. {}",
+        each.collect::<Vec<_>>().join(" ")
+    ))
+}

@@ -1,0 +1,321 @@
+//! A sketch of what was tested: storeys or degrees of freedom, and where the specimens sit.
+//!
+//! Drawn from the resolved configuration. It shows what is connected to what, not how anything looks.
+
+use super::canvas::{Anchor, Canvas, Ink, Lettering};
+use super::charts::{Area, LABEL};
+use super::html::figure;
+use super::text::quantity;
+use crate::view::TestFile;
+
+/// Storeys or DOFs that are drawn one by one; of more the ends are.
+const MOST: usize = 12;
+/// Specimens that are drawn.
+const MOST_SPECIMENS: usize = 6;
+
+/// Which DOFs a specimen is joined to, from 1, each with its weight; DOF 0 is the ground.
+#[derive(Debug, Clone, PartialEq)]
+struct Joined {
+    name: String,
+    storey: Option<usize>,
+    dofs: Vec<(usize, f64)>,
+}
+
+fn joined(test: &TestFile) -> Vec<Joined> {
+    let all = test.specimen.iter().zip(1..);
+    all.map(|(entry, number)| {
+        let mut dofs: Vec<(usize, f64)> = Vec::new();
+        for row in &entry.rows {
+            for (weight, dof) in row.iter().zip(1..) {
+                if *weight != 0.0 && !dofs.iter().any(|(known, _)| *known == dof) {
+                    dofs.push((dof, *weight));
+                }
+            }
+        }
+        Joined {
+            name: test.specimen_name(number),
+            storey: entry.storey,
+            dofs,
+        }
+    })
+    .collect()
+}
+
+/// The sketch; nothing where the configuration has neither structure nor specimens.
+pub(super) fn sketch(test: &TestFile) -> String {
+    let specimens = joined(test);
+    let structure = test.structure.as_ref();
+    if let Some(table) = structure.and_then(|s| s.shear_building.as_ref())
+        && !table.mass_kg.is_empty()
+    {
+        return building(&table.mass_kg, &table.stiffness_n_per_m, &specimens);
+    }
+    let dofs = structure.and_then(|s| {
+        let chain = s.chain.as_ref().and_then(|chain| chain.dofs);
+        let rows = s
+            .matrices
+            .as_ref()
+            .map(|matrices| matrices.mass.len() as u64);
+        chain.or(rows)
+    });
+    let highest = specimens
+        .iter()
+        .flat_map(|s| s.dofs.iter().map(|d| d.0))
+        .max()
+        .unwrap_or(0);
+    match dofs.map(|n| n as usize).unwrap_or(highest) {
+        0 if specimens.is_empty() => String::new(),
+        n => nodes(n, &specimens),
+    }
+}
+
+/// Numbers that are drawn of 1 … n; 0 stands for what is left out.
+fn shown(n: usize) -> Vec<usize> {
+    if n <= MOST {
+        return (1..=n).collect();
+    }
+    (1..=MOST / 2)
+        .chain([0])
+        .chain(n + 1 - MOST / 2..=n)
+        .collect()
+}
+
+fn soft() -> Lettering {
+    Lettering::new(LABEL, Ink::Soft)
+}
+
+fn hatch(canvas: &mut Canvas<'_>, from: f64, to: f64, y: f64) {
+    canvas.line((from, y), (to, y), Ink::Text, 2.0);
+    let mut x = from + 4.0;
+    while x < to {
+        canvas.line((x, y), (x - 7.0, y + 8.0), Ink::Frame, 1.0);
+        x += 11.0;
+    }
+}
+
+fn building(masses: &[f64], stiffness: &[f64], specimens: &[Joined]) -> String {
+    let levels = shown(masses.len());
+    let storey_height = 46.0;
+    let height = storey_height * levels.len() as f64 + 52.0;
+    let label = format!("Sketch: a shear building of {} storeys", masses.len());
+    figure(560.0, height, &label, |canvas, area| {
+        let (left, right) = (150.0, 300.0);
+        let ground = area.h - 26.0;
+        hatch(canvas, left - 30.0, right + 30.0, ground);
+        let level = |place: usize| ground - storey_height * place as f64;
+        for (place, &storey) in levels.iter().enumerate() {
+            let (below, above) = (level(place), level(place + 1));
+            if storey == 0 {
+                canvas.text(
+                    "⋮",
+                    ((left + right) / 2.0, (below + above) / 2.0),
+                    soft().anchored(Anchor::Middle),
+                );
+                canvas.line((left, above), (right, above), Ink::Frame, 1.5);
+                continue;
+            }
+            let here: Vec<&Joined> = specimens
+                .iter()
+                .filter(|s| s.storey == Some(storey))
+                .collect();
+            let (ink, width) = if here.is_empty() {
+                (Ink::Text, 2.0)
+            } else {
+                (Ink::Series(1), 4.0)
+            };
+            let k = stiffness.get(storey - 1).copied().unwrap_or(f64::NAN);
+            // A storey without stiffness of its own stands on its specimen alone.
+            for x in [left + 6.0, right - 6.0] {
+                canvas.line((x, below), (x, above), ink, width);
+            }
+            canvas.line((left, above), (right, above), Ink::Text, 5.0);
+            let mass = masses.get(storey - 1).copied().unwrap_or(f64::NAN);
+            canvas.text(
+                &format!("{storey}:  {}", quantity(mass, "kg")),
+                (left - 12.0, above),
+                soft().anchored(Anchor::Right),
+            );
+            let mut words = here
+                .iter()
+                .map(|s| s.name.as_str())
+                .collect::<Vec<_>>()
+                .join(", ");
+            if k > 0.0 {
+                let own = quantity(k, "N/m");
+                words = if words.is_empty() {
+                    own
+                } else {
+                    format!("{words} + {own}")
+                };
+            }
+            let ink = if here.is_empty() {
+                Ink::Soft
+            } else {
+                Ink::Series(1)
+            };
+            let at = (right + 14.0, (below + above) / 2.0);
+            let style = Lettering::new(LABEL, ink);
+            let style = if here.is_empty() { style } else { style.bold() };
+            canvas.text(&style.fitted(&words, area.w - at.0), at, style);
+        }
+        let place_of = |dof: usize| {
+            if dof == 0 {
+                Some(0)
+            } else {
+                levels.iter().position(|l| *l == dof).map(|p| p + 1)
+            }
+        };
+        let braces = specimens
+            .iter()
+            .filter(|s| s.storey.is_none())
+            .take(MOST_SPECIMENS);
+        for (i, brace) in braces.enumerate() {
+            let dofs = brace.dofs.iter().map(|d| d.0);
+            let top = dofs.clone().max().unwrap_or(0);
+            let low = if brace.dofs.len() > 1 {
+                dofs.min().unwrap_or(0)
+            } else {
+                0
+            };
+            let (Some(low), Some(top)) = (place_of(low), place_of(top)) else {
+                continue;
+            };
+            let shift = 10.0 * i as f64;
+            let (from, to) = (
+                (left + 16.0 + shift, level(low)),
+                (right - 16.0 - shift, level(top)),
+            );
+            canvas.line(from, to, Ink::Series(1), 3.0);
+            let middle = ((from.0 + to.0) / 2.0, (from.1 + to.1) / 2.0 - 12.0);
+            let style = Lettering::new(LABEL, Ink::Series(1)).bold();
+            let style = style.anchored(Anchor::Middle);
+            canvas.text(&style.fitted(&brace.name, 120.0), middle, style);
+        }
+        canvas.text(
+            "ground",
+            (left - 40.0, ground + 2.0),
+            soft().anchored(Anchor::Right),
+        );
+    })
+}
+
+fn nodes(n: usize, specimens: &[Joined]) -> String {
+    let shown_dofs = shown(n);
+    let drawn: Vec<&Joined> = specimens.iter().take(MOST_SPECIMENS).collect();
+    let rows = drawn.len().max(1) as f64;
+    let height = if n == 0 {
+        34.0 + 44.0 * rows
+    } else {
+        84.0 + 44.0 * rows
+    };
+    let label = format!(
+        "Sketch: {n} degrees of freedom and {} specimens",
+        specimens.len()
+    );
+    figure(560.0, height, &label, |canvas, area: Area| {
+        let spacing = (area.w - 60.0) / shown_dofs.len().max(1) as f64;
+        let spacing = spacing.min(90.0);
+        let x_of = |place: usize| 40.0 + spacing * (place as f64 + 0.5);
+        let y = 34.0;
+        if n > 1 {
+            canvas.line(
+                (x_of(0), y),
+                (x_of(shown_dofs.len() - 1), y),
+                Ink::Grid,
+                2.0,
+            );
+        }
+        for (place, &dof) in shown_dofs.iter().enumerate() {
+            if dof == 0 {
+                canvas.text("…", (x_of(place), y), soft().anchored(Anchor::Middle));
+                continue;
+            }
+            canvas.dot((x_of(place), y), Ink::Series(0), 7.0);
+            canvas.text(
+                &format!("DOF {dof}"),
+                (x_of(place), y - 20.0),
+                soft().anchored(Anchor::Middle),
+            );
+        }
+        for (i, specimen) in drawn.iter().enumerate() {
+            let top = if n == 0 { 10.0 } else { 70.0 } + 44.0 * i as f64;
+            let places: Vec<(f64, f64)> = specimen
+                .dofs
+                .iter()
+                .filter_map(|(dof, weight)| {
+                    Some((x_of(shown_dofs.iter().position(|d| d == dof)?), *weight))
+                })
+                .collect();
+            let middle = places.iter().map(|p| p.0).sum::<f64>() / places.len().max(1) as f64;
+            let middle = if places.is_empty() { 140.0 } else { middle };
+            let middle = middle.clamp(90.0, area.w - 90.0);
+            for (x, weight) in &places {
+                canvas.line((*x, y + 7.0), (middle, top), Ink::Series(1), 1.5);
+                if (weight - 1.0).abs() > 1e-12 {
+                    let at = ((x + middle) / 2.0 + 4.0, (y + 7.0 + top) / 2.0);
+                    canvas.text(&super::text::number(*weight, 2), at, soft());
+                }
+            }
+            canvas.block(
+                (middle - 80.0, top),
+                (middle + 80.0, top + 26.0),
+                Ink::Series(1),
+                0.25,
+            );
+            let style = Lettering::new(LABEL, Ink::Text).bold();
+            let style = style.anchored(Anchor::Middle);
+            let name = style.fitted(&specimen.name, 150.0);
+            canvas.text(&name, (middle, top + 13.0), style);
+            if n == 0 {
+                canvas.text(
+                    "← prescribed displacement →",
+                    (middle + 96.0, top + 13.0),
+                    soft(),
+                );
+            }
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::view::ResolvedTest;
+
+    fn of(text: &str) -> String {
+        sketch(&ResolvedTest::from(text).file)
+    }
+
+    #[test]
+    fn storeys_masses_and_specimens_stand_where_they_belong() {
+        let drawn = of(
+            "[structure.shear_building]\nmass_kg = [1.0, 2e3]\nstiffness_n_per_m = [0.0, 9e6]\n\
+            [[specimen]]\nname = \"column <b>\"\nstorey = 1\n[[specimen]]\nname = \"brace\"\nrows = [[-0.8, 0.8]]\n",
+        );
+        for part in [
+            "column &lt;b&gt;",
+            "brace",
+            "2000\u{a0}kg",
+            "9.00\u{a0}MN/m",
+            "ground",
+        ] {
+            assert!(drawn.contains(part), "{part}: {drawn}");
+        }
+        assert_eq!(shown(3), [1, 2, 3]);
+        assert_eq!(shown(100)[5..8], [6, 0, 95]);
+    }
+
+    #[test]
+    fn matrices_chains_and_prescribed_tests_are_drawn_and_nonsense_is_not() {
+        let drawn =
+            of("[structure.chain]\ndofs = 5000\n[[specimen]]\nname = \"end\"\nrows = [[0, 0.5]]\n");
+        assert!(drawn.contains("DOF 5000") && drawn.contains("end") && drawn.contains("0.50"));
+        assert!(of("[[specimen]]\nname = \"pad\"\n").contains("prescribed displacement"));
+        assert_eq!(sketch(&TestFile::default()), "");
+        assert_eq!(of("a = 1"), "");
+        let odd = of(
+            "[structure.shear_building]\nmass_kg = [\"x\"]\n[[specimen]]\nstorey = -1\nrows = 3\n",
+        );
+        assert!(odd.contains("svg"));
+    }
+}

@@ -1,0 +1,370 @@
+//! Columns that have become short enough for a page: the smallest and the largest value of every few rows.
+//!
+//! Invariant: every value stood in the rows, no finite extreme is lost, and all columns have one length. Of `every` rows two
+//! are left, in the order in which the extremes came; of a test short enough `every` is one and all rows are there. Where rows are
+//! missing stands an entry without a number, so that no line is drawn across. What a page says in numbers is marked before the rows
+//! are thinned: an entry keeps neither the time of an extreme nor which row was the last.
+
+use std::collections::HashMap;
+
+use super::sieve::Gap;
+use crate::record::Column;
+
+/// Entries of a column at most, give or take one pair.
+pub(super) const MOST: usize = 4096;
+
+/// A value of a column, and the time of its row.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Mark {
+    pub time: f64,
+    pub value: f64,
+}
+
+/// What is marked of a column, whether its rows are thinned or not.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Marks {
+    /// The finite value of largest magnitude, and the smallest; the first of those that are equal.
+    pub peak: Option<Mark>,
+    pub least: Option<Mark>,
+    /// What stands in the last row, a number or not.
+    pub last: Option<f64>,
+}
+
+impl Marks {
+    fn take(&mut self, time: Option<&[f64]>, values: &[f64]) {
+        for (row, &value) in values.iter().enumerate() {
+            if !value.is_finite() {
+                continue;
+            }
+            let time = || time.and_then(|time| time.get(row).copied());
+            let mark = || Mark {
+                time: time().unwrap_or(f64::NAN),
+                value,
+            };
+            if self.peak.is_none_or(|peak| value.abs() > peak.value.abs()) {
+                self.peak = Some(mark());
+            }
+            if self.least.is_none_or(|least| value < least.value) {
+                self.least = Some(mark());
+            }
+        }
+        self.last = values.last().copied().or(self.last);
+    }
+}
+
+/// One column on its way.
+#[derive(Debug, Clone)]
+struct Thinning {
+    lo: (usize, f64),
+    hi: (usize, f64),
+    out: Vec<f64>,
+    marks: Marks,
+}
+
+/// Columns that are thinned side by side.
+#[derive(Debug, Clone)]
+pub(super) struct Thinner {
+    every: usize,
+    filled: usize,
+    columns: Vec<Thinning>,
+    /// Which of them is time: first and middle of a bucket in place of extremes.
+    time: Option<usize>,
+}
+
+impl Thinner {
+    /// For `rows` rows of `columns` columns; `time` is the place of a column that only rises.
+    pub fn new(rows: u64, columns: usize, time: Option<usize>) -> Self {
+        let every = if rows <= MOST as u64 {
+            1
+        } else {
+            rows.div_ceil(MOST as u64 / 2) as usize
+        };
+        let fresh = Thinning {
+            lo: (0, f64::NAN),
+            hi: (0, f64::NAN),
+            out: Vec::new(),
+            marks: Marks::default(),
+        };
+        Self {
+            every,
+            filled: 0,
+            columns: vec![fresh; columns],
+            time,
+        }
+    }
+
+    /// Rows that become two entries; one means that every row stays.
+    pub const fn every(&self) -> usize {
+        self.every
+    }
+
+    /// Takes rows: one slice per column, all of one length.
+    pub fn take(&mut self, block: &[&[f64]]) {
+        let rows = block.first().map_or(0, |column| column.len());
+        let time = self.time.and_then(|place| block.get(place).copied());
+        for (column, values) in self.columns.iter_mut().zip(block) {
+            column.marks.take(time, values);
+        }
+        if self.every == 1 {
+            for (column, values) in self.columns.iter_mut().zip(block) {
+                column.out.extend_from_slice(values);
+            }
+            return;
+        }
+        let mut from = 0;
+        while from < rows {
+            let to = (from + self.every - self.filled).min(rows);
+            for (place, (column, values)) in self.columns.iter_mut().zip(block).enumerate() {
+                let part = &values[from..to];
+                if self.time == Some(place) {
+                    column.time(part, self.filled, self.every / 2);
+                } else {
+                    column.extremes(part, self.filled);
+                }
+            }
+            self.filled += to - from;
+            from = to;
+            if self.filled == self.every {
+                self.close();
+            }
+        }
+    }
+
+    /// Marks that rows are missing here: nothing is known at this time. A gap that is narrower than what becomes two entries is
+    /// none to be seen.
+    pub fn gap(&mut self, gap: Gap) {
+        if gap.rows < self.every as u64 {
+            // Of what is not thinned every gap is wide enough.
+            return;
+        }
+        if self.filled > 0 {
+            self.close();
+        }
+        let entries = if self.every == 1 { 1 } else { 2 };
+        for (place, column) in self.columns.iter_mut().enumerate() {
+            let is_time = self.time == Some(place);
+            let value = if is_time { gap.time } else { f64::NAN };
+            column.out.extend(std::iter::repeat_n(value, entries));
+        }
+    }
+
+    fn close(&mut self) {
+        for column in &mut self.columns {
+            let (first, second) = if column.lo.0 <= column.hi.0 {
+                (column.lo.1, column.hi.1)
+            } else {
+                (column.hi.1, column.lo.1)
+            };
+            column.out.extend([first, second]);
+            (column.lo, column.hi) = ((0, f64::NAN), (0, f64::NAN));
+        }
+        self.filled = 0;
+    }
+
+    /// The columns.
+    pub fn finish(mut self) -> Vec<Vec<f64>> {
+        if self.filled > 0 {
+            self.close();
+        }
+        self.columns.into_iter().map(|column| column.out).collect()
+    }
+
+    /// The columns by name, with what was marked of them.
+    pub fn table(self, names: impl IntoIterator<Item = Column>) -> Table {
+        let marks = self.columns.iter().map(|column| column.marks).collect();
+        Table {
+            marks,
+            ..Table::new(names.into_iter().zip(self.finish()).collect())
+        }
+    }
+}
+
+impl Thinning {
+    fn extremes(&mut self, values: &[f64], filled: usize) {
+        for (i, &value) in values.iter().enumerate() {
+            if !value.is_finite() {
+                continue;
+            }
+            if self.lo.1.is_nan() || value < self.lo.1 {
+                self.lo = (filled + i, value);
+            }
+            if self.hi.1.is_nan() || value > self.hi.1 {
+                self.hi = (filled + i, value);
+            }
+        }
+    }
+
+    fn time(&mut self, values: &[f64], filled: usize, middle: usize) {
+        if filled == 0
+            && let Some(first) = values.first()
+        {
+            (self.lo, self.hi) = ((0, *first), (1, *first));
+        }
+        if let Some(value) = middle.checked_sub(filled).and_then(|at| values.get(at)) {
+            self.hi = (1, *value);
+        }
+    }
+}
+
+/// Columns by name, all of one length; some that were recorded are not among them.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(super) struct Table {
+    columns: Vec<(Column, Vec<f64>)>,
+    /// As many, or none where nothing was marked.
+    marks: Vec<Marks>,
+    places: HashMap<String, usize>,
+}
+
+impl Table {
+    /// Of these columns.
+    pub fn new(columns: Vec<(Column, Vec<f64>)>) -> Self {
+        let names = columns.iter().enumerate().rev();
+        let places = names
+            .map(|(i, (column, _))| (column.name.clone(), i))
+            .collect();
+        Self {
+            columns,
+            marks: Vec::new(),
+            places,
+        }
+    }
+
+    /// A column.
+    pub fn get(&self, name: &str) -> Option<&[f64]> {
+        Some(&self.columns.get(*self.places.get(name)?)?.1)
+    }
+
+    /// What was marked of a column; nothing of one that is not there.
+    pub fn marks(&self, name: &str) -> Marks {
+        let place = self.places.get(name);
+        let marks = place.and_then(|place| self.marks.get(*place));
+        marks.copied().unwrap_or_default()
+    }
+
+    /// Unit of a column; "1" of one that is not there.
+    pub fn unit(&self, name: &str) -> &str {
+        let place = self.places.get(name);
+        let column = place.and_then(|place| self.columns.get(*place));
+        column.map_or("1", |(column, _)| column.unit.as_str())
+    }
+
+    /// Names of the columns, in order.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.columns.iter().map(|(column, _)| column.name.as_str())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn no_extreme_is_lost_whatever_the_blocks(
+            values in prop::collection::vec(prop_oneof![9 => -1e3f64..1e3, 1 => Just(f64::NAN)], 1..300),
+            every in 1usize..40, block in 1usize..70,
+        ) {
+            let time: Vec<f64> = (0..values.len()).map(|i| i as f64).collect();
+            let mut thinner = Thinner { every, ..Thinner::new(0, 2, Some(0)) };
+            for (t, v) in time.chunks(block).zip(values.chunks(block)) {
+                thinner.take(&[t, v]);
+            }
+            let out = thinner.finish();
+            prop_assert_eq!(out[0].len(), out[1].len());
+            if every == 1 {
+                prop_assert_eq!(&out[0], &time);
+                return Ok(());
+            }
+            prop_assert!(out[0].windows(2).all(|w| w[0] <= w[1]));
+            for (i, bucket) in values.chunks(every).enumerate() {
+                let finite = || bucket.iter().copied().filter(|v| v.is_finite());
+                let pair = &out[1][2 * i..2 * i + 2];
+                if finite().next().is_none() {
+                    prop_assert!(pair.iter().all(|v| v.is_nan()));
+                    continue;
+                }
+                let (lo, hi) = (finite().fold(f64::INFINITY, f64::min), finite().fold(f64::NEG_INFINITY, f64::max));
+                prop_assert_eq!((pair[0].min(pair[1]), pair[0].max(pair[1])), (lo, hi));
+                let at = |wanted: f64| bucket.iter().position(|v| *v == wanted);
+                prop_assert_eq!(pair[0] <= pair[1], at(lo) <= at(hi));
+                prop_assert_eq!(out[0][2 * i], (i * every) as f64);
+            }
+        }
+    }
+
+    #[test]
+    fn marks_are_of_single_rows_however_few_entries_are_left() {
+        let (time, values) = ([0.0, 1.0, 2.0, 3.0, 4.0], [1.0, -7.0, 7.0, f64::NAN, 5.0]);
+        let marks = |every: usize, rows: usize| {
+            let mut thinner = Thinner {
+                every,
+                ..Thinner::new(0, 2, Some(0))
+            };
+            for (t, v) in time[..rows].chunks(2).zip(values.chunks(2)) {
+                thinner.take(&[t, &v[..t.len()]]);
+            }
+            let names = ["time", "x1"].map(|name| Column {
+                name: name.to_owned(),
+                unit: "1".to_owned(),
+                meaning: String::new(),
+                timing: false,
+            });
+            thinner.table(names).marks("x1")
+        };
+        for every in [1, 4] {
+            let found = marks(every, 5);
+            let lowest = Some(Mark {
+                time: 1.0,
+                value: -7.0,
+            });
+            assert_eq!((found.peak, found.least), (lowest, lowest));
+            assert_eq!(found.last, Some(5.0));
+            assert!(marks(every, 4).last.is_some_and(f64::is_nan));
+        }
+        assert_eq!(Table::default().marks("x1"), Marks::default());
+    }
+
+    #[test]
+    fn rows_that_are_missing_leave_an_entry_without_a_number() {
+        for (every, wanted) in [(1, 1), (4, 2)] {
+            let mut thinner = Thinner {
+                every,
+                ..Thinner::new(0, 2, Some(0))
+            };
+            thinner.take(&[&[0.0, 1.0], &[5.0, 6.0]]);
+            thinner.gap(Gap {
+                time: 8.0,
+                rows: 12,
+            });
+            thinner.take(&[&[15.0, 16.0], &[7.0, 8.0]]);
+            let out = thinner.finish();
+            let empty: Vec<f64> = (0..out[0].len())
+                .filter(|&i| out[1][i].is_nan())
+                .map(|i| out[0][i])
+                .collect();
+            assert_eq!(empty, vec![8.0; wanted]);
+            assert!(out[0].windows(2).all(|pair| pair[0] <= pair[1]));
+        }
+        // Narrower than a pair of entries.
+        let mut thinner = Thinner {
+            every: 4,
+            ..Thinner::new(0, 1, None)
+        };
+        thinner.gap(Gap { time: 0.0, rows: 3 });
+        assert!(thinner.finish()[0].is_empty());
+    }
+
+    #[test]
+    fn a_long_test_becomes_as_short_as_a_page_needs_and_a_short_one_stays() {
+        assert_eq!(Thinner::new(MOST as u64, 1, None).every(), 1);
+        let rows = 5_000_000u64;
+        let mut thinner = Thinner::new(rows, 1, None);
+        let block = vec![1.0; 10_000];
+        for _ in 0..rows / 10_000 {
+            thinner.take(&[&block]);
+        }
+        let length = thinner.finish()[0].len();
+        assert!((MOST / 2..=MOST + 2).contains(&length), "{length}");
+    }
+}

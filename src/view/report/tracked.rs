@@ -1,0 +1,135 @@
+//! The axes of a page, with their names and forces.
+
+use super::RunView;
+use super::axes::AxisDigest;
+use super::charts::Quantity;
+use super::columns::SpecimenAxis;
+use super::rows::Rows;
+use super::scale::{AS_SEEN, Scale};
+use super::tested::axis_name;
+
+/// Everything the page says about one axis.
+pub(super) struct Tracked<'a> {
+    pub name: String,
+    pub disp_unit: &'a str,
+    pub force_unit: &'a str,
+    pub digest: &'a AxisDigest,
+    /// Magnitude of the largest force as the summary has it: also of steps that are in another folder.
+    told_force: Option<f64>,
+    /// None where the numbers of the specimen's own end are those of the structure.
+    pub scale: Option<Scale>,
+    way_in: Option<f64>,
+    pub way_out: Option<f64>,
+}
+
+impl<'a> Tracked<'a> {
+    /// Peak force of the running test with its unit.
+    pub fn peak_force(&self) -> Option<(f64, &'a str)> {
+        self.digest.peak_force.map(|p| (p.value, self.force_unit))
+    }
+
+    /// The same of all of the test that is known; without a sign where only the summary tells of it.
+    pub fn largest_force(&self) -> Option<(f64, &'a str)> {
+        let own = self.digest.peak_force.map(|p| p.value);
+        let told = self.told_force;
+        let told = told.filter(|told| own.is_none_or(|own| *told > own.abs()));
+        Some((told.or(own)?, self.force_unit))
+    }
+
+    /// Its name, with whose a force of it is where that must be said.
+    pub fn force_of(&self) -> String {
+        self.name.clone() + self.scale.map_or("", |_| AS_SEEN)
+    }
+
+    /// Force of largest magnitude on the way in with its unit, where there was one.
+    pub fn force_on_the_way_in(&self) -> Option<(f64, &'a str)> {
+        self.way_in.map(|force| (force, self.force_unit))
+    }
+
+    /// Force of largest magnitude on the way out with its unit, where there was one.
+    pub fn force_on_the_way_out(&self) -> Option<(f64, &'a str)> {
+        self.way_out.map(|force| (force, self.force_unit))
+    }
+
+    /// Lag of measured behind target in s.
+    pub fn lag(&self) -> Option<f64> {
+        self.digest.lag()
+    }
+
+    /// Delay of measured behind target in s: by the frequency evaluation index, else by cross-correlation.
+    pub fn delay(&self) -> Option<f64> {
+        let tracking = self.digest.tracking.as_ref();
+        let delay = tracking.and_then(|tracking| tracking.delay());
+        delay.map(|delay| delay.value).or_else(|| self.lag())
+    }
+
+    /// Amplitude of measured over target, less one: by the frequency evaluation index, else by least squares.
+    pub fn amplitude_error(&self) -> Option<f64> {
+        let tracking = self.digest.tracking.as_ref()?;
+        let ratio = tracking.fei.map_or(tracking.slope, |index| index.amplitude);
+        Some(ratio.value - 1.0)
+    }
+
+    /// True where the measured displacement equals the target in every sample.
+    pub fn is_ideal(&self) -> bool {
+        let tracking = self.digest.tracking.as_ref();
+        tracking.is_some_and(|tracking| tracking.peak_error_m.value == 0.0)
+    }
+
+    /// Unit of force times displacement.
+    pub fn work_unit(&self) -> &'static str {
+        if self.disp_unit.starts_with("rad") {
+            "N m"
+        } else {
+            "J"
+        }
+    }
+
+    /// The label of a picture of this axis.
+    pub fn label(&self, what: &str) -> String {
+        format!("{}: {what}", self.name)
+    }
+
+    /// A displacement of this axis under a name.
+    pub const fn disp<'b>(&'b self, words: &'b str) -> Quantity<'b> {
+        Quantity {
+            words,
+            unit: self.disp_unit,
+        }
+    }
+}
+
+/// Every axis with its name, which comes from the configuration.
+pub(super) fn tracking<'a>(run: &RunView, rows: &Rows<'a>) -> Vec<Tracked<'a>> {
+    let test = &run.test.file;
+    let axes = rows.digest().axes.iter();
+    let end = |axis| {
+        let mut ends = rows.digest().ends.iter();
+        ends.find(|end| end.axis == axis)
+    };
+    let told_force = |axis: SpecimenAxis| {
+        let forces = &run.summary.as_ref()?.peak.as_ref()?.force;
+        let own = forces.get(&test.specimen_name(axis.specimen))?;
+        *own.get(axis.axis.checked_sub(1)? as usize)?
+    };
+    axes.map(|digest| Tracked {
+        name: axis_name(test, digest.axis, rows.axes()),
+        disp_unit: rows.unit(&digest.axis.column("meas")),
+        force_unit: rows.unit(&digest.axis.column("force")),
+        told_force: told_force(digest.axis),
+        scale: Scale::of(rows, test, digest.axis),
+        way_in: end(digest.axis).and_then(|end| end.on_the_way_in),
+        way_out: end(digest.axis).and_then(|end| end.on_the_way_out),
+        digest,
+    })
+    .collect()
+}
+
+/// The axis of which a force is largest, with that force and its unit.
+pub(super) fn largest<'a, 'b>(
+    axes: &'b [Tracked<'a>],
+    force: impl Fn(&Tracked<'a>) -> Option<(f64, &'a str)>,
+) -> Option<(&'b Tracked<'a>, (f64, &'a str))> {
+    let forces = axes.iter().filter_map(|axis| Some((axis, force(axis)?)));
+    forces.max_by(|a, b| a.1.0.abs().total_cmp(&b.1.0.abs()))
+}
