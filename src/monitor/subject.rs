@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::marks::{Mark, TestMark, mark, test_marks};
+use super::marks::{ActuatorEnds, Mark, TestMark, mark, test_marks};
 use crate::catalog::column;
 use crate::engine::Experiment;
 use crate::port::{DispZero, Exit};
@@ -25,6 +25,8 @@ pub struct About {
     pub lambda: Option<LambdaUse>,
     /// The interrupted test that it goes on with, if it does.
     pub goes_on: Option<GoesOn>,
+    /// The simulated actuator of each specimen.
+    pub actuators: Vec<ActuatorEnds>,
 }
 
 /// An interrupted test that another goes on with.
@@ -197,9 +199,12 @@ impl Subject {
         let columns = experiment.columns();
         let find = |name: &str| columns.iter().position(|column| column.name == name);
         let tick_s = experiment.period.value();
+        let none = std::iter::repeat(ActuatorEnds::default());
+        let actuators = about.actuators.into_iter().chain(none);
         let specimens: Vec<_> = (1..)
             .zip(&experiment.ports)
-            .map(|(number, port)| WatchedSpecimen {
+            .zip(actuators)
+            .map(|((number, port), actuator)| WatchedSpecimen {
                 name: port.name().to_owned(),
                 remote: port.is_remote(),
                 at_end: way_out(port.exits().after(false)),
@@ -218,15 +223,13 @@ impl Subject {
                     )
                     .map(|(axis, (((limits, (metres, newtons)), bounds), zero))| {
                         let place = |kind: &column::Kind| find(&kind.of_axis(number, axis));
+                        let judged =
+                            |name: &str| find(&column::JUDGED.of_parameter(name, number, axis));
+                        let marks = limits.levels().filter_map(|limit| mark(limit, judged));
+                        let mut marks: Vec<_> = marks.collect();
+                        marks.extend(actuator.marks(&marks));
                         WatchedAxis {
-                            marks: limits
-                                .levels()
-                                .filter_map(|limit| {
-                                    mark(limit, |name| {
-                                        find(&column::JUDGED.of_parameter(name, number, axis))
-                                    })
-                                })
-                                .collect(),
+                            marks,
                             has_margin: place(&column::MARGIN).is_some(),
                             metres: *metres,
                             newtons: *newtons,

@@ -215,8 +215,9 @@ impl LivePage {
             tokio::net::TcpListener::from_std(self.listener)?
         };
         let stop = Arc::new(Notify::new());
+        let report_key = Token::random()?;
         let site = Site {
-            feed: Arc::new(Feed::new(Arc::clone(&board))),
+            feed: Arc::new(Feed::new(Arc::clone(&board), report_key.text())),
             gate: Gate::new(self.address.ip(), self.name, self.control, self.view),
             operator,
             notes,
@@ -247,7 +248,8 @@ async fn serve(door: Door, site: Site, stop: Arc<Notify>) {
         ended.closed().await;
     };
     let mut seen = overdue.clone();
-    let board = Arc::clone(&site.feed.board);
+    let feed = Arc::clone(&site.feed);
+    let board = Arc::clone(&feed.board);
     let room = async move {
         // Whether anybody looks or not: the smallest so far is the smallest of the test.
         let mut beat = tokio::time::interval(Duration::from_nanos(MARGIN_EVERY_NS / 2));
@@ -258,6 +260,7 @@ async fn serve(door: Door, site: Site, stop: Arc<Notify>) {
     };
     let server = routes::serve(door, site, async move {
         let _gone = seen.wait_for(|ended| *ended).await;
+        feed.is_done().await;
     });
     let patience = async {
         let _gone = overdue.wait_for(|ended| *ended).await;
