@@ -259,7 +259,7 @@ async fn serve(door: Door, site: Site, stop: Arc<Notify>) {
         }
     };
     let server = routes::serve(door, site, async move {
-        let _gone = seen.wait_for(|ended| *ended).await;
+        drop(seen.wait_for(|ended| *ended).await);
         feed.is_done().await;
     });
     let patience = async {
