@@ -34,7 +34,7 @@ fn board_of(rows: u64, seen: Glimpse, events: &[Event]) -> Arc<Board> {
             declared_limit: f64::INFINITY,
             proven: true,
         }),
-        goes_on: None,
+        ..About::default()
     };
     let subject = Subject::new(&prepared.experiment, about);
     let online = prepared.facts.structure.unwrap().online_limit;

@@ -41,6 +41,9 @@ const SHORT = {
 /** Limits that are margins. */
 const MARGINS = ["stability_used", "delay_used"];
 
+/** Limits that are shares, shown in per cent. */
+const SHARES = [...MARGINS, "step_audit", "added_energy_share"];
+
 /** The bars of limits and margins. */
 let bars = [];
 
@@ -49,7 +52,7 @@ const finite = (level) => level !== null && Number.isFinite(level);
 /** A bar of `mark`: its name, its range with levels, its value. */
 function bar(mark, values, whose) {
   const { key, unit, warn, trip, size, end } = mark;
-  const name = SHORT[key] ?? mark.words;
+  const name = `${SHORT[key] ?? mark.words}${finite(end) ? ` ±${nice(end, unit)}` : ""}`;
   const element = make("div", "bar");
   const label = make("span", "name", name);
   const value = make("span", "value", "–");
@@ -58,7 +61,6 @@ function bar(mark, values, whose) {
   track.setAttribute("aria-label", [whose.name, name].filter(Boolean).join(", "));
   const levels = [...warn, ...trip].filter(finite);
   label.title = `${mark.words} (${key})`;
-  if (finite(end)) label.title += `: ±${nice(end, unit)}`;
   for (const [word, pair] of [["warning", warn], ["trip", trip]]) {
     const known = pair.filter(finite);
     if (known.length > 0) label.title += `; ${word} at ${known.map((level) => nice(level, unit)).join(", ")}`;
@@ -83,7 +85,7 @@ function bar(mark, values, whose) {
   const present = line("present", size ? 0 : (least + most) / 2);
   element.append(label, track, value);
   const isOf = (told) => told.limit === key && told.specimen === whose.specimen && told.axis === whose.axis;
-  bars.push({ element, track, value, soFar, present, at, unit, warn, trip, size, end, values, isOf });
+  bars.push({ element, track, value, soFar, present, at, unit, warn, trip, size, values, isOf, percent: SHARES.includes(key) });
   return element;
 }
 
@@ -126,7 +128,7 @@ function buildLimits(subject) {
 function showLimits(now) {
   for (const bar of bars) {
     const [value, low, high] = bar.values(now) ?? [null, null, null];
-    const text = finite(bar.end) ? `${nice(value, bar.unit)} of ${nice(bar.end, bar.unit)}` : nice(value, bar.unit);
+    const text = bar.percent && finite(value) ? `${Number((100 * value).toFixed(1))} %` : nice(value, bar.unit);
     bar.value.textContent = text;
     bar.track.setAttribute("aria-valuenow", value ?? 0);
     bar.track.setAttribute("aria-valuetext", text);
@@ -167,9 +169,8 @@ const missed = ({ misses }) => Object.values(misses).reduce((sum, count) => sum 
 function showTiming(now) {
   const { misses } = now;
   const own = make("span", misses.ours > 0 ? "own" : "", `own ${misses.ours}`);
-  const total = `deadline misses, last 10 s: ${now.recent_misses}; in total: ${missed(now)} (`;
-  const rest = `, preempted ${misses.preempted}, hypervisor or interrupt ${misses.taken_away}, late reply ${misses.late_reply}); grid moved by ${now.stretched ?? 0} ticks`;
-  $("misses").replaceChildren(total, own, rest);
+  const rest = `, preempted ${misses.preempted}, hypervisor or interrupt ${misses.taken_away}, late reply ${misses.late_reply}; grid moved by ${now.stretched ?? 0} ticks`;
+  $("misses").replaceChildren("deadline misses: ", own, rest);
   $("percentiles").tBodies[0].replaceChildren(...now.timing.map((view) => {
     const row = make("tr");
     row.append(make("td", "", NAMES[view.key] ?? view.key), ...["p50", "p99", "p99_9", "max"].map((key) => make("td", "", nice(view[key], "s"))));

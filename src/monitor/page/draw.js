@@ -18,7 +18,7 @@ function scaled(size, unit) {
   return [factor, prefix + unit];
 }
 
-/** A number with its unit, three digits; a dash where there is none. */
+/** A number with its unit, three or four digits; a dash where there is none. */
 function nice(value, unit = "") {
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";
   if ((unit === "1" || unit === "ticks") && Number.isInteger(value)) return `${value} ${unit === "1" ? "" : unit}`.trim();
@@ -26,15 +26,16 @@ function nice(value, unit = "") {
   const [factor, shown] = scaled(Math.abs(value), unit);
   const number = value / factor;
   const size = Math.abs(number);
-  const digits = size >= 100 ? 1 : size >= 10 ? 2 : size === 0 ? 0 : 3;
+  const digits = size >= 100 ? 0 : size >= 10 ? 1 : size === 0 ? 0 : 2;
   return `${number.toFixed(digits)} ${shown}`.trim();
 }
 
 /** One strip chart: every line is a pair of arrays, smallest and largest of each bin, and what lies between. */
 class Strip {
   /** `lines` are [{label, colour, weight, dash}], the first one behind the others; `states` has the times at which the test runs. */
-  constructor(place, lines, unit, states) {
+  constructor(place, lines, [quantity, unit], states) {
     this.place = place;
+    this.quantity = quantity;
     this.unit = unit;
     this.caption = document.createElement("div");
     this.caption.className = "unit";
@@ -58,7 +59,7 @@ class Strip {
       scales: { x: { time: false, range: (_, min, max) => [min, max] }, y: { range: (_, min, max) => around(min, max) } },
       axes: [
         { ...axis, size: 22, gap: 1, space: 60, values: (_, at) => at.map((t) => `${Number(t.toPrecision(6))}`) },
-        { ...axis, size: 58, gap: 4, space: 30, values: (_, at) => at.map(number) },
+        { ...axis, size: 52, gap: 4, space: 20, values: (_, at) => at.map(number) },
       ],
       series,
       bands,
@@ -86,7 +87,8 @@ class Strip {
     }
     const [factor, unit] = scaled(size, this.unit);
     this.factor = factor;
-    if (this.caption.textContent !== unit) this.caption.textContent = unit;
+    const caption = `${this.quantity}, ${unit}`;
+    if (this.caption.textContent !== caption) this.caption.textContent = caption;
     this.plot.setScale("x", { min: from, max: to });
   }
 

@@ -110,6 +110,7 @@ pub(super) async fn serve(door: Door, site: Site, end: impl Future<Output = ()> 
         .route("/page.js", text(SCRIPT, include_str!("page.js")))
         .route("/store.js", text(SCRIPT, include_str!("store.js")))
         .route("/draw.js", text(SCRIPT, include_str!("draw.js")))
+        .route("/charts.js", text(SCRIPT, include_str!("charts.js")))
         .route("/cards.js", text(SCRIPT, include_str!("cards.js")))
         .route("/chart.css", text(STYLE, assets::CHART_STYLE))
         .route("/chart.js", text(SCRIPT, chart))
