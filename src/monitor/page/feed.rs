@@ -41,7 +41,7 @@ pub(super) struct Feed {
     pub board: Arc<Board>,
     made: Mutex<Made>,
     viewers: AtomicUsize,
-    /// Viewers that were told of the report and have not fetched it yet.
+    /// Viewers that received the address of the report and have not fetched it yet.
     awaited: AtomicUsize,
     /// Random part of the address of the report: only viewers learn it.
     report_key: Box<str>,
@@ -88,7 +88,7 @@ impl Feed {
         text
     }
 
-    /// Waits until every viewer has heard the end and has fetched the report.
+    /// Waits until every viewer has received the end of the test and has fetched the report.
     pub async fn is_done(&self) {
         while self.viewers() > 0 || self.awaited.load(Ordering::Relaxed) > 0 {
             tokio::time::sleep(PACE).await;

@@ -1,7 +1,7 @@
 //! The live page: one server on a thread of its own, off the loop's processor.
 //!
 //! Bound before anything moves, so that a port in use is a mistake of usage; served from the moment at which the other threads
-//! have been put on their processors; open until every viewer has heard the end and fetched the report, five seconds at most.
+//! have been put on their processors; open until every viewer has received the end and fetched the report, five seconds at most.
 //!
 //! | who | may |
 //! |---|---|
@@ -40,7 +40,7 @@ use routes::{Refusals, Site};
 
 /// Where the page is if nobody says otherwise.
 pub const USUAL_PORT: u16 = 4824;
-/// Longest time for which the server stays for viewers that have not heard the end or fetched the report.
+/// Longest time for which the server stays for viewers that have not yet received the end or fetched the report.
 const GRACE: Duration = Duration::from_secs(5);
 
 /// Why there is no live page. Nothing was moved.
@@ -284,7 +284,7 @@ pub struct Serving {
 }
 
 impl Serving {
-    /// Tells every viewer how the test ended, and closes when they have heard it and fetched the report, within five seconds.
+    /// Tells every viewer how the test ended, and closes when they have received it and fetched the report, within five seconds.
     pub fn end(mut self, ended: Ended) {
         self.board.end(ended);
         self.stop.notify_one();

@@ -374,13 +374,13 @@ document.addEventListener("visibilitychange", () => { stale = true; });
 window.addEventListener("resize", () => { stale = true; });
 
 // At the rate of the screen, for at most half of the time; twice a second for users who want reduced motion.
-const calm = window.matchMedia("(prefers-reduced-motion: reduce)");
+const reducedMotion = window.matchMedia("(prefers-reduced-motion: reduce)");
 let rest = 0;
 function frame(at) {
   if (at >= rest) {
     const began = performance.now();
     drawAll();
-    rest = performance.now() + (calm.matches ? 500 : performance.now() - began);
+    rest = performance.now() + (reducedMotion.matches ? 500 : performance.now() - began);
   }
   requestAnimationFrame(frame);
 }

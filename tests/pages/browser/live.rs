@@ -193,6 +193,7 @@ fn a_trip_is_shown_in_the_shutdown_and_stop_freezes_the_specimens() {
     assert_eq!(code, Some(1), "{rest}\n{found:#}");
     assert_quiet(&found);
     assert_eq!(found["phase"], "tripped");
+    assert_eq!(found["lines"], 1);
     let alarm = found["alarm"].as_str().unwrap();
     let why = "TRIPPED: storey, axis 1: commanded displacement";
     assert!(alarm.starts_with(why), "{alarm}");

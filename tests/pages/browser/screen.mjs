@@ -100,6 +100,8 @@ await visit(address, { viewport: { width: 1280, height: 720 } }, async (page, fo
   found.faults = await onScreens(page, NAMED);
   found.inked = await inked(page);
   found.told = await told(page);
+  // Elastic to (1, 1), then yielding to (3, 1.2): the page keeps the corner when it thins.
+  found.corners = await page.evaluate(() => corners([0, 0, 0.5, 0.5, 1, 1, 2, 1.1, 3, 1.2]));
   found.labels = await page.evaluate(() => [...document.querySelectorAll(".bar .name, .counts span, h2, h3")].map((one) => one.textContent));
   found.loops = await page.locator("#loops canvas").count();
   await page.screenshot({ path: `${shots}/screen-${how ?? "keys"}.png` });
@@ -122,7 +124,7 @@ await visit(address, { viewport: { width: 1280, height: 720 } }, async (page, fo
     });
     await page.emulateMedia({ reducedMotion: "reduce" });
     await page.waitForTimeout(600);
-    found.calm = await drawn();
+    found.reduced = await drawn();
     await page.emulateMedia({ reducedMotion: "no-preference" });
 
     // The keyboard alone from here on.

@@ -67,8 +67,9 @@ fn one_screen_shows_the_test_and_the_keyboard_operates_it() {
     }
     assert_eq!(found["without"][0], "false");
     assert!(found["without"][1].as_u64().unwrap() < 20, "{found:#}");
-    let calm = found["calm"].as_f64().unwrap();
-    assert!(calm <= 7.0, "{calm} drawings in 3 s");
+    let drawings = found["reduced"].as_f64().unwrap();
+    assert!(drawings <= 7.0, "{drawings} drawings in 3 s");
+    assert_eq!(found["corners"], json!([0, 0, 1, 1, 3, 1.2]));
     for label in [
         "deadline misses, last 10 s",
         "stability margin used",

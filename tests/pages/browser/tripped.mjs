@@ -7,6 +7,12 @@ await visit(address, { viewport: { width: 1920, height: 1080 } }, async (page, f
   const text = (selector) => page.locator(selector).textContent();
   await page.waitForFunction(() => document.querySelector("#phase").dataset.phase === "leaving" && !document.querySelector("#alarm").hidden);
   found.phase = await page.locator("#phase").getAttribute("class");
+  // The longest word of a phase has one line.
+  found.lines = await page.evaluate(() => {
+    const range = document.createRange();
+    range.selectNodeContents(document.querySelector("#phase"));
+    return range.getClientRects().length;
+  });
   found.alarm = await text("#alarm");
   found.bars = await page.locator("#bars .bar.tripped .name").allTextContents();
   found.warned = await page.locator("#bars .bar.warned").count();
