@@ -177,6 +177,28 @@ pub struct Places {
     pub overrun: Option<usize>,
 }
 
+impl Places {
+    /// The places of these DOFs and of all other columns; `find` finds a column by name.
+    fn of(dofs: &[usize], find: impl Fn(&str) -> Option<usize>) -> Self {
+        Self {
+            step: find(column::STEP.name()),
+            state: find(column::STATE.name()),
+            time: find(column::TIME.name()),
+            ground: find(column::GROUND.name()),
+            release: find(column::RELEASE.name()),
+            stretched: find(column::STRETCHED.name()),
+            dofs: dofs
+                .iter()
+                .filter_map(|dof| find(&column::DISP.of_dof(dof + 1)))
+                .collect(),
+            timing: super::latency::COLUMNS.map(&find),
+            skipped_by_wakeup: find(column::SKIPPED_BY_WAKEUP.name()),
+            skipped_by_work: find(column::SKIPPED_BY_WORK.name()),
+            overrun: find(column::OVERRUN.name()),
+        }
+    }
+}
+
 /// Places in a row of one axis.
 #[derive(Debug, Clone, Default)]
 pub(super) struct AxisPlaces {
@@ -190,6 +212,24 @@ pub(super) struct AxisPlaces {
     pub lag: Option<usize>,
     pub gain: Option<usize>,
     pub margin: Option<usize>,
+}
+
+impl AxisPlaces {
+    /// `place` finds the column of a kind for the axis.
+    fn of(place: impl Fn(&column::Kind) -> Option<usize>) -> Self {
+        Self {
+            command: place(&column::COMMAND),
+            measured: place(&column::MEASURED),
+            raw_disp: place(&column::RAW_DISP),
+            raw_force: place(&column::RAW_FORCE),
+            stiffness: place(&column::TANGENT),
+            damping: place(&column::TANGENT_DAMPING),
+            added: place(&column::ADDED),
+            lag: place(&column::LAG),
+            gain: place(&column::GAIN),
+            margin: place(&column::MARGIN),
+        }
+    }
 }
 
 impl Subject {
@@ -236,40 +276,14 @@ impl Subject {
                             zero,
                             stiffness_bound: bounds.0,
                             damping_bound: bounds.1,
-                            places: AxisPlaces {
-                                command: place(&column::COMMAND),
-                                measured: place(&column::MEASURED),
-                                raw_disp: place(&column::RAW_DISP),
-                                raw_force: place(&column::RAW_FORCE),
-                                stiffness: place(&column::TANGENT),
-                                damping: place(&column::TANGENT_DAMPING),
-                                added: place(&column::ADDED),
-                                lag: place(&column::LAG),
-                                gain: place(&column::GAIN),
-                                margin: place(&column::MARGIN),
-                            },
+                            places: AxisPlaces::of(place),
                         }
                     })
                     .collect(),
             })
             .collect();
         let dofs = some_of(&experiment.record_dofs);
-        let places = Places {
-            step: find(column::STEP.name()),
-            state: find(column::STATE.name()),
-            time: find(column::TIME.name()),
-            ground: find(column::GROUND.name()),
-            release: find(column::RELEASE.name()),
-            stretched: find(column::STRETCHED.name()),
-            dofs: dofs
-                .iter()
-                .filter_map(|dof| find(&column::DISP.of_dof(dof + 1)))
-                .collect(),
-            timing: super::latency::COLUMNS.map(find),
-            skipped_by_wakeup: find(column::SKIPPED_BY_WAKEUP.name()),
-            skipped_by_work: find(column::SKIPPED_BY_WORK.name()),
-            overrun: find(column::OVERRUN.name()),
-        };
+        let places = Places::of(&dofs, find);
         Self {
             channels: channels(&dofs, &places, &columns, &specimens),
             title: printable(&about.title),
