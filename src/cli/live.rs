@@ -22,7 +22,7 @@ use crate::engine::PhaseCell;
 use crate::monitor::Ended;
 #[cfg(feature = "monitor")]
 use crate::monitor::page::{LivePage, Serving, Token};
-use crate::monitor::{About, Board, GoesOn, LambdaUse, Subject, Tap};
+use crate::monitor::{About, ActuatorEnds, Board, GoesOn, LambdaUse, Subject, Tap};
 #[cfg(feature = "monitor")]
 use crate::record::Note;
 use crate::record::Onlooker;
@@ -107,6 +107,7 @@ impl Looked {
             run: folder.display().to_string(),
             real_clock: facts.clock == ClockChoice::Real,
             lambda: lambda(facts),
+            actuators: actuators(test),
             goes_on: facts.resumed.as_ref().map(|(run, after)| GoesOn {
                 run: run.display().to_string(),
                 after: *after,
@@ -204,6 +205,22 @@ fn announce(page: &LivePage) {
              token gives control of the test",
         );
     }
+}
+
+/// Stroke and largest force of each simulated actuator.
+fn actuators(test: &Prepared) -> Vec<ActuatorEnds> {
+    let file = test.loaded.as_ref().map(|loaded| &loaded.file);
+    let specimens = file.iter().flat_map(|file| &file.specimen);
+    let infinite = |end: Option<f64>| end.unwrap_or(f64::INFINITY);
+    specimens
+        .map(|specimen| {
+            let transfer = specimen.own_transfer();
+            transfer.map_or_else(ActuatorEnds::default, |transfer| ActuatorEnds {
+                stroke: infinite(transfer.stroke_m),
+                force: infinite(transfer.force_limit_n),
+            })
+        })
+        .collect()
 }
 
 fn lambda(facts: &Facts) -> Option<LambdaUse> {

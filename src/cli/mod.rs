@@ -10,6 +10,7 @@ mod attend;
 mod benchmark;
 mod certificate;
 mod check;
+mod closing;
 mod conduct;
 mod control;
 mod doctor;

@@ -2,23 +2,18 @@
 
 use anyhow::Context;
 
-use super::args::RunArgs;
+use super::args::{RunArgs, StatusArg};
 use super::attend;
+use super::closing::closing;
 use super::conduct;
 use super::exit::{Exit, WithExit};
 use super::live;
 use super::status::Status;
-use super::table::Table;
 use super::test_file::refused;
 use super::{answer, only_with, tell, warn};
 use crate::record::Progress;
-use crate::session::{
-    self, Allowed, Finished, Judged, Page, ReplayError, ResumeError, Signals, Watches, integration,
-};
-use crate::setup::{self, Facts, Prepared};
-use crate::stability::RecordedVerdict;
-use crate::units::{duration, number, quantity};
-use crate::view::report::told;
+use crate::session::{self, Allowed, Judged, ReplayError, ResumeError, Signals, Watches};
+use crate::setup::{self, Prepared};
 
 /// Runs one test.
 pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
@@ -79,7 +74,9 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
         tell(format_args!("warning: stdout: {error}"));
     }
     if !args.quiet {
-        conclude(&facts, &finished, report.ok().as_ref());
+        let in_full = args.status == StatusArg::Full;
+        let page = report.as_ref().ok();
+        tell(closing(&facts, &finished, page, in_full));
     }
     let exit = finished.exit(signals.seen());
     conduct::end(&finished, exit, !args.quiet)
@@ -107,166 +104,4 @@ fn prepare(args: &RunArgs) -> anyhow::Result<Prepared> {
     let test = args.test.as_deref().context("no test file is given")?;
     let loaded = args.test_run.load(test)?;
     setup::build(&loaded).map_err(refused)
-}
-
-/// Which steps were made, and the test time that they took; `after` is the last step that was made by another test.
-fn tested(steps: u64, after: Option<u64>, dt: f64) -> String {
-    let own = steps.saturating_sub(after.unwrap_or(0));
-    let which = match after {
-        Some(after) if own > 0 => format!("steps {} to {steps}", after + 1),
-        Some(after) => format!("no step after step {after}, each"),
-        None => format!("{steps} steps"),
-    };
-    format!("{which} of {}: {}", duration(dt), duration(own as f64 * dt))
-}
-
-/// What a person wants to know at the end of a test.
-fn conclude(facts: &Facts, finished: &Finished, page: Option<&Page>) {
-    let summary = &finished.summary;
-    let verdict = finished.cause.heading();
-    let mut table = Table::new(&format!("{} — {verdict}", facts.title));
-    if let Some(headline) = summary.verdict.as_ref().and_then(RecordedVerdict::headline) {
-        table.row("verdict", &headline);
-    }
-    table.row("ended", &summary.reason);
-    let after = facts.resumed.as_ref().map(|(_, step)| *step);
-    table.row(
-        "test",
-        &format!(
-            "{} in {} of wall time ({} clock, {} Hz)",
-            tested(summary.steps, after, summary.dt),
-            duration(summary.wall_seconds),
-            if finished.granted.is_some() {
-                "real"
-            } else {
-                "simulated"
-            },
-            number(summary.rate_hz)
-        ),
-    );
-    if let Some(structure) = &facts.structure {
-        match structure.lambda {
-            None => {
-                let limit = integration::brief(structure);
-                table.row(
-                    "method",
-                    &format!("{} ({limit})", integration::method_name(structure.method)),
-                );
-            }
-            Some(lambda) => {
-                let how = if structure.lambda_by_number {
-                    "by number"
-                } else {
-                    "automatic"
-                };
-                let limit = integration::brief(structure);
-                table.row("lambda", &format!("{lambda} ({how}; {limit})"));
-            }
-        }
-    }
-    let largest = |values: &[Option<f64>]| {
-        let known = values
-            .iter()
-            .enumerate()
-            .filter_map(|(dof, value)| Some((dof + 1, (*value)?)));
-        known.max_by(|a, b| a.1.total_cmp(&b.1))
-    };
-    let structure = facts.structure.as_ref();
-    let shaken = structure.and_then(|structure| structure.peak_ground_accel);
-    let against = match shaken {
-        Some(peak) if peak > 0.0 => ", relative to the ground",
-        _ => "",
-    };
-    let turning = structure.map_or(&[][..], |structure| &structure.rotations);
-    let peak = &summary.peak;
-    for (turns, what, unit, values) in [
-        (false, "peak displacement", "m", &peak.displacement),
-        (false, "peak velocity", "m/s", &peak.velocity),
-        (false, "peak acceleration", "m/s²", &peak.acceleration),
-        (true, "peak rotation", "rad", &peak.displacement),
-        (true, "peak angular velocity", "rad/s", &peak.velocity),
-        (true, "peak angular accel.", "rad/s²", &peak.acceleration),
-    ] {
-        let of_kind = values.iter().enumerate();
-        let of_kind = of_kind.map(|(dof, value)| value.filter(|_| turning.contains(&dof) == turns));
-        if let Some((dof, value)) = largest(&of_kind.collect::<Vec<_>>()) {
-            let value = quantity(value, unit);
-            let against = if turns { "" } else { against };
-            table.row(what, &format!("{value} at DOF {dof}{against}"));
-        }
-    }
-    for (name, forces) in &summary.peak.force {
-        // A test without a step has been nowhere but on its way in.
-        let before = summary.force_on_the_way_in.get(name);
-        let before = before.filter(|_| summary.steps == 0);
-        let what = match before {
-            Some(_) => "peak force before the first step",
-            None => "peak force",
-        };
-        let each = [Some(forces), before].into_iter().flatten();
-        let each = each.filter_map(|forces| largest(forces));
-        if let Some((axis, value)) = each.max_by(|a, b| a.1.total_cmp(&b.1)) {
-            let axis = if forces.len() > 1 {
-                format!(" on axis {axis}")
-            } else {
-                String::new()
-            };
-            let seen = if facts.scaled.contains(name) {
-                " as the structure sees it"
-            } else {
-                ""
-            };
-            table.row(
-                &format!("{what}, {name}"),
-                &format!("{}{axis}{seen}", quantity(value, "N")),
-            );
-        }
-    }
-    for axis in page.iter().flat_map(|page| &page.identified) {
-        let unknown = || "unknown".to_owned();
-        let stiffness = axis.stiffness.as_ref();
-        let text = format!(
-            "stiffness {}, lag {}",
-            stiffness.map_or_else(unknown, |k| told(k, |k| quantity(k, "N/m"))),
-            axis.lag.map_or_else(unknown, duration)
-        );
-        table.row(&format!("identified, {}", axis.name), &text);
-    }
-    if let Some(granted) = &finished.granted {
-        table.timing(&summary.timing);
-        table.misses(summary);
-        for text in session::missing(granted) {
-            table.row("not granted", &text);
-        }
-    }
-    if summary.rows_lost > 0 {
-        table.row("ROWS LOST", &summary.rows_lost.to_string());
-    }
-    if let Some(page) = page {
-        table.row("report", &page.path.display().to_string());
-    }
-    let data = finished.folder.path().display();
-    if finished.folder.is_there() {
-        table.row("data", &data.to_string());
-    } else {
-        table.row("DATA LOST", &format!("{data} was deleted"));
-    }
-    tell(table);
-}
-
-#[cfg(test)]
-mod tests {
-    use super::tested;
-
-    #[test]
-    fn a_test_that_goes_on_claims_its_own_steps_only() {
-        let dt = 1.0 / 256.0;
-        assert_eq!(tested(5120, None, dt), "5120 steps of 3.906 ms: 20 s");
-        let own = "steps 1870 to 5120 of 3.906 ms: 12.699 s";
-        assert_eq!(tested(5120, Some(1869), dt), own);
-        assert_eq!(
-            tested(7, Some(7), dt),
-            "no step after step 7, each of 3.906 ms: 0 s"
-        );
-    }
 }

@@ -311,7 +311,7 @@ impl<'a> Sight<'a> {
     fn losses(&self) -> String {
         let misses = self.now.misses;
         format!(
-            "misses {} (ours {}, preempted {}, hypervisor or interrupt {}, late reply {})  stretched {}  rows lost {}",
+            "deadline misses {} (own {}, preempted {}, hypervisor or interrupt {}, late reply {})  stretched {}  rows lost {}",
             misses.total(),
             misses.ours,
             misses.preempted,

@@ -92,27 +92,32 @@ impl Table {
 
     /// The deadline misses of a run, and their causes.
     pub fn misses(&mut self, summary: &Summary) {
-        let mut found = summary.deadline_misses.to_string();
-        if summary.deadline_misses > 0 {
-            let of = &summary.miss_classes;
-            // The loop never waits for the writer. Of very many misses some are counted without their causes.
-            let untold = summary.deadline_misses.saturating_sub(of.total());
-            let mut causes = vec![
-                ("own", of.ours),
-                ("preempted", of.preempted),
-                ("hypervisor or interrupt", of.taken_away),
-                ("late reply", of.late_reply),
-            ];
-            if untold > 0 {
-                causes.push(("unknown cause", untold));
-            }
-            let causes = causes
-                .iter()
-                .map(|(cause, count)| format!("{cause} {count}"));
-            found.push_str(&format!(": {}", causes.collect::<Vec<_>>().join(", ")));
-        }
-        self.row("deadline misses", &found);
+        self.row("deadline misses", &misses(summary));
     }
+}
+
+/// The deadline misses of a run in words, with their causes.
+pub fn misses(summary: &Summary) -> String {
+    let mut found = summary.deadline_misses.to_string();
+    if summary.deadline_misses > 0 {
+        let of = &summary.miss_classes;
+        // The loop never waits for the writer. Of very many misses some are counted without their causes.
+        let untold = summary.deadline_misses.saturating_sub(of.total());
+        let mut causes = vec![
+            ("own", of.ours),
+            ("preempted", of.preempted),
+            ("hypervisor or interrupt", of.taken_away),
+            ("late reply", of.late_reply),
+        ];
+        if untold > 0 {
+            causes.push(("unknown cause", untold));
+        }
+        let causes = causes
+            .iter()
+            .map(|(cause, count)| format!("{cause} {count}"));
+        found.push_str(&format!(": {}", causes.collect::<Vec<_>>().join(", ")));
+    }
+    found
 }
 
 impl fmt::Display for Table {

@@ -3,11 +3,15 @@
 //! The rows contain all values. Nothing here decides anything.
 
 use super::board::AxisView;
+use super::history::corners;
 use super::marks::Mark;
 use super::subject::{WatchedAxis, at};
 use crate::catalog::limit::Limit;
 use crate::catalog::phase::Part;
 use crate::engine::Phase;
+
+/// Points of the loop in one bin at most: a longer bin is thinned while it is filled.
+const MOST_POINTS: usize = 512;
 
 /// What one row says of an axis, SI at the specimen's own scale.
 #[derive(Debug, Clone, Copy)]
@@ -51,9 +55,8 @@ pub(super) struct AxisTap {
     /// Present and smallest so far.
     margin: [f64; 2],
     limits: Vec<[f64; 3]>,
-    /// Points of smallest and of largest displacement of the open bin, each with the order in which it came.
-    ends: Option<[(u64, [f32; 2]); 2]>,
-    points: u64,
+    /// Points of the loop in the open bin.
+    points: Vec<[f32; 2]>,
 }
 
 impl AxisTap {
@@ -79,8 +82,7 @@ impl AxisTap {
             gain_error: none,
             margin: [none; 2],
             limits: vec![[none; 3]; axis.marks.len()],
-            ends: None,
-            points: 0,
+            points: Vec::new(),
         }
     }
 
@@ -178,22 +180,17 @@ impl AxisTap {
         if !(point[0].is_finite() && point[1].is_finite()) {
             return;
         }
-        self.points += 1;
-        let new = (self.points, point);
-        let [low, high] = self.ends.unwrap_or([new, new]);
-        self.ends = Some([
-            if point[0] < low.1[0] { new } else { low },
-            if point[0] > high.1[0] { new } else { high },
-        ]);
+        if self.points.len() >= MOST_POINTS {
+            self.points = corners(&self.points);
+        }
+        self.points.push(point);
     }
 
-    /// The ends of the loop in the bin that is closed.
-    pub fn take_loop(&mut self) -> [[f32; 2]; 2] {
-        match self.ends.take() {
-            Some([low, high]) if low.0 <= high.0 => [low.1, high.1],
-            Some([low, high]) => [high.1, low.1],
-            None => [[f32::NAN; 2]; 2],
-        }
+    /// The corners of the loop in the bin that is closed.
+    pub fn take_loop(&mut self) -> Vec<[f32; 2]> {
+        let corners = corners(&self.points);
+        self.points.clear();
+        corners
     }
 
     /// Forgets the tangents of the window before the last.
@@ -255,6 +252,7 @@ mod tests {
         let row = [-6e-3, 2.0, 4.0];
         tap.row(&row, &axis, told);
         assert_eq!((tap.drawn.measured, tap.drawn.force), (2e-3, 4e3));
-        assert_eq!(tap.take_loop(), [[2e-3, 4e3]; 2]);
+        assert_eq!(tap.take_loop(), [[2e-3, 4e3]]);
+        assert!(tap.take_loop().is_empty());
     }
 }

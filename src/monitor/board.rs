@@ -50,6 +50,8 @@ pub struct Snapshot {
     pub events: u64,
     /// Deadline misses by class.
     pub misses: MissClasses,
+    /// Deadline misses of the last 10 s of wall time.
+    pub recent_misses: u64,
     /// How late and how long; empty on the simulated clock.
     pub timing: Vec<LatencyView>,
     /// Every axis of every specimen, in order.

@@ -1,7 +1,7 @@
 //! The course of a test, thinned: the last minute finely, the whole of it coarsely. Both are bounded.
 //!
-//! A bin holds smallest and largest of every channel, so that no peak is lost by thinning. A hysteresis loop is thinned to the
-//! points of smallest and largest displacement of the bin, in the order in which they came.
+//! A bin holds smallest and largest of every channel, so that no peak is lost by thinning. A hysteresis loop is thinned to its
+//! corners in the bin ([`corners`]).
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -22,8 +22,8 @@ pub struct Bin {
     pub state: f64,
     /// Smallest and largest of every channel; not a number where there was none.
     pub values: Vec<[f32; 2]>,
-    /// Displacement and force of every axis at two moments.
-    pub loops: Vec<[[f32; 2]; 2]>,
+    /// The corners of every hysteresis loop: displacement and force, in order of time.
+    pub loops: Vec<Vec<[f32; 2]>>,
 }
 
 impl Bin {
@@ -35,29 +35,52 @@ impl Bin {
             *mine = [mine[0].min(other[0]), mine[1].max(other[1])];
         }
         for (mine, other) in self.loops.iter_mut().zip(&later.loops) {
-            *mine = extremes([mine[0], mine[1], other[0], other[1]]);
+            mine.extend(other);
+            *mine = corners(mine);
         }
     }
 }
 
-/// The points of smallest and largest displacement, in order.
-fn extremes(points: [[f32; 2]; 4]) -> [[f32; 2]; 2] {
-    let mut low = (0, points[0]);
-    let mut high = (0, points[0]);
-    for (place, point) in points.into_iter().enumerate() {
-        // What is no number gives way to any.
-        if point[0] < low.1[0] || low.1[0].is_nan() {
-            low = (place, point);
+/// Least distance of a corner from the chord, relative to the ranges of both quantities.
+const FLAT: f32 = 1e-3;
+
+/// The points that keep the shape of a piece of a hysteresis loop, at most six, in order of time: smallest and largest
+/// displacement, smallest and largest force, and on each side the point farthest from the chord between the first two.
+/// All points are finite.
+pub(super) fn corners(points: &[[f32; 2]]) -> Vec<[f32; 2]> {
+    let Some(first) = points.first() else {
+        return Vec::new();
+    };
+    let ends_of = |value: &dyn Fn([f32; 2]) -> f32| {
+        let mut ends = [(0, value(*first)); 2];
+        for (place, point) in points.iter().enumerate() {
+            let value = value(*point);
+            if value < ends[0].1 {
+                ends[0] = (place, value);
+            }
+            if value > ends[1].1 {
+                ends[1] = (place, value);
+            }
         }
-        if point[0] > high.1[0] || high.1[0].is_nan() {
-            high = (place, point);
-        }
-    }
-    if low.0 <= high.0 {
-        [low.1, high.1]
-    } else {
-        [high.1, low.1]
-    }
+        ends
+    };
+    let disp = ends_of(&|point| point[0]);
+    let force = ends_of(&|point| point[1]);
+    let [start, end] = disp.map(|(place, _)| points[place]);
+    let chord = [end[0] - start[0], end[1] - start[1]];
+    let beside =
+        ends_of(&|point| chord[0] * (point[1] - start[1]) - chord[1] * (point[0] - start[0]));
+    let flat = FLAT * (disp[1].1 - disp[0].1) * (force[1].1 - force[0].1);
+    let beside = beside.into_iter().filter(|(_, area)| area.abs() > flat);
+    let mut kept: Vec<usize> = disp
+        .into_iter()
+        .chain(force)
+        .chain(beside)
+        .map(|(place, _)| place)
+        .collect();
+    kept.sort_unstable();
+    kept.dedup();
+    kept.into_iter().map(|place| points[place]).collect()
 }
 
 /// What was, finely and coarsely.
@@ -140,7 +163,7 @@ mod tests {
             time: f64::from(k) / 2.0,
             state: 3.0,
             values: vec![[value, value]],
-            loops: vec![[[value, 10.0 * value], [value, 10.0 * value]]],
+            loops: vec![vec![[value, 10.0 * value]]],
         }
     }
 
@@ -161,7 +184,7 @@ mod tests {
         assert_eq!(
             whole
                 .iter()
-                .flat_map(|b| b.loops[0])
+                .flat_map(|b| &b.loops[0])
                 .map(|p| p[1])
                 .fold(0.0, f32::max),
             90.0,
@@ -189,13 +212,39 @@ mod tests {
     }
 
     #[test]
-    fn a_loop_keeps_its_ends_in_the_order_in_which_they_came() {
-        let points = [[0.0, 1.0], [3.0, 2.0], [-1.0, 3.0], [1.0, 4.0]];
-        assert_eq!(extremes(points), [[3.0, 2.0], [-1.0, 3.0]]);
-        let nan = f32::NAN;
-        assert_eq!(
-            extremes([[nan, nan], [1.0, 2.0], [nan, nan], [4.0, 0.0]]),
-            [[1.0, 2.0], [4.0, 0.0]]
-        );
+    fn thinning_keeps_every_corner_of_a_bilinear_loop() {
+        // Elastic to (1, 1), yielding to (3, 1.2), unloading to (1, -0.8), yielding back to (-1, -1).
+        let corner = [
+            [0.0, 0.0],
+            [1.0, 1.0],
+            [3.0, 1.2],
+            [1.0, -0.8],
+            [-1.0, -1.0],
+        ];
+        let line = |a: [f32; 2], b: [f32; 2]| {
+            (0..50).map(move |k| {
+                let share = k as f32 / 50.0;
+                [a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])]
+            })
+        };
+        let all = corner.windows(2).flat_map(|pair| line(pair[0], pair[1]));
+        let points: Vec<_> = all.chain([corner[4]]).collect();
+        for length in [17, 30, 60] {
+            let bins = points.chunks(length).map(corners);
+            let kept: Vec<_> = bins.flatten().collect();
+            assert!(kept.len() < points.len() / 2 || length == 17, "{length}");
+            for corner in &corner[1..] {
+                assert!(kept.contains(corner), "{length}: {corner:?}");
+            }
+        }
+        assert!(corners(&points).len() <= 6);
+    }
+
+    #[test]
+    fn points_on_a_line_are_thinned_to_its_ends_in_order_of_time() {
+        let down: Vec<[f32; 2]> = (0..40).rev().map(|k| [k as f32, 3.0 * k as f32]).collect();
+        assert_eq!(corners(&down), [[39.0, 117.0], [0.0, 0.0]]);
+        assert_eq!(corners(&[[2.0, 5.0]; 7]), [[2.0, 5.0]]);
+        assert!(corners(&[]).is_empty());
     }
 }

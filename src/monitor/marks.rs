@@ -22,6 +22,8 @@ pub struct Mark {
     pub trip: [f64; 2],
     /// Whether it is a size, from 0 up.
     pub size: bool,
+    /// End of the range of a simulated actuator in both directions, in place of levels; null for a limit.
+    pub end: f64,
     #[serde(skip)]
     pub(super) quantity: Limit,
     /// Place of the column with its judged value, where it has its own column.
@@ -60,9 +62,64 @@ pub(super) fn mark(
         warn,
         trip,
         size,
+        end: f64::INFINITY,
         quantity,
         place: place(quantity.row().name),
     })
+}
+
+/// Stroke and largest force of the simulated actuator of a specimen; infinite without one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ActuatorEnds {
+    /// Stroke in both directions, m.
+    pub stroke: f64,
+    /// Largest force in both directions, N.
+    pub force: f64,
+}
+
+impl Default for ActuatorEnds {
+    fn default() -> Self {
+        Self {
+            stroke: f64::INFINITY,
+            force: f64::INFINITY,
+        }
+    }
+}
+
+impl ActuatorEnds {
+    /// A mark for each end whose quantity has no limit among `limits`.
+    pub(super) fn marks(self, limits: &[Mark]) -> Vec<Mark> {
+        let of = |key, words, quantity: Limit, others: [Limit; 2], end: f64| {
+            let limited =
+                |mark: &Mark| others.contains(&mark.quantity) || mark.quantity == quantity;
+            (end.is_finite() && !limits.iter().any(limited)).then(|| Mark {
+                key,
+                words,
+                unit: quantity.unit(),
+                warn: [f64::NEG_INFINITY, f64::INFINITY],
+                trip: [f64::NEG_INFINITY, f64::INFINITY],
+                size: false,
+                end,
+                quantity,
+                place: None,
+            })
+        };
+        let stroke = of(
+            "stroke_m",
+            "actuator stroke",
+            Limit::CommandDisp,
+            [Limit::MeasuredDisp, Limit::SensorDisp],
+            self.stroke,
+        );
+        let force = of(
+            "force_limit_n",
+            "actuator force",
+            Limit::MeasuredForce,
+            [Limit::SensorForce; 2],
+            self.force,
+        );
+        [stroke, force].into_iter().flatten().collect()
+    }
 }
 
 /// Every limit of the test as a whole that is judged in it.
@@ -126,6 +183,37 @@ mod tests {
             assert_eq!(shown.trip, levels.trip);
             assert_eq!(RECORDED.contains(&limit), !row.has_column);
         }
+    }
+
+    #[test]
+    fn ends_of_an_actuator_are_shown_where_no_limit_is_set() {
+        let ends = ActuatorEnds {
+            stroke: 0.1,
+            force: 5e3,
+        };
+        let shown = |limits: AxisLimits| {
+            let limits: Vec<Mark> = limits
+                .levels()
+                .filter_map(|of| mark(of, |_| None))
+                .collect();
+            let marks = ends.marks(&limits);
+            marks
+                .iter()
+                .map(|mark| (mark.key, mark.end))
+                .collect::<Vec<_>>()
+        };
+        let both = [("stroke_m", 0.1), ("force_limit_n", 5e3)];
+        assert_eq!(shown(AxisLimits::NONE), both);
+        let level = Range::trip([-2.0, 2.0]);
+        for (limit, kept) in [
+            (Limit::CommandDisp, &both[1..]),
+            (Limit::MeasuredDisp, &both[1..]),
+            (Limit::SensorForce, &both[..1]),
+            (Limit::CommandVel, &both[..]),
+        ] {
+            assert_eq!(shown(AxisLimits::NONE.with(limit, level)), kept);
+        }
+        assert!(ActuatorEnds::default().marks(&[]).is_empty());
     }
 
     #[test]

@@ -220,7 +220,8 @@ fn specimens(text: &mut Text, board: &Board, latest: &Snapshot) {
         text.family(name, "gauge", help);
         for ((specimen, index, axis), view) in subject.axes().zip(&latest.axes) {
             let number = (index + 1).to_string();
-            for (mark, [value, low, high]) in axis.marks.iter().zip(&view.limits) {
+            let marks = axis.marks.iter().zip(&view.limits);
+            for (mark, [value, low, high]) in marks.filter(|(mark, _)| !mark.end.is_finite()) {
                 let labels = [
                     ("specimen", specimen.name.as_str()),
                     ("axis", number.as_str()),

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::marks::{Mark, TestMark, mark, test_marks};
+use super::marks::{ActuatorEnds, Mark, TestMark, mark, test_marks};
 use crate::catalog::column;
 use crate::engine::Experiment;
 use crate::port::{DispZero, Exit};
@@ -25,6 +25,8 @@ pub struct About {
     pub lambda: Option<LambdaUse>,
     /// The interrupted test that it goes on with, if it does.
     pub goes_on: Option<GoesOn>,
+    /// The simulated actuator of each specimen.
+    pub actuators: Vec<ActuatorEnds>,
 }
 
 /// An interrupted test that another goes on with.
@@ -175,6 +177,28 @@ pub struct Places {
     pub overrun: Option<usize>,
 }
 
+impl Places {
+    /// The places of these DOFs and of all other columns; `find` finds a column by name.
+    fn of(dofs: &[usize], find: impl Fn(&str) -> Option<usize>) -> Self {
+        Self {
+            step: find(column::STEP.name()),
+            state: find(column::STATE.name()),
+            time: find(column::TIME.name()),
+            ground: find(column::GROUND.name()),
+            release: find(column::RELEASE.name()),
+            stretched: find(column::STRETCHED.name()),
+            dofs: dofs
+                .iter()
+                .filter_map(|dof| find(&column::DISP.of_dof(dof + 1)))
+                .collect(),
+            timing: super::latency::COLUMNS.map(&find),
+            skipped_by_wakeup: find(column::SKIPPED_BY_WAKEUP.name()),
+            skipped_by_work: find(column::SKIPPED_BY_WORK.name()),
+            overrun: find(column::OVERRUN.name()),
+        }
+    }
+}
+
 /// Places in a row of one axis.
 #[derive(Debug, Clone, Default)]
 pub(super) struct AxisPlaces {
@@ -190,6 +214,24 @@ pub(super) struct AxisPlaces {
     pub margin: Option<usize>,
 }
 
+impl AxisPlaces {
+    /// `place` finds the column of a kind for the axis.
+    fn of(place: impl Fn(&column::Kind) -> Option<usize>) -> Self {
+        Self {
+            command: place(&column::COMMAND),
+            measured: place(&column::MEASURED),
+            raw_disp: place(&column::RAW_DISP),
+            raw_force: place(&column::RAW_FORCE),
+            stiffness: place(&column::TANGENT),
+            damping: place(&column::TANGENT_DAMPING),
+            added: place(&column::ADDED),
+            lag: place(&column::LAG),
+            gain: place(&column::GAIN),
+            margin: place(&column::MARGIN),
+        }
+    }
+}
+
 impl Subject {
     /// What is to be watched of `experiment`.
     #[must_use]
@@ -197,9 +239,12 @@ impl Subject {
         let columns = experiment.columns();
         let find = |name: &str| columns.iter().position(|column| column.name == name);
         let tick_s = experiment.period.value();
+        let none = std::iter::repeat(ActuatorEnds::default());
+        let actuators = about.actuators.into_iter().chain(none);
         let specimens: Vec<_> = (1..)
             .zip(&experiment.ports)
-            .map(|(number, port)| WatchedSpecimen {
+            .zip(actuators)
+            .map(|((number, port), actuator)| WatchedSpecimen {
                 name: port.name().to_owned(),
                 remote: port.is_remote(),
                 at_end: way_out(port.exits().after(false)),
@@ -218,55 +263,27 @@ impl Subject {
                     )
                     .map(|(axis, (((limits, (metres, newtons)), bounds), zero))| {
                         let place = |kind: &column::Kind| find(&kind.of_axis(number, axis));
+                        let judged =
+                            |name: &str| find(&column::JUDGED.of_parameter(name, number, axis));
+                        let marks = limits.levels().filter_map(|limit| mark(limit, judged));
+                        let mut marks: Vec<_> = marks.collect();
+                        marks.extend(actuator.marks(&marks));
                         WatchedAxis {
-                            marks: limits
-                                .levels()
-                                .filter_map(|limit| {
-                                    mark(limit, |name| {
-                                        find(&column::JUDGED.of_parameter(name, number, axis))
-                                    })
-                                })
-                                .collect(),
+                            marks,
                             has_margin: place(&column::MARGIN).is_some(),
                             metres: *metres,
                             newtons: *newtons,
                             zero,
                             stiffness_bound: bounds.0,
                             damping_bound: bounds.1,
-                            places: AxisPlaces {
-                                command: place(&column::COMMAND),
-                                measured: place(&column::MEASURED),
-                                raw_disp: place(&column::RAW_DISP),
-                                raw_force: place(&column::RAW_FORCE),
-                                stiffness: place(&column::TANGENT),
-                                damping: place(&column::TANGENT_DAMPING),
-                                added: place(&column::ADDED),
-                                lag: place(&column::LAG),
-                                gain: place(&column::GAIN),
-                                margin: place(&column::MARGIN),
-                            },
+                            places: AxisPlaces::of(place),
                         }
                     })
                     .collect(),
             })
             .collect();
         let dofs = some_of(&experiment.record_dofs);
-        let places = Places {
-            step: find(column::STEP.name()),
-            state: find(column::STATE.name()),
-            time: find(column::TIME.name()),
-            ground: find(column::GROUND.name()),
-            release: find(column::RELEASE.name()),
-            stretched: find(column::STRETCHED.name()),
-            dofs: dofs
-                .iter()
-                .filter_map(|dof| find(&column::DISP.of_dof(dof + 1)))
-                .collect(),
-            timing: super::latency::COLUMNS.map(find),
-            skipped_by_wakeup: find(column::SKIPPED_BY_WAKEUP.name()),
-            skipped_by_work: find(column::SKIPPED_BY_WORK.name()),
-            overrun: find(column::OVERRUN.name()),
-        };
+        let places = Places::of(&dofs, find);
         Self {
             channels: channels(&dofs, &places, &columns, &specimens),
             title: printable(&about.title),

@@ -2,6 +2,7 @@
 //!
 //! It allocates sixty times a second and never waits: what the board does not take now it takes at the next turn.
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 use crossbeam_channel::Receiver;
@@ -23,6 +24,8 @@ const BINS_HZ: f64 = 60.0;
 const BIN_NS: u64 = 1_000_000;
 /// Time between two snapshots, ns.
 const SNAPSHOT_NS: u64 = 50_000_000;
+/// Span of the recent deadline misses, ns.
+const RECENT_NS: u64 = 10_000_000_000;
 /// Bins that may wait for the board.
 const WAITING: usize = 512;
 /// Reasons of a trip that are told at most.
@@ -43,6 +46,7 @@ pub struct Tap {
     trips: Vec<Trip>,
     /// An event of its own has told of the trip that the next phase has.
     is_told: bool,
+    recent: RecentMisses,
     last_snapshot_ns: u64,
     last_bin_ns: u64,
     window_ns: u64,
@@ -70,6 +74,38 @@ struct Open {
     values: Vec<[f32; 2]>,
 }
 
+/// Deadline misses of the last 10 s.
+#[derive(Debug, Default)]
+struct RecentMisses {
+    /// Monotonic clock in ns and the total from then on, oldest first.
+    totals: VecDeque<(u64, u64)>,
+}
+
+impl RecentMisses {
+    /// Takes the total of now, at most every tenth of a second.
+    fn note(&mut self, now_ns: u64, total: u64) {
+        let last = self.totals.back();
+        if last.is_some_and(|(at, _)| now_ns.saturating_sub(*at) < RECENT_NS / 100) {
+            return;
+        }
+        self.totals.push_back((now_ns, total));
+        // The newest total that is older than the span is the one to compare with.
+        let is_old = |entry: Option<&(u64, u64)>| {
+            entry.is_some_and(|(at, _)| now_ns.saturating_sub(*at) >= RECENT_NS)
+        };
+        while is_old(self.totals.get(1)) {
+            self.totals.pop_front();
+        }
+    }
+
+    /// Misses between the start of the span and now. The first total counts from zero.
+    fn of(&self, now_ns: u64, total: u64) -> u64 {
+        let oldest = self.totals.front();
+        let before = oldest.filter(|(at, _)| now_ns.saturating_sub(*at) >= RECENT_NS);
+        total.saturating_sub(before.map_or(0, |(_, before)| *before))
+    }
+}
+
 impl Tap {
     /// For the test of `board`; `notes` are written among its events.
     #[must_use]
@@ -93,6 +129,7 @@ impl Tap {
             seen: Seen::default(),
             trips: Vec::new(),
             is_told: false,
+            recent: RecentMisses::default(),
             last_snapshot_ns: 0,
             last_bin_ns: 0,
             window_ns: 0,
@@ -138,6 +175,7 @@ impl Tap {
             rows_lost: progress.rows_lost,
             events: progress.events,
             misses: progress.misses,
+            recent_misses: self.recent.of(now_ns, progress.misses.total()),
             timing: views.map(|(key, latency)| latency.view(key)).collect(),
             axes: axes(&self.specimens).map(AxisTap::view).collect(),
             specimens: self.specimens.iter().map(|tap| tap.view.clone()).collect(),
@@ -297,6 +335,7 @@ impl Onlooker for Tap {
             self.window_ns = now_ns;
             axes_mut(&mut self.specimens).for_each(AxisTap::next_window);
         }
+        self.recent.note(now_ns, progress.misses.total());
         if now_ns.saturating_sub(self.last_snapshot_ns) >= SNAPSHOT_NS
             && self.board.try_show(self.snapshot(now_ns, progress))
         {
@@ -318,5 +357,28 @@ impl Onlooker for Tap {
         while !self.board.try_show(self.snapshot(now_ns, progress)) {
             std::thread::yield_now();
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::RecentMisses;
+
+    #[test]
+    fn misses_older_than_ten_seconds_are_not_recent() {
+        let mut recent = RecentMisses::default();
+        let s = 1_000_000_000;
+        let totals = [(0, 2), (4, 5), (9, 5), (11, 6), (15, 9)];
+        let mut found = Vec::new();
+        for (at, total) in totals {
+            recent.note(at * s, total);
+            found.push(recent.of(at * s, total));
+        }
+        // At 11 s the total of 0 s is subtracted, at 15 s that of 4 s.
+        assert_eq!(found, [2, 5, 5, 4, 4]);
+        assert!((0..100_000).all(|ms| {
+            recent.note(15 * s + ms * 1_000_000, 9);
+            recent.totals.len() <= 102
+        }));
     }
 }

@@ -3,7 +3,7 @@
 
 use std::fs;
 
-use crate::common::{FRAME, completed, gusset, json, names, say, write};
+use crate::common::{FRAME, PATIENT, completed, gusset, json, names, say, write};
 use serde_json::Value;
 
 const COMMANDS: [&str; 7] = [
@@ -524,4 +524,72 @@ fn log_level_decides_which_messages_reach_stderr() {
     assert!(!run("unknown", &[], Some("gusset=info")));
     let wrong = say(["--log", "loud", "schema"]);
     assert_eq!(wrong.code, Some(2));
+}
+
+/// The closing summary of a run: its lines from the blank line before the title on.
+fn closing(stderr: &str) -> Vec<&str> {
+    let lines: Vec<_> = stderr.lines().collect();
+    let title = lines.iter().rposition(|line| line.contains(" — "));
+    lines[title.expect("a title") - 1..].to_vec()
+}
+
+#[test]
+fn closing_summary_has_every_section_in_at_most_twenty_lines() {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("config");
+    let folder = tempfile::tempdir().unwrap();
+    let home = folder.path();
+    let three = home.join("three.toml");
+    // More specimens than the short form has rows for.
+    let text = FRAME
+        .replace(
+            "[1000.0, 900.0]",
+            "[1000.0, 900.0, 900.0, 900.0, 900.0, 900.0, 900.0]",
+        )
+        .replace("[0, 4e5]", "[0, 4e5, 4e5, 4e5, 4e5, 4e5, 4e5]")
+        + &(2..8)
+            .map(|storey| {
+                format!(
+                    "[[specimen]]\nname = \"s{storey}\"\nstorey = {storey}\n\
+                     law.linear = {{ stiffness_n_per_m = 1e5 }}\n"
+                )
+            })
+            .collect::<String>();
+    std::fs::write(&three, text).unwrap();
+    let real = ["--clock", "real", "--set", "timing.policy=\"ordinary\""];
+    let simulated = ["--clock", "simulated"];
+    for (name, test, clock) in [
+        ("many", three, &simulated[..]),
+        ("rotations", root.join("three-actuators.toml"), &simulated),
+        ("real", write(home, "test.toml", FRAME), &real),
+    ] {
+        let full = &[clock, &["--status", "full"]].concat();
+        let [short, full] = [("", clock), ("-full", full)].map(|(more, arguments)| {
+            let out = home.join(format!("{name}{more}"));
+            let arguments = [arguments, &PATIENT].concat();
+            completed(&test, &out, &arguments).stderr
+        });
+        let (short, full) = (closing(&short), closing(&full));
+        assert!(short.len() <= 20, "{} lines: {short:#?}", short.len());
+        let has = |lines: &[&str], row: &str| lines.iter().any(|line| line.starts_with(row));
+        let mut rows = vec![
+            "verdict ",
+            "peak displacement ",
+            "peak force, ",
+            "tracking, ",
+            "report ",
+        ];
+        if name == "real" {
+            rows.extend(["wakeup lateness ", "deadline misses "]);
+        }
+        for row in rows {
+            assert!(has(&short, row) && has(&full, row), "{row}: {short:#?}");
+        }
+        for section in ["Verdict", "Peaks", "Tracking", "Files"] {
+            let heading = full.iter().filter(|line| **line == section).count();
+            assert_eq!(heading, 1, "{section}: {full:#?}");
+        }
+        assert!(full.len() > short.len(), "{full:#?}");
+        let report = short.iter().find_map(|line| line.strip_prefix("report "));
+        assert!(std::path::Path::new(report.unwrap().trim()).exists());
+    }
 }

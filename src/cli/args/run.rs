@@ -90,11 +90,11 @@ impl TestRunArgs {
 /// Status on the terminal during a test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(in crate::cli) enum StatusArg {
-    /// One line: phase, time, deadline misses, and the axis closest to a limit.
+    /// One line: phase, time, deadline misses, and the axis closest to a limit. The closing summary has at most 20 lines.
     Line,
-    /// Several lines: every axis with its limits, lateness, and the stability margin.
+    /// Several lines: every axis with its limits, lateness, and the stability margin. The closing summary is complete.
     Full,
-    /// Nothing.
+    /// No status. The closing summary has at most 20 lines.
     Off,
 }
 

@@ -1,8 +1,8 @@
 "use strict";
-// The cards that tell numbers: limits, timing, λ, critical delays, links. Each is built for a subject and then shown as the
-// rows come; knows nothing of the connection.
+// The cards with numbers: limits, margins, timing, links. Each is built for a test and then updated with each state.
+// They know nothing of the connection.
 
-/* exported $, make, buildLimits, showLimits, buildTiming, showTiming, showLambda, showMargins, showLinks */
+/* exported $, make, put, axisName, buildLimits, showLimits, buildTiming, showTiming, missed, showMargins, showLinks */
 
 const $ = (id) => document.getElementById(id);
 const make = (kind, classes = "", text = "") => {
@@ -12,75 +12,134 @@ const make = (kind, classes = "", text = "") => {
   return element;
 };
 
-/** The bars of the limits that are shown. */
+/** Sets a text only where it changes: a screen reader reads each change. */
+const put = (id, text) => {
+  if ($(id).textContent !== text) $(id).textContent = text;
+};
+
+/** Names of limits that are too long for one line. */
+const SHORT = {
+  command_step_m: "command change per tick",
+  force_step_n: "force change per reply",
+  sensor_disp_m: "displacement sensor",
+  sensor_force_n: "load cell",
+  stuck_ticks: "ticks with unchanged sensors",
+  alternating_ticks: "ticks of a command sawtooth",
+  stiffness_ratio: "stiffness over its bound",
+  damping_ratio: "damping over its bound",
+  added_energy_j: "energy of tracking errors",
+  lag_s: "lag behind the target",
+  gain_error: "gain error",
+  delay_used: "share of critical delay",
+  step_audit: "energy error of steps",
+  added_energy_share: "energy share of tracking errors",
+  max_consecutive_misses: "deadline misses in a row",
+  max_misses_in_window: "deadline misses in the window",
+  max_total_misses: "deadline misses in total",
+};
+
+/** Limits that are margins. */
+const MARGINS = ["stability_used", "delay_used"];
+
+/** Limits that are shares, shown in per cent. */
+const SHARES = [...MARGINS, "step_audit", "added_energy_share"];
+
+/** The bars of limits and margins. */
 let bars = [];
+
+const finite = (level) => level !== null && Number.isFinite(level);
+
+/** A bar of `mark`: its name, its range with levels, its value. */
+function bar(mark, values, whose) {
+  const { key, unit, warn, trip, size, end } = mark;
+  const name = `${SHORT[key] ?? mark.words}${finite(end) ? ` ±${nice(end, unit)}` : ""}`;
+  const element = make("div", "bar");
+  const label = make("span", "name", name);
+  const value = make("span", "value", "–");
+  const track = make("div", "track");
+  track.setAttribute("role", "meter");
+  track.setAttribute("aria-label", [whose.name, name].filter(Boolean).join(", "));
+  const levels = [...warn, ...trip].filter(finite);
+  label.title = `${mark.words} (${key})`;
+  for (const [word, pair] of [["warning", warn], ["trip", trip]]) {
+    const known = pair.filter(finite);
+    if (known.length > 0) label.title += `; ${word} at ${known.map((level) => nice(level, unit)).join(", ")}`;
+  }
+  const most = finite(end) ? end : 1.12 * Math.max(...levels.map(Math.abs), mark.most ?? 1e-300);
+  const least = size ? 0 : -most;
+  track.setAttribute("aria-valuemin", least);
+  track.setAttribute("aria-valuemax", most);
+  const at = (x) => `${100 * Math.min(1, Math.max(0, (x - least) / (most - least)))}%`;
+  const line = (kind, x) => {
+    const element = make("div", kind);
+    element.style.left = at(x);
+    track.append(element);
+    return element;
+  };
+  const soFar = make("div", "so-far");
+  track.append(soFar);
+  if (!size) line("zero", 0);
+  warn.filter(finite).forEach((x) => line("mark-warn", x));
+  trip.filter(finite).forEach((x) => line("mark-trip", x));
+  if (finite(end)) [-end, end].forEach((x) => line("mark-end", x));
+  const present = line("present", size ? 0 : (least + most) / 2);
+  element.append(label, track, value);
+  const isOf = (told) => told.limit === key && told.specimen === whose.specimen && told.axis === whose.axis;
+  bars.push({ element, track, value, soFar, present, at, unit, warn, trip, size, values, isOf, percent: SHARES.includes(key) });
+  return element;
+}
+
+/** A limit of the whole test as a mark. */
+const ofTest = (mark) => ({ ...mark, unit: "1", warn: [null, mark.warn], trip: [null, mark.trip], size: true, end: null });
+
+const testValues = (place) => (now) => {
+  const [value, most] = now.test[place] ?? [null, null];
+  return [value, 0, most];
+};
+
+const axisName = (specimen, a) => (specimen.axes.length > 1 ? `${specimen.name}, axis ${a + 1}` : specimen.name);
 
 function buildLimits(subject) {
   bars = [];
   const all = [];
-  const finite = (level) => level !== null && Number.isFinite(level);
-  const row = (name, key, unit, warn, trip, size, values, whose) => {
-    const element = make("div", "bar");
-    const label = make("span", "name", name);
-    label.title = key;
-    const value = make("span", "value", "–");
-    const track = make("div", "track");
-    const levels = [...warn, ...trip].filter(finite).map(Math.abs);
-    const end = 1.12 * Math.max(...levels, 1e-300);
-    const start = size ? 0 : -end;
-    const at = (x) => `${100 * Math.min(1, Math.max(0, (x - start) / (end - start)))}%`;
-    const mark = (kind, x) => {
-      const line = make("div", kind);
-      line.style.left = at(x);
-      track.append(line);
-      return line;
-    };
-    const soFar = make("div", "so-far");
-    track.append(soFar);
-    if (!size) mark("zero", 0);
-    warn.filter(finite).forEach((x) => mark("mark-warn", x));
-    trip.filter(finite).forEach((x) => mark("mark-trip", x));
-    const present = mark("present", size ? 0 : (start + end) / 2);
-    element.append(label, value, track);
-    const isOf = (told) => told.limit === key && told.specimen === whose[0] && told.axis === whose[1];
-    bars.push({ element, value, soFar, present, at, unit, warn, trip, size, values, isOf });
-    return element;
-  };
   let axis = 0;
-  subject.specimens.forEach((specimen, s) => {
-    specimen.axes.forEach(({ marks }, a) => {
-      const heading = make("h3", "", specimen.axes.length > 1 ? `${specimen.name}, axis ${a + 1}` : specimen.name);
-      all.push(heading);
-      if (marks.length === 0) all.push(make("p", "silent", "no limits"));
-      const own = axis;
-      marks.forEach((m, place) => all.push(row(m.words, m.key, m.unit, m.warn, m.trip, m.size, (now) => now.axes[own]?.limits[place], [s, a])));
-      axis += 1;
-    });
+  subject.specimens.forEach((specimen, s) => specimen.axes.forEach(({ marks }, a) => {
+    const name = axisName(specimen, a);
+    const own = axis;
+    axis += 1;
+    all.push(make("h3", "", name));
+    if (marks.length === 0) all.push(make("p", "silent", "no limits set (only NaN or infinity stops the test)"));
+    marks.forEach((mark, place) => all.push(bar(mark, (now) => now.axes[own]?.limits[place], { name, specimen: s, axis: a })));
+  }));
+  const whole = { name: "", specimen: null, axis: null };
+  const margins = [];
+  const rest = [];
+  subject.test.forEach((mark, place) => {
+    const isMargin = MARGINS.includes(mark.key);
+    // The end of a bar without levels is the whole margin.
+    if (isMargin) margins.push(bar({ ...ofTest(mark), most: 1 / 1.12 }, testValues(place), whole));
+    else if (finite(mark.warn) || finite(mark.trip)) rest.push(bar(ofTest(mark), testValues(place), whole));
   });
-  const whole = subject.test.filter((m) => finite(m.warn) || finite(m.trip));
-  if (whole.length > 0) all.push(make("h3", "", "the test as a whole"));
-  subject.test.forEach((m, place) => {
-    if (!finite(m.warn) && !finite(m.trip)) return;
-    all.push(row(m.words, m.key, "1", [null, m.warn], [null, m.trip], true, (now) => {
-      const [value, most] = now.test[place] ?? [null, null];
-      return [value, 0, most];
-    }, [null, null]));
-  });
+  if (rest.length > 0) all.push(make("h3", "", "whole test"), ...rest);
+  $("margin-bars").replaceChildren(...margins);
   $("bars").replaceChildren(...all);
 }
 
 function showLimits(now) {
   for (const bar of bars) {
     const [value, low, high] = bar.values(now) ?? [null, null, null];
-    bar.value.textContent = nice(value, bar.unit);
+    const text = bar.percent && finite(value) ? `${Number((100 * value).toFixed(1))} %` : nice(value, bar.unit);
+    bar.value.textContent = text;
+    bar.track.setAttribute("aria-valuenow", value ?? 0);
+    bar.track.setAttribute("aria-valuetext", text);
     bar.present.hidden = value === null;
     if (value !== null) bar.present.style.left = bar.at(value);
-    // What tripped before it could stand in a row has, too.
+    // A command that was refused is in no row, but it has tripped.
     const beyond = (levels) => (levels[1] !== null && high > levels[1]) || (levels[0] !== null && !bar.size && low < levels[0]);
     const tripped = now.trips.some(bar.isOf) || (high !== null && beyond(bar.trip));
     bar.element.classList.toggle("tripped", tripped);
     bar.element.classList.toggle("warned", !tripped && high !== null && beyond(bar.warn));
-    // What has been stays, also where there is no present value.
+    // The range so far remains where there is no present value.
     bar.soFar.hidden = high === null;
     if (high === null) continue;
     const from = bar.size ? 0 : low;
@@ -93,7 +152,7 @@ const NAMES = { wakeup_lateness: "wake-up lateness", command_lateness: "command 
 
 function buildTiming(subject) {
   const real = subject.real_clock;
-  for (const id of ["histogram", "percentiles", "quantity"]) $(id).hidden = !real;
+  for (const id of ["timing", "percentiles", "misses"]) $(id).hidden = !real;
   $("untimed").hidden = real;
   const chosen = $("quantity").value;
   $("quantity").replaceChildren(...Object.entries(NAMES).map(([key, name]) => {
@@ -104,73 +163,56 @@ function buildTiming(subject) {
   if (chosen) $("quantity").value = chosen;
 }
 
+/** All deadline misses of a state. */
+const missed = ({ misses }) => Object.values(misses).reduce((sum, count) => sum + count, 0);
+
 function showTiming(now) {
   const { misses } = now;
-  const total = misses.ours + misses.preempted + misses.taken_away + misses.late_reply;
-  const count = make("b", "", String(total));
-  const classes = make("span", "", ` missed: `);
-  const ours = make("span", misses.ours > 0 ? "ours" : "", `ours ${misses.ours}`);
-  const rest = make("span", "", ` · preempted ${misses.preempted} · hypervisor or interrupt ${misses.taken_away} · late reply ${misses.late_reply} · grid moved by ${now.stretched ?? 0} ticks`);
-  $("misses").replaceChildren(count, classes, ours, rest);
-  const body = $("percentiles").tBodies[0];
-  body.replaceChildren(...now.timing.map((view) => {
+  const own = make("span", misses.ours > 0 ? "own" : "", `own ${misses.ours}`);
+  const rest = `, preempted ${misses.preempted}, hypervisor or interrupt ${misses.taken_away}, late reply ${misses.late_reply}; grid moved by ${now.stretched ?? 0} ticks`;
+  $("misses").replaceChildren("deadline misses: ", own, rest);
+  $("percentiles").tBodies[0].replaceChildren(...now.timing.map((view) => {
     const row = make("tr");
     row.append(make("td", "", NAMES[view.key] ?? view.key), ...["p50", "p99", "p99_9", "max"].map((key) => make("td", "", nice(view[key], "s"))));
     return row;
   }));
 }
 
-function showLambda(known, lambda) {
-  if (!known) return;
-  const place = $("lambda");
-  const number = (value, else_) => (value === null || value === undefined ? else_ : Number(value.toPrecision(4)).toString());
-  const used = number(known.used, "∞");
-  const limit = known.declared_limit === 0 ? "no λ is stable at the declared bounds" : `limit at the declared bounds: ${number(known.declared_limit, "none, every λ is stable")}`;
-  const declared = known.proven ? limit : "no proof: a tangent has no declared bound";
+/** λ against its limit, and the delay margin of the specimen that is closest to it. */
+function showMargins(subject, now, lambda) {
   const lines = [];
-  place.classList.remove("bad");
-  if (lambda) {
-    const margin = known.used === null || lambda.limit === null ? null : lambda.limit / known.used;
-    place.classList.toggle("bad", (margin !== null && margin < 1) || (known.used === null && lambda.limit !== null));
-    lines.push(make("p", "big", lambda.limit === null ? `λ ${used}: every λ is stable` : `λ ${used} of ${number(lambda.limit)} (${margin === null ? "no room" : `${margin.toFixed(2)} ×`})`));
-    lines.push(make("p", "", `largest stable λ with the tangents of the last seconds; the smallest so far: ${number(lambda.lowest, "none, every λ was stable")}`));
-  } else {
-    place.classList.toggle("bad", known.declared_limit === 0);
-    lines.push(make("p", "big", `λ ${used}`));
-  }
-  lines.push(make("p", "", declared));
-  place.replaceChildren(...lines);
-}
-
-function showMargins(subject, now) {
-  if ($("delays").hidden) return;
-  const lines = [];
-  let axis = 0;
   let bad = false;
-  for (const specimen of subject.specimens) {
-    specimen.axes.forEach(({ has_margin }, a) => {
-      const [present, lowest] = now.axes[axis]?.margin ?? [null, null];
-      axis += 1;
-      if (!has_margin) return;
-      bad = bad || (present !== null && present < 0);
-      const name = specimen.axes.length > 1 ? `${specimen.name}, axis ${a + 1}` : specimen.name;
-      const words = present === null ? "none: every delay is stable, or nothing is known yet" : nice(present, "s");
-      lines.push(make("p", "big", `${name}: ${words}`));
-      lines.push(make("p", "", `the smallest so far: ${lowest === null ? "–" : nice(lowest, "s")}`));
-    });
+  const number = (value, none) => (value === null || value === undefined ? none : Number(value.toPrecision(4)).toString());
+  const known = subject.lambda;
+  if (known) {
+    const used = number(known.used, "∞");
+    const limit = lambda ? lambda.limit : known.declared_limit;
+    const lowest = lambda && lambda.lowest !== null ? `, smallest so far ${number(lambda.lowest)}` : "";
+    bad = limit !== null && (known.used === null || known.used > limit) && (lambda !== null || known.proven);
+    if (!known.proven) lines.push(`λ = ${used}; no proof of stability: a tangent has no declared bound`);
+    else if (limit === null) lines.push(`λ = ${used}; every λ is stable`);
+    else lines.push(`λ = ${used}, largest stable λ ${number(limit)}${lowest}`);
   }
-  lines.push(make("p", "", "critical delay at the stiffness of the last seconds less their lag; below zero the test grows"));
-  $("margins").classList.toggle("bad", bad);
-  $("margins").replaceChildren(...lines);
+  const axes = subject.specimens.flatMap((specimen) => specimen.axes.map((axis, a) => ({ ...axis, name: axisName(specimen, a) })));
+  const delays = axes.map(({ has_margin, name }, place) => ({ has_margin, name, margin: now.axes[place]?.margin ?? [null, null] }));
+  const smallest = delays.filter(({ has_margin, margin }) => has_margin && margin[0] !== null).sort((a, b) => a.margin[0] - b.margin[0])[0];
+  if (smallest) {
+    const [present, lowest] = smallest.margin;
+    bad = bad || present < 0;
+    lines.push(`critical delay − lag, ${smallest.name}: ${nice(present, "s")}, smallest so far ${nice(lowest, "s")}`);
+  }
+  if (lines.length === 0 && !$("margin-bars").hasChildNodes()) lines.push("no stability margin is known for this test");
+  $("margin-notes").classList.toggle("bad", bad);
+  $("margin-notes").replaceChildren(...lines.map((line) => make("span", "", line)));
 }
 
 function showLinks({ subject, flags }, now, viewers) {
   const rows = subject.specimens.map((specimen, s) => {
     const view = now.specimens[s];
     const row = make("div", "link-row");
-    row.append(make("b", "", specimen.name), make("span", "", specimen.remote ? "behind a link" : "in this process"));
+    row.append(make("b", "", specimen.name), make("span", "", specimen.remote ? "behind a link" : "simulated in this process"));
     if (!view) return row;
-    row.append(make("span", "", `${view.exchanges} exchanges, ${view.stale} stale`));
+    row.append(make("span", "", `${view.exchanges} exchanges, ${view.stale} stale replies`));
     for (const [flag, word] of flags) {
       if (view.status & flag) row.append(make("span", ["holding", "stale", "unsent"].includes(word) ? "flag mild" : "flag", word));
     }
@@ -179,5 +221,5 @@ function showLinks({ subject, flags }, now, viewers) {
   $("link-rows").replaceChildren(...rows);
   const lost = now.rows_lost > 0;
   $("recording").classList.toggle("bad", lost);
-  $("recording").textContent = `${now.rows_written} rows written, ${lost ? `${now.rows_lost} ROWS LOST` : "none lost"}, ${now.events} events · ${viewers} ${viewers === 1 ? "viewer" : "viewers"}`;
+  $("recording").textContent = `${now.rows_written} rows written, ${lost ? `${now.rows_lost} ROWS LOST` : "none lost"}, ${now.events} events; ${viewers} ${viewers === 1 ? "viewer" : "viewers"}`;
 }

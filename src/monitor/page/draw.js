@@ -18,7 +18,7 @@ function scaled(size, unit) {
   return [factor, prefix + unit];
 }
 
-/** A number with its unit, three digits; a dash where there is none. */
+/** A number with its unit, three or four digits; a dash where there is none. */
 function nice(value, unit = "") {
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";
   if ((unit === "1" || unit === "ticks") && Number.isInteger(value)) return `${value} ${unit === "1" ? "" : unit}`.trim();
@@ -26,15 +26,16 @@ function nice(value, unit = "") {
   const [factor, shown] = scaled(Math.abs(value), unit);
   const number = value / factor;
   const size = Math.abs(number);
-  const digits = size >= 100 ? 1 : size >= 10 ? 2 : size === 0 ? 0 : 3;
+  const digits = size >= 100 ? 0 : size >= 10 ? 1 : size === 0 ? 0 : 2;
   return `${number.toFixed(digits)} ${shown}`.trim();
 }
 
 /** One strip chart: every line is a pair of arrays, smallest and largest of each bin, and what lies between. */
 class Strip {
-  /** `lines` are [{label, colour, weight}], `states` draws the shading of what is not running. */
-  constructor(place, lines, unit, states) {
+  /** `lines` are [{label, colour, weight, dash}], the first one behind the others; `states` has the times at which the test runs. */
+  constructor(place, lines, [quantity, unit], states) {
     this.place = place;
+    this.quantity = quantity;
     this.unit = unit;
     this.caption = document.createElement("div");
     this.caption.className = "unit";
@@ -42,11 +43,12 @@ class Strip {
     const axis = { stroke: css("--soft"), font: FONT, grid: { stroke: css("--line"), width: 1 }, ticks: { stroke: css("--line"), width: 1, size: 4 } };
     const series = [{}];
     const bands = [];
-    for (const { colour, weight } of lines) {
+    for (const { colour, weight, dash } of lines) {
       const stroke = css(colour);
-      const line = { stroke, width: weight ?? 1.5, points: { show: false } };
+      const line = { stroke, width: weight ?? 1.5, dash, points: { show: false } };
       series.push({ ...line }, { ...line });
-      bands.push({ series: [series.length - 1, series.length - 2], fill: stroke });
+      // Lines behind remain visible through the band between smallest and largest.
+      bands.push({ series: [series.length - 1, series.length - 2], fill: `${stroke}99` });
     }
     const number = (value) => String(Number((value / this.factor).toPrecision(6)));
     this.plot = new uPlot({
@@ -56,8 +58,8 @@ class Strip {
       cursor: { show: false },
       scales: { x: { time: false, range: (_, min, max) => [min, max] }, y: { range: (_, min, max) => around(min, max) } },
       axes: [
-        { ...axis, size: 26, gap: 2, space: 60, values: (_, at) => at.map((t) => `${Number(t.toPrecision(6))}`) },
-        { ...axis, size: 58, gap: 4, space: 30, values: (_, at) => at.map(number) },
+        { ...axis, size: 22, gap: 1, space: 60, values: (_, at) => at.map((t) => `${Number(t.toPrecision(6))}`) },
+        { ...axis, size: 52, gap: 4, space: 20, values: (_, at) => at.map(number) },
       ],
       series,
       bands,
@@ -85,8 +87,14 @@ class Strip {
     }
     const [factor, unit] = scaled(size, this.unit);
     this.factor = factor;
-    if (this.caption.textContent !== unit) this.caption.textContent = unit;
+    const caption = `${this.quantity}, ${unit}`;
+    if (this.caption.textContent !== caption) this.caption.textContent = caption;
     this.plot.setScale("x", { min: from, max: to });
+  }
+
+  /** Shows or hides a line. */
+  show(line, shown) {
+    for (const series of [2 * line + 1, 2 * line + 2]) this.plot.setSeries(series, { show: shown });
   }
 
   remove() {
@@ -155,26 +163,53 @@ function ticks(min, max, count) {
   return all;
 }
 
-/** Force over displacement: the whole test faintly, the last while strongly, the present point. */
+/** Force over displacement: the whole test faintly, the last seconds strongly, the present point. Bins are lists of points. */
 function drawLoop(canvas, whole, recent) {
   const [ctx, width, height] = sheet(canvas);
   if (width < 60 || height < 60) return;
   let [d0, d1, f0, f1] = [Infinity, -Infinity, Infinity, -Infinity];
-  for (const [disps, forces] of [whole, recent]) {
-    for (let at = 0; at < disps.length; at += 1) {
-      const [d, f] = [disps[at], forces[at]];
-      if (d === null || f === null) continue;
-      if (d < d0) d0 = d;
-      if (d > d1) d1 = d;
-      if (f < f0) f0 = f;
-      if (f > f1) f1 = f;
+  for (const bin of [...whole, ...recent]) {
+    for (let at = 0; at < bin.length; at += 2) {
+      [d0, d1] = [Math.min(d0, bin[at]), Math.max(d1, bin[at])];
+      [f0, f1] = [Math.min(f0, bin[at + 1]), Math.max(f1, bin[at + 1])];
     }
   }
   [d0, d1] = d0 <= d1 ? around(d0, d1) : [-1, 1];
   [f0, f1] = f0 <= f1 ? around(f0, f1) : [-1, 1];
-  const box = { left: 50, top: 20, right: width - 10, bottom: height - 24 };
+  const box = { left: 48, top: 18, right: width - 8, bottom: height - 34 };
   const x = (d) => box.left + (d - d0) / (d1 - d0) * (box.right - box.left);
   const y = (f) => box.bottom - (f - f0) / (f1 - f0) * (box.bottom - box.top);
+  loopAxes(ctx, box, [d0, d1, f0, f1], x, y);
+  const line = (bins, colour, strength, weight) => {
+    ctx.strokeStyle = css(colour);
+    ctx.globalAlpha = strength;
+    ctx.lineWidth = weight;
+    ctx.lineJoin = "round";
+    ctx.beginPath();
+    let down = false;
+    for (const bin of bins) {
+      for (let at = 0; at < bin.length; at += 2) {
+        if (down) ctx.lineTo(x(bin[at]), y(bin[at + 1]));
+        else ctx.moveTo(x(bin[at]), y(bin[at + 1]));
+        down = true;
+      }
+    }
+    ctx.stroke();
+    ctx.globalAlpha = 1;
+  };
+  line(whole, "--c0", 0.5, 1);
+  line(recent, "--c1", 1, 2);
+  const last = recent.findLast((bin) => bin.length > 0);
+  if (last) {
+    ctx.fillStyle = css("--ink");
+    ctx.beginPath();
+    ctx.arc(x(last[last.length - 2]), y(last[last.length - 1]), 4, 0, 2 * Math.PI);
+    ctx.fill();
+  }
+}
+
+/** Grid, numbers and names of the axes of a loop. */
+function loopAxes(ctx, box, [d0, d1, f0, f1], x, y) {
   const [ds, dUnit] = scaled(Math.max(Math.abs(d0), Math.abs(d1)), "m");
   const [fs, fUnit] = scaled(Math.max(Math.abs(f0), Math.abs(f1)), "N");
   ctx.strokeStyle = css("--line");
@@ -182,46 +217,22 @@ function drawLoop(canvas, whole, recent) {
   ctx.lineWidth = 1;
   ctx.textAlign = "center";
   ctx.textBaseline = "top";
-  for (const d of ticks(d0, d1, 4)) {
+  for (const d of ticks(d0, d1, Math.max(2, (box.right - box.left) / 70))) {
     const at = Math.round(x(d)) + 0.5;
     ctx.beginPath(); ctx.moveTo(at, box.top); ctx.lineTo(at, box.bottom); ctx.stroke();
-    ctx.fillText(String(Number((d / ds).toPrecision(4))), at, box.bottom + 5);
+    ctx.fillText(String(Number((d / ds).toPrecision(4))), at, box.bottom + 4);
   }
+  ctx.fillText(`displacement, ${dUnit}`, (box.left + box.right) / 2, box.bottom + 19);
   ctx.textAlign = "right";
   ctx.textBaseline = "middle";
-  for (const f of ticks(f0, f1, 6)) {
+  for (const f of ticks(f0, f1, Math.max(2, (box.bottom - box.top) / 40))) {
     const at = Math.round(y(f)) + 0.5;
     ctx.beginPath(); ctx.moveTo(box.left, at); ctx.lineTo(box.right, at); ctx.stroke();
     ctx.fillText(String(Number((f / fs).toPrecision(4))), box.left - 5, at);
   }
   ctx.textBaseline = "alphabetic";
   ctx.textAlign = "left";
-  ctx.fillText(`${fUnit} over ${dUnit}`, box.left + 2, 13);
-  const line = ([disps, forces], colour, strength, weight) => {
-    ctx.strokeStyle = css(colour);
-    ctx.globalAlpha = strength;
-    ctx.lineWidth = weight;
-    ctx.beginPath();
-    let down = false;
-    for (let at = 0; at < disps.length; at += 1) {
-      // Nothing was measured there; the next answer goes on from the last.
-      if (disps[at] === null || forces[at] === null) continue;
-      if (down) ctx.lineTo(x(disps[at]), y(forces[at]));
-      else ctx.moveTo(x(disps[at]), y(forces[at]));
-      down = true;
-    }
-    ctx.stroke();
-    ctx.globalAlpha = 1;
-  };
-  line(whole, "--c0", 0.45, 1);
-  line(recent, "--c1", 1, 2);
-  const last = recent[0].findLastIndex((disp) => disp !== null);
-  if (last >= 0) {
-    ctx.fillStyle = css("--ink");
-    ctx.beginPath();
-    ctx.arc(x(recent[0][last]), y(recent[1][last]), 4, 0, 2 * Math.PI);
-    ctx.fill();
-  }
+  ctx.fillText(`force, ${fUnit}`, 2, 12);
 }
 
 /** Counts over logarithmic buckets, on a logarithmic scale; percentiles as marks. */

@@ -41,6 +41,10 @@ pub(super) struct Feed {
     pub board: Arc<Board>,
     made: Mutex<Made>,
     viewers: AtomicUsize,
+    /// Viewers that received the address of the report and have not fetched it yet.
+    awaited: AtomicUsize,
+    /// Random part of the address of the report: only viewers learn it.
+    report_key: Box<str>,
 }
 
 /// What has been made of the board so far.
@@ -59,11 +63,35 @@ struct Made {
 }
 
 impl Feed {
-    pub fn new(board: Arc<Board>) -> Self {
+    pub fn new(board: Arc<Board>, report_key: &str) -> Self {
         Self {
             board,
             made: Mutex::default(),
             viewers: AtomicUsize::new(0),
+            awaited: AtomicUsize::new(0),
+            report_key: report_key.into(),
+        }
+    }
+
+    /// The report of a test that has ended, for a viewer that knows its key.
+    pub fn report(&self, key: &str) -> Option<String> {
+        let path = self
+            .board
+            .ended()?
+            .report
+            .filter(|_| *key == *self.report_key)?;
+        let text = std::fs::read_to_string(path).ok();
+        let less = |awaited: usize| awaited.checked_sub(1);
+        let _none = self
+            .awaited
+            .fetch_update(Ordering::Relaxed, Ordering::Relaxed, less);
+        text
+    }
+
+    /// Waits until every viewer has received the end of the test and has fetched the report.
+    pub async fn is_done(&self) {
+        while self.viewers() > 0 || self.awaited.load(Ordering::Relaxed) > 0 {
+            tokio::time::sleep(PACE).await;
         }
     }
 
@@ -109,6 +137,8 @@ impl Feed {
         let board = &self.board;
         let (latest, seen) = (board.latest(), board.glimpse());
         let age = |at: u64| now.saturating_sub(at) as f64 * 1e-9;
+        let ended = board.ended();
+        let report = ended.as_ref().and_then(|ended| ended.report.as_ref());
         json!({
             "phase": seen.phase.word(),
             "hold": seen.hold,
@@ -119,7 +149,8 @@ impl Feed {
             "age": (latest.row_ns > 0).then(|| age(latest.row_ns)),
             "viewers": self.viewers(),
             "lambda": board.margin(now),
-            "ended": board.ended(),
+            "ended": ended,
+            "report": report.map(|_| format!("/report/{}", self.report_key)),
             "now": &*latest,
         })
     }
@@ -161,7 +192,7 @@ fn push_all(text: &mut String, parts: impl Iterator<Item = impl AsRef<str>>) {
     }
 }
 
-/// One bin: when, test time, state, then two numbers of each channel, then four of each loop.
+/// One bin: when, test time, state, then two numbers of each channel, then a list of displacements and forces of each loop.
 fn text_of(bin: &Bin) -> Box<str> {
     let mut text = String::with_capacity(16 * bin.values.len() + 64);
     text.push('[');
@@ -172,14 +203,18 @@ fn text_of(bin: &Bin) -> Box<str> {
             write!(text, "null,")
         };
     }
-    let loops = bin.loops.iter().flatten().flatten();
-    for value in bin.values.iter().flatten().chain(loops) {
+    for value in bin.values.iter().flatten() {
         // Four digits more than a screen shows; shortest form.
         let _ = if value.is_finite() {
             write!(text, "{value:e},")
         } else {
             write!(text, "null,")
         };
+    }
+    for points in &bin.loops {
+        let points = points.iter().flatten();
+        let points: Vec<_> = points.map(|value| format!("{value:e}")).collect();
+        let _ = write!(text, "[{}],", points.join(","));
     }
     text.pop();
     text.push(']');
@@ -240,6 +275,14 @@ impl Viewer {
             let _ = write!(text, ",\"state\":{}", made.state);
             self.version = made.version;
             self.done = made.ended;
+            let has_report = self
+                .feed
+                .board
+                .ended()
+                .is_some_and(|end| end.report.is_some());
+            if self.done && has_report {
+                self.feed.awaited.fetch_add(1, Ordering::Relaxed);
+            }
         }
         text.push_str("}\n\n");
         self.next = Some(made.next);

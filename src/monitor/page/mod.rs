@@ -1,7 +1,7 @@
 //! The live page: one server on a thread of its own, off the loop's processor.
 //!
 //! Bound before anything moves, so that a port in use is a mistake of usage; served from the moment at which the other threads
-//! have been put on their processors; open until every viewer has got the last picture, two seconds at most.
+//! have been put on their processors; open until every viewer has received the end and fetched the report, five seconds at most.
 //!
 //! | who | may |
 //! |---|---|
@@ -40,8 +40,8 @@ use routes::{Refusals, Site};
 
 /// Where the page is if nobody says otherwise.
 pub const USUAL_PORT: u16 = 4824;
-/// How long the server stays for viewers who have not got the last picture.
-const GRACE: Duration = Duration::from_secs(2);
+/// Longest time for which the server stays for viewers that have not yet received the end or fetched the report.
+const GRACE: Duration = Duration::from_secs(5);
 
 /// Why there is no live page. Nothing was moved.
 #[derive(Debug, Error)]
@@ -215,8 +215,9 @@ impl LivePage {
             tokio::net::TcpListener::from_std(self.listener)?
         };
         let stop = Arc::new(Notify::new());
+        let report_key = Token::random()?;
         let site = Site {
-            feed: Arc::new(Feed::new(Arc::clone(&board))),
+            feed: Arc::new(Feed::new(Arc::clone(&board), report_key.text())),
             gate: Gate::new(self.address.ip(), self.name, self.control, self.view),
             operator,
             notes,
@@ -247,7 +248,8 @@ async fn serve(door: Door, site: Site, stop: Arc<Notify>) {
         ended.closed().await;
     };
     let mut seen = overdue.clone();
-    let board = Arc::clone(&site.feed.board);
+    let feed = Arc::clone(&site.feed);
+    let board = Arc::clone(&feed.board);
     let room = async move {
         // Whether anybody looks or not: the smallest so far is the smallest of the test.
         let mut beat = tokio::time::interval(Duration::from_nanos(MARGIN_EVERY_NS / 2));
@@ -257,7 +259,8 @@ async fn serve(door: Door, site: Site, stop: Arc<Notify>) {
         }
     };
     let server = routes::serve(door, site, async move {
-        let _gone = seen.wait_for(|ended| *ended).await;
+        drop(seen.wait_for(|ended| *ended).await);
+        feed.is_done().await;
     });
     let patience = async {
         let _gone = overdue.wait_for(|ended| *ended).await;
@@ -281,7 +284,7 @@ pub struct Serving {
 }
 
 impl Serving {
-    /// Tells every viewer how the test ended, and closes when they have heard it, within two seconds.
+    /// Tells every viewer how the test ended, and closes when they have received it and fetched the report, within five seconds.
     pub fn end(mut self, ended: Ended) {
         self.board.end(ended);
         self.stop.notify_one();

@@ -1,18 +1,18 @@
 "use strict";
-// The live page: what it shows of the test that the server tells it of, and the operator's buttons.
+// The live page: the state of the test as the server sends it, and the operator commands.
 
-/** What the server said first, and what follows from it. */
+/** The first message of the server: the test and its past. */
 let test = null;
 /** The latest state. */
 let state = null;
 let recent = null;
 let whole = null;
-let strips = [];
-let loops = [];
+/** Seconds that the charts show; 0 for the whole test. */
 let span = 60;
+/** Whether the charts must be drawn again. */
 let stale = true;
 
-// What is shown ------------------------------------------------------------------------------------------------------
+// Display -------------------------------------------------------------------------------------------------------------
 
 function greet({ hello, whole: past, bins }) {
   test = hello;
@@ -31,85 +31,19 @@ function greet({ hello, whole: past, bins }) {
   $("title").title = subject.title;
   const facts = [`${nice(1 / subject.tick_s, "Hz")}`, `Δt ${nice(subject.dt, "s")}`, `${subject.real_clock ? "real" : "simulated"} clock`, subject.run];
   const { goes_on: before } = subject;
-  if (before) facts.unshift(`goes on from ${before.run} after step ${before.after}`);
-  $("facts").textContent = facts.join(" · ");
+  if (before) facts.unshift(`continues ${before.run} after step ${before.after}`);
+  $("facts").textContent = facts.join(", ");
   $("facts").title = facts.join("\n");
   $("duration").textContent = `of ${(subject.steps * subject.dt).toFixed(2)} s`;
   $("outcome").hidden = true;
+  document.body.classList.remove("ended");
   build();
 }
 
-/** Whether a bin belongs to the test itself: running, or between two steps. */
-function running(code) {
-  return code === 3 || code > 10.5;
-}
-
 function build() {
-  strips.forEach((strip) => strip.chart.remove());
-  strips = [];
-  loops = [];
-  const { subject } = test;
-  const channels = subject.channels.map((channel, place) => ({ ...channel, place }));
-  const dofs = channels.filter((channel) => channel.kind === "dof");
-  const lines = dofs.map((channel, at) => ({ ...channel, colour: `--c${at % 8}` }));
-  // Lengths and angles do not share an axis.
-  for (const [id, unit] of [["response-chart", "m"], ["rotation-chart", "rad"]]) {
-    const drawn = lines.filter((line) => line.unit === unit);
-    $(id).hidden = drawn.length === 0;
-    if (drawn.length > 0) strip($(id), drawn, unit);
-  }
-  legend($("response-legend"), lines);
-  const ground = channels.filter((channel) => channel.kind === "ground");
-  $("ground-chart").hidden = ground.length === 0;
-  if (ground.length > 0) strip($("ground-chart"), [{ ...ground[0], colour: "--c7" }], ground[0].unit);
-  $("axes").replaceChildren();
-  subject.specimens.forEach((specimen, s) => specimen.axes.forEach((_, a) => axisCard(specimen, s, a, channels)));
-  buildLimits(subject);
-  buildTiming(subject);
-  $("stability").hidden = !subject.lambda;
-  $("delays").hidden = !subject.specimens.some((specimen) => specimen.axes.some((axis) => axis.has_margin));
-}
-
-function strip(place, lines, unit) {
-  const shown = () => (span > 0 ? recent : whole);
-  const chart = new Strip(place, lines, unit, () => [shown().x, shown().runs]);
-  strips.push({ chart, places: lines.map((line) => line.place) });
-}
-
-function legend(place, lines) {
-  place.replaceChildren(...lines.map(({ label, colour }) => {
-    const entry = make("span", "", label);
-    entry.style.color = css(colour);
-    return entry;
-  }));
-}
-
-function axisCard(specimen, s, a, channels) {
-  const card = make("section", "card axis-card");
-  const head = make("div", "head");
-  head.append(make("h2", "", specimen.axes.length > 1 ? `${specimen.name}, axis ${a + 1}` : specimen.name));
-  const own = (kind, colour) => ({ ...channels.find((c) => c.kind === kind && c.axis?.[0] === s && c.axis?.[1] === a), colour });
-  // The command is drawn broad, so that it shows behind a measurement that follows it well.
-  const [command, measured, error, force] = [{ ...own("command", "--c0"), weight: 4 }, own("measured", "--c1"), own("error", "--c3"), own("force", "--c2")];
-  const key = make("div", "legend");
-  legend(key, [command, measured, error, force]);
-  head.append(key);
-  const plots = make("div", "plots");
-  const [first, second, third] = [make("div"), make("div"), make("div", "loop-box")];
-  const [disp, following, pull] = [make("div", "chart"), make("div", "chart low"), make("div", "chart tall")];
-  first.append(disp, following);
-  second.append(pull);
-  const canvas = make("canvas", "loop");
-  canvas.setAttribute("role", "img");
-  canvas.setAttribute("aria-label", `hysteresis of ${specimen.name}, axis ${a + 1}`);
-  third.append(canvas);
-  plots.append(first, second, third);
-  card.append(head, plots);
-  $("axes").append(card);
-  strip(disp, [command, measured], "m");
-  strip(following, [error], "m");
-  strip(pull, [force], "N");
-  loops.push(canvas);
+  buildCharts(test.subject, () => (span > 0 ? recent : whole));
+  buildLimits(test.subject);
+  buildTiming(test.subject);
 }
 
 function count(id, value, bad) {
@@ -117,54 +51,76 @@ function count(id, value, bad) {
   $(id).classList.toggle("bad", bad);
 }
 
-/** The phase; what is to be confirmed in it, and a hold that has no phase of its own beside it. */
-function named({ phase, hold, stands, unconfirmed }) {
-  const words = unconfirmed ? [phase, "to be confirmed"] : [phase];
-  if (hold && phase !== "holding") words.push(stands ? "held" : "to be held");
+/** Phases as the page names them, where their word in files is another. */
+const PHASES = { settling: "static load", probing: "wiring check", ramping: "ramp", holding: "hold", leaving: "shutdown", safe: "ended", armed: "warm-up" };
+
+/** The phase in words, with a step that waits for a confirmation and a hold in another phase; at the end the status. */
+function named({ phase, hold, stands, unconfirmed, ended }) {
+  if (ended) return ended.status;
+  const words = [PHASES[phase] ?? phase];
+  if (unconfirmed) words.push("to be confirmed");
+  if (hold && phase !== "holding") words.push(stands ? "held" : "hold requested");
   return words.join(", ");
 }
 
-/** The way out after a trip looks like the trip. The word stays short: a longer one would move the buttons away from a hand. */
-function dressed({ phase, now }) {
+/** The class of the phase. The shutdown after a trip looks like the trip. */
+function dressed({ phase, now, ended }) {
+  if (ended) return ended.status;
   return now.trips.length > 0 ? "tripped" : phase;
+}
+
+function showPhase(text, kind) {
+  put("phase", text);
+  $("phase").className = `${kind}${text.length > 10 ? " long" : ""}`;
 }
 
 function showState() {
   const { now, phase, ended } = state;
-  $("phase").textContent = named(state);
-  $("phase").className = dressed(state);
+  showPhase(named(state), dressed(state));
+  $("phase").dataset.phase = ended ? "ended" : phase;
   $("time").textContent = now.rows > 0 && now.time !== null ? `${now.time.toFixed(2)} s` : "–";
   const share = test.subject.steps > 0 ? now.time / (test.subject.steps * test.subject.dt) : 0;
   $("progress").style.width = `${100 * Math.min(1, Math.max(0, share || 0))}%`;
-  const total = Object.values(now.misses).reduce((sum, count) => sum + count, 0);
-  count("missed", test.subject.real_clock ? total : null, now.misses.ours > 0);
+  $("progress").parentElement.setAttribute("aria-valuenow", Math.round(100 * share) || 0);
+  const real = test.subject.real_clock;
+  count("recent", real ? now.recent_misses : null, now.recent_misses > 0);
+  count("missed", real ? missed(now) : null, now.misses.ours > 0);
   count("lost", now.rows_lost, now.rows_lost > 0);
   showLimits(now);
   showTiming(now);
-  showLambda(test.subject.lambda, state.lambda);
-  showMargins(test.subject, now);
+  showMargins(test.subject, now, state.lambda);
   showLinks(test, now, state.viewers);
   const over = Boolean(ended) || phase === "safe";
-  // The way out is neither held nor gone on with.
+  // The shutdown is neither held nor continued.
   const deaf = over || phase === "leaving" || phase === "tripped";
   const holds = state.hold || phase === "holding";
   $("hold").disabled = deaf || holds;
-  // One button, never two things at once: it does what it says when it is pressed, whatever is the case when that is heard.
+  // The button sends the command of its label at the moment of the press, even if the state changes before it arrives.
   const asks = state.unconfirmed && !holds;
   $("continue").textContent = asks ? "CONFIRM" : "CONTINUE";
   $("continue").disabled = deaf || !(holds || asks);
   $("stop").disabled = over;
   if ($("sure").open && (over || asked !== stopMeans())) {
     $("sure").close("no");
-    say(over ? "The test has ended by itself." : "The test has ended and is on its way out: STOP would freeze it now.", true);
+    say(over ? "The test has ended." : "The shutdown has begun. STOP would now freeze the specimens.", true);
   }
-  if (ended) {
-    $("outcome").className = ended.status;
-    $("verdict").textContent = ended.status.toUpperCase();
-    $("reason").textContent = ended.reason;
-    $("where").textContent = ended.report ? `report: ${ended.report}` : `data: ${ended.data}`;
-    $("outcome").hidden = false;
-  }
+  if (ended) showEnd(ended);
+}
+
+/** The end of the test: status, reason, and the report, which the page loads before the server closes. */
+function showEnd(ended) {
+  document.body.classList.add("ended");
+  $("outcome").className = ended.status;
+  put("verdict", `Test ${ended.status}`);
+  put("reason", ended.reason);
+  put("path", ended.report ?? ended.data);
+  $("outcome").hidden = false;
+  if (!state.report || document.querySelector("#report iframe")) return;
+  const frame = make("iframe");
+  frame.title = "report of the test";
+  frame.src = state.report;
+  frame.addEventListener("load", () => { $("open-report").hidden = false; });
+  $("report").append(frame);
 }
 
 function drawAll() {
@@ -181,7 +137,7 @@ function drawAll() {
 
 // The connection -----------------------------------------------------------------------------------------------------
 
-/** Time in s at which the last word came, on this machine's clock; the least way from there to here. */
+/** Time in s of the last message on this machine's clock; smallest delay of a message so far. */
 let heard = null;
 let nearest = Infinity;
 let over = false;
@@ -239,7 +195,7 @@ async function listen() {
       reading = answer.body.getReader();
       await read(reading);
     } catch {
-      // Whatever it was, the alarm says how long nothing has come.
+      // The alarm shows how long no message has come.
     }
     watch();
     if (over) return;
@@ -262,10 +218,10 @@ async function read(reader) {
   }
 }
 
-/** Waits until somebody has typed a viewing token. */
+/** Waits for a viewing token from the user. */
 function ask(wrong) {
   $("looking").hidden = false;
-  $("refused").textContent = wrong ? "This token is not the right one." : "";
+  $("refused").textContent = wrong ? "This viewing token is wrong." : "";
   return new Promise((done) => {
     $("looking").onsubmit = (event) => {
       event.preventDefault();
@@ -276,44 +232,46 @@ function ask(wrong) {
   });
 }
 
-/** A picture that stands still must not look alive: says what is wrong with it. */
-function watch() {
+/** Sets the alarm. The age changes every second and is not read aloud. */
+function alarm(text, { age = "", mild = false } = {}) {
   const trips = over ? [] : state?.now.trips ?? [];
   const tripped = trips.length > 0 ? `TRIPPED: ${trips.map((trip) => trip.words).join("; ")}` : "";
-  const alarm = (text, mild) => {
-    const all = [tripped, text].filter(Boolean).join(" · ");
-    $("alarm").hidden = !all;
-    $("alarm").textContent = all;
-    $("alarm").classList.toggle("mild", Boolean(mild) && !tripped);
-  };
-  const dead = (is) => {
-    document.body.classList.toggle("dead", is);
-    if (is) $("phase").className = "dead";
-    else if (state) $("phase").className = dressed(state);
-    if (state) $("phase").textContent = is ? "no data" : named(state);
-  };
+  const all = [tripped, text].filter(Boolean).join(". ");
+  put("alarm-text", all);
+  put("alarm-age", age);
+  $("alarm").hidden = !all;
+  $("alarm").classList.toggle("mild", mild && !tripped);
+}
+
+function showDead(dead) {
+  document.body.classList.toggle("dead", dead);
+  if (dead) showPhase("no data", "dead");
+  else if (state) showPhase(named(state), dressed(state));
+}
+
+/** Says when what the page shows is old. */
+function watch() {
   document.body.classList.toggle("waiting", !state);
   if (over) {
-    dead(false);
+    showDead(false);
     return alarm("");
   }
   const now = performance.now() / 1000;
-  if (heard === null) return alarm(now > 2 && $("looking").hidden ? "No connection to the test yet; trying again." : "");
+  if (heard === null) return alarm(now > 2 && $("looking").hidden ? "No connection to the test yet. The page tries again." : "");
   const quiet = now - heard;
   if (quiet > 1.5) {
     const since = new Date(Date.now() - 1000 * quiet).toLocaleTimeString();
-    dead(true);
-    return alarm(`NO DATA SINCE ${since} (${Math.round(quiet)} s): the connection is lost, what you see is old`);
+    showDead(true);
+    return alarm(`NO DATA SINCE ${since}: the connection is lost and the page shows old data`, { age: `(${Math.round(quiet)} s)` });
   }
   const tick = test?.subject.tick_s ?? 0;
   if (state && state.age !== null && state.age > Math.max(2, 3 * tick) && state.phase !== "safe") {
-    dead(true);
-    return alarm(`NO ROWS FROM THE LOOP FOR ${Math.round(state.age)} s: what you see is old`);
+    showDead(true);
+    return alarm("NO ROWS FROM THE LOOP: the page shows old data", { age: `(${Math.round(state.age)} s)` });
   }
-  dead(false);
+  showDead(false);
   const behind = state ? heard - state.sent - nearest : 0;
-  if (behind > 1.5) return alarm(`This picture is ${behind.toFixed(1)} s behind: the connection is slow`, true);
-  return alarm("");
+  return behind > 1.5 ? alarm("The connection is slow: the page is late", { age: `by ${behind.toFixed(1)} s`, mild: true }) : alarm("");
 }
 
 // The operator -------------------------------------------------------------------------------------------------------
@@ -323,24 +281,24 @@ function say(text, bad) {
   $("answer").classList.toggle("bad", Boolean(bad));
 }
 
-/** What STOP does to the test where it stands: on the way out it freezes it. */
+/** The effect of STOP now: it ends the test, and in the shutdown it freezes the specimens. */
 function stopMeans() {
   return state?.phase === "leaving" || state?.phase === "tripped" ? "freeze" : "end";
 }
 
-/** What the open question is about. */
+/** The effect that the open dialog asks about. */
 let asked = null;
 
 function askToStop() {
   asked = stopMeans();
-  const ways = test?.subject.specimens ?? [];
-  // Where nobody knows yet where they stand nobody is led anywhere.
+  const specimens = test?.subject.specimens ?? [];
+  // Before the zero is known, no specimen moves to an end position.
   const stays = ["connected", "probing", "zeroing"].includes(state?.phase);
-  const all = new Set(ways.map((specimen) => (stays ? "stays where it is" : specimen.at_end)));
-  const each = all.size === 1 ? `every specimen ${[...all][0]}` : ways.map((specimen) => `${specimen.name} ${specimen.at_end}`).join(", ");
+  const ends = specimens.map((specimen) => (stays ? "stays where it is" : specimen.at_end));
+  const each = new Set(ends).size === 1 ? `Every specimen ${ends[0]}. ` : specimens.map((specimen, s) => `${specimen.name} ${ends[s]}. `).join("");
   const [what, then, not, stop] = asked === "freeze"
-    ? ["Freeze the specimens where they are?", "The test has ended and its specimens are on their way out. STOP cuts that short: each stays where it is now, with the force that it has there.", "Let it go on", "FREEZE"]
-    : ["Stop the test?", `It ends in an orderly way${each ? `: ${each}` : ""}. It cannot be continued from here.`, "Keep running", "STOP THE TEST"];
+    ? ["Freeze the specimens where they are?", "The test has ended and the specimens move to their end position. STOP interrupts this: each specimen stays where it is now, under its present force.", "Continue the shutdown", "FREEZE"]
+    : ["Stop the test?", `The controller ends the test in an orderly way. ${each}This page cannot continue the test afterwards.`, "Keep running", "STOP THE TEST"];
   $("sure-what").textContent = what;
   $("sure-then").textContent = then;
   $("sure-not").textContent = not;
@@ -348,39 +306,39 @@ function askToStop() {
   $("sure").showModal();
 }
 
-/** So long an answer is waited for, ms. Then the request is taken back: what waits somewhere must not take effect later. */
+/** Longest wait for an answer, ms. After it the request is withdrawn, so that it cannot take effect later. */
 const PATIENCE = 5000;
 
 async function order(what) {
   const token = $("token").value.trim();
   if (!token) {
     $("token").focus();
-    return say(`${what.toUpperCase()} needs the control token that was printed where the test was started.`, true);
+    return say(`${what.toUpperCase()} needs the control token. The terminal shows it where the test was started.`, true);
   }
   say(`${what.toUpperCase()} …`);
   try {
     const headers = { Authorization: `Bearer ${token}` };
-    // The hold that is on the screen, and no other one, ends.
+    // The command ends the hold that the page shows, and no later one.
     const which = what === "continue" ? `?hold=${state?.hold_number ?? 0}` : "";
     const signal = what === "stop" ? undefined : AbortSignal.timeout(PATIENCE);
     const answer = await fetch(`/control/${what}${which}`, { method: "POST", headers, cache: "no-store", signal });
     if (answer.status === 202) {
       sessionStorage.setItem("control", token);
-      return say(`${what.toUpperCase()} accepted ${new Date().toLocaleTimeString()}`);
+      return say(`${what.toUpperCase()} accepted at ${new Date().toLocaleTimeString()}`);
     }
     const text = answer.status === 503 ? "the queue of requests is full; try again" : (await answer.text()).trim();
     return say(`${what.toUpperCase()} REFUSED: ${text}`, true);
   } catch (error) {
-    if (error.name === "TimeoutError") return say(`${what.toUpperCase()} TAKEN BACK: no answer for ${PATIENCE / 1000} s. Look at the test, and say it again.`, true);
+    if (error.name === "TimeoutError") return say(`${what.toUpperCase()} WITHDRAWN: no answer for ${PATIENCE / 1000} s. Check the test and press the button again.`, true);
     const there = what === "confirm" ? "continue" : what;
-    return say(`${what.toUpperCase()} NOT SENT: no connection. Use \`gusset ${there} ${test?.subject.run ?? "RUN_DIR"}\` where the test runs.`, true);
+    return say(`${what.toUpperCase()} NOT SENT: no connection. Use \`gusset ${there} ${test?.subject.run ?? "RUN_DIR"}\` on the controller.`, true);
   }
 }
 
 $("token").value = secret("control");
 $("operate").addEventListener("submit", (event) => event.preventDefault());
 $("hold").addEventListener("click", () => order("hold"));
-// The second half of a double click is none: the first may have ended a hold, and the button asks for something else by now.
+// The second click of a double click does not count: the first may have ended a hold, and then the label is another one.
 $("continue").addEventListener("click", (event) => {
   if (event.detail < 2) order($("continue").textContent.toLowerCase());
 });
@@ -389,6 +347,15 @@ $("sure").addEventListener("close", () => {
   if ($("sure").returnValue === "yes") order("stop");
   $("sure").returnValue = "";
 });
+/** Shows the report over the page, or the page again. The address stays as it is. */
+function showReport(event, open) {
+  event.preventDefault();
+  $("report").hidden = !open;
+  $(open ? "close-report" : "open-report").focus();
+}
+
+$("open-report").addEventListener("click", (event) => showReport(event, true));
+$("close-report").addEventListener("click", (event) => showReport(event, false));
 $("quantity").addEventListener("change", () => { stale = true; });
 for (const button of document.querySelectorAll("[data-window]")) {
   button.addEventListener("click", () => {
@@ -406,13 +373,14 @@ window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () 
 document.addEventListener("visibilitychange", () => { stale = true; });
 window.addEventListener("resize", () => { stale = true; });
 
-// As often as the screen wants, but never more than half of the time.
+// At the rate of the screen, for at most half of the time; twice a second for users who want reduced motion.
+const reducedMotion = window.matchMedia("(prefers-reduced-motion: reduce)");
 let rest = 0;
 function frame(at) {
   if (at >= rest) {
     const began = performance.now();
     drawAll();
-    rest = performance.now() + (performance.now() - began);
+    rest = performance.now() + (reducedMotion.matches ? 500 : performance.now() - began);
   }
   requestAnimationFrame(frame);
 }

@@ -65,9 +65,14 @@ const ONE_BY_ONE: u64 = 20;
 /// Time between two notes on what was turned away after them, ns.
 const TELL_NS: u64 = 10_000_000_000;
 
-/// Scripts and styles from here and nowhere else; nothing inline; nothing in a frame.
+/// The page loads scripts and styles from this server only and runs nothing inline. It is not shown in a frame.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self'; \
-                      base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+                      frame-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+
+/// The report is one file with inline scripts and styles. It is shown in a frame of the page, and reaches neither the page nor
+/// this server.
+const REPORT_POLICY: &str = "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline'; \
+                             style-src 'unsafe-inline'; img-src data:; frame-ancestors 'self'";
 
 const HEADERS: [(&str, &str); 7] = [
     ("content-security-policy", POLICY),
@@ -105,12 +110,14 @@ pub(super) async fn serve(door: Door, site: Site, end: impl Future<Output = ()> 
         .route("/page.js", text(SCRIPT, include_str!("page.js")))
         .route("/store.js", text(SCRIPT, include_str!("store.js")))
         .route("/draw.js", text(SCRIPT, include_str!("draw.js")))
+        .route("/charts.js", text(SCRIPT, include_str!("charts.js")))
         .route("/cards.js", text(SCRIPT, include_str!("cards.js")))
         .route("/chart.css", text(STYLE, assets::CHART_STYLE))
         .route("/chart.js", text(SCRIPT, chart))
         .route("/icon.svg", text("image/svg+xml", ICON))
         .route("/stream", get(stream))
         .route("/metrics", get(scrape))
+        .route("/report/{key}", get(report))
         .route("/control/{what}", post(operate))
         .fallback(|| async { (StatusCode::NOT_FOUND, "there is nothing here\n") })
         .layer(from_fn_with_state(Arc::clone(&site), guard))
@@ -133,9 +140,23 @@ async fn guard(
     };
     let headers = response.headers_mut();
     for (name, value) in HEADERS {
-        headers.insert(name, HeaderValue::from_static(value));
+        headers
+            .entry(name)
+            .or_insert(HeaderValue::from_static(value));
     }
     response
+}
+
+async fn report(State(site): Shared, Path(key): Path<String>) -> Response {
+    let Some(text) = site.feed.report(&key) else {
+        return (StatusCode::NOT_FOUND, "there is no report here\n").into_response();
+    };
+    let headers = [
+        ("content-type", "text/html; charset=utf-8"),
+        ("content-security-policy", REPORT_POLICY),
+        ("x-frame-options", "SAMEORIGIN"),
+    ];
+    (headers, text).into_response()
 }
 
 async fn stream(

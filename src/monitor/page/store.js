@@ -3,7 +3,7 @@
 
 /* exported Store */
 
-/** Bins: when, whether the test ran, smallest and largest of each channel, points of each loop. */
+/** Bins: when, whether the test ran, smallest and largest of each channel, corners of each loop. */
 class Store {
   /** At most `most` bins; beyond, `thin` joins neighbours, else the oldest go. */
   constructor(channels, loops, most, thin) {
@@ -17,11 +17,10 @@ class Store {
     this.runs = [];
     this.low = Array.from({ length: channels }, () => []);
     this.high = Array.from({ length: channels }, () => []);
-    this.disp = Array.from({ length: loops }, () => []);
-    this.force = Array.from({ length: loops }, () => []);
+    this.loops = Array.from({ length: loops }, () => []);
   }
 
-  /** One bin as the server sends it: when, test time, state, two numbers a channel, four a loop. */
+  /** One bin as the server sends it: when, test time, state, two numbers per channel, a list of points per loop. */
   push(bin, running) {
     const when = bin[0];
     if (this.x.length > 0 && !(when > this.x[this.x.length - 1])) return;
@@ -33,11 +32,7 @@ class Store {
       this.high[channel].push(bin[at + 1]);
       at += 2;
     }
-    for (let loop = 0; loop < this.disp.length; loop += 1) {
-      this.disp[loop].push(bin[at], bin[at + 2]);
-      this.force[loop].push(bin[at + 1], bin[at + 3]);
-      at += 4;
-    }
+    this.loops.forEach((bins, loop) => bins.push(bin[at + loop]));
     if (this.x.length > this.most) this.shrink();
   }
 
@@ -48,15 +43,12 @@ class Store {
       this.runs = pairs(this.runs, (a, b) => a && b);
       this.low = this.low.map((values) => pairs(values, low));
       this.high = this.high.map((values) => pairs(values, high));
-      const loops = this.disp.map((disps, loop) => ends(disps, this.force[loop]));
-      this.disp = loops.map((loop) => loop[0]);
-      this.force = loops.map((loop) => loop[1]);
+      this.loops = this.loops.map((bins) => pairs(bins, (a, b) => corners([...a, ...b])));
       return;
     }
     // A tenth at a time: taking away one by one would move all the others each time.
     const gone = Math.ceil(this.most / 10);
-    for (const values of [this.x, this.runs, ...this.low, ...this.high]) values.splice(0, gone);
-    for (const values of [...this.disp, ...this.force]) values.splice(0, 2 * gone);
+    for (const values of [this.x, this.runs, ...this.low, ...this.high, ...this.loops]) values.splice(0, gone);
   }
 
   /** x, then smallest and largest of these channels: what a strip chart draws. */
@@ -64,20 +56,16 @@ class Store {
     return [this.x, ...channels.flatMap((channel) => [this.low[channel], this.high[channel]])];
   }
 
-  /** The loop from `from` on. */
+  /** The bins of a loop from `from` on. */
   loop(index, from) {
-    let first = 0;
-    if (from > 0) {
-      let [low, high] = [0, this.x.length];
-      while (low < high) {
-        const middle = (low + high) >> 1;
-        if (this.x[middle] < from) low = middle + 1;
-        else high = middle;
-      }
-      first = 2 * low;
+    if (!(from > 0)) return this.loops[index];
+    let [low, high] = [0, this.x.length];
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (this.x[middle] < from) low = middle + 1;
+      else high = middle;
     }
-    if (first === 0) return [this.disp[index], this.force[index]];
-    return [this.disp[index].slice(first), this.force[index].slice(first)];
+    return this.loops[index].slice(low);
   }
 }
 
@@ -88,18 +76,23 @@ function pairs(values, join) {
   return joined;
 }
 
-/** Of four points the ones of smallest and largest displacement, in order. */
-function ends(disps, forces) {
-  const joined = [[], []];
-  for (let at = 0; at < disps.length; at += 4) {
-    const all = [at, at + 1, at + 2, at + 3].filter((place) => place < disps.length);
-    const known = all.filter((place) => disps[place] !== null);
-    const by = (better) => known.reduce((best, place) => (better(disps[place], disps[best]) ? place : best), known[0] ?? at);
-    const chosen = [by((a, b) => a < b), by((a, b) => a > b)].sort((a, b) => a - b);
-    for (const place of chosen) {
-      joined[0].push(disps[place]);
-      joined[1].push(forces[place]);
+/** The points that keep the shape of a piece of a loop, as in history.rs; displacement and force alternate in `points`. */
+function corners(points) {
+  const count = points.length / 2;
+  if (count < 2) return points;
+  const ends = (value) => {
+    let [low, high] = [0, 0];
+    for (let at = 1; at < count; at += 1) {
+      if (value(at) < value(low)) low = at;
+      if (value(at) > value(high)) high = at;
     }
-  }
-  return joined;
+    return [low, high];
+  };
+  const [disp, force] = [(at) => points[2 * at], (at) => points[2 * at + 1]];
+  const [left, right] = ends(disp);
+  const [bottom, top] = ends(force);
+  const beside = (at) => (disp(right) - disp(left)) * (force(at) - force(left)) - (force(right) - force(left)) * (disp(at) - disp(left));
+  const flat = 1e-3 * (disp(right) - disp(left)) * (force(top) - force(bottom));
+  const kept = new Set([left, right, bottom, top, ...ends(beside).filter((at) => Math.abs(beside(at)) > flat)]);
+  return [...kept].sort((a, b) => a - b).flatMap((at) => [disp(at), force(at)]);
 }

@@ -3,8 +3,8 @@ import { painted, visit } from "./stage.mjs";
 
 const [address, token, shots] = process.argv.slice(2);
 
-const phase = (page) => page.locator("#phase").textContent();
-const until = (page, word) => page.waitForFunction((word) => document.querySelector("#phase").textContent === word, word);
+const phase = (page) => page.locator("#phase").getAttribute("data-phase");
+const until = (page, word) => page.waitForFunction((word) => document.querySelector("#phase").dataset.phase === word, word);
 const command = (page) => page.locator("#bars .bar .value").first().textContent();
 const time = (page) => page.locator("#time").textContent();
 const count = (page, script) => page.evaluate(script);
@@ -41,7 +41,7 @@ await visit(address, { viewport: { width: 1920, height: 1080 } }, async (page, f
   await page.waitForTimeout(3000);
   found.title = await page.title();
   found.plots = await plots(page);
-  found.bars = await page.locator("#bars .bar").count();
+  found.bars = await page.locator(".bar").count();
   found.value = await command(page);
   found.clipped = await clipped(page);
   await page.screenshot({ path: `${shots}/live-light.png` });
@@ -116,7 +116,7 @@ await visit(address, { viewport: { width: 1920, height: 1080 } }, async (page, f
   await page.waitForFunction(() => !document.querySelector("#outcome").hidden);
   await second.waitForFunction(() => !document.querySelector("#outcome").hidden);
   found.outcome = await page.locator("#outcome").textContent();
-  found.second_outcome = await second.locator("#verdict").textContent();
+  found.second_outcome = await second.locator("#outcome").getAttribute("class");
   await page.screenshot({ path: `${shots}/live-end.png` });
   await page.waitForTimeout(2500);
   found.alarm_after = await page.locator("#alarm").isVisible();

@@ -6,4 +6,6 @@ mod harness;
 mod live;
 mod manual;
 mod report;
+#[cfg(feature = "monitor")]
+mod screen;
 mod stage;

@@ -163,7 +163,7 @@ fn about() -> About {
         run: "runs/judged".into(),
         real_clock: true,
         lambda: None,
-        goes_on: None,
+        ..About::default()
     }
 }
 

@@ -5,6 +5,7 @@ mod exposition;
 mod judged;
 mod web;
 
+use std::io::{BufRead, BufReader};
 use std::net::TcpListener;
 use std::path::Path;
 
@@ -396,4 +397,42 @@ fn what_prometheus_scrapes_is_well_formed_and_agrees_with_the_run() {
     assert!(resolved.contains("lambda = "), "{resolved}");
     let summary = json(&folder, "summary.json");
     assert_eq!(summary["lambda"].as_f64(), Some(lambda));
+}
+
+#[test]
+fn the_report_is_served_after_the_end_to_viewers_only() {
+    let home = tempfile::tempdir().unwrap();
+    let home = home.path();
+    let running = Running::start(home, "run", &real(home, 3600.0), "127.0.0.1", &[]);
+    let address = running.address.clone();
+    let before = ask(&address, "GET /report/anything", &[]);
+    let mut viewer = BufReader::new(call(&address, "GET /stream", &[]));
+    running.until_phase("running");
+    assert_eq!(running.order("stop").status, 202);
+    // The last state has the address of the report.
+    let mut path = None;
+    let mut line = String::new();
+    while path.is_none() && viewer.read_line(&mut line).unwrap() > 0 {
+        let event = line.trim_end().strip_prefix("data: ");
+        let event = event.map(|text| serde_json::from_str::<serde_json::Value>(text).unwrap());
+        path = event.and_then(|event| event["state"]["report"].as_str().map(str::to_owned));
+        line.clear();
+    }
+    let path = path.expect("the address of the report");
+    let wrong = ask(&address, "GET /report/anything", &[]);
+    let report = ask(&address, &format!("GET {path}"), &[]);
+    assert_eq!(
+        (before.status, wrong.status, report.status),
+        (404, 404, 200)
+    );
+    let file = std::fs::read_to_string(home.join("run/report.html")).unwrap();
+    assert_eq!(report.body, file);
+    // Its scripts run apart from the page.
+    assert!(
+        report
+            .head
+            .contains("content-security-policy: sandbox allow-scripts;")
+    );
+    drop(viewer);
+    assert_eq!(running.end().0, Some(130));
 }
