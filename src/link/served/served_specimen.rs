@@ -400,6 +400,13 @@ impl ServedSpecimen {
             return None;
         }
         self.stage = Stage::Dismissed;
+        let unsettled = self.guarded.port.counts().unsettled;
+        if unsettled > 0 {
+            let text = format!(
+                "the actuator–specimen iteration did not converge in {unsettled} answers, which are not exact"
+            );
+            self.note(Remark::Unsettled, &text);
+        }
         if self.guarded.port.is_remote() {
             self.guarded.recording.link = self.guarded.port.link_count().stats;
         }
@@ -435,13 +442,6 @@ impl ServedSpecimen {
     pub fn end(&mut self, cause: Cause, text: &str) {
         if self.stage == Stage::Closed {
             return;
-        }
-        let unsettled = self.guarded.port.counts().unsettled;
-        if unsettled > 0 {
-            let text = format!(
-                "the actuator–specimen iteration did not converge in {unsettled} answers, which are not exact"
-            );
-            self.note(Remark::Unsettled, &text);
         }
         // A trip is why it ended, whatever else was said about it, and who says it again says nothing else.
         let why = self.guarded.tripped().map(|trip| match trip {
