@@ -124,7 +124,8 @@ impl Maneuver for WiringCheck {
             let sequence = engine.exchanges.sequence();
             if let Some(port) = engine.ports.get_mut(self.port) {
                 port.take_probe(&mut self.probe);
-                port.accept_probe(sequence);
+                // A link that is lost shows at the next command.
+                let _ = port.accept_probe(sequence);
             }
         }
         engine.reuse_number();

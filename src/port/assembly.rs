@@ -397,11 +397,14 @@ impl Port {
 
     /// Accepts the exchange of a probe, unless a computation answers. Over OpenFresco's protocols a specimen that received no step
     /// would take the return of a probe for a revoked step.
-    pub fn accept_probe(&mut self, sequence: u64) {
+    ///
+    /// # Errors
+    /// The link is lost.
+    pub fn accept_probe(&mut self, sequence: u64) -> Result<(), LinkFault> {
         if self.is_remote() && !self.is_computed() {
-            // A link that is lost shows at the next command.
-            let _ = self.exchange.accepted(sequence, false);
+            return self.exchange.accepted(sequence, false);
         }
+        Ok(())
     }
 
     /// True if the motion that brings the static load on checks the wiring.

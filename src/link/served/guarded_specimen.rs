@@ -53,6 +53,8 @@ pub(super) struct GuardedSpecimen {
     pub recording: Recording,
     /// The last answer. Each of its numbers is finite.
     pub answer: Measurement,
+    /// The last command that left; empty before one.
+    pub told: Vec<f64>,
     tripped: Option<Trip>,
     commits: u64,
     /// The wall time of the server; the machine's own until the server gives it.
@@ -65,6 +67,7 @@ impl GuardedSpecimen {
     pub fn new(identity: Identity, port: Port) -> Self {
         Self {
             answer: Measurement::zeros(port.axes()),
+            told: Vec::with_capacity(port.axes()),
             allowance: SpeedAllowance::new(identity.moves),
             identity,
             port,
@@ -110,6 +113,7 @@ impl GuardedSpecimen {
         (self.tripped, self.commits) = (None, 0);
         self.announced = AnnouncedLimits::by(controller, &self.identity.units);
         self.first.begins = None;
+        self.told.clear();
         self.answer = Measurement::zeros(self.port.axes());
         Ok(())
     }
@@ -245,16 +249,21 @@ impl GuardedSpecimen {
             Err(fault) => return Err(Trip::Lost(fault)),
         };
         let raw = self.port.raw();
+        let not_finite = not_finite(&raw.disp, &raw.force);
+        if let (Some(fault), None) = (fault, not_finite) {
+            // The link itself refused the answer: nothing was read.
+            return Err(Trip::Lost(fault));
+        }
         (self.answer.time, self.answer.status) = (raw.time, raw.status);
         copy(raw, &mut self.answer);
-        if let Some(axis) = not_finite(&raw.disp, &raw.force) {
+        if self.answer.status.has(Status::UNSETTLED) {
+            self.port.count_unsettled();
+        }
+        if let Some(axis) = not_finite {
             // A sensor is at its end. What it read before is the answer.
             self.answer.status.0 |= Status::SATURATED.0;
             let measured = true;
             return Err(Trip::NotFinite { axis, measured });
-        }
-        if let Some(fault) = fault {
-            return Err(Trip::Lost(fault));
         }
         self.judge_answer(is_theirs)?;
         Ok(true)
@@ -314,6 +323,9 @@ impl GuardedSpecimen {
             _ => Nanos(os::monotonic_ns()).plus(limit_ns),
         };
         self.port.issue(command.sequence, command.time, dt)?;
+        // Within its capacity.
+        self.told.clear();
+        self.told.extend_from_slice(command.disp);
         for _ in 0..limit_ns.div_ceil(LISTEN_NS) {
             if self.port.is_answered(LISTEN_NS)? {
                 break;
@@ -331,9 +343,6 @@ impl GuardedSpecimen {
 
     /// Everything that is judged of an answer. Real-time: yes.
     fn judge_answer(&mut self, is_theirs: bool) -> Result<(), Trip> {
-        if self.answer.status.has(Status::UNSETTLED) {
-            self.port.count_unsettled();
-        }
         let found = self.port.judge();
         let mut announced = Ok(());
         if let Some(limits) = self.announced.as_mut().filter(|_| is_theirs) {

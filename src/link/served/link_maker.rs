@@ -58,13 +58,20 @@ impl LinkMaker {
     /// A new link, connected, and what the specimen says of itself. Blocks as long as the test is `wanted`.
     ///
     /// # Errors
-    /// The specimen cannot take part, or nobody knows where it stands.
+    /// The specimen cannot take part.
     pub(super) fn connect(
         &self,
         controller: &Controller,
         wanted: &mut Wanted<'_>,
     ) -> Result<(Box<dyn Substructure>, Introduction), TestEnd> {
-        let (link, mut introduction) = connected((self.build)(controller)?, wanted)?;
+        connected((self.build)(controller)?, wanted)
+    }
+
+    /// The introduction with the position of the specimen, as far as the file or earlier tests give it.
+    ///
+    /// # Errors
+    /// The position is unknown.
+    pub(super) fn located(&self, mut introduction: Introduction) -> Result<Introduction, TestEnd> {
         if introduction.standing.is_empty() {
             introduction.standing = self.whereabouts.stated();
             introduction.measured = false;
@@ -77,7 +84,7 @@ impl LinkMaker {
             introduction.warnings.extend(doubt);
         }
         self.whereabouts.begins(&introduction);
-        Ok((link, introduction))
+        Ok(introduction)
     }
 
     /// The test is over, and the specimen was told to go here last.

@@ -6,7 +6,7 @@ use super::{Controller, TestEnd, USUAL_TICK_S, Wanted, apart, elsewhere};
 use crate::catalog::event::Remark;
 use crate::port::{Opinion, Probe, WiringCheck, compare_stiffness};
 use crate::rt::os;
-use crate::substructure::{Command, Introduction, Measurement};
+use crate::substructure::{Command, Introduction, Measurement, Retirement};
 use crate::units::{AxisUnits, signed_in_axis_unit};
 
 const WHILE: &str = "while its direction was tried";
@@ -90,14 +90,16 @@ impl<'a> Readiness<'a> {
         links: &LinkMaker,
         wanted: &mut Wanted<'_>,
     ) -> Result<Introduction, TestEnd> {
-        let (link, introduction) = links.connect(self.controller, wanted)?;
+        let (mut link, introduction) = links.connect(self.controller, wanted)?;
         let (found, axes) = (link.axes(), self.served.port.axes());
         if found != axes {
+            link.retire(Retirement::Tripped);
             let text = format!("the link has {found} axes, the specimen {axes}");
             return Err(text.into());
         }
+        // From here on the specimen hears how the test ends.
         drop(self.served.port.swap_partner(link));
-        Ok(introduction)
+        links.located(introduction)
     }
 
     /// What the specimen says of itself beside what is believed of it.
@@ -176,12 +178,12 @@ impl<'a> Readiness<'a> {
         let checked = self.move_a_little(start, wanted);
         let text = checked.map_err(|TestEnd { cause, text }| {
             let served = &mut *self.served;
-            if apart(served.port.sent(), start).is_none() {
+            if apart(&served.told, start).is_none() {
                 return TestEnd { cause, text };
             }
             let left = format!(
                 "it was led to {}, from {}",
-                served.identity.in_words(served.port.sent()),
+                served.identity.in_words(&served.told),
                 served.identity.in_words(start)
             );
             served.warn(Remark::LeftAside, &format!("{WHILE}: {left}"));
@@ -217,7 +219,8 @@ impl<'a> Readiness<'a> {
             };
             self.send_one(WHILE, (&command, period_s), wanted)?;
             self.served.port.take_probe(&mut probe);
-            self.served.port.accept_probe(sequence);
+            let accepted = self.served.port.accept_probe(sequence);
+            accepted.map_err(|fault| format!("{WHILE}: {fault}"))?;
             sequence += 1;
             // An answer that came late is no reason to go faster.
             edge = (edge + period_ns).max(os::monotonic_ns());

@@ -414,8 +414,8 @@ impl ServedSpecimen {
         self.guarded.port.retire(cause.into());
         let said = self.guarded.port.last_words();
         if let Some(links) = &self.links {
-            if self.guarded.port.has_begun() {
-                links.left_at(self.guarded.port.sent());
+            if !self.guarded.told.is_empty() {
+                links.left_at(&self.guarded.told);
             }
             // The connection closes.
             let axes = self.axes();

@@ -27,6 +27,11 @@ struct Spring {
     says: (u64, Status),
     told: Arc<Mutex<Vec<f64>>>,
     sequence: u64,
+    /// The link is lost when the command with this number is to leave.
+    loses: Option<u64>,
+    /// The link refuses the answer to the command with this number: a number in it is not finite.
+    refuses: Option<u64>,
+    goodbyes: Arc<Mutex<Vec<Retirement>>>,
 }
 
 impl Substructure for Spring {
@@ -48,11 +53,17 @@ impl Substructure for Spring {
         })
     }
     fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        if self.loses == Some(command.sequence) {
+            return Err(LinkFault::Closed);
+        }
         self.sequence = command.sequence;
         self.told.lock().unwrap().push(command.disp[0]);
         Ok(())
     }
     fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        if self.refuses == Some(self.sequence) {
+            return Err(LinkFault::NotFinite);
+        }
         let disp = *self.told.lock().unwrap().last().unwrap();
         let (from, status) = self.says;
         into.sequence = self.sequence;
@@ -64,7 +75,9 @@ impl Substructure for Spring {
         (into.disp[0], into.force[0]) = (disp, K * disp);
         Ok(Freshness::Fresh)
     }
-    fn retire(&mut self, _: Retirement) {}
+    fn retire(&mut self, how: Retirement) {
+        self.goodbyes.lock().unwrap().push(how);
+    }
 }
 
 fn served(spring: &Spring, whereabouts: &Whereabouts) -> ServedSpecimen {
@@ -117,6 +130,7 @@ fn a_specimen_whose_place_nobody_knows_is_refused_before_it_is_told_anything() {
         assert!(over.text.contains(words), "{}", over.text);
     }
     assert!(spring.told.lock().unwrap().is_empty());
+    assert_eq!(*spring.goodbyes.lock().unwrap(), [Retirement::Tripped]);
     // A computation is believed at zero, whoever says that it is one.
     let computed = Whereabouts::default().of_a_computation();
     assert_eq!(begin(&mut served(&spring, &computed)).err(), None);
@@ -147,6 +161,40 @@ fn of_a_specimen_that_does_not_tell_the_file_says_where_it_stands_and_then_where
     );
     assert!(goes_to(&mut next, 0, 0.0).is_err(), "too far at once");
     assert_eq!(spring.told.lock().unwrap().last(), Some(&0.0045));
+}
+
+#[test]
+fn a_command_that_never_left_does_not_tell_where_the_specimen_stands() {
+    // The first command on the link asks for the force at rest.
+    for (loses, stands) in [(2, 0.0045), (1, 0.004)] {
+        let spring = Spring {
+            loses: Some(loses),
+            ..Spring::default()
+        };
+        let whereabouts = Whereabouts::said(vec![0.004]);
+        let mut one = served(&spring, &whereabouts);
+        begin(&mut one).unwrap();
+        let lost = (0..2)
+            .find_map(|number| goes_to(&mut one, number, 0.0045 + 0.0005 * number as f64).err());
+        assert_eq!(lost, Some(Trip::Lost(LinkFault::Closed)));
+        drop(one);
+        assert_eq!(whereabouts.stated(), [stands]);
+    }
+}
+
+#[test]
+fn an_answer_that_the_link_refuses_changes_nothing_that_was_measured() {
+    let spring = Spring {
+        tells: vec![0.004],
+        refuses: Some(1),
+        ..Spring::default()
+    };
+    let mut served = served(&spring, &Whereabouts::default());
+    begin(&mut served).unwrap();
+    let before = served.measured().clone();
+    let lost = goes_to(&mut served, 0, 0.0045);
+    assert_eq!(lost, Err(Trip::Lost(LinkFault::NotFinite)));
+    assert_eq!(served.measured(), &before);
 }
 
 #[test]
