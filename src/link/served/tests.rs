@@ -186,15 +186,18 @@ fn a_command_that_never_left_does_not_tell_where_the_specimen_stands() {
 fn an_answer_that_the_link_refuses_changes_nothing_that_was_measured() {
     let spring = Spring {
         tells: vec![0.004],
-        refuses: Some(1),
+        refuses: Some(0),
         ..Spring::default()
     };
     let mut served = served(&spring, &Whereabouts::default());
-    begin(&mut served).unwrap();
-    let before = served.measured().clone();
+    let controller = Controller {
+        start: vec![0.004],
+        ..Controller::unnamed(([127, 0, 0, 1], 1).into())
+    };
+    served.begin(&controller, &mut || Ok(())).unwrap();
     let lost = goes_to(&mut served, 0, 0.0045);
     assert_eq!(lost, Err(Trip::Lost(LinkFault::NotFinite)));
-    assert_eq!(served.measured(), &before);
+    assert_eq!(served.measured().disp, [0.004]);
 }
 
 #[test]
