@@ -19,11 +19,6 @@ use crate::config::ClockChoice;
 use crate::engine::Operator;
 use crate::engine::PhaseCell;
 #[cfg(feature = "monitor")]
-use crate::monitor::Ended;
-#[cfg(feature = "monitor")]
-use crate::monitor::page::{LivePage, Serving, Token};
-use crate::monitor::{About, ActuatorEnds, Board, GoesOn, LambdaUse, Subject, Tap};
-#[cfg(feature = "monitor")]
 use crate::record::Note;
 use crate::record::Onlooker;
 #[cfg(feature = "monitor")]
@@ -31,6 +26,11 @@ use crate::session::Attendance;
 #[cfg(feature = "monitor")]
 use crate::session::Finished;
 use crate::setup::{Facts, Prepared};
+#[cfg(feature = "monitor")]
+use crate::view::live::Ended;
+#[cfg(feature = "monitor")]
+use crate::view::live::page::{LivePage, Serving, Token};
+use crate::view::live::{About, ActuatorEnds, Board, GoesOn, LambdaUse, Subject, Tap};
 
 /// A port that no server of this program takes unless told to.
 #[cfg(feature = "monitor")]

@@ -18,9 +18,9 @@ use super::feed::{Feed, Viewer};
 use super::gate::{Gate, Refusal};
 use crate::assets;
 use crate::engine::{Glimpse, Operator, Phase};
-use crate::monitor::metrics::metrics;
 use crate::record::{Event, Note, Word};
 use crate::rt::os::monotonic_ns;
+use crate::view::live::metrics::metrics;
 
 /// Everything that answers.
 #[derive(Debug)]

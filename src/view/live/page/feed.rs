@@ -20,11 +20,11 @@ use tokio::time::{Interval, MissedTickBehavior};
 
 use super::door::Asking;
 use crate::engine::{Glimpse, Phase};
-use crate::monitor::board::Board;
-use crate::monitor::history::{Bin, RECENT};
-use crate::monitor::latency::BOUNDS;
-use crate::monitor::metrics::FLAGS;
 use crate::rt::os::monotonic_ns;
+use crate::view::live::board::Board;
+use crate::view::live::history::{Bin, RECENT};
+use crate::view::live::latency::BOUNDS;
+use crate::view::live::metrics::FLAGS;
 
 /// Time between two events for one viewer.
 const PACE: Duration = Duration::from_millis(33);

@@ -356,11 +356,11 @@ mod tests {
 
     /// The board of a test, and the limit of λ for a specimen of stiffness [`STIFF`].
     fn board(phase: crate::engine::PhaseCell) -> (Arc<Board>, f64) {
-        use crate::monitor::{About, Subject};
+        use crate::view::live::{About, Subject};
 
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("test.toml");
-        let text = include_str!("../../../config/paper-4-2-hardening.toml");
+        let text = include_str!("../../../../config/paper-4-2-hardening.toml");
         std::fs::write(&path, text).unwrap();
         let loaded = crate::config::load(&path, &[]).unwrap();
         let prepared = crate::setup::build(&loaded).unwrap();
@@ -434,7 +434,7 @@ mod tests {
 
     #[test]
     fn the_room_of_lambda_is_found_also_while_nobody_looks() {
-        use crate::monitor::{AxisView, Snapshot};
+        use crate::view::live::{AxisView, Snapshot};
 
         let (board, limit) = board(crate::engine::PhaseCell::default());
         let stiff = AxisView {
