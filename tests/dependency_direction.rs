@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 /// Module → what it may name. `cli` may name everything.
 ///
-/// Every module may name `catalog`. A folder with its own line (`view/live`) counts as a module of its own.
+/// Every module may name `catalog`. A folder with a separate line (`view/live`) counts as a module.
 const ALLOWED: &[(&str, &[&str])] = &[
     ("catalog", &[]),
     ("time", &[]),

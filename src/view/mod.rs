@@ -9,7 +9,7 @@
 //! | `lenient` | fields of a file that are left at their default where they cannot be read |
 //! | `summary`, `limits`, `timing`, `test_file` | `summary.json`, its limits, `timing.json`, `resolved.toml` |
 //! | `report` | the pages: one run, two runs, and the pieces of all other pages |
-//! | `live` | a running test: live page, status, metrics; reads rows as they are recorded, not `RunView` |
+//! | `live` | a running test: live page, status, metrics; reads rows during recording, not `RunView` |
 
 mod lenient;
 mod limits;

@@ -27,7 +27,7 @@ pub struct Trip {
 }
 
 impl Trip {
-    /// What an event tells of a trip. What has no event of its own is told by the phase.
+    /// The trip that an event reports. A trip without an event follows from the phase.
     pub(super) fn of(event: &TimedEvent, subject: &Subject) -> Option<Self> {
         let names: Vec<String> = subject.specimens.iter().map(|s| s.name.clone()).collect();
         let line = EventLine::of_loop(event, &names);

@@ -31,7 +31,7 @@ struct Style {
     dashed: bool,
 }
 
-/// What an axis shows: words, unit ("1" for a pure number), range if it is fixed.
+/// Words, unit ("1" for a pure number) and fixed range of an axis.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Scale<'a> {
     pub words: &'a str,

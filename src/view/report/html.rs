@@ -27,7 +27,7 @@ pub(crate) fn note(text: &str) -> String {
     format!("<p class=\"note\">{}</p>\n", escape(text))
 }
 
-/// Key figures: each a value and the words below it; nothing where there are none.
+/// Key figures: each a value and the words below it; empty without figures.
 pub(crate) fn tiles(figures: &[(String, String)]) -> String {
     if figures.is_empty() {
         return String::new();

@@ -8,7 +8,7 @@ use serde_json::Value;
 use super::stage::{assert_quiet, visit};
 use crate::common::{FRAME, completed, gusset, write};
 
-/// What a page shows in light and dark; `None` where there is no browser. Checks what all pages have in common.
+/// Sections of a page, after the checks that all pages share, in light and dark. `None` without a browser.
 fn sections(page: &Path, name: &str, least_plots: usize) -> Option<Vec<String>> {
     let address = format!("file://{}", page.display());
     let mut sections = Vec::new();
