@@ -58,7 +58,7 @@ impl LinkMaker {
     /// A new link, connected, and what the specimen says of itself. Blocks as long as the test is `wanted`.
     ///
     /// # Errors
-    /// The specimen cannot take part, or nobody knows where it stands.
+    /// The specimen cannot take part, or its state is unknown.
     pub(super) fn connect(
         &self,
         controller: &Controller,

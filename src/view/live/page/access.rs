@@ -136,7 +136,7 @@ impl Token {
         }
     }
 
-    /// The token as it is shown to a user.
+    /// The token as a user sees it.
     #[must_use]
     pub fn text(&self) -> &str {
         &self.text
