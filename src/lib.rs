@@ -40,8 +40,7 @@
 //! | [`config`] | the files that a user writes: schema, reading, checks, diagnostics; knows no engine |
 //! | [`setup`] | from a file to an experiment, or to the specimen of a server |
 //! | [`metrics`] | numbers read off recorded histories |
-//! | [`view`] | a recorded run as people look at it: typed files, report, comparison |
-//! | [`monitor`] | a running test as people look at it: live page, terminal, Prometheus |
+//! | [`view`] | what people look at: typed files of a run, report, comparison; live page, status and metrics of a running test |
 //! | [`text`] | text that is shown to people, with what a terminal would obey or hide spelled out |
 //! | [`assets`] | the chart script that our pages carry |
 //! | [`verify`] | the published values of the family, obtained anew and judged |
@@ -75,7 +74,6 @@ pub mod linalg;
 pub mod link;
 pub mod metrics;
 pub mod model;
-pub mod monitor;
 pub mod motion;
 pub mod port;
 pub mod record;

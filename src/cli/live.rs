@@ -1,4 +1,4 @@
-//! Who looks at a running test, and from where: the board, the live page, the status on the terminal.
+//! Views of a running test: the board, the live page, the status on the terminal.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -19,11 +19,6 @@ use crate::config::ClockChoice;
 use crate::engine::Operator;
 use crate::engine::PhaseCell;
 #[cfg(feature = "monitor")]
-use crate::monitor::Ended;
-#[cfg(feature = "monitor")]
-use crate::monitor::page::{LivePage, Serving, Token};
-use crate::monitor::{About, ActuatorEnds, Board, GoesOn, LambdaUse, Subject, Tap};
-#[cfg(feature = "monitor")]
 use crate::record::Note;
 use crate::record::Onlooker;
 #[cfg(feature = "monitor")]
@@ -31,8 +26,13 @@ use crate::session::Attendance;
 #[cfg(feature = "monitor")]
 use crate::session::Finished;
 use crate::setup::{Facts, Prepared};
+#[cfg(feature = "monitor")]
+use crate::view::live::Ended;
+#[cfg(feature = "monitor")]
+use crate::view::live::page::{LivePage, Serving, Token};
+use crate::view::live::{About, ActuatorEnds, Board, GoesOn, LambdaUse, Subject, Tap};
 
-/// A port that no server of this program takes unless told to.
+/// A port that no server of this program uses by default.
 #[cfg(feature = "monitor")]
 const OTHER_PORT: u16 = 4830;
 /// Notes of viewers that may wait to be written.
@@ -89,7 +89,7 @@ impl Asked {
     }
 }
 
-/// A test that is looked at.
+/// A test with its board.
 pub struct Looked {
     /// Where it stands.
     pub board: Arc<Board>,
@@ -120,7 +120,7 @@ impl Looked {
         let subject = Subject::new(&test.experiment, about);
         let board = Arc::new(Board::new(subject, phase, online));
         let (sender, written) = bounded(NOTES);
-        // Without a page nobody leaves notes.
+        // Without a page there are no notes.
         #[cfg(not(feature = "monitor"))]
         drop(sender);
         Self {
@@ -131,7 +131,7 @@ impl Looked {
         }
     }
 
-    /// Who looks at the rows, once.
+    /// The reader of the rows; the first call only.
     pub fn onlooker(&mut self) -> Option<Box<dyn Onlooker>> {
         let tap = self.tap.take()?;
         Some(Box::new(tap))
@@ -151,7 +151,7 @@ impl Looked {
         let place = Arc::clone(&served.0);
         Some(Box::new(move || {
             let serving = page.serve(board, operator, notes)?;
-            // Nobody else holds it.
+            // Only this thread holds the lock.
             if let Ok(mut place) = place.lock() {
                 *place = Some(serving);
             }
@@ -159,7 +159,7 @@ impl Looked {
         }))
     }
 
-    /// How the test ended, for whoever looks.
+    /// The end of the test, for all viewers.
     #[cfg(feature = "monitor")]
     pub fn ended(finished: &Finished, report: Option<&Path>) -> Ended {
         let status = match serde_json::to_value(finished.summary.status) {

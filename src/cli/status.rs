@@ -11,9 +11,9 @@ use super::drawn::{bar, cut, gauge, short, width};
 use super::progress::remaining;
 use super::screen;
 use crate::engine::Phase;
-use crate::monitor::{Board, Margin, Mark, Snapshot, share};
 use crate::rt::os::monotonic_ns;
 use crate::setup::Facts;
+use crate::view::live::{Board, Margin, Mark, Snapshot, share};
 
 /// Limits of one axis that are shown at most.
 const MOST_LIMITS: usize = 4;

@@ -2,8 +2,8 @@
 
 use super::*;
 use crate::engine::{Glimpse, Phase, PhaseCell};
-use crate::monitor::{About, LambdaUse, Subject, Tap};
 use crate::record::{Event, LimitReached, Onlooker, Progress, TimedEvent};
+use crate::view::live::{About, LambdaUse, Subject, Tap};
 
 /// A frame of two storeys with limits on its specimen, watched for `rows` rows.
 fn board(rows: u64) -> Arc<Board> {

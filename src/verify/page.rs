@@ -1,7 +1,7 @@
 //! The page that shows everything side by side with the claims, and the files beside it.
 
 use super::{Check, Figure, Part, Tabulation, Verdict};
-use crate::view::report::{escape, frame, note};
+use crate::view::report::{banner, details, escape, frame, note, section, tiles};
 
 /// index.html, and an SVG and a CSV for every figure: names and contents.
 #[must_use]
@@ -15,6 +15,11 @@ pub fn files(parts: &[Part]) -> Vec<(String, String)> {
 }
 
 const TITLE: &str = "The Gui-λ family, verified";
+const SOURCE: &str = "Y. Gui, J.-T. Wang, F. Jin, C. Chen, M.-X. Zhou: Development of a family of explicit algorithms for \
+    structural dynamics with unconditional stability. Nonlinear Dynamics, 2014. Numbers in parentheses are its equations. \
+    This program's own integrators and models produced every value on this page in one run of `gusset verify`. Figures have the \
+    axes of the paper; their data lie beside this page as CSV. A table of checks shows what the paper states in our words, what \
+    was obtained, the permitted difference and the verdict.";
 
 fn index(parts: &[Part]) -> String {
     let count = |verdict| parts.iter().map(|part| part.count(verdict)).sum::<usize>();
@@ -28,25 +33,28 @@ fn index(parts: &[Part]) -> String {
     } else {
         ("bad", format!("{fail} of {} checks FAIL", pass + fail))
     };
+    let says = format!(
+        "{notes} further statements are not judged: measurements of this machine, and places where the paper is loose."
+    );
+    let figures = [
+        (pass, "checks hold"),
+        (fail, "checks fail"),
+        (notes, "statements not judged"),
+        (parts.len(), "topics"),
+    ];
+    let figures = figures.map(|(number, words)| (number.to_string(), words.to_owned()));
     let mut body = format!(
-        "<header>\n<p class=\"brand\">gusset {} · verification</p>\n<h1>{TITLE}</h1>\n\
-         <div class=\"verdict {class}\">\n<p class=\"headline\">{}</p>\n<p>{notes} further statements are not judged: \
-         measurements of this machine, and places where the paper is loose.</p>\n</div>\n",
+        "<header>\n<p class=\"brand\">gusset {} · verification</p>\n<h1>{TITLE}</h1>\n",
         env!("CARGO_PKG_VERSION"),
-        escape(&headline)
     );
-    body += &note(
-        "Y. Gui, J.-T. Wang, F. Jin, C. Chen, M.-X. Zhou: Development of a family of explicit algorithms for structural \
-         dynamics with unconditional stability. Nonlinear Dynamics, 2014. Numbers in parentheses are its equations. Every \
-         value below was obtained by this program's own integrators and models in one run of `gusset verify`; figures have \
-         the paper's axes, their data lie beside this page as CSV. What the paper states stands, in our words, beside what was obtained, \
-         how far the two may be apart, and the verdict.",
-    );
-    body += &contents(parts);
+    body += &banner(class, &headline, &[says]);
+    body += &tiles(&figures);
     body += "</header>\n<main>\n";
+    body += &section("Results by topic", &contents(parts));
     for part in parts {
         body += &whole(part);
     }
+    body += &section("Source", &note(SOURCE));
     body += "</main>\n";
     frame(TITLE, &body)
 }
@@ -132,7 +140,27 @@ fn table(table: &Tabulation) -> String {
     )
 }
 
+/// Failed checks, and a folded table of the others.
 fn checks(checks: &[Check]) -> String {
+    let (failed, others): (Vec<&Check>, Vec<&Check>) = checks
+        .iter()
+        .partition(|check| check.verdict == Verdict::Fail);
+    let hold = others.iter().filter(|c| c.verdict == Verdict::Pass).count();
+    let mut summary = match hold {
+        1 => "1 check holds".to_owned(),
+        hold => format!("{hold} checks hold"),
+    };
+    if others.len() > hold {
+        summary += &format!(", {} noted", others.len() - hold);
+    }
+    let folded = details(&summary, &claims(&others));
+    claims(&failed) + &folded
+}
+
+fn claims(checks: &[&Check]) -> String {
+    if checks.is_empty() {
+        return String::new();
+    }
     let mut out = String::from(
         "<div class=\"wide\"><table class=\"claims\">\n<thead><tr><th>what</th><th>paper</th><th>obtained</th>\
          <th>judged by</th><th>verdict</th></tr></thead>\n<tbody>\n",

@@ -2,16 +2,18 @@
 //!
 //! [`RunView`] holds the files of a run folder as typed values: summary, resolved test, timing, events and a digest of the rows. Each
 //! file is read once. Every field may be absent, and unknown fields are ignored: folders of earlier versions can be read.
-//! [`report`] makes pages and pictures of it.
+//! [`report`] makes pages and pictures of it. [`live`] shows a test that is still running.
 //!
 //! | file | holds |
 //! |---|---|
 //! | `lenient` | fields of a file that are left at their default where they cannot be read |
 //! | `summary`, `limits`, `timing`, `test_file` | `summary.json`, its limits, `timing.json`, `resolved.toml` |
 //! | `report` | the pages: one run, two runs, and the pieces of all other pages |
+//! | `live` | a running test: live page, status, metrics; reads rows during recording, not `RunView` |
 
 mod lenient;
 mod limits;
+pub mod live;
 pub mod report;
 mod summary;
 mod test_file;

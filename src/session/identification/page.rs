@@ -1,15 +1,20 @@
-//! The pictures of what was identified, and the page that holds them.
+//! The page of an identification: verdict, key figures, pictures and models of each axis.
 
 use super::outcome::{Axis, Outcome};
 use super::words::{felt, of_specimen, parameters, with_error};
 use crate::config::Loaded;
 use crate::identify::Identification;
-use crate::view::report::{Curve, Curves, Scale, escape, frame, note};
+use crate::units::quantity;
+use crate::view::report::{Curve, Curves, Scale, banner, escape, frame, note, section, tiles};
 
 /// Points of a fitted curve.
 const POINTS: usize = 300;
 /// A delay is drawn where it is known to this part of itself, or of a tick.
 const KNOWN: f64 = 0.25;
+/// Axes that have key figures.
+const MOST_FIGURES: usize = 2;
+/// Smaller noise than this is shown as zero.
+const LEAST_NOISE: f64 = 1e-15;
 /// Width and height of a picture.
 const SIZE: (f64, f64) = (560.0, 330.0);
 
@@ -17,38 +22,98 @@ const SIZE: (f64, f64) = (560.0, 330.0);
 pub(super) fn files(outcome: &Outcome, driven: &Loaded) -> Vec<(String, String)> {
     let mut files = Vec::new();
     let mut body = format!(
-        "<header>\n<p class=\"brand\">gusset {} · identification</p>\n<h1>{}</h1>\n",
-        env!("CARGO_PKG_VERSION"),
+        "<header>\n<p class=\"brand\">gusset · identification</p>\n<h1>{}</h1>\n",
         escape(&driven.file.title)
     );
-    body += &note(
-        "The response is the ratio of the Fourier transforms of measured and commanded displacement, averaged over neighbouring \
-         spectral lines. The coherence is the share of the measured power that the command explains. The curves are models, \
-         fitted to all spectral lines in the band and weighted by their noise. Standard errors follow ±.",
-    );
-    body += "<p><a href=\"../report.html\">Report of the run</a>, <a href=\"../identification.json\">all numbers</a>, \
-             <a href=\"../identified.toml\">virtual twin</a>.</p>\n</header>\n<main>\n";
+    body += &verdict(&outcome.axes);
+    body += &tiles(&key_figures(&outcome.axes));
+    body += "</header>\n<main>\n";
     for axis in &outcome.axes {
-        body += &format!(
-            "<section>\n<h2>{}, {}</h2>\n",
-            escape(&axis.driven.name),
-            axis.driven.place_words(axis.driven.axis)
-        );
-        match &axis.found {
-            Err(error) => {
-                body += &format!(
-                    "<div class=\"verdict bad\"><p class=\"headline\">Not identified</p><p>{}</p></div>\n",
-                    escape(&error.to_string())
-                );
-                body += &grid(&mut files, axis, vec![walk(axis, None)]);
-            }
-            Ok(found) => body += &known(&mut files, axis, found),
-        }
-        body += "</section>\n";
+        let markup = match &axis.found {
+            Err(_) => grid(&mut files, axis, vec![walk(axis, None)]),
+            Ok(found) => known(&mut files, axis, found),
+        };
+        body += &section(&named(axis), &markup);
     }
+    body += &section("Method and files", &method());
     body += "</main>\n";
     files.push(("index.html".to_owned(), frame(&driven.file.title, &body)));
     files
+}
+
+fn named(axis: &Axis) -> String {
+    format!(
+        "{}, {}",
+        axis.driven.name,
+        axis.driven.place_words(axis.driven.axis)
+    )
+}
+
+/// Whether the axes were identified, and how well the best model fits each.
+fn verdict(axes: &[Axis]) -> String {
+    let failed = axes.iter().filter(|axis| axis.found.is_err()).count();
+    let of_axis = |axis: &Axis| match &axis.found {
+        Err(error) => format!("{}: {error}", named(axis)),
+        Ok(found) => {
+            let best = found.best().map_or_else(String::new, |best| {
+                let (model, residual) = (best.model.words(), 100.0 * best.residual);
+                format!(": the best model is {model}, with a residual of {residual:.3} %")
+            });
+            let nonlinear = found.specimen.filter(|specimen| specimen.is_nonlinear());
+            let nonlinear = nonlinear.map_or(
+                "",
+                |_| " The specimen is not linear at this amplitude; the stiffness is a secant.",
+            );
+            format!("{}{best}.{nonlinear}", named(axis))
+        }
+    };
+    let is_nonlinear = |axis: &Axis| {
+        let found = axis.found.as_ref().ok();
+        let specimen = found.and_then(|found| found.specimen);
+        specimen.is_some_and(|specimen| specimen.is_nonlinear())
+    };
+    let (class, headline) = match (failed, axes.len()) {
+        (0, 1) if !axes.iter().any(is_nonlinear) => ("good", "The axis is identified".to_owned()),
+        (0, many) if !axes.iter().any(is_nonlinear) => {
+            ("good", format!("All {many} axes are identified"))
+        }
+        (0, _) => (
+            "warning",
+            "Identified, but a specimen is not linear".to_owned(),
+        ),
+        (1, 1) => ("bad", "The axis is not identified".to_owned()),
+        (failed, many) => ("bad", format!("{failed} of {many} axes are not identified")),
+    };
+    let sentences: Vec<String> = axes.iter().map(of_axis).collect();
+    banner(class, &headline, &sentences)
+}
+
+/// Delay, gain and specimen of the first axes.
+fn key_figures(axes: &[Axis]) -> Vec<(String, String)> {
+    let mut shown = Vec::new();
+    for axis in axes.iter().take(MOST_FIGURES) {
+        let Ok(found) = &axis.found else { continue };
+        let of = |what: &str| match axes.len() {
+            1 => what.to_owned(),
+            _ => format!("{what}, {}", named(axis)),
+        };
+        shown.push((with_error(found.delay, "s"), of("delay over the band")));
+        shown.push((with_error(found.gain, "1"), of("gain over the band")));
+        if let Some(specimen) = &found.specimen {
+            shown.push((with_error(specimen.stiffness, "N/m"), of("stiffness")));
+            shown.push((with_error(specimen.damping, "N s/m"), of("damping")));
+        }
+    }
+    shown
+}
+
+fn method() -> String {
+    note(
+        "The response is the ratio of the Fourier transforms of measured and commanded displacement, averaged over neighbouring \
+         spectral lines. The coherence is the share of the measured power that the command explains. The curves are models, \
+         fitted to all spectral lines in the band and weighted by their noise. Standard errors follow ±.",
+    ) + "<p><a href=\"../report.html\">Report of the run</a>, <a href=\"../identification.json\">all numbers</a>, \
+         <a href=\"../identified.toml\">virtual twin</a>.</p>\n"
 }
 
 /// One picture.
@@ -86,12 +151,12 @@ fn known(files: &mut Vec<(String, String)>, axis: &Axis, found: &Identification)
         walk(axis, Some(found)),
     ];
     let mut markup = grid(files, axis, pictures);
-    markup += "<div class=\"wide\"><table>\n<thead><tr><th>model</th><th>parameters</th><th>residual</th>\
+    markup += "<div class=\"wide plain\"><table>\n<thead><tr><th>model</th><th>parameters</th><th>residual</th>\
                <th>slow delay</th></tr></thead>\n<tbody>\n";
     for (place, fit) in found.models.iter().enumerate() {
         let best = if place == 0 { " (best)" } else { "" };
         markup += &format!(
-            "<tr><td style=\"white-space:nowrap\">{}{best}</td><td style=\"white-space:normal\">{}</td><td>{:.3} %</td><td>{:.4} ms</td></tr>\n",
+            "<tr><td>{}{best}</td><td>{}</td><td>{:.3} %</td><td>{:.4} ms</td></tr>\n",
             fit.model.words(),
             escape(&parameters(fit)),
             100.0 * fit.residual,
@@ -113,10 +178,12 @@ fn known(files: &mut Vec<(String, String)>, axis: &Axis, found: &Identification)
     for (what, text) in felt(axis) {
         row(&what, &text);
     }
-    let noise = format!(
-        "{:.3e} m, {:.3e} N",
-        found.noise.disp_m, found.noise.force_n
-    );
+    let shown = |noise: f64, unit| match noise < LEAST_NOISE {
+        true => format!("0 {unit}"),
+        false => quantity(noise, unit),
+    };
+    let (disp, force) = (found.noise.disp_m, found.noise.force_n);
+    let noise = format!("{}, {}", shown(disp, "m"), shown(force, "N"));
     row("noise at rest", &noise);
     markup + "</dl>\n"
 }

@@ -12,11 +12,11 @@ pub fn with_error(estimate: Estimate, unit: &str) -> String {
         _ => prefixed(value.abs().max(std.abs())),
     };
     let (value, std) = (value / factor, std / factor);
-    // Two digits of the error, four to nine of the number.
+    // Two digits of the error, but no more decimals than a reader can use.
     let shown = if std > 0.0 && std.is_finite() {
-        (1.0 - libm::floor(libm::log10(std))).clamp(0.0, 8.0) as usize
+        (1.0 - libm::floor(libm::log10(std))).clamp(0.0, 5.0) as usize
     } else {
-        6
+        5
     };
     let unit = if unit == "1" { "" } else { unit };
     let text = format!("{value:.shown$} ± {std:.shown$} {prefix}{unit}");

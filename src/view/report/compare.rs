@@ -5,14 +5,17 @@ use std::collections::HashMap;
 use serde_json::Value;
 
 use super::RunView;
-use super::html::{beside, note, paragraph, section, table};
+use super::html::{self, beside, note, section, table};
 use super::matched::Matched;
-use super::overlays::{columns, loops, overlaid, side_by_side, tracking};
-use super::page::zoomable;
+use super::overlays::{columns, loops, overlaid, side_by_side};
+use super::page::{HINT, zoomable};
+use super::paired::{key_figures, timing, tracking};
 use super::rows::Rows;
 use super::tested::clock_word;
-use super::text::{NOTHING, count, escape, exact, plural, shortened};
+use super::text::{NOTHING, count, escape, exact, number, plural, quantity, shortened};
 
+/// A smaller number is shown without a prefix.
+const SMALLEST_PREFIXED: f64 = 1e-12;
 /// Rows of a table of settings, and letters of a value in it.
 const MOST_LISTED: usize = 60;
 const MOST_SHOWN: usize = 120;
@@ -31,16 +34,20 @@ pub fn compare(
         "<header>\n<p class=\"brand\">gusset · comparison of two runs</p>\n<h1>{}</h1>\n",
         escape(&title)
     );
-    body += &banner(matched, &damages(first, second));
-    body += "</header>\n<main>\n";
     let (a, b) = (first.digested(), second.digested());
     let (rows_a, rows_b) = (Rows::new(&a), Rows::new(&b));
-    body += &match matched {
+    body += &banner(matched, &damages(first, second));
+    body += &key_figures((first, second), (&rows_a, &rows_b), matched);
+    body += "</header>\n<main>\n";
+    body += HINT;
+    let histories = match matched {
         Ok(matched) => overlaid(matched),
         Err(_) => side_by_side(&rows_a, &rows_b),
     };
-    body += &loops(first, &rows_a, &rows_b);
+    let loops = loops(first, &rows_a, &rows_b);
+    body += &section("Response", &(histories + &loops));
     body += &tracking(first, second, &rows_a, &rows_b);
+    body += &timing(first, second);
     body += &section("Model", &(facts(first, second) + &settings(first, second)));
     if let Ok(matched) = matched {
         body += &columns(matched);
@@ -79,6 +86,35 @@ pub fn verdict(matched: &Result<Matched, String>) -> String {
             ),
         },
     }
+}
+
+/// The verdict for readers of the page: the size of the first difference in place of two numbers with all digits.
+fn found_in_words(found: &Matched) -> String {
+    let Some(first) = &found.first else {
+        return verdict(&Ok(found.clone()));
+    };
+    let column = found.apart.iter().find(|a| a.column.name == first.column);
+    let unit = column.map_or("1", |apart| apart.column.unit.as_str());
+    let only = if found.only_counts {
+        "every number of structure and specimens is equal; only the count of ticks, holds and commands differs. "
+    } else {
+        ""
+    };
+    let apart = (first.values.1 - first.values.0).abs();
+    let by = match apart {
+        apart if !apart.is_finite() => String::new(),
+        // No prefix reaches so far down.
+        apart if apart < SMALLEST_PREFIXED && unit != "1" => {
+            format!(" by {}\u{a0}{unit}", number(apart, 3))
+        }
+        apart => format!(" by {}", quantity(apart, unit)),
+    };
+    format!(
+        "{only}the first difference is at step {} ({}): {} differs{by}",
+        count(first.step),
+        quantity(first.time, "s"),
+        first.column
+    )
 }
 
 /// Rows that only one of the runs has, in words.
@@ -122,20 +158,19 @@ fn banner(matched: &Result<Matched, String>, damages: &[String]) -> String {
                 ),
                 Some(_) => ("warning", "The runs differ"),
             };
-            let mut more = vec![format!("{}.", capital(&verdict(matched)))];
+            let mut more = vec![format!("{}.", capital(&found_in_words(found)))];
             if found.first.is_some() {
                 more.extend(alone(found).map(|text| format!("{text}.")));
             }
             more.push(
-                "Compared were all ticks of the running tests that have one at the same test time in the other, number by number; columns that depend on wall time were not."
+                "The comparison takes all ticks of the running tests that both runs have at the same test time. It leaves out columns that depend on wall time."
                     .to_owned(),
             );
             (class, headline, more)
         }
     };
     more.extend(damages.iter().map(|text| format!("{}.", capital(text))));
-    let more: String = more.iter().map(|text| paragraph(text)).collect();
-    format!("<div class=\"verdict {class}\">\n<p class=\"headline\">{headline}</p>\n{more}</div>\n")
+    html::banner(class, headline, &more)
 }
 
 fn capital(text: &str) -> String {

@@ -31,7 +31,7 @@ struct Style {
     dashed: bool,
 }
 
-/// What an axis shows: words, SI unit, range if it is fixed.
+/// Words, unit ("1" for a pure number) and fixed range of an axis.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Scale<'a> {
     pub words: &'a str,
@@ -170,11 +170,14 @@ impl Curves<'_> {
             words: scale.words,
             unit: scale.unit,
         };
-        if !self.logarithmic {
-            return linear(axis, quantity, about as usize, false);
+        let about = if self.logarithmic { 2 } else { about as usize };
+        let mut scaled = linear(axis, quantity, about, false);
+        if scale.unit == "1" {
+            scaled.name += " (–)";
         }
-        let mut scaled = linear(axis, quantity, 2, false);
-        scaled.ticks = axis.decades(decade);
+        if self.logarithmic {
+            scaled.ticks = axis.decades(decade);
+        }
         scaled
     }
 

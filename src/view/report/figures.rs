@@ -4,9 +4,10 @@ use super::RunView;
 use super::columns::Storey;
 use super::following::lag_words;
 use super::histogram::Timing;
+use super::html;
 use super::response;
 use super::rows::Rows;
-use super::text::{count, escape, micros, number, quantity};
+use super::text::{count, micros, number, quantity};
 use super::tracked;
 
 /// The largest displacement and the largest force: of the whole test, as far as the summary reports it. Without a
@@ -89,20 +90,7 @@ pub(super) fn tiles(
             (None, None) => None,
         });
     }
-    let tile = |(value, words): &(String, String)| {
-        format!(
-            "<div><b>{}</b><span>{}</span></div>\n",
-            escape(value),
-            escape(words)
-        )
-    };
-    if tiles.is_empty() {
-        return String::new();
-    }
-    format!(
-        "<div class=\"tiles\">\n{}</div>\n",
-        tiles.iter().map(tile).collect::<String>()
-    )
+    html::tiles(&tiles)
 }
 
 /// The largest drift and floor acceleration, where there are storeys.

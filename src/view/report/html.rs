@@ -27,6 +27,31 @@ pub(crate) fn note(text: &str) -> String {
     format!("<p class=\"note\">{}</p>\n", escape(text))
 }
 
+/// Key figures: each a value and the words below it; empty without figures.
+pub(crate) fn tiles(figures: &[(String, String)]) -> String {
+    if figures.is_empty() {
+        return String::new();
+    }
+    let tile = |(value, words): &(String, String)| {
+        format!(
+            "<div><b>{}</b><span>{}</span></div>\n",
+            escape(value),
+            escape(words)
+        )
+    };
+    let tiles: String = figures.iter().map(tile).collect();
+    format!("<div class=\"tiles\">\n{tiles}</div>\n")
+}
+
+/// The box at the top of a page: the verdict in plain words, and sentences below it. `class` is `good`, `warning` or `bad`.
+pub(crate) fn banner(class: &str, headline: &str, sentences: &[String]) -> String {
+    let sentences: String = sentences.iter().map(|text| paragraph(text)).collect();
+    format!(
+        "<div class=\"verdict {class}\">\n<p class=\"headline\">{}</p>\n{sentences}</div>\n",
+        escape(headline)
+    )
+}
+
 /// A table: a heading of texts, rows of texts. The first column holds names, the others numbers.
 pub(super) fn table(heading: &[&str], rows: &[Vec<String>]) -> String {
     let mut out = String::from("<div class=\"wide\"><table>\n<thead><tr>");

@@ -15,7 +15,7 @@
 //! | `outcome`, `left`, `figures` | the verdict in words; how specimens were left; key figures |
 //! | `response`, `specimens`, `following`, `indices`, `courses`, `effect`, `identified`, `balance`, `timing` | sections of results |
 //! | `tested`, `sketch`, `scale`, `ground`, `limits`, `events`, `timeline` | sections of the test: model, ends, ground motion, limits, events |
-//! | `compare`, `overlays`, `matched` | the page of two runs; their rows, number against number |
+//! | `compare`, `paired`, `overlays`, `matched` | the page of two runs: values side by side, pictures; their rows, number against number |
 //! | `source`, `sieve`, `holder`, `stale`, `digest`, `passes`, `first`, `axes`, `axis_end`, `tracked`, `shaking`, `worst`, `table` | rows read in blocks, and what is kept of them |
 //! | `columns` | columns a digest reads |
 //! | `pictures` | the pictures that stand alone |
@@ -56,6 +56,7 @@ mod matched;
 mod outcome;
 mod overlays;
 mod page;
+mod paired;
 mod passes;
 mod pictures;
 mod plots;
@@ -86,7 +87,7 @@ pub use compare::{compare, damages, verdict};
 pub(crate) use curves::{Curve, Curves, Scale};
 pub use digest::Digest;
 pub use effect::effect;
-pub(crate) use html::note;
+pub(crate) use html::{banner, details, note, section, tiles};
 pub use identified::{IdentifiedAxis, identified, missing_metrics, told, tracking_metrics};
 pub use matched::{FirstDifference, Matched, Matcher, Next};
 pub(crate) use page::frame;

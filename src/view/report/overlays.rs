@@ -1,10 +1,10 @@
-//! The sections of a comparison: histories and loops over the same axes, metrics and columns side by side.
+//! Pictures of a comparison: histories and loops over the same axes; and how far each column is apart.
 
 use super::RunView;
 use super::axes::AxisDigest;
 use super::canvas::Ink;
 use super::charts::Quantity;
-use super::html::{self, beside, figure, note, paragraph, section};
+use super::html::{beside, details, figure, note, paragraph, section, table};
 use super::lines::{Line, LoopChart, TimeChart};
 use super::matched::Matched;
 use super::metrics;
@@ -13,7 +13,6 @@ use super::rows::Rows;
 use super::table::Table;
 use super::text::{NOTHING, count, number, quantity};
 use super::tracked;
-use crate::metrics::Judged;
 
 /// DOFs and axes that are drawn.
 const MOST: usize = 4;
@@ -48,12 +47,8 @@ fn drawn(names: &[String]) -> Vec<(String, String)> {
 
 /// Histories of rows that both runs have, with their difference.
 pub(super) fn overlaid(matched: &Matched) -> String {
-    let heading = "Response";
     if matched.rows < 2 {
-        return section(
-            heading,
-            &paragraph("There is nothing to draw: the runs have no step in common."),
-        );
+        return paragraph("There is nothing to draw: the runs have no step in common.");
     }
     let tables = matched.tables.iter();
     let names: Vec<String> = tables
@@ -105,16 +100,13 @@ pub(super) fn overlaid(matched: &Matched) -> String {
             markup += &note(&format!("{title}: no difference."));
         }
     }
-    section(heading, &markup)
+    markup
 }
 
 /// Histories of runs that share no grid: over the same axes, without a difference.
 pub(super) fn side_by_side(a: &Rows<'_>, b: &Rows<'_>) -> String {
     if a.get("time").is_none() || b.get("time").is_none() {
-        return section(
-            "Response",
-            &paragraph("One of the runs has no column of time."),
-        );
+        return paragraph("One of the runs has no column of time.");
     }
     let names = a.names();
     let mut markup = String::new();
@@ -156,7 +148,7 @@ pub(super) fn side_by_side(a: &Rows<'_>, b: &Rows<'_>) -> String {
     if markup.is_empty() {
         markup = paragraph("The runs have no recorded displacement or force in common.");
     }
-    section("Response", &markup)
+    markup
 }
 
 /// Hysteresis of the axes that both runs have, over the same axes.
@@ -200,91 +192,7 @@ pub(super) fn loops<'a>(first: &RunView, a: &Rows<'a>, b: &Rows<'a>) -> String {
     if figures.is_empty() {
         return String::new();
     }
-    section("Hysteresis", &beside("grid", &figures))
-}
-
-/// Tracking metrics of the axes that both runs have.
-pub(super) fn tracking(first: &RunView, second: &RunView, a: &Rows<'_>, b: &Rows<'_>) -> String {
-    let names = tracked::tracking(first, a);
-    let others = tracked::tracking(second, b);
-    let mut rows = Vec::new();
-    for (axis, name) in a.digest().axes.iter().zip(&names) {
-        let other = b
-            .digest()
-            .axes
-            .iter()
-            .zip(&others)
-            .find(|(other, _)| other.axis == axis.axis);
-        let Some((other, _)) = other else { continue };
-        let (Some(t), Some(u)) = (&axis.tracking, &other.tracking) else {
-            continue;
-        };
-        let mut row =
-            |what: &str, a: Option<Judged>, b: Option<Judged>, write: &dyn Fn(f64) -> String| {
-                let show = |j: Option<Judged>| {
-                    j.map_or_else(
-                        || NOTHING.to_owned(),
-                        |j| match j.corrected {
-                            Some(corrected) => {
-                                format!("{} (corrected {})", write(j.value), write(corrected))
-                            }
-                            None => write(j.value),
-                        },
-                    )
-                };
-                rows.push(vec![format!("{}: {what}", name.name), show(a), show(b)]);
-            };
-        let percent = |v: f64| format!("{}\u{a0}%", number(100.0 * v, 3));
-        let second = |v: f64| {
-            if v.abs() < 1e-9 {
-                "0\u{a0}s".to_owned()
-            } else {
-                quantity(v, "s")
-            }
-        };
-        let plain = |v: f64| number(v, 4);
-        row(
-            "NRMSE, by the root mean square of the target",
-            Some(t.nrmse),
-            Some(u.nrmse),
-            &percent,
-        );
-        row(
-            "largest error",
-            Some(t.peak_error_m),
-            Some(u.peak_error_m),
-            &|v| quantity(v, name.disp_unit),
-        );
-        row("delay by cross-correlation", t.delay_s, u.delay_s, &second);
-        row(
-            "FEI amplitude",
-            t.fei.map(|f| f.amplitude),
-            u.fei.map(|f| f.amplitude),
-            &plain,
-        );
-        row(
-            "FEI delay",
-            t.fei.map(|f| f.delay_s),
-            u.fei.map(|f| f.delay_s),
-            &second,
-        );
-        row(
-            "energy error",
-            Some(t.energy_error_j),
-            Some(u.energy_error_j),
-            &|v| quantity(v, "J"),
-        );
-        row(
-            "energy error over input and strain energy",
-            t.energy_error_share,
-            u.energy_error_share,
-            &percent,
-        );
-    }
-    if rows.is_empty() {
-        return String::new();
-    }
-    section("Tracking", &html::table(&["", "first", "second"], &rows))
+    beside("grid", &figures)
 }
 
 /// How far each column is apart.
@@ -330,7 +238,7 @@ pub(super) fn columns(matched: &Matched) -> String {
         "of the largest value",
         "root mean square",
     ];
-    let mut markup = html::table(&heading, &rows);
+    let mut markup = table(&heading, &rows);
     if apart.len() > MOST_LISTED {
         markup += &note(&format!(
             "{} of {} columns that differ are listed.",
@@ -338,5 +246,23 @@ pub(super) fn columns(matched: &Matched) -> String {
             apart.len()
         ));
     }
-    section("Differences by column", &markup)
+    let largest = apart
+        .iter()
+        .filter(|apart| apart.size > 0.0)
+        .map(|apart| (apart, apart.largest / apart.size))
+        .max_by(|a, b| a.1.total_cmp(&b.1));
+    let most = largest.map_or_else(String::new, |(apart, share)| {
+        format!(
+            " The largest difference is {}\u{a0}% of the largest value, in {}.",
+            number(100.0 * share, 2),
+            apart.column.name
+        )
+    });
+    let says = format!(
+        "{} of {} columns differ.{most}",
+        apart.len(),
+        matched.columns
+    );
+    let folded = details("Every column that differs", &markup);
+    section("Differences by column", &(paragraph(&says) + &folded))
 }

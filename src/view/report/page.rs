@@ -32,7 +32,7 @@ use crate::assets::{CHART_LICENCE, CHART_SCRIPT, CHART_STYLE};
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("script.js");
 /// What only a reader with a script can do.
-const HINT: &str = "<p class=\"hint\">Drag across a history to zoom all of them in time; a double click, or the button that \
+pub(super) const HINT: &str = "<p class=\"hint\">Drag across a history to zoom all of them in time; a double click, or the button that \
     then appears, shows the whole test again.</p>\n<noscript><p class=\"note\">Scripts are off: the pictures cannot be zoomed, but \
     nothing is missing.</p></noscript>\n";
 /// Sentences of a verdict that are always open.

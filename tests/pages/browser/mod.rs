@@ -8,4 +8,5 @@ mod manual;
 mod report;
 #[cfg(feature = "monitor")]
 mod screen;
+mod sections;
 mod stage;

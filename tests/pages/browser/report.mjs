@@ -1,4 +1,5 @@
 // Visits a run's report as tests/pages/browser/report.rs wants it seen: light, dark, printed, without scripts, its layout, or looked at only.
+import { overlaps } from "./labels.mjs";
 import { visit } from "./stage.mjs";
 
 const [address, how, shot] = process.argv.slice(2);
@@ -20,26 +21,6 @@ const canvases = (page) =>
         digest = (digest * 31 + at + data[at] * 7 + data[at + 1] * 3 + data[at + 2]) % 4294967291;
       }
       return { inked: (4 * inked) / data.length, digest };
-    }),
-  );
-
-/** Pairs of texts of one picture that lie on each other. */
-const overlaps = (page) =>
-  page.$$eval("svg.chart", (pictures) =>
-    pictures.flatMap((picture) => {
-      const seen = [...picture.querySelectorAll("text")].map((text) => [text.textContent.trim(), text.getBoundingClientRect()]);
-      const texts = seen.filter(([, box]) => box.width > 0);
-      return texts.flatMap(([words, a], i) =>
-        texts
-          .slice(i + 1)
-          .filter(([, b]) => {
-            const across = Math.min(a.right, b.right) - Math.max(a.left, b.left);
-            const down = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
-            // Boxes of letters have some air at the top and at the bottom.
-            return across > 1 && down > 0.35 * Math.min(a.height, b.height);
-          })
-          .map(([other]) => `${words} | ${other}`),
-      );
     }),
   );
 

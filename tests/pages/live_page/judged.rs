@@ -4,7 +4,6 @@ use std::sync::Arc;
 
 use gusset::catalog::limit::{Kind, Limit};
 use gusset::engine::{Experiment, Glimpse, Phase, PhaseCell, StartupSettings};
-use gusset::monitor::{About, Board, Snapshot, Subject, Tap, metrics};
 use gusset::port::limits::{AxisLimits, Bound, Range};
 use gusset::port::{Axis, Order, Port, Reference, Zero};
 use gusset::record::{Event, Onlooker, Progress};
@@ -12,6 +11,7 @@ use gusset::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
 };
 use gusset::time::{Nanos, SimClock};
+use gusset::view::live::{About, Board, Snapshot, Subject, Tap, metrics};
 
 use super::exposition;
 use crate::common::engine::{prepare, run_on};

@@ -1,8 +1,8 @@
-//! The listening end: a bounded number of connections, each with a small buffer, and none without an answer for long.
+//! The listener of the live page: a bounded number of connections, each with a small buffer and a timeout.
 //!
 //! A connection takes a file descriptor and memory; neither may run out because of viewers. Every connection is accepted at once,
-//! so that a STOP never waits behind others: where there are too many, one that asks nothing just now is closed for it.
-//! Viewers never have all places ([`MOST_VIEWERS`] of [`MOST`]); the others are for requests that are answered at once.
+//! so that a STOP never waits behind others. If there are too many, the listener closes an idle one.
+//! Viewers never use all connections ([`MOST_VIEWERS`] of [`MOST`]); the others are for requests that are answered at once.
 
 use std::io;
 use std::net::{IpAddr, SocketAddr};
@@ -23,31 +23,30 @@ use crate::rt::os::monotonic_ns;
 
 /// Connections at the same time.
 const MOST: usize = 96;
-/// Connections of one address that ask nothing just now.
+/// Idle connections of one address.
 const MOST_IDLE_OF_ONE: usize = 16;
 /// Viewers at the same time.
 pub(super) const MOST_VIEWERS: usize = 64;
-/// Bytes that the system may keep for one viewer: a slow one skips instead of reading what was long ago.
+/// Bytes that the system may keep for one viewer: a slow viewer skips old data.
 const SEND_BUFFER: usize = 128 << 10;
-/// How long a caller stays who has not asked anything: who is silent, or does not come to the end of his first request. Whoever waits
-/// at the door, with a STOP perhaps, waits no longer.
+/// Time after which a connection without a complete first request is closed. A client that waits for a free connection,
+/// perhaps with a STOP, waits no longer than this.
 const NOTHING_ASKED: Duration = Duration::from_secs(3);
-/// How long a caller stays who is told nothing more: who asks no more, or takes nothing. A viewer is told something ten times a
-/// second.
-const NOTHING_TOLD: Duration = Duration::from_secs(20);
-/// How long what was sent may stay without an answer of the other machine, ms.
+/// Time after which a connection is closed to which nothing was written. The server writes to a viewer ten times a second.
+const NOTHING_WRITTEN: Duration = Duration::from_secs(20);
+/// Longest time without an acknowledgement of sent data, ms.
 const NO_ANSWER_MS: u32 = 30_000;
-/// Pause after a listener that fails, for want of descriptors for example.
+/// Pause after a failed `accept`, for example without free descriptors.
 const PAUSE: Duration = Duration::from_millis(200);
 
-/// The listening end.
+/// Accepts connections, and closes idle ones if there are too many.
 #[derive(Debug)]
-pub(super) struct Door {
+pub(super) struct WebListener {
     listener: TcpListener,
-    places: Arc<Places>,
+    places: Arc<OpenConnections>,
 }
 
-impl Door {
+impl WebListener {
     pub fn new(listener: TcpListener) -> Self {
         Self {
             listener,
@@ -56,11 +55,11 @@ impl Door {
     }
 }
 
-impl Listener for Door {
-    type Io = Caller;
+impl Listener for WebListener {
+    type Io = ClientStream;
     type Addr = SocketAddr;
 
-    async fn accept(&mut self) -> (Caller, SocketAddr) {
+    async fn accept(&mut self) -> (ClientStream, SocketAddr) {
         // Earlier connections get a chance to send their request: a connection with a request is not closed.
         for _ in 0..2 {
             tokio::task::yield_now().await;
@@ -68,11 +67,11 @@ impl Listener for Door {
         loop {
             match self.listener.accept().await {
                 Ok((stream, peer)) => {
-                    // What is refused is a comfort and nothing more.
+                    // The connection works without these options.
                     let _ = rustix::net::sockopt::set_socket_send_buffer_size(&stream, SEND_BUFFER);
                     let _ = rustix::net::sockopt::set_tcp_user_timeout(&stream, NO_ANSWER_MS);
                     let _ = stream.set_nodelay(true);
-                    return (Caller::new(self.places.take(stream, peer)), peer);
+                    return (ClientStream::new(self.places.take(stream, peer)), peer);
                 }
                 Err(_) => tokio::time::sleep(PAUSE).await,
             }
@@ -84,17 +83,17 @@ impl Listener for Door {
     }
 }
 
-/// The connections that are open, in the order in which they came.
+/// Open connections, the oldest first.
 #[derive(Debug, Default)]
-struct Places(Mutex<Vec<Arc<Connection>>>);
+struct OpenConnections(Mutex<Vec<Arc<Connection>>>);
 
-impl Places {
+impl OpenConnections {
     fn all(&self) -> MutexGuard<'_, Vec<Arc<Connection>>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A place for a newcomer, for as long as what is returned lives.
-    fn take(self: &Arc<Self>, stream: TcpStream, peer: SocketAddr) -> Place {
+    /// Registers a connection until the returned slot is dropped.
+    fn take(self: &Arc<Self>, stream: TcpStream, peer: SocketAddr) -> ConnectionSlot {
         let connection = Arc::new(Connection {
             stream,
             peer,
@@ -102,25 +101,25 @@ impl Places {
             idle_since_ns: AtomicU64::new(monotonic_ns()),
         });
         let mut all = self.all();
-        while let Some(index) = gives_way(&all, peer.ip()) {
+        while let Some(index) = connection_to_close(&all, peer.ip()) {
             all.remove(index).close();
         }
         all.push(Arc::clone(&connection));
-        Place {
+        ConnectionSlot {
             connection,
             places: Arc::clone(self),
         }
     }
 }
 
-/// The connection to close for a newcomer, if one must be: the longest idle one of the most crowded address.
-fn gives_way(all: &[Arc<Connection>], newcomer: IpAddr) -> Option<usize> {
+/// The connection to close before another is accepted: the longest idle one of the address with the most idle connections.
+fn connection_to_close(all: &[Arc<Connection>], new_peer: IpAddr) -> Option<usize> {
     let idle_of = |ip: IpAddr| {
         let idle = all.iter().filter(|one| one.is_idle());
         idle.filter(|one| one.peer.ip() == ip).count()
     };
-    let crowd = if idle_of(newcomer) >= MOST_IDLE_OF_ONE {
-        newcomer
+    let crowd = if idle_of(new_peer) >= MOST_IDLE_OF_ONE {
+        new_peer
     } else if all.len() >= MOST {
         let idle = all.iter().filter(|one| one.is_idle());
         idle.map(|one| one.peer.ip())
@@ -142,15 +141,15 @@ pub(super) struct Connection {
     pub peer: SocketAddr,
     /// Requests that are being answered.
     requests: AtomicU32,
-    /// When the last of them was answered, or when it came.
+    /// Time of the last answer, or of the connection.
     idle_since_ns: AtomicU64,
 }
 
 impl Connection {
-    /// A request is answered on it for as long as what is returned lives.
-    pub fn asks(self: &Arc<Self>) -> Asking {
+    /// Counts a request as pending until the returned value is dropped.
+    pub fn asks(self: &Arc<Self>) -> PendingRequest {
         self.requests.fetch_add(1, Ordering::Relaxed);
-        Asking(Arc::clone(self))
+        PendingRequest(Arc::clone(self))
     }
 
     fn is_idle(&self) -> bool {
@@ -168,16 +167,16 @@ impl Connection {
 
     /// Closes the connection under its task.
     fn close(&self) {
-        // One that is closed already is as good.
+        // It may be closed already.
         let _ = rustix::net::shutdown(&self.stream, rustix::net::Shutdown::Both);
     }
 }
 
-/// A request that is being answered.
+/// Counts as a pending request of its connection until it is dropped.
 #[derive(Debug)]
-pub(super) struct Asking(Arc<Connection>);
+pub(super) struct PendingRequest(Arc<Connection>);
 
-impl Drop for Asking {
+impl Drop for PendingRequest {
     fn drop(&mut self) {
         let now = monotonic_ns();
         self.0.idle_since_ns.store(now, Ordering::Relaxed);
@@ -185,39 +184,39 @@ impl Drop for Asking {
     }
 }
 
-/// The place of one connection, which is free again when this is dropped.
+/// The entry of one connection, removed when this is dropped.
 #[derive(Debug)]
-struct Place {
+struct ConnectionSlot {
     connection: Arc<Connection>,
-    places: Arc<Places>,
+    places: Arc<OpenConnections>,
 }
 
-impl Drop for Place {
+impl Drop for ConnectionSlot {
     fn drop(&mut self) {
         let mut all = self.places.all();
         all.retain(|one| !Arc::ptr_eq(one, &self.connection));
     }
 }
 
-/// Our end of one connection.
+/// Server side of one connection.
 #[derive(Debug)]
-pub(super) struct Caller {
-    place: Place,
-    /// Something was read, and nothing written since.
+pub(super) struct ClientStream {
+    place: ConnectionSlot,
+    /// Data was read, and nothing written since.
     unanswered: bool,
     /// Wakes the reader once the answer is written: only then the reader sees the end of the stream.
     at_the_end: Option<Waker>,
-    /// Until something is told to it.
-    untold: Pin<Box<Sleep>>,
+    /// Timeout until the next write.
+    no_progress: Pin<Box<Sleep>>,
 }
 
-impl Caller {
-    fn new(place: Place) -> Self {
+impl ClientStream {
+    fn new(place: ConnectionSlot) -> Self {
         Self {
             place,
             unanswered: false,
             at_the_end: None,
-            untold: Box::pin(tokio::time::sleep(NOTHING_ASKED)),
+            no_progress: Box::pin(tokio::time::sleep(NOTHING_ASKED)),
         }
     }
 
@@ -225,10 +224,12 @@ impl Caller {
         &self.place.connection.stream
     }
 
-    /// Something was told, or was not.
-    fn note(&mut self, told: &Poll<io::Result<usize>>) {
-        if matches!(told, Poll::Ready(Ok(count)) if *count > 0) {
-            self.untold.as_mut().reset(Instant::now() + NOTHING_TOLD);
+    /// Restarts the timeout after a write.
+    fn note(&mut self, written: &Poll<io::Result<usize>>) {
+        if matches!(written, Poll::Ready(Ok(count)) if *count > 0) {
+            self.no_progress
+                .as_mut()
+                .reset(Instant::now() + NOTHING_WRITTEN);
             self.unanswered = false;
             self.at_the_end.take().into_iter().for_each(Waker::wake);
         }
@@ -267,7 +268,7 @@ impl Caller {
     }
 }
 
-impl AsyncRead for Caller {
+impl AsyncRead for ClientStream {
     fn poll_read(
         mut self: Pin<&mut Self>,
         cx: &mut Context<'_>,
@@ -284,14 +285,14 @@ impl AsyncRead for Caller {
             }
             _ => {}
         }
-        if read.is_pending() && self.untold.as_mut().poll(cx).is_ready() {
+        if read.is_pending() && self.no_progress.as_mut().poll(cx).is_ready() {
             return Poll::Ready(Err(io::ErrorKind::TimedOut.into()));
         }
         read
     }
 }
 
-impl AsyncWrite for Caller {
+impl AsyncWrite for ClientStream {
     fn poll_write(
         self: Pin<&mut Self>,
         cx: &mut Context<'_>,
@@ -305,9 +306,9 @@ impl AsyncWrite for Caller {
         cx: &mut Context<'_>,
         parts: &[io::IoSlice<'_>],
     ) -> Poll<io::Result<usize>> {
-        let told = self.poll_write_now(cx, parts);
-        self.note(&told);
-        told
+        let written = self.poll_write_now(cx, parts);
+        self.note(&written);
+        written
     }
 
     fn is_write_vectored(&self) -> bool {
@@ -324,12 +325,12 @@ impl AsyncWrite for Caller {
     }
 }
 
-/// Who calls.
+/// The connection of a request.
 #[derive(Debug, Clone)]
 pub(super) struct Peer(pub Arc<Connection>);
 
-impl Connected<IncomingStream<'_, Door>> for Peer {
-    fn connect_info(stream: IncomingStream<'_, Door>) -> Self {
+impl Connected<IncomingStream<'_, WebListener>> for Peer {
+    fn connect_info(stream: IncomingStream<'_, WebListener>) -> Self {
         Self(Arc::clone(&stream.io().place.connection))
     }
 }

@@ -1,4 +1,4 @@
-//! Who may look and who may operate: tokens, and the names under which this server answers.
+//! Permission to view and to operate: tokens, and the host names that the server accepts.
 //!
 //! A browser can be made to send requests here by any other page that it has open. Three things keep such a page out: it
 //! can read nothing (no CORS header is ever sent), it cannot name this server (the `Host` must be an address, `localhost`
@@ -19,9 +19,9 @@ use crate::rt::secret_file::{SecretError, open_secret};
 const LETTERS: &[u8; 32] = b"abcdefghjkmnpqrstuvwxyz123456789";
 /// Letters of a token that is made here: 100 bits.
 const LENGTH: usize = 20;
-/// Least letters of a token that is given.
+/// Fewest characters of a token from a file.
 const SHORTEST: usize = 16;
-/// Most of them.
+/// Most characters of such a token.
 const LONGEST: usize = 256;
 
 /// A secret that is compared in constant time. It is shown once, where the test was started.
@@ -136,7 +136,7 @@ impl Token {
         }
     }
 
-    /// As it is told to a person.
+    /// The token as a user sees it.
     #[must_use]
     pub fn text(&self) -> &str {
         &self.text
@@ -149,13 +149,13 @@ impl Token {
     }
 }
 
-/// Why a request is turned away.
+/// Reason for a refused request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Refusal(pub StatusCode, pub &'static str);
 
-/// The rules.
+/// Checks of host name, origin and tokens.
 #[derive(Debug)]
-pub(super) struct Gate {
+pub(super) struct AccessRules {
     loopback: bool,
     names: Vec<String>,
     control: Token,
@@ -179,7 +179,7 @@ const NO_CONTROL: Refusal = Refusal(
     "the control token is missing or wrong",
 );
 
-impl Gate {
+impl AccessRules {
     pub fn new(bound: IpAddr, name: Option<String>, control: Token, view: Option<Token>) -> Self {
         let own = rustix::system::uname();
         let own = own.nodename().to_string_lossy().into_owned();
@@ -229,13 +229,13 @@ impl Gate {
         }
     }
 
-    /// Whether the request may look.
+    /// Whether the request may view the test.
     pub fn view(&self, headers: &HeaderMap) -> Result<(), Refusal> {
         self.origin(headers)?;
         let Some(view) = &self.view else {
             return Ok(());
         };
-        // Who may operate may look.
+        // The control token permits viewing too.
         match bearer(headers) {
             Some(found) if view.is(found) || self.control.is(found) => Ok(()),
             _ => Err(NO_VIEW),
@@ -288,12 +288,12 @@ fn is_port(text: &str) -> bool {
 mod tests {
     use super::*;
 
-    fn gate(bound: &str, view: bool) -> (Gate, Token, Token) {
+    fn rules(bound: &str, view: bool) -> (AccessRules, Token, Token) {
         let (control, looking) = (Token::random().unwrap(), Token::random().unwrap());
         let view = view.then(|| looking.clone());
         let name = Some("lab-pc".to_owned());
-        let gate = Gate::new(bound.parse().unwrap(), name, control.clone(), view);
-        (gate, control, looking)
+        let rules = AccessRules::new(bound.parse().unwrap(), name, control.clone(), view);
+        (rules, control, looking)
     }
 
     fn headers(all: &[(&'static str, &str)]) -> HeaderMap {
@@ -306,8 +306,8 @@ mod tests {
 
     #[test]
     fn only_addresses_and_own_names_are_answered_so_that_a_rebound_name_is_not() {
-        let (near, ..) = gate("127.0.0.1", false);
-        let (far, ..) = gate("0.0.0.0", true);
+        let (near, ..) = rules("127.0.0.1", false);
+        let (far, ..) = rules("0.0.0.0", true);
         for (host, at_loopback, beyond) in [
             ("127.0.0.1:4824", true, true),
             ("localhost:9000", true, true),
@@ -334,7 +334,7 @@ mod tests {
 
     #[test]
     fn another_site_can_neither_look_nor_operate_even_with_the_token() {
-        let (gate, control, _) = gate("127.0.0.1", false);
+        let (rules, control, _) = rules("127.0.0.1", false);
         let bearer = format!("Bearer {}", control.text());
         let with = |more: &[(&'static str, &str)]| {
             let mut all = vec![
@@ -342,7 +342,7 @@ mod tests {
                 ("authorization", bearer.as_str()),
             ];
             all.extend(more);
-            gate.control(&headers(&all))
+            rules.control(&headers(&all))
         };
         assert_eq!(with(&[]), Ok(()), "a program that is no browser");
         assert_eq!(with(&[("origin", "http://localhost:4824")]), Ok(()));
@@ -361,8 +361,8 @@ mod tests {
 
     #[test]
     fn looking_beyond_loopback_and_operating_anywhere_need_their_tokens() {
-        let (near, control, _) = gate("127.0.0.1", false);
-        let (far, far_control, view) = gate("10.0.0.5", true);
+        let (near, control, _) = rules("127.0.0.1", false);
+        let (far, far_control, view) = rules("10.0.0.5", true);
         let asked = |token: Option<&str>| match token {
             Some(token) => headers(&[
                 ("host", "localhost"),

@@ -4,22 +4,21 @@
 //! loop → ring → writer ─ Tap (present values, peaks, 60 bins a second) → Board ← page, terminal, metrics
 //! ```
 //!
-//! Invariants. The loop does not know that it is watched: rows are looked at where they leave the ring for the file anyway.
-//! The writer never waits for a looker: the [`Board`] is tried, not waited for. Every looker takes what it can and
-//! skips the rest; nothing queues without bound. Requests of an operator go the same way as those of
+//! Invariants. The loop does not know of viewers: the writer reads the rows on their way from the ring to the file.
+//! The writer never waits for a viewer: it tries the lock of the [`Board`]. A slow viewer skips data; no queue grows without
+//! bound. Requests of an operator go the same way as those of
 //! `gusset hold RUN_DIR`: through the bounded channel that the loop polls once a tick.
 //!
-//! What it does not do: judge. Limits are kept by the loop; here their levels and the present values are only shown, reckoned as
-//! the loop does it.
+//! The loop keeps the limits. The page only shows their levels and the present values, computed as the loop computes them.
 //!
 //! | file | holds |
 //! |---|---|
-//! | `subject`, `marks` | what is watched: names, units, places in a row; limits |
-//! | `tap`, `specimen`, `axis`, `latency` | the look at the rows: one row, one specimen, one axis, the timing columns |
-//! | `trip` | the look at the events: why a test has tripped |
+//! | `subject`, `marks` | the test on the page: names, units, places in a row; limits |
+//! | `tap`, `specimen`, `axis`, `latency` | reading the rows: one row, one specimen, one axis, the timing columns |
+//! | `trip` | reading the events: why a test has tripped |
 //! | `history` | the course of the test, thinned without losing a peak |
-//! | `board` | where the writer puts up what he sees |
-//! | `metrics`, `exposition` | what Prometheus is told, and the form of that text |
+//! | `board` | present state, from the writer to the viewers |
+//! | `metrics`, `exposition` | metrics for Prometheus, and their text format |
 //! | `page` (feature `monitor`) | the live page: server, viewers, operators |
 
 mod axis;

@@ -18,24 +18,24 @@ use futures_core::Stream;
 use serde_json::{Value, json};
 use tokio::time::{Interval, MissedTickBehavior};
 
-use super::door::Asking;
+use super::connections::PendingRequest;
 use crate::engine::{Glimpse, Phase};
-use crate::monitor::board::Board;
-use crate::monitor::history::{Bin, RECENT};
-use crate::monitor::latency::BOUNDS;
-use crate::monitor::metrics::FLAGS;
 use crate::rt::os::monotonic_ns;
+use crate::view::live::board::Board;
+use crate::view::live::history::{Bin, RECENT};
+use crate::view::live::latency::BOUNDS;
+use crate::view::live::metrics::FLAGS;
 
 /// Time between two events for one viewer.
 const PACE: Duration = Duration::from_millis(33);
-/// Time between two looks at the board, ns: a little less.
+/// Least time between two reads of the board, ns; a little less than `PACE`.
 const LOOK_NS: u64 = 30_000_000;
 /// Time between two states, ns.
 const STATE_NS: u64 = 95_000_000;
 /// Bins in one event at most.
 const MOST_BINS: usize = 1200;
 
-/// What all viewers share.
+/// Text of the events, made once for all viewers.
 #[derive(Debug)]
 pub(super) struct Feed {
     pub board: Arc<Board>,
@@ -47,7 +47,7 @@ pub(super) struct Feed {
     report_key: Box<str>,
 }
 
-/// What has been made of the board so far.
+/// Events made of the board so far.
 #[derive(Debug, Default)]
 struct Made {
     looked_ns: u64,
@@ -108,8 +108,8 @@ impl Feed {
         let mut made = self.made();
         let now = monotonic_ns();
         let ended = self.board.ended();
-        let news = ended.is_some() != made.ended;
-        if !news && now.saturating_sub(made.looked_ns) < LOOK_NS {
+        let has_just_ended = ended.is_some() != made.ended;
+        if !has_just_ended && now.saturating_sub(made.looked_ns) < LOOK_NS {
             return made;
         }
         made.looked_ns = now;
@@ -125,7 +125,7 @@ impl Feed {
         let over = made.bins.len().saturating_sub(RECENT);
         made.bins.drain(..over);
         let seen = Some(self.board.glimpse());
-        if news || seen != made.seen || now.saturating_sub(made.state_ns) >= STATE_NS {
+        if has_just_ended || seen != made.seen || now.saturating_sub(made.state_ns) >= STATE_NS {
             (made.state_ns, made.seen, made.ended) = (now, seen, ended.is_some());
             made.state = self.state(now).to_string().into();
             made.version += 1;
@@ -155,7 +155,7 @@ impl Feed {
         })
     }
 
-    /// What a viewer is told first.
+    /// The first event of a viewer.
     fn hello(&self) -> (u64, String) {
         let whole: Vec<Bin> = self
             .board
@@ -226,7 +226,7 @@ fn text_of(bin: &Bin) -> Box<str> {
 pub(super) struct Viewer {
     feed: Arc<Feed>,
     /// Its connection is not idle.
-    _asking: Asking,
+    _asking: PendingRequest,
     pace: Interval,
     /// Number of the next bin to send; none before the greeting.
     next: Option<u64>,
@@ -235,7 +235,7 @@ pub(super) struct Viewer {
 }
 
 impl Viewer {
-    pub fn new(feed: Arc<Feed>, asking: Asking) -> Self {
+    pub fn new(feed: Arc<Feed>, asking: PendingRequest) -> Self {
         feed.viewers.fetch_add(1, Ordering::Relaxed);
         let mut pace = tokio::time::interval(PACE);
         pace.set_missed_tick_behavior(MissedTickBehavior::Delay);

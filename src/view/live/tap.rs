@@ -1,4 +1,4 @@
-//! The look at the rows, on the writer's thread: present values, peaks, counts, and the thinned history.
+//! Reads the rows on the writer's thread: present values, peaks, counts, and the thinned history.
 //!
 //! It allocates sixty times a second and never waits: what the board does not take now it takes at the next turn.
 
@@ -28,10 +28,10 @@ const SNAPSHOT_NS: u64 = 50_000_000;
 const RECENT_NS: u64 = 10_000_000_000;
 /// Bins that may wait for the board.
 const WAITING: usize = 512;
-/// Reasons of a trip that are told at most.
+/// Most causes of a trip that are kept.
 const MOST_TRIPS: usize = 16;
 
-/// Looks at every row of a test and keeps a [`Board`] up to date.
+/// Reads every row of a test and keeps a [`Board`] up to date.
 #[derive(Debug)]
 pub struct Tap {
     board: Arc<Board>,
@@ -44,7 +44,7 @@ pub struct Tap {
     timing: Vec<Latency>,
     seen: Seen,
     trips: Vec<Trip>,
-    /// An event of its own has told of the trip that the next phase has.
+    /// An event has already reported the trip of the next phase.
     is_told: bool,
     recent: RecentMisses,
     last_snapshot_ns: u64,
@@ -222,7 +222,7 @@ impl Tap {
     }
 
     fn count_timing(&mut self, row: &[f64]) {
-        // While the specimens are led to where the test begins nobody is promised a deadline.
+        // No deadline counts while specimens move to the start of the test.
         if self.seen.state != Phase::Running.code() && self.seen.state <= Phase::Armed.code() {
             return;
         }
@@ -349,7 +349,7 @@ impl Onlooker for Tap {
 
     fn finish(&mut self, now_ns: u64, progress: &Progress) {
         self.close_bin();
-        // Nobody holds the board for longer than it takes to copy; the loop has ended, and so there is time.
+        // Viewers hold the lock only to copy, and the loop has ended, so this may wait.
         while !self.waiting.is_empty() {
             self.board.try_append(&mut self.waiting);
             std::thread::yield_now();

@@ -1,5 +1,5 @@
-//! The board between the writer, who puts up what he sees, and whoever looks at it. Nobody waits at it: the writer
-//! tries and comes again in two milliseconds, and lookers hold it only to copy.
+//! The board: the writer puts the present state there, and viewers copy it. The writer never waits for the lock: it tries
+//! again two milliseconds later.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 
@@ -16,7 +16,7 @@ use crate::text::printable;
 
 /// Time over which the stiffest tangent is kept: once to twice this, ns.
 pub(super) const WINDOW_NS: u64 = 1_000_000_000;
-/// Least time between two looks for the limit of λ, ns: no tangent is forgotten before one.
+/// Least time between two computations of the limit of λ, ns: every tangent enters at least one.
 pub(super) const MARGIN_EVERY_NS: u64 = WINDOW_NS / 2;
 
 /// Where a test stands, as far as rows tell.
@@ -60,7 +60,7 @@ pub struct Snapshot {
     pub specimens: Vec<SpecimenView>,
     /// The limits of the test as a whole, in order: present value and largest.
     pub test: Vec<[f64; 2]>,
-    /// Why it has tripped, in the order in which it was told; empty as long as it has not.
+    /// Causes of the trip, in the order of their events; empty without a trip.
     pub trips: Vec<Trip>,
 }
 
@@ -189,7 +189,7 @@ impl Board {
         lock(&self.ended).clone()
     }
 
-    /// Tells how it ended. The room of λ of its last while is found when it is looked at next.
+    /// Records how the test ended. The next reader computes the last margin of λ.
     pub fn end(&self, mut ended: Ended) {
         ended.reason = printable(&ended.reason);
         lock(&self.margin).0 = 0;
@@ -201,14 +201,14 @@ impl Board {
         look(&lock(&self.history))
     }
 
-    /// Puts bins up if nobody is just looking; they are taken out of `bins` then.
+    /// Moves `bins` into the history, unless a viewer holds the lock.
     pub(super) fn try_append(&self, bins: &mut Vec<Bin>) {
         if let Some(mut history) = try_lock(&self.history) {
             bins.drain(..).for_each(|bin| history.push(bin));
         }
     }
 
-    /// Puts up where the test stands if nobody is just looking.
+    /// Shows the snapshot, unless a viewer holds the lock.
     pub(super) fn try_show(&self, snapshot: Snapshot) -> bool {
         match try_lock(&self.latest) {
             Some(mut latest) => {
@@ -219,8 +219,8 @@ impl Board {
         }
     }
 
-    /// The room that λ has with the tangents of the last while; none without a proof. Found anew once a while at most, on the
-    /// caller's thread: who calls it as often misses none.
+    /// Margin of λ with the recent tangents; none without a proof. It is computed on the thread of the caller, at most once
+    /// per [`MARGIN_EVERY_NS`]. A caller at least as frequent misses no tangent.
     pub fn margin(&self, now_ns: u64) -> Option<Margin> {
         let online = self.online.as_ref()?;
         let mut guard = lock(&self.margin);
@@ -239,7 +239,7 @@ impl Board {
         }
         *known
     }
-    /// The same without looking for it.
+    /// The margin without a new computation.
     #[cfg(all(test, feature = "monitor"))]
     pub(super) fn known_margin(&self) -> Option<Margin> {
         lock(&self.margin).1

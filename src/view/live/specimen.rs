@@ -57,7 +57,7 @@ impl SpecimenTap {
         let is_silent = [Status::STALE, Status::LOST, Status::OWED]
             .into_iter()
             .any(|flag| status.has(flag));
-        // One that is commanded once a step gives each command one answer; the first of the test cannot be told from that before.
+        // A specimen with one command per step answers each once. The first answer of the test equals the one before it.
         let answers = follows && !begins && newest != self.newest;
         let by_steps = in_test && specimen.per_step;
         let exchanges = at(row, specimen.exchanges) as u64;

@@ -1,4 +1,4 @@
-//! What is served under which path, and what stands in the head of every answer.
+//! Paths of the server, and the headers of every answer.
 
 use std::future::Future;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -13,27 +13,27 @@ use axum::routing::{get, post};
 use crossbeam_channel::Sender;
 use serde_json::json;
 
-use super::door::{Connection, Door, MOST_VIEWERS, Peer};
+use super::access::{AccessRules, Refusal};
+use super::connections::{Connection, MOST_VIEWERS, Peer, WebListener};
 use super::feed::{Feed, Viewer};
-use super::gate::{Gate, Refusal};
 use crate::assets;
 use crate::engine::{Glimpse, Operator, Phase};
-use crate::monitor::metrics::metrics;
 use crate::record::{Event, Note, Word};
 use crate::rt::os::monotonic_ns;
+use crate::view::live::metrics::metrics;
 
-/// Everything that answers.
+/// State that all handlers share.
 #[derive(Debug)]
 pub(super) struct Site {
     pub feed: Arc<Feed>,
-    pub gate: Gate,
+    pub access: AccessRules,
     pub operator: Sender<Operator>,
     pub notes: Sender<Note>,
     pub refused: Refusals,
 }
 
-/// Requests that were turned away: the first ones are told one by one, then all together once in a while, for whoever sends
-/// them must not fill the record.
+/// Counts refused requests. The first ones are recorded one by one, later ones together at intervals, so that a client
+/// cannot fill the record.
 #[derive(Debug, Default)]
 pub(super) struct Refusals(Mutex<Refused>);
 
@@ -45,7 +45,7 @@ struct Refused {
 }
 
 impl Refusals {
-    /// One more; the number since they were told of last, if they are to be told now.
+    /// Counts one; returns the number since the last record if another record is due.
     fn count(&self, now: u64) -> Option<u64> {
         let mut refused = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         refused.untold += 1;
@@ -60,9 +60,9 @@ impl Refusals {
 
 type Shared = State<Arc<Site>>;
 
-/// Requests that were turned away and are told one by one.
+/// Refused requests that are recorded one by one.
 const ONE_BY_ONE: u64 = 20;
-/// Time between two notes on what was turned away after them, ns.
+/// Time between two records of later ones, ns.
 const TELL_NS: u64 = 10_000_000_000;
 
 /// The page loads scripts and styles from this server only and runs nothing inline. It is not shown in a frame.
@@ -88,7 +88,11 @@ const ICON: &str = "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 16 1
                     fill=\"#2a6fb0\"/></svg>";
 
 /// Serves until `end`, and then until the last connection is done.
-pub(super) async fn serve(door: Door, site: Site, end: impl Future<Output = ()> + Send + 'static) {
+pub(super) async fn serve(
+    listener: WebListener,
+    site: Site,
+    end: impl Future<Output = ()> + Send + 'static,
+) {
     let site = Arc::new(site);
     let text = |kind: &'static str, body: &'static str| {
         get(move || async move { ([(header::CONTENT_TYPE, kind)], body) })
@@ -123,7 +127,9 @@ pub(super) async fn serve(door: Door, site: Site, end: impl Future<Output = ()> 
         .layer(from_fn_with_state(Arc::clone(&site), guard))
         .with_state(site);
     let service = routes.into_make_service_with_connect_info::<Peer>();
-    let _never_fails = axum::serve(door, service).with_graceful_shutdown(end).await;
+    let _never_fails = axum::serve(listener, service)
+        .with_graceful_shutdown(end)
+        .await;
 }
 
 /// The name by which we were called, before anything else; the heads, after everything else.
@@ -134,7 +140,7 @@ async fn guard(
     next: Next,
 ) -> Response {
     let _asking = connection.asks();
-    let mut response = match site.gate.host(request.headers()) {
+    let mut response = match site.access.host(request.headers()) {
         Ok(()) => next.run(request).await,
         Err(refusal) => refusal.into_response(),
     };
@@ -164,7 +170,7 @@ async fn stream(
     ConnectInfo(Peer(connection)): ConnectInfo<Peer>,
     headers: HeaderMap,
 ) -> Result<Response, Refusal> {
-    site.gate.view(&headers)?;
+    site.access.view(&headers)?;
     if site.feed.viewers() >= MOST_VIEWERS {
         return Err(TOO_MANY_VIEWERS);
     }
@@ -174,7 +180,7 @@ async fn stream(
 }
 
 async fn scrape(State(site): Shared, headers: HeaderMap) -> Result<Response, Refusal> {
-    site.gate.view(&headers)?;
+    site.access.view(&headers)?;
     let text = metrics(&site.feed.board, monotonic_ns(), site.feed.viewers());
     let kind = [(
         header::CONTENT_TYPE,
@@ -207,7 +213,7 @@ async fn operate(
     };
     // Without the token, no answer says which requests exist.
     let is_one = REQUESTS.contains(&what.as_str());
-    if let Err(refusal) = site.gate.control(&headers) {
+    if let Err(refusal) = site.access.control(&headers) {
         if is_one && let Some(times) = site.refused.count(monotonic_ns()) {
             let refused = Event::ControlRefused {
                 request: what.clone(),

@@ -9,7 +9,7 @@ use super::marks::share;
 use crate::engine::Phase;
 use crate::substructure::Status;
 
-/// All of it, as it stands at `now_ns` on the monotonic clock; `viewers` are looking.
+/// The metrics at `now_ns` on the monotonic clock, with the number of viewers.
 #[must_use]
 pub fn metrics(board: &Board, now_ns: u64, viewers: usize) -> String {
     let latest = board.latest();

@@ -3,18 +3,18 @@
 //! Bound before anything moves, so that a port in use is a mistake of usage; served from the moment at which the other threads
 //! have been put on their processors; open until every viewer has received the end and fetched the report, five seconds at most.
 //!
-//! | who | may |
+//! | client | may |
 //! |---|---|
-//! | anyone on this machine, if bound to loopback | look |
-//! | who has the viewing token, if bound to anything else | look |
-//! | who has the control token, wherever he is | HOLD, CONTINUE, CONFIRM, STOP |
+//! | any on this machine, if bound to loopback | view |
+//! | with the viewing token, if bound to another address | view |
+//! | with the control token, on any machine | HOLD, CONTINUE, CONFIRM, STOP |
 //!
 //! Tokens travel in a header, never in an address. There is no encryption: across a network that is not trusted the page
 //! belongs into a tunnel (`ssh -L`).
 
-mod door;
+mod access;
+mod connections;
 mod feed;
-mod gate;
 mod routes;
 
 use std::io;
@@ -27,18 +27,18 @@ use crossbeam_channel::Sender;
 use thiserror::Error;
 use tokio::sync::Notify;
 
-pub use gate::{Token, TokenError};
+pub use access::{Token, TokenError};
 
 use super::board::{Board, Ended, MARGIN_EVERY_NS};
 use crate::engine::Operator;
 use crate::record::{Event, Note};
 use crate::rt::os::monotonic_ns;
-use door::Door;
+use access::AccessRules;
+use connections::WebListener;
 use feed::Feed;
-use gate::Gate;
 use routes::{Refusals, Site};
 
-/// Where the page is if nobody says otherwise.
+/// Default port of the page.
 pub const USUAL_PORT: u16 = 4824;
 /// Longest time for which the server stays for viewers that have not yet received the end or fetched the report.
 const GRACE: Duration = Duration::from_secs(5);
@@ -124,7 +124,7 @@ pub struct LivePage {
 }
 
 impl LivePage {
-    /// Takes the port. `address` is what [`parse_address`] made; `view` is the token for looking beyond loopback, a
+    /// Takes the port. `address` is what [`parse_address`] made; `view` is the viewing token beyond loopback, a
     /// fresh one if none is given.
     ///
     /// # Errors
@@ -173,7 +173,7 @@ impl LivePage {
     pub fn link(&self) -> String {
         let mut shown = self.address;
         if shown.ip().is_unspecified() {
-            // Every address of this machine; whoever reads this sits at it.
+            // The page is at every address of this machine; the link is printed on this machine.
             shown.set_ip(IpAddr::V4(Ipv4Addr::LOCALHOST));
         }
         match &self.view {
@@ -188,7 +188,7 @@ impl LivePage {
         &self.control
     }
 
-    /// Whether anyone who reaches the address may look.
+    /// Whether viewing needs no token.
     #[must_use]
     pub const fn is_open(&self) -> bool {
         self.view.is_none()
@@ -218,7 +218,7 @@ impl LivePage {
         let report_key = Token::random()?;
         let site = Site {
             feed: Arc::new(Feed::new(Arc::clone(&board), report_key.text())),
-            gate: Gate::new(self.address.ip(), self.name, self.control, self.view),
+            access: AccessRules::new(self.address.ip(), self.name, self.control, self.view),
             operator,
             notes,
             refused: Refusals::default(),
@@ -229,7 +229,7 @@ impl LivePage {
             .spawn(move || {
                 // Behind the writer, with whom it may share a processor.
                 let _refused = rustix::process::setpriority_process(None, 10);
-                runtime.block_on(serve(Door::new(listener), site, asked));
+                runtime.block_on(serve(WebListener::new(listener), site, asked));
             })?;
         Ok(Serving {
             board,
@@ -239,26 +239,26 @@ impl LivePage {
     }
 }
 
-async fn serve(door: Door, site: Site, stop: Arc<Notify>) {
+async fn serve(listener: WebListener, site: Site, stop: Arc<Notify>) {
     let (ended, mut overdue) = tokio::sync::watch::channel(false);
     let shutdown = async move {
         stop.notified().await;
         let _nobody = ended.send(true);
-        // Held until the server is done: a closed channel would look like an end.
+        // Held until the server is done: a closed channel would count as an end.
         ended.closed().await;
     };
     let mut seen = overdue.clone();
     let feed = Arc::clone(&site.feed);
     let board = Arc::clone(&feed.board);
-    let room = async move {
-        // Whether anybody looks or not: the smallest so far is the smallest of the test.
+    let margin = async move {
+        // Also without viewers: the smallest margin so far is that of the whole test.
         let mut beat = tokio::time::interval(Duration::from_nanos(MARGIN_EVERY_NS / 2));
         loop {
             beat.tick().await;
             board.margin(monotonic_ns());
         }
     };
-    let server = routes::serve(door, site, async move {
+    let server = routes::serve(listener, site, async move {
         drop(seen.wait_for(|ended| *ended).await);
         feed.is_done().await;
     });
@@ -270,7 +270,7 @@ async fn serve(door: Door, site: Site, stop: Arc<Notify>) {
         // A listener that fails is tried again inside; the server ends only when it was asked to.
         () = server => {}
         () = patience => {}
-        () = room => {}
+        () = margin => {}
         () = shutdown => {}
     }
 }
@@ -356,11 +356,11 @@ mod tests {
 
     /// The board of a test, and the limit of λ for a specimen of stiffness [`STIFF`].
     fn board(phase: crate::engine::PhaseCell) -> (Arc<Board>, f64) {
-        use crate::monitor::{About, Subject};
+        use crate::view::live::{About, Subject};
 
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("test.toml");
-        let text = include_str!("../../../config/paper-4-2-hardening.toml");
+        let text = include_str!("../../../../config/paper-4-2-hardening.toml");
         std::fs::write(&path, text).unwrap();
         let loaded = crate::config::load(&path, &[]).unwrap();
         let prepared = crate::setup::build(&loaded).unwrap();
@@ -434,7 +434,7 @@ mod tests {
 
     #[test]
     fn the_room_of_lambda_is_found_also_while_nobody_looks() {
-        use crate::monitor::{AxisView, Snapshot};
+        use crate::view::live::{AxisView, Snapshot};
 
         let (board, limit) = board(crate::engine::PhaseCell::default());
         let stiff = AxisView {

@@ -27,7 +27,7 @@ pub struct Trip {
 }
 
 impl Trip {
-    /// What an event tells of a trip. What has no event of its own is told by the phase.
+    /// The trip that an event reports. A trip without an event follows from the phase.
     pub(super) fn of(event: &TimedEvent, subject: &Subject) -> Option<Self> {
         let names: Vec<String> = subject.specimens.iter().map(|s| s.name.clone()).collect();
         let line = EventLine::of_loop(event, &names);
@@ -118,12 +118,12 @@ mod tests {
 
     use super::*;
     use crate::engine::PhaseCell;
-    use crate::monitor::{About, Board, Tap, metrics};
     use crate::record::{Onlooker, Progress};
+    use crate::view::live::{About, Board, Tap, metrics};
 
     /// What is on the board after these events.
     fn seen(kinds: &[Event]) -> Arc<Board> {
-        let text = include_str!("../../config/frame-bouc-wen.toml").replace(
+        let text = include_str!("../../../config/frame-bouc-wen.toml").replace(
             "name = \"ground-storey\"",
             "name = \"ground-storey\"\nlimits = { command_disp_m = { trip = [-0.1, 0.1] } }",
         );
