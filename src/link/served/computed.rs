@@ -156,7 +156,7 @@ impl Substructure for Computed {
     }
 
     fn connect(&mut self) -> Result<Introduction, Unavailable> {
-        // What the test before left is forgotten when it is armed, if it does not remember.
+        // A specimen that does not remember forgets the test before when it is armed.
         let standing = if self.remembers {
             &self.committed
         } else {

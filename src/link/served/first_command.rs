@@ -17,14 +17,14 @@ const UNDECLARED_M: f64 = 1e-3;
 /// begins with the first step of that small motion.
 const BEGINS_WITHIN_M: f64 = 1e-3;
 
-/// What is known of the first commands of a session, and what is judged by it. Places are in the units of the axes.
+/// The position before the first commands of a session, by which they are judged. Positions are in the units of the axes.
 #[derive(Debug, Default)]
 pub(super) struct FirstCommand {
     /// Where the specimen stands, until the first command of a controller that did not say where that will be has passed.
     pub stands: Option<Vec<f64>>,
-    /// The same for what moves, whoever commands it.
+    /// Position of a specimen that moves, for every controller.
     pub leaves: Option<Vec<f64>>,
-    /// Of what moves: the number of the first command of a controller that asked to be armed, and where it said that it will be.
+    /// For a specimen that moves: the number of the first command of a controller that asked to be armed, and where it said that it will be.
     pub begins: Option<(u64, Vec<f64>)>,
     /// Test time of the first command since it was armed.
     goes_on_from: Option<f64>,
@@ -61,9 +61,8 @@ impl FirstCommand {
         Ok(())
     }
 
-    /// A test that goes on begins at its own speed. By that, as it is announced, the acceleration of the first command that moves is
-    /// judged, and not from the rest in which the specimen waited. What moves while test time stands still is none of it. Real-time:
-    /// yes.
+    /// A resumed test begins at its announced speed. The acceleration of its first command that moves is judged from that speed, not
+    /// from the rest in which the specimen waited. A motion while test time is constant does not count. Real-time: yes.
     pub fn take_up_pace(&mut self, command: &Command<'_>, elapsed: f64, port: &mut Port) {
         let from = *self.goes_on_from.get_or_insert(command.time);
         // A test that begins does so at rest.

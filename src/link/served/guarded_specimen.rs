@@ -36,7 +36,7 @@ impl Origin {
     }
 }
 
-/// Answers in a row in which a specimen may say that it holds: as many as a controller's loop puts up with at least.
+/// Answers in a row in which a specimen may say that it holds: as many as a controller's loop tolerates at least.
 const HOLDING_IN_A_ROW: u64 = 10;
 
 /// A specimen with its guard, and everything that is judged by it.
@@ -284,7 +284,7 @@ impl GuardedSpecimen {
         if let Some(time) = time {
             self.port.set_motion_time(time.own);
         }
-        // Our own small motions before the test are none of the controller's.
+        // The wiring check is not part of the controller's test.
         let is_theirs = origin == Origin::Controller;
         if is_theirs {
             self.first.judge(command, &self.port)?;
@@ -395,7 +395,7 @@ impl GuardedSpecimen {
         self.allowance.time_of(request, now)
     }
 
-    /// Warnings are told, and so is what trips beside the first; that ends the test.
+    /// Notes warnings and further trips. The first trip ends the test.
     fn heed(&mut self, found: Found) -> Result<(), Trip> {
         let mut untold = found.warning;
         while let Some(hit) = untold.take().or_else(|| self.port.next_untold()) {
@@ -442,7 +442,7 @@ impl GuardedSpecimen {
     }
 }
 
-// What it says.
+// Words and notes.
 impl GuardedSpecimen {
     /// A trip with what its link has to say.
     pub fn whole(&self, trip: Trip) -> String {
@@ -497,7 +497,7 @@ fn copy(from: &Measurement, to: &mut Measurement) {
     }
 }
 
-/// The first axis (from 0) on which a number is none. Real-time: yes.
+/// The first axis (from 0) with a number that is not finite. Real-time: yes.
 pub(super) fn not_finite(one: &[f64], other: &[f64]) -> Option<usize> {
     let mut pairs = one.iter().zip(other);
     pairs.position(|(one, other)| !(one.is_finite() && other.is_finite()))

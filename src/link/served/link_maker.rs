@@ -1,4 +1,4 @@
-//! The links of a gateway: each controller's test has a connection of its own.
+//! The links of a gateway: each controller's test has its own connection.
 //!
 //! It is made when the controller arms, and closed when its test is over. So the next test finds a gateway that owes nothing to the
 //! last one, and a specimen that was restarted meanwhile.
@@ -13,10 +13,10 @@ use crate::substructure::{
 };
 use crate::time::Nanos;
 
-/// How often it is asked whether a connection that is waited for is still wanted.
+/// Interval at which a wait for a connection checks that the test is still wanted.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 
-/// Why a specimen is not commanded whose place nobody knows: any first command might take it anywhere at once.
+/// Refusal of a specimen at an unknown position: a first command could move it by any distance at once.
 const NOBODY_KNOWS: &str = "its position is unknown: it does not report it, and no earlier test moved it; `stands_at_m` \
      in [specimen.link] says it, in m as each axis counts (or `computed = true`, that nothing moves there)";
 
@@ -87,14 +87,14 @@ impl LinkMaker {
         Ok(introduction)
     }
 
-    /// The test is over, and the specimen was told to go here last.
+    /// The test is over. The last command to the specimen was this one.
     pub(super) fn left_at(&self, disp: &[f64]) {
         self.whereabouts.ends(disp);
     }
 }
 
-/// Connects a link on a thread of its own, for it waits. One that is not wanted any more is left behind with its thread: its
-/// far end was told of nothing that could move, and its connection closes with it.
+/// Connects a link on a separate thread, because connecting waits. A connection that is not wanted any more is left to its thread:
+/// its far end received no command, and the connection closes when the thread ends.
 fn connected(
     mut link: Box<dyn Substructure>,
     wanted: &mut Wanted<'_>,

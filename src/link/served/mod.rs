@@ -1,5 +1,5 @@
-//! What stands behind a server, whatever the server speaks: a specimen that is computed here, or one across another link, which
-//! makes the server a gateway.
+//! The specimen of a server of any protocol: computed in this process, or behind another link. With a link the server is a
+//! gateway.
 //!
 //! A [`ServedSpecimen`] is what a server commands. It is a [`crate::port::Port`] whose commands are received: the same guard judges
 //! them, and the same exchange sends them, as in the loop. Beside the port stand what only a server needs: the speed allowance, the

@@ -1,4 +1,4 @@
-//! Before a controller's first command: connection, comparison with what is believed, wiring check, arming.
+//! Before a controller's first command: connection, comparison with the file, wiring check, arming.
 
 use super::guarded_specimen::{GuardedSpecimen, Origin, not_finite};
 use super::link_maker::LinkMaker;
@@ -16,7 +16,7 @@ pub(super) struct Readiness<'a> {
     served: &'a mut GuardedSpecimen,
     links: Option<&'a LinkMaker>,
     controller: &'a Controller,
-    /// What whoever watches should know.
+    /// Messages for the operator of the server.
     told: Vec<String>,
 }
 
@@ -102,7 +102,7 @@ impl<'a> Readiness<'a> {
         links.located(introduction)
     }
 
-    /// What the specimen says of itself beside what is believed of it.
+    /// Compares the specimen's introduction with the file.
     fn compare(&mut self, introduction: &Introduction) -> Result<(), TestEnd> {
         for warning in self.doubts(introduction)? {
             self.served.note(Remark::Warning, &warning);
@@ -120,7 +120,7 @@ impl<'a> Readiness<'a> {
             let text = "its end does not say that it measures displacement: what is passed on as measured may be the command";
             self.served.note(Remark::Warning, text);
         }
-        // What is measured is never quite what was commanded: the first command is judged as a step from there.
+        // A measured position differs a little from each command: the first command is judged as a step from the measured one.
         if !introduction.measured
             && let Some(text) = elsewhere(&introduction.standing, &self.controller.start)
         {
@@ -164,7 +164,7 @@ impl<'a> Readiness<'a> {
     }
 
     /// Where the first command leads away from: where the controller says that it will be, else where the specimen says
-    /// that it stands. What is computed elsewhere without a word of its own is believed to stand at zero.
+    /// that it is. A computed specimen that does not report its position is assumed at zero.
     fn start(&self, introduction: &Introduction) -> Vec<f64> {
         let axes = self.served.port.axes();
         let known = [&self.controller.start, &introduction.standing];
@@ -172,8 +172,8 @@ impl<'a> Readiness<'a> {
         known.cloned().unwrap_or_else(|| vec![0.0; axes])
     }
 
-    /// A small motion shows which way round each axis is wired. Whoever does not want the test any more ends the motion where it is,
-    /// and it is told where.
+    /// A small motion shows which way round each axis is wired. An unwanted test ends the motion at once,
+    /// and the message gives that position.
     fn check_wiring(&mut self, start: &[f64], wanted: &mut Wanted<'_>) -> Result<(), TestEnd> {
         let checked = self.move_a_little(start, wanted);
         let text = checked.map_err(|TestEnd { cause, text }| {
@@ -248,7 +248,7 @@ impl<'a> Readiness<'a> {
     }
 
     /// The force that one command at the very place where it stands is answered with: nothing moves. Who does not say where the
-    /// first command will be may ask before it. What nobody has measured is no answer.
+    /// first command will be may ask before it. An unmeasured force is not an answer.
     fn feel(
         &mut self,
         stands: &[f64],
@@ -297,7 +297,7 @@ impl<'a> Readiness<'a> {
         }
     }
 
-    /// The place that the first command leads away from, as far as it was measured.
+    /// Takes the position before the first command: the measured one if there is one.
     fn take_place(&mut self, start: &[f64], introduction: &Introduction) {
         let is_measured = introduction.measured && introduction.standing.len() == start.len();
         let stands = if is_measured {

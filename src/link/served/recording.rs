@@ -11,16 +11,15 @@ use crate::record::Event;
 use crate::rt::os;
 use crate::substructure::LinkStats;
 
-/// What is recorded of a served specimen, and how.
+/// The record of a served specimen, and its settings.
 #[derive(Default)]
 pub(super) struct Recording {
     /// Each test gets a run folder.
     pub settings: Option<RecordSettings>,
-    /// What is played on every test, in words.
+    /// Faults of every test, in words.
     pub played: Option<String>,
     pub away_from: Option<usize>,
-    /// Of a specimen in this process: what its controller's link did to its commands. Of another: what its own link has counted
-    /// when it was dismissed.
+    /// Counts of the controller's link for a specimen in this process, else counts of the specimen's own link at its goodbye.
     pub link: LinkStats,
     open: Option<SessionRecord>,
 }
@@ -45,7 +44,7 @@ impl Recording {
         Ok(())
     }
 
-    /// Where the record of the test is, in words for whoever watches.
+    /// Folder of the record, as a message for the operator of the server.
     pub fn place(&self) -> Option<String> {
         let record = self.open.as_ref()?;
         Some(format!("recording into {}", record.path().display()))
@@ -86,7 +85,7 @@ impl Recording {
             return record.note(event.into());
         }
         let row = event.row();
-        // Whoever watches the server is told of everything else.
+        // The operator of the server receives everything else.
         if row.is_some_and(|row| row.severity == Severity::Warning) {
             let Allowance { is_told, notice } = store.warning(os::monotonic_ns());
             let text = is_told.then_some(text);
@@ -96,7 +95,7 @@ impl Recording {
         }
     }
 
-    /// The same for the summary, too.
+    /// A warning for record and summary.
     pub fn warn(&mut self, store: &GuardStore, event: Remark, text: &str) {
         match &mut self.open {
             Some(record) => record.warn(event, text),
@@ -104,7 +103,7 @@ impl Recording {
         }
     }
 
-    /// The same; in the summary it stands once.
+    /// A warning for record and summary, which the summary lists once.
     pub fn warn_once(&mut self, store: &GuardStore, event: Remark, text: &str) {
         match &mut self.open {
             Some(record) if !record.has_warned(text) => record.warn(event, text),

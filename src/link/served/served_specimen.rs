@@ -26,16 +26,16 @@ enum Stage {
     /// There is no test.
     #[default]
     Closed,
-    /// A test is open, and the specimen has not heard its last word.
+    /// A test is open, and the specimen has not received the goodbye.
     Open,
-    /// The specimen has heard the last word of the test, or was not connected yet.
+    /// The specimen has received the goodbye of the test, or was not connected yet.
     Dismissed,
 }
 
 /// A specimen as a server commands it. Ends its test when it is dropped.
 pub struct ServedSpecimen {
     pub(super) guarded: GuardedSpecimen,
-    /// Of a gateway.
+    /// Links of a gateway.
     pub(super) links: Option<LinkMaker>,
     stage: Stage,
 }
@@ -139,7 +139,7 @@ impl ServedSpecimen {
         self
     }
 
-    /// It moves, or stands for something that does, although it is no link.
+    /// The specimen moves, or represents one that moves, although it is not behind a link.
     #[must_use]
     pub fn moving(mut self) -> Self {
         self.guarded.identity.moves = true;
@@ -147,7 +147,7 @@ impl ServedSpecimen {
         self
     }
 
-    /// Faults are played on every test, as these words say: its record says so, too.
+    /// Faults of every test, in words for its record.
     #[must_use]
     pub fn played(mut self, words: Option<String>) -> Self {
         self.guarded.recording.played = words;
@@ -237,8 +237,8 @@ impl ServedSpecimen {
 
 // How a controller's test begins.
 impl ServedSpecimen {
-    /// Gets everything ready for a controller's test: record, connection, wiring check, arming. Returns what whoever watches
-    /// should know. May block and move the specimen for its check, for as long as the test is `wanted`.
+    /// Gets everything ready for a controller's test: record, connection, wiring check, arming. Returns messages for the
+    /// operator of the server. May block and move the specimen for its check, for as long as the test is `wanted`.
     ///
     /// # Errors
     /// Why there is no test. A specimen that was reached is informed and holds where it is.
@@ -282,7 +282,7 @@ impl ServedSpecimen {
         recording.open(identity, controller)
     }
 
-    /// The controller begins anew after commands that only checked the wiring: a computed specimen forgets them. May block, for as
+    /// The controller begins again after commands that only checked the wiring: a computed specimen forgets them. May block, for as
     /// long as that is `wanted`.
     ///
     /// # Errors
@@ -334,7 +334,7 @@ impl ServedSpecimen {
         self.guarded.commit();
     }
 
-    /// What was not committed is forgotten, by what can forget.
+    /// A computed specimen forgets what was not committed.
     pub fn revert(&mut self) {
         self.guarded.port.revert();
     }
@@ -393,8 +393,8 @@ impl ServedSpecimen {
         }
     }
 
-    /// The specimen hears the last word of this test, once, before the books are closed: what it answers beyond a plain goodbye is
-    /// for its controller, too.
+    /// The specimen receives the goodbye of this test, once, before the record is closed. Its answer beyond a plain goodbye is
+    /// returned for the controller.
     pub fn dismiss(&mut self, cause: Cause) -> Option<String> {
         if self.stage != Stage::Open {
             return None;
@@ -426,7 +426,7 @@ impl ServedSpecimen {
             );
         }
         let said = said?;
-        // The trip said so already, or it says what the trip said.
+        // The trip and the answer report the same.
         if told.is_some_and(|told| told.contains(&said) || said.ends_with(&told)) {
             return None;
         }
@@ -438,7 +438,7 @@ impl ServedSpecimen {
         Some(said)
     }
 
-    /// The controller's test is over: last words to the specimen, and the record is closed. Nothing if there is no test.
+    /// The controller's test is over: the specimen receives the goodbye, and the record is closed. Does nothing without a test.
     pub fn end(&mut self, cause: Cause, text: &str) {
         if self.stage == Stage::Closed {
             return;

@@ -680,7 +680,7 @@ fn a_sensor_without_a_number_is_answered_with_what_it_read_last_and_marked() {
     }
 }
 
-/// Stands for three commands at test time `from`, and then goes on by 0.1 m in each 0.01 s, with a limit that bounds any change
+/// Rests for three commands at test time `from`, and then moves by 0.1 m in each 0.01 s, with a limit that bounds any change
 /// of that speed. Whether it trips, and where.
 fn goes_on(from: f64, vel: f64, steps: &[f64]) -> Option<u64> {
     let limits: LimitsSpec = toml::from_str("command_accel_m_per_s2 = { trip = 50.0 }").unwrap();
@@ -722,6 +722,6 @@ fn the_first_step_of_a_test_that_goes_on_is_judged_by_its_announced_speed_and_no
     assert_eq!(goes_on(2.0, 0.0, &steady), Some(3));
     assert_eq!(goes_on(2.0, 10.0, &[0.1, 0.1, 0.0]), Some(5));
     assert_eq!(goes_on(2.0, 10.0, &[0.1, 0.2]), Some(4));
-    // It is told once more where it stands.
+    // The first command repeats its position.
     assert_eq!(goes_on(2.0, 10.0, &[0.0, 0.1, 0.1]), None);
 }

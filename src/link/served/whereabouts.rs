@@ -1,7 +1,7 @@
 //! Where a specimen across a link stands, from test to test.
 //!
 //! A specimen says it when it is connected, or somebody has stated it. Whether it stays where a test leaves it shows with the next
-//! test: what is computed may begin anew each time.
+//! test: a computed specimen may begin again each time.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
