@@ -409,18 +409,18 @@ pub trait Substructure: Send {
         false
     }
 
-    /// Whoever commands this specimen announces the wall time from command to command in s; 0 if it does not.
+    /// The controller announces the wall time from command to command in s; 0 if it does not.
     fn commanded_every(&mut self, seconds: f64) {
         let _ = seconds;
     }
 
-    /// What is measured before the first command. False if nothing is: whoever asks knows it from the introduction only.
+    /// Measures before the first command. False if the specimen does not: then only its introduction is known.
     fn at_rest(&mut self, into: &mut Measurement) -> bool {
         let _ = into;
         false
     }
 
-    /// What was not accepted is forgotten, by a specimen that can forget: one that is computed in this process.
+    /// A specimen that is computed in this process forgets what was not accepted.
     fn revert(&mut self) {}
 
     /// Tangent stiffness, n × n by columns, in its own units. False if it is not known here. Real-time: yes.

@@ -37,7 +37,7 @@ impl Port {
         Ok(Self::joined(name.into(), axes, substructure, stiffness))
     }
 
-    /// The same of axes that were checked, one for each of the substructure's and each entry of `stiffness`.
+    /// A port of checked axes: one axis for each of the substructure's and each entry of `stiffness`.
     pub(super) fn joined(
         name: String,
         axes: Vec<Axis>,

@@ -32,9 +32,9 @@ pub struct LinkCount {
 /// What answers say of a hold by the specimen's own watchdog.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Hold {
-    /// This is the first answer that says so.
+    /// This answer begins the hold.
     pub begins: bool,
-    /// Answers in a row that say so.
+    /// Answers in a row that report the hold.
     pub answers: u64,
 }
 
@@ -164,13 +164,13 @@ impl Exchange {
         is_new
     }
 
-    /// Another partner with as many axes answers from here on; the one that answered before. Everything is counted anew.
+    /// Another partner with as many axes answers from here on. Returns the partner before. All counts restart.
     pub fn swap(&mut self, substructure: Box<dyn Substructure>) -> Box<dyn Substructure> {
         let fresh = Self::new(substructure);
         std::mem::replace(self, fresh).substructure
     }
 
-    /// Another controller commands: everything is counted anew, and nothing is owed.
+    /// Another controller commands: all counts restart, and nothing is owed.
     pub fn begin_session(&mut self) {
         self.numbers = LinkNumbers::default();
         self.count = LinkCount::default();
@@ -178,7 +178,7 @@ impl Exchange {
         self.state = ExchangeState::Idle;
     }
 
-    /// The next command has this number for whoever commands, and the next free number on the link.
+    /// The next command has this number for the controller, and the next free number on the link.
     pub fn renumber(&mut self, sequence: u64) {
         self.numbers.rebase(sequence);
     }
@@ -188,12 +188,12 @@ impl Exchange {
         self.substructure.commanded_every(seconds);
     }
 
-    /// What is measured before the first command; false if nothing is.
+    /// Measures before the first command; false if the specimen does not.
     pub fn at_rest(&mut self, into: &mut Measurement) -> bool {
         self.substructure.at_rest(into)
     }
 
-    /// What was not accepted is forgotten, by a specimen that can forget.
+    /// A computed specimen forgets what was not accepted.
     pub fn revert(&mut self) {
         self.substructure.revert();
     }

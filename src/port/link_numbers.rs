@@ -113,7 +113,7 @@ impl LinkNumbers {
         self.next = Offset::default();
     }
 
-    /// The next command has this number for whoever commands, and the next free number on the link.
+    /// The next command has this number for the controller, and the next free number on the link.
     pub fn rebase(&mut self, sequence: u64) {
         let free = self
             .sent

@@ -297,8 +297,8 @@ impl Port {
         }
     }
 
-    /// Another substructure with as many axes answers from here on, and everything is counted anew. Returns the one that answered
-    /// before, or the new one where its axes do not fit.
+    /// Another substructure with as many axes answers from here on, and all counts restart. Returns the substructure before, or the
+    /// new one if its axes do not fit.
     pub fn swap_partner(&mut self, substructure: Box<dyn Substructure>) -> Box<dyn Substructure> {
         if substructure.axes() != self.axes.len() {
             return substructure;
@@ -316,7 +316,7 @@ impl Port {
         watch.tick_is(tick);
     }
 
-    /// The specimen stands at `disp`, in its own unit. The next command has the number `sequence`, and leads away from there.
+    /// The specimen is at `disp`, in its own unit. The next command has the number `sequence`, and leads away from there.
     pub fn begin_commands(&mut self, sequence: u64, disp: &[f64]) {
         self.found_at(disp);
         self.path.stands_at(disp);
@@ -346,13 +346,13 @@ impl Port {
         self.guard.came_with(vel, seconds);
     }
 
-    /// What the guard knows of past commands.
+    /// The guard's record of past commands.
     #[must_use]
     pub const fn watch(&self) -> &limits::Watch {
         self.guard.watch()
     }
 
-    /// What the specimen says of itself. Nothing moves.
+    /// The specimen's introduction. Nothing moves.
     ///
     /// # Errors
     /// The specimen cannot take part.
@@ -365,12 +365,12 @@ impl Port {
         self.exchange.commanded_every(seconds);
     }
 
-    /// What is measured before the first command, in the specimen's units; false if nothing is.
+    /// Measures before the first command, in the specimen's units; false if the specimen does not.
     pub fn at_rest(&mut self, into: &mut Measurement) -> bool {
         self.exchange.at_rest(into)
     }
 
-    /// What was not accepted is forgotten, by a specimen that can forget.
+    /// A computed specimen forgets what was not accepted.
     pub fn revert(&mut self) {
         self.exchange.revert();
     }

@@ -1,7 +1,7 @@
-//! Where a specimen across a link stands, from test to test.
+//! The position of a specimen behind a link, from test to test.
 //!
-//! A specimen says it when it is connected, or somebody has stated it. Whether it stays where a test leaves it shows with the next
-//! test: a computed specimen may begin again each time.
+//! A specimen reports its position when it is connected, or the file states it. The next test shows whether the specimen stays at
+//! the last position of a test: a computed specimen may begin again each time.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -20,9 +20,9 @@ struct Known {
     /// Where the last test found it, and where it left it.
     found: Vec<f64>,
     left: Vec<f64>,
-    /// Whether it stays where a test leaves it: a formula may begin anew each time. None until it is known.
+    /// Whether the specimen stays at its last position: a computed one may begin again in each test. None until it is known.
     stays: Option<bool>,
-    /// It cannot tell where it stands, and stood here before the first test, as somebody says; empty if nobody does.
+    /// Position before the first test from the file, for a specimen that does not report its position; empty without one.
     said: Vec<f64>,
     /// Somebody says that it is a computation: nothing there can break.
     computed: bool,
@@ -33,8 +33,8 @@ impl Whereabouts {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Of what cannot tell where it stands: somebody says where that is before the first test. From then on it is where it was
-    /// told to go last.
+    /// For a specimen that does not report its position: the file states it before the first test. Later the position is that of
+    /// the last command.
     #[must_use]
     pub fn said(place: Vec<f64>) -> Self {
         let known = Known {
@@ -45,7 +45,7 @@ impl Whereabouts {
         Self(Arc::new(Mutex::new(known)))
     }
 
-    /// Of what somebody says to be a computation: it is believed at zero where nobody knows its place.
+    /// For a computed specimen, as the file states: it is assumed at zero if its position is unknown.
     #[must_use]
     pub fn of_a_computation(self) -> Self {
         self.known().computed = true;
@@ -56,8 +56,8 @@ impl Whereabouts {
         self.known().computed
     }
 
-    /// Where one stands that cannot tell; empty if nobody knows. One that could tell earlier is known to stay where it is left, or
-    /// is not.
+    /// Position of a specimen that does not report it; empty if it is unknown. A specimen that reported it earlier has shown whether
+    /// it stays at the last command.
     pub(super) fn stated(&self) -> Vec<f64> {
         let known = self.known();
         if known.said.is_empty() && known.stays != Some(true) {
@@ -68,7 +68,7 @@ impl Whereabouts {
         latest.cloned().unwrap_or_default()
     }
 
-    /// What a specimen says of itself before its first test, where the file says otherwise.
+    /// Contradiction between the reported position before the first test and the one in the file.
     pub(super) fn contradicted_by(&self, standing: &[f64]) -> Option<String> {
         let known = self.known();
         let is_first = known.found.is_empty() && known.said.len() == standing.len();
@@ -82,13 +82,13 @@ impl Whereabouts {
         })
     }
 
-    /// Where it stands; empty if nothing is known.
+    /// Its position; empty if it is unknown.
     #[must_use]
     pub fn place(&self) -> Vec<f64> {
         self.known().place.clone()
     }
 
-    /// A test begins and hears this. What it finds shows whether the last one's end is where it stayed.
+    /// A test begins with this introduction, which shows whether the specimen stayed at the end of the test before.
     pub(super) fn begins(&self, introduction: &Introduction) {
         let mut known = self.known();
         let here = &introduction.standing;
@@ -105,7 +105,7 @@ impl Whereabouts {
         known.left.clear();
     }
 
-    /// It was told to go there last.
+    /// Position of the last command of a test.
     pub(super) fn ends(&self, left: &[f64]) {
         let mut known = self.known();
         if !known.found.is_empty() {
@@ -113,7 +113,7 @@ impl Whereabouts {
             match known.stays {
                 Some(true) => known.place = left.to_vec(),
                 Some(false) => {}
-                // Its next connection shows it. Whoever goes on where the test ended, or begins anew, is held against that.
+                // The next connection shows it, and the next controller's start is compared with it.
                 None => known.place.clear(),
             }
         }
@@ -129,7 +129,7 @@ fn distance(one: &[f64], other: &[f64]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Tests that find the specimen here and leave it there; where it is believed to stand before each, and at the end.
+    /// Tests that find the specimen here and leave it there; the known position before each test, and at the end.
     fn believed(simulated: bool, tests: &[(f64, f64)]) -> Vec<Vec<f64>> {
         let whereabouts = Whereabouts::default();
         let mut believed = vec![whereabouts.place()];
@@ -158,14 +158,14 @@ mod tests {
             });
             whereabouts.ends(&[left]);
         }
-        // Nobody told it anything in this one.
+        // A test without a command.
         whereabouts.begins(&Introduction {
             standing: whereabouts.stated(),
             ..Introduction::default()
         });
         found.push(whereabouts.stated());
         assert_eq!(found, [[0.01], [0.03], [-0.02]]);
-        // Where a rig told once and does not now, it is where it was left; where it was moved meanwhile nobody knows.
+        // A specimen that reported its position once and does not now is at the last command, unless it was moved meanwhile.
         let rig = Whereabouts::default();
         let told = |place: f64| Introduction {
             standing: vec![place],
@@ -177,7 +177,7 @@ mod tests {
         rig.begins(&told(0.01));
         rig.ends(&[0.02]);
         assert!(rig.stated().is_empty());
-        // Nobody says where a computation stands: it is believed at zero each time.
+        // A computed specimen without a stated position is assumed at zero each time.
         let computed = Whereabouts::default();
         computed.begins(&Introduction::default());
         computed.ends(&[0.03]);

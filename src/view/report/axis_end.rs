@@ -2,7 +2,7 @@
 
 use super::columns::SpecimenAxis;
 
-/// Kinds of columns of what was measured, as it came.
+/// Columns of raw measurements.
 pub(super) const MEASURED: &str = "raw_disp";
 pub(super) const FORCE: &str = "raw_force";
 
@@ -10,14 +10,13 @@ pub(super) const FORCE: &str = "raw_force";
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct AxisEnd {
     pub axis: SpecimenAxis,
-    /// Of the last row that has them, whatever its state: all of them of the specimen's own end.
+    /// Values of the last row that has them, in every state, in the specimen's units.
     pub command: f64,
     pub measured: f64,
     pub force: f64,
     /// Test time of the last row, s.
     pub time: f64,
-    /// Force of largest magnitude on the way in, and on the way out, as the structure sees it, with its sign; none where no row of
-    /// it was recorded.
+    /// Force of largest magnitude in the startup and in the shutdown, at the structure, with its sign; none without a recorded row.
     pub on_the_way_in: Option<f64>,
     pub on_the_way_out: Option<f64>,
 }
@@ -32,7 +31,7 @@ pub(super) struct Ends {
 }
 
 impl Ends {
-    /// Of these axes; `place` tells where a column stands in a block.
+    /// For these axes; `place` gives the place of a column in a block.
     pub fn new(axes: &[SpecimenAxis], place: impl Fn(&str) -> Option<usize>) -> Self {
         let places = axes
             .iter()
@@ -53,7 +52,7 @@ impl Ends {
         }
     }
 
-    /// Takes the next rows, of which those at these places are of the way in and of the way out.
+    /// Takes the next rows, with the places of those of the startup and of the shutdown.
     pub fn take(&mut self, block: &[Vec<f64>], ways: [&[usize]; 2]) {
         for (end, places) in self.ends.iter_mut().zip(&self.places) {
             let [command, measured, own, force] =

@@ -30,7 +30,7 @@ impl SpecimenAxis {
 pub struct Combination {
     /// Its name.
     pub name: String,
-    /// What it means.
+    /// Its meaning.
     pub meaning: String,
     /// Its unit.
     pub unit: &'static str,

@@ -1,4 +1,4 @@
-//! What a page needs of the rows.
+//! The digest of the rows for a page.
 //!
 //! Only rows of the running test are physics ([`super::sieve`]). Of them only those are measurements that the specimen
 //! answered ([`super::stale`]). Quantities that need steps at even times are absent where some steps are missing.
@@ -21,9 +21,9 @@ pub struct Digest {
     pub(super) ticks: Table,
     /// Rows of all states.
     pub(super) recorded: u64,
-    /// What has passed of the test, and what is missing of it.
+    /// The part of the test in the rows, and its gaps.
     pub(super) passed: Passed,
-    /// What of the test stands in another folder; the ground there is among `shaking`.
+    /// The part of the test in another folder; its ground motion is in `shaking`.
     pub(super) earlier: Option<Earlier>,
     /// Ticks in a step.
     pub(super) ticks_per_step: u64,
@@ -42,7 +42,7 @@ pub struct Digest {
     pub(super) without_disp: Vec<u32>,
     /// Specimens of which some ticks of the test have no measurement, and how many.
     pub(super) stale: Vec<(u32, u64)>,
-    /// The last of every axis, and what the way out took.
+    /// The last values of every axis, and those of the shutdown.
     pub(super) ends: Vec<AxisEnd>,
     pub(super) shaking: Option<Shaking>,
     /// Amplitude spectra of displacements: DOF, (Hz, m s).
@@ -76,7 +76,7 @@ impl Digest {
         broken.map(|axis| axis.axis).filter(move |_| is_timed)
     }
 
-    /// Motion of the ground at the steps before the first of the rows; empty where there are none, or it is not known.
+    /// Motion of the ground at the steps before the first of the rows; empty if there are no such steps, or it is unknown.
     pub(super) fn ground_before(&self) -> &[f64] {
         let first = self.passed.range.map_or(0, |(first, _)| first);
         let known = self.earlier.as_ref().map(|earlier| &earlier.ground);

@@ -9,7 +9,7 @@ use super::stale::{Stale, status_of};
 use super::table::Table;
 use crate::record::{COMMITS, Column};
 
-/// What is to be made of columns that are held whole.
+/// Results of columns that are held whole.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Item {
     Ground,

@@ -14,7 +14,7 @@ pub(super) struct Tracked<'a> {
     pub disp_unit: &'a str,
     pub force_unit: &'a str,
     pub digest: &'a AxisDigest,
-    /// Magnitude of the largest force as the summary has it: also of steps that are in another folder.
+    /// Magnitude of the largest force from the summary, which includes steps in another folder.
     told_force: Option<f64>,
     /// None where the numbers of the specimen's own end are those of the structure.
     pub scale: Option<Scale>,
@@ -28,7 +28,7 @@ impl<'a> Tracked<'a> {
         self.digest.peak_force.map(|p| (p.value, self.force_unit))
     }
 
-    /// The same of all of the test that is known; without a sign where only the summary tells of it.
+    /// Largest force of all known parts of the test; without a sign if only the summary contains it.
     pub fn largest_force(&self) -> Option<(f64, &'a str)> {
         let own = self.digest.peak_force.map(|p| p.value);
         let told = self.told_force;
@@ -41,12 +41,12 @@ impl<'a> Tracked<'a> {
         self.name.clone() + self.scale.map_or("", |_| AS_SEEN)
     }
 
-    /// Force of largest magnitude on the way in with its unit, where there was one.
+    /// Force of largest magnitude in the startup with its unit, if there was one.
     pub fn force_on_the_way_in(&self) -> Option<(f64, &'a str)> {
         self.way_in.map(|force| (force, self.force_unit))
     }
 
-    /// Force of largest magnitude on the way out with its unit, where there was one.
+    /// Force of largest magnitude in the shutdown with its unit, if there was one.
     pub fn force_on_the_way_out(&self) -> Option<(f64, &'a str)> {
         self.way_out.map(|force| (force, self.force_unit))
     }
