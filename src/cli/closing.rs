@@ -14,8 +14,6 @@ use crate::view::report::told;
 
 /// Specimens or axes with their own row in the short form. The others have one row together.
 const MOST_ROWS: usize = 2;
-/// Longest text of a row in the short form, in characters.
-const LONGEST: usize = 240;
 
 /// One row: its name and its text. The short form leaves out rows that are not `short`.
 struct Row {
@@ -65,7 +63,7 @@ pub(super) fn closing(
             let text = if in_full {
                 row.text
             } else {
-                shortened(&row.text)
+                in_one_line(&row.text)
             };
             table.row(&row.name, &text);
         }
@@ -73,13 +71,9 @@ pub(super) fn closing(
     table
 }
 
-/// A text in one line of limited length.
-fn shortened(text: &str) -> String {
-    let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
-    match line.char_indices().nth(LONGEST) {
-        Some((end, _)) => format!("{}…", &line[..end]),
-        None => line,
-    }
+/// A text in one line.
+fn in_one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 fn verdict(facts: &Facts, finished: &Finished) -> Section {
@@ -378,12 +372,5 @@ mod tests {
             tested(7, Some(7), dt),
             "no step after step 7, each of 3.906 ms: 0 s"
         );
-    }
-
-    #[test]
-    fn a_short_text_is_one_line_of_limited_length() {
-        assert_eq!(shortened("a\n  b"), "a b");
-        let cut = shortened(&"é".repeat(2 * LONGEST));
-        assert_eq!(cut.chars().count(), LONGEST + 1);
     }
 }
