@@ -220,7 +220,7 @@ impl Board {
     }
 
     /// Margin of λ with the recent tangents; none without a proof. It is computed on the thread of the caller, at most once
-    /// per [`MARGIN_EVERY_NS`]. A caller at least as frequent misses no tangent.
+    /// per `MARGIN_EVERY_NS`. A caller at least as frequent misses no tangent.
     pub fn margin(&self, now_ns: u64) -> Option<Margin> {
         let online = self.online.as_ref()?;
         let mut guard = lock(&self.margin);
