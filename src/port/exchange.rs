@@ -166,8 +166,8 @@ impl Exchange {
 
     /// Another partner with as many axes answers from here on. Returns the partner before. All counts restart.
     pub fn swap(&mut self, substructure: Box<dyn Substructure>) -> Box<dyn Substructure> {
-        let fresh = Self::new(substructure);
-        std::mem::replace(self, fresh).substructure
+        self.begin_session();
+        std::mem::replace(&mut self.substructure, substructure)
     }
 
     /// Another controller commands: all counts restart, and nothing is owed.

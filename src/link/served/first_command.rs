@@ -80,7 +80,10 @@ impl FirstCommand {
 }
 
 /// Displacements in m. Real-time: yes.
-fn in_metres<'a>(port: &'a Port, disp: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+pub(super) fn in_metres<'a>(
+    port: &'a Port,
+    disp: &'a [f64],
+) -> impl Iterator<Item = f64> + Clone + 'a {
     let units = port.units().iter();
     disp.iter()
         .zip(units)

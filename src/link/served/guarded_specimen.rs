@@ -2,7 +2,7 @@
 
 use super::announced_limits::AnnouncedLimits;
 use super::exchange_columns::Exchange;
-use super::first_command::{self, FirstCommand};
+use super::first_command::{self, FirstCommand, in_metres};
 use super::guard_store::{GuardStore, LastingGuard};
 use super::identity::Identity;
 use super::latch::Latch;
@@ -296,9 +296,7 @@ impl GuardedSpecimen {
         let found = self.port.clear();
         self.heed(found)?;
         if let Some(announced) = self.announced.as_mut().filter(|_| is_theirs) {
-            let units = self.port.units().iter();
-            let disp = command.disp.iter().zip(units);
-            let disp = disp.map(|(disp, (metres, _))| disp * metres);
+            let disp = in_metres(&self.port, command.disp);
             announced.command(time.map_or(USUAL_TICK_S, |time| time.announced), disp)?;
         }
         Ok(())
