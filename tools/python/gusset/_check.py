@@ -17,28 +17,42 @@ from ._errors import RunError
 
 @dataclass(frozen=True)
 class Finding:
-    """One finding of a check."""
+    """One finding of a check.
 
+    Attributes:
+        kind: Its subject, for example "unstable".
+        severity: "error", "accepted" or "warning".
+        key: Dotted path of the key in the test file.
+        text: The finding in words.
+        numbers: The numbers that it states, in SI units; None for one that is not finite.
+        help: Allowed values and advice.
+    """
+
+    kind: str
     severity: str
-    """"error", "warning" or "note"."""
     key: str
-    """Key of the test file that it concerns, as a dotted path."""
     text: str
-    """What was found."""
-    data: dict[str, Any]
-    """The finding as `gusset check --json` writes it, with its numbers in SI units."""
+    numbers: dict[str, float | None]
+    help: list[str]
 
 
 @dataclass(frozen=True)
 class Check:
-    """What `gusset check` found. Nothing moved."""
+    """What `gusset check` found. Nothing moved.
+
+    Attributes:
+        findings: The findings on stability and on the needs of the test.
+        warnings: Warnings on the test file, as text.
+        outcome: "clear", "accepted", "simulated" or "refused".
+        is_allowed: False if a finding forbids the test, or if the certificate of a rehearsal says no-go.
+        data: The whole document of `gusset check --json`.
+    """
 
     findings: list[Finding]
-    """All findings, the worst first."""
+    warnings: list[str]
+    outcome: str
     is_allowed: bool
-    """False if a finding forbids the test."""
     data: dict[str, Any]
-    """The whole document of `gusset check --json`."""
 
 
 def check(test: str | os.PathLike[str], *, set: Mapping[str, Any] | None = None, rehearse: bool = False) -> Check:
@@ -59,6 +73,6 @@ def check(test: str | os.PathLike[str], *, set: Mapping[str, Any] | None = None,
     if done.returncode not in (0, 1) or not done.stdout.strip():
         raise RunError(done.returncode, done.stderr.strip(), None, done.stderr)
     data = json.loads(done.stdout)
-    found = (data.get("verdict") or {}).get("findings") or data.get("findings") or []
-    findings = [Finding(f.get("severity", ""), f.get("key") or "", f.get("text") or f.get("message") or "", f) for f in found]
-    return Check(findings, done.returncode == 0, data)
+    verdict = data["verdict"]
+    findings = [Finding(**{name: found[name] for name in Finding.__dataclass_fields__}) for found in verdict["findings"]]
+    return Check(findings, data.get("warnings", []), verdict["outcome"], done.returncode == 0, data)

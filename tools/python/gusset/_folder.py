@@ -87,14 +87,16 @@ class Run:
     def _layout(self) -> dict[str, Any]:
         path = self.folder / "samples.json"
         try:
-            layout = json.loads(path.read_text(encoding="utf-8"))
+            layout: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
         except (FileNotFoundError, NotADirectoryError):
             kind = "is not a run folder: it has no samples.json" if self.folder.is_dir() else "no such run folder"
             raise FolderError(f"{self.folder}: {kind}") from None
         except ValueError as reason:
             raise FolderError(f"{path}: {reason}") from None
         if layout.get("format") != "gusset-samples" or layout.get("version") != 1:
-            raise FolderError(f"{path} has format {layout.get('format')!r}, version {layout.get('version')!r}; this package reads version 1")
+            raise FolderError(
+                f"{path} is not a layout of samples, version 1: install the version of this package that wrote the run"
+            )
         if layout["stride"] != 16 + 8 * len(layout["columns"]):
             raise FolderError(f"{path}: {len(layout['columns'])} columns do not have the stride {layout['stride']}")
         return layout
@@ -214,7 +216,8 @@ class Run:
     def summary(self) -> dict[str, Any]:
         """The content of `summary.json`: status, reason, peaks, timing, limits. Empty while the test runs, and after a crash."""
         path = self.folder / "summary.json"
-        return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+        summary: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+        return summary
 
     @functools.cached_property
     def events(self) -> list[dict[str, Any]]:
@@ -227,7 +230,7 @@ class Run:
 
     @property
     def status(self) -> str | None:
-        """"completed", "stopped", "interrupted" or "failed"; None without a summary."""
+        """How the test ended: "completed", "stopped", "interrupted" or "failed"; None without a summary."""
         return self.summary.get("status")
 
     @property
@@ -325,7 +328,8 @@ def open(folder: str | os.PathLike[str], *, verify: bool = False) -> Run:
 
 def has_checksum(row: Any) -> bool:
     """True if the CRC-32 of a row is right."""
-    return struct.unpack_from("<I", row, len(row) - 8)[0] == zlib.crc32(row[:-8])
+    (checksum,) = struct.unpack_from("<I", row, len(row) - 8)
+    return bool(checksum == zlib.crc32(row[:-8]))
 
 
 def numbers(values: list[int]) -> str:
@@ -346,6 +350,3 @@ def need(package: str) -> Any:
     except ImportError:
         name = package.split(".")[0]
         raise ImportError(f"this method needs {name}: pip install {name}") from None
-
-
-

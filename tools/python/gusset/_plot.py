@@ -36,7 +36,7 @@ def plot(run: Run, file: str | os.PathLike[str] | None) -> matplotlib.figure.Fig
         histories.append(("displacement", "m", [(name, disp) for name, disp, _ in loops]))
     rows = len(histories)
     count = max(1, len(loops))
-    figure = pyplot.figure(figsize=(9, 2.4 * rows + 3.4), layout="constrained")
+    figure: matplotlib.figure.Figure = pyplot.figure(figsize=(9, 2.4 * rows + 3.4), layout="constrained")
     grid = figure.add_gridspec(rows + 1, count, height_ratios=[1.0] * rows + [1.5])
     first = None
     for row, (label, unit, curves) in enumerate(histories):

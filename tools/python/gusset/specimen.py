@@ -313,7 +313,7 @@ class Session:
                 self.refuse(12, "an axis has an unknown unit")
             units = UNITS[disp_unit], UNITS[force_unit]
             if units not in SI_UNITS:
-                self.refuse(2, f"a specimen in Python has the units m and N, or rad and N*m; the test has {units[0]} and {units[1]}")
+                self.refuse(2, f"a specimen in Python has the units m and N, or rad and N*m, not {units[0]} and {units[1]}")
             if not (low < high and speed > 0 and force > 0):
                 self.refuse(12, "an axis has limits that contradict each other")
             slack = 1e-9 * (high - low) if high - low < float("inf") else 0.0
