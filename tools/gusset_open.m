@@ -21,11 +21,15 @@ if exist(fullfile(run_dir, 'samples.json'), 'file') ~= 2
     error('gusset_open:none', '%s is not a run folder: it has no samples.json', run_dir);
 end
 samples = read_samples(run_dir);
-running = find(ismember(samples.state, [3 11 12 13]));    % states of ticks whose time is test time
+running = find(ismember(samples.state, [3 11 12 13]));    % a step, and ticks between two steps
 if isempty(running)
     rows = zeros(0, 1);
 else
-    rows = (running(1):running(end))';
+    last = running(end);
+    if last < numel(samples.state) && samples.state(last + 1) == 8 && samples.step(last + 1) ~= samples.step(last)
+        last = last + 1;                                  % the row of a trip
+    end
+    rows = (running(1):last)';
 end
 names = fieldnames(samples.units);
 for k = 1:numel(names)

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Reads a run folder: peaks, energy into each specimen, events, and a picture. Needs matplotlib.
 
-    python3 read_run.py RUN_FOLDER [PICTURE.png]
+python3 read_run.py RUN_FOLDER [PICTURE.png]
 """
 
 import collections

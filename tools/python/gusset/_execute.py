@@ -67,8 +67,9 @@ def run(
         for name, specimen in (specimens or {}).items():
             servers[name] = stack.enter_context(server_of(name, specimen))
         keys = link_keys(config, chosen, {name: (places[name], server) for name, server in servers.items()}, clock, path)
+        overrides = _toml.overrides(chosen) + _toml.overrides(keys)
         folder = run_folder(out, chosen.get("title", config.get("title")))
-        arguments = [program, "run", str(path), "--quiet", "--out", str(folder), *_toml.overrides(chosen), *_toml.overrides(keys)]
+        arguments = [program, "run", str(path), "--quiet", "--out", str(folder), *overrides]
         if clock is not None:
             arguments += ["--clock", clock]
         if confirm:

@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 MARK = int.from_bytes(b"ROW\n", "little")
-RUNNING = (3.0, 11.0, 12.0, 13.0)  # states of ticks whose time is test time
+STEP, TRIPPED = 3.0, 8.0  # states of ticks: a step ends here, a limit ended the test
+RUNNING = (STEP, 11.0, 12.0, 13.0)  # a step, and ticks between two steps
 QUANTITIES = {
     "disp": "x",
     "vel": "v",
@@ -80,8 +81,7 @@ class Run:
         self._matrix: Array = np.ndarray(shape, "<f8", rows, 8, (layout["stride"], 8)) if len(rows) else np.empty(shape)
         sequence = rows["sequence"]
         self.rows_lost = int(sequence[-1]) + 1 - len(rows) if len(rows) else 0
-        running = np.flatnonzero(np.isin(self._matrix[:, self.columns["state"].place], RUNNING))
-        self._span = slice(running[0], running[-1] + 1) if len(running) else slice(0, 0)
+        self._span = self._test_rows()
         self.is_complete = (self.folder / "summary.json").exists()
 
     def _layout(self) -> dict[str, Any]:
@@ -122,6 +122,17 @@ class Run:
                 count = row
                 break
         return rows[:count]
+
+    def _test_rows(self) -> slice:
+        """The rows from t = 0 to the end of the test. The row of a trip is the last one, if its step is a new one."""
+        state, step = (self._matrix[:, self.columns[name].place] for name in ("state", "step"))
+        running = np.flatnonzero(np.isin(state, RUNNING))
+        if not len(running):
+            return slice(0, 0)
+        end = int(running[-1]) + 1
+        if end < len(state) and state[end] == TRIPPED and step[end] != step[end - 1]:
+            end += 1
+        return slice(int(running[0]), end)
 
     def __repr__(self) -> str:
         status = self.summary.get("status") if self.is_complete else "without summary"
@@ -239,16 +250,17 @@ class Run:
         return self.summary.get("reason")
 
     def step_rows(self) -> npt.NDArray[np.intp]:
-        """Places of the last tick of each step among the ticks of this run, shape (steps,)."""
-        step = self._column("step")
-        return np.flatnonzero(np.append(step[1:] != step[:-1], True)) if len(step) else np.empty(0, np.intp)
+        """Places of the rows of a CSV export among the ticks of this run: the last tick of each step, shape (steps,)."""
+        ends = np.flatnonzero(np.isin(self._column("state"), (STEP, TRIPPED)))
+        step = self._column("step")[ends]
+        return ends[np.append(step[1:] != step[:-1], True)] if len(step) else ends
 
     def to_pandas(self, columns: Iterable[str] | None = None, *, rate: str = "step") -> pandas.DataFrame:
         """Copies columns into a DataFrame, with the test time in s as its index. Needs pandas.
 
         Args:
             columns: Names of columns; all by default.
-            rate: "step" has one row per step, from its last tick, as `gusset export`. "tick" has all ticks.
+            rate: "step" has the rows of `gusset export`, one for each step. "tick" has all ticks.
         """
         if rate not in ("step", "tick"):
             raise ValueError(f'rate {rate!r}: write "step" or "tick"')
