@@ -11,9 +11,9 @@ import time
 
 import numpy as np
 import pytest
-from conftest import ROOT, skip
 
 import gusset
+from conftest import ROOT, skip
 
 MULTI_RATE = ROOT / "config" / "multi-rate.toml"
 

@@ -11,9 +11,9 @@ import threading
 
 import numpy as np
 import pytest
-from conftest import BRACE, FRAME, LIMITS, Bilinear, Spring, differing
 
 import gusset
+from conftest import BRACE, FRAME, LIMITS, Bilinear, Spring, differing
 
 
 def test_bilinear_law_gives_the_bits_of_the_program(frame):
