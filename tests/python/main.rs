@@ -40,13 +40,17 @@ fn the_wheel_works_in_a_clean_environment() {
     let tests = Path::new(ROOT).join("tools/python/tests");
     let bin = python.parent().unwrap();
     // maturin packs the program of these tests. It would compile another one, with other features of the dependencies.
+    // It moves the file that it packs, so it gets a copy.
+    let program = at.join("program/gusset");
+    std::fs::create_dir(at.join("program")).unwrap();
+    std::fs::copy(assert_cmd::cargo::cargo_bin!("gusset"), &program).unwrap();
     done(
         Command::new(bin.join("maturin"))
             .args(["build", "--profile", "dev", "--out"])
             .arg(at)
             .current_dir(ROOT)
             .env("CARGO", tests.join("cargo-with-built-program"))
-            .env("GUSSET_BINARY", assert_cmd::cargo::cargo_bin!("gusset")),
+            .env("GUSSET_BINARY", &program),
     );
     let entries = std::fs::read_dir(at).unwrap();
     let names = entries.map(|entry| entry.unwrap().path());
