@@ -203,8 +203,11 @@ def test_folder_that_is_no_run_is_refused(place, first):
 def test_check_reports_findings(frame):
     result = gusset.check(frame)
     assert result.is_allowed and result.outcome == "clear" and result.data["steps"] == 512
-    result = gusset.check(frame, set={"integrator.lambda": 0.1, "structure.shear_building.stiffness_n_per_m": [0, 12e9]})
-    assert isinstance(result.findings, list)
+    result = gusset.check(frame, set={"integrator.lambda": 50, "structure.shear_building.stiffness_n_per_m": [0, 12e9]})
+    assert not result.is_allowed
+    found = result.findings[0]
+    assert (found.kind, found.severity, found.key) == ("unstable", "error", "integrator.lambda")
+    assert found.numbers["lambda"] == 50 and found.numbers["lambda_limit"] < 10
     with pytest.raises(gusset.RunError) as caught:
         gusset.check(frame, set={"time.rate": 4})
     assert caught.value.code == 2 and "rate_hz" in caught.value.reason

@@ -75,6 +75,10 @@ def test_two_specimens_at_the_same_time(place):
     inside = gusset.run(test, out="inside")
     served = gusset.run(test, out="served", specimens={"brace": Spring(1e6), "column": Bilinear()})
     assert differing(inside, served) == []
+    for place_in_file, name in enumerate(["column", "brace"]):
+        assert served.specimens[place_in_file] == name
+        assert served.config["specimen"][place_in_file]["link"]["computed"]
+        assert served.summary["link"][name]["received"] > 512
 
 
 def test_axes_are_independent_columns_of_a_specimen(place):
@@ -283,7 +287,8 @@ class Spring(gusset.Specimen):
 specimens = {"column": Spring()} if sys.argv[1] == "served" else None
 print("begin", flush=True)
 try:
-    gusset.run("frame.toml", clock="real", set={"time.duration_s": 60}, out="run", specimens=specimens)
+    keys = {"time.duration_s": 60, "safety.at_end": "zero_displacement", "safety.exit_speed_m_per_s": 0.002}
+    gusset.run("frame.toml", clock="real", set=keys, out="run", specimens=specimens)
 except KeyboardInterrupt as stopped:
     print("caught", type(stopped).__name__, stopped.code, stopped.run.status, flush=True)
 """
@@ -313,6 +318,9 @@ def test_ctrl_c_stops_the_test_and_completes_the_folder(place, kind):
     run = gusset.open(place / "run")
     assert [name for name in FILES if not (run.folder / name).exists()] == []
     assert run.time[-1] < 50
+    # A second SIGINT would have frozen the specimen on its way to the end position.
+    assert abs(run.specimen("column").command[-1]) > 1e-5
+    assert run.all_rows.specimen("column").command[-1] == 0
 
 
 def wait_for(condition):
