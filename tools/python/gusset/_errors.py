@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ._folder import Run
@@ -42,6 +42,10 @@ class RunError(GussetError):
         place = f"\nRun folder: {run.folder}" if run is not None else ""
         super().__init__(f"exit code {code} ({meaning}): {reason}{place}")
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For `multiprocessing`: the arguments, not the text."""
+        return RunError, (self.code, self.reason, self.run, self.messages)
+
 
 class Interrupted(KeyboardInterrupt):
     """Ctrl-C stopped the test in an orderly way.
@@ -55,3 +59,7 @@ class Interrupted(KeyboardInterrupt):
         self.code, self.run = code, run
         place = f"; run folder: {run.folder}" if run is not None else ""
         super().__init__(f"the test was stopped by Ctrl-C{place}")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For `multiprocessing`: the arguments, not the text."""
+        return Interrupted, (self.code, self.run)

@@ -74,8 +74,9 @@ def run(
             arguments += ["--clock", clock]
         if confirm:
             arguments.append("--yes")
+        is_taken = (folder / "samples.json").exists()  # then the program refuses
         code, messages, is_interrupted = execute(arguments, quiet)
-        result = opened(folder)
+        result = None if is_taken else opened(folder)
         for name, server in servers.items():
             if server.error is not None and result is not None:
                 write_traceback(result.folder, name, server.error)

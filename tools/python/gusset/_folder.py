@@ -138,6 +138,14 @@ class Run:
         status = self.summary.get("status") if self.is_complete else "without summary"
         return f"<gusset.Run {self.folder}: {status}, {len(self)} ticks, {len(self.columns)} columns>"
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For `multiprocessing`: the folder, which the other process opens."""
+        return Run, (self.folder.resolve(),)
+
+    def __bool__(self) -> bool:
+        """True, also without any tick."""
+        return True
+
     def __len__(self) -> int:
         """Number of ticks."""
         return len(range(*self._span.indices(len(self._rows))))

@@ -2,6 +2,7 @@
 
 import os
 import pathlib
+import pickle
 import resource
 import signal
 import subprocess
@@ -267,6 +268,35 @@ def test_values_of_set_reach_the_test(frame):
     assert run.config["title"] == 'Quotes " and \\ and ö'
     assert run.summary["lambda"] == 4
     assert run.config["structure"]["shear_building"]["mass_kg"] == [21e3, 18e3]
+
+
+def test_folder_of_another_run_is_kept(frame):
+    first = gusset.run(frame, out="run")
+    before = (first.folder / "summary.json").read_bytes()
+    with pytest.raises(gusset.RunError) as caught:
+        gusset.run(frame, out="run", specimens={"column": Failing()})
+    assert caught.value.code == 2 and caught.value.run is None
+    assert "run" in caught.value.reason and "end of the test" not in caught.value.reason
+    assert (first.folder / "summary.json").read_bytes() == before
+
+
+def test_results_and_errors_pass_between_processes(frame):
+    run = gusset.run(frame)
+    copied = pickle.loads(pickle.dumps(run))
+    assert np.array_equal(copied["x1"], run["x1"]) and len(pickle.dumps(run)) < 1000
+    with pytest.raises(gusset.RunError) as caught:
+        gusset.run(frame, specimens={"column": Failing()})
+    error = pickle.loads(pickle.dumps(caught.value))
+    assert (error.code, error.reason, str(error)[:11]) == (3, caught.value.reason, "exit code 3")
+    assert error.run.status == "failed"
+
+
+def test_link_of_the_test_file_is_replaced(place):
+    subprocess.run([gusset.binary(), "new", "mine", "--template", "python"], check=True, capture_output=True)
+    run = gusset.run("mine.toml", specimens={"first-storey": Bilinear(10e6, 60e3, 0.05)})
+    link = run.config["specimen"][0]["link"]
+    assert link["coupling"] == "lockstep" and link["address"] != "127.0.0.1:4823"
+    assert "unlimited" not in run.config["safety"]
 
 
 def test_runs_of_the_same_second_have_their_own_folders(frame):
