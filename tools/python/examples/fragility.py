@@ -54,7 +54,7 @@ def main():
     given = parser.parse_args()
     intensities = np.linspace(0.1, 0.6, given.intensities)
     tasks = [(seed, float(x)) for seed in range(1, given.records + 1) for x in intensities]
-    # Each test is a process of its own, so threads are enough to use all cores.
+    # Each test runs in a separate process, so threads are enough to use all cores.
     with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
         drifts = list(pool.map(lambda task: largest_drift(*task, given.out), tasks))
     drifts = np.array(drifts).reshape(given.records, given.intensities)

@@ -204,7 +204,7 @@ class Run:
 
     @property
     def all_rows(self) -> Run:
-        """The same run with all recorded ticks, also those before t = 0 and after the end of the test."""
+        """This run with all recorded ticks, also those before t = 0 and after the end of the test."""
         other = Run.__new__(Run)  # not `copy`, which would open the folder again
         other.__dict__.update(self.__dict__)
         other._span = slice(0, len(self._rows))

@@ -122,7 +122,7 @@ def test_limits_of_the_test_file_are_kept(place):
     assert error.value.run.status == "stopped"
 
 
-def test_specimen_without_limits_says_so_in_the_record(frame):
+def test_specimen_without_limits_is_reported(frame):
     run = gusset.run(frame, specimens={"column": Bilinear()})
     assert run.config["safety"]["unlimited"] == "Python specimen"
     assert run.config["specimen"][0]["link"]["computed"] is True
