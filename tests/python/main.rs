@@ -6,7 +6,7 @@ use std::process::Command;
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
-/// Python with maturin. Without it the test says SKIPPED, and fails where CI=true.
+/// Python with maturin and ruff. Without it a test says SKIPPED, and fails where CI=true.
 fn python() -> Option<PathBuf> {
     let made = Path::new(ROOT).join("target/maturin-venv/bin/python");
     let python = std::env::var_os("GUSSET_MATURIN_PYTHON").map_or(made, PathBuf::from);
@@ -28,6 +28,18 @@ fn done(command: &mut Command) {
         String::from_utf8_lossy(&output.stdout),
         String::from_utf8_lossy(&output.stderr)
     );
+}
+
+#[test]
+fn the_python_code_keeps_its_style() {
+    let Some(python) = python() else {
+        return;
+    };
+    let ruff = python.parent().unwrap().join("ruff");
+    let code = Path::new(ROOT).join("tools/python");
+    for arguments in [["check", "--no-cache"], ["format", "--check"]] {
+        done(Command::new(&ruff).args(arguments).arg(&code));
+    }
 }
 
 #[test]
