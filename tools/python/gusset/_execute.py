@@ -189,7 +189,34 @@ def execute(arguments: list[str], quiet: bool) -> tuple[int, str, bool]:
     """
     lines: list[str] = []
     is_interrupted = False
-    process = subprocess.Popen(
+    process: subprocess.Popen[str] | None = None
+    reader: threading.Thread | None = None
+    while True:
+        try:
+            if process is None:
+                process = started(arguments)
+            if reader is None:
+                thread = threading.Thread(target=forward, args=(process.stderr, lines, quiet), daemon=True)
+                thread.start()
+                reader = thread
+            # The stream ends with the program. `wait` alone would delay the signal by 0.25 s.
+            reader.join()
+            return process.wait(), "".join(lines), is_interrupted
+        except KeyboardInterrupt:
+            if process is None:
+                raise
+            is_interrupted = True
+            with contextlib.suppress(ProcessLookupError):
+                process.send_signal(signal.SIGINT)
+        except BaseException:
+            if process is not None:
+                process.terminate()
+            raise
+
+
+def started(arguments: list[str]) -> subprocess.Popen[str]:
+    """Starts the program."""
+    return subprocess.Popen(
         arguments,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
@@ -198,22 +225,6 @@ def execute(arguments: list[str], quiet: bool) -> tuple[int, str, bool]:
         errors="replace",
         start_new_session=True,
     )
-    assert process.stderr is not None
-    reader = threading.Thread(target=forward, args=(process.stderr, lines, quiet), daemon=True)
-    reader.start()
-    while True:
-        try:
-            code = process.wait()
-            reader.join()
-            break
-        except KeyboardInterrupt:
-            is_interrupted = True
-            with contextlib.suppress(ProcessLookupError):
-                process.send_signal(signal.SIGINT)
-        except BaseException:
-            process.terminate()
-            raise
-    return code, "".join(lines), is_interrupted
 
 
 def forward(stream: IO[str], lines: list[str], quiet: bool) -> None:
