@@ -89,7 +89,8 @@ impl Place {
             scripts.filter_map(|name| fs::read_to_string(self.folder.path().join(name)).ok());
         let imports = |line: &str| {
             let line = line.trim();
-            (line.starts_with("import ") || line.starts_with("from ")) && line.contains("numpy")
+            let is_import = line.starts_with("import ") || line.starts_with("from ");
+            (is_import && line.contains("numpy")) || line == "import gusset"
         };
         texts
             .chain([block.text.clone()])
@@ -111,6 +112,9 @@ impl Place {
             .current_dir(self.folder.path())
             .env("PATH", std::env::join_paths(paths).unwrap())
             .env("PAGER", "cat")
+            // As if the Python package were installed.
+            .env("PYTHONPATH", self.folder.path().join("tools/python"))
+            .env("GUSSET_BINARY", self.programs.join("gusset"))
             .stdin(Stdio::null())
             .stdout(output.try_clone().unwrap())
             .stderr(output)

@@ -1,0 +1,247 @@
+"""Run folders as NumPy arrays."""
+
+import csv
+import json
+import os
+import pathlib
+import shutil
+import signal
+import subprocess
+import time
+
+import numpy as np
+import pytest
+
+import gusset
+from conftest import ROOT, skip
+
+MULTI_RATE = ROOT / "config" / "multi-rate.toml"
+
+
+def test_arrays_are_views_of_the_mapped_file(first):
+    everything = first.all_rows.rows
+    for view in [first.time, first["disp", 2], first["disp"], first.specimen("column").force, first["force_1_1"], first.rows]:
+        assert not view.flags.owndata and not view.flags.writeable
+        assert np.shares_memory(view, everything)
+        owner = view
+        while not isinstance(owner, np.memmap):
+            owner = owner.base
+        assert pathlib.Path(owner.filename) == (first.folder / "samples.bin").resolve()
+
+
+def test_arrays_show_a_change_of_the_file(first, place):
+    shutil.copytree(first.folder, "copy")
+    run = gusset.open("copy")
+    layout = json.loads((place / "copy" / "samples.json").read_text())
+    column = run.columns["x2"]
+    force = run["x2"]
+    with open("copy/samples.bin", "r+b") as file:
+        file.seek((len(run.all_rows) - 1) * layout["stride"] + 8 + 8 * column.place)
+        file.write(np.float64(123.5).tobytes())
+    assert force[-1] == 123.5
+
+
+def test_columns_have_the_numbers_of_the_csv_export(first, place):
+    with pytest.raises(gusset.RunError) as caught:
+        gusset.run(MULTI_RATE, clock="simulated", out="tripped", set={"specimen.0.limits.measured_force_n.trip": [-50e3, 50e3]})
+    assert caught.value.run.status == "stopped"
+    runs = [first, gusset.run(MULTI_RATE, clock="simulated", out="multi"), caught.value.run]
+    for run in runs:
+        program = [gusset.binary(), "export", str(run.folder), "--format", "csv", "--out", "run.csv", "--no-units-line"]
+        subprocess.run(program, check=True, capture_output=True)
+        with open("run.csv", encoding="utf-8") as file:
+            header, *lines = csv.reader(file)
+        os.remove("run.csv")
+        frame = run.to_pandas()
+        assert len(frame) == len(lines)
+        assert "x1" in header and "force_1_1" in header
+        for place_in_line, name in enumerate(header):
+            if name in run:
+                exported = np.array([float(line[place_in_line] or "nan") for line in lines])
+                ours = frame.index.to_numpy() if name == "time" else frame[name].to_numpy()
+                assert exported.tobytes() == ours.tobytes(), name
+    assert len(runs[1].to_pandas(["x1"], rate="tick")) == len(runs[1]) > 7 * len(runs[1].to_pandas(["x1"]))
+
+
+def test_degrees_of_freedom_are_counted_from_one(first):
+    assert first.dofs == [1, 2]
+    assert np.array_equal(first["disp", 2], first["x2"])
+    assert np.array_equal(first["vel", 1], first["v1"])
+    assert np.array_equal(first["acc", 2], first["a2"])
+    assert first["disp"].shape == (len(first), 2)
+    assert np.array_equal(first["acceleration"][:, 1], first["a2"])
+    assert first.columns["x1"].unit == "m" and first.columns["force_1_1"].unit == "N"
+    for key, text in [
+        (("disp", 3), "recorded are 1 to 2"),
+        (("force", 1), "quantities are"),
+        ("force_1_2", "did you mean force_1_1"),
+    ]:
+        with pytest.raises(KeyError, match=text):
+            first[key]
+
+
+def test_time_runs_from_zero_to_the_end(first, place):
+    assert first.time[0] == 0 and first.time[-1] == 2 and len(first) == 513
+    assert first.status == "completed" and first.is_complete and first.rows_lost == 0
+    run = gusset.run(ROOT / "config" / "static-load.toml", clock="simulated", out="static")
+    assert run.time[0] == 0 and np.all(np.diff(run.time) > 0)
+    assert len(run.all_rows) > len(run)
+
+
+def test_specimen_with_several_axes_has_one_column_each(place):
+    run = gusset.run(ROOT / "config" / "three-actuators.toml", clock="simulated", out="three")
+    column = run.specimen("column")
+    assert column.axes == 3 and column.force.shape == (len(run), 3)
+    for axis in range(3):
+        assert np.array_equal(column.force[:, axis], run[f"force_1_{axis + 1}"])
+        assert np.array_equal(column.command[:, axis], run[f"cmd_1_{axis + 1}"])
+    assert column.status.shape == (len(run),)
+    assert np.shares_memory(column.force, run.rows)
+    with pytest.raises(KeyError, match="it has 'column'"):
+        run.specimen("brace")
+
+
+def test_summary_and_events_are_those_of_the_folder(first):
+    assert first.summary == json.loads((first.folder / "summary.json").read_text())
+    lines = (first.folder / "events.jsonl").read_text().splitlines()
+    assert first.events == [json.loads(line) for line in lines]
+    assert {"started", "ended"} <= {event["event"] for event in first.events}
+    assert np.abs(first["disp", 1]).max() == first.summary["peak"]["displacement"][0]
+    assert first.reason == "end of the test"
+
+
+def damaged(first, change):
+    """A copy of the run with other bytes in its samples."""
+    shutil.copytree(first.folder, "damaged")
+    path = pathlib.Path("damaged/samples.bin")
+    data = bytearray(path.read_bytes())
+    stride = json.loads(pathlib.Path("damaged/samples.json").read_text())["stride"]
+    path.write_bytes(change(data, stride))
+    return gusset.open("damaged"), gusset.open("damaged", verify=True)
+
+
+def test_row_cut_short_is_left_out(first, place):
+    for run in damaged(first, lambda data, stride: data[: 10 * stride + 100]):
+        assert len(run.all_rows) == 10
+
+
+def test_empty_record_has_no_rows(first, place):
+    for run in damaged(first, lambda data, stride: b""):
+        assert len(run) == 0 and run.time.shape == (0,) and run["disp"].shape == (0, 2)
+
+
+def test_row_without_its_mark_ends_the_run(first, place):
+    def change(data, stride):
+        data[21 * stride - 1] ^= 1
+        return data
+
+    for run in damaged(first, change):
+        assert len(run.all_rows) == 20
+
+
+def test_wrong_checksum_ends_a_verified_run(first, place):
+    def change(data, stride):
+        data[20 * stride + 40] ^= 1
+        return data
+
+    quick, verified = damaged(first, change)
+    assert len(quick.all_rows) == len(first.all_rows) and len(verified.all_rows) == 20
+
+
+def test_wrong_checksum_of_the_last_row_is_always_seen(first, place):
+    def change(data, stride):
+        data[-40] ^= 1
+        return data
+
+    for run in damaged(first, change):
+        assert len(run.all_rows) == len(first.all_rows) - 1
+
+
+def test_lost_rows_are_counted(first, place):
+    for run in damaged(first, lambda data, stride: data[: 5 * stride] + data[8 * stride :]):
+        assert run.rows_lost == 3
+
+
+def test_killed_test_is_readable(frame):
+    program = [gusset.binary(), "run", str(frame), "--clock", "real", "--set", "time.duration_s=60", "--out", "killed", "--quiet"]
+    process = subprocess.Popen(program, stderr=subprocess.DEVNULL)
+    try:
+        deadline = time.monotonic() + 30
+        run = None
+        while run is None or len(run) < 50:
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+            try:
+                run = gusset.open("killed")
+            except gusset.FolderError:
+                continue
+        assert not run.is_complete and run.status is None and run.summary == {}
+    finally:
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+    run = gusset.open("killed", verify=True)
+    assert len(run) >= 50 and run.time[0] == 0 and run.events
+    assert "without summary" in repr(run)
+
+
+def test_folder_that_is_no_run_is_refused(place, first):
+    with pytest.raises(gusset.FolderError, match="no such run folder"):
+        gusset.open("missing")
+    os.mkdir("empty")
+    with pytest.raises(gusset.FolderError, match="it has no samples.json"):
+        gusset.open("empty")
+    shutil.copytree(first.folder, "other")
+    pathlib.Path("other/samples.json").write_text('{"format": "gusset-samples", "version": 2}')
+    with pytest.raises(gusset.FolderError, match="version 1"):
+        gusset.open("other")
+    shutil.copy(first.folder / "samples.json", "other/samples.json")
+    os.remove("other/samples.bin")
+    with pytest.raises(gusset.FolderError, match=r"no samples\.bin"):
+        gusset.open("other")
+
+
+def test_check_reports_findings(frame):
+    result = gusset.check(frame)
+    assert result.is_allowed and result.outcome == "clear" and result.data["steps"] == 512
+    result = gusset.check(frame, set={"integrator.lambda": 50, "structure.shear_building.stiffness_n_per_m": [0, 12e9]})
+    assert not result.is_allowed
+    found = result.findings[0]
+    assert (found.kind, found.severity, found.key) == ("unstable", "error", "integrator.lambda")
+    assert found.numbers["lambda"] == 50 and found.numbers["lambda_limit"] < 10
+    with pytest.raises(gusset.RunError) as caught:
+        gusset.check(frame, set={"time.rate": 4})
+    assert caught.value.code == 2 and "rate_hz" in caught.value.reason
+
+
+def test_plot_draws_response_and_loops(first, place):
+    figure = first.plot("run.png")
+    assert [axes.get_ylabel() for axes in figure.axes] == ["ground acceleration\n(m/s²)", "displacement\n(mm)", "force (kN)"]
+    assert (place / "run.png").read_bytes().startswith(b"\x89PNG")
+    lines = figure.axes[1].get_lines()
+    assert np.allclose(lines[1].get_ydata(), 1e3 * first["disp", 2])
+
+
+def test_octave_opens_the_folder(first):
+    octave = shutil.which("octave-cli")
+    if octave is None:
+        skip("Octave is not installed (Debian: apt-get install octave)")
+    script = f"""
+        addpath('{ROOT / "tools"}');
+        r = gusset_open('{first.folder}');
+        printf('%d %s %s %s %d\\n', numel(r.time), r.specimen(1).name, r.summary.status, r.units.x1, numel(r.events));
+        printf('%.17g\\n', r.x2, r.specimen(1).force);
+    """
+    done = subprocess.run([octave, "--quiet", "--norc", "--eval", script], capture_output=True, text=True)
+    head, *numbers = done.stdout.splitlines()
+    assert head == f"{len(first)} column completed m {len(first.events)}", done.stderr
+    expected = np.concatenate([first["disp", 2], first.specimen("column").force])
+    assert np.array([float(number) for number in numbers]).tobytes() == expected.tobytes()
+
+
+def test_octave_names_a_folder_that_is_no_run(place):
+    octave = shutil.which("octave-cli")
+    if octave is None:
+        skip("Octave is not installed (Debian: apt-get install octave)")
+    script = f"addpath('{ROOT / 'tools'}'); gusset_open('nowhere')"
+    done = subprocess.run([octave, "--quiet", "--norc", "--eval", script], capture_output=True, text=True)
+    assert done.returncode != 0 and "nowhere is not a run folder" in done.stderr
