@@ -20,6 +20,7 @@
 
 mod address;
 mod axis_table;
+mod campaign;
 mod certificate;
 pub(crate) mod check;
 mod diagnose;
@@ -69,6 +70,10 @@ use toml_edit::DocumentMut;
 
 pub use crate::text::printable;
 pub use axis_table::{AxisTable, DispUnit, ForceUnit};
+pub use campaign::{
+    CampaignTable, CollapseTable, Design, Intensity, LoadedStudy, MeasureTable, RecordsTable,
+    Sampling, Scalar, SpanTable, StudyFile, SyntheticTable, VaryTable, load_study, parse_study,
+};
 pub use certificate::{
     CapacityTable, CertificateTable, IdentifiedTable, Spread, Uncertain, UncertaintyTable,
 };

@@ -86,7 +86,7 @@ pub use compare::{compare, damages, verdict};
 pub(crate) use curves::{Curve, Curves, Scale};
 pub use digest::Digest;
 pub use effect::effect;
-pub(crate) use html::note;
+pub(crate) use html::{definitions, note, section, table};
 pub use identified::{IdentifiedAxis, identified, missing_metrics, told, tracking_metrics};
 pub use matched::{FirstDifference, Matched, Matcher, Next};
 pub(crate) use page::frame;
