@@ -250,7 +250,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "units",
         ],
     ),
-    // Many simulated tests: it uses a rehearsal as it is, and no part of the loop.
+    // Many simulated tests. It uses rehearsals and no part of the loop.
     (
         "campaign",
         &[

@@ -21,7 +21,7 @@ use crate::record::atomic::{self, AtomicFile};
 /// Most chunks with missing tasks that a summary names.
 const MOST_NAMED: usize = 100;
 
-/// What a collection found and wrote.
+/// Findings and files of a collection.
 #[derive(Debug, Clone)]
 pub struct Collected {
     /// The table.
@@ -56,7 +56,7 @@ impl Collected {
     }
 }
 
-/// What pictures need of one task.
+/// Values of one task for the pictures.
 #[derive(Debug, Clone)]
 pub(super) struct Shown {
     pub index: u64,

@@ -231,7 +231,7 @@ impl Moments {
     }
 }
 
-/// What is kept of one measure.
+/// Sums of one measure.
 #[derive(Debug, Clone, Default)]
 struct Sums {
     peak: f64,

@@ -16,6 +16,7 @@
 //! | `study`, `design`, `motions`, `task` | from the study file to the overrides and the identity of a task |
 //! | `measure`, `perform` | one simulated test and the numbers of its table row |
 //! | `plan`, `part`, `work` | campaign folder, result parts, chunks on threads |
+//! | `submit` | job scripts for other launchers |
 //! | `collect`, `table`, `prove` | merging, the table, recomputed tasks |
 //! | `fractile`, `fragility`, `page` | statistics and the report |
 
@@ -31,6 +32,7 @@ mod perform;
 mod plan;
 mod prove;
 mod study;
+mod submit;
 mod table;
 mod task;
 mod work;
@@ -44,6 +46,7 @@ pub use collect::{Collected, Prove, collect};
 pub use fragility::{Fragility, Level};
 pub use plan::{Campaign, Plan, plan};
 pub use study::Study;
+pub use submit::{Engine, Submitted, submit};
 pub use task::Task;
 pub use work::{Status, Stop, Worked, status, work};
 
@@ -64,7 +67,7 @@ pub enum CampaignError {
     File {
         /// Which file.
         path: PathBuf,
-        /// What the system said.
+        /// Reason from the system.
         source: io::Error,
     },
     /// The folder has no plan.

@@ -69,11 +69,16 @@ pub struct Campaign {
     pub study: Study,
 }
 
-/// Plans the campaign of the study at `study` in the new folder `out`. At most three tasks are timed.
+/// Plans the campaign of the study at `study` in the new folder `out`. At most three tasks are timed. A chunk has
+/// `tasks_per_chunk` tasks, or as many as take a minute.
 ///
 /// # Errors
 /// [`CampaignError`]: the study is wrong, the first task has no valid test, or the folder is not free.
-pub fn plan(study: &Path, out: &Path) -> Result<Campaign, CampaignError> {
+pub fn plan(
+    study: &Path,
+    out: &Path,
+    tasks_per_chunk: Option<u64>,
+) -> Result<Campaign, CampaignError> {
     let path = fs::canonicalize(study).map_err(at(study))?;
     let expanded = Study::load(study)?;
     make_free(out)?;
@@ -86,7 +91,7 @@ pub fn plan(study: &Path, out: &Path) -> Result<Campaign, CampaignError> {
         study: path,
         files: expanded.files.clone(),
         tasks: expanded.tasks,
-        tasks_per_chunk: per_chunk as u64,
+        tasks_per_chunk: tasks_per_chunk.unwrap_or(per_chunk as u64).max(1),
         task_s,
     };
     let write = |name: &str, bytes: &[u8]| {

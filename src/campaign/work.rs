@@ -11,12 +11,12 @@ use super::{CampaignError, at};
 use crate::rt::os;
 
 /// Results are written at least this often, in ns.
-const FLUSH_NS: u64 = 5_000_000_000;
+const FLUSH_NS: u64 = 15_000_000_000;
 
 /// Tells whether a worker should stop.
 pub type Stop<'a> = dyn Fn() -> bool + Sync + 'a;
 
-/// What a worker did.
+/// Counts of a worker.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Worked {
     /// Tasks that it computed.
@@ -58,7 +58,7 @@ struct Bench<'a> {
 }
 
 /// Computes the chunks `chunks` on `jobs` threads. Tasks that are done are left out. `progress` receives the number of tasks of
-/// these chunks that are done. Results are written before the return, also when `stop` says so.
+/// these chunks that are done. Results are written before the return, also when `stop` returns true.
 ///
 /// # Errors
 /// [`CampaignError`]: a part belongs to another campaign, two results differ, or the system refuses a file.

@@ -5,10 +5,13 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use serde_json::json;
 
-use super::args::{CampaignCommand, CollectArgs, FolderArgs, PlanArgs, RunCampaignArgs, WorkArgs};
+use super::args::{
+    CampaignCommand, CollectArgs, EngineArg, FolderArgs, PlanArgs, RunCampaignArgs, SubmitArgs,
+    WorkArgs,
+};
 use super::exit::{Exit, Mistakes, WithExit};
 use super::{answer, screen, tell};
-use crate::campaign::{self, Campaign, CampaignError, Collected, Prove, Worked};
+use crate::campaign::{self, Campaign, CampaignError, Collected, Engine, Prove, Worked};
 use crate::config::ConfigError;
 use crate::session::{Signal, Signals};
 use crate::units::duration;
@@ -19,6 +22,7 @@ pub fn campaign(command: &CampaignCommand) -> anyhow::Result<Exit> {
     match command {
         CampaignCommand::Plan(args) => plan(args),
         CampaignCommand::Run(args) => run(args),
+        CampaignCommand::Submit(args) => submit(args),
         CampaignCommand::Work(args) => work(args),
         CampaignCommand::Collect(args) => collect(args),
         CampaignCommand::Status(args) => status(args),
@@ -26,7 +30,7 @@ pub fn campaign(command: &CampaignCommand) -> anyhow::Result<Exit> {
 }
 
 fn plan(args: &PlanArgs) -> anyhow::Result<Exit> {
-    let planned = campaign::plan(&args.study, &args.out).map_err(told)?;
+    let planned = campaign::plan(&args.study, &args.out, args.tasks_per_chunk).map_err(told)?;
     if args.json {
         answer(serde_json::to_string_pretty(&planned.plan)?)?;
     } else {
@@ -63,7 +67,7 @@ fn run(args: &RunCampaignArgs) -> anyhow::Result<Exit> {
             .out
             .clone()
             .unwrap_or_else(|| usual_folder(&args.study));
-        campaign::plan(&args.study, &out).map_err(told)?
+        campaign::plan(&args.study, &out, None).map_err(told)?
     };
     tell(in_words(&campaign));
     let jobs = args.jobs.map_or_else(processors, usize::from);
@@ -126,6 +130,29 @@ fn compute(
         Some(Signal::Terminate) => Exit::Terminated,
         _ => Exit::Interrupted,
     }))
+}
+
+fn submit(args: &SubmitArgs) -> anyhow::Result<Exit> {
+    let campaign = Campaign::open(&args.folder).map_err(told)?;
+    let engine = match args.engine {
+        EngineArg::Lines => Engine::Lines,
+        EngineArg::Slurm => Engine::Slurm,
+    };
+    let submitted = campaign::submit(&campaign, engine, &args.arguments).map_err(told)?;
+    answer(submitted.file.display())?;
+    match submitted.reply {
+        Some(reply) => tell(reply.trim_end()),
+        None if engine == Engine::Slurm => {
+            let script = submitted.file.display();
+            let text = format!(
+                "there is no command sbatch on the path: install Slurm (Debian: apt-get install slurm-client), or run \
+                 `sbatch {script}` on a machine of the cluster"
+            );
+            return Err(WithExit(Exit::Usage, text).into());
+        }
+        None => {}
+    }
+    Ok(Exit::Done)
 }
 
 fn collect(args: &CollectArgs) -> anyhow::Result<Exit> {

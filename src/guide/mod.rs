@@ -100,6 +100,7 @@ pages! {
     operation = "operation", "operation.md", Work, false;
     run_folder = "run-folder", "run-folder.md", Work, false;
     reading_data = "reading-data", "reading-data.md", Work, false;
+    campaigns = "campaigns", "campaigns.md", Work, false;
     real_time = "real-time", "real-time.md", Work, false;
     configuration = "configuration", "configuration.md", LookUp, true;
     troubleshooting = "troubleshooting", "troubleshooting.md", LookUp, false;

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, Subcommand};
+use clap::{Args, Subcommand, ValueEnum};
 
 #[derive(Debug, Args)]
 #[command(
@@ -20,6 +20,8 @@ pub(in crate::cli) enum CampaignCommand {
     Plan(PlanArgs),
     /// Run a study or a campaign folder on this machine, and collect the results. Tasks that are done are not repeated.
     Run(RunCampaignArgs),
+    /// Write the commands of all chunks for another launcher, and submit them.
+    Submit(SubmitArgs),
     /// Compute one chunk of tasks. Every machine that shares the campaign folder can compute chunks.
     Work(WorkArgs),
     /// Merge the results into a table, a summary and a report.
@@ -39,6 +41,9 @@ pub(in crate::cli) struct PlanArgs {
     /// Write the campaign into this folder. The folder must be new or empty.
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
+    /// Tasks of one chunk [default: as many as take a minute on one core].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
+    pub tasks_per_chunk: Option<u64>,
     /// Print the plan as JSON on stdout.
     #[arg(long)]
     pub json: bool,
@@ -67,6 +72,34 @@ pub(in crate::cli) struct RunCampaignArgs {
     /// Print the summary as JSON on stdout.
     #[arg(long)]
     pub json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  gusset campaign submit ida --engine lines\n  \
+    gusset campaign submit ida --engine slurm -- --partition=debug\n\n\
+    All machines must see the campaign folder, the study and the executable under the same paths.\n\n\
+    More: gusset guide campaigns"
+)]
+pub(in crate::cli) struct SubmitArgs {
+    /// The campaign folder.
+    #[arg(value_name = "DIR")]
+    pub folder: PathBuf,
+    /// Launcher of the chunks.
+    #[arg(long, value_enum)]
+    pub engine: EngineArg,
+    /// Further arguments of the launcher, behind `--`.
+    #[arg(last = true, value_name = "ARGUMENT")]
+    pub arguments: Vec<String>,
+}
+
+/// Launcher of the chunks of a campaign.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(in crate::cli) enum EngineArg {
+    /// A file with one command a line, for GNU parallel, PyLauncher and others.
+    Lines,
+    /// An array job of Slurm.
+    Slurm,
 }
 
 #[derive(Debug, Args)]
