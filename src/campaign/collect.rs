@@ -1,10 +1,11 @@
 //! Merging of the result parts: the table, the summary and the report.
 
 use std::io::{BufWriter, Write};
-use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
+pub use super::found::Collected;
+use super::found::Shown;
 use super::fragility::{Fragility, Level};
 use super::page::render;
 use super::part::{Line, Parts, merge, names};
@@ -14,59 +15,13 @@ pub use super::prove::Prove;
 use super::prove::prove;
 use super::study::Study;
 use super::table::{TableColumn, columns, head, row};
+use super::task::Task;
 use super::{CampaignError, at};
 use crate::catalog::ending::Cause;
 use crate::record::atomic::{self, AtomicFile};
 
 /// Most chunks with missing tasks that a summary names.
 const MOST_NAMED: usize = 100;
-
-/// Findings and files of a collection.
-#[derive(Debug, Clone)]
-pub struct Collected {
-    /// The table.
-    pub table: PathBuf,
-    /// The report.
-    pub report: PathBuf,
-    /// Tasks of the campaign.
-    pub tasks: u64,
-    /// Tasks with a result.
-    pub done: u64,
-    /// Tasks whose test stopped before its end.
-    pub stopped: u64,
-    /// Tasks whose overrides give no valid test.
-    pub invalid: u64,
-    /// Chunks with missing tasks, the first of them.
-    pub open: Vec<u64>,
-    /// Names of parts that were cut short.
-    pub damaged: Vec<String>,
-    /// Tasks that were computed again, with equal bits.
-    pub proved: u64,
-    /// The fragility curve with its counts.
-    pub fragility: Option<(Option<Fragility>, Vec<Level>)>,
-    /// What `summary.json` contains.
-    pub summary: Value,
-}
-
-impl Collected {
-    /// True if every task has a result.
-    #[must_use]
-    pub const fn is_complete(&self) -> bool {
-        self.done == self.tasks
-    }
-}
-
-/// Values of one task for the pictures.
-#[derive(Debug, Clone)]
-pub(super) struct Shown {
-    pub index: u64,
-    /// Level of intensity.
-    pub level: Option<f64>,
-    /// True if the structure has collapsed or the test stopped.
-    pub collapsed: bool,
-    /// The measures with pictures.
-    pub values: Vec<f64>,
-}
 
 /// Counts and rows under way.
 #[derive(Default)]
@@ -156,7 +111,7 @@ fn merged(
             sheet.open.push(chunk);
         }
         for (index, (line, part)) in lines {
-            let task = study.task(index);
+            let task = Task::of(study, index);
             row(out, study, &task, &line.result).map_err(at(&campaign.folder))?;
             let value = |place: usize| line.result.values.get(place).copied();
             let is_done = line.result.ended == Cause::Done.word();
@@ -183,26 +138,6 @@ fn merged(
         progress(plan.chunk(chunk).end);
     }
     Ok(sheet)
-}
-
-impl Study {
-    /// Place of the measure with this name.
-    pub(super) fn measure_at(&self, name: &str) -> Option<usize> {
-        self.measures.iter().position(|one| one.name == name)
-    }
-
-    /// Places of the measures with pictures.
-    pub(super) fn reported(&self) -> Vec<usize> {
-        let wanted = self.loaded.study.measure.report.iter();
-        let places: Vec<usize> = wanted.filter_map(|name| self.measure_at(name)).collect();
-        if !places.is_empty() {
-            return places;
-        }
-        let usual = ["max_drift_ratio", "max_drift"];
-        let usual = usual.iter().find_map(|name| self.measure_at(name));
-        let second = (self.measures.len() > 1).then_some(1);
-        usual.or(second).into_iter().collect()
-    }
 }
 
 /// Counts of collapses at each level, and the curve; none without levels or without a criterion.

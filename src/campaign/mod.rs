@@ -18,12 +18,15 @@
 //! | `plan`, `part`, `work` | campaign folder, result parts, chunks on threads |
 //! | `submit` | job scripts for other launchers |
 //! | `collect`, `table`, `prove` | merging, the table, recomputed tasks |
-//! | `fractile`, `fragility`, `page` | statistics and the report |
+//! | `fractile`, `fragility`, `found`, `ida`, `drawing`, `page` | statistics and the report |
 
 mod collect;
 mod design;
+mod drawing;
+mod found;
 mod fractile;
 mod fragility;
+mod ida;
 mod measure;
 mod motions;
 mod page;

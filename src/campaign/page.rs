@@ -1,20 +1,20 @@
 //! The report of a campaign: one page without scripts.
 
-use super::collect::{Collected, Shown};
-use super::fractile::{SHARES, fractile};
+use super::drawing::{of, picture, scale, short};
+use super::found::{Collected, Shown};
 use super::fragility::{Fragility, Level};
+use super::ida::ida;
 use super::measure::Measure;
 use super::plan::Campaign;
 use super::study::Study;
+use super::task::Task;
 use crate::config::Design;
-use crate::view::report::{Curve, Curves, Scale, definitions, escape, frame, note, section, table};
+use crate::view::report::{Curve, Scale, definitions, escape, frame, note, section, table};
 
-/// Size of a picture.
-const SIZE: (f64, f64) = (640.0, 420.0);
 /// Most drawn numbers with a scatter picture.
 const MOST_SCATTER: usize = 6;
-/// Most tests whose single curves are drawn.
-const MOST_CURVES: usize = 5000;
+/// Most files that the page names.
+const MOST_FILES: usize = 50;
 
 /// The page.
 pub(super) fn render(campaign: &Campaign, collected: &Collected, shown: &[Shown]) -> String {
@@ -72,7 +72,7 @@ fn of_measure(study: &Study, measure: &Measure, place: usize, shown: &[Shown]) -
     for (index, sample) in study.samples.iter().enumerate().take(MOST_SCATTER) {
         let draws: Vec<f64> = shown
             .iter()
-            .map(|one| study.task(one.index).draws[index])
+            .map(|one| Task::of(study, one.index).draws[index])
             .collect();
         let key = sample.key.to_string();
         let curve = Curve {
@@ -86,98 +86,6 @@ fn of_measure(study: &Study, measure: &Measure, place: usize, shown: &[Shown]) -
         markup += &picture(&title, scale(&key, ""), of(measure), &[curve]);
     }
     section(&measure.meaning, &markup)
-}
-
-/// IDA curves with fractiles: intensity over measure.
-fn ida(study: &Study, measure: &Measure, place: usize, shown: &[Shown]) -> String {
-    let mut levels: Vec<f64> = shown.iter().filter_map(|one| one.level).collect();
-    levels.sort_by(f64::total_cmp);
-    levels.dedup();
-    let value = |one: &Shown| {
-        if one.collapsed {
-            f64::INFINITY
-        } else {
-            one.values[place]
-        }
-    };
-    let (mut x, mut y) = (vec![], vec![]);
-    let mut last = f64::INFINITY;
-    // Replicates of one motion share its curve's colour; each sequence of rising levels is one curve.
-    let replicates = study.loaded.study.campaign.replicates;
-    for replicate in 0..replicates {
-        let own = shown
-            .iter()
-            .filter(|one| one.index % replicates == replicate);
-        for one in own.take(MOST_CURVES) {
-            let Some(level) = one.level else { continue };
-            if level <= last {
-                x.push(f64::NAN);
-                y.push(f64::NAN);
-            }
-            last = level;
-            let value = value(one);
-            x.push(if value.is_finite() { value } else { f64::NAN });
-            y.push(level);
-        }
-        last = f64::INFINITY;
-    }
-    let largest = x
-        .iter()
-        .copied()
-        .filter(|v| v.is_finite())
-        .fold(0.0, f64::max);
-    let mut fractiles = Vec::new();
-    let mut rows = Vec::new();
-    for level in &levels {
-        let at_level = shown.iter().filter(|one| one.level == Some(*level));
-        let values: Vec<f64> = at_level.map(value).collect();
-        let each = SHARES.map(|share| fractile(&values, share).unwrap_or(f64::NAN));
-        let collapsed = values.iter().filter(|value| value.is_infinite()).count();
-        let mut row = vec![short(*level)];
-        row.extend(each.iter().map(|value| short(*value)));
-        row.push(format!("{collapsed} of {}", values.len()));
-        rows.push(row);
-        fractiles.push(each.map(|value| if value.is_finite() { value } else { f64::NAN }));
-    }
-    let lines: Vec<(String, Vec<f64>)> = SHARES
-        .iter()
-        .enumerate()
-        .map(|(i, share)| {
-            let values = fractiles.iter().map(|each| each[i]).collect();
-            (format!("{:.0} % fractile", 100.0 * share), values)
-        })
-        .collect();
-    let curve = |name, x, y| Curve {
-        name,
-        x,
-        y,
-        dots: false,
-        reference: false,
-    };
-    let mut curves = vec![curve("single motions", &x[..], &y[..])];
-    let fractiles = lines.iter();
-    curves.extend(fractiles.map(|(name, values)| curve(name.as_str(), values, &levels)));
-    let words = study
-        .motions
-        .first()
-        .map(|one| one.words())
-        .unwrap_or_default();
-    let unit = study
-        .motions
-        .first()
-        .map(|one| one.unit())
-        .unwrap_or_default();
-    let across = Scale {
-        range: (largest > 0.0).then_some((0.0, 1.05 * largest)),
-        ..of(measure)
-    };
-    let title = format!("IDA curves: {}", measure.name);
-    let head = ["intensity", "16 %", "50 %", "84 %", "collapsed"];
-    picture(&title, across, scale(&words, &unit), &curves)
-        + &table(&head, &rows)
-        + &note(
-            "A collapsed structure counts as an infinite value. A curve ends where the structure collapses.",
-        )
 }
 
 /// Histogram and exceedance of a measure.
@@ -241,7 +149,7 @@ fn sensitivity(study: &Study, measure: &Measure, place: usize, shown: &[Shown]) 
     for (index, axis) in study.axes.iter().enumerate() {
         let own = shown
             .iter()
-            .filter(|one| study.task(one.index).values[index].is_some());
+            .filter(|one| Task::of(study, one.index).values[index].is_some());
         let values: Vec<f64> = own
             .map(|one| one.values[place])
             .filter(|v| v.is_finite())
@@ -328,56 +236,10 @@ fn provenance(campaign: &Campaign, collected: &Collected) -> String {
             format!("{} tasks", collected.proved),
         ),
     ];
-    let files = plan.files.iter().take(MOST_CURVES.min(50));
+    let files = plan.files.iter().take(MOST_FILES);
     pairs.extend(files.map(|(name, digest)| pair(name, digest.clone())));
     if !collected.damaged.is_empty() {
         pairs.push(pair("damaged parts", collected.damaged.join(", ")));
     }
     section("Provenance", &definitions(&pairs))
-}
-
-/// A picture of the page.
-fn picture(title: &str, across: Scale<'_>, up: Scale<'_>, curves: &[Curve<'_>]) -> String {
-    let chart = Curves {
-        title,
-        across,
-        up,
-        curves,
-        logarithmic: false,
-        square: false,
-    };
-    format!("<figure>{}</figure>\n", chart.svg(SIZE.0, SIZE.1, true))
-}
-
-fn of(measure: &Measure) -> Scale<'_> {
-    scale(&measure.name, &measure.unit)
-}
-
-fn scale<'a>(words: &'a str, unit: &'a str) -> Scale<'a> {
-    let unit = if unit.is_empty() { "1" } else { unit };
-    Scale {
-        words,
-        unit,
-        range: None,
-    }
-}
-
-/// Four significant digits.
-fn short(value: f64) -> String {
-    if !value.is_finite() {
-        return if value.is_nan() {
-            "–".to_owned()
-        } else {
-            "∞".to_owned()
-        };
-    }
-    if value == 0.0 {
-        return "0".to_owned();
-    }
-    let digits = 3 - value.abs().log10().floor() as i32;
-    if (0..=7).contains(&digits) {
-        format!("{value:.*}", digits as usize)
-    } else {
-        format!("{value:.3e}")
-    }
 }

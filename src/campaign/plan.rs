@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::perform::{INVALID, perform, why_invalid};
 use super::study::Study;
+use super::task::Task;
 use super::{CampaignError, at};
 use crate::record::{atomic, make_free};
 use crate::rt::os;
@@ -117,7 +118,7 @@ fn timed(study: &Study) -> Result<f64, CampaignError> {
     let began = os::monotonic_ns();
     let mut invalid = 0;
     for index in &indices {
-        let task = study.task(*index);
+        let task = Task::of(study, *index);
         if perform(study, &task).ended == INVALID {
             invalid += 1;
             if invalid == indices.len() {
@@ -187,8 +188,8 @@ impl Campaign {
     pub fn identity(&self, index: u64) -> Option<String> {
         let is_there = index < self.plan.tasks;
         is_there.then(|| {
-            let task = self.study.task(index);
-            self.study.identity(&task, &self.plan.executable)
+            let task = Task::of(&self.study, index);
+            task.identity(&self.study, &self.plan.executable)
         })
     }
 }

@@ -9,6 +9,7 @@ use super::design::bits;
 use super::part::Line;
 use super::perform::perform;
 use super::plan::Campaign;
+use super::task::Task;
 
 /// How many tasks are computed again.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -67,7 +68,7 @@ pub(super) fn prove(
     let wrong: Mutex<Option<CampaignError>> = Mutex::new(None);
     let one = || {
         while let Some((line, part)) = lines.get(next.fetch_add(1, Ordering::Relaxed)) {
-            let task = campaign.study.task(line.index);
+            let task = Task::of(&campaign.study, line.index);
             if !perform(&campaign.study, &task).is_same(&line.result) {
                 let mut wrong = wrong.lock().unwrap_or_else(PoisonError::into_inner);
                 wrong.get_or_insert(CampaignError::Conflict {

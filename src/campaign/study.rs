@@ -109,6 +109,24 @@ impl Study {
             title => title.to_owned(),
         }
     }
+
+    /// Place of the measure with this name.
+    pub(super) fn measure_at(&self, name: &str) -> Option<usize> {
+        self.measures.iter().position(|one| one.name == name)
+    }
+
+    /// Places of the measures with pictures.
+    pub(super) fn reported(&self) -> Vec<usize> {
+        let wanted = self.loaded.study.measure.report.iter();
+        let places: Vec<usize> = wanted.filter_map(|name| self.measure_at(name)).collect();
+        if !places.is_empty() {
+            return places;
+        }
+        let usual = ["max_drift_ratio", "max_drift"];
+        let usual = usual.iter().find_map(|name| self.measure_at(name));
+        let second = (self.measures.len() > 1).then_some(1);
+        usual.or(second).into_iter().collect()
+    }
 }
 
 /// Tries the first value of each axis: a key that the test does not know is a mistake of the study.

@@ -27,23 +27,23 @@ pub struct Task {
     motion_digest: String,
 }
 
-impl Study {
+impl Task {
     /// Task `index`, from 0. Replicates vary fastest, then levels, motions, and points of the design.
     #[must_use]
-    pub fn task(&self, index: u64) -> Task {
-        let campaign = &self.loaded.study.campaign;
+    pub fn of(study: &Study, index: u64) -> Self {
+        let campaign = &study.loaded.study.campaign;
         let replicate = index % campaign.replicates;
         let rest = index / campaign.replicates;
-        let (shots, at) = (self.shots(), rest / self.shots());
-        let chosen = point(campaign.design, &self.axes, at);
-        let axes = self.axes.iter().zip(&chosen);
+        let (shots, at) = (study.shots(), rest / study.shots());
+        let chosen = point(campaign.design, &study.axes, at);
+        let axes = study.axes.iter().zip(&chosen);
         let mut sets: Vec<String> = axes
             .filter_map(|(axis, value)| Some(format!("{}={}", axis.key, (*value)?.toml())))
             .collect();
         let mut shot = rest % shots;
         let mut motion = None;
         let mut motion_digest = String::new();
-        for motions in &self.motions {
+        for motions in &study.motions {
             if shot >= motions.count() {
                 shot -= motions.count();
                 continue;
@@ -57,15 +57,15 @@ impl Study {
             break;
         }
         let (mut drawn, mut draws) = (Vec::new(), Vec::new());
-        for sample in &self.samples {
+        for sample in &study.samples {
             let key = sample.key.to_string();
             let count = campaign.replicates;
             let draw = normal(campaign.sampling, campaign.seed, &key, replicate, count);
             drawn.push(sample.set(draw));
             draws.push(sample.value(draw));
         }
-        let redraws_noise = self.is_noisy && campaign.replicates > 1;
-        Task {
+        let redraws_noise = study.is_noisy && campaign.replicates > 1;
+        Self {
             index,
             values: chosen
                 .into_iter()
@@ -83,18 +83,18 @@ impl Study {
 
     /// Identity of a task: a digest of the files, the overrides, the seed and the executable.
     #[must_use]
-    pub fn identity(&self, task: &Task, executable: &str) -> String {
+    pub fn identity(&self, study: &Study, executable: &str) -> String {
         let mut hasher = blake3::Hasher::new();
         let mut part = |text: &str| {
             hasher.update(&(text.len() as u64).to_le_bytes());
             hasher.update(text.as_bytes());
         };
         part(executable);
-        part(&self.digest);
-        part(&task.motion_digest);
-        part(&self.loaded.study.campaign.seed.to_string());
-        part(&format!("{:?}", task.noise_seed));
-        for set in task.sets.iter().chain(&task.drawn) {
+        part(&study.digest);
+        part(&self.motion_digest);
+        part(&study.loaded.study.campaign.seed.to_string());
+        part(&format!("{:?}", self.noise_seed));
+        for set in self.sets.iter().chain(&self.drawn) {
             part(set);
         }
         hasher.finalize().to_hex()[..32].to_owned()

@@ -7,6 +7,7 @@ use std::sync::{Mutex, PoisonError};
 use super::part::{Line, Parts, merge, names, write};
 use super::perform::perform;
 use super::plan::{Campaign, Plan, read};
+use super::task::Task;
 use super::{CampaignError, at};
 use crate::rt::os;
 
@@ -148,10 +149,10 @@ impl Bench<'_> {
     /// Computes one task and keeps its result.
     fn take(&self, index: u64) -> Result<(), CampaignError> {
         let Campaign { study, plan, .. } = self.campaign;
-        let task = study.task(index);
+        let task = Task::of(study, index);
         let line = Line {
             index,
-            identity: study.identity(&task, &plan.executable),
+            identity: task.identity(study, &plan.executable),
             result: perform(study, &task),
         };
         let mut rows = self.rows.lock().unwrap_or_else(PoisonError::into_inner);

@@ -21,6 +21,7 @@
 mod address;
 mod axis_table;
 mod campaign;
+mod campaign_table;
 mod certificate;
 pub(crate) mod check;
 mod diagnose;
@@ -70,9 +71,10 @@ use toml_edit::DocumentMut;
 
 pub use crate::text::printable;
 pub use axis_table::{AxisTable, DispUnit, ForceUnit};
-pub use campaign::{
-    CampaignTable, CollapseTable, Design, Intensity, LoadedStudy, MeasureTable, RecordsTable,
-    Sampling, Scalar, SpanTable, StudyFile, SyntheticTable, VaryTable, load_study, parse_study,
+pub use campaign::{LoadedStudy, load_study, parse_study};
+pub use campaign_table::{
+    CampaignTable, CollapseTable, Design, Intensity, MeasureTable, RecordsTable, Sampling, Scalar,
+    SpanTable, StudyFile, SyntheticTable, VaryTable,
 };
 pub use certificate::{
     CapacityTable, CertificateTable, IdentifiedTable, Spread, Uncertain, UncertaintyTable,
