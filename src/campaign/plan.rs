@@ -159,21 +159,12 @@ impl Campaign {
             return Err(CampaignError::Executable(path));
         }
         let study = Study::load(&plan.study)?;
-        let planned = plan.files.iter();
-        for (name, digest) in &study.files {
-            let known = planned
-                .clone()
-                .any(|(other, d)| other == name && d == digest);
-            let first = study.loaded.path.display().to_string();
-            if !known && *name != first {
-                return Err(CampaignError::Changed(name.clone()));
-            }
+        let new = study.files.iter().find(|file| !plan.files.contains(file));
+        if let Some((name, _)) = new {
+            return Err(CampaignError::Changed(name.clone()));
         }
-        // The path of the study may be spelled differently.
-        let digests = |files: &[(String, String)]| -> Vec<String> {
-            files.iter().map(|(_, digest)| digest.clone()).collect()
-        };
-        if digests(&study.files) != digests(&plan.files) || study.tasks != plan.tasks {
+        // A record may be missing.
+        if study.files != plan.files || study.tasks != plan.tasks {
             return Err(CampaignError::Changed(plan.study.display().to_string()));
         }
         Ok(Self {

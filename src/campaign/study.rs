@@ -154,15 +154,14 @@ fn digests(
     motions: &[Motions],
 ) -> (String, Vec<(String, String)>) {
     let hex = |bytes: &[u8]| blake3::hash(bytes).to_hex().to_string();
+    let full = |path: &Path| {
+        let full = std::fs::canonicalize(path);
+        full.as_deref().unwrap_or(path).display().to_string()
+    };
+    let test = &loaded.test;
     let mut files = vec![
-        (
-            loaded.path.display().to_string(),
-            hex(loaded.text.as_bytes()),
-        ),
-        (
-            loaded.test.path.display().to_string(),
-            hex(loaded.test.text.as_bytes()),
-        ),
+        (full(&loaded.path), hex(loaded.text.as_bytes())),
+        (full(&test.path), hex(test.text.as_bytes())),
     ];
     let of_inputs = inputs.iter();
     files.extend(of_inputs.map(|(name, bytes)| (name.display().to_string(), hex(bytes))));

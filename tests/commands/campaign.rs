@@ -1,4 +1,4 @@
-//! `gusset campaign`: the table is the same whoever computes it and however often it is interrupted, and wrong input is
+//! `gusset campaign`: workers and interruptions do not change the table, and wrong input is
 //! refused before anything is computed.
 
 use std::fs;
@@ -448,4 +448,34 @@ fn submit_writes_a_command_for_each_chunk() {
             .unwrap()
             .contains("--array=1-5\n")
     );
+}
+
+/// Paths of a plan do not depend on the current folder.
+#[test]
+fn studies_of_the_repository_can_be_planned() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("ida");
+    let study = Path::new("config/campaigns/ida-frame.toml");
+    let said = campaign("plan", study, &["--out", out.to_str().unwrap(), "--json"]);
+    let plan: Value = serde_json::from_str(&said.stdout).unwrap();
+    assert_eq!(plan["tasks"], 240);
+    let mut submit = gusset();
+    submit.args([
+        "campaign",
+        "submit",
+        out.to_str().unwrap(),
+        "--engine",
+        "lines",
+    ]);
+    let said = submit.current_dir(folder.path()).output().unwrap();
+    assert!(
+        said.status.success(),
+        "{}",
+        String::from_utf8_lossy(&said.stderr)
+    );
+    for (name, tasks) in [("vrths-monte-carlo", 100), ("compensator-tuning", 16)] {
+        let path = format!("config/campaigns/{name}.toml");
+        let study = gusset::campaign::Study::load(Path::new(&path)).unwrap();
+        assert_eq!(study.tasks, tasks, "{name}");
+    }
 }
