@@ -301,7 +301,8 @@ impl Taker {
             match sheet.measures[index].kind {
                 Kind::LargestDrift => values[index] = largest,
                 Kind::Collapse { of, above } => {
-                    let has_collapsed = !completed || !(values[of] <= above);
+                    let is_above = values[of] > above || values[of].is_nan();
+                    let has_collapsed = !completed || is_above;
                     values[index] = f64::from(u8::from(has_collapsed));
                 }
                 _ => {}
