@@ -58,6 +58,7 @@
 
 pub mod assets;
 pub mod benchmark;
+pub mod campaign;
 pub mod catalog;
 pub mod cli;
 pub mod compensation;

@@ -9,6 +9,7 @@
     reason = "clap prints these comments, with names of tables in brackets and of values in angle brackets"
 )]
 
+mod campaign;
 mod check;
 mod files;
 mod folders;
@@ -21,6 +22,10 @@ mod serve;
 use clap::{Parser, Subcommand, ValueEnum};
 use tracing::level_filters::LevelFilter;
 
+pub(super) use campaign::{
+    CampaignArgs, CampaignCommand, CollectArgs, EngineArg, FolderArgs, PlanArgs, RunCampaignArgs,
+    SubmitArgs, WorkArgs,
+};
 pub(super) use check::{CheckArgs, VerifyArgs};
 pub(super) use files::{
     CompletionsArgs, ListArgs, ManArgs, NewArgs, SchemaArgs, ShellArg, TemplateArg,
@@ -134,6 +139,8 @@ pub(super) enum Command {
     /// Run a published benchmark of hybrid simulation.
     #[command(subcommand)]
     Benchmark(benchmark::Of),
+    /// Run many simulated tests of one study, on this machine or on many.
+    Campaign(CampaignArgs),
     /// Show the guide: the contents, a page, or a configuration key.
     Guide(GuideArgs),
     /// Print the JSON Schema of the test file, for editors.

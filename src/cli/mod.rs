@@ -8,6 +8,7 @@ mod args;
 mod aside;
 mod attend;
 mod benchmark;
+mod campaign;
 mod certificate;
 mod check;
 mod closing;
@@ -141,6 +142,7 @@ fn dispatch(command: Command) -> anyhow::Result<Exit> {
         Command::Reset(args) => control::reset(&args),
         Command::Verify(args) => verify::verify(&args),
         Command::Benchmark(benchmark::Of::Vrths(args)) => benchmark::vrths(&args),
+        Command::Campaign(args) => campaign::campaign(&args.command),
         Command::List(args) => list::list(&args),
         Command::Schema(args) => schema::schema(&args),
         Command::Completions(args) => shell::completions(&args),

@@ -235,6 +235,30 @@ impl Uncertain {
         }
     }
 
+    /// The value for a draw of the standard normal distribution. A range takes the share of draws that are smaller.
+    #[must_use]
+    pub fn value(&self, normal: f64) -> f64 {
+        let value = match self.spread {
+            Spread::Normal(std) => self.nominal + std * normal,
+            Spread::Uniform(low, high) => {
+                let share = 0.5 * libm::erfc(-normal / std::f64::consts::SQRT_2);
+                low + (high - low) * share
+            }
+        };
+        if self.whole { value.round() } else { value }
+    }
+
+    /// The override for [`Uncertain::value`].
+    #[must_use]
+    pub fn set(&self, normal: f64) -> String {
+        let value = self.value(normal);
+        if self.whole {
+            format!("{}={}", self.key, value as i64)
+        } else {
+            format!("{}={value:?}", self.key)
+        }
+    }
+
     /// True if it is a number of an actuator or of sensors.
     #[must_use]
     pub fn is_of_transfer(&self) -> bool {
@@ -250,10 +274,16 @@ impl Loaded {
     /// Every number that the file calls uncertain; a checked file has them all.
     #[must_use]
     pub fn uncertain(&self) -> Vec<Uncertain> {
+        self.uncertain_by(&self.file.uncertainty)
+    }
+
+    /// The numbers that checked `tables` call uncertain.
+    #[must_use]
+    pub fn uncertain_by(&self, tables: &[UncertaintyTable]) -> Vec<Uncertain> {
         let Ok(complete) = toml::Value::try_from(&self.file) else {
             return Vec::new();
         };
-        let each = self.file.uncertainty.iter().filter_map(|one| {
+        let each = tables.iter().filter_map(|one| {
             let key = KeyPath::parse(&one.key).ok()?;
             let key = current_key(&complete, key);
             let number = number_at(&complete, &key).ok()?;

@@ -20,6 +20,8 @@
 
 mod address;
 mod axis_table;
+mod campaign;
+mod campaign_table;
 mod certificate;
 pub(crate) mod check;
 mod diagnose;
@@ -69,6 +71,11 @@ use toml_edit::DocumentMut;
 
 pub use crate::text::printable;
 pub use axis_table::{AxisTable, DispUnit, ForceUnit};
+pub use campaign::{LoadedStudy, load_study, parse_study};
+pub use campaign_table::{
+    CampaignTable, CollapseTable, Design, Intensity, MeasureTable, RecordsTable, Sampling, Scalar,
+    SpanTable, StudyFile, SyntheticTable, VaryTable,
+};
 pub use certificate::{
     CapacityTable, CertificateTable, IdentifiedTable, Spread, Uncertain, UncertaintyTable,
 };

@@ -5,6 +5,7 @@ mod common;
 #[path = "../tls_common/mod.rs"]
 mod tls_common;
 
+mod campaign;
 mod every_command;
 mod every_study;
 mod new_and_list;

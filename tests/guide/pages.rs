@@ -144,7 +144,10 @@ fn in_cell(text: &str) -> String {
 fn about(path: &Path) -> (String, String) {
     let text = std::fs::read_to_string(path).unwrap();
     let file: toml::Table = toml::from_str(&text).unwrap_or_default();
-    let title = file.get("title").and_then(|title| title.as_str());
+    // A study has its title in `[campaign]`.
+    let campaign = file.get("campaign").and_then(|table| table.get("title"));
+    let title = file.get("title").or(campaign);
+    let title = title.and_then(|title| title.as_str());
     let lines = text
         .lines()
         .skip_while(|line| line.starts_with("#:") || line.is_empty());

@@ -167,6 +167,29 @@ pub(super) fn check_certificate(file: &TestFile, findings: &mut Findings) {
     }
 }
 
+/// Everything that is wrong with the `samples` of a study of the test `file`. The paths begin with `sample`.
+pub(in crate::config) fn check_samples(
+    file: &TestFile,
+    samples: &[UncertaintyTable],
+) -> Vec<Finding> {
+    let mut with = file.clone();
+    with.uncertainty = samples.to_vec();
+    let mut findings = Findings(Vec::new());
+    check_certificate(&with, &mut findings);
+    let of_uncertainty = KeyPath::root().key("uncertainty");
+    let findings = findings.0.into_iter();
+    let mut findings: Vec<Finding> = findings
+        .filter(|finding| finding.path.starts_with(&of_uncertainty))
+        .collect();
+    for finding in &mut findings {
+        let deeper = finding.path.segments().iter().skip(1).cloned();
+        finding.path = std::iter::once(Segment::Key("sample".to_owned()))
+            .chain(deeper)
+            .collect();
+    }
+    findings
+}
+
 /// Why a number is felt by no trial, and what is in its place; none for one that is felt.
 fn unfelt(file: &TestFile, path: &KeyPath) -> Option<(&'static str, &'static str)> {
     let segments = path.segments();

@@ -15,6 +15,7 @@ mod specimen;
 mod waits;
 mod way;
 
+pub(super) use certificate::check_samples;
 use certificate::{check_certificate, check_known};
 use excitation::check_excitation;
 use idle::{check_idle, check_idle_link, check_idle_served, check_idle_specimen};

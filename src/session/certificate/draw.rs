@@ -2,7 +2,7 @@
 //!
 //! Every number is a function of the seed, the trial and its own place, so that a trial is the same whichever thread runs it.
 
-use crate::config::{Loaded, Spread, Uncertain};
+use crate::config::{Loaded, Uncertain};
 use crate::setup::{Drawn, Trial};
 use crate::transfer::noise::normal_pair;
 
@@ -120,23 +120,5 @@ impl Plan {
             ..Trial::default()
         };
         (sets.collect(), trial)
-    }
-}
-
-impl Uncertain {
-    /// The override for a normal draw. A range takes the share of draws that are smaller.
-    fn set(&self, normal: f64) -> String {
-        let value = match self.spread {
-            Spread::Normal(std) => self.nominal + std * normal,
-            Spread::Uniform(low, high) => {
-                let share = 0.5 * libm::erfc(-normal / std::f64::consts::SQRT_2);
-                low + (high - low) * share
-            }
-        };
-        if self.whole {
-            format!("{}={}", self.key, value.round() as i64)
-        } else {
-            format!("{}={value:?}", self.key)
-        }
     }
 }

@@ -53,7 +53,7 @@ pub(crate) fn banner(class: &str, headline: &str, sentences: &[String]) -> Strin
 }
 
 /// A table: a heading of texts, rows of texts. The first column holds names, the others numbers.
-pub(super) fn table(heading: &[&str], rows: &[Vec<String>]) -> String {
+pub(crate) fn table(heading: &[&str], rows: &[Vec<String>]) -> String {
     let mut out = String::from("<div class=\"wide\"><table>\n<thead><tr>");
     for cell in heading {
         out += &format!("<th>{}</th>", escape(cell));
@@ -99,7 +99,7 @@ pub(crate) fn details(summary: &str, markup: &str) -> String {
 }
 
 /// Names and what they mean, as texts.
-pub(super) fn definitions(pairs: &[(String, String)]) -> String {
+pub(crate) fn definitions(pairs: &[(String, String)]) -> String {
     let rows = pairs
         .iter()
         .map(|(name, text)| format!("<dt>{}</dt><dd>{}</dd>\n", escape(name), escape(text)));

@@ -87,7 +87,7 @@ pub use compare::{compare, damages, verdict};
 pub(crate) use curves::{Curve, Curves, Scale};
 pub use digest::Digest;
 pub use effect::effect;
-pub(crate) use html::{banner, details, note, section, tiles};
+pub(crate) use html::{banner, definitions, details, note, section, table, tiles};
 pub use identified::{IdentifiedAxis, identified, missing_metrics, told, tracking_metrics};
 pub use matched::{FirstDifference, Matched, Matcher, Next};
 pub(crate) use page::frame;

@@ -1,0 +1,54 @@
+//! Findings of a collection.
+
+use std::path::PathBuf;
+
+use serde_json::Value;
+
+use super::fragility::{Fragility, Level};
+
+/// Findings and files of a collection.
+#[derive(Debug, Clone)]
+pub struct Collected {
+    /// The table.
+    pub table: PathBuf,
+    /// The report.
+    pub report: PathBuf,
+    /// Tasks of the campaign.
+    pub tasks: u64,
+    /// Tasks with a result.
+    pub done: u64,
+    /// Tasks whose test stopped before its end.
+    pub stopped: u64,
+    /// Tasks whose overrides give no valid test.
+    pub invalid: u64,
+    /// Chunks with missing tasks, the first of them.
+    pub open: Vec<u64>,
+    /// Names of parts that were cut short.
+    pub damaged: Vec<String>,
+    /// Tasks that were computed again, with equal bits.
+    pub proved: u64,
+    /// The fragility curve with its counts.
+    pub fragility: Option<(Option<Fragility>, Vec<Level>)>,
+    /// What `summary.json` contains.
+    pub summary: Value,
+}
+
+impl Collected {
+    /// True if every task has a result.
+    #[must_use]
+    pub const fn is_complete(&self) -> bool {
+        self.done == self.tasks
+    }
+}
+
+/// Values of one task for the pictures.
+#[derive(Debug, Clone)]
+pub(super) struct Shown {
+    pub index: u64,
+    /// Level of intensity.
+    pub level: Option<f64>,
+    /// True if the structure has collapsed or the test stopped.
+    pub collapsed: bool,
+    /// The measures with pictures.
+    pub values: Vec<f64>,
+}

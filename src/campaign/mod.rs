@@ -1,0 +1,135 @@
+//! Campaigns: many simulated tests of one study, on one machine or on many.
+//!
+//! [`Study`] expands a study file into tasks. Task `i` is a function of the study and `i`, so no list of tasks is kept. [`plan()`]
+//! writes a campaign folder, [`work`] computes chunks of its tasks, and [`collect()`] merges the result parts into one table.
+//! Workers share nothing but the folder: no network, no daemon, no lock.
+//!
+//! | file of the folder | contains |
+//! |---|---|
+//! | `plan.json` | digests of the files and of the executable, number of tasks, size of a chunk |
+//! | `study.toml`, `test.toml` | copies for people; workers read the originals and compare digests |
+//! | `parts/chunk-K-DIGEST.part` | results of tasks of chunk K |
+//! | `table.csv`, `summary.json`, `report.html` | what `collect` writes |
+//!
+//! | module | content |
+//! |---|---|
+//! | `study`, `design`, `motions`, `task` | from the study file to the overrides and the identity of a task |
+//! | `measure`, `perform` | one simulated test and the numbers of its table row |
+//! | `plan`, `part`, `work` | campaign folder, result parts, chunks on threads |
+//! | `submit` | job scripts for other launchers |
+//! | `collect`, `table`, `prove` | merging, the table, recomputed tasks |
+//! | `fractile`, `fragility`, `found`, `ida`, `drawing`, `page` | statistics and the report |
+
+mod collect;
+mod design;
+mod drawing;
+mod found;
+mod fractile;
+mod fragility;
+mod ida;
+mod measure;
+mod motions;
+mod page;
+mod part;
+mod perform;
+mod plan;
+mod prove;
+mod study;
+mod submit;
+mod table;
+mod task;
+mod work;
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+
+pub use collect::{Collected, Prove, collect};
+pub use fragility::{Fragility, Level};
+pub use plan::{Campaign, Plan, plan};
+pub use study::Study;
+pub use submit::{Engine, Submitted, submit};
+pub use task::Task;
+pub use work::{Status, Stop, Worked, status, work};
+
+use crate::config::ConfigError;
+use crate::record::FolderError;
+
+/// Why a campaign cannot go on.
+#[derive(Debug, Error)]
+pub enum CampaignError {
+    /// The study or its test is wrong.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The campaign folder cannot be used.
+    #[error(transparent)]
+    Folder(#[from] FolderError),
+    /// The system refuses a file.
+    #[error("cannot use {path}: {source}")]
+    File {
+        /// Which file.
+        path: PathBuf,
+        /// Reason from the system.
+        source: io::Error,
+    },
+    /// The folder has no plan.
+    #[error(
+        "{0} is not a campaign folder: it has no plan.json. `gusset campaign plan STUDY.toml --out DIR` makes one"
+    )]
+    NoPlan(PathBuf),
+    /// The plan belongs to another version of the program.
+    #[error(
+        "the plan {path} has format {found}, and this version of gusset reads format {wanted}: plan the campaign again"
+    )]
+    Version {
+        /// The plan.
+        path: PathBuf,
+        /// Its format.
+        found: u64,
+        /// The format of this version.
+        wanted: u64,
+    },
+    /// The plan was made by another executable.
+    #[error(
+        "the plan {0} was made by another gusset executable: use that executable, or plan the campaign again"
+    )]
+    Executable(PathBuf),
+    /// A file has changed since the plan.
+    #[error("{0} has changed since the plan: restore it, or plan the campaign again")]
+    Changed(String),
+    /// There is no such chunk.
+    #[error("there is no chunk {found}: this campaign has the chunks 1 to {last}")]
+    NoChunk {
+        /// The number that was asked for.
+        found: u64,
+        /// The last chunk.
+        last: u64,
+    },
+    /// Two results of one task differ.
+    #[error(
+        "task {task} has two different results, in {one} and {other}: results of different machines do not agree"
+    )]
+    Conflict {
+        /// Number of the task, from 1.
+        task: u64,
+        /// A part.
+        one: String,
+        /// Another part, or `recomputed`.
+        other: String,
+    },
+    /// A part belongs to another campaign.
+    #[error("{0} belongs to another campaign: remove it from the folder")]
+    Foreign(String),
+    /// Another reason.
+    #[error("{0}")]
+    Other(String),
+}
+
+/// An error of the system at `path`.
+fn at(path: &Path) -> impl FnOnce(io::Error) -> CampaignError + '_ {
+    |source| CampaignError::File {
+        path: path.to_owned(),
+        source,
+    }
+}

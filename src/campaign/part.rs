@@ -1,0 +1,231 @@
+//! Result parts: text files with one line for each task and a digest at the end.
+//!
+//! Numbers are written as the hexadecimal digits of their bits. A part that was cut short has no valid digest and does not
+//! count: its tasks are computed again.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::perform::Performed;
+use super::{CampaignError, at};
+use crate::record::atomic;
+
+/// First line of a part.
+const HEAD: &str = "gusset campaign part 1";
+/// Folder of the parts.
+const FOLDER: &str = "parts";
+
+/// One line of a part.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Line {
+    /// Number of the task, from 0.
+    pub index: u64,
+    /// Its identity.
+    pub identity: String,
+    /// Its result.
+    pub result: Performed,
+}
+
+/// Parts of one chunk.
+#[derive(Debug, Default)]
+pub(super) struct Parts {
+    /// Results by task, with the name of the part of each.
+    pub lines: BTreeMap<u64, (Line, String)>,
+    /// Names of parts that were cut short.
+    pub damaged: Vec<String>,
+}
+
+/// Writes the lines of a part of chunk `chunk`: first under a temporary name, then renamed.
+pub(super) fn write(folder: &Path, chunk: u64, lines: &[Line]) -> Result<(), CampaignError> {
+    let mut text = format!("{HEAD}\n");
+    for line in lines {
+        let bits = line
+            .result
+            .values
+            .iter()
+            .map(|v| format!("{:016x}", v.to_bits()));
+        let bits: Vec<String> = bits.collect();
+        let (index, identity, ended) = (line.index, &line.identity, &line.result.ended);
+        // Writing to a string does not fail.
+        let _ = writeln!(text, "{index}\t{identity}\t{ended}\t{}", bits.join(","));
+    }
+    let digest = blake3::hash(text.as_bytes()).to_hex();
+    let _ = writeln!(text, "end\t{digest}");
+    let parts = folder.join(FOLDER);
+    fs::create_dir_all(&parts).map_err(at(&parts))?;
+    let path = parts.join(format!("chunk-{chunk:06}-{}.part", &digest[..16]));
+    atomic::write(&path, text.as_bytes()).map_err(at(&path))
+}
+
+/// The lines of a part; none if it was cut short.
+fn read(text: &str) -> Option<Vec<Line>> {
+    let (body, last) = text.trim_end_matches('\n').rsplit_once('\n')?;
+    let body = format!("{body}\n");
+    let digest = last.strip_prefix("end\t")?;
+    if blake3::hash(body.as_bytes()).to_hex().as_str() != digest {
+        return None;
+    }
+    let mut lines = body.lines();
+    if lines.next()? != HEAD {
+        return None;
+    }
+    lines.map(line).collect()
+}
+
+fn line(text: &str) -> Option<Line> {
+    let mut cells = text.split('\t');
+    let mut next = || cells.next();
+    let (index, identity, ended, bits) = (next()?, next()?, next()?, next()?);
+    let values = bits.split(',').filter(|bits| !bits.is_empty());
+    let values: Option<Vec<f64>> = values
+        .map(|bits| Some(f64::from_bits(u64::from_str_radix(bits, 16).ok()?)))
+        .collect();
+    Some(Line {
+        index: index.parse().ok()?,
+        identity: identity.to_owned(),
+        result: Performed {
+            ended: ended.to_owned(),
+            values: values?,
+        },
+    })
+}
+
+/// The names of all parts by chunk, in order.
+pub(super) fn names(folder: &Path) -> Result<BTreeMap<u64, Vec<PathBuf>>, CampaignError> {
+    let parts = folder.join(FOLDER);
+    let mut found: BTreeMap<u64, Vec<PathBuf>> = BTreeMap::new();
+    if !parts.exists() {
+        return Ok(found);
+    }
+    for entry in fs::read_dir(&parts).map_err(at(&parts))? {
+        let path = entry.map_err(at(&parts))?.path();
+        let name = path
+            .file_name()
+            .map(|name| name.to_string_lossy().into_owned());
+        let name = name.unwrap_or_default();
+        let chunk = name
+            .strip_prefix("chunk-")
+            .and_then(|rest| rest.strip_suffix(".part"))
+            .and_then(|rest| rest.split('-').next()?.parse().ok());
+        if let Some(chunk) = chunk {
+            found.entry(chunk).or_default().push(path);
+        }
+    }
+    found.values_mut().for_each(|paths| paths.sort());
+    Ok(found)
+}
+
+/// Merges parts of one chunk. `expected` gives the identity of a task.
+///
+/// # Errors
+/// [`CampaignError::Conflict`], [`CampaignError::Foreign`], or the system refuses.
+pub(super) fn merge(
+    paths: &[PathBuf],
+    expected: impl Fn(u64) -> Option<String>,
+) -> Result<Parts, CampaignError> {
+    merge_if(paths, |line| {
+        expected(line.index).as_ref() == Some(&line.identity)
+    })
+}
+
+/// Merges parts of one chunk without a check of identities, for a status.
+pub(super) fn unchecked(paths: &[PathBuf]) -> Result<Parts, CampaignError> {
+    merge_if(paths, |_| true)
+}
+
+fn merge_if(paths: &[PathBuf], is_own: impl Fn(&Line) -> bool) -> Result<Parts, CampaignError> {
+    let mut parts = Parts::default();
+    for path in paths {
+        let name = path
+            .file_name()
+            .map(|name| name.to_string_lossy().into_owned());
+        let name = name.unwrap_or_default();
+        let text = String::from_utf8_lossy(&fs::read(path).map_err(at(path))?).into_owned();
+        let Some(lines) = read(&text) else {
+            parts.damaged.push(name);
+            continue;
+        };
+        for line in lines {
+            if !is_own(&line) {
+                return Err(CampaignError::Foreign(path.display().to_string()));
+            }
+            match parts.lines.get(&line.index) {
+                Some((known, _)) if known.result.is_same(&line.result) => {}
+                Some((_, other)) => {
+                    return Err(CampaignError::Conflict {
+                        task: line.index + 1,
+                        one: other.clone(),
+                        other: name,
+                    });
+                }
+                None => {
+                    parts.lines.insert(line.index, (line, name.clone()));
+                }
+            }
+        }
+    }
+    Ok(parts)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample(value: f64) -> Line {
+        Line {
+            index: 3,
+            identity: "ab".to_owned(),
+            result: Performed {
+                ended: "done".to_owned(),
+                values: vec![value, f64::NAN, -0.0],
+            },
+        }
+    }
+
+    fn all(folder: &Path) -> Result<Parts, CampaignError> {
+        let names = names(folder).unwrap();
+        merge(&names[&7], |_| Some("ab".to_owned()))
+    }
+
+    #[test]
+    fn a_part_returns_every_bit_and_a_cut_part_does_not_count() {
+        let folder = tempfile::tempdir().unwrap();
+        write(folder.path(), 7, &[sample(0.1)]).unwrap();
+        let parts = all(folder.path()).unwrap();
+        assert!(parts.lines[&3].0.result.is_same(&sample(0.1).result));
+        let path = &names(folder.path()).unwrap()[&7][0];
+        let bytes = fs::read(path).unwrap();
+        for length in [0, 10, bytes.len() / 2, bytes.len() - 2] {
+            fs::write(path, &bytes[..length]).unwrap();
+            let parts = all(folder.path()).unwrap();
+            assert!(parts.lines.is_empty(), "{length} bytes");
+            assert_eq!(parts.damaged.len(), 1);
+        }
+    }
+
+    #[test]
+    fn equal_results_merge_and_different_bits_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        write(folder.path(), 7, &[sample(0.1)]).unwrap();
+        let more = Line {
+            index: 4,
+            ..sample(0.2)
+        };
+        write(folder.path(), 7, &[sample(0.1), more]).unwrap();
+        assert_eq!(all(folder.path()).unwrap().lines.len(), 2);
+        write(folder.path(), 7, &[sample(0.1_f64.next_up())]).unwrap();
+        let error = all(folder.path()).unwrap_err();
+        assert!(matches!(error, CampaignError::Conflict { task: 4, .. }));
+    }
+
+    #[test]
+    fn a_part_of_another_campaign_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        write(folder.path(), 7, &[sample(0.1)]).unwrap();
+        let names = names(folder.path()).unwrap();
+        let error = merge(&names[&7], |_| Some("cd".to_owned())).unwrap_err();
+        assert!(matches!(error, CampaignError::Foreign(_)));
+    }
+}

@@ -1,0 +1,213 @@
+//! The campaign folder: its plan, and the checks of a worker that opens it.
+
+use std::fs;
+use std::io::Read as _;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::perform::{INVALID, perform, why_invalid};
+use super::study::Study;
+use super::task::Task;
+use super::{CampaignError, at};
+use crate::record::{atomic, make_free};
+use crate::rt::os;
+
+/// Format of the plan and of the parts.
+const FORMAT: u64 = 1;
+/// Most tasks that are timed at plan time.
+const TIMED: u64 = 3;
+/// Time of a chunk on one core, s.
+const CHUNK_S: f64 = 60.0;
+/// Most tasks of a chunk: a worker keeps the results of one.
+const MOST_PER_CHUNK: u64 = 10_000;
+const PLAN: &str = "plan.json";
+
+/// A planned campaign, as `plan.json` contains it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Plan {
+    /// Format of the folder.
+    pub format: u64,
+    /// Version of the program that planned it.
+    pub gusset: String,
+    /// Digest (BLAKE3) of the executable that planned it.
+    pub executable: String,
+    /// Full path of the study file.
+    pub study: PathBuf,
+    /// Files of the study with their digests (BLAKE3).
+    pub files: Vec<(String, String)>,
+    /// Number of tasks.
+    pub tasks: u64,
+    /// Tasks of one chunk; the last chunk may have fewer.
+    pub tasks_per_chunk: u64,
+    /// Mean wall time of the timed tasks on one core, s.
+    pub task_s: f64,
+}
+
+impl Plan {
+    /// Number of chunks.
+    #[must_use]
+    pub const fn chunks(&self) -> u64 {
+        self.tasks.div_ceil(self.tasks_per_chunk)
+    }
+
+    /// Tasks of chunk `chunk`, which counts from 1.
+    #[must_use]
+    pub fn chunk(&self, chunk: u64) -> std::ops::Range<u64> {
+        let start = (chunk - 1).saturating_mul(self.tasks_per_chunk);
+        start.min(self.tasks)..start.saturating_add(self.tasks_per_chunk).min(self.tasks)
+    }
+}
+
+/// A campaign folder with its study.
+#[derive(Debug)]
+pub struct Campaign {
+    /// The folder.
+    pub folder: PathBuf,
+    /// Its plan.
+    pub plan: Plan,
+    /// Its study.
+    pub study: Study,
+}
+
+/// Plans the campaign of the study at `study` in the new folder `out`. At most three tasks are timed. A chunk has
+/// `tasks_per_chunk` tasks, or as many as take a minute.
+///
+/// # Errors
+/// [`CampaignError`]: the study is wrong, the first task has no valid test, or the folder is not free.
+pub fn plan(
+    study: &Path,
+    out: &Path,
+    tasks_per_chunk: Option<u64>,
+) -> Result<Campaign, CampaignError> {
+    let path = fs::canonicalize(study).map_err(at(study))?;
+    let expanded = Study::load(study)?;
+    make_free(out)?;
+    let task_s = timed(&expanded)?;
+    let per_chunk = (CHUNK_S / task_s.max(1e-9)).clamp(1.0, MOST_PER_CHUNK as f64);
+    let plan = Plan {
+        format: FORMAT,
+        gusset: env!("CARGO_PKG_VERSION").to_owned(),
+        executable: executable()?,
+        study: path,
+        files: expanded.files.clone(),
+        tasks: expanded.tasks,
+        tasks_per_chunk: tasks_per_chunk.unwrap_or(per_chunk as u64).max(1),
+        task_s,
+    };
+    let write = |name: &str, bytes: &[u8]| {
+        let path = out.join(name);
+        atomic::write(&path, bytes).map_err(at(&path))
+    };
+    write("study.toml", expanded.loaded.text.as_bytes())?;
+    write("test.toml", expanded.loaded.test.text.as_bytes())?;
+    let text = serde_json::to_string_pretty(&plan).unwrap_or_default();
+    write(PLAN, (text + "\n").as_bytes())?;
+    Ok(Campaign {
+        folder: out.to_owned(),
+        plan,
+        study: expanded,
+    })
+}
+
+/// Mean wall time of the first, the middle and the last task, s.
+fn timed(study: &Study) -> Result<f64, CampaignError> {
+    let mut indices = vec![0, study.tasks / 2, study.tasks - 1];
+    indices.dedup();
+    indices.truncate(TIMED as usize);
+    let began = os::monotonic_ns();
+    let mut invalid = 0;
+    for index in &indices {
+        let task = Task::of(study, *index);
+        if perform(study, &task).ended == INVALID {
+            invalid += 1;
+            if invalid == indices.len() {
+                let why = why_invalid(study, &task).unwrap_or_default();
+                let text = format!("the timed tasks of this study have no valid test: {why}");
+                return Err(CampaignError::Other(text));
+            }
+        }
+    }
+    let passed = os::monotonic_ns().saturating_sub(began) as f64 * 1e-9;
+    Ok(passed / indices.len() as f64)
+}
+
+/// Digest of the executable of this process.
+pub(super) fn executable() -> Result<String, CampaignError> {
+    let path = Path::new("/proc/self/exe");
+    let mut file = fs::File::open(path).map_err(at(path))?;
+    let mut hasher = blake3::Hasher::new();
+    let mut block = vec![0; 1 << 16];
+    loop {
+        match file.read(&mut block).map_err(at(path))? {
+            0 => break,
+            count => hasher.update(&block[..count]),
+        };
+    }
+    Ok(hasher.finalize().to_hex().to_string())
+}
+
+impl Campaign {
+    /// Opens a campaign folder and checks that executable, study, test and inputs are those of the plan.
+    ///
+    /// # Errors
+    /// [`CampaignError`]: there is no plan, or something has changed.
+    pub fn open(folder: &Path) -> Result<Self, CampaignError> {
+        let path = folder.join(PLAN);
+        let plan = read(&path, folder)?;
+        if plan.executable != executable()? {
+            return Err(CampaignError::Executable(path));
+        }
+        let study = Study::load(&plan.study)?;
+        let new = study.files.iter().find(|file| !plan.files.contains(file));
+        if let Some((name, _)) = new {
+            return Err(CampaignError::Changed(name.clone()));
+        }
+        // A record may be missing.
+        if study.files != plan.files || study.tasks != plan.tasks {
+            return Err(CampaignError::Changed(plan.study.display().to_string()));
+        }
+        Ok(Self {
+            folder: folder.to_owned(),
+            plan,
+            study,
+        })
+    }
+
+    /// Identity of the task `index`.
+    #[must_use]
+    pub fn identity(&self, index: u64) -> Option<String> {
+        let is_there = index < self.plan.tasks;
+        is_there.then(|| {
+            let task = Task::of(&self.study, index);
+            task.identity(&self.study, &self.plan.executable)
+        })
+    }
+}
+
+/// The plan at `path`.
+pub(super) fn read(path: &Path, folder: &Path) -> Result<Plan, CampaignError> {
+    if !path.exists() {
+        return Err(CampaignError::NoPlan(folder.to_owned()));
+    }
+    let text = fs::read_to_string(path).map_err(at(path))?;
+    let damaged = || {
+        CampaignError::Other(format!(
+            "{} is damaged: plan the campaign again",
+            path.display()
+        ))
+    };
+    let value: serde_json::Value = serde_json::from_str(&text).map_err(|_| damaged())?;
+    let found = value.get("format").and_then(serde_json::Value::as_u64);
+    let found = found.ok_or_else(damaged)?;
+    if found != FORMAT {
+        return Err(CampaignError::Version {
+            path: path.to_owned(),
+            found,
+            wanted: FORMAT,
+        });
+    }
+    let plan: Plan = serde_json::from_value(value).map_err(|_| damaged())?;
+    let is_sound = plan.tasks > 0 && plan.tasks_per_chunk > 0;
+    if is_sound { Ok(plan) } else { Err(damaged()) }
+}

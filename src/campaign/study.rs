@@ -1,0 +1,176 @@
+//! A study expanded: axes, motions, draws, and the number of its tasks.
+
+use std::path::Path;
+
+use super::CampaignError;
+use super::design::{Axis, points};
+use super::measure::{Measure, measures};
+use super::motions::{Motions, motions};
+use crate::config::{Finding, KeyPath, LoadedStudy, Uncertain, load_study};
+use crate::setup;
+
+/// Most tasks of a campaign.
+const MOST_TASKS: u64 = 100_000_000;
+
+/// A study with everything that its tasks are made of.
+#[derive(Debug)]
+pub struct Study {
+    /// The files.
+    pub loaded: LoadedStudy,
+    /// Number of tasks.
+    pub tasks: u64,
+    /// Measures of the table.
+    pub measures: Vec<Measure>,
+    pub(super) axes: Vec<Axis>,
+    pub(super) motions: Vec<Motions>,
+    pub(super) samples: Vec<Uncertain>,
+    /// True if a sensor of a specimen has noise.
+    pub(super) is_noisy: bool,
+    /// Digest of the study, the test, and the files that the test reads.
+    pub(super) digest: String,
+    /// Files with their digests, for the plan.
+    pub(super) files: Vec<(String, String)>,
+}
+
+impl Study {
+    /// Reads and expands the study at `path`. The test is built once.
+    ///
+    /// # Errors
+    /// [`CampaignError::Config`]: the study or the test is wrong. [`CampaignError::File`]: a record cannot be read.
+    pub fn load(path: &Path) -> Result<Self, CampaignError> {
+        let loaded = load_study(path)?;
+        let prepared = setup::build_rehearsal(&loaded.test)?;
+        let frequencies = prepared.facts.structure.as_ref();
+        let first = frequencies.and_then(|facts| facts.frequencies.first());
+        let first_period = first.map(|omega| std::f64::consts::TAU / omega);
+        let motions = motions(&loaded, first_period)?;
+        let vary = loaded.study.vary.iter();
+        let axes: Vec<Axis> = vary
+            .map(|vary| Axis {
+                key: vary.key.clone(),
+                values: vary.all(),
+            })
+            .collect();
+        check_axes(&loaded, &axes)?;
+        let mut samples = loaded.test.uncertain_by(&loaded.study.sample);
+        if loaded.study.campaign.sample_uncertainty {
+            let more = loaded.test.uncertain().into_iter();
+            let is_new = |one: &Uncertain| samples.iter().all(|other| other.key != one.key);
+            let more: Vec<_> = more.filter(is_new).collect();
+            samples.extend(more);
+        }
+        let measures = measures(&loaded, &prepared.experiment)?;
+        let (digest, files) = digests(&loaded, &prepared.files.inputs, &motions);
+        let transfers = loaded.test.file.specimen.iter();
+        let is_noisy = transfers
+            .filter_map(|table| table.believed_transfer(1.0))
+            .any(|transfer| transfer.is_noisy());
+        let mut study = Self {
+            tasks: 0,
+            measures,
+            axes,
+            motions,
+            samples,
+            is_noisy,
+            digest,
+            files,
+            loaded,
+        };
+        study.tasks = study.counted()?;
+        Ok(study)
+    }
+
+    /// Motions, each level counted; 1 without motions.
+    pub(super) fn shots(&self) -> u64 {
+        let all: u64 = self.motions.iter().map(Motions::count).sum();
+        all.max(1)
+    }
+
+    fn counted(&self) -> Result<u64, CampaignError> {
+        let campaign = &self.loaded.study.campaign;
+        let points = points(campaign.design, &self.axes);
+        let tasks = points
+            .and_then(|points| points.checked_mul(self.shots()))
+            .and_then(|tasks| tasks.checked_mul(campaign.replicates))
+            .filter(|tasks| *tasks <= MOST_TASKS);
+        tasks.ok_or_else(|| {
+            let text = format!("this study has more than {MOST_TASKS} tasks: use fewer values");
+            CampaignError::Other(text)
+        })
+    }
+
+    /// Title of the report.
+    #[must_use]
+    pub fn title(&self) -> String {
+        let title = self.loaded.study.campaign.title.trim();
+        let stem = self.loaded.path.file_stem();
+        match title {
+            "" => stem.map_or_else(String::new, |stem| stem.to_string_lossy().into_owned()),
+            title => title.to_owned(),
+        }
+    }
+
+    /// Place of the measure with this name.
+    pub(super) fn measure_at(&self, name: &str) -> Option<usize> {
+        self.measures.iter().position(|one| one.name == name)
+    }
+
+    /// Places of the measures with pictures.
+    pub(super) fn reported(&self) -> Vec<usize> {
+        let wanted = self.loaded.study.measure.report.iter();
+        let places: Vec<usize> = wanted.filter_map(|name| self.measure_at(name)).collect();
+        if !places.is_empty() {
+            return places;
+        }
+        let usual = ["max_drift_ratio", "max_drift"];
+        let usual = usual.iter().find_map(|name| self.measure_at(name));
+        let second = (self.measures.len() > 1).then_some(1);
+        usual.or(second).into_iter().collect()
+    }
+}
+
+/// Tries the first value of each axis: a key that the test does not know is a mistake of the study.
+fn check_axes(loaded: &LoadedStudy, axes: &[Axis]) -> Result<(), CampaignError> {
+    for (index, axis) in axes.iter().enumerate() {
+        let Some(value) = axis.values.first() else {
+            continue;
+        };
+        let set = format!("{}={}", axis.key, value.toml());
+        if let Err(error) = loaded.test.varied(&[set]) {
+            let at = KeyPath::root().key("vary").index(index).key("key");
+            let text = format!("the test cannot have `{}` = {}", axis.key, value.toml());
+            let finding = Finding::error(at, text).label("see the reason below");
+            let first = error.to_string();
+            return Err(loaded.refuse(finding.help(first)).into());
+        }
+    }
+    Ok(())
+}
+
+/// One digest of all files, and the digest of each.
+fn digests(
+    loaded: &LoadedStudy,
+    inputs: &[(std::path::PathBuf, Vec<u8>)],
+    motions: &[Motions],
+) -> (String, Vec<(String, String)>) {
+    let hex = |bytes: &[u8]| blake3::hash(bytes).to_hex().to_string();
+    let full = |path: &Path| {
+        let full = std::fs::canonicalize(path);
+        full.as_deref().unwrap_or(path).display().to_string()
+    };
+    let test = &loaded.test;
+    let mut files = vec![
+        (full(&loaded.path), hex(loaded.text.as_bytes())),
+        (full(&test.path), hex(test.text.as_bytes())),
+    ];
+    let of_inputs = inputs.iter();
+    files.extend(of_inputs.map(|(name, bytes)| (name.display().to_string(), hex(bytes))));
+    let mut whole = blake3::Hasher::new();
+    for (_, digest) in &files {
+        whole.update(digest.as_bytes());
+    }
+    let records = motions.iter().flat_map(|one| &one.motions);
+    let records = records.filter(|motion| !motion.digest.is_empty());
+    files.extend(records.map(|motion| (motion.name.clone(), motion.digest.clone())));
+    (whole.finalize().to_hex().to_string(), files)
+}

@@ -1,0 +1,272 @@
+//! `gusset campaign`: many simulated tests of one study.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use serde_json::json;
+
+use super::args::{
+    CampaignCommand, CollectArgs, EngineArg, FolderArgs, PlanArgs, RunCampaignArgs, SubmitArgs,
+    WorkArgs,
+};
+use super::exit::{Exit, Mistakes, WithExit};
+use super::{answer, screen, tell};
+use crate::campaign::{self, Campaign, CampaignError, Collected, Engine, Prove, Worked};
+use crate::config::ConfigError;
+use crate::session::{Signal, Signals};
+use crate::units::duration;
+use crate::work::Work;
+
+/// Carries out a command on a campaign.
+pub fn campaign(command: &CampaignCommand) -> anyhow::Result<Exit> {
+    match command {
+        CampaignCommand::Plan(args) => plan(args),
+        CampaignCommand::Run(args) => run(args),
+        CampaignCommand::Submit(args) => submit(args),
+        CampaignCommand::Work(args) => work(args),
+        CampaignCommand::Collect(args) => collect(args),
+        CampaignCommand::Status(args) => status(args),
+    }
+}
+
+fn plan(args: &PlanArgs) -> anyhow::Result<Exit> {
+    let planned = campaign::plan(&args.study, &args.out, args.tasks_per_chunk).map_err(told)?;
+    if args.json {
+        answer(serde_json::to_string_pretty(&planned.plan)?)?;
+    } else {
+        answer(in_words(&planned))?;
+        let folder = args.out.display();
+        answer(format_args!(
+            "continue with\n  gusset campaign run {folder}"
+        ))?;
+    }
+    Ok(Exit::Done)
+}
+
+fn in_words(campaign: &Campaign) -> String {
+    let plan = &campaign.plan;
+    format!(
+        "{}: {} tasks of {} each, {} chunks",
+        campaign.folder.display(),
+        plan.tasks,
+        duration(plan.task_s),
+        plan.chunks()
+    )
+}
+
+fn run(args: &RunCampaignArgs) -> anyhow::Result<Exit> {
+    let prove = proof(&args.prove)?;
+    let campaign = if args.study.is_dir() {
+        if args.out.is_some() {
+            let text = "--out is for a study, and this is a campaign folder";
+            return Err(WithExit(Exit::Usage, text.to_owned()).into());
+        }
+        Campaign::open(&args.study).map_err(told)?
+    } else {
+        let out = args
+            .out
+            .clone()
+            .unwrap_or_else(|| usual_folder(&args.study));
+        campaign::plan(&args.study, &out, None).map_err(told)?
+    };
+    tell(in_words(&campaign));
+    let jobs = args.jobs.map_or_else(processors, usize::from);
+    let chunks = campaign.plan.chunks();
+    let worked = compute(&campaign, 1..=chunks, jobs, campaign.plan.tasks)?;
+    if let Some(exit) = worked {
+        return Ok(exit);
+    }
+    conclude(&campaign, prove, jobs, args.json)
+}
+
+/// The folder of a study without `--out`.
+fn usual_folder(study: &Path) -> PathBuf {
+    let stem = study.file_stem().unwrap_or_default();
+    Path::new("campaigns").join(stem)
+}
+
+fn processors() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
+
+fn work(args: &WorkArgs) -> anyhow::Result<Exit> {
+    let campaign = Campaign::open(&args.folder).map_err(told)?;
+    let tasks = campaign.plan.chunk(args.chunk.max(1));
+    let total = tasks.end - tasks.start;
+    let chunks = args.chunk..=args.chunk;
+    let interrupted = compute(&campaign, chunks, usize::from(args.jobs), total)?;
+    Ok(interrupted.unwrap_or(Exit::Done))
+}
+
+/// Computes chunks, with progress on a terminal. Returns the exit code of a signal that stopped it.
+fn compute(
+    campaign: &Campaign,
+    chunks: impl Iterator<Item = u64>,
+    jobs: usize,
+    total: u64,
+) -> anyhow::Result<Option<Exit>> {
+    let signals = Signals::listen().context("signals cannot be taken over")?;
+    let progress = Work::begin("tests of the campaign", total);
+    let stop = || signals.seen().is_some();
+    let worked = campaign::work(campaign, chunks, jobs, &stop, &|done| progress.done(done));
+    drop(progress);
+    let Worked {
+        computed,
+        known,
+        interrupted,
+    } = worked.map_err(told)?;
+    screen::step_aside();
+    tell(format_args!(
+        "{computed} tests computed, {known} were done before"
+    ));
+    if !interrupted {
+        return Ok(None);
+    }
+    let folder = campaign.folder.display();
+    tell(format_args!(
+        "stopped; continue with\n  gusset campaign run {folder}"
+    ));
+    Ok(Some(match signals.seen() {
+        Some(Signal::Terminate) => Exit::Terminated,
+        _ => Exit::Interrupted,
+    }))
+}
+
+fn submit(args: &SubmitArgs) -> anyhow::Result<Exit> {
+    let campaign = Campaign::open(&args.folder).map_err(told)?;
+    let engine = match args.engine {
+        EngineArg::Lines => Engine::Lines,
+        EngineArg::Slurm => Engine::Slurm,
+    };
+    let submitted = campaign::submit(&campaign, engine, &args.arguments).map_err(told)?;
+    answer(submitted.file.display())?;
+    match submitted.reply {
+        Some(reply) => tell(reply.trim_end()),
+        None if engine == Engine::Slurm => {
+            let script = submitted.file.display();
+            let text = format!(
+                "there is no command sbatch on the path: install Slurm (Debian: apt-get install slurm-client), or run \
+                 `sbatch {script}` on a machine of the cluster"
+            );
+            return Err(WithExit(Exit::Usage, text).into());
+        }
+        None => {}
+    }
+    Ok(Exit::Done)
+}
+
+fn collect(args: &CollectArgs) -> anyhow::Result<Exit> {
+    let prove = proof(&args.prove)?;
+    let campaign = Campaign::open(&args.folder).map_err(told)?;
+    conclude(&campaign, prove, processors(), args.json)
+}
+
+fn proof(text: &str) -> anyhow::Result<Prove> {
+    Prove::parse(text).ok_or_else(|| {
+        let text =
+            format!("--prove {text:?}: expected a number of tasks, or a share from 0% to 100%");
+        WithExit(Exit::Usage, text).into()
+    })
+}
+
+/// Collects the results and shows what was found.
+fn conclude(campaign: &Campaign, prove: Prove, jobs: usize, json: bool) -> anyhow::Result<Exit> {
+    let work = Work::begin("results", campaign.plan.tasks);
+    let collected = campaign::collect(campaign, prove, jobs, &|done| work.done(done));
+    drop(work);
+    let collected = collected.map_err(told)?;
+    screen::step_aside();
+    for name in &collected.damaged {
+        tell(format_args!(
+            "warning: {name} was cut short and does not count"
+        ));
+    }
+    if json {
+        answer(serde_json::to_string_pretty(&collected.summary)?)?;
+    } else {
+        answer(found(&collected))?;
+    }
+    if !collected.is_complete() {
+        let missing = collected.tasks - collected.done;
+        let folder = campaign.folder.display();
+        tell(format_args!(
+            "PARTIAL: {missing} of {} tasks have no result. `gusset campaign run {folder}` computes them",
+            collected.tasks
+        ));
+        return Ok(Exit::Stopped);
+    }
+    Ok(Exit::Done)
+}
+
+fn found(collected: &Collected) -> String {
+    let mut lines = vec![
+        format!("table    {}", collected.table.display()),
+        format!("report   {}", collected.report.display()),
+        format!(
+            "tests    {} of {}; {} stopped before their end; {} tasks have no valid test",
+            collected.done, collected.tasks, collected.stopped, collected.invalid
+        ),
+        format!(
+            "proved   {} tasks computed again with equal bits",
+            collected.proved
+        ),
+    ];
+    if let Some((fit, _)) = &collected.fragility {
+        lines.push(match fit {
+            Some(fit) => format!(
+                "collapse median {:.4}, dispersion {:.4}",
+                fit.median, fit.dispersion
+            ),
+            None => "collapse the counts do not determine a fragility curve".to_owned(),
+        });
+    }
+    lines.join("\n")
+}
+
+fn status(args: &FolderArgs) -> anyhow::Result<Exit> {
+    let status = campaign::status(&args.folder).map_err(told)?;
+    let (tasks, chunks) = (status.plan.tasks, status.plan.chunks());
+    let missing = tasks - status.done;
+    if args.json {
+        let document = json!({
+            "tasks": tasks,
+            "done": status.done,
+            "missing": missing,
+            "invalid": status.invalid,
+            "chunks": chunks,
+            "chunks_done": status.chunks_done,
+            "chunks_with_missing_tasks": status.open,
+            "damaged_parts": status.damaged,
+            "task_s": status.plan.task_s,
+        });
+        answer(format_args!("{document:#}"))?;
+    } else {
+        answer(format_args!(
+            "{} of {tasks} tasks are done, {} of {chunks} chunks; about {} of one core left",
+            status.done,
+            status.chunks_done,
+            duration(missing as f64 * status.plan.task_s)
+        ))?;
+        for name in &status.damaged {
+            tell(format_args!(
+                "warning: {name} was cut short and does not count"
+            ));
+        }
+    }
+    Ok(if missing == 0 {
+        Exit::Done
+    } else {
+        Exit::Stopped
+    })
+}
+
+/// The error with its exit code. Mistakes of a study are drawn.
+fn told(error: CampaignError) -> anyhow::Error {
+    match error {
+        CampaignError::Config(ConfigError::Invalid(mistakes)) => {
+            Mistakes(mistakes.render(screen::in_colour())).into()
+        }
+        CampaignError::Conflict { .. } => WithExit(Exit::Stopped, error.to_string()).into(),
+        error => WithExit(Exit::Usage, error.to_string()).into(),
+    }
+}
