@@ -4,8 +4,10 @@
 #![allow(dead_code, reason = "each test file uses its part")]
 
 use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{TcpListener, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::atomic::{AtomicU16, Ordering};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
@@ -32,6 +34,24 @@ pub fn python() -> Option<PathBuf> {
     // Past the capture of the test harness: nobody sees what a passing test prints.
     let _ = std::io::stderr().write_all(text.as_bytes());
     None
+}
+
+/// A port that is free now, outside the range from which the system gives out ports by itself: no connection of another
+/// test takes it before OpenSees opens it.
+///
+/// # Panics
+/// If none of them is free.
+pub fn free_port() -> u16 {
+    static NEXT: AtomicU16 = AtomicU16::new(0);
+    let start = (std::process::id() % 10_000) as u16;
+    for _ in 0..10_000 {
+        let port = 20_000 + (start + NEXT.fetch_add(1, Ordering::Relaxed)) % 10_000;
+        let address = ("127.0.0.1", port);
+        if TcpListener::bind(address).is_ok() && UdpSocket::bind(address).is_ok() {
+            return port;
+        }
+    }
+    panic!("no port from 20000 to 29999 is free");
 }
 
 /// A process whose lines are read, and which does not outlive its test.

@@ -1,10 +1,9 @@
 //! Whole hybrid tests over OpenFresco's protocols: `gusset run` whose specimen is the real OpenSees, or our own server,
 //! takes the course of the same test with the law in process.
 
-use std::net::{TcpListener, UdpSocket};
 use std::path::Path;
 
-use crate::programs::{Peer, Server, python};
+use crate::programs::{Peer, Server, free_port, python};
 use serde_json::Value;
 
 const BILINEAR: &str = "law = { bilinear = { stiffness_n_per_m = 8000.0, yield_force_n = 60.0, post_yield_ratio = 0.05 } }";
@@ -80,18 +79,9 @@ fn link(protocol: &str, transport: &str, port: u16) -> String {
     )
 }
 
-fn free_port(transport: &str) -> u16 {
-    match transport {
-        "tcp" => TcpListener::bind("127.0.0.1:0").unwrap().local_addr(),
-        _ => UdpSocket::bind("127.0.0.1:0").unwrap().local_addr(),
-    }
-    .unwrap()
-    .port()
-}
-
 fn opensees_specimen(kind: &str, transport: &str) -> Option<(Peer, u16)> {
     let python = python()?;
-    let port = free_port(transport);
+    let port = free_port();
     let word = port.to_string();
     let mut args = vec!["--port", &word, "--kind", kind];
     if transport == "udp" {
@@ -210,7 +200,7 @@ fn nobody_there_or_another_protocol_is_exit_3_with_words_and_nothing_moves() {
     let short = |protocol: &str, port: u16| {
         link(protocol, "tcp", port).replace("connect_timeout_s = 30", "connect_timeout_s = 0.5")
     };
-    let nobody = free_port("tcp");
+    let nobody = free_port();
     let (code, said) = run(
         folder.path(),
         "nobody",

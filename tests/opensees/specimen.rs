@@ -1,9 +1,7 @@
 //! The real OpenSees is the specimen: its `adapter`, `actuator` and `corotActuator` elements take our commands and
 //! answer with displacement and force, as exactly as the stiff spring between the two allows.
 
-use std::net::{TcpListener, UdpSocket};
-
-use crate::programs::{Peer, python};
+use crate::programs::{LONG, Peer, free_port, python};
 use gusset::link::openfresco::{Remote, RemoteSettings};
 use gusset::specimen::{InProcess, SpecimenLaw};
 use gusset::substructure::{Command, LinkFault, Measurement, Retirement, Substructure};
@@ -13,15 +11,6 @@ use gusset::wire::openfresco::Carrier;
 
 const BILINEAR: &str = "law = { bilinear = { stiffness_n_per_m = 8000.0, yield_force_n = 60.0, post_yield_ratio = 0.05 } }";
 
-fn free_port(carrier: Carrier) -> u16 {
-    match carrier {
-        Carrier::Stream => TcpListener::bind("127.0.0.1:0").unwrap().local_addr(),
-        Carrier::Datagrams => UdpSocket::bind("127.0.0.1:0").unwrap().local_addr(),
-    }
-    .unwrap()
-    .port()
-}
-
 struct Rig {
     opensees: Peer,
     remote: Remote,
@@ -30,7 +19,7 @@ struct Rig {
 /// OpenSees with two springs or one, and our controller connected to it.
 fn rig(kind: &str, carrier: Carrier, dofs: usize, stiffness: &str) -> Option<Rig> {
     let python = python()?;
-    let port = free_port(carrier);
+    let port = free_port();
     let (port_word, dofs_word) = (port.to_string(), dofs.to_string());
     let mut args = vec!["--port", &port_word, "--kind", kind, "--dofs", &dofs_word];
     args.extend(["--stiffness", stiffness]);
@@ -40,14 +29,10 @@ fn rig(kind: &str, carrier: Carrier, dofs: usize, stiffness: &str) -> Option<Rig
     let mut opensees = Peer::script(&python, "specimen.py", &args);
     opensees.event("listening");
     let address = format!("127.0.0.1:{port}");
-    // The port is open a moment after that line; a refused connection is tried again.
-    let mut remote = Remote::new(RemoteSettings::new(
-        of::Peer::Adapter,
-        carrier,
-        address,
-        dofs,
-    ))
-    .unwrap();
+    let mut settings = RemoteSettings::new(of::Peer::Adapter, carrier, address, dofs);
+    // The port is open a moment after that line; a refused connection is tried again, on a busy machine for long.
+    settings.connect_limit_s = LONG.as_secs_f64();
+    let mut remote = Remote::new(settings).unwrap();
     remote.open().unwrap();
     Some(Rig { opensees, remote })
 }
