@@ -1,19 +1,20 @@
 //! Merging of the result parts: the table, the summary and the report.
 
+use std::collections::BTreeMap;
 use std::io::{BufWriter, Write};
 
 use serde_json::{Value, json};
 
+use super::design::is_among;
 pub use super::found::Collected;
 use super::found::Shown;
 use super::fragility::{Fragility, Level};
 use super::page::render;
 use super::part::{Line, Parts, merge, names};
-use super::perform::INVALID;
+use super::perform::{INVALID, Performed};
 use super::plan::Campaign;
 pub use super::prove::Prove;
 use super::prove::prove;
-use super::study::Study;
 use super::table::{TableColumn, columns, head, row};
 use super::task::Task;
 use super::{CampaignError, at};
@@ -22,6 +23,8 @@ use crate::record::atomic::{self, AtomicFile};
 
 /// Most chunks with missing tasks that a summary names.
 const MOST_NAMED: usize = 100;
+/// Most tests in the pictures. More tasks do not need more memory: pictures then show a random choice of this number.
+const MOST_SHOWN: u64 = 200_000;
 
 /// Counts and rows under way.
 #[derive(Default)]
@@ -33,7 +36,8 @@ struct Sheet {
     damaged: Vec<String>,
     parts: u64,
     shown: Vec<Shown>,
-    to_prove: Vec<(Line, String)>,
+    levels: Vec<Level>,
+    proved: u64,
 }
 
 /// Merges the parts of a campaign and writes table, summary and report. `jobs` threads compute the chosen tasks again.
@@ -53,8 +57,12 @@ pub fn collect(
     let file = AtomicFile::create(&partial).map_err(at(&partial))?;
     let mut out = BufWriter::new(file);
     head(&mut out, &columns).map_err(at(&partial))?;
-    let sheet = merged(campaign, wanted, &mut out, progress)?;
-    prove(campaign, &sheet.to_prove, jobs)?;
+    let sheet = merged(
+        campaign,
+        &mut out,
+        &|lines| prove_some(campaign, wanted, lines, jobs),
+        progress,
+    )?;
     let file = out.into_inner().map_err(|error| error.into_error());
     file.map_err(at(&partial))?.commit().map_err(at(&partial))?;
     let is_complete = sheet.done == campaign.plan.tasks;
@@ -74,8 +82,8 @@ pub fn collect(
         invalid: sheet.invalid,
         open: sheet.open,
         damaged: sheet.damaged,
-        proved: sheet.to_prove.len() as u64,
-        fragility: fragility(study, &sheet.shown),
+        proved: sheet.proved,
+        fragility: fragility(sheet.levels),
         summary: Value::Null,
         table,
     };
@@ -88,18 +96,30 @@ pub fn collect(
     Ok(collected)
 }
 
-/// Writes the rows of all results, chunk by chunk, and keeps what pictures need.
-fn merged(
+/// Computes the chosen tasks of a chunk again, and returns their number.
+fn prove_some(
     campaign: &Campaign,
     wanted: Prove,
+    lines: &BTreeMap<u64, (Line, String)>,
+    jobs: usize,
+) -> Result<u64, CampaignError> {
+    let chosen = lines
+        .values()
+        .filter(|(line, _)| wanted.chooses(campaign, line.index));
+    let chosen: Vec<_> = chosen.cloned().collect();
+    prove(campaign, &chosen, jobs)?;
+    Ok(chosen.len() as u64)
+}
+
+/// Writes the rows of all results, chunk by chunk, and keeps what pictures need. `prove` sees the results of each chunk.
+fn merged(
+    campaign: &Campaign,
     out: &mut impl Write,
+    prove: &dyn Fn(&BTreeMap<u64, (Line, String)>) -> Result<u64, CampaignError>,
     progress: &dyn Fn(u64),
 ) -> Result<Sheet, CampaignError> {
     let (study, plan) = (&campaign.study, &campaign.plan);
     let mut found = names(&campaign.folder)?;
-    let chosen = wanted.chosen(campaign);
-    let shown = study.reported();
-    let collapse = study.measure_at("collapse");
     let mut sheet = Sheet::default();
     for chunk in 1..=plan.chunks() {
         let paths = found.remove(&chunk).unwrap_or_default();
@@ -110,55 +130,70 @@ fn merged(
         if (lines.len() as u64) < tasks.end - tasks.start && sheet.open.len() < MOST_NAMED {
             sheet.open.push(chunk);
         }
-        for (index, (line, part)) in lines {
-            let task = Task::of(study, index);
+        sheet.proved += prove(&lines)?;
+        for (index, (line, _)) in &lines {
+            let task = Task::of(study, *index);
             row(out, study, &task, &line.result).map_err(at(&campaign.folder))?;
-            let value = |place: usize| line.result.values.get(place).copied();
-            let is_done = line.result.ended == Cause::Done.word();
-            let is_invalid = line.result.ended == INVALID;
-            sheet.done += 1;
-            sheet.invalid += u64::from(is_invalid);
-            sheet.stopped += u64::from(!is_done && !is_invalid);
-            if !is_invalid {
-                let collapsed = collapse.and_then(value);
-                sheet.shown.push(Shown {
-                    index,
-                    level: task.motion.as_ref().and_then(|(_, level)| *level),
-                    collapsed: !is_done || collapsed == Some(1.0),
-                    values: shown
-                        .iter()
-                        .map(|place| value(*place).unwrap_or(f64::NAN))
-                        .collect(),
-                });
-            }
-            if chosen.contains(&index) {
-                sheet.to_prove.push((line, part));
-            }
+            sheet.count(campaign, &task, &line.result);
         }
-        progress(plan.chunk(chunk).end);
+        progress(tasks.end);
     }
     Ok(sheet)
 }
 
-/// Counts of collapses at each level, and the curve; none without levels or without a criterion.
-fn fragility(study: &Study, shown: &[Shown]) -> Option<(Option<Fragility>, Vec<Level>)> {
-    study.measure_at("collapse")?;
-    let mut levels: Vec<Level> = Vec::new();
-    for one in shown {
-        let level = one.level?;
-        let place = levels.iter().position(|known| known.level == level);
-        let place = place.unwrap_or_else(|| {
-            levels.push(Level {
+impl Sheet {
+    /// Counts a result, and keeps its values for the pictures.
+    fn count(&mut self, campaign: &Campaign, task: &Task, result: &Performed) {
+        let study = &campaign.study;
+        let value = |place: usize| result.values.get(place).copied();
+        let is_done = result.ended == Cause::Done.word();
+        self.done += 1;
+        if result.ended == INVALID {
+            self.invalid += 1;
+            return;
+        }
+        self.stopped += u64::from(!is_done);
+        let criterion = study.measure_at("collapse");
+        let collapsed = !is_done || criterion.and_then(value) == Some(1.0);
+        let level = task.motion.as_ref().and_then(|(_, level)| *level);
+        if let (Some(level), Some(_)) = (level, criterion) {
+            self.count_at(level, collapsed);
+        }
+        let seed = study.loaded.study.campaign.seed;
+        if !is_among(seed, "shown", task.index, MOST_SHOWN, campaign.plan.tasks) {
+            return;
+        }
+        let shown = study.reported().into_iter();
+        self.shown.push(Shown {
+            index: task.index,
+            level,
+            collapsed,
+            values: shown
+                .map(|place| value(place).unwrap_or(f64::NAN))
+                .collect(),
+        });
+    }
+
+    fn count_at(&mut self, level: f64, collapsed: bool) {
+        let place = self
+            .levels
+            .binary_search_by(|known| known.level.total_cmp(&level));
+        let place = place.unwrap_or_else(|place| {
+            let new = Level {
                 level,
                 tests: 0.0,
                 collapses: 0.0,
-            });
-            levels.len() - 1
+            };
+            self.levels.insert(place, new);
+            place
         });
-        levels[place].tests += 1.0;
-        levels[place].collapses += f64::from(u8::from(one.collapsed));
+        self.levels[place].tests += 1.0;
+        self.levels[place].collapses += f64::from(u8::from(collapsed));
     }
-    levels.sort_by(|a, b| a.level.total_cmp(&b.level));
+}
+
+/// The curve through counts of collapses; none without levels or without a criterion.
+fn fragility(levels: Vec<Level>) -> Option<(Option<Fragility>, Vec<Level>)> {
     (!levels.is_empty()).then(|| (Fragility::fit(&levels), levels))
 }
 

@@ -94,6 +94,11 @@ fn permuted(seed: u64, key: &str, number: u64, count: u64) -> u64 {
     }
 }
 
+/// True for `chosen` of the numbers 0 to `count` − 1, in random places.
+pub(super) fn is_among(seed: u64, key: &str, number: u64, chosen: u64, count: u64) -> bool {
+    chosen >= count || permuted(seed, key, number, count) < chosen
+}
+
 /// The standard normal quantile of `share`: Acklam's rational approximation and one step of Halley's method.
 fn quantile(share: f64) -> f64 {
     const A: [f64; 6] = [
@@ -188,6 +193,18 @@ mod tests {
             .collect();
         found.sort_unstable();
         assert_eq!(found, (0..count).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn a_choice_has_the_wanted_number_in_other_places_for_another_seed() {
+        let of = |seed| -> Vec<u64> {
+            let all = 0..1000;
+            all.filter(|i| is_among(seed, "key", *i, 70, 1000))
+                .collect()
+        };
+        assert_eq!((of(1).len(), of(2).len()), (70, 70));
+        assert_ne!(of(1), of(2));
+        assert!(is_among(1, "key", 5, 10, 10));
     }
 
     #[test]

@@ -3,9 +3,10 @@
 use super::measure::{Taker, storeys};
 use super::study::Study;
 use super::task::Task;
-use crate::config::{ConfigError, LambdaValue, Loaded};
+use crate::config::ConfigError;
 use crate::engine::{Ending, Experiment};
 use crate::session::rehearsal::{Staging, staged};
+use crate::session::unaware::Unaware;
 use crate::setup::{self, Drawn, Trial};
 
 /// Result of one task.
@@ -61,8 +62,10 @@ fn experiment(study: &Study, task: &Task) -> Result<Experiment, ConfigError> {
     let drawn = if task.drawn.is_empty() {
         design
     } else {
-        trial.believed = setup::estimates(&design)?;
-        unaware(&design, &task.drawn)?
+        let lambda = setup::build_rehearsal(&design)?.facts.lambda();
+        let controller = Unaware::of(&design, lambda)?;
+        trial = controller.trial(trial);
+        controller.with(&task.drawn)?
     };
     if let Some(seed) = task.noise_seed {
         let specimens = 0..drawn.file.specimen.len() as u64;
@@ -80,18 +83,4 @@ fn experiment(study: &Study, task: &Task) -> Result<Experiment, ConfigError> {
         experiment.record_dofs = (0..storeys).collect();
     }
     Ok(experiment)
-}
-
-/// The test with drawn numbers and the λ of the controller, which does not know them.
-fn unaware(design: &Loaded, drawn: &[String]) -> Result<Loaded, ConfigError> {
-    let lambda = setup::build_rehearsal(design)?.facts.lambda();
-    let mut drawn = design.varied(drawn)?;
-    if let Some(lambda) = lambda {
-        drawn.file.integrator.lambda = if lambda == f64::INFINITY {
-            LambdaValue::Infinite
-        } else {
-            LambdaValue::Number(lambda)
-        };
-    }
-    Ok(drawn)
 }

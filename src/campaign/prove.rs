@@ -1,15 +1,12 @@
 //! Tasks that are computed again, to prove that results of other machines have the bits of this one.
 
-use std::collections::BTreeSet;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
-
 use super::CampaignError;
-use super::design::bits;
+use super::design::is_among;
 use super::part::Line;
 use super::perform::perform;
 use super::plan::Campaign;
 use super::task::Task;
+use crate::work::each;
 
 /// How many tasks are computed again.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,24 +31,19 @@ impl Prove {
         }
     }
 
-    /// The chosen tasks: a function of the seed of the study.
-    pub(super) fn chosen(self, campaign: &Campaign) -> BTreeSet<u64> {
-        let tasks = campaign.plan.tasks;
-        let wanted = match self {
+    /// Number of chosen tasks.
+    pub(super) fn count(self, tasks: u64) -> u64 {
+        match self {
             Self::Tasks(count) => count.min(tasks),
-            Self::Share(share) => (share * tasks as f64).ceil() as u64,
-        };
-        if wanted >= tasks {
-            return (0..tasks).collect();
+            Self::Share(share) => ((share * tasks as f64).ceil() as u64).min(tasks),
         }
+    }
+
+    /// True if the task `index` is chosen: a function of the seed of the study.
+    pub(super) fn chooses(self, campaign: &Campaign, index: u64) -> bool {
+        let tasks = campaign.plan.tasks;
         let seed = campaign.study.loaded.study.campaign.seed;
-        let mut chosen = BTreeSet::new();
-        let mut number = 0;
-        while (chosen.len() as u64) < wanted {
-            chosen.insert(bits(seed, "prove", number) % tasks);
-            number += 1;
-        }
-        chosen
+        is_among(seed, "prove", index, self.count(tasks), tasks)
     }
 }
 
@@ -64,27 +56,16 @@ pub(super) fn prove(
     lines: &[(Line, String)],
     jobs: usize,
 ) -> Result<(), CampaignError> {
-    let next = AtomicUsize::new(0);
-    let wrong: Mutex<Option<CampaignError>> = Mutex::new(None);
-    let one = || {
-        while let Some((line, part)) = lines.get(next.fetch_add(1, Ordering::Relaxed)) {
-            let task = Task::of(&campaign.study, line.index);
-            if !perform(&campaign.study, &task).is_same(&line.result) {
-                let mut wrong = wrong.lock().unwrap_or_else(PoisonError::into_inner);
-                wrong.get_or_insert(CampaignError::Conflict {
-                    task: line.index + 1,
-                    one: part.clone(),
-                    other: "this machine".to_owned(),
-                });
-            }
+    let check = |(line, part): &(Line, String)| {
+        let task = Task::of(&campaign.study, line.index);
+        if perform(&campaign.study, &task).is_same(&line.result) {
+            return Ok(());
         }
+        Err(CampaignError::Conflict {
+            task: line.index + 1,
+            one: part.clone(),
+            other: "this machine".to_owned(),
+        })
     };
-    std::thread::scope(|scope| {
-        for _ in 1..jobs.clamp(1, lines.len().max(1)) {
-            scope.spawn(one);
-        }
-        one();
-    });
-    let wrong = wrong.into_inner().unwrap_or_else(PoisonError::into_inner);
-    wrong.map_or(Ok(()), Err)
+    each(jobs, lines, &|| false, &check, |()| Ok(())).map(drop)
 }

@@ -1,8 +1,6 @@
 //! Chunks of tasks on the threads of this process.
 
 use std::path::Path;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Mutex, PoisonError};
 
 use super::part::{Line, Parts, merge, names, write};
 use super::perform::perform;
@@ -10,6 +8,7 @@ use super::plan::{Campaign, Plan, read};
 use super::task::Task;
 use super::{CampaignError, at};
 use crate::rt::os;
+use crate::work::each;
 
 /// Results are written at least this often, in ns.
 const FLUSH_NS: u64 = 15_000_000_000;
@@ -48,14 +47,13 @@ pub struct Status {
 /// Most chunks that a status names.
 const MOST_OPEN: usize = 20;
 
-/// The results of one task under way, shared by threads.
-struct Bench<'a> {
+/// Results of a chunk that no part contains yet.
+struct Kept<'a> {
     campaign: &'a Campaign,
     chunk: u64,
-    pending: Vec<u64>,
-    next: AtomicU64,
-    rows: Mutex<(Vec<Line>, u64)>,
-    error: Mutex<Option<CampaignError>>,
+    lines: Vec<Line>,
+    /// Time of the last part, ns.
+    written: u64,
 }
 
 /// Computes the chunks `chunks` on `jobs` threads. Tasks that are done are left out. `progress` receives the number of tasks of
@@ -86,15 +84,25 @@ pub fn work(
         worked.known += lines.len() as u64;
         progress(worked.known + worked.computed);
         let before = worked.known + worked.computed;
-        let bench = Bench {
+        let mut kept = Kept {
             campaign,
             chunk,
-            pending,
-            next: AtomicU64::new(0),
-            rows: Mutex::new((Vec::new(), os::monotonic_ns())),
-            error: Mutex::new(None),
+            lines: Vec::new(),
+            written: os::monotonic_ns(),
         };
-        worked.computed += bench.compute(jobs, stop, &|done| progress(before + done))?;
+        let mut done = 0;
+        worked.computed += each(
+            jobs,
+            pending,
+            stop,
+            &|index| Ok(computed(campaign, index)),
+            |line| {
+                done += 1;
+                progress(before + done);
+                kept.take(line)
+            },
+        )?;
+        kept.flush()?;
         if stop() {
             worked.interrupted = true;
             break;
@@ -103,76 +111,36 @@ pub fn work(
     Ok(worked)
 }
 
-impl Bench<'_> {
-    /// Computes all pending tasks and returns their number.
-    fn compute(
-        &self,
-        jobs: usize,
-        stop: &Stop<'_>,
-        progress: &(dyn Fn(u64) + Sync),
-    ) -> Result<u64, CampaignError> {
-        let done = AtomicU64::new(0);
-        let one = || {
-            while !stop() && !self.has_failed() {
-                let place = self.next.fetch_add(1, Ordering::Relaxed);
-                let Some(index) = self.pending.get(place as usize) else {
-                    return;
-                };
-                if let Err(error) = self.take(*index) {
-                    let mut first = self.error.lock().unwrap_or_else(PoisonError::into_inner);
-                    first.get_or_insert(error);
-                }
-                progress(done.fetch_add(1, Ordering::Relaxed) + 1);
-            }
-        };
-        let jobs = jobs.clamp(1, self.pending.len().max(1));
-        std::thread::scope(|scope| {
-            for _ in 1..jobs {
-                scope.spawn(one);
-            }
-            one();
-        });
-        let mut error = self.error.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(error) = error.take() {
-            return Err(error);
-        }
-        let mut rows = self.rows.lock().unwrap_or_else(PoisonError::into_inner);
-        self.flush(&mut rows.0)?;
-        Ok(done.into_inner())
+/// Computes one task.
+fn computed(campaign: &Campaign, index: u64) -> Line {
+    let task = Task::of(&campaign.study, index);
+    Line {
+        index,
+        identity: task.identity(&campaign.study, &campaign.plan.executable),
+        result: perform(&campaign.study, &task),
     }
+}
 
-    fn has_failed(&self) -> bool {
-        let error = self.error.lock().unwrap_or_else(PoisonError::into_inner);
-        error.is_some()
-    }
-
-    /// Computes one task and keeps its result.
-    fn take(&self, index: u64) -> Result<(), CampaignError> {
-        let Campaign { study, plan, .. } = self.campaign;
-        let task = Task::of(study, index);
-        let line = Line {
-            index,
-            identity: task.identity(study, &plan.executable),
-            result: perform(study, &task),
-        };
-        let mut rows = self.rows.lock().unwrap_or_else(PoisonError::into_inner);
-        rows.0.push(line);
+impl Kept<'_> {
+    /// Keeps a result, and writes a part if the last one is old.
+    fn take(&mut self, line: Line) -> Result<(), CampaignError> {
+        self.lines.push(line);
         let now = os::monotonic_ns();
-        if now.saturating_sub(rows.1) >= FLUSH_NS {
-            rows.1 = now;
-            self.flush(&mut rows.0)?;
+        if now.saturating_sub(self.written) >= FLUSH_NS {
+            self.written = now;
+            self.flush()?;
         }
         Ok(())
     }
 
     /// Writes the kept results as a part.
-    fn flush(&self, rows: &mut Vec<Line>) -> Result<(), CampaignError> {
-        if rows.is_empty() {
+    fn flush(&mut self) -> Result<(), CampaignError> {
+        if self.lines.is_empty() {
             return Ok(());
         }
-        rows.sort_by_key(|line| line.index);
-        write(&self.campaign.folder, self.chunk, rows)?;
-        rows.clear();
+        self.lines.sort_by_key(|line| line.index);
+        write(&self.campaign.folder, self.chunk, &self.lines)?;
+        self.lines.clear();
         Ok(())
     }
 }

@@ -2,7 +2,7 @@
 
 mod ground;
 
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::Context;
 use clap::{Args, Subcommand, ValueEnum};
@@ -15,7 +15,7 @@ use crate::benchmark::{Criteria, Job, Line, RATE_HZ, Trials, Wiring, controllers
 use crate::rt::clock::{MonotonicClock, USUAL_SPIN_NS};
 use crate::time::Clock;
 use crate::transfer::BetweenTicks;
-use crate::work::Work;
+use crate::work::{Work, each, processors};
 
 #[derive(Debug, Subcommand)]
 pub enum Of {
@@ -159,34 +159,21 @@ fn computed(args: &VrthsArgs, ground: &[f64], jobs: &[Job<'_>]) -> anyhow::Resul
         seed: args.seed,
         ground,
     };
-    let next = AtomicUsize::new(0);
     let tests = Tests {
         work: Work::begin("benchmark", jobs.len() as u64 * args.plants.max(1)),
         done: AtomicU64::new(0),
     };
-    let work = || {
-        let mut done = Vec::new();
-        loop {
-            let place = next.fetch_add(1, Ordering::Relaxed);
-            let Some(job) = jobs.get(place) else { break };
-            done.push((place, trials.line(job, &|| tests.one_more())?));
-        }
-        Ok::<_, anyhow::Error>(done)
-    };
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let mut lines = std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..threads.min(jobs.len()))
-            .map(|_| scope.spawn(work))
-            .collect();
-        let mut lines = Vec::new();
-        for worker in workers {
-            match worker.join() {
-                Ok(found) => lines.extend(found?),
-                Err(_) => anyhow::bail!("internal error in a worker"),
-            }
-        }
-        Ok(lines)
-    })?;
+    let mut lines = Vec::new();
+    each(
+        processors(),
+        jobs.iter().enumerate(),
+        &|| false,
+        &|(place, job)| Ok((place, trials.line(job, &|| tests.one_more())?)),
+        |line| {
+            lines.push(line);
+            Ok::<_, anyhow::Error>(())
+        },
+    )?;
     lines.sort_by_key(|(place, _)| *place);
     Ok(lines.into_iter().map(|(_, line)| line).collect())
 }

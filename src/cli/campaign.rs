@@ -15,7 +15,7 @@ use crate::campaign::{self, Campaign, CampaignError, Collected, Engine, Prove, W
 use crate::config::ConfigError;
 use crate::session::{Signal, Signals};
 use crate::units::duration;
-use crate::work::Work;
+use crate::work::{Work, processors};
 
 /// Carries out a command on a campaign.
 pub fn campaign(command: &CampaignCommand) -> anyhow::Result<Exit> {
@@ -83,10 +83,6 @@ fn run(args: &RunCampaignArgs) -> anyhow::Result<Exit> {
 fn usual_folder(study: &Path) -> PathBuf {
     let stem = study.file_stem().unwrap_or_default();
     Path::new("campaigns").join(stem)
-}
-
-fn processors() -> usize {
-    std::thread::available_parallelism().map_or(1, usize::from)
 }
 
 fn work(args: &WorkArgs) -> anyhow::Result<Exit> {

@@ -45,6 +45,7 @@ mod sampling;
 mod signals;
 mod summary;
 mod tape;
+pub mod unaware;
 mod watches;
 
 use std::sync::mpsc;

@@ -11,8 +11,7 @@ mod judgement;
 mod proportion;
 
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 pub use course::Errors;
 pub use draw::Plan;
@@ -22,10 +21,12 @@ pub use proportion::interval;
 use course::{Course, Reference};
 
 use super::rehearsal::{AxisNeed, Staging, staged};
-use crate::config::{ConfigError, Finding, KeyPath, LambdaValue, Loaded};
+use super::unaware::Unaware;
+use crate::config::{ConfigError, Finding, KeyPath, Loaded};
 use crate::engine::{Ending, Experiment, Stop, TestLimits};
 use crate::rt::os;
 use crate::setup::{self, Trial};
+use crate::work::{each, processors};
 
 /// Draws of one trial that the file could not be with, before that is an error.
 const MOST_ATTEMPTS: u64 = 50;
@@ -154,54 +155,27 @@ pub fn carry_out(
     progress: &(dyn Fn(u64) + Sync),
 ) -> Result<Trials, ConfigError> {
     let began = os::monotonic_ns();
-    let fixed = Fixed {
-        loaded,
-        estimates: setup::estimates(loaded)?,
-        lambda,
-    };
+    let fixed = Unaware::of(loaded, lambda)?;
     let shared = if plan.has_one_reference() {
-        let trial = fixed.unaware(Trial::default());
+        let trial = fixed.trial(Trial::default());
         Some(reference(&fixed.with(&[])?, &trial)?)
     } else {
         None
     };
-    let (next, done, failed) = (AtomicU64::new(1), AtomicU64::new(0), AtomicBool::new(false));
-    let all = Mutex::new(Vec::new());
-    let error = Mutex::new(None);
-    let work = || {
-        while !failed.load(Ordering::Relaxed) {
-            let number = next.fetch_add(1, Ordering::Relaxed);
-            if number > trials {
-                return;
-            }
-            match trial(&fixed, plan, number, shared.as_ref()) {
-                Ok(found) => {
-                    if let Ok(mut all) = all.lock() {
-                        all.push(found);
-                    }
-                    progress(done.fetch_add(1, Ordering::Relaxed) + 1);
-                }
-                Err(found) => {
-                    failed.store(true, Ordering::Relaxed);
-                    if let Ok(mut error) = error.lock() {
-                        error.get_or_insert(found);
-                    }
-                }
-            }
-        }
-    };
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let threads = threads.min(usize::try_from(trials).unwrap_or(usize::MAX));
-    std::thread::scope(|scope| {
-        for _ in 0..threads {
-            scope.spawn(work);
-        }
-    });
-    if let Some(error) = error.into_inner().unwrap_or_default() {
-        return Err(error);
-    }
-    let mut all = all.into_inner().unwrap_or_default();
-    all.sort_by_key(|one: &Rehearsed| one.number);
+    let threads = processors().min(usize::try_from(trials).unwrap_or(usize::MAX));
+    let mut all = Vec::new();
+    each(
+        threads,
+        1..=trials,
+        &|| false,
+        &|number| trial(loaded, &fixed, plan, number, shared.as_ref()),
+        |found: Rehearsed| {
+            all.push(found);
+            progress(all.len() as u64);
+            Ok(())
+        },
+    )?;
+    all.sort_by_key(|one| one.number);
     Ok(Trials {
         all,
         wall_s: os::monotonic_ns().saturating_sub(began) as f64 * 1e-9,
@@ -209,40 +183,10 @@ pub fn carry_out(
     })
 }
 
-/// The test, and what the controller knows: no draw changes that.
-struct Fixed<'a> {
-    loaded: &'a Loaded,
-    /// k̂ and ĉ of every specimen.
-    estimates: Vec<setup::Estimate>,
-    lambda: Option<f64>,
-}
-
-impl Fixed<'_> {
-    /// A trial of what was drawn, by a controller that does not know of it.
-    fn unaware(&self, trial: Trial) -> Trial {
-        Trial {
-            believed: self.estimates.clone(),
-            ..trial
-        }
-    }
-
-    /// The test with other numbers.
-    fn with(&self, sets: &[String]) -> Result<Loaded, ConfigError> {
-        let mut drawn = self.loaded.varied(sets)?;
-        if let Some(lambda) = self.lambda {
-            drawn.file.integrator.lambda = if lambda == f64::INFINITY {
-                LambdaValue::Infinite
-            } else {
-                LambdaValue::Number(lambda)
-            };
-        }
-        Ok(drawn)
-    }
-}
-
 /// One trial: the test as it was drawn, and its reference if not all have the same.
 fn trial(
-    fixed: &Fixed<'_>,
+    loaded: &Loaded,
+    fixed: &Unaware<'_>,
     plan: &Plan,
     number: u64,
     shared: Option<&Arc<Reference>>,
@@ -250,7 +194,7 @@ fn trial(
     let mut attempt = 0;
     let (drawn, trial, prepared) = loop {
         let (sets, trial) = plan.draw(number, attempt);
-        let trial = fixed.unaware(trial);
+        let trial = fixed.trial(trial);
         let made = fixed.with(&sets).and_then(|drawn| {
             let prepared = setup::build_trial(&drawn, &trial)?;
             Ok((drawn, prepared))
@@ -261,7 +205,7 @@ fn trial(
             Err(error) if attempt == MOST_ATTEMPTS || plan.numbers.is_empty() => {
                 let text = format!("trial {number} cannot be drawn: {error}");
                 let finding = Finding::error(KeyPath::root().key("uncertainty"), text);
-                return Err(fixed.loaded.refuse([finding]));
+                return Err(loaded.refuse([finding]));
             }
             Err(_) => {}
         }

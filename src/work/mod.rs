@@ -1,8 +1,12 @@
-//! How far long work is, for a watcher that shows it.
+//! Long work: how far it is, for a watcher that shows it, and independent tasks on threads ([`each`]).
 //!
 //! Code that may take long begins a [`Work`] and counts what is done. A program that wants to show progress installs one
 //! [`Watcher`] at its start ([`watch`]). Without a watcher nothing happens. Work that begins within other work is silent: a
 //! watcher sees one work at a time. Not for the real-time loop.
+
+mod threads;
+
+pub use threads::{each, processors};
 
 use std::fmt;
 use std::sync::OnceLock;
