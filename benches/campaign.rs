@@ -179,7 +179,7 @@ fn many_tasks(bench: &mut Bench) {
         let more = format!(
             "[[vary]]\nkey = \"specimen.0.law.bilinear.post_yield_ratio\"\nlinear = {{ from = 0.01, to = 0.1, count = {side} }}\n"
         );
-        let study = bench.study(0.02, &(varied(side) + &more));
+        let study = bench.study(0.03125, &(varied(side) + &more));
         let out = bench.folder.path().join(format!("many-{side}"));
         let (planned, _) = watched(&["campaign", "plan", text(&study), "--out", text(&out)]);
         let (whole, of_run) = watched(&["campaign", "run", text(&out)]);

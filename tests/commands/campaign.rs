@@ -13,7 +13,7 @@ use crate::common::{FRAME, Said, gusset, physics, say};
 const RECORD: &str = "time,accel\n0,0\n0.1,1\n0.2,-1\n0.3,0.5\n0.4,0\n";
 
 /// A study of 2 values × 2 records × 3 intensities × 2 draws, and its folder.
-fn study(folder: &Path) -> PathBuf {
+pub fn study(folder: &Path) -> PathBuf {
     fs::write(folder.join("frame.toml"), FRAME).unwrap();
     let records = folder.join("records");
     fs::create_dir(&records).unwrap();
@@ -48,7 +48,7 @@ collapse = { measure = "max_drift", above = 0.006 }
 const TASKS: u64 = 24;
 
 /// A planned campaign with 5 chunks.
-fn planned() -> (TempDir, PathBuf) {
+pub fn planned() -> (TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("campaign");
     let said = say([
@@ -64,7 +64,7 @@ fn planned() -> (TempDir, PathBuf) {
     (folder, out)
 }
 
-fn campaign(command: &str, folder: &Path, more: &[&str]) -> Said {
+pub fn campaign(command: &str, folder: &Path, more: &[&str]) -> Said {
     let mut arguments = vec!["campaign", command, folder.to_str().unwrap()];
     arguments.extend(more);
     say(arguments)
@@ -72,12 +72,12 @@ fn campaign(command: &str, folder: &Path, more: &[&str]) -> Said {
 
 /// The table of a complete campaign.
 #[track_caller]
-fn complete(said: &Said, out: &Path) -> Vec<u8> {
+pub fn complete(said: &Said, out: &Path) -> Vec<u8> {
     assert_eq!(said.code, Some(0), "{}\n{}", said.stdout, said.stderr);
     fs::read(out.join("table.csv")).unwrap()
 }
 
-fn parts(out: &Path) -> Vec<PathBuf> {
+pub fn parts(out: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(out.join("parts"));
     let mut found: Vec<PathBuf> = entries
         .into_iter()
@@ -90,7 +90,7 @@ fn parts(out: &Path) -> Vec<PathBuf> {
 }
 
 /// The table of an undisturbed run with one job.
-fn undisturbed() -> Vec<u8> {
+pub fn undisturbed() -> Vec<u8> {
     let (_folder, out) = planned();
     complete(&campaign("run", &out, &["--jobs", "1"]), &out)
 }

@@ -1,0 +1,235 @@
+//! Faults of a campaign: killed workers, a full disk, wrong clocks, another executable. Nothing is lost, double or silently
+//! different: the table is equal to that of an undisturbed run, bit for bit.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, SystemTime};
+
+use serde_json::Value;
+
+use super::campaign::{campaign, complete, parts, planned, undisturbed};
+use crate::common::{FRAME, Said, gusset, say};
+
+/// 10 000 short tests: 100 values of one key times 100 of another.
+fn ten_thousand(folder: &Path) -> PathBuf {
+    let path = folder.join("many.toml");
+    let more = r#"
+[[vary]]
+key = "structure.damping.rayleigh_ratio.ratio"
+linear = { from = 0.01, to = 0.08, count = 100 }
+[[vary]]
+key = "specimen.0.law.bouc_wen.yield_force_n"
+log = { from = 500, to = 5000, count = 100 }
+[measure]
+residual = true
+"#;
+    let frame = FRAME.replace("duration_s = 0.5", "duration_s = 0.02");
+    fs::write(&path, frame + more).unwrap();
+    path
+}
+
+fn plan(study: &Path, out: &Path, tasks_per_chunk: &str) {
+    let out = out.to_str().unwrap();
+    let said = campaign(
+        "plan",
+        study,
+        &["--out", out, "--tasks-per-chunk", tasks_per_chunk],
+    );
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+}
+
+fn worker(out: &Path, chunk: u64) -> Child {
+    let mut work = gusset();
+    work.args(["campaign", "work", out.to_str().unwrap(), "--chunk"]);
+    work.arg(chunk.to_string())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
+    work.spawn().unwrap()
+}
+
+/// Numbers for the choice of chunks and times; a function of the number before.
+fn next(state: &mut u64) -> u64 {
+    *state = state
+        .wrapping_mul(6_364_136_223_846_793_005)
+        .wrapping_add(1_442_695_040_888_963_407);
+    *state >> 33
+}
+
+/// Two workers at a time, on random chunks, also on the same one. Each is killed after a random time, or finishes before.
+#[test]
+fn workers_killed_at_random_lose_nothing_of_ten_thousand_tasks() {
+    let folder = tempfile::tempdir().unwrap();
+    let study = ten_thousand(folder.path());
+    let (out, calm) = (folder.path().join("killed"), folder.path().join("calm"));
+    plan(&study, &out, "1000");
+    let mut state = 1;
+    let mut killed = 0;
+    for _ in 0..25 {
+        let mut both = [0; 2].map(|_| worker(&out, 1 + next(&mut state) % 10));
+        std::thread::sleep(Duration::from_millis(20 + next(&mut state) % 700));
+        for one in &mut both {
+            killed += u32::from(one.try_wait().unwrap().is_none());
+            // SIGKILL: the worker cannot clean up.
+            one.kill().unwrap();
+            one.wait().unwrap();
+        }
+    }
+    // A slow start is killed as well as work: at least the first rounds are.
+    assert!(killed > 0);
+    let after = campaign("run", &out, &[]);
+    let table = complete(&after, &out);
+    assert_eq!(table.iter().filter(|byte| **byte == b'\n').count(), 10_001);
+    plan(&study, &calm, "10000");
+    assert!(table == complete(&campaign("run", &calm, &[]), &calm));
+}
+
+/// The program with no file longer than 1 kB: less than a part or a table needs.
+fn on_a_full_disk(arguments: &[&str]) -> Said {
+    let mut command = Command::new("bash");
+    command.args(["-c", "ulimit -f 1; exec \"$0\" \"$@\""]);
+    command
+        .arg(assert_cmd::cargo::cargo_bin!("gusset"))
+        .args(arguments);
+    command.output().unwrap().into()
+}
+
+#[test]
+fn a_full_disk_stops_a_worker_and_leaves_nothing_half() {
+    let (_folder, out) = planned();
+    let there = out.to_str().unwrap();
+    for arguments in [
+        &["campaign", "work", there, "--chunk", "1"][..],
+        &["campaign", "run", there],
+    ] {
+        let said = on_a_full_disk(arguments);
+        assert_eq!(said.code, Some(2), "{}", said.stderr);
+        assert!(said.stderr.contains("chunk-000001"), "{}", said.stderr);
+        let left = fs::read_dir(out.join("parts")).unwrap();
+        assert_eq!(left.count(), 0);
+    }
+    let table = complete(&campaign("run", &out, &[]), &out);
+    assert!(table == undisturbed());
+    // The old table stays until a new one is whole.
+    let said = on_a_full_disk(&["campaign", "collect", there]);
+    assert_eq!(said.code, Some(2), "{}", said.stderr);
+    assert!(fs::read(out.join("table.csv")).unwrap() == table);
+}
+
+/// Hosts with wrong clocks leave files from the past and from the future: no time of a file counts.
+#[test]
+fn wrong_clocks_of_hosts_do_not_matter() {
+    let (_folder, out) = planned();
+    let set = |path: &Path, seconds: u64| {
+        let file = fs::File::options().write(true).open(path).unwrap();
+        let time = SystemTime::UNIX_EPOCH + Duration::from_secs(seconds);
+        file.set_modified(time).unwrap();
+    };
+    set(&out.join("plan.json"), 4_000_000_000);
+    for (chunk, seconds) in [(1, 0), (2, 4_000_000_000)] {
+        assert!(worker(&out, chunk).wait().unwrap().success());
+        let part = parts(&out).pop().unwrap();
+        set(&part, seconds);
+    }
+    let said = campaign("run", &out, &[]);
+    assert!(
+        said.stderr
+            .contains("14 tests computed, 10 were done before"),
+        "{}",
+        said.stderr
+    );
+    assert!(complete(&said, &out) == undisturbed());
+}
+
+/// The same program with one more byte: another host has another build.
+fn other_build(folder: &Path) -> PathBuf {
+    let path = folder.join("other-gusset");
+    let mut bytes = fs::read(assert_cmd::cargo::cargo_bin!("gusset")).unwrap();
+    bytes.push(0);
+    fs::write(&path, bytes).unwrap();
+    let mut rights = fs::metadata(&path).unwrap().permissions();
+    std::os::unix::fs::PermissionsExt::set_mode(&mut rights, 0o755);
+    fs::set_permissions(&path, rights).unwrap();
+    path
+}
+
+#[test]
+fn two_hosts_with_different_builds_do_not_mix_their_results() {
+    let (folder, out) = planned();
+    let other = other_build(folder.path());
+    let with_other = |arguments: &[&str]| -> Said {
+        let output = Command::new(&other).args(arguments).output();
+        output.unwrap().into()
+    };
+    let there = out.to_str().unwrap();
+    let said = with_other(&["campaign", "work", there, "--chunk", "1"]);
+    assert_eq!(said.code, Some(2), "{}", said.stderr);
+    assert!(
+        said.stderr.contains("another gusset executable"),
+        "{}",
+        said.stderr
+    );
+    assert!(parts(&out).is_empty());
+    // A part of the other build that gets into the folder all the same.
+    let elsewhere = folder.path().join("elsewhere");
+    let study = folder.path().join("study.toml");
+    let run = [
+        "campaign",
+        "run",
+        study.to_str().unwrap(),
+        "--out",
+        elsewhere.to_str().unwrap(),
+    ];
+    assert_eq!(with_other(&run).code, Some(0));
+    complete(&campaign("run", &out, &[]), &out);
+    let foreign = &parts(&elsewhere)[0];
+    let planted = out.join("parts/chunk-000001-0000000000000000.part");
+    fs::copy(foreign, &planted).unwrap();
+    let said = campaign("collect", &out, &[]);
+    assert_eq!(said.code, Some(2), "{}", said.stderr);
+    assert!(
+        said.stderr.contains(planted.to_str().unwrap()),
+        "{}",
+        said.stderr
+    );
+    fs::remove_file(&planted).unwrap();
+    assert!(complete(&campaign("collect", &out, &[]), &out) == undisturbed());
+}
+
+/// Ctrl-C ends a campaign after the current tests, with its results written.
+#[test]
+fn an_interrupted_run_says_how_to_continue_and_loses_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let study = ten_thousand(folder.path());
+    let out = folder.path().join("out");
+    plan(&study, &out, "10000");
+    let mut run = gusset();
+    run.args(["campaign", "run", out.to_str().unwrap(), "--jobs", "1"]);
+    let run = run
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    std::thread::sleep(Duration::from_millis(1500));
+    let pid = rustix::process::Pid::from_child(&run);
+    // A run that has ended already takes no signal.
+    let _ = rustix::process::kill_process(pid, rustix::process::Signal::INT);
+    let said: Said = run.wait_with_output().unwrap().into();
+    if said.code == Some(130) {
+        assert!(
+            said.stderr.contains("gusset campaign run"),
+            "{}",
+            said.stderr
+        );
+        let status = say(["campaign", "status", out.to_str().unwrap(), "--json"]);
+        let status: Value = serde_json::from_str(&status.stdout).unwrap();
+        let done = status["done"].as_u64().unwrap();
+        assert!(
+            said.stderr.contains(&format!("{done} tests computed")),
+            "{}",
+            said.stderr
+        );
+    } else {
+        assert_eq!(said.code, Some(0), "{}", said.stderr);
+    }
+}
