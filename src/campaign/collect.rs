@@ -1,7 +1,5 @@
 //! Merging of the result parts: the table, the summary and the report.
 
-use std::io::{BufWriter, Write};
-
 use serde_json::{Value, json};
 
 pub use super::found::Collected;
@@ -14,11 +12,11 @@ use super::plan::Campaign;
 pub use super::prove::Prove;
 use super::prove::prove;
 use super::study::Study;
-use super::table::{TableColumn, columns, head, row};
+use super::table::{TableColumn, Tables, cells, columns};
 use super::task::Task;
 use super::{CampaignError, at};
 use crate::catalog::ending::Cause;
-use crate::record::atomic::{self, AtomicFile};
+use crate::record::atomic;
 
 /// Most chunks with missing tasks that a summary names.
 const MOST_NAMED: usize = 100;
@@ -48,24 +46,10 @@ pub fn collect(
 ) -> Result<Collected, CampaignError> {
     let study = &campaign.study;
     let columns = columns(study);
-    let partial = campaign.folder.join("table.partial.csv");
-    let whole = campaign.folder.join("table.csv");
-    let file = AtomicFile::create(&partial).map_err(at(&partial))?;
-    let mut out = BufWriter::new(file);
-    head(&mut out, &columns).map_err(at(&partial))?;
-    let sheet = merged(campaign, wanted, &mut out, progress)?;
+    let mut tables = Tables::create(&campaign.folder, &columns)?;
+    let sheet = merged(campaign, wanted, &mut tables, progress)?;
     prove(campaign, &sheet.to_prove, jobs)?;
-    let file = out.into_inner().map_err(|error| error.into_error());
-    file.map_err(at(&partial))?.commit().map_err(at(&partial))?;
-    let is_complete = sheet.done == campaign.plan.tasks;
-    let table = if is_complete {
-        std::fs::rename(&partial, &whole).map_err(at(&whole))?;
-        whole
-    } else {
-        // An old table of other parts would be taken for this one.
-        let _there_may_be_none = std::fs::remove_file(&whole);
-        partial
-    };
+    let table = tables.finish(sheet.done == campaign.plan.tasks)?;
     let mut collected = Collected {
         report: campaign.folder.join("report.html"),
         tasks: campaign.plan.tasks,
@@ -92,7 +76,7 @@ pub fn collect(
 fn merged(
     campaign: &Campaign,
     wanted: Prove,
-    out: &mut impl Write,
+    tables: &mut Tables,
     progress: &dyn Fn(u64),
 ) -> Result<Sheet, CampaignError> {
     let (study, plan) = (&campaign.study, &campaign.plan);
@@ -112,7 +96,7 @@ fn merged(
         }
         for (index, (line, part)) in lines {
             let task = Task::of(study, index);
-            row(out, study, &task, &line.result).map_err(at(&campaign.folder))?;
+            tables.row(cells(study, &task, &line.result))?;
             let value = |place: usize| line.result.values.get(place).copied();
             let is_done = line.result.ended == Cause::Done.word();
             let is_invalid = line.result.ended == INVALID;

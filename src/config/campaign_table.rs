@@ -80,6 +80,9 @@ pub enum Sampling {
     Random,
     /// One draw in each of `replicates` equally probable intervals of each number.
     LatinHypercube,
+    /// Scrambled Sobol sequence, which fills the space of all numbers evenly. `replicates` is at most 65 536, and should be
+    /// a power of two.
+    Sobol,
 }
 
 /// A key of the test file with its values. Give exactly one of `values`, `linear` and `log`.
