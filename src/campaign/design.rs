@@ -34,17 +34,25 @@ pub(super) fn point(design: Design, axes: &[Axis], index: u64) -> Vec<Option<&Sc
             }
         }
         Design::OneAtATime => {
-            let mut first = 1;
-            for (place, axis) in axes.iter().enumerate() {
-                let count = axis.values.len() as u64;
-                if (first..first + count).contains(&index) {
-                    chosen[place] = axis.values.get((index - first) as usize);
-                }
-                first += count;
+            if let Some((place, value)) = alone(axes, index) {
+                chosen[place] = axes[place].values.get(value);
             }
         }
     }
     chosen
+}
+
+/// The axis and the place of its value at a point of a one-at-a-time design; none for the test file itself.
+pub(super) fn alone(axes: &[Axis], index: u64) -> Option<(usize, usize)> {
+    let mut rest = index.checked_sub(1)?;
+    for (place, axis) in axes.iter().enumerate() {
+        let count = axis.values.len() as u64;
+        if rest < count {
+            return Some((place, rest as usize));
+        }
+        rest -= count;
+    }
+    None
 }
 
 /// 64 random bits for a seed and a place.

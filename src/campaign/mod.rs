@@ -18,10 +18,12 @@
 //! | `plan`, `part`, `work` | campaign folder, result parts, chunks on threads |
 //! | `submit` | job scripts for other launchers |
 //! | `collect`, `table`, `parquet`, `prove` | merging, the table, recomputed tasks |
-//! | `fractile`, `fragility`, `found`, `ida`, `drawing`, `page` | statistics and the report |
+//! | `found`, `fractile`, `fragility` | values for the report, and their statistics |
+//! | `ida`, `sensitivity`, `distribution`, `pairs`, `drawing`, `page` | pictures of the report |
 
 mod collect;
 mod design;
+mod distribution;
 mod drawing;
 mod found;
 mod fractile;
@@ -30,12 +32,14 @@ mod ida;
 mod measure;
 mod motions;
 mod page;
+mod pairs;
 #[cfg(feature = "parquet")]
 mod parquet;
 mod part;
 mod perform;
 mod plan;
 mod prove;
+mod sensitivity;
 mod sobol;
 mod study;
 mod submit;

@@ -60,7 +60,8 @@ mod tests {
         let count = 1_u64 << m;
         for wide in 0..=m {
             let (across, up) = ((1_u64 << wide) as f64, (1_u64 << (m - wide)) as f64);
-            let boxed = |i| (share(3, 0, i) * across) as u64 * up as u64 + (share(3, 1, i) * up) as u64;
+            let boxed =
+                |i| (share(3, 0, i) * across) as u64 * up as u64 + (share(3, 1, i) * up) as u64;
             let mut found: Vec<u64> = (count..2 * count).map(boxed).collect();
             found.sort_unstable();
             assert_eq!(found, (0..count).collect::<Vec<_>>(), "{wide}");
@@ -70,7 +71,11 @@ mod tests {
     /// Mean of a product over six keys. A random mean of 4096 draws has a standard deviation of 1.1 %.
     #[test]
     fn a_mean_is_nearer_than_that_of_random_draws() {
-        let product = |i| (0..6).map(|place| 2.0 * share(11, place, i)).product::<f64>();
+        let product = |i| {
+            (0..6)
+                .map(|place| 2.0 * share(11, place, i))
+                .product::<f64>()
+        };
         let mean = (0..4096).map(product).sum::<f64>() / 4096.0;
         assert!((mean - 1.0).abs() < 2e-3, "{mean}");
     }

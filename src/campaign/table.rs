@@ -14,7 +14,7 @@ use super::task::Task;
 use super::{CampaignError, at};
 use crate::config::Scalar;
 use crate::record::atomic::AtomicFile;
-use crate::units::unit_of_key;
+use crate::units::unit_in_name;
 
 /// A column of the table.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -115,7 +115,11 @@ pub(super) fn columns(study: &Study) -> Vec<TableColumn> {
     all.extend(axes.map(|axis| {
         let words = "value that varies; empty: as in the test file";
         let kind = kind_of(&axis.values);
-        let unit = if kind == text { "" } else { unit_of_key(&axis.key) };
+        let unit = if kind == text {
+            ""
+        } else {
+            unit_in_name(&axis.key)
+        };
         column(&axis.key, unit, kind, words)
     }));
     if let Some(first) = study.motions.first() {
@@ -125,13 +129,18 @@ pub(super) fn columns(study: &Study) -> Vec<TableColumn> {
         }
     }
     if study.loaded.study.campaign.replicates > 1 {
-        all.push(column("replicate", "1", integer, "number of the draw, from 1"));
+        all.push(column(
+            "replicate",
+            "1",
+            integer,
+            "number of the draw, from 1",
+        ));
     }
     let samples = study.samples.iter();
     all.extend(samples.map(|one| {
         let key = one.key.to_string();
         let words = "drawn number, in the unit of the key";
-        column(&key, unit_of_key(&key), number, words)
+        column(&key, unit_in_name(&key), number, words)
     }));
     let words = "done; or the cause that stopped the test; or invalid: there is no such test";
     all.push(column("ended", "", text, words));
@@ -206,7 +215,10 @@ impl Tables {
     /// Ends the files, and returns the CSV file. An incomplete table keeps the name of a partial one.
     pub fn finish(self, is_complete: bool) -> Result<PathBuf, CampaignError> {
         let csv = partial(&self.folder, "csv");
-        let file = self.csv.into_inner().map_err(io::IntoInnerError::into_error);
+        let file = self
+            .csv
+            .into_inner()
+            .map_err(io::IntoInnerError::into_error);
         file.and_then(AtomicFile::commit).map_err(at(&csv))?;
         #[cfg(feature = "parquet")]
         self.parquet.finish()?;
@@ -220,7 +232,11 @@ impl Tables {
                 fs::rename(&part, &whole).map_err(at(&whole))?;
             }
         }
-        let name = if is_complete { "table.csv" } else { "table.partial.csv" };
+        let name = if is_complete {
+            "table.csv"
+        } else {
+            "table.partial.csv"
+        };
         Ok(self.folder.join(name))
     }
 }
