@@ -1,7 +1,6 @@
 //! Merging of the result parts: the table, the summary and the report.
 
 use std::collections::BTreeMap;
-use std::io::{BufWriter, Write};
 
 use serde_json::{Value, json};
 
@@ -15,11 +14,11 @@ use super::perform::{INVALID, Performed};
 use super::plan::Campaign;
 pub use super::prove::Prove;
 use super::prove::prove;
-use super::table::{TableColumn, columns, head, row};
+use super::table::{TableColumn, Tables, cells, columns};
 use super::task::Task;
 use super::{CampaignError, at};
 use crate::catalog::ending::Cause;
-use crate::record::atomic::{self, AtomicFile};
+use crate::record::atomic;
 
 /// Most chunks with missing tasks that a summary names.
 const MOST_NAMED: usize = 100;
@@ -52,28 +51,14 @@ pub fn collect(
 ) -> Result<Collected, CampaignError> {
     let study = &campaign.study;
     let columns = columns(study);
-    let partial = campaign.folder.join("table.partial.csv");
-    let whole = campaign.folder.join("table.csv");
-    let file = AtomicFile::create(&partial).map_err(at(&partial))?;
-    let mut out = BufWriter::new(file);
-    head(&mut out, &columns).map_err(at(&partial))?;
+    let mut tables = Tables::create(&campaign.folder, &columns)?;
     let sheet = merged(
         campaign,
-        &mut out,
+        &mut tables,
         &|lines| prove_some(campaign, wanted, lines, jobs),
         progress,
     )?;
-    let file = out.into_inner().map_err(|error| error.into_error());
-    file.map_err(at(&partial))?.commit().map_err(at(&partial))?;
-    let is_complete = sheet.done == campaign.plan.tasks;
-    let table = if is_complete {
-        std::fs::rename(&partial, &whole).map_err(at(&whole))?;
-        whole
-    } else {
-        // An old table of other parts would be taken for this one.
-        let _there_may_be_none = std::fs::remove_file(&whole);
-        partial
-    };
+    let table = tables.finish(sheet.done == campaign.plan.tasks)?;
     let mut collected = Collected {
         report: campaign.folder.join("report.html"),
         tasks: campaign.plan.tasks,
@@ -114,7 +99,7 @@ fn prove_some(
 /// Writes the rows of all results, chunk by chunk, and keeps what pictures need. `prove` sees the results of each chunk.
 fn merged(
     campaign: &Campaign,
-    out: &mut impl Write,
+    tables: &mut Tables,
     prove: &dyn Fn(&BTreeMap<u64, (Line, String)>) -> Result<u64, CampaignError>,
     progress: &dyn Fn(u64),
 ) -> Result<Sheet, CampaignError> {
@@ -133,7 +118,7 @@ fn merged(
         sheet.proved += prove(&lines)?;
         for (index, (line, _)) in &lines {
             let task = Task::of(study, *index);
-            row(out, study, &task, &line.result).map_err(at(&campaign.folder))?;
+            tables.row(cells(study, &task, &line.result))?;
             sheet.count(campaign, &task, &line.result);
         }
         progress(tasks.end);

@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use super::CampaignError;
 use crate::catalog::column;
-use crate::config::{Finding, KeyPath, LoadedStudy};
+use crate::config::{Finding, KeyPath, LoadedStudy, nearest};
 use crate::engine::{Experiment, Phase};
 use crate::model::StructureSpec;
 use crate::record::{Column, Recorder, TimedEvent};
@@ -210,8 +210,12 @@ fn check_reported(loaded: &LoadedStudy, all: &[Measure]) -> Result<(), CampaignE
 fn unknown(loaded: &LoadedStudy, at: KeyPath, name: &str, all: &[Measure]) -> CampaignError {
     let names: Vec<&str> = all.iter().map(|one| one.name.as_str()).collect();
     let text = format!("this study has no measure `{name}`");
-    let finding = Finding::error(at, text).help(format!("measures: {}", names.join(", ")));
-    loaded.refuse(finding).into()
+    let mut finding = Finding::error(at, text);
+    if let Some(near) = nearest(name, &names) {
+        finding = finding.label(format!("did you mean `{near}`?"));
+    }
+    let all = format!("measures of this study: {}", names.join(", "));
+    loaded.refuse(finding.help(all)).into()
 }
 
 /// Mean and sum of squares of a series (Welford 1962).

@@ -9,19 +9,21 @@
 //! | `plan.json` | digests of the files and of the executable, number of tasks, size of a chunk |
 //! | `study.toml`, `test.toml` | copies for people; workers read the originals and compare digests |
 //! | `parts/chunk-K-DIGEST.part` | results of tasks of chunk K |
-//! | `table.csv`, `summary.json`, `report.html` | what `collect` writes |
+//! | `table.csv`, `table.parquet`, `summary.json`, `report.html` | what `collect` writes |
 //!
 //! | module | content |
 //! |---|---|
-//! | `study`, `design`, `motions`, `task` | from the study file to the overrides and the identity of a task |
+//! | `study`, `design`, `sobol`, `motions`, `task` | from the study file to the overrides and the identity of a task |
 //! | `measure`, `perform` | one simulated test and the numbers of its table row |
 //! | `plan`, `part`, `work` | campaign folder, result parts, chunks on threads |
 //! | `submit` | job scripts for other launchers |
-//! | `collect`, `table`, `prove` | merging, the table, recomputed tasks |
-//! | `fractile`, `fragility`, `found`, `ida`, `drawing`, `page` | statistics and the report |
+//! | `collect`, `table`, `parquet`, `prove` | merging, the table, recomputed tasks |
+//! | `found`, `fractile`, `fragility` | values for the report, and their statistics |
+//! | `ida`, `sensitivity`, `distribution`, `pairs`, `drawing`, `page` | pictures of the report |
 
 mod collect;
 mod design;
+mod distribution;
 mod drawing;
 mod found;
 mod fractile;
@@ -30,10 +32,15 @@ mod ida;
 mod measure;
 mod motions;
 mod page;
+mod pairs;
+#[cfg(feature = "parquet")]
+mod parquet;
 mod part;
 mod perform;
 mod plan;
 mod prove;
+mod sensitivity;
+mod sobol;
 mod study;
 mod submit;
 mod table;

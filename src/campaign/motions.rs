@@ -1,11 +1,11 @@
 //! Ground motions of a study, and the overrides that choose and scale them.
 
-use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
+use std::{fs, io};
 
-use super::{CampaignError, at};
-use crate::config::{Finding, Intensity, KeyPath, LoadedStudy, RecordsTable, read_input};
-use crate::motion::{Signal, Unit};
+use super::CampaignError;
+use crate::config::{Finding, Inputs, Intensity, KeyPath, LoadedStudy, RecordsTable};
+use crate::motion::{ReadOptions, Signal, Unit, parse_record};
 
 const GROUND: &str = "excitation.ground_acceleration";
 
@@ -151,58 +151,95 @@ pub(super) fn motions(
     Ok(all)
 }
 
-/// The records of a table, with the digests of their files.
+/// The records of a table, with the digests of their files. Each record is read once.
 fn files(
     loaded: &LoadedStudy,
     table: &RecordsTable,
     place: &KeyPath,
 ) -> Result<Vec<Motion>, CampaignError> {
-    let folder = loaded.folder();
-    let paths: Vec<PathBuf> = match (&table.files, &table.folder) {
-        (Some(files), _) => files.iter().map(|file| folder.join(file)).collect(),
+    let names: Vec<(KeyPath, String)> = match (&table.files, &table.folder) {
+        (Some(files), _) => {
+            let at = |index| place.key("files").index(index);
+            let files = files.iter().enumerate();
+            files
+                .map(|(index, file)| (at(index), file.clone()))
+                .collect()
+        }
         (None, Some(name)) => {
-            let found = listed(&folder.join(name))?;
+            let at = place.key("folder");
+            let found = listed(&loaded.folder().join(name)).map_err(|error| {
+                let text = format!("cannot read the folder {name}: {error}");
+                let finding =
+                    Finding::error(at.clone(), text).label("a folder of records is wanted");
+                loaded.refuse(finding.help("the path is relative to the folder of the study"))
+            })?;
             if found.is_empty() {
                 let text = format!("the folder {name} contains no records");
-                let finding = Finding::error(place.key("folder"), text);
-                return Err(loaded.refuse(finding).into());
+                return Err(loaded.refuse(Finding::error(at, text)).into());
             }
+            let path = |file: String| format!("{name}/{file}");
             found
+                .into_iter()
+                .map(|file| (at.clone(), path(file)))
+                .collect()
         }
         (None, None) => Vec::new(),
     };
-    let unit = table
-        .record_unit
-        .and_then(|unit| serde_json::to_value(unit).ok());
-    let unit = unit.map_or_else(String::new, |unit| format!(",unit={unit}"));
-    let motion = |path: PathBuf| {
-        let bytes = read_input(&path).map_err(at(&path))?;
-        let full = fs::canonicalize(&path).map_err(at(&path))?;
+    let mut inputs = Inputs::new(loaded.folder());
+    let each = names.into_iter();
+    each.map(|(at, name)| motion(loaded, table, &mut inputs, (at, &name)))
+        .collect()
+}
+
+/// The record `name`, which the study names at `at`.
+fn motion(
+    loaded: &LoadedStudy,
+    table: &RecordsTable,
+    inputs: &mut Inputs,
+    (at, name): (KeyPath, &str),
+) -> Result<Motion, CampaignError> {
+    let bytes = inputs
+        .read(name)
+        .map_err(|error| loaded.refuse(error.finding(at.clone())))?;
+    let record = parse_record(name, bytes, &ReadOptions::default());
+    let record = record.map_err(|error| {
+        let finding = Finding::error(at.clone(), format!("{name} is no record: {error}"));
+        loaded.refuse(finding.help("remove it from the study, or convert it"))
+    })?;
+    let Some(unit) = table.record_unit.or(record.unit) else {
+        let finding = Finding::error(at, format!("the record {name} has no unit"));
+        return Err(loaded
+            .refuse(finding.help("for example record_unit = \"g\""))
+            .into());
+    };
+    let digest = blake3::hash(bytes).to_hex().to_string();
+    let path = loaded.folder().join(name);
+    let full = fs::canonicalize(&path).map_err(super::at(&path))?;
+    let name = Path::new(name)
+        .file_name()
+        .map(|name| name.to_string_lossy().into_owned());
+    let quoted = toml::Value::from(full.to_string_lossy().as_ref());
+    let of_table = table.record_unit.map(|_| format!(",unit=\"{unit}\""));
+    Ok(Motion {
+        name: name.unwrap_or_default(),
+        set: format!(
+            "{GROUND}.signal={{file={{path={quoted}{}}}}}",
+            of_table.unwrap_or_default()
+        ),
+        digest,
+    })
+}
+
+/// Names of the files of a folder that are not hidden, sorted.
+fn listed(folder: &Path) -> io::Result<Vec<String>> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder)? {
+        let path = entry?.path();
         let name = path
             .file_name()
             .map(|name| name.to_string_lossy().into_owned());
-        let quoted = toml::Value::from(full.to_string_lossy().as_ref());
-        Ok(Motion {
-            name: name.unwrap_or_default(),
-            set: format!("{GROUND}.signal={{file={{path={quoted}{unit}}}}}"),
-            digest: blake3::hash(&bytes).to_hex().to_string(),
-        })
-    };
-    paths.into_iter().map(motion).collect()
-}
-
-/// The files of a folder that are not hidden, in the order of their names.
-fn listed(folder: &Path) -> Result<Vec<PathBuf>, CampaignError> {
-    let entries = fs::read_dir(folder).map_err(at(folder))?;
-    let mut found = Vec::new();
-    for entry in entries {
-        let path = entry.map_err(at(folder))?.path();
-        let is_hidden = path
-            .file_name()
-            .is_some_and(|name| name.to_string_lossy().starts_with('.'));
-        if path.is_file() && !is_hidden {
-            found.push(path);
-        }
+        let name = name.filter(|name| !name.starts_with('.') && path.is_file());
+        found.extend(name);
     }
     found.sort();
     Ok(found)

@@ -6,7 +6,8 @@ use super::CampaignError;
 use super::design::{Axis, points};
 use super::measure::{Measure, measures};
 use super::motions::{Motions, motions};
-use crate::config::{Finding, KeyPath, LoadedStudy, Uncertain, load_study};
+use super::sobol;
+use crate::config::{Finding, KeyPath, LoadedStudy, Sampling, Uncertain, load_study};
 use crate::setup;
 
 /// Most tasks of a campaign.
@@ -59,6 +60,7 @@ impl Study {
             let more: Vec<_> = more.filter(is_new).collect();
             samples.extend(more);
         }
+        check_sobol(&loaded, samples.len())?;
         let measures = measures(&loaded, &prepared.experiment)?;
         let (digest, files) = digests(&loaded, &prepared.files.inputs, &motions);
         let transfers = loaded.test.file.specimen.iter();
@@ -143,6 +145,29 @@ fn check_axes(loaded: &LoadedStudy, axes: &[Axis]) -> Result<(), CampaignError> 
             let first = error.to_string();
             return Err(loaded.refuse(finding.help(first)).into());
         }
+    }
+    Ok(())
+}
+
+/// A Sobol sequence has a limited number of keys and of points.
+fn check_sobol(loaded: &LoadedStudy, keys: usize) -> Result<(), CampaignError> {
+    let campaign = &loaded.study.campaign;
+    if campaign.sampling != Sampling::Sobol {
+        return Ok(());
+    }
+    let other = "use sampling = \"latin_hypercube\" or \"random\"";
+    let at = |key: &str| KeyPath::root().key("campaign").key(key);
+    if keys > sobol::MOST_KEYS {
+        let most = sobol::MOST_KEYS;
+        let text = format!("a Sobol sequence has at most {most} keys, and this study draws {keys}");
+        let finding = Finding::error(at("sampling"), text).help(other);
+        return Err(loaded.refuse(finding).into());
+    }
+    if campaign.replicates > sobol::MOST_POINTS {
+        let most = sobol::MOST_POINTS;
+        let text = format!("a Sobol sequence has at most {most} replicates");
+        let finding = Finding::error(at("replicates"), text).help(other);
+        return Err(loaded.refuse(finding).into());
     }
     Ok(())
 }

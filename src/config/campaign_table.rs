@@ -6,7 +6,8 @@ use serde::{Deserialize, Serialize};
 use super::certificate::UncertaintyTable;
 use crate::motion::Unit;
 
-/// Tables of a study beside those of its test file.
+/// Study of `gusset campaign`: what varies in a test, and what is measured. The study contains the tables of the test too,
+/// unless `test` names another file.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct StudyFile {
@@ -24,7 +25,7 @@ pub struct StudyFile {
     /// Ground motions, with the intensities to which they are scaled.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub records: Vec<RecordsTable>,
-    /// Measures of the table.
+    /// Measures in the table of results.
     pub measure: MeasureTable,
 }
 
@@ -80,6 +81,9 @@ pub enum Sampling {
     Random,
     /// One draw in each of `replicates` equally probable intervals of each number.
     LatinHypercube,
+    /// Scrambled Sobol sequence, which fills the space of all numbers evenly. `replicates` is at most 65 536, and should be
+    /// a power of two.
+    Sobol,
 }
 
 /// A key of the test file with its values. Give exactly one of `values`, `linear` and `log`.
@@ -223,7 +227,7 @@ pub enum Intensity {
     Sa,
 }
 
-/// Measures of the table.
+/// Measures in the table of results. The time at the end, `end_s`, is always measured.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct MeasureTable {

@@ -101,7 +101,7 @@ impl InputError {
                 );
                 finding
                     .label(label)
-                    .help("paths are relative to the folder of the test file")
+                    .help("paths are relative to the folder of this file")
             }
             Self::Folder { .. } => finding.label("a file is wanted"),
             Self::Refused { .. } => finding.label("cannot be read"),

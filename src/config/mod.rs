@@ -445,6 +445,30 @@ pub fn serve_json_schema() -> String {
     schema_of::<ServeFile>()
 }
 
+/// The JSON Schema of the study file of `gusset campaign`: the tables of a study and those of a test, which are needed unless
+/// `test` names another file.
+#[must_use]
+pub fn study_json_schema() -> String {
+    let mut schema = schemars::schema_for!(StudyFile);
+    let test = schemars::schema_for!(TestFile);
+    for part in ["properties", "$defs"] {
+        let of_test = test.get(part).and_then(serde_json::Value::as_object);
+        let own = schema
+            .get_mut(part)
+            .and_then(serde_json::Value::as_object_mut);
+        if let (Some(own), Some(of_test)) = (own, of_test) {
+            for (key, value) in of_test {
+                own.entry(key.clone()).or_insert_with(|| value.clone());
+            }
+        }
+    }
+    schema.insert(
+        "anyOf".to_owned(),
+        serde_json::json!([{ "required": ["test"] }, { "required": ["time"] }]),
+    );
+    in_toml_schema(schema)
+}
+
 /// The JSON Schema of a fault script.
 #[must_use]
 pub fn script_json_schema() -> String {
@@ -452,7 +476,10 @@ pub fn script_json_schema() -> String {
 }
 
 fn schema_of<T: JsonSchema>() -> String {
-    let mut schema = schemars::schema_for!(T);
+    in_toml_schema(schemars::schema_for!(T))
+}
+
+fn in_toml_schema(mut schema: Schema) -> String {
     ForToml.transform(&mut schema);
     serde_json::to_string_pretty(&schema).unwrap_or_default()
 }

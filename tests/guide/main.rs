@@ -258,7 +258,7 @@ fn every_command_and_option_exists() {
     fail_if_any(&wrong);
 }
 
-/// A fragment fits a test file, a served file or a fault script.
+/// A fragment fits a test file, a study, a served file or a fault script.
 #[test]
 fn every_key_of_a_toml_block_exists() {
     let schemas = schemas();
