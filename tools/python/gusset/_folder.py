@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import functools
 import json
+import mmap
 import os
 import struct
 import zlib
@@ -81,6 +82,7 @@ class Run:
         sequence = rows["sequence"]
         self.rows_lost = int(sequence[-1]) + 1 - len(rows) if len(rows) else 0
         self._span = self._test_rows()
+        release(rows)
         self.is_complete = (self.folder / "summary.json").exists()
 
     def _layout(self) -> dict[str, Any]:
@@ -125,13 +127,13 @@ class Run:
     def _test_rows(self) -> slice:
         """The rows from t = 0 to the end of the test. The row of a trip is the last one, if its step is a new one."""
         state, step = (self._matrix[:, self.columns[name].place] for name in ("state", "step"))
-        running = np.flatnonzero(np.isin(state, RUNNING))
-        if not len(running):
+        running = np.isin(state, RUNNING)
+        if not running.any():
             return slice(0, 0)
-        end = int(running[-1]) + 1
+        end = len(running) - int(running[::-1].argmax())
         if end < len(state) and state[end] == TRIPPED and step[end] != step[end - 1]:
             end += 1
-        return slice(int(running[0]), end)
+        return slice(int(running.argmax()), end)
 
     def __repr__(self) -> str:
         status = self.summary.get("status") if self.is_complete else "without summary"
@@ -282,7 +284,8 @@ class Run:
         """Draws the ground motion, the displacements, and force over displacement of each specimen. Needs matplotlib.
 
         Args:
-            file: Where to save the picture (PNG, SVG or PDF by its ending). Without it, the figure is only returned.
+            file: Where to save the picture (PNG, SVG or PDF by its ending). Without it, the figure is only returned: a notebook
+                shows it, and in a script `matplotlib.pyplot.show()` does.
         """
         from ._plot import plot
 
@@ -346,6 +349,15 @@ def open(folder: str | os.PathLike[str], *, verify: bool = False) -> Run:
     return Run(folder, verify=verify)
 
 
+def release(rows: npt.NDArray[Any]) -> None:
+    """Returns the memory of a mapped file to the system. The next use reads the file again, as far as it is needed."""
+    base: Any = rows
+    while isinstance(base, np.ndarray):
+        base = base.base
+    if isinstance(base, mmap.mmap):
+        base.madvise(mmap.MADV_DONTNEED)
+
+
 def has_checksum(row: Any) -> bool:
     """True if the CRC-32 of a row is right."""
     (checksum,) = struct.unpack_from("<I", row, len(row) - 8)
@@ -367,6 +379,6 @@ def need(package: str) -> Any:
     """Imports an optional package."""
     try:
         return __import__(package, fromlist=["_"])
-    except ImportError:
+    except ModuleNotFoundError:
         name = package.split(".")[0]
         raise ImportError(f"this method needs {name}: pip install {name}") from None
