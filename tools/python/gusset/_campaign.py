@@ -185,7 +185,7 @@ class Campaign:
 
 
 def values(name: str, cells: list[str]) -> npt.NDArray[Any]:
-    """The cells of one column as numbers, or as texts if one of them is none."""
+    """The cells of one column: numbers, or texts if a cell is no number."""
     if name in TEXTS:
         return np.array(cells, dtype=np.str_)
     if name in COUNTS:

@@ -38,14 +38,19 @@ def run(
 
     Args:
         test: The test file.
-        set: Overrides by their dotted path, for example {"integrator.lambda": 4, "specimen.0.storey": 2}. Values are in SI units.
+        set: Overrides by their dotted path, for example {"integrator.lambda": 4, "specimen.0.storey": 2}. The first specimen of the
+            file is 0. Values are in SI units.
         clock: "real" or "simulated", instead of the clock in the test file.
         out: The run folder, a new or an empty one. Default: runs/<title>-<start time>.
         specimens: Specimens in Python by their name in the test file. They replace the law or the link of these specimens. On the
             simulated clock the test waits for them. With the real clock they must keep the deadline like any other specimen,
             and the test file must have limits for them.
-        confirm: Confirms the sensor readings before the test, as `--yes`.
+        confirm: Confirms the sensor readings before anything moves, without showing them. A test that asks for a confirmation
+            (`confirm` in [safety], or a relative zero) is refused otherwise. Look at the readings first: `gusset run` shows them.
         quiet: Does not repeat the warnings of `gusset run` on stderr.
+
+    Returns:
+        The run folder of a completed test. Everything else raises an exception.
 
     Raises:
         RunError: The exit code was not 0. It has `code`, `reason` and `run`. An exception of a specimen is its cause.

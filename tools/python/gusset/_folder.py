@@ -59,8 +59,9 @@ class Column:
 class Run:
     """A run folder.
 
-    All arrays are read-only views into the file `samples.bin`, one value per tick. They cover the ticks from t = 0 to the end of
-    the test, holds included. `all_rows` also has the ticks before and after. For n ticks, a column has the shape (n,).
+    All arrays are read-only views into the file `samples.bin`, one value per tick; change a copy, `numpy.array(run.time)`. They
+    cover the ticks from t = 0 to the end of the test, holds included. `all_rows` also has the ticks before and after. For n
+    ticks, a column has the shape (n,). A tick is a step of the integration, or a part of one in a multi-rate test.
 
     Attributes:
         folder: The run folder.
@@ -156,7 +157,8 @@ class Run:
 
         `run["force_1_1"]` is a column by its name, see `columns`. `run["disp", 3]` is the displacement of degree of freedom 3
         (counted from 1), shape (n,), in m (rad). `run["disp"]` has all recorded ones, shape (n, degrees of freedom). The same
-        with "vel" in m/s and "acc" in m/s2, both relative to the ground.
+        with "vel" in m/s and "acc" in m/s2. All are relative to the ground. For a storey, `run["acc", 3] + run.ground` is the
+        absolute acceleration.
         """
         if isinstance(key, tuple):
             if len(key) != 2 or key[0] not in QUANTITIES:
@@ -235,7 +237,10 @@ class Run:
 
     @functools.cached_property
     def summary(self) -> dict[str, Any]:
-        """The content of `summary.json`: status, reason, peaks, timing, limits. Empty while the test runs, and after a crash."""
+        """The content of `summary.json`: status, reason, peaks, timing, limits. Empty while the test runs, and after a crash.
+
+        The values are in SI units. `summary["peak"]["displacement"]` has one number for each degree of freedom, m.
+        """
         path = self.folder / "summary.json"
         summary: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
         return summary
@@ -350,7 +355,7 @@ def open(folder: str | os.PathLike[str], *, verify: bool = False) -> Run:
 
 
 def release(rows: npt.NDArray[Any]) -> None:
-    """Returns the memory of a mapped file to the system. The next use reads the file again, as far as it is needed."""
+    """Returns the memory of a mapped file to the system. The next use of a row maps it again."""
     base: Any = rows
     while isinstance(base, np.ndarray):
         base = base.base

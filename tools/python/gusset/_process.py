@@ -12,7 +12,7 @@ import sys
 import threading
 from dataclasses import dataclass
 
-# A progress bar of the program: lines that are drawn over themselves. What is left of a text without them has no colours.
+# A progress bar of the program: lines that are drawn over themselves. Messages are kept without them.
 DRAWING = re.compile(r"(\r\x1b\[\d+A)?\x1b\[\?7l.*?\x1b\[\?7h", re.DOTALL)
 COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 
@@ -24,7 +24,7 @@ class Outcome:
     code: int
     """Its exit code; negative for a signal."""
     messages: str
-    """What it wrote to stderr, without colours and progress."""
+    """Its text on stderr, without colours and progress."""
     is_interrupted: bool
     """True if Ctrl-C was pressed."""
 
@@ -95,7 +95,7 @@ def terminal() -> tuple[int, int]:
 
     ours, theirs = os.openpty()
     with contextlib.suppress(OSError, ValueError):
-        tty.setraw(theirs)  # line ends stay as they are
+        tty.setraw(theirs)  # keeps line ends
         size = fcntl.ioctl(sys.stderr.fileno(), termios.TIOCGWINSZ, bytes(8))
         fcntl.ioctl(theirs, termios.TIOCSWINSZ, size)
     return ours, theirs
