@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import csv
 import difflib
 import functools
@@ -132,7 +131,7 @@ class Campaign:
                 f"{self.folder} has no table yet: `gusset campaign collect {self.folder}` writes that of the tests that are done, "
                 f"and gusset.campaign({str(self.folder)!r}) also computes the missing ones"
             )
-        path = self.folder / self.summary["table"]
+        path = self.folder / ("table.csv" if self.complete else "table.partial.csv")
         try:
             with path.open(encoding="utf-8", newline="") as file:
                 names, *rows = csv.reader(file)
@@ -250,8 +249,6 @@ def campaign(
     if prove is not None:
         arguments += ["--prove", str(prove)]
     done = execute(arguments, quiet=quiet, progress=True)
-    with contextlib.suppress(OSError):
-        folder.rmdir()  # only if it is empty: the study was wrong
     result = Campaign(folder) if (folder / "plan.json").exists() else None
     if done.is_interrupted:
         raise Interrupted(done.code, None, result)

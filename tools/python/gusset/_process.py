@@ -12,7 +12,7 @@ import sys
 import threading
 from dataclasses import dataclass
 
-# A progress bar of the program: lines that are drawn over themselves. Messages are kept without them.
+# A progress bar of the program: lines that are drawn over themselves.
 DRAWING = re.compile(r"(\r\x1b\[\d+A)?\x1b\[\?7l.*?\x1b\[\?7h", re.DOTALL)
 COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 
@@ -55,8 +55,7 @@ def execute(arguments: list[str], *, quiet: bool, progress: bool = False) -> Out
                     reader = thread
                 # The stream ends with the program. `wait` alone would delay the signal by 0.25 s.
                 is_over.wait()
-                text = COLOUR.sub("", DRAWING.sub("", "".join(pieces)))
-                return Outcome(process.wait(), text, is_interrupted)
+                return Outcome(process.wait(), plain("".join(pieces)), is_interrupted)
             except KeyboardInterrupt:
                 if process is None:
                     raise
@@ -72,6 +71,11 @@ def execute(arguments: list[str], *, quiet: bool, progress: bool = False) -> Out
             os.close(theirs)
         if reader is None:
             os.close(ours)
+
+
+def plain(text: str) -> str:
+    """A text from a terminal without progress and colours."""
+    return COLOUR.sub("", DRAWING.sub("", text))
 
 
 def started(arguments: list[str], stderr: int) -> subprocess.Popen[bytes]:

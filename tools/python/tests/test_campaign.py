@@ -9,12 +9,14 @@ import pickle
 import signal
 import subprocess
 import sys
+import threading
 
 import numpy as np
 import pytest
 
 import gusset
-from conftest import FRAME
+from conftest import FRAME, wait_for
+from gusset import _process
 
 EARTHQUAKE = FRAME.replace(
     """[excitation.ground_acceleration.signal.sine]
@@ -232,6 +234,32 @@ def test_changed_study_and_other_folders_are_refused(study, place):
         gusset.campaign("taken")
 
 
+def test_messages_are_kept_without_progress():
+    drawn = "\x1b[?7l\r### 20 %  results\x1b[0m\x1b[K\n\r\x1b[J\x1b[?7h"
+    again = "\r\x1b[1A" + drawn
+    gone = "\r\x1b[1A\x1b[?7l\r\x1b[J\x1b[?7h"
+    assert _process.plain(f"one\n{drawn}{again}{gone}\x1b[1;31mtwo\x1b[0m\n") == "one\ntwo\n"
+
+
+def test_ctrl_c_loses_no_message(place):
+    """The last message comes after the end of the program, from a process that it left behind."""
+    script = "trap '(sleep 0.3; echo last >&2) & exit 130' INT; echo first >&2; touch ready; while :; do sleep 0.05; done"
+
+    def press():
+        wait_for((place / "ready").exists)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    threading.Thread(target=press).start()
+    outcome = _process.execute(["sh", "-c", script], quiet=True)
+    assert outcome == _process.Outcome(130, "first\nlast\n", True)
+
+
+def test_program_has_its_own_session():
+    """So the Ctrl-C of a terminal does not reach it twice."""
+    script = "import os, sys; print(os.getsid(0) == os.getpid(), file=sys.stderr)"
+    assert _process.execute([sys.executable, "-c", script], quiet=True) == _process.Outcome(0, "True\n", False)
+
+
 def test_messages_pass_through_unless_quiet(study, capfd):
     gusset.campaign(study, out="loud", prove=0)
     assert "36 tasks" in capfd.readouterr().err
@@ -242,7 +270,10 @@ def test_messages_pass_through_unless_quiet(study, capfd):
 SCRIPT = """
 import gusset
 
-print("begin", flush=True)
+try:
+    gusset.campaign("wrong.toml")
+except gusset.CampaignError as error:
+    print("replicates" in error.reason, "\\x1b" in error.messages, flush=True)
 try:
     gusset.campaign("long.toml")
 except KeyboardInterrupt as stopped:
@@ -266,14 +297,23 @@ def read_until(terminal, wanted, process):
 def test_terminal_shows_progress_and_ctrl_c_stops_the_campaign(study, place):
     text = STUDY.replace("replicates = 2", "replicates = 1000")
     (place / "long.toml").write_text(text)
+    (place / "wrong.toml").write_text(STUDY.replace("replicates", "replicate"))
     (place / "script.py").write_text(SCRIPT)
     ours, theirs = os.openpty()
     process = subprocess.Popen(
-        [sys.executable, "script.py"], stdout=subprocess.PIPE, stderr=theirs, text=True, start_new_session=True, cwd=place
+        [sys.executable, "script.py"],
+        stdout=subprocess.PIPE,
+        stderr=theirs,
+        text=True,
+        start_new_session=True,
+        cwd=place,
+        env={name: value for name, value in os.environ.items() if name != "NO_COLOR"},
     )
     os.close(theirs)
     try:
-        assert process.stdout.readline() == "begin\n"
+        # The terminal has colours, the exception has none.
+        assert process.stdout.readline() == "True False\n"
+        assert b"\x1b[" in read_until(ours, b"replicates", process)
         # Progress with the remaining time, drawn over itself.
         read_until(ours, b"tests of the campaign, about ", process)
         os.killpg(process.pid, signal.SIGINT)
