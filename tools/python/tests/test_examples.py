@@ -14,7 +14,7 @@ from conftest import ROOT
 
 EXAMPLES = ROOT / "tools" / "python" / "examples"
 BLOCK = re.compile(r"^```python[^\n]*\n(.*?)^```", re.MULTILINE | re.DOTALL)
-STUDY = re.compile(r"^```toml\n# (\S+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+STUDY = re.compile(r"^```toml[^\n]*\n# (\S+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 
 def script(path, *arguments):
