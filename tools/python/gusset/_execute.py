@@ -6,20 +6,17 @@ import contextlib
 import difflib
 import os
 import re
-import signal
-import subprocess
-import sys
-import threading
 import time
 import traceback
 from collections.abc import Mapping
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from . import _toml
 from ._binary import binary
 from ._errors import Interrupted, RunError, UsageError
 from ._folder import FolderError, Run
+from ._process import execute
 from .specimen import Server, Specimen
 
 UNLIMITED = "Python specimen"
@@ -41,14 +38,19 @@ def run(
 
     Args:
         test: The test file.
-        set: Overrides by their dotted path, for example {"integrator.lambda": 4, "specimen.0.storey": 2}. Values are in SI units.
+        set: Overrides by their dotted path, for example {"integrator.lambda": 4, "specimen.0.storey": 2}. The first specimen of the
+            file is 0. Values are in SI units.
         clock: "real" or "simulated", instead of the clock in the test file.
         out: The run folder, a new or an empty one. Default: runs/<title>-<start time>.
         specimens: Specimens in Python by their name in the test file. They replace the law or the link of these specimens. On the
             simulated clock the test waits for them. With the real clock they must keep the deadline like any other specimen,
             and the test file must have limits for them.
-        confirm: Confirms the sensor readings before the test, as `--yes`.
+        confirm: Confirms the sensor readings before anything moves, without showing them. A test that asks for a confirmation
+            (`confirm` in [safety], or a relative zero) is refused otherwise. Look at the readings first: `gusset run` shows them.
         quiet: Does not repeat the warnings of `gusset run` on stderr.
+
+    Returns:
+        The run folder of a completed test. Everything else raises an exception.
 
     Raises:
         RunError: The exit code was not 0. It has `code`, `reason` and `run`. An exception of a specimen is its cause.
@@ -75,17 +77,17 @@ def run(
         if confirm:
             arguments.append("--yes")
         is_taken = (folder / "samples.json").exists()  # then the program refuses
-        code, messages, is_interrupted = execute(arguments, quiet)
+        done = execute(arguments, quiet=quiet)
         result = None if is_taken else opened(folder)
         for name, server in servers.items():
             if server.error is not None and result is not None:
                 write_traceback(result.folder, name, server.error)
-    if is_interrupted:
-        raise Interrupted(code, result)
-    if code != 0:
-        raise error_of(code, messages, result, servers)
+    if done.is_interrupted:
+        raise Interrupted(done.code, result)
+    if done.code != 0:
+        raise error_of(done.code, done.messages, result, servers)
     if result is None:
-        raise RunError(code, f"{folder} has no samples", None, messages)
+        raise RunError(done.code, f"{folder} has no samples", None, done.messages)
     return result
 
 
@@ -180,60 +182,6 @@ def run_folder(out: str | os.PathLike[str] | None, title: Any) -> Path:
             return folder
         except FileExistsError:
             number += 1
-
-
-def execute(arguments: list[str], quiet: bool) -> tuple[int, str, bool]:
-    """Runs the program to its end. Returns its exit code, what it wrote to stderr, and whether Ctrl-C stopped it.
-
-    The program has its own session, so Ctrl-C in a terminal reaches it once, through this function.
-    """
-    lines: list[str] = []
-    is_interrupted = False
-    process: subprocess.Popen[str] | None = None
-    reader: threading.Thread | None = None
-    while True:
-        try:
-            if process is None:
-                process = started(arguments)
-            if reader is None:
-                thread = threading.Thread(target=forward, args=(process.stderr, lines, quiet), daemon=True)
-                thread.start()
-                reader = thread
-            # The stream ends with the program. `wait` alone would delay the signal by 0.25 s.
-            reader.join()
-            return process.wait(), "".join(lines), is_interrupted
-        except KeyboardInterrupt:
-            if process is None:
-                raise
-            is_interrupted = True
-            with contextlib.suppress(ProcessLookupError):
-                process.send_signal(signal.SIGINT)
-        except BaseException:
-            if process is not None:
-                process.terminate()
-            raise
-
-
-def started(arguments: list[str]) -> subprocess.Popen[str]:
-    """Starts the program."""
-    return subprocess.Popen(
-        arguments,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-        errors="replace",
-        start_new_session=True,
-    )
-
-
-def forward(stream: IO[str], lines: list[str], quiet: bool) -> None:
-    """Keeps each line, and repeats it on stderr."""
-    for line in stream:
-        lines.append(line)
-        if not quiet and sys.stderr is not None:
-            with contextlib.suppress(OSError, ValueError):
-                sys.stderr.write(line)
 
 
 def opened(folder: Path) -> Run | None:
