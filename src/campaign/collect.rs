@@ -8,6 +8,7 @@ use super::design::is_among;
 pub use super::found::Collected;
 use super::found::Shown;
 use super::fragility::{Fragility, Level};
+use super::largest::Leaders;
 use super::page::render;
 use super::part::{Line, Parts, merge, names};
 use super::perform::{INVALID, Performed};
@@ -36,6 +37,8 @@ struct Sheet {
     parts: u64,
     shown: Vec<Shown>,
     levels: Vec<Level>,
+    /// For each measure with pictures.
+    largest: Vec<Leaders>,
     proved: u64,
 }
 
@@ -69,6 +72,7 @@ pub fn collect(
         damaged: sheet.damaged,
         proved: sheet.proved,
         fragility: fragility(sheet.levels),
+        largest: sheet.largest.into_iter().map(Leaders::into_all).collect(),
         summary: Value::Null,
         table,
     };
@@ -105,7 +109,14 @@ fn merged(
 ) -> Result<Sheet, CampaignError> {
     let (study, plan) = (&campaign.study, &campaign.plan);
     let mut found = names(&campaign.folder)?;
-    let mut sheet = Sheet::default();
+    let mut sheet = Sheet {
+        largest: study
+            .reported()
+            .iter()
+            .map(|_| Leaders::default())
+            .collect(),
+        ..Sheet::default()
+    };
     for chunk in 1..=plan.chunks() {
         let paths = found.remove(&chunk).unwrap_or_default();
         sheet.parts += paths.len() as u64;
@@ -144,19 +155,23 @@ impl Sheet {
         if let (Some(level), Some(_)) = (level, criterion) {
             self.count_at(level, collapsed);
         }
-        let seed = study.loaded.study.campaign.seed;
-        if !is_among(seed, "shown", task.index, MOST_SHOWN, campaign.plan.tasks) {
-            return;
+        let values: Vec<f64> = study
+            .reported()
+            .into_iter()
+            .map(|place| value(place).unwrap_or(f64::NAN))
+            .collect();
+        for (leaders, value) in self.largest.iter_mut().zip(&values) {
+            leaders.take(task.index + 1, *value);
         }
-        let shown = study.reported().into_iter();
-        self.shown.push(Shown {
-            index: task.index,
-            level,
-            collapsed,
-            values: shown
-                .map(|place| value(place).unwrap_or(f64::NAN))
-                .collect(),
-        });
+        let seed = study.loaded.study.campaign.seed;
+        if is_among(seed, "shown", task.index, MOST_SHOWN, campaign.plan.tasks) {
+            self.shown.push(Shown {
+                index: task.index,
+                level,
+                collapsed,
+                values,
+            });
+        }
     }
 
     fn count_at(&mut self, level: f64, collapsed: bool) {
@@ -205,6 +220,9 @@ fn summary(
             "levels": levels,
         })
     });
+    let reported = study.reported().into_iter().zip(&collected.largest);
+    let largest = reported
+        .map(|(place, tasks)| json!({ "measure": study.measures[place].name, "tasks": tasks }));
     json!({
         "title": study.title(),
         "complete": collected.is_complete(),
@@ -217,6 +235,7 @@ fn summary(
         "table": table,
         "columns": columns,
         "fragility": fragility,
+        "largest": largest.collect::<Vec<_>>(),
         "provenance": {
             "gusset": plan.gusset,
             "executable_blake3": plan.executable,

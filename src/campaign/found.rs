@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use serde_json::Value;
 
 use super::fragility::{Fragility, Level};
+use super::largest::Largest;
 
 /// Findings and files of a collection.
 #[derive(Debug, Clone)]
@@ -29,6 +30,8 @@ pub struct Collected {
     pub proved: u64,
     /// The fragility curve with its counts.
     pub fragility: Option<(Option<Fragility>, Vec<Level>)>,
+    /// Tests with the largest values of each measure with pictures.
+    pub largest: Vec<Vec<Largest>>,
     /// What `summary.json` contains.
     pub summary: Value,
 }

@@ -29,6 +29,7 @@ mod found;
 mod fractile;
 mod fragility;
 mod ida;
+mod largest;
 mod measure;
 mod motions;
 mod page;
@@ -54,6 +55,7 @@ use thiserror::Error;
 
 pub use collect::{Collected, Prove, collect};
 pub use fragility::{Fragility, Level};
+pub use largest::Largest;
 pub use plan::{Campaign, Plan, plan};
 pub use study::Study;
 pub use submit::{Engine, Submitted, submit};

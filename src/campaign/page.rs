@@ -5,6 +5,7 @@ use super::drawing::{curve, picture, scale, short};
 use super::found::{Collected, Shown};
 use super::fragility::{Fragility, Level};
 use super::ida::ida;
+use super::largest::largest;
 use super::measure::Measure;
 use super::pairs::pairs;
 use super::plan::Campaign;
@@ -15,6 +16,10 @@ use crate::view::report::{Look, Scale, count, definitions, details, escape, fram
 
 /// Most files that the page names.
 const MOST_FILES: usize = 50;
+
+/// How a task of the table becomes a run folder.
+const RUN_FOLDER: &str = "gusset run TEST --clock simulated --set SETTING with these settings gives the whole run of a test. If the \
+     study draws numbers, the controller then knows them.";
 
 /// The page. `shown` are the tests with a value, or a sample of them.
 pub(super) fn render(campaign: &Campaign, collected: &Collected, shown: &[Shown]) -> String {
@@ -45,7 +50,7 @@ pub(super) fn render(campaign: &Campaign, collected: &Collected, shown: &[Shown]
     let valid = collected.done - collected.invalid;
     if (shown.len() as u64) < valid {
         body += &note(&format!(
-            "The pictures show {} of {} tests, chosen at random. The tables contain all of them.",
+            "The pictures show {} of {} tests, chosen at random. The file table.csv contains all of them.",
             count(shown.len() as u64),
             count(valid)
         ));
@@ -56,7 +61,8 @@ pub(super) fn render(campaign: &Campaign, collected: &Collected, shown: &[Shown]
         .map(|i| &study.measures[*i])
         .collect();
     for (place, measure) in measures.iter().enumerate() {
-        body += &of_measure(study, measure, place, shown);
+        let tables = largest(campaign, measure, &collected.largest[place]);
+        body += &of_measure(study, measure, place, shown, &tables);
     }
     body += &pairs(study, &measures, shown);
     if let Some((fit, levels)) = &collected.fragility {
@@ -68,7 +74,13 @@ pub(super) fn render(campaign: &Campaign, collected: &Collected, shown: &[Shown]
 }
 
 /// Pictures of one measure.
-fn of_measure(study: &Study, measure: &Measure, place: usize, shown: &[Shown]) -> String {
+fn of_measure(
+    study: &Study,
+    measure: &Measure,
+    place: usize,
+    shown: &[Shown],
+    largest: &str,
+) -> String {
     let mut markup = String::new();
     if shown.iter().any(|one| one.level.is_some()) {
         markup += &ida(study, measure, place, shown);
@@ -83,6 +95,10 @@ fn of_measure(study: &Study, measure: &Measure, place: usize, shown: &[Shown]) -
         true => spread,
         false => details("Distribution over all tests", &spread),
     };
+    markup += &details(
+        "Tests with the largest values",
+        &(largest.to_owned() + &note(RUN_FOLDER)),
+    );
     let heading = format!("{}: {}", measure.name, measure.meaning);
     section(&heading, &markup)
 }

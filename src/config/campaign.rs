@@ -95,7 +95,7 @@ pub fn parse_study(path: &Path, text: String) -> Result<LoadedStudy, ConfigError
 }
 
 /// Names of the tables that a study has beside those of its test.
-const OWN: [&str; 6] = ["test", "campaign", "vary", "sample", "records", "measure"];
+pub(super) const OWN: [&str; 6] = ["test", "campaign", "vary", "sample", "records", "measure"];
 
 /// The tables of the study, and the other entries of the file.
 fn divided(root: &Node) -> (Node, Vec<(String, Node)>) {
