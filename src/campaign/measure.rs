@@ -91,7 +91,7 @@ pub(super) fn measures(
                 all.push(Measure {
                     name: format!("tracking_{}_{axis}", index + 1),
                     unit: "1".to_owned(),
-                    meaning: format!("tracking error of {place}"),
+                    meaning: format!("standard deviation of measured less target over that of the target, {place}"),
                     kind: Kind::Tracking(target, of(&column::MEASURED)),
                 });
             }

@@ -156,6 +156,14 @@ fn plan_work_and_collect_give_one_row_for_each_task() {
     assert_eq!(summary["complete"], true);
     let proved = &summary["provenance"]["tasks_computed_again_with_equal_bits"];
     assert_eq!(proved.as_u64(), Some(TASKS));
+    // The named largest value is that of its row and the largest of the column.
+    let largest = &summary["largest"][0];
+    let place = column(largest["measure"].as_str().unwrap());
+    let first = &largest["tasks"][0];
+    let value = |row: usize| rows[row][place].parse::<f64>().unwrap();
+    let most = (1..rows.len()).map(value).fold(0.0, f64::max);
+    let task = first["task"].as_u64().unwrap() as usize;
+    assert_eq!((first["value"].as_f64(), value(task)), (Some(most), most));
     let report = fs::read_to_string(out.join("report.html")).unwrap();
     for text in [
         "IDA curves",
