@@ -6,6 +6,7 @@ mod common;
 mod tls_common;
 
 mod campaign;
+mod campaign_study;
 mod every_command;
 mod every_study;
 mod new_and_list;
