@@ -33,13 +33,12 @@ pub(super) fn ida(study: &Study, measure: &Measure, place: usize, shown: &[Shown
     let mut curves = vec![curve("single motions", &x, &y, Look::Faint)];
     let names = SHARES.map(|share| format!("{:.0} % fractile", 100.0 * share));
     let looks = [Look::Dashed, Look::Strong, Look::Dashed];
-    // The median has the first colour and lies above the others.
-    for share in [1, 0, 2] {
-        let (x, y) = &lines[share];
-        curves.push(curve(&names[share], x, y, looks[share]));
+    for ((name, (x, y)), look) in names.iter().zip(&lines).zip(looks) {
+        curves.push(curve(name, x, y, look));
     }
-    let most = levels.last().copied().unwrap_or(1.0);
-    let criterion = criterion.map(|one| ([one.above; 2], [0.0, 1.05 * most]));
+    // Levels at which every structure collapses have no curve.
+    let most = 1.12 * y.iter().copied().fold(0.0, f64::max);
+    let criterion = criterion.map(|one| ([one.above; 2], [0.0, most]));
     if let Some((x, y)) = &criterion {
         curves.push(curve("criterion of collapse", x, y, Look::Reference));
     }
@@ -51,7 +50,7 @@ pub(super) fn ida(study: &Study, measure: &Measure, place: usize, shown: &[Shown
         ..of(measure)
     };
     let up = Scale {
-        range: (most > 0.0).then_some((0.0, 1.05 * most)),
+        range: (most > 0.0).then_some((0.0, most)),
         ..scale(&words, &unit)
     };
     let title = format!("IDA curves: {}", measure.name);

@@ -39,8 +39,8 @@ pub(super) fn render(campaign: &Campaign, collected: &Collected, shown: &[Shown]
     };
     let mut body = format!(
         "<header>\n<p class=\"brand\">gusset {} · campaign</p>\n<h1>{}</h1>\n\
-         <div class=\"verdict {class}\">\n<p class=\"headline\">{}</p>\n<p>{} tests stopped before their end. {} tasks have no \
-         valid test.</p>\n</div>\n</header>\n<main>\n",
+         <div class=\"verdict {class}\">\n<p class=\"headline\">{}</p>\n<p>Tests that stopped before their end: {}. \
+         Tasks without a valid test: {}.</p>\n</div>\n</header>\n<main>\n",
         escape(&campaign.plan.gusset),
         escape(&title),
         escape(&headline),

@@ -112,6 +112,7 @@ fn drawn(columns: &[Column], collapsed: &[bool], most_dots: usize) -> String {
         .zip(columns)
         .map(|(name, column)| Variable {
             name,
+            unit: &column.unit,
             values: &column.values,
         })
         .collect();
@@ -136,7 +137,7 @@ fn drawn(columns: &[Column], collapsed: &[bool], most_dots: usize) -> String {
     )
 }
 
-/// Names for the axes: the end of a key that tells it from the others, with its unit.
+/// Names for the axes: the end of a key that tells it from the others.
 fn short_names(columns: &[Column]) -> Vec<String> {
     let ending = |name: &str, parts: usize| {
         let all: Vec<&str> = name.split('.').collect();
@@ -151,10 +152,7 @@ fn short_names(columns: &[Column]) -> Vec<String> {
             same.count() == 1 && !own.starts_with(|c: char| c.is_ascii_digit())
         };
         let parts = (1..16).find(is_alone).unwrap_or(16);
-        match column.unit.as_str() {
-            "" | "1" => ending(&column.name, parts),
-            unit => format!("{} ({unit})", ending(&column.name, parts)),
-        }
+        ending(&column.name, parts)
     };
     columns.iter().map(named).collect()
 }
@@ -276,11 +274,11 @@ mod tests {
         assert_eq!(
             short_names(&columns),
             [
-                "specimen.0.law.linear.stiffness_n_per_m (N/m)",
-                "specimen.1.law.linear.stiffness_n_per_m (N/m)",
+                "specimen.0.law.linear.stiffness_n_per_m",
+                "specimen.1.law.linear.stiffness_n_per_m",
                 "ratio",
                 "list.3",
-                "max_drift (m)"
+                "max_drift"
             ]
         );
     }

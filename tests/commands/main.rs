@@ -7,6 +7,7 @@ mod tls_common;
 
 mod campaign;
 mod campaign_faults;
+mod campaign_study;
 mod every_command;
 mod every_study;
 mod new_and_list;

@@ -120,7 +120,8 @@ pub(in crate::cli) struct WorkArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  gusset campaign collect ida --prove 1%\n\n\
-    Exits with 1 if results are missing or different. The table of an incomplete campaign is table.partial.csv.\n\n\
+    Exits with 1 if results are missing or different. The tables of an incomplete campaign are table.partial.csv and \
+    table.partial.parquet.\n\n\
     More: gusset guide campaigns")]
 pub(in crate::cli) struct CollectArgs {
     /// The campaign folder.

@@ -3,12 +3,13 @@
 use super::axis::{Axis, Tick, is_drawable};
 use super::canvas::{Anchor, Canvas, Ink, Lettering, Skin, fitted, picture, text_width};
 use super::charts::{Area, HEAD, sentence, title};
-use super::text::fixed;
+use super::text::{fixed, scaled};
 
 /// One number of each test.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Variable<'a> {
     pub name: &'a str,
+    pub unit: &'a str,
     pub values: &'a [f64],
 }
 
@@ -44,14 +45,9 @@ const TICKS: usize = 3;
 impl ScatterMatrix<'_> {
     /// The picture as SVG for a page of `width`.
     pub(crate) fn svg(&self, width: f64) -> String {
-        let axes: Option<Vec<Axis>> = self.variables.iter().map(axis_of).collect();
+        let sides: Option<Vec<Side>> = self.variables.iter().map(Side::of).collect();
         let count = self.variables.len();
-        let ticks: Vec<Vec<Tick>> = axes
-            .iter()
-            .flatten()
-            .map(|one| one.ticks(TICKS, 1.0))
-            .collect();
-        let numbers = ticks.iter().skip(1).flatten();
+        let numbers = sides.iter().flatten().skip(1).flat_map(|side| &side.ticks);
         let numbers = numbers.map(|tick| text_width(&tick.label, SMALL));
         let left = NAMES + 8.0 + numbers.fold(20.0, f64::max).min(MOST_NUMBERS);
         let side =
@@ -60,7 +56,7 @@ impl ScatterMatrix<'_> {
         let whole = side * count as f64 + GAP * count.saturating_sub(1) as f64;
         let (wide, high) = (left + whole + 10.0, HEAD + whole + BELOW);
         picture(wide, high, Skin::Page, self.title, |canvas| {
-            let Some(axes) = &axes else {
+            let Some(sides) = &sides else {
                 let area = Area::whole(wide, high);
                 return sentence(canvas, area, self.title, "There is nothing to draw.");
             };
@@ -73,20 +69,13 @@ impl ScatterMatrix<'_> {
                         w: side,
                         h: side,
                     };
-                    self.cell(canvas, area, axes, (row, column));
+                    self.cell(canvas, area, sides, (row, column));
                     if row + 1 == count {
-                        below(
-                            canvas,
-                            area,
-                            self.variables[column].name,
-                            &axes[column],
-                            &ticks[column],
-                        );
+                        below(canvas, area, &sides[column]);
                     }
                     if column == 0 {
                         // The picture at the upper left is a histogram, whose height has no numbers.
-                        let ticks: &[Tick] = if row == 0 { &[] } else { &ticks[row] };
-                        beside(canvas, area, self.variables[row].name, &axes[row], ticks);
+                        beside(canvas, area, &sides[row], row > 0);
                     }
                 }
             }
@@ -110,7 +99,7 @@ impl ScatterMatrix<'_> {
         &self,
         canvas: &mut Canvas<'_>,
         area: Area,
-        axes: &[Axis],
+        sides: &[Side],
         (row, column): (usize, usize),
     ) {
         if row < column {
@@ -126,7 +115,7 @@ impl ScatterMatrix<'_> {
             let middle = (area.x + area.w / 2.0, area.y + area.h / 2.0);
             canvas.text(&words, middle, how);
         } else if row == column {
-            histogram(canvas, area, &axes[row], self.variables[row].values);
+            histogram(canvas, area, &sides[row].axis, self.variables[row].values);
         } else {
             let (x, y) = (&self.variables[column], &self.variables[row]);
             let dots = x.values.iter().zip(y.values).zip(self.marked);
@@ -135,8 +124,8 @@ impl ScatterMatrix<'_> {
                 let dots = dots.clone().take(self.most_dots);
                 for ((x, y), _) in dots.filter(|(_, is_marked)| **is_marked == marked) {
                     if is_drawable(*x) && is_drawable(*y) {
-                        let across = area.x + area.w * axes[column].place(*x);
-                        let up = area.y + area.h * (1.0 - axes[row].place(*y));
+                        let across = area.x + area.w * sides[column].axis.place(*x);
+                        let up = area.y + area.h * (1.0 - sides[row].axis.place(*y));
                         canvas.dot((across, up), Ink::Series(u8::from(marked)), 1.6);
                     }
                 }
@@ -146,8 +135,27 @@ impl ScatterMatrix<'_> {
     }
 }
 
-fn axis_of(variable: &Variable<'_>) -> Option<Axis> {
-    Axis::around(variable.values.iter().copied())
+/// The axis of a number, with its labels in the prefix that suits them.
+struct Side {
+    axis: Axis,
+    ticks: Vec<Tick>,
+    /// With the unit.
+    name: String,
+}
+
+impl Side {
+    fn of(variable: &Variable<'_>) -> Option<Self> {
+        let axis = Axis::around(variable.values.iter().copied())?;
+        let unit = scaled(axis.lo().abs().max(axis.hi().abs()), variable.unit);
+        Some(Self {
+            axis,
+            ticks: axis.ticks(TICKS, unit.factor),
+            name: match unit.unit.as_str() {
+                "" => variable.name.to_owned(),
+                unit => format!("{} ({unit})", variable.name),
+            },
+        })
+    }
 }
 
 fn outline(canvas: &mut Canvas<'_>, Area { x, y, w, h }: Area) {
@@ -179,7 +187,7 @@ fn histogram(canvas: &mut Canvas<'_>, area: Area, axis: &Axis, values: &[f64]) {
 }
 
 /// Numbers and name below a column.
-fn below(canvas: &mut Canvas<'_>, area: Area, name: &str, axis: &Axis, ticks: &[Tick]) {
+fn below(canvas: &mut Canvas<'_>, area: Area, Side { axis, ticks, name }: &Side) {
     let bottom = area.y + area.h;
     let small = Lettering::new(SMALL, Ink::Soft).anchored(Anchor::Middle);
     let mut free_from = area.x - GAP / 2.0;
@@ -200,9 +208,10 @@ fn below(canvas: &mut Canvas<'_>, area: Area, name: &str, axis: &Axis, ticks: &[
 }
 
 /// Numbers and name at the left of a row.
-fn beside(canvas: &mut Canvas<'_>, area: Area, name: &str, axis: &Axis, ticks: &[Tick]) {
+fn beside(canvas: &mut Canvas<'_>, area: Area, side: &Side, has_numbers: bool) {
+    let Side { axis, ticks, name } = side;
     let small = Lettering::new(SMALL, Ink::Soft).anchored(Anchor::Right);
-    for tick in ticks {
+    for tick in ticks.iter().filter(|_| has_numbers) {
         let at = area.y + area.h * (1.0 - axis.place(tick.at));
         canvas.line((area.x - 3.0, at), (area.x, at), Ink::Frame, 1.0);
         let inside = at - area.y >= 4.0 && area.y + area.h - at >= 4.0;
@@ -240,7 +249,11 @@ mod tests {
         let variables: Vec<Variable<'_>> = names
             .iter()
             .zip(columns)
-            .map(|(name, values)| Variable { name, values })
+            .map(|(name, values)| Variable {
+                name,
+                unit: "N/m",
+                values,
+            })
             .collect();
         let count = columns.first().map_or(0, Vec::len);
         let marked: Vec<bool> = (0..count).map(|i| i == 1).collect();
@@ -264,7 +277,7 @@ mod tests {
         // Three pairs of 40 dots, and one dot of the legend.
         assert_eq!(text.matches("<circle").count(), 3 * 40 + 1);
         assert_eq!(text.matches("0.25").count(), 3);
-        assert_eq!(text.matches("number1").count(), 2);
+        assert_eq!(text.matches("number1 (N/m)").count(), 2);
         assert!(text.contains("stopped"));
     }
 
