@@ -16,10 +16,11 @@
 //! | `study`, `design`, `motions`, `task` | from the study file to the overrides and the identity of a task |
 //! | `measure`, `perform` | one simulated test and the numbers of its table row |
 //! | `plan`, `part`, `work` | campaign folder, result parts, chunks on threads |
-//! | `submit` | job scripts for other launchers |
+//! | `bundle`, `launcher`, `submit` | open chunks, and job files of other launchers |
 //! | `collect`, `table`, `prove` | merging, the table, recomputed tasks |
 //! | `fractile`, `fragility`, `found`, `ida`, `drawing`, `page` | statistics and the report |
 
+mod bundle;
 mod collect;
 mod design;
 mod drawing;
@@ -27,6 +28,7 @@ mod found;
 mod fractile;
 mod fragility;
 mod ida;
+mod launcher;
 mod measure;
 mod motions;
 mod page;
@@ -45,11 +47,12 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
+pub use bundle::Chunks;
 pub use collect::{Collected, Prove, collect};
 pub use fragility::{Fragility, Level};
 pub use plan::{Campaign, Plan, plan};
 pub use study::Study;
-pub use submit::{Engine, Submitted, submit};
+pub use submit::{Engine, Prepared, prepare, start};
 pub use task::Task;
 pub use work::{Status, Stop, Worked, status, work};
 
@@ -121,6 +124,18 @@ pub enum CampaignError {
     /// A part belongs to another campaign.
     #[error("{0} belongs to another campaign: remove it from the folder")]
     Foreign(String),
+    /// The command of a launcher is missing.
+    #[error(
+        "there is no command {command} on the path: {origin}. On a machine that has it, run\n  {by_hand}"
+    )]
+    NoCommand {
+        /// The command.
+        command: &'static str,
+        /// Where to get it.
+        origin: &'static str,
+        /// What submits the file by hand.
+        by_hand: String,
+    },
     /// Another reason.
     #[error("{0}")]
     Other(String),
