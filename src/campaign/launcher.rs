@@ -23,7 +23,7 @@ impl<'a> Worker<'a> {
     /// The worker `program` for the campaign in `folder`.
     ///
     /// # Errors
-    /// A path cannot stand in a script.
+    /// A script cannot contain a path.
     pub(super) fn new(program: &'a Path, folder: &'a Path) -> Result<Self, CampaignError> {
         Ok(Self {
             program: text(program)?,
@@ -61,7 +61,7 @@ pub(super) fn lines(worker: &Worker<'_>, jobs: &[Chunks]) -> String {
     text
 }
 
-/// What the jobs compute, as comments of a file.
+/// Comments at the top of a file: the jobs and their size.
 fn heading(engine: &str, plan: &Plan, jobs: &[Chunks], job: &str) -> String {
     let chunks: usize = jobs.iter().map(|chunks| chunks.iter().count()).sum();
     let each = jobs.first().map_or(0, |chunks| chunks.iter().count());

@@ -126,12 +126,12 @@ pub enum CampaignError {
     Foreign(String),
     /// The command of a launcher is missing.
     #[error(
-        "there is no command {command} on the path: {origin}. On a machine that has it, run\n  {by_hand}"
+        "there is no command {command} on the path: {origin}. This submits the file by hand:\n  {by_hand}"
     )]
     NoCommand {
         /// The command.
         command: &'static str,
-        /// Where to get it.
+        /// How to get it.
         origin: &'static str,
         /// What submits the file by hand.
         by_hand: String,

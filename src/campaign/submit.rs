@@ -36,14 +36,17 @@ impl Engine {
         }
     }
 
-    /// The words that submit its file, and where to get the command; none if the user starts the lines.
+    /// The words that submit its file, and how to get the command; none if the user starts the lines.
     const fn command(self) -> Option<(&'static [&'static str], &'static str)> {
         match self {
             Self::Lines => None,
-            Self::Slurm => Some((&["sbatch"], "the package slurm-client of Debian has it")),
+            Self::Slurm => Some((
+                &["sbatch"],
+                "install slurm-client (Debian), or use a login node of the cluster",
+            )),
             Self::HyperQueue => Some((
                 &["hq", "job", "submit-file"],
-                "https://github.com/It4innovations/hyperqueue/releases has it",
+                "get it from https://github.com/It4innovations/hyperqueue/releases",
             )),
         }
     }

@@ -71,8 +71,8 @@ fn shell(text: &str, element: Option<usize>) -> Option<i32> {
     command.output().unwrap().status.code()
 }
 
-/// The last words of all lines of a file of commands.
-fn last_words(path: &Path) -> Vec<String> {
+/// The chunks of each line of a file of commands.
+fn chunks_of_lines(path: &Path) -> Vec<String> {
     let text = fs::read_to_string(path).unwrap();
     let words = text.lines().map(|line| line.rsplit(' ').next().unwrap());
     words.map(str::to_owned).collect()
@@ -91,14 +91,14 @@ fn each_line_alone_computes_its_open_chunks() {
     };
     let said = submit(&[]);
     assert_eq!(Path::new(said.stdout.trim()), lines);
-    assert_eq!(last_words(&lines), ["1", "2", "3", "4", "5"]);
+    assert_eq!(chunks_of_lines(&lines), ["1", "2", "3", "4", "5"]);
     let text = fs::read_to_string(&lines).unwrap();
     assert_eq!(shell(text.lines().nth(1).unwrap(), None), Some(0));
     submit(&[]);
-    assert_eq!(last_words(&lines), ["1", "3", "4", "5"]);
+    assert_eq!(chunks_of_lines(&lines), ["1", "3", "4", "5"]);
     // Seven tasks are two chunks of five.
     submit(&["--tasks-per-job", "7"]);
-    assert_eq!(last_words(&lines), ["1,3", "4-5"]);
+    assert_eq!(chunks_of_lines(&lines), ["1,3", "4-5"]);
     for line in fs::read_to_string(&lines).unwrap().lines() {
         assert_eq!(shell(line, None), Some(0), "{line}");
     }

@@ -183,7 +183,7 @@ impl Slurm {
         command.env("PATH", &self.path);
     }
 
-    /// What a program prints.
+    /// Standard output of a program.
     fn says(&self, program: &str, options: &[&str]) -> String {
         let output = self.command(program).args(options).output().unwrap();
         String::from_utf8_lossy(&output.stdout).trim().to_owned()
