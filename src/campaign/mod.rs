@@ -16,11 +16,12 @@
 //! | `study`, `design`, `sobol`, `motions`, `task` | from the study file to the overrides and the identity of a task |
 //! | `measure`, `perform` | one simulated test and the numbers of its table row |
 //! | `plan`, `part`, `work` | campaign folder, result parts, chunks on threads |
-//! | `submit` | job scripts for other launchers |
+//! | `bundle`, `launcher`, `submit` | open chunks, and job files of other launchers |
 //! | `collect`, `table`, `parquet`, `prove` | merging, the table, recomputed tasks |
-//! | `found`, `fractile`, `fragility` | values for the report, and their statistics |
+//! | `found`, `fractile`, `fragility`, `largest` | values for the report, and their statistics |
 //! | `ida`, `sensitivity`, `distribution`, `pairs`, `drawing`, `page` | pictures of the report |
 
+mod bundle;
 mod collect;
 mod design;
 mod distribution;
@@ -30,6 +31,7 @@ mod fractile;
 mod fragility;
 mod ida;
 mod largest;
+mod launcher;
 mod measure;
 mod motions;
 mod page;
@@ -53,12 +55,13 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
+pub use bundle::Chunks;
 pub use collect::{Collected, Prove, collect};
 pub use fragility::{Fragility, Level};
 pub use largest::Largest;
 pub use plan::{Campaign, Plan, plan};
 pub use study::Study;
-pub use submit::{Engine, Submitted, submit};
+pub use submit::{Engine, Prepared, prepare, start};
 pub use task::Task;
 pub use work::{Status, Stop, Worked, status, work};
 
@@ -130,6 +133,18 @@ pub enum CampaignError {
     /// A part belongs to another campaign.
     #[error("{0} belongs to another campaign: remove it from the folder")]
     Foreign(String),
+    /// The command of a launcher is missing.
+    #[error(
+        "there is no command {command} on the path: {origin}. This submits the file by hand:\n  {by_hand}"
+    )]
+    NoCommand {
+        /// The command.
+        command: &'static str,
+        /// How to get it.
+        origin: &'static str,
+        /// What submits the file by hand.
+        by_hand: String,
+    },
     /// Another reason.
     #[error("{0}")]
     Other(String),

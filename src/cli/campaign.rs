@@ -87,10 +87,18 @@ fn usual_folder(study: &Path) -> PathBuf {
 
 fn work(args: &WorkArgs) -> anyhow::Result<Exit> {
     let campaign = Campaign::open(&args.folder).map_err(told)?;
-    let tasks = campaign.plan.chunk(args.chunk.max(1));
-    let total = tasks.end - tasks.start;
-    let chunks = args.chunk..=args.chunk;
-    let interrupted = compute(&campaign, chunks, usize::from(args.jobs), total)?;
+    let (chunks, plan) = (&args.chunk, &campaign.plan);
+    let last = plan.chunks();
+    let found = [chunks.first(), chunks.last()];
+    let wrong = found
+        .into_iter()
+        .find(|number| !(1..=last).contains(number));
+    if let Some(found) = wrong {
+        return Err(told(CampaignError::NoChunk { found, last }));
+    }
+    let tasks = chunks.iter().map(|number| plan.chunk(number));
+    let total = tasks.map(|tasks| tasks.end - tasks.start).sum();
+    let interrupted = compute(&campaign, chunks.iter(), usize::from(args.jobs), total)?;
     Ok(interrupted.unwrap_or(Exit::Done))
 }
 
@@ -129,24 +137,32 @@ fn compute(
 }
 
 fn submit(args: &SubmitArgs) -> anyhow::Result<Exit> {
-    let campaign = Campaign::open(&args.folder).map_err(told)?;
     let engine = match args.engine {
         EngineArg::Lines => Engine::Lines,
         EngineArg::Slurm => Engine::Slurm,
+        EngineArg::Hyperqueue => Engine::HyperQueue,
     };
-    let submitted = campaign::submit(&campaign, engine, &args.arguments).map_err(told)?;
-    answer(submitted.file.display())?;
-    match submitted.reply {
-        Some(reply) => tell(reply.trim_end()),
-        None if engine == Engine::Slurm => {
-            let script = submitted.file.display();
-            let text = format!(
-                "there is no command sbatch on the path: install Slurm (Debian: apt-get install slurm-client), or run \
-                 `sbatch {script}` on a machine of the cluster"
-            );
-            return Err(WithExit(Exit::Usage, text).into());
-        }
-        None => {}
+    if engine == Engine::Lines && !args.arguments.is_empty() {
+        let text = "arguments behind -- are for slurm and hyperqueue: with --engine lines, nothing is started";
+        return Err(WithExit(Exit::Usage, text.to_owned()).into());
+    }
+    let campaign = Campaign::open(&args.folder).map_err(told)?;
+    let prepared = campaign::prepare(&campaign, engine, args.tasks_per_job).map_err(told)?;
+    let chunks = campaign.plan.chunks();
+    let Some(prepared) = prepared else {
+        let folder = args.folder.display();
+        tell(format_args!(
+            "all {chunks} chunks are done; continue with\n  gusset campaign collect {folder}"
+        ));
+        return Ok(Exit::Done);
+    };
+    answer(prepared.file.display())?;
+    tell(format_args!(
+        "{} of {chunks} chunks are open: {} jobs",
+        prepared.open, prepared.jobs
+    ));
+    if let Some(reply) = campaign::start(&prepared, &args.arguments).map_err(told)? {
+        tell(reply.trim_end());
     }
     Ok(Exit::Done)
 }

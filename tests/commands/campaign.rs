@@ -45,7 +45,7 @@ collapse = { measure = "max_drift", above = 0.006 }
     path
 }
 
-const TASKS: u64 = 24;
+pub const TASKS: u64 = 24;
 
 /// A planned campaign with 5 chunks.
 pub fn planned() -> (TempDir, PathBuf) {
@@ -414,11 +414,16 @@ fn wrong_folders_and_chunks_are_refused() {
     let path = folder.path().join("study.toml");
     let said = campaign("plan", &path, &["--out", there]);
     assert_eq!(said.code, Some(2), "{}", said.stderr);
-    for chunk in ["0", "6"] {
+    for chunk in ["0", "6", "0-2", "4-6", "1,9"] {
         let said = campaign("work", &out, &["--chunk", chunk]);
         assert_eq!(said.code, Some(2));
         assert!(said.stderr.contains("1 to 5"), "{}", said.stderr);
     }
+    for chunk in ["", "one", "3-1", "1-"] {
+        let said = campaign("work", &out, &["--chunk", chunk]);
+        assert_eq!(said.code, Some(2), "{}", said.stderr);
+    }
+    assert!(parts(&out).is_empty());
     for command in ["collect", "status", "run"] {
         let said = campaign(command, folder.path(), &[]);
         assert_eq!(said.code, Some(2));
@@ -426,36 +431,6 @@ fn wrong_folders_and_chunks_are_refused() {
     }
     let said = campaign("collect", &out, &["--prove", "many"]);
     assert_eq!(said.code, Some(2), "{}", said.stderr);
-}
-
-#[test]
-fn submit_writes_a_command_for_each_chunk() {
-    let (_folder, out) = planned();
-    let said = campaign("submit", &out, &["--engine", "lines"]);
-    assert_eq!(said.code, Some(0), "{}", said.stderr);
-    let lines = fs::read_to_string(out.join("lines.txt")).unwrap();
-    assert_eq!(lines.lines().count(), 5);
-    for line in lines.lines() {
-        let done = std::process::Command::new("sh").args(["-c", line]).output();
-        assert!(done.unwrap().status.success(), "{line}");
-    }
-    assert!(complete(&campaign("collect", &out, &[]), &out) == undisturbed());
-    let mut submit = gusset();
-    submit.args([
-        "campaign",
-        "submit",
-        out.to_str().unwrap(),
-        "--engine",
-        "slurm",
-    ]);
-    let said = submit.env("PATH", "").output().unwrap();
-    assert_eq!(said.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&said.stderr).contains("sbatch"));
-    assert!(
-        fs::read_to_string(out.join("slurm.sh"))
-            .unwrap()
-            .contains("--array=1-5\n")
-    );
 }
 
 /// Paths of a plan do not depend on the current folder.
