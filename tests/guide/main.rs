@@ -322,7 +322,7 @@ fn executed(name: &str, page: &Markdown) -> Option<String> {
     }
     let tests = page.blocks.iter().filter(|block| {
         let has = |table: &&str| parsed(&block.text).is_ok_and(|file| file.get(table).is_some());
-        block.language == "toml" && has(&"time") && !STUDY_TABLES.iter().any(|table| has(table))
+        block.language == "toml" && has(&"time") && !STUDY_TABLES.iter().any(has)
     });
     for block in tests {
         if let Some(Err(what)) = block.file.as_ref().map(|file| place.check(file)) {
