@@ -11,10 +11,11 @@ use super::fragility::{Fragility, Level};
 use super::largest::Leaders;
 use super::page::render;
 use super::part::{Line, Parts, merge, names};
-use super::perform::{INVALID, Performed};
+use super::perform::{INVALID, Performed, why_invalid};
 use super::plan::Campaign;
 pub use super::prove::Prove;
 use super::prove::prove;
+use super::study::Study;
 use super::table::{TableColumn, Tables, cells, columns};
 use super::task::Task;
 use super::{CampaignError, at};
@@ -32,6 +33,7 @@ struct Sheet {
     done: u64,
     stopped: u64,
     invalid: u64,
+    first_invalid: Option<u64>,
     open: Vec<u64>,
     damaged: Vec<String>,
     parts: u64,
@@ -68,6 +70,7 @@ pub fn collect(
         done: sheet.done,
         stopped: sheet.stopped,
         invalid: sheet.invalid,
+        invalid_example: sheet.first_invalid.and_then(|index| example(study, index)),
         open: sheet.open,
         damaged: sheet.damaged,
         proved: sheet.proved,
@@ -146,6 +149,7 @@ impl Sheet {
         self.done += 1;
         if result.ended == INVALID {
             self.invalid += 1;
+            self.first_invalid.get_or_insert(task.index);
             return;
         }
         self.stopped += u64::from(!is_done);
@@ -192,6 +196,12 @@ impl Sheet {
     }
 }
 
+/// Why the task `index` has no valid test.
+fn example(study: &Study, index: u64) -> Option<String> {
+    let why = why_invalid(study, &Task::of(study, index))?;
+    Some(format!("task {}: {}", index + 1, why.trim_end()))
+}
+
 /// The curve through counts of collapses; none without levels or without a criterion.
 fn fragility(levels: Vec<Level>) -> Option<(Option<Fragility>, Vec<Level>)> {
     (!levels.is_empty()).then(|| (Fragility::fit(&levels), levels))
@@ -232,6 +242,7 @@ fn summary(
         "chunks_with_missing_tasks": collected.open,
         "stopped": collected.stopped,
         "invalid": collected.invalid,
+        "invalid_example": collected.invalid_example,
         "table": table,
         "columns": columns,
         "fragility": fragility,

@@ -22,6 +22,8 @@ pub struct Collected {
     pub stopped: u64,
     /// Tasks whose overrides give no valid test.
     pub invalid: u64,
+    /// Why the first of them has none.
+    pub invalid_example: Option<String>,
     /// Chunks with missing tasks, the first of them.
     pub open: Vec<u64>,
     /// Names of parts that were cut short.

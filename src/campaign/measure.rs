@@ -91,7 +91,9 @@ pub(super) fn measures(
                 all.push(Measure {
                     name: format!("tracking_{}_{axis}", index + 1),
                     unit: "1".to_owned(),
-                    meaning: format!("standard deviation of measured less target over that of the target, {place}"),
+                    meaning: format!(
+                        "tracking error (std of measured − target / std of target), {place}"
+                    ),
                     kind: Kind::Tracking(target, of(&column::MEASURED)),
                 });
             }

@@ -47,6 +47,9 @@ pub(super) fn render(campaign: &Campaign, collected: &Collected, shown: &[Shown]
         collected.stopped,
         collected.invalid,
     );
+    if let Some(why) = &collected.invalid_example {
+        body += &details("A task without a valid test", &note(why));
+    }
     let valid = collected.done - collected.invalid;
     if (shown.len() as u64) < valid {
         body += &note(&format!(

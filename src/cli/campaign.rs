@@ -215,7 +215,7 @@ fn found(collected: &Collected) -> String {
         format!("table    {}", collected.table.display()),
         format!("report   {}", collected.report.display()),
         format!(
-            "tests    {} of {}; {} stopped before their end; {} tasks have no valid test",
+            "tests    {} of {}; stopped before the end: {}; without a valid test: {}",
             collected.done, collected.tasks, collected.stopped, collected.invalid
         ),
         format!(
@@ -223,6 +223,9 @@ fn found(collected: &Collected) -> String {
             collected.proved
         ),
     ];
+    if let Some(why) = &collected.invalid_example {
+        lines.push(format!("invalid  {why}"));
+    }
     if let Some((fit, _)) = &collected.fragility {
         lines.push(match fit {
             Some(fit) => format!(
