@@ -405,7 +405,7 @@ kinds! {
     TRIP = "trip", Test, "1", Server, ALWAYS,
         "cause of a trip: 0 none; a limit: 1 command_disp, 2 command_step, 3 command_vel, 4 command_accel, 5 measured_disp, \
          6 measured_force, 7 following_error, 8 force_step, 9 stuck_sensor, 10 sensor_disp, 11 sensor_force, \
-         12 alternating_ticks; 100 more for a limit that the controller announced; 50 command not finite, 51 measurement not finite, 52 first command not the armed position, 60 interlock open, \
+         12 alternating_ticks; 100 more for a limit that the controller announced; 50 command not finite, 51 measurement not finite, 52 first command not the armed position, 53 no such pose of the loading unit, 60 interlock open, \
          61 a sensor or an actuator at the end of its range, 62 held by its own watchdog, 70 specimen lost";
     /// Arrival of the command.
     RECEIVED = "received_s", Test, "s", Clock, ALWAYS, "wall time from the start of the test to the command";
@@ -428,6 +428,12 @@ kinds! {
     /// Velocity of the command.
     SERVER_VEL = "vel", Axis, "unit of the axis", Controller, ALWAYS,
         "velocity that came with the command, in units of the axis per s";
+    /// Coordinate of a loading unit that the controller asks for.
+    SERVER_POSE = "pose", Coordinate, "m or rad", Controller, UNIT, "target pose of the loading unit from the controller";
+    /// Measured coordinate of a loading unit.
+    SERVER_MEASURED_POSE = "pose_meas", Coordinate, "m or rad", Measured, UNIT, "pose from the measured strokes";
+    /// Force in a coordinate of a loading unit.
+    SERVER_POSE_FORCE = "pose_force", Coordinate, "N or N m", Measured, UNIT, "force that the controller received";
     /// Status flags.
     SERVER_STATUS = "status", Specimen, "1", Server, ALWAYS,
         "status flags that the controller received; 262144 if nothing was measured because the command was not passed on";

@@ -224,7 +224,7 @@ impl CommandPath {
         let commands = self.command.disp.iter_mut().zip(&mut self.command.vel);
         let targets = self.target.iter();
         for (((command, command_vel), (disp, vel)), axis) in commands.zip(targets).zip(axes) {
-            *command = axis.disp_gain * disp + axis.disp_offset;
+            *command = axis.command(*disp);
             *command_vel = axis.vel_gain * vel;
         }
     }

@@ -3,6 +3,8 @@
 use super::Trip;
 use crate::catalog::column::{Each, Kind, SERVER};
 use crate::catalog::phase::Phase;
+use crate::geometry::Coordinate;
+use crate::port::Port;
 use crate::record::Column;
 use crate::substructure::{Command, Measurement};
 use crate::units::AxisUnits;
@@ -12,6 +14,8 @@ pub(super) struct Exchange<'a> {
     pub state: f64,
     pub command: &'a Command<'a>,
     pub elapsed: f64,
+    /// The port that converts what the controller commands, if its numbers are not those of the axes.
+    pub port: Option<&'a Port>,
     pub commits: u64,
     pub measured: &'a Measurement,
     pub trip: Option<Trip>,
@@ -24,12 +28,91 @@ impl Exchange<'_> {
     pub const PROBING: f64 = Phase::Probing.code();
     pub const RUNNING: f64 = Phase::Running.code();
     pub const KEPT_BACK: f64 = Phase::Tripped.code();
+
+    /// True if the command was not passed on.
+    pub fn is_kept_back(&self) -> bool {
+        self.state == Self::KEPT_BACK
+    }
+
+    /// Writes the columns of the axes, [`WIDTH`] each, and then those of the coordinates. Real-time: yes.
+    pub fn write(&self, units: &[AxisUnits], row: &mut [f64]) {
+        match self.port {
+            None => self.write_passed(units, row),
+            Some(port) => self.write_converted(port, row),
+        }
+    }
+
+    /// Of a specimen whose axes the controller commands as they are.
+    fn write_passed(&self, units: &[AxisUnits], row: &mut [f64]) {
+        let numbers = self.command.disp.iter().zip(self.command.vel);
+        let measurements = self.measured.disp.iter().zip(&self.measured.force);
+        for ((slot, units), ((disp, vel), (measured_disp, force))) in row
+            .chunks_exact_mut(WIDTH)
+            .zip(units)
+            .zip(numbers.zip(measurements))
+        {
+            let AxisUnits {
+                metres, newtons, ..
+            } = units;
+            slot.copy_from_slice(&[
+                metres * disp,
+                self.sent(*disp),
+                metres * measured_disp,
+                newtons * force,
+                *measured_disp,
+                *force,
+                *vel,
+            ]);
+        }
+    }
+
+    /// Of a port that converts: what the axes were commanded and measured, at the structure's scale and at theirs.
+    fn write_converted(&self, port: &Port, row: &mut [f64]) {
+        let axes = WIDTH * port.axes();
+        let (row, coordinates) = row.split_at_mut(axes.min(row.len()));
+        let raw = port.raw();
+        let commands = port.target().iter().zip(port.command().iter().zip(port.command_vel()));
+        let measured = port.measured().iter().zip(port.force());
+        let measured = measured.zip(raw.disp.iter().zip(&raw.force));
+        for (slot, ((target, (disp, vel)), ((meas, force), (raw_disp, raw_force)))) in row
+            .chunks_exact_mut(WIDTH)
+            .zip(commands.zip(measured))
+        {
+            slot.copy_from_slice(&[
+                *target,
+                self.sent(*disp),
+                *meas,
+                *force,
+                *raw_disp,
+                *raw_force,
+                *vel,
+            ]);
+        }
+        let slots = coordinates.chunks_exact_mut(COORDINATE_WIDTH);
+        for (slot, (_, values)) in slots.zip(port.pose()) {
+            slot.copy_from_slice(&values);
+        }
+    }
+
+    /// What the specimen was told: nothing where the command was kept back.
+    fn sent(&self, disp: f64) -> f64 {
+        if self.is_kept_back() { f64::NAN } else { disp }
+    }
+
+    /// Measured displacement and force of one axis after the other, SI. Real-time: yes.
+    pub fn measured_si(&self, units: &'_ [AxisUnits]) -> impl Iterator<Item = (f64, f64)> {
+        let measured = self.port.map_or(self.measured, Port::raw);
+        let measured = measured.disp.iter().zip(&measured.force).zip(units);
+        measured.map(|((disp, force), unit)| (unit.metres * disp, unit.newtons * force))
+    }
 }
 
 /// Columns before those of the axes.
 pub(super) const HEAD: usize = count(Each::Test);
 /// Columns of every axis.
 pub(super) const WIDTH: usize = count(Each::Axis);
+/// Columns of every coordinate of a loading unit.
+pub(super) const COORDINATE_WIDTH: usize = count(Each::Coordinate);
 
 const fn count(each: Each) -> usize {
     let (mut count, mut at) = (0, 0);
@@ -46,7 +129,9 @@ fn kinds(each: Each) -> impl Iterator<Item = &'static Kind> {
     SERVER.iter().filter(move |kind| kind.each == each)
 }
 
-pub(super) fn columns(units: &[AxisUnits], name: &str) -> Vec<Column> {
+/// The columns of a specimen whose axes have these units, and which are the actuators of a loading unit with these coordinates, if
+/// there is one.
+pub(super) fn columns(units: &[AxisUnits], coordinates: &[Coordinate], name: &str) -> Vec<Column> {
     let column = |kind: &Kind, name: String, unit: &str, meaning: String| Column {
         name,
         unit: unit.to_owned(),
@@ -66,6 +151,14 @@ pub(super) fn columns(units: &[AxisUnits], name: &str) -> Vec<Column> {
             let meaning = format!("{}; specimen \"{name}\", axis {axis}", kind.meaning);
             columns.push(column(kind, kind.of_axis(1, axis), unit, meaning));
         }
+    }
+    for (number, coordinate) in (1..).zip(coordinates) {
+        columns.extend(kinds(Each::Coordinate).map(|kind| {
+            let key = coordinate.key();
+            let meaning = format!("{}; specimen \"{name}\", coordinate {key}", kind.meaning);
+            let unit = kind.unit_of(coordinate.is_rotation());
+            column(kind, kind.of_axis(1, number), unit, meaning)
+        }));
     }
     columns.extend(kinds(Each::Specimen).map(|kind| {
         let meaning = format!("{}; specimen \"{name}\"", kind.meaning);

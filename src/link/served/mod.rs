@@ -8,6 +8,7 @@
 //! belong to the specimen and outlive a session. However a test ends, the specimen receives the goodbye of its protocol.
 
 mod announced_limits;
+mod client_scale;
 mod computed;
 mod exchange_columns;
 mod first_command;
@@ -30,6 +31,8 @@ use std::net::SocketAddr;
 
 use thiserror::Error;
 
+pub use client_scale::AxesBehind;
+pub(in crate::link) use client_scale::ClientScale;
 pub use computed::{Computed, Memory};
 pub(in crate::link) use first_command::words as first_words;
 pub use guard_store::GuardStore;
@@ -40,6 +43,7 @@ pub use session_record::RecordSettings;
 pub use whereabouts::Whereabouts;
 
 use crate::catalog::ending::Cause;
+use crate::geometry::Fault;
 use crate::port::limits::Hit;
 use crate::substructure::LinkFault;
 use crate::units::compared;
@@ -112,6 +116,9 @@ pub enum Trip {
     /// The first command is not where the controller had asked to begin.
     #[error("axis {}: the first command is not where the specimen was armed", .0 + 1)]
     Elsewhere(usize),
+    /// The actuators cannot have the pose that was commanded, or the strokes that were measured.
+    #[error("the loading unit: {0}")]
+    Geometry(Fault),
     /// The specimen says that its interlock is open.
     #[error("the interlock or emergency stop at the specimen is open")]
     Interlock,
@@ -137,6 +144,7 @@ impl Trip {
             Self::NotFinite { measured: true, .. } => Cause::MeasuredNotFinite,
             Self::NotFinite { .. } => Cause::CommandNotFinite,
             Self::Elsewhere(_) => Cause::FirstCommandElsewhere,
+            Self::Geometry(_) => Cause::Geometry,
             Self::Interlock => Cause::Interlock,
             Self::Saturated => Cause::Saturated,
             Self::Holds(_) => Cause::HoldsOn,
@@ -161,6 +169,7 @@ impl Trip {
             Self::Announced(hit) => hit.quantity as u32 + 101,
             Self::NotFinite { measured, .. } => 50 + measured as u32,
             Self::Elsewhere(_) => 52,
+            Self::Geometry(_) => 53,
             Self::Interlock => 60,
             Self::Saturated => 61,
             Self::Holds(_) => 62,
@@ -213,24 +222,32 @@ impl From<String> for TestEnd {
     }
 }
 
+/// What the conversion of a position may leave of zero, in units of an axis: less than a sensor sees of any of them.
+const ROUNDING: f64 = 1e-9;
+
 /// Asked while a specimen is waited for or moved before a test: whether that test is still wanted, and why not.
 pub type Wanted<'a> = dyn FnMut() -> Result<(), TestEnd> + 'a;
 
 /// Positions whose difference is this share of the larger are the same.
 const SAME: f64 = 1e-9;
 
-/// The first axis (from 0) on which two places are not the same.
-fn apart(one: &[f64], other: &[f64]) -> Option<usize> {
+/// The first axis (from 0) on which two places are not the same; `rounding` is what a conversion of numbers may leave of zero.
+fn apart(one: &[f64], other: &[f64], rounding: f64) -> Option<usize> {
     one.iter().zip(other).position(|(one, other)| {
         // Written as "is there", so that NaN is elsewhere.
-        let is_there = (one - other).abs() <= SAME * one.abs().max(other.abs());
+        let is_there = (one - other).abs() <= (SAME * one.abs().max(other.abs())).max(rounding);
         !is_there
     })
 }
 
 /// Why a test cannot begin at `start`, if the specimen stands elsewhere. `standing` is empty if that is not known.
 pub(in crate::link) fn elsewhere(standing: &[f64], start: &[f64]) -> Option<String> {
-    let axis = apart(standing, start)?;
+    elsewhere_by(standing, start, 0.0)
+}
+
+/// The same of places of which one was converted.
+fn elsewhere_by(standing: &[f64], start: &[f64], rounding: f64) -> Option<String> {
+    let axis = apart(standing, start, rounding)?;
     let [stands, first] = compared(*standing.get(axis)?, *start.get(axis)?, "");
     Some(format!(
         "axis {} is at {stands}, but the first command is {first}: a test must begin at the position of the specimen",

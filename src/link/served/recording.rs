@@ -34,8 +34,7 @@ impl Recording {
         let Some(settings) = &self.settings else {
             return Ok(());
         };
-        let Identity { name, units, .. } = identity;
-        let record = SessionRecord::open(settings, name, units, controller, self.away_from);
+        let record = SessionRecord::open(settings, identity, controller, self.away_from);
         let mut record = record.map_err(|text| format!("the log cannot be kept: {text}"))?;
         if let Some(words) = &self.played {
             record.warn(Remark::Faults, words);

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use super::client_scale::{AxesBehind, ClientScale};
 use super::guard_store::GuardStore;
 use super::guarded_specimen::{GuardedSpecimen, Origin};
 use super::identity::Identity;
@@ -71,6 +72,7 @@ impl ServedSpecimen {
         let identity = Identity {
             name,
             units,
+            scale: ClientScale::Axes,
             stiffness,
             mass,
             needs_measured_disp: Vec::new(),
@@ -101,12 +103,46 @@ impl ServedSpecimen {
         served
     }
 
+    /// A specimen across a link that `links` makes for each test, whose axes the controller does not command as they are: `port`
+    /// converts its signals, which count in `units`. Stiffness and mass are those of the signals.
+    #[must_use]
+    pub fn converted(
+        links: LinkMaker,
+        port: Port,
+        behind: AxesBehind,
+        units: Vec<AxisUnits>,
+        [stiffness, mass]: [Vec<f64>; 2],
+    ) -> Self {
+        let identity = Identity {
+            name: port.name().to_owned(),
+            units,
+            scale: ClientScale::Structure(Box::new(behind)),
+            stiffness,
+            mass,
+            needs_measured_disp: Vec::new(),
+            moves: true,
+            remembers: false,
+        };
+        let mut guarded = GuardedSpecimen::new(identity, port);
+        let unconnected = Box::new(Unconnected {
+            axes: guarded.port.axes(),
+        });
+        drop(guarded.port.swap_partner(unconnected));
+        guarded.reply_limit_ns = links.reply_limit_ns();
+        Self {
+            guarded,
+            links: Some(links),
+            stage: Stage::Closed,
+        }
+        .limited(&[])
+    }
+
     /// The bounds of its axes.
     #[must_use]
     pub fn limited(mut self, limits: &[LimitsSpec]) -> Self {
         let given = |axis| limits.get(axis).map_or(AxisLimits::NONE, AxisLimits::of);
-        let own: Vec<AxisLimits> = (0..self.axes()).map(given).collect();
-        let units = self.guarded.identity.units.iter();
+        let own: Vec<AxisLimits> = (0..self.guarded.port.axes()).map(given).collect();
+        let units = self.guarded.identity.axis_units().iter();
         let units = units.map(|unit| (unit.metres, unit.newtons)).collect();
         self.guarded
             .port
@@ -169,10 +205,10 @@ impl ServedSpecimen {
 
 // Properties.
 impl ServedSpecimen {
-    /// Number of axes.
+    /// Number of displacements that a controller commands.
     #[must_use]
     pub const fn axes(&self) -> usize {
-        self.guarded.port.axes()
+        self.guarded.identity.units.len()
     }
 
     /// True if commands leave this process.
@@ -193,9 +229,10 @@ impl ServedSpecimen {
         &self.guarded.identity.mass
     }
 
-    /// Tangent stiffness, n × n by columns; the initial one if the tangent is not known. Real-time: yes.
+    /// Tangent stiffness, n × n by columns; the initial one if the tangent is not known, as behind every link. Real-time: yes.
     pub fn tangent(&self, stiffness: &mut [f64]) {
-        if !self.guarded.port.tangent(stiffness) {
+        let is_of_axes = self.guarded.identity.scale.is_of_axes();
+        if !(is_of_axes && self.guarded.port.tangent(stiffness)) {
             for (to, from) in stiffness.iter_mut().zip(&self.guarded.identity.stiffness) {
                 *to = *from;
             }
@@ -294,8 +331,9 @@ impl ServedSpecimen {
         wanted: &mut Wanted<'_>,
     ) -> Result<(), TestEnd> {
         self.note(Remark::ArmedAgain, "the controller begins again");
-        self.guarded.arm(sequence, start, wanted)?;
-        self.guarded.begins_at(sequence, start);
+        let start = self.guarded.place_for(start)?;
+        self.guarded.arm(sequence, &start, wanted)?;
+        self.guarded.begins_at(sequence, &start);
         Ok(())
     }
 
@@ -418,7 +456,7 @@ impl ServedSpecimen {
                 links.left_at(&self.guarded.told);
             }
             // The connection closes.
-            let axes = self.axes();
+            let axes = self.guarded.port.axes();
             drop(
                 self.guarded
                     .port
