@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::axis_table::DispUnit;
 use super::document::Node;
 use super::echo::number;
 use super::link_table::{Carrier, Offer};
@@ -11,6 +12,7 @@ use super::{
     ConfigError, Finding, KeyPath, Locator, Purpose, Severity, SpecimenTable, check, judge, open,
     plain, read_text,
 };
+use crate::geometry::Geometry;
 
 /// Longest silence in s after which a client counts as gone: a day.
 const IDLE_S: f64 = 86_400.0;
@@ -63,6 +65,9 @@ impl ServedFile {
                 .help("`rows` of the controller's test file transform its displacements");
             return Err(self.locator.refusal(finding));
         }
+        if self.converts() {
+            return self.check_client_units();
+        }
         let axes = self.file.specimen.iter().flat_map(|table| &table.axis);
         for (index, gear) in axes.enumerate() {
             if let Some((key, known)) = gear.foreign_units().next() {
@@ -75,6 +80,39 @@ impl ServedFile {
             }
         }
         Ok(())
+    }
+
+    /// True for a gateway whose client commands displacements that are converted to the axes.
+    #[must_use]
+    pub fn converts(&self) -> bool {
+        let serve = &self.file.serve;
+        let of_units = serve.unit_disp.is_some() || serve.unit_force.is_some();
+        self.specimen().is_some_and(|table| {
+            let converts = of_units || table.converts();
+            !self.is_test && table.link.is_some() && converts
+        })
+    }
+
+    /// Refuses units of the client that the protocol of Gusset lacks.
+    fn check_client_units(&self) -> Result<(), ConfigError> {
+        let (disp, force) = self.file.serve.client_units();
+        let geometry = self.specimen().and_then(|table| table.geometry.as_ref());
+        let built = geometry.and_then(|spec| spec.build(1.0).ok());
+        let mut coordinates = built.iter().flat_map(Geometry::coordinates);
+        let turns = coordinates.any(|one| one.is_rotation());
+        let is_foreign = disp.on_the_wire().is_none() || (turns && disp != DispUnit::Metre);
+        let (key, known) = match (is_foreign, force.on_the_wire()) {
+            (true, _) if turns => ("unit_disp", "m, beside rotations"),
+            (true, _) => ("unit_disp", "m or mm"),
+            (false, None) => ("unit_force", "N or kN"),
+            (false, Some(_)) => return Ok(()),
+        };
+        let at = KeyPath::root().key("serve").key(key);
+        let text = format!("the protocol of Gusset does not support this `{key}`");
+        let finding = Finding::error(at, text)
+            .label(known)
+            .help("`gusset serve --protocol openfresco` serves it in this unit");
+        Err(self.locator.refusal(finding))
     }
 
     /// Checks that the server does not need the port of the specimen that it commands. `flag` is the option that gives

@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::axis_table::{DispUnit, ForceUnit};
 use super::link_table::{Carrier, Offer};
 use super::openfresco_table::OpenFrescoServeSpec;
 use super::safety::SafetyTable;
@@ -59,6 +60,18 @@ pub struct ServeTable {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"laboratory.key")]
     pub key_file: Option<String>,
+    /// Unit of the displacements that the client commands, for a gateway that converts them to the
+    /// axes by `geometry`, `similitude`, `scale`, `sign` or offsets. Velocities and stiffnesses use it
+    /// too. With this key a gateway converts units alone, too. Default: "m". A gateway that converts
+    /// nothing uses the units of the axes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"in")]
+    pub unit_disp: Option<DispUnit>,
+    /// Unit of the forces that the client receives from a gateway that converts. A moment has this
+    /// unit times `unit_disp`. Default: "N".
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"kip")]
+    pub unit_force: Option<ForceUnit>,
     /// If true, a simulated specimen keeps its state, the history of its limits and its trip
     /// between sessions, as a physical one does. An interrupted test can then be resumed. Default:
     /// false, each session starts with a new specimen.
@@ -67,4 +80,15 @@ pub struct ServeTable {
     pub remembers: bool,
     /// Settings for `protocol = "openfresco…"`.
     pub openfresco: OpenFrescoServeSpec,
+}
+
+impl ServeTable {
+    /// Units of a client whose displacements are converted.
+    #[must_use]
+    pub fn client_units(&self) -> (DispUnit, ForceUnit) {
+        (
+            self.unit_disp.unwrap_or_default(),
+            self.unit_force.unwrap_or_default(),
+        )
+    }
 }

@@ -163,8 +163,7 @@ impl LoadingUnit {
         Ok(placed)
     }
 
-    /// The actuators stand at these strokes in m: the next pose is sought from there. Strokes that cannot be leave everything as it
-    /// is.
+    /// The actuators have these strokes in m: the next pose is sought from there. Impossible strokes change nothing.
     pub fn stands_at(&mut self, strokes: &[f64]) {
         if let Ok(placed) = self.found_at(strokes) {
             (self.aim, self.found) = (placed, placed);

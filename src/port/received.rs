@@ -1,6 +1,6 @@
 //! Commands that another controller sends, through a server.
 //!
-//! What the controller commands are the signals of the port: the deformations of its axes, or the coordinates of its loading
+//! The controller commands the signals of the port: the deformations of its axes, or the coordinates of its loading
 //! unit. They go through the port as the targets of a structure do, and displacements and forces come back the same way.
 
 use super::*;
@@ -200,7 +200,7 @@ impl Port {
         Ok(axes.map(|(axis, disp)| axis.command(disp)).collect())
     }
 
-    /// Signals in m or rad where the specimen stands at `disp`, in its own unit.
+    /// Signals in m or rad at the position `disp` of the specimen, in its own unit.
     ///
     /// # Errors
     /// The actuators cannot have these strokes.
@@ -212,7 +212,7 @@ impl Port {
         }
     }
 
-    /// Deformations of the axes in m, of a loading unit the strokes, where the specimen stands at `disp`, in its own unit.
+    /// Deformations of the axes in m, or strokes of a loading unit, at the position `disp` of the specimen, in its own unit.
     #[must_use]
     pub fn deformations_at(&self, disp: &[f64]) -> Vec<f64> {
         let axes = self.axes.iter().zip(disp);

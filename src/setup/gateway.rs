@@ -1,7 +1,9 @@
 //! A specimen that is served and is itself behind a link: the server is a gateway.
 //!
-//! Numbers pass through a gateway as they are: both links count in the units of the axes, and the gear between a structure
-//! and its specimen belongs to the controller's test file.
+//! Without conversion numbers pass through a gateway unchanged: both links count in the units of the axes. With `geometry`,
+//! `similitude`, gears or units of its client the port of the gateway converts, as in a test: see [`conversion`].
+
+mod conversion;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -10,7 +12,7 @@ use std::time::Duration;
 use super::links::{beside, folder, native_setup, tls_client, wire_axes};
 use super::remote::remote_settings;
 use super::specimens::loading::at_actuators;
-use crate::config::{Finding, KeyPath, LinkSpec, Protocol, SpecimenTable};
+use crate::config::{Finding, KeyPath, LinkSpec, Protocol, ServedFile, SpecimenTable};
 use crate::link::announce::narrower;
 use crate::link::openfresco::{Remote, RemoteSettings};
 use crate::link::secret::read_key;
@@ -19,6 +21,7 @@ use crate::link::server::Host;
 use crate::link::tls::TlsClient;
 use crate::link::{NativeLink, NativeSetup};
 use crate::port::{Pace, WiringCheck};
+use crate::units::AxisUnits;
 use crate::wire::handshake::Sampling;
 
 /// The specimen must hold after this silence where neither the file nor the controller says when, in s.
@@ -26,64 +29,32 @@ const USUAL_WATCHDOG_S: f64 = 10.0;
 /// From one exchange of the motion that shows the direction to the next, in s.
 const PROBE_PERIOD_S: f64 = 0.01;
 
-/// The gateway to the specimen of `table`. `step_s` is the step of clients that do not say it; `of_a_test`: the file is a
-/// test, whose gear is the controller's.
+/// The gateway to the specimen of `source`, which has this link.
 pub(super) fn host(
+    source: &ServedFile,
     table: &SpecimenTable,
     link: &LinkSpec,
-    at: &KeyPath,
     path: &Path,
-    step_s: Option<f64>,
-    of_a_test: bool,
 ) -> Result<Host, Box<Finding>> {
-    if !of_a_test {
-        check_gear(table, at)?;
+    let at = &source.place;
+    if !source.is_test {
+        check_compensation(table, at)?;
     }
-    let n = table.axes();
-    let units = table.units_of(n);
-    let estimate = table.stiffness_n_per_m.as_ref();
-    let rows = estimate.map(|matrix| matrix.rows()).unwrap_or_default();
-    let rows = match &table.geometry {
-        Some(spec) if rows.len() == table.law_axes() => {
-            let geometry = spec.build(table.similitude.length);
-            let geometry = geometry
-                .map_err(|error| Box::new(Finding::error(at.key("geometry"), error.to_string())))?;
-            at_actuators(table, &geometry, rows)
-        }
-        _ => rows,
-    };
-    if rows.len() != n || rows.iter().any(|row| row.len() != n) {
-        let text = format!("the estimate is not {n} × {n}, one row and column per axis");
-        let at = at.key("stiffness_n_per_m");
-        return Err(Box::new(Finding::error(at, text)));
-    }
-    let mut stiffness = Vec::with_capacity(n * n);
-    for (j, of_disp) in units.iter().enumerate() {
-        for (row, of_force) in rows.iter().zip(&units) {
-            stiffness.push(row[j] * of_disp.metres / of_force.newtons);
-        }
-    }
-    let check = match (link.probe_m, link.probe) {
-        (Some(metres), _) => WiringCheck::Probe {
-            amplitude: units.iter().map(|unit| metres / unit.metres).collect(),
-            pace: Pace::of(link.probe_ramp_s, PROBE_PERIOD_S),
-            units: units.clone(),
-        },
-        (None, Some(_)) => WiringCheck::Known,
-        (None, None) => WiringCheck::Unchecked,
-    };
+    let step_s = source.file.serve.openfresco.step_s;
     let build: LinkBuild = match link.protocol {
-        Protocol::Gusset => native(table, link, at, path, step_s)?,
+        Protocol::Gusset => native(table, link, at, path, (step_s, source.converts()))?,
         Protocol::OpenFresco | Protocol::OpenFrescoShadow | Protocol::OpenFrescoAdapter => {
-            openfresco(link, at, path, n)?
+            openfresco(link, at, path, table.axes())?
         }
     };
-    let reply_limit = Duration::try_from_secs_f64(link.reply_timeout_s).unwrap_or(Duration::MAX);
-    let reply_limit_ns = u64::try_from(reply_limit.as_nanos()).unwrap_or(u64::MAX);
-    let wire = wire_axes(table, n, None);
-    let host = Host::gateway(table.name.clone(), wire, stiffness, build, reply_limit_ns);
+    let (host, check) = if source.converts() {
+        conversion::host(table, link, at, source.file.serve.client_units(), build)?
+    } else {
+        passing(table, link, at, build)?
+    };
     let host = match &link.stands_at_m {
         Some(stands) => {
+            let units = table.units_of(table.axes());
             let stands = stands.iter().zip(&units);
             host.said_to_stand_at(stands.map(|(disp, unit)| disp / unit.metres).collect())
         }
@@ -97,34 +68,93 @@ pub(super) fn host(
     Ok(host.checked(check, link.computed))
 }
 
-/// A key without effect is a mistake that somebody would find out with a specimen.
-fn check_gear(table: &SpecimenTable, at: &KeyPath) -> Result<(), Box<Finding>> {
-    let refuse = |at: KeyPath| {
-        Err(Box::new(
-            Finding::error(at, "a gateway does not convert numbers")
-                .at_key()
-                .label("no effect here")
-                .help("give scales and offsets between structure and specimen in the controller's test file"),
-        ))
+/// A gateway that passes numbers unchanged, and how it checks the wiring.
+fn passing(
+    table: &SpecimenTable,
+    link: &LinkSpec,
+    at: &KeyPath,
+    build: LinkBuild,
+) -> Result<(Host, WiringCheck), Box<Finding>> {
+    let n = table.axes();
+    let units = table.units_of(n);
+    let estimate = table.stiffness_n_per_m.as_ref();
+    let rows = estimate.map(|matrix| matrix.rows()).unwrap_or_default();
+    let rows = match &table.geometry {
+        Some(spec) if rows.len() == table.law_axes() => {
+            let geometry = spec.build(table.similitude.length);
+            let geometry = geometry
+                .map_err(|error| Box::new(Finding::error(at.key("geometry"), error.to_string())))?;
+            at_actuators(table, &geometry, rows)
+        }
+        _ => rows,
     };
-    if table.similitude != Default::default() {
-        return refuse(at.key("similitude"));
-    }
-    if table.geometry.is_some() {
-        return refuse(at.key("geometry"));
-    }
-    if table.compensation.is_some() {
-        return refuse(at.key("compensation"));
-    }
-    for (index, axis) in table.axis.iter().enumerate() {
-        let at = at.key("axis").index(index);
-        for (key, given) in axis.gear() {
-            if given {
-                return refuse(at.key(key));
-            }
+    check_estimate(&rows, n, at)?;
+    let mut stiffness = Vec::with_capacity(n * n);
+    for (j, of_disp) in units.iter().enumerate() {
+        for (row, of_force) in rows.iter().zip(&units) {
+            stiffness.push(row[j] * of_disp.metres / of_force.newtons);
         }
     }
-    Ok(())
+    let amplitude = |metres: f64| {
+        units
+            .iter()
+            .map(|unit| metres / unit.metres)
+            .collect::<Vec<f64>>()
+    };
+    let check = wiring_check(link, amplitude, units.clone());
+    let wire = wire_axes(table, n, None);
+    let host = Host::gateway(
+        table.name.clone(),
+        wire,
+        stiffness,
+        build,
+        reply_limit_ns(link),
+    );
+    Ok((host.in_units(units), check))
+}
+
+fn check_estimate(rows: &[Vec<f64>], n: usize, at: &KeyPath) -> Result<(), Box<Finding>> {
+    if rows.len() == n && rows.iter().all(|row| row.len() == n) {
+        return Ok(());
+    }
+    let text = format!("the estimate is not {n} × {n}, one row and column per axis");
+    let at = at.key("stiffness_n_per_m");
+    Err(Box::new(Finding::error(at, text)))
+}
+
+/// How the wiring is checked; `amplitude` brings the metres of a small motion to each axis, and `units` are those of messages.
+fn wiring_check(
+    link: &LinkSpec,
+    amplitude: impl Fn(f64) -> Vec<f64>,
+    units: Vec<AxisUnits>,
+) -> WiringCheck {
+    match (link.probe_m, link.probe) {
+        (Some(metres), _) => WiringCheck::Probe {
+            amplitude: amplitude(metres),
+            pace: Pace::of(link.probe_ramp_s, PROBE_PERIOD_S),
+            units,
+        },
+        (None, Some(_)) => WiringCheck::Known,
+        (None, None) => WiringCheck::Unchecked,
+    }
+}
+
+fn reply_limit_ns(link: &LinkSpec) -> u64 {
+    let reply_limit = Duration::try_from_secs_f64(link.reply_timeout_s).unwrap_or(Duration::MAX);
+    u64::try_from(reply_limit.as_nanos()).unwrap_or(u64::MAX)
+}
+
+/// A key without effect is a mistake that somebody would find out with a specimen.
+fn check_compensation(table: &SpecimenTable, at: &KeyPath) -> Result<(), Box<Finding>> {
+    if table.compensation.is_none() {
+        return Ok(());
+    }
+    let text = "a gateway does not compensate commands";
+    let finding = Finding::error(at.key("compensation"), text)
+        .at_key()
+        .label("no effect here")
+        .help("give `compensation` in the controller's test file");
+    Err(Box::new(finding))
 }
 
 /// Our own protocol towards the specimen: what the controller said is passed on, where the file says nothing.
@@ -133,7 +163,7 @@ fn native(
     link: &LinkSpec,
     at: &KeyPath,
     path: &Path,
-    step_s: Option<f64>,
+    (step_s, converts): (Option<f64>, bool),
 ) -> Result<LinkBuild, Box<Finding>> {
     let key = match &link.key_file {
         None => None,
@@ -155,7 +185,9 @@ fn native(
             },
             ..template.clone()
         };
-        for (axis, theirs) in setup.axes.iter_mut().zip(&controller.limits) {
+        // Where the gateway converts, the controller's limits are not of these axes.
+        let theirs = controller.limits.iter().filter(|_| !converts);
+        for (axis, theirs) in setup.axes.iter_mut().zip(theirs) {
             axis.limits = narrower(&axis.limits, theirs);
         }
         if let Some(rate) = controller.rate.or(step_rate) {
@@ -208,3 +240,6 @@ fn openfresco(
         Ok(Box::new(remote))
     }))
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,6 +1,6 @@
 //! The scale of a controller: the displacements that it commands and the forces that it gets, beside those of the specimen's axes.
 //!
-//! Most servers offer the axes of a specimen as they are, in their own units: then every number passes to the last bit. A gateway
+//! Most servers offer the axes of a specimen in their own units: then every number passes unchanged to the last bit. A gateway
 //! with a geometry, a similitude or gears offers deformations at the structure's scale, or the coordinates of a loading unit.
 //! Its port converts them as in a test.
 
@@ -9,7 +9,7 @@ use crate::port::Port;
 use crate::substructure::Measurement;
 use crate::units::AxisUnits;
 
-/// What a controller commands.
+/// Signals that a controller commands.
 #[derive(Debug, Clone, Default)]
 pub(in crate::link) enum ClientScale {
     /// The axes of the specimen in their own units.
@@ -29,7 +29,7 @@ pub struct AxesBehind {
 }
 
 impl ClientScale {
-    /// True if numbers pass as they are.
+    /// True if numbers pass unchanged.
     pub const fn is_of_axes(&self) -> bool {
         matches!(self, Self::Axes)
     }
@@ -104,11 +104,14 @@ impl ClientScale {
         if self.is_of_axes() || disp.is_empty() {
             return Ok(disp.to_vec());
         }
-        let signals = disp.iter().zip(client).map(|(disp, unit)| disp * unit.metres);
+        let signals = disp
+            .iter()
+            .zip(client)
+            .map(|(disp, unit)| disp * unit.metres);
         port.commands_for(&signals.collect::<Vec<f64>>())
     }
 
-    /// Displacements of the controller where the axes stand at `place`, in their units.
+    /// Displacements of the controller for the position `place` of the axes, in their units.
     ///
     /// # Errors
     /// The actuators cannot have these strokes.

@@ -42,7 +42,7 @@ impl Exchange<'_> {
         }
     }
 
-    /// Of a specimen whose axes the controller commands as they are.
+    /// Writes the row of a specimen whose axes the controller commands directly.
     fn write_passed(&self, units: &[AxisUnits], row: &mut [f64]) {
         let numbers = self.command.disp.iter().zip(self.command.vel);
         let measurements = self.measured.disp.iter().zip(&self.measured.force);
@@ -66,17 +66,19 @@ impl Exchange<'_> {
         }
     }
 
-    /// Of a port that converts: what the axes were commanded and measured, at the structure's scale and at theirs.
+    /// Writes the row of a port that converts: commands and measurements of the axes, at the structure's scale and at their own.
     fn write_converted(&self, port: &Port, row: &mut [f64]) {
         let axes = WIDTH * port.axes();
         let (row, coordinates) = row.split_at_mut(axes.min(row.len()));
         let raw = port.raw();
-        let commands = port.target().iter().zip(port.command().iter().zip(port.command_vel()));
+        let commands = port
+            .target()
+            .iter()
+            .zip(port.command().iter().zip(port.command_vel()));
         let measured = port.measured().iter().zip(port.force());
         let measured = measured.zip(raw.disp.iter().zip(&raw.force));
-        for (slot, ((target, (disp, vel)), ((meas, force), (raw_disp, raw_force)))) in row
-            .chunks_exact_mut(WIDTH)
-            .zip(commands.zip(measured))
+        for (slot, ((target, (disp, vel)), ((meas, force), (raw_disp, raw_force)))) in
+            row.chunks_exact_mut(WIDTH).zip(commands.zip(measured))
         {
             slot.copy_from_slice(&[
                 *target,
@@ -94,7 +96,7 @@ impl Exchange<'_> {
         }
     }
 
-    /// What the specimen was told: nothing where the command was kept back.
+    /// Command of the column `cmd`: NaN if the command was kept back.
     fn sent(&self, disp: f64) -> f64 {
         if self.is_kept_back() { f64::NAN } else { disp }
     }

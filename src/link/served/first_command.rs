@@ -80,10 +80,7 @@ impl FirstCommand {
 }
 
 /// Displacements in m. Real-time: yes.
-fn in_metres<'a>(
-    port: &'a Port,
-    disp: &'a [f64],
-) -> impl Iterator<Item = f64> + Clone + 'a {
+fn in_metres<'a>(port: &'a Port, disp: &'a [f64]) -> impl Iterator<Item = f64> + Clone + 'a {
     let units = port.units().iter();
     disp.iter()
         .zip(units)

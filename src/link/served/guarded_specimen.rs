@@ -541,7 +541,9 @@ fn in_metres<'a>(
     units: &'a [AxisUnits],
     disp: &'a [f64],
 ) -> impl Iterator<Item = f64> + Clone + 'a {
-    disp.iter().zip(units).map(|(disp, unit)| disp * unit.metres)
+    disp.iter()
+        .zip(units)
+        .map(|(disp, unit)| disp * unit.metres)
 }
 
 /// The first axis (from 0) with a number that is not finite. Real-time: yes.

@@ -9,7 +9,7 @@ pub(super) struct Identity {
     pub name: String,
     /// The units in which a controller counts.
     pub units: Vec<AxisUnits>,
-    /// What a controller commands of the axes.
+    /// Signals that a controller commands.
     pub scale: ClientScale,
     /// n × n by columns, in `units`.
     pub stiffness: Vec<f64>,

@@ -37,6 +37,7 @@ pub use computed::{Computed, Memory};
 pub(in crate::link) use first_command::words as first_words;
 pub use guard_store::GuardStore;
 pub use latch::{Latch, LatchedTrip};
+pub(in crate::link) use link_maker::Unconnected;
 pub use link_maker::{LinkBuild, LinkMaker};
 pub use served_specimen::ServedSpecimen;
 pub use session_record::RecordSettings;
@@ -222,7 +223,7 @@ impl From<String> for TestEnd {
     }
 }
 
-/// What the conversion of a position may leave of zero, in units of an axis: less than a sensor sees of any of them.
+/// Largest rounding error of a converted position, in units of an axis. No sensor resolves it.
 const ROUNDING: f64 = 1e-9;
 
 /// Asked while a specimen is waited for or moved before a test: whether that test is still wanted, and why not.
@@ -231,7 +232,7 @@ pub type Wanted<'a> = dyn FnMut() -> Result<(), TestEnd> + 'a;
 /// Positions whose difference is this share of the larger are the same.
 const SAME: f64 = 1e-9;
 
-/// The first axis (from 0) on which two places are not the same; `rounding` is what a conversion of numbers may leave of zero.
+/// The first axis (from 0) on which two places are not the same; `rounding` is the rounding error of a conversion.
 fn apart(one: &[f64], other: &[f64], rounding: f64) -> Option<usize> {
     one.iter().zip(other).position(|(one, other)| {
         // Written as "is there", so that NaN is elsewhere.
@@ -245,7 +246,7 @@ pub(in crate::link) fn elsewhere(standing: &[f64], start: &[f64]) -> Option<Stri
     elsewhere_by(standing, start, 0.0)
 }
 
-/// The same of places of which one was converted.
+/// Compares places of which one was converted, with a rounding error of `rounding`.
 fn elsewhere_by(standing: &[f64], start: &[f64], rounding: f64) -> Option<String> {
     let axis = apart(standing, start, rounding)?;
     let [stands, first] = compared(*standing.get(axis)?, *start.get(axis)?, "");

@@ -1,8 +1,8 @@
 //! Before a controller's first command: connection, comparison with the file, wiring check, arming.
 
 use super::guarded_specimen::{GuardedSpecimen, Origin, not_finite};
-use super::link_maker::LinkMaker;
 use super::identity::Identity;
+use super::link_maker::LinkMaker;
 use super::{Controller, ROUNDING, TestEnd, USUAL_TICK_S, Wanted, apart, elsewhere_by};
 use crate::catalog::event::Remark;
 use crate::port::{Opinion, Probe, WiringCheck, compare_stiffness};
@@ -173,7 +173,7 @@ impl<'a> Readiness<'a> {
         })
     }
 
-    /// What the conversion of the controller's numbers may leave of zero.
+    /// Largest rounding error of the controller's converted numbers.
     const fn rounding(&self) -> f64 {
         if self.served.identity.scale.is_of_axes() {
             0.0
@@ -186,7 +186,7 @@ impl<'a> Readiness<'a> {
     /// that it is. A computed specimen that does not report its position is assumed at zero.
     ///
     /// # Errors
-    /// The actuators of a loading unit cannot stand there.
+    /// The actuators of a loading unit cannot have this position.
     fn start(&self, introduction: &Introduction, asked: &[f64]) -> Result<Vec<f64>, TestEnd> {
         let axes = self.served.port.axes();
         let known = [asked, &introduction.standing];
@@ -194,7 +194,8 @@ impl<'a> Readiness<'a> {
         let start = known.map_or_else(|| vec![0.0; axes], <[f64]>::to_vec);
         let Identity { scale, units, .. } = &self.served.identity;
         let posed = scale.disp_at(&self.served.port, &start, units);
-        posed.map_err(|fault| TestEnd::failed(format_args!("where the specimen stands: {fault}")))?;
+        posed
+            .map_err(|fault| TestEnd::failed(format_args!("where the specimen stands: {fault}")))?;
         Ok(start)
     }
 

@@ -103,7 +103,7 @@ impl ServedSpecimen {
         served
     }
 
-    /// A specimen across a link that `links` makes for each test, whose axes the controller does not command as they are: `port`
+    /// A specimen across a link that `links` makes for each test, whose axes the controller does not command directly: `port`
     /// converts its signals, which count in `units`. Stiffness and mass are those of the signals.
     #[must_use]
     pub fn converted(

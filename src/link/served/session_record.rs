@@ -6,15 +6,15 @@
 use std::path::{Path, PathBuf};
 
 use super::exchange_columns::{Exchange, HEAD, columns};
-use super::session_summary::{self, Counted};
 use super::identity::Identity;
+use super::session_summary::{self, Counted};
 use super::{Controller, Trip};
 use crate::catalog::ending::{Cause, Status as Ended};
 use crate::catalog::event::{Remark, Severity};
 use crate::record::writer::Clocks;
 use crate::record::{
-    Column, Event, FolderError, Layout, Note, Position, Recorder, RingRecorder, RingSize, RunFolder,
-    TripValue, WhenFull, Writer, WriterSettings, ring,
+    Column, Event, FolderError, Layout, Note, Position, Recorder, RingRecorder, RingSize,
+    RunFolder, TripValue, WhenFull, Writer, WriterSettings, ring,
 };
 use crate::rt::timing::Timing;
 use crate::rt::wall::Wall;
