@@ -7,7 +7,7 @@ use super::document::Node;
 use super::echo::number;
 use super::link_table::{Carrier, Offer};
 use super::safety::SafetyTable;
-use super::serve_table::{ServeFile, ServeTable};
+use super::serve_table::{PaceTable, ServeFile, ServeTable};
 use super::{
     ConfigError, Finding, KeyPath, Locator, Purpose, Severity, SpecimenTable, check, judge, open,
     plain, read_text,
@@ -16,6 +16,11 @@ use crate::geometry::Geometry;
 
 /// Longest silence in s after which a client counts as gone: a day.
 const IDLE_S: f64 = 86_400.0;
+
+/// Smallest and largest rate of paced commands, Hz.
+const PACE_HZ: (f64, f64) = (1.0, 10_000.0);
+/// Longest path to one target, s.
+const PACE_STEP_S: f64 = 60.0;
 
 /// The served part of a file that has been read and checked.
 #[derive(Debug)]
@@ -226,6 +231,9 @@ pub fn load_serve_file(path: &Path, name: Option<&str>) -> Result<ServedFile, Co
         let why = "as long as a client that is gone keeps the specimen to itself";
         return Err(refuse(finding.label(found).help(why)));
     }
+    if let Some(pace) = &serve.pace {
+        check_pace(pace).map_err(|finding| refuse(*finding))?;
+    }
     let index = choose(&file.specimen, name).map_err(|f| refuse(*f))?;
     let at = KeyPath::root().key("specimen").index(index);
     let among_others = file.specimen.len() > 1;
@@ -238,6 +246,11 @@ pub fn load_serve_file(path: &Path, name: Option<&str>) -> Result<ServedFile, Co
         let text = "`remembers` is for a specimen that is computed, but this one is behind a link";
         return Err(refuse(Finding::error(at, text)));
     }
+    if file.serve.pace.is_some() && file.specimen.iter().any(|table| table.link.is_none()) {
+        let at = KeyPath::root().key("serve").key("pace");
+        let text = "`pace` is for a specimen behind a link, but this one is computed";
+        return Err(refuse(Finding::error(at, text)));
+    }
     Ok(ServedFile {
         text,
         file,
@@ -247,6 +260,25 @@ pub fn load_serve_file(path: &Path, name: Option<&str>) -> Result<ServedFile, Co
         locator: opened.locator,
         place: at,
     })
+}
+
+/// Refuses a pace that no server keeps.
+fn check_pace(pace: &PaceTable) -> Result<(), Box<Finding>> {
+    let at = KeyPath::root().key("serve").key("pace");
+    let refuse = |key: &str, allowed: &str, found: String| {
+        let headline = format!("`serve.pace.{key}` must be {allowed}");
+        let finding = Finding::error(at.key(key), headline);
+        Err(Box::new(finding.label(format!("found {found}"))))
+    };
+    if !(PACE_HZ.0..=PACE_HZ.1).contains(&pace.rate_hz) {
+        return refuse("rate_hz", "from 1 to 10000", number(pace.rate_hz));
+    }
+    let seconds = f64::from(pace.ticks_per_step) / pace.rate_hz;
+    if pace.ticks_per_step < 2 || seconds > PACE_STEP_S {
+        let allowed = "at least 2, and at most 60 s of ticks";
+        return refuse("ticks_per_step", allowed, pace.ticks_per_step.to_string());
+    }
+    Ok(())
 }
 
 fn is_test(root: &Node) -> bool {

@@ -78,8 +78,34 @@ pub struct ServeTable {
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     #[schemars(example = true)]
     pub remembers: bool,
+    /// Ticks of a gateway that makes a smooth path of each target of its client. Default: none, each
+    /// target is one command.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pace: Option<PaceTable>,
     /// Settings for `protocol = "openfresco…"`.
     pub openfresco: OpenFrescoServeSpec,
+}
+
+/// Pacing of a gateway. Each target of the client becomes a path of commands that begins and ends at
+/// rest. The gateway replies when the target is reached. While the next target is late, the specimen
+/// stays at the last one. The largest speed is 1.875 times the mean speed of the path.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PaceTable {
+    /// Commands for each target.
+    #[schemars(example = 20)]
+    pub ticks_per_step: u32,
+    /// Commands per second of wall time.
+    #[schemars(example = 1000.0)]
+    pub rate_hz: f64,
+}
+
+impl PaceTable {
+    /// Period of the commands in ns.
+    #[must_use]
+    pub fn period_ns(&self) -> u64 {
+        (1e9 / self.rate_hz).round() as u64
+    }
 }
 
 impl ServeTable {

@@ -141,6 +141,11 @@ impl CommandPath {
         &mut self.target
     }
 
+    /// Velocities of targets are the slope of a path from here on.
+    pub const fn take_velocities_of_a_path(&mut self) {
+        self.velocity_of = VelocityOf::Path;
+    }
+
     #[inline]
     pub const fn velocity_of(&self) -> VelocityOf {
         self.velocity_of

@@ -157,6 +157,19 @@ impl Port {
         self.path.follow_target(&self.axes);
     }
 
+    /// Writes the commands of the target that was sought last, in the specimen's unit, without any compensation. Real-time: yes.
+    pub fn write_goal(&self, into: &mut [f64]) {
+        let goal = self.axes.iter().zip(&self.path.goal().disp);
+        for (to, (axis, disp)) in into.iter_mut().zip(goal) {
+            *to = axis.command(*disp);
+        }
+    }
+
+    /// Velocities that come with targets are the slope of a path, and no differences.
+    pub const fn take_velocities_of_a_path(&mut self) {
+        self.path.take_velocities_of_a_path();
+    }
+
     /// Velocities of the next command, in the specimen's unit. Real-time: yes.
     #[must_use]
     pub fn command_vel(&self) -> &[f64] {

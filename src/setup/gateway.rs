@@ -16,7 +16,7 @@ use crate::config::{Finding, KeyPath, LinkSpec, Protocol, ServedFile, SpecimenTa
 use crate::link::announce::narrower;
 use crate::link::openfresco::{Remote, RemoteSettings};
 use crate::link::secret::read_key;
-use crate::link::served::{Controller, LinkBuild};
+use crate::link::served::{Controller, LinkBuild, Pacing};
 use crate::link::server::Host;
 use crate::link::tls::TlsClient;
 use crate::link::{NativeLink, NativeSetup};
@@ -42,7 +42,11 @@ pub(super) fn host(
     }
     let step_s = source.file.serve.openfresco.step_s;
     let build: LinkBuild = match link.protocol {
-        Protocol::Gusset => native(table, link, at, path, (step_s, source.converts()))?,
+        Protocol::Gusset => {
+            let pace = source.file.serve.pace.as_ref();
+            let paced = pace.map(|pace| (1_000_000_000, pace.period_ns()));
+            native(table, link, at, path, (step_s, paced, source.converts()))?
+        }
         Protocol::OpenFresco | Protocol::OpenFrescoShadow | Protocol::OpenFrescoAdapter => {
             openfresco(link, at, path, table.axes())?
         }
@@ -65,7 +69,11 @@ pub(super) fn host(
         None => host,
         Some(_) => host.without_measured_disp(),
     };
-    Ok(host.checked(check, link.computed))
+    let pacing = source.file.serve.pace.as_ref().map(|pace| Pacing {
+        ticks: pace.ticks_per_step,
+        period_ns: pace.period_ns(),
+    });
+    Ok(host.checked(check, link.computed).paced(pacing))
 }
 
 /// A gateway that passes numbers unchanged, and how it checks the wiring.
@@ -163,7 +171,7 @@ fn native(
     link: &LinkSpec,
     at: &KeyPath,
     path: &Path,
-    (step_s, converts): (Option<f64>, bool),
+    (step_s, paced, converts): (Option<f64>, Option<(u64, u64)>, bool),
 ) -> Result<LinkBuild, Box<Finding>> {
     let key = match &link.key_file {
         None => None,
@@ -190,7 +198,7 @@ fn native(
         for (axis, theirs) in setup.axes.iter_mut().zip(theirs) {
             axis.limits = narrower(&axis.limits, theirs);
         }
-        if let Some(rate) = controller.rate.or(step_rate) {
+        if let Some(rate) = paced.or(controller.rate).or(step_rate) {
             setup.rate = rate;
         }
         setup.watchdog_s = watchdog_s

@@ -64,6 +64,17 @@ impl ClientScale {
         }
     }
 
+    /// Makes the target of the port of displacements of the controller, and no command. Real-time: yes.
+    pub fn seek(&self, port: &mut Port, disp: &[f64], client: &[AxisUnits]) {
+        match self {
+            Self::Axes => port.seek_at(&mut disp.iter().map(|disp| (*disp, 0.0))),
+            Self::Structure(_) => {
+                let along = disp.iter().zip(client);
+                port.seek_at(&mut along.map(|(disp, unit)| (disp * unit.metres, 0.0)));
+            }
+        }
+    }
+
     /// Writes what the port measured last as the controller counts it; displacements and forces are finite. Real-time: yes.
     ///
     /// # Errors

@@ -38,14 +38,14 @@ impl FirstCommand {
         (self.goes_on_from, self.runs) = (None, false);
     }
 
-    /// Judges a command of the controller, which is the next command of this port. Real-time: yes.
+    /// Judges a command of the controller that sends the axes of this port to `place`, in their units. Real-time: yes.
     ///
     /// # Errors
     /// It is not where the controller had asked to begin, or too far from where the specimen stands.
-    pub fn judge(&self, command: &Command<'_>, port: &Port) -> Result<(), Trip> {
-        if let Some((number, place)) = &self.begins
+    pub fn judge(&self, command: &Command<'_>, place: &[f64], port: &Port) -> Result<(), Trip> {
+        if let Some((number, begins)) = &self.begins
             && command.sequence == *number
-            && let Some(axis) = elsewhere(in_metres(port, place), in_metres(port, port.command()))
+            && let Some(axis) = elsewhere(in_metres(port, begins), in_metres(port, place))
         {
             return Err(Trip::Elsewhere(axis));
         }
@@ -53,7 +53,7 @@ impl FirstCommand {
             && let Some(hit) = judge(
                 port.limits(),
                 in_metres(port, leaves),
-                in_metres(port, port.command()),
+                in_metres(port, place),
             )
         {
             return Err(Trip::Limit(hit));
@@ -99,6 +99,22 @@ fn farthest(limits: &AxisLimits) -> Option<f64> {
         SHARE * range
     } else {
         UNDECLARED_M
+    })
+}
+
+/// The first axis of a port that `place`, in its units, would take beyond its bound of displacement. Real-time: yes.
+pub(super) fn beyond(port: &Port, place: &[f64]) -> Option<Hit> {
+    let mut axes = port.limits().iter().zip(in_metres(port, place)).enumerate();
+    axes.find_map(|(axis, (limits, value))| {
+        let [low, high] = limits.get(Limit::CommandDisp).trip;
+        let is_within = value >= low && value <= high;
+        (!is_within).then_some(Hit {
+            axis,
+            quantity: Limit::CommandDisp,
+            level: Level::Trip,
+            value,
+            bound: if value > high { high } else { low },
+        })
     })
 }
 

@@ -7,6 +7,7 @@ use super::first_command::{self, FirstCommand};
 use super::guard_store::{GuardStore, LastingGuard};
 use super::identity::Identity;
 use super::latch::Latch;
+use super::pacing::{PacedPath, Pacing};
 use super::recording::Recording;
 use super::speed_allowance::{Request, SpeedAllowance, Times};
 use super::{Controller, TestEnd, Trip, USUAL_TICK_S, Wanted};
@@ -24,6 +25,8 @@ use crate::units::AxisUnits;
 pub(super) enum Origin {
     /// A command of the controller's test.
     Controller,
+    /// A command on the path to a target of the controller. It has `period_s` for its motion.
+    Paced { period_s: f64 },
     /// A command of ours before the test. It has `period_s` for its motion.
     Own { period_s: f64 },
 }
@@ -32,9 +35,14 @@ impl Origin {
     /// Its value in the column `state`.
     const fn state(self) -> f64 {
         match self {
-            Self::Controller => Exchange::RUNNING,
+            Self::Controller | Self::Paced { .. } => Exchange::RUNNING,
             Self::Own { .. } => Exchange::PROBING,
         }
+    }
+
+    /// True of a command of ours before the test.
+    const fn is_own(self) -> bool {
+        matches!(self, Self::Own { .. })
     }
 }
 
@@ -48,7 +56,7 @@ pub(super) struct GuardedSpecimen {
     /// Longest wait for an answer in ns; 0 of a specimen without a link.
     pub reply_limit_ns: u64,
     pub allowance: SpeedAllowance,
-    announced: Option<AnnouncedLimits>,
+    pub announced: Option<AnnouncedLimits>,
     pub first: FirstCommand,
     pub store: GuardStore,
     pub latch: Latch,
@@ -59,6 +67,8 @@ pub(super) struct GuardedSpecimen {
     pub told: Vec<f64>,
     tripped: Option<Trip>,
     commits: u64,
+    /// The path to the controller's targets, if they are paced.
+    path: Option<PacedPath>,
     /// The wall time of the server; the machine's own until the server gives it.
     now: Option<Nanos>,
 }
@@ -81,8 +91,21 @@ impl GuardedSpecimen {
             recording: Recording::default(),
             tripped: None,
             commits: 0,
+            path: None,
             now: None,
         }
+    }
+
+    /// Each target of a controller becomes a path of commands.
+    pub fn set_pacing(&mut self, pacing: Pacing) {
+        let (signals, axes) = (self.identity.units.len(), self.port.axes());
+        self.path = Some(PacedPath::new(pacing, signals, axes));
+        self.port.take_velocities_of_a_path();
+    }
+
+    /// How targets are paced.
+    pub fn pacing(&self) -> Option<Pacing> {
+        self.path.as_ref().map(|path| path.pacing)
     }
 
     pub const fn tripped(&self) -> Option<Trip> {
@@ -169,6 +192,12 @@ impl GuardedSpecimen {
                 announced.begin_at(in_metres(units, &disp));
             }
         }
+        if let Some(path) = &mut self.path {
+            let Identity { scale, units, .. } = &self.identity;
+            let disp = scale.disp_at(&self.port, start, units);
+            let disp = disp.map_err(|fault| TestEnd::failed(format_args!("not armed: {fault}")))?;
+            path.rests_at(sequence, &disp);
+        }
         let mut unwanted = None;
         let mut is_wanted = || wanted().map_err(|over| unwanted = Some(over)).is_ok();
         let asked = self.port.ask_to_arm(sequence);
@@ -205,6 +234,26 @@ impl GuardedSpecimen {
     /// # Errors
     /// The specimen holds. The command was not passed on, or is the last one.
     pub fn exchange_as(
+        &mut self,
+        origin: Origin,
+        command: &Command<'_>,
+        elapsed: f64,
+        wanted: &mut dyn FnMut() -> bool,
+        into: &mut Measurement,
+    ) -> Result<bool, Trip> {
+        let is_paced = origin == Origin::Controller && self.tripped.is_none();
+        let path = if is_paced { self.path.take() } else { None };
+        let Some(mut path) = path else {
+            return self.exchange_once(origin, command, elapsed, wanted, into);
+        };
+        let outcome = self.follow(&mut path, command, elapsed, wanted, into);
+        self.path = Some(path);
+        into.sequence = command.sequence;
+        outcome
+    }
+
+    /// One command and its answer.
+    pub fn exchange_once(
         &mut self,
         origin: Origin,
         command: &Command<'_>,
@@ -260,7 +309,7 @@ impl GuardedSpecimen {
         answered_ns: &mut Option<u64>,
     ) -> Result<bool, Trip> {
         self.judge_command(command, elapsed, origin)?;
-        let is_theirs = origin == Origin::Controller;
+        let is_theirs = !origin.is_own();
         if is_theirs {
             self.first.passed();
         }
@@ -321,7 +370,7 @@ impl GuardedSpecimen {
         // The wiring check is not part of the controller's test.
         let is_theirs = origin == Origin::Controller;
         if is_theirs {
-            self.first.judge(command, &self.port)?;
+            self.first.judge(command, self.port.command(), &self.port)?;
             self.first.take_up_pace(command, elapsed, &mut self.port);
         }
         let found = self.port.clear();
@@ -340,7 +389,7 @@ impl GuardedSpecimen {
 
     /// True if a command is in deformations of the axes, and not in the controller's signals. Real-time: yes.
     fn is_by_axes(&self, origin: Origin) -> bool {
-        self.is_converted() && origin != Origin::Controller
+        self.is_converted() && origin.is_own()
     }
 
     /// Makes the next command of the port. Real-time: yes.
@@ -429,7 +478,7 @@ impl GuardedSpecimen {
     /// The times that a command has for its motion, if anything is known of them. Our own small motions before the test keep to
     /// a pace of ours, and no controller decides their time. Real-time: yes.
     fn time_of(&mut self, command: &Command<'_>, elapsed: f64, origin: Origin) -> Option<Times> {
-        if let Origin::Own { period_s } = origin {
+        if let Origin::Own { period_s } | Origin::Paced { period_s } = origin {
             return Some(Times::both(period_s));
         }
         let now = self.now.unwrap_or_else(|| Nanos(os::monotonic_ns()));
@@ -537,7 +586,7 @@ impl GuardedSpecimen {
 }
 
 /// Displacements of the controller in m. Real-time: yes.
-fn in_metres<'a>(
+pub(super) fn in_metres<'a>(
     units: &'a [AxisUnits],
     disp: &'a [f64],
 ) -> impl Iterator<Item = f64> + Clone + 'a {

@@ -3,6 +3,7 @@
 use super::guarded_specimen::{GuardedSpecimen, Origin, not_finite};
 use super::identity::Identity;
 use super::link_maker::LinkMaker;
+use super::pacing::Pacing;
 use super::{Controller, ROUNDING, TestEnd, USUAL_TICK_S, Wanted, apart, elsewhere_by};
 use crate::catalog::event::Remark;
 use crate::port::{Opinion, Probe, WiringCheck, compare_stiffness};
@@ -69,6 +70,16 @@ impl<'a> Readiness<'a> {
     fn connect(&mut self, wanted: &mut Wanted<'_>) -> Result<Introduction, TestEnd> {
         let rate = self.controller.rate.filter(|(commands, _)| *commands > 0);
         let every = rate.map_or(0.0, |(commands, seconds)| seconds as f64 / commands as f64);
+        let pacing = self.served.pacing();
+        if let Some(pacing) = pacing.filter(|pacing| every > 0.0 && pacing.step_s() > every) {
+            let text = format!(
+                "the controller sends a target every {every} s, and `serve.pace` takes {} s for each: lower `ticks_per_step`, or let \
+                 the controller run slower",
+                pacing.step_s()
+            );
+            return Err(TestEnd::failed(text));
+        }
+        let every = pacing.map_or(every, Pacing::period_s);
         let introduction = match self.links {
             Some(links) => self.connect_link(links, wanted)?,
             None => self

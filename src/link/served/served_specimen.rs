@@ -8,6 +8,7 @@ use super::guarded_specimen::{GuardedSpecimen, Origin};
 use super::identity::Identity;
 use super::latch::Latch;
 use super::link_maker::{LinkMaker, Unconnected};
+use super::pacing::Pacing;
 use super::readiness::Readiness;
 use super::session_record::RecordSettings;
 use super::speed_allowance::SpeedAllowance;
@@ -135,6 +136,15 @@ impl ServedSpecimen {
             stage: Stage::Closed,
         }
         .limited(&[])
+    }
+
+    /// Each target of a controller becomes a path of commands.
+    #[must_use]
+    pub fn paced(mut self, pacing: Option<Pacing>) -> Self {
+        if let Some(pacing) = pacing {
+            self.guarded.set_pacing(pacing);
+        }
+        self
     }
 
     /// The bounds of its axes.

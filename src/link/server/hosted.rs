@@ -7,7 +7,7 @@ use crate::config::{LimitsSpec, ScriptError, check_script};
 use crate::link::announce::units_of;
 use crate::link::fault::Bench;
 use crate::link::served::{
-    AxesBehind, ClientScale, Computed, GuardStore, Latch, LinkBuild, LinkMaker, Memory,
+    AxesBehind, ClientScale, Computed, GuardStore, Latch, LinkBuild, LinkMaker, Memory, Pacing,
     RecordSettings, ServedSpecimen, Unconnected, Whereabouts, first_words,
 };
 use crate::port::limits::AxisLimits;
@@ -33,10 +33,18 @@ pub struct Host {
     memory: Option<Memory>,
     guard: GuardStore,
     latch: Latch,
-    /// False of a gateway whose specimen answers with forces only.
-    measures_disp: bool,
-    /// Conversion of the commands of controllers, for a gateway.
+    gateway: GatewaySettings,
+}
+
+/// Settings of a gateway.
+#[derive(Default)]
+struct GatewaySettings {
+    /// Its specimen answers with forces only.
+    lacks_disp: bool,
+    /// Conversion of the commands of its controllers.
     conversion: Option<Conversion>,
+    /// Pacing of their targets.
+    pacing: Option<Pacing>,
 }
 
 /// Makes the port of a gateway around its link.
@@ -121,8 +129,7 @@ impl Host {
             memory: None,
             guard: GuardStore::default(),
             latch: Latch::default(),
-            measures_disp: true,
-            conversion: None,
+            gateway: GatewaySettings::default(),
         }
     }
 
@@ -154,7 +161,7 @@ impl Host {
     /// The specimen behind this gateway answers with forces only. The handshake says that no displacement is measured.
     #[must_use]
     pub const fn without_measured_disp(mut self) -> Self {
-        self.measures_disp = false;
+        self.gateway.lacks_disp = true;
         self
     }
 
@@ -162,7 +169,14 @@ impl Host {
     /// to the axes behind.
     #[must_use]
     pub fn converting(mut self, conversion: Conversion) -> Self {
-        self.conversion = Some(conversion);
+        self.gateway.conversion = Some(conversion);
+        self
+    }
+
+    /// Makes the gateway lead its specimen to each target by a path of commands.
+    #[must_use]
+    pub const fn paced(mut self, pacing: Option<Pacing>) -> Self {
+        self.gateway.pacing = pacing;
         self
     }
 
@@ -277,7 +291,12 @@ impl Host {
 
     /// A place of the axes in the signals of the controllers; empty if it is unknown.
     fn as_controllers_count(&self, place: Vec<f64>) -> Vec<f64> {
-        let Some(conversion) = self.conversion.as_ref().filter(|_| !place.is_empty()) else {
+        let Some(conversion) = self
+            .gateway
+            .conversion
+            .as_ref()
+            .filter(|_| !place.is_empty())
+        else {
             return place;
         };
         let scale = ClientScale::Structure(Box::new(conversion.behind.clone()));
@@ -322,7 +341,7 @@ impl Host {
                 .get(index)
                 .map_or(AxisLimits::NONE, AxisLimits::of)
         };
-        let behind = self.conversion.as_ref();
+        let behind = self.gateway.conversion.as_ref();
         let units = behind.map_or(&self.units, |conversion| &conversion.behind.units);
         let limits: Vec<AxisLimits> = (0..units.len()).map(bound).collect();
         first_words(&limits, units)
@@ -340,10 +359,10 @@ impl Host {
             Behind::Link(..) => Capabilities::INTERLOCK,
         };
         let kind = kind.and(Capabilities::USES_VEL);
-        if self.measures_disp {
-            kind.and(Capabilities::MEASURES_DISP)
-        } else {
+        if self.gateway.lacks_disp {
             kind
+        } else {
+            kind.and(Capabilities::MEASURES_DISP)
         }
     }
 
@@ -370,13 +389,14 @@ impl Host {
             }
             Behind::Link(build, reply_limit_ns, whereabouts) => {
                 let links = LinkMaker::new(build.clone(), whereabouts.clone(), *reply_limit_ns);
-                match &self.conversion {
+                let served = match &self.gateway.conversion {
                     None => ServedSpecimen::linked(name, links, units, stiffness, mass),
                     Some(conversion) => {
                         let (port, behind) = (conversion.build()?, conversion.behind.clone());
                         ServedSpecimen::converted(links, port, behind, units, [stiffness, mass])
                     }
-                }
+                };
+                served.paced(self.gateway.pacing)
             }
         };
         let (check, computed) = self.check.clone();

@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use super::conversion;
 use crate::catalog::limit::Limit;
 use crate::config::{DispUnit, ForceUnit, KeyPath, SpecimenTable};
-use crate::link::served::{Controller, LinkBuild, ServedSpecimen, Trip};
+use crate::link::served::{Controller, LinkBuild, Pacing, ServedSpecimen, Trip};
 use crate::link::server::Host;
 use crate::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
@@ -401,4 +401,111 @@ fn the_client_learns_the_stiffness_of_the_coordinates() {
         assert!((found - wanted).abs() < 1e-3, "{found} {wanted}");
     }
     assert_eq!(served.axes(), 3);
+}
+
+const PACING: Pacing = Pacing {
+    ticks: 20,
+    period_ns: 200_000,
+};
+
+#[test]
+fn a_paced_target_is_reached_from_rest_to_rest_along_the_poses_between() {
+    let Behind { told, host } = behind(PLATFORM, SI, &REST, springs());
+    let rig = Behind {
+        told,
+        host: host.paced(Some(PACING)),
+    };
+    let mut served = rig.begun();
+    let mut plain = behind(PLATFORM, SI, &REST, springs()).begun();
+    for (sequence, pose) in (0..).zip([[0.01, -0.02, 0.03], [0.012, 0.0, 0.03], [-0.02, 0.01, 0.0]])
+    {
+        let before = rig.told.lock().unwrap().len();
+        let answer = goes(&mut served, sequence, &pose, &[0.0; 3]).unwrap();
+        let told = rig.told.lock().unwrap()[before..].to_vec();
+        assert_eq!(told.len(), 20);
+        // The target and its answer are those of a gateway that does not pace, to the last bit.
+        let wanted = goes(&mut plain, sequence, &pose, &[0.0; 3]).unwrap();
+        assert_eq!((answer.disp, answer.force), (wanted.disp, wanted.force));
+        assert_eq!(
+            (answer.sequence, told[19][1].as_slice()),
+            (sequence, [-0.0, 0.0, 0.0].as_slice())
+        );
+        // At the half of the time the platform is half way.
+        let poses = told
+            .iter()
+            .map(|[disp, _]| port_of_platform().signals_at(disp).unwrap());
+        let poses: Vec<Vec<f64>> = poses.collect();
+        assert!((poses[9][2] - 0.5 * (poses[19][2] + before_of(sequence))).abs() < 1e-12);
+    }
+}
+
+/// The rotation of the target before this one.
+fn before_of(sequence: u64) -> f64 {
+    if sequence == 0 { 0.0 } else { 0.03 }
+}
+
+fn port_of_platform() -> crate::port::Port {
+    let rig = Rig {
+        law: springs(),
+        standing: REST.to_vec(),
+        told: Told::default(),
+        sequence: 0,
+    };
+    in_process(&toml::from_str(PLATFORM).unwrap(), rig)
+}
+
+#[test]
+fn a_client_that_is_late_or_gone_finds_the_specimen_at_rest_at_its_last_target() {
+    let Behind { told, host } = behind(PLATFORM, SI, &REST, springs());
+    let rig = Behind {
+        told,
+        host: host.paced(Some(PACING)),
+    };
+    let mut served = rig.begun();
+    goes(&mut served, 0, &[0.01, 0.0, 0.0], &[0.0; 3]).unwrap();
+    let (count, last) = (rig.told.lock().unwrap().len(), rig.last());
+    std::thread::sleep(std::time::Duration::from_millis(20));
+    served.attend().unwrap();
+    drop(served);
+    assert_eq!((rig.told.lock().unwrap().len(), rig.last()), (count, last));
+    // A server that is told to stop on the way sends no further command.
+    let mut served = rig.begun();
+    let before = rig.told.lock().unwrap().len();
+    let mut asked = 0;
+    let mut wanted = || {
+        asked += 1;
+        asked <= 3
+    };
+    let command = Command {
+        sequence: 0,
+        time: 0.0,
+        dt: 0.01,
+        disp: &[0.02, 0.0, 0.0],
+        vel: &[0.0; 3],
+    };
+    let mut into = Measurement::zeros(3);
+    let outcome = served.exchange(&command, 0.01, &mut wanted, &mut into);
+    assert_eq!(outcome, Ok(false));
+    assert_eq!(rig.told.lock().unwrap().len(), before + 3);
+}
+
+#[test]
+fn a_target_beyond_its_bound_is_refused_before_the_specimen_is_led_anywhere() {
+    let table = PLATFORM.replace(
+        "limits = { command_step_m = { trip = 0.5 } }",
+        "limits = { command_disp_m = { trip = [-0.02, 0.02] }, command_step_m = { trip = 0.5 } }",
+    );
+    let Behind { told, host } = behind(&table, SI, &REST, springs());
+    let rig = Behind {
+        told,
+        host: host.paced(Some(PACING)),
+    };
+    let mut served = rig.begun();
+    let before = rig.told.lock().unwrap().len();
+    // 0.05 m of the structure is 0.025 m of the third actuator.
+    let Err(Trip::Limit(hit)) = goes(&mut served, 0, &[0.0, 0.05, 0.0], &[0.0; 3]) else {
+        panic!("it leaves");
+    };
+    assert_eq!((hit.axis, hit.quantity), (2, Limit::CommandDisp));
+    assert_eq!(rig.told.lock().unwrap().len(), before);
 }
