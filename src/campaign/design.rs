@@ -99,6 +99,9 @@ impl Draws {
     }
 }
 
+/// Rounds of the permutation. A small range has few bits, and needs more rounds than a large one.
+const ROUNDS: u64 = 12;
+
 /// Place of `number` in a random permutation of 0 to `count` − 1: a Feistel network that walks until it is inside.
 fn permuted(seed: u64, key: &str, number: u64, count: u64) -> u64 {
     let width = u64::BITS - count.saturating_sub(1).leading_zeros();
@@ -107,7 +110,7 @@ fn permuted(seed: u64, key: &str, number: u64, count: u64) -> u64 {
     let mut value = number;
     loop {
         let (mut left, mut right) = (value >> half, value & mask);
-        for round in 0..4_u64 {
+        for round in 0..ROUNDS {
             let mixed = bits(seed ^ (round + 1), key, right) & mask;
             (left, right) = (right, left ^ mixed);
         }

@@ -57,7 +57,7 @@ use thiserror::Error;
 
 pub use bundle::Chunks;
 pub use collect::{Collected, Prove, collect};
-pub use fragility::{Fragility, Level};
+pub use fragility::{Collapses, Fragility, Level};
 pub use largest::Largest;
 pub use plan::{Campaign, Plan, plan};
 pub use study::Study;
@@ -120,15 +120,29 @@ pub enum CampaignError {
     },
     /// Two results of one task differ.
     #[error(
-        "task {task} has two different results, in {one} and {other}: results of different machines do not agree"
+        "task {task} has two different results, in the parts {one} and {other}: the machines that computed them do not agree. Remove \
+         the wrong part from the folder; its tasks are computed again"
     )]
     Conflict {
         /// Number of the task, from 1.
         task: u64,
         /// A part.
         one: String,
-        /// Another part, or `recomputed`.
+        /// Another part.
         other: String,
+    },
+    /// A computed result differs from that of a part.
+    #[error(
+        "task {task} has other bits when it is computed again: {part} is wrong and does not count any more (it is renamed). \
+         `gusset campaign run {}` computes its tasks again", folder.display()
+    )]
+    Refuted {
+        /// Number of the task, from 1.
+        task: u64,
+        /// The part.
+        part: String,
+        /// The campaign.
+        folder: PathBuf,
     },
     /// A part belongs to another campaign.
     #[error("{0} belongs to another campaign: remove it from the folder")]
@@ -145,6 +159,9 @@ pub enum CampaignError {
         /// What submits the file by hand.
         by_hand: String,
     },
+    /// The user stopped the collection.
+    #[error("stopped before the results were collected")]
+    Stopped,
     /// Another reason.
     #[error("{0}")]
     Other(String),

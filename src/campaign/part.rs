@@ -117,6 +117,12 @@ pub(super) fn names(folder: &Path) -> Result<BTreeMap<u64, Vec<PathBuf>>, Campai
     Ok(found)
 }
 
+/// Renames a part with a wrong number: it does not count any more.
+pub(super) fn set_aside(folder: &Path, part: &str) -> Result<(), CampaignError> {
+    let path = folder.join(FOLDER).join(part);
+    fs::rename(&path, path.with_extension("refuted")).map_err(at(&path))
+}
+
 /// Merges parts of one chunk. `expected` gives the identity of a task.
 ///
 /// # Errors

@@ -122,11 +122,11 @@ pub(super) fn columns(study: &Study) -> Vec<TableColumn> {
         };
         column(&axis.key, unit, kind, words)
     }));
-    if let Some(first) = study.motions.first() {
+    if !study.motions.is_empty() {
         all.push(column("record", "", text, "ground motion"));
-        if has_levels(study) {
-            all.push(column("intensity", &first.unit(), number, &first.words()));
-        }
+    }
+    if let Some(first) = study.levelled() {
+        all.push(column("intensity", &first.unit(), number, &first.words()));
     }
     if study.loaded.study.campaign.replicates > 1 {
         all.push(column(
@@ -149,10 +149,6 @@ pub(super) fn columns(study: &Study) -> Vec<TableColumn> {
     all
 }
 
-fn has_levels(study: &Study) -> bool {
-    study.motions.iter().any(|one| !one.levels.is_empty())
-}
-
 /// The row of a task, one cell for each column.
 pub(super) fn cells(study: &Study, task: &Task, result: &Performed) -> Vec<Cell> {
     let mut cells = vec![Cell::count(task.index + 1)];
@@ -165,7 +161,7 @@ pub(super) fn cells(study: &Study, task: &Task, result: &Performed) -> Vec<Cell>
     }));
     if let Some((name, level)) = &task.motion {
         cells.push(Cell::Text(name.clone()));
-        if has_levels(study) {
+        if study.levelled().is_some() {
             cells.push(level.map_or(Cell::Missing, Cell::number));
         }
     }

@@ -49,7 +49,7 @@ impl Task {
                 continue;
             }
             if let Some((one, level)) = motions.at(shot) {
-                sets.push(one.set.clone());
+                sets.extend(one.sets.iter().cloned());
                 sets.extend(level.map(|level| motions.scaled(level)));
                 motion = Some((one.name.clone(), level));
                 motion_digest.clone_from(&one.digest);

@@ -291,10 +291,15 @@ impl SpanTable {
         let last = self.count.saturating_sub(1);
         let value = |i: usize| match i {
             _ if i == last && last > 0 => self.to,
-            _ => of(i as f64 / last.max(1) as f64),
+            _ => rounded(of(i as f64 / last.max(1) as f64)),
         };
         (0..self.count).map(value).collect()
     }
+}
+
+/// The number with fifteen digits: 0.3, not 0.30000000000000004.
+fn rounded(value: f64) -> f64 {
+    format!("{value:.14e}").parse().unwrap_or(value)
 }
 
 impl VaryTable {

@@ -7,12 +7,14 @@
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use sha2::{Digest, Sha256};
 use thiserror::Error;
 
 use super::diagnose::Finding;
 use super::document::KeyPath;
+use super::input_store::InputStore;
 use super::suggest;
 
 /// Folder of the run folder that holds the copies.
@@ -114,6 +116,8 @@ impl InputError {
 pub struct Inputs {
     folder: PathBuf,
     files: Vec<Input>,
+    /// Bytes that other tests of the same study read before.
+    store: Option<Arc<InputStore>>,
 }
 
 impl Inputs {
@@ -123,7 +127,15 @@ impl Inputs {
         Self {
             folder: folder.to_owned(),
             files: Vec::new(),
+            store: None,
         }
+    }
+
+    /// The same, with the files of a study.
+    #[must_use]
+    pub(super) fn with_store(mut self, store: Option<Arc<InputStore>>) -> Self {
+        self.store = store;
+        self
     }
 
     /// The bytes of the file that the test calls `requested`, read on the first request.
@@ -168,15 +180,27 @@ impl Inputs {
                 source,
             },
         };
-        let real = path.canonicalize().map_err(refused)?;
-        if real.is_dir() {
-            return Err(InputError::Folder { path });
-        }
+        let (real, bytes) = match &self.store {
+            Some(store) => {
+                let (real, bytes) = store.read(&path).map_err(refused)?;
+                (real, bytes.to_vec())
+            }
+            None => {
+                let real = path.canonicalize().map_err(refused)?;
+                if real.is_dir() {
+                    return Err(InputError::Folder { path });
+                }
+                (real, Vec::new())
+            }
+        };
         if let Some(known) = self.files.iter().position(|file| file.path == real) {
             self.files[known].requested.push(requested.to_owned());
             return Ok(known);
         }
-        let bytes = read_input(&real).map_err(refused)?;
+        let bytes = match self.store {
+            Some(_) => bytes,
+            None => read_input(&real).map_err(refused)?,
+        };
         self.files.push(Input {
             requested: vec![requested.to_owned()],
             name: self.unique_name(&path),
