@@ -10,7 +10,7 @@ use super::motions::{Motions, motions};
 use super::sobol;
 use super::{CampaignError, at};
 use crate::config::{
-    Finding, InputStore, KeyPath, LoadedStudy, Sampling, Scalar, Uncertain, load_study,
+    ConfigError, Finding, InputStore, KeyPath, LoadedStudy, Sampling, Scalar, Uncertain, load_study,
 };
 use crate::setup;
 
@@ -177,10 +177,18 @@ fn check_axes(loaded: &LoadedStudy, axes: &[Axis]) -> Result<(), CampaignError> 
         let set = format!("{}={}", axis.key, value.toml());
         if let Err(error) = loaded.test.varied(&[set]) {
             let at = KeyPath::root().key("vary").index(index).key("key");
-            let text = format!("the test cannot have `{}` = {}", axis.key, value.toml());
-            let finding = Finding::error(at, text).label("see the reason below");
-            let first = error.to_string();
-            return Err(loaded.refuse(finding.help(first)).into());
+            let ConfigError::Invalid(all) = &error else {
+                return Err(error.into());
+            };
+            let Some(first) = all.0.first() else {
+                return Err(error.into());
+            };
+            let mut finding = Finding::error(at, &first.headline).label(&first.place.1);
+            for help in &first.help {
+                finding = finding.help(help);
+            }
+            let tried = format!("tried with `{}` = {}", axis.key, value.toml());
+            return Err(loaded.refuse(finding.help(tried)).into());
         }
     }
     Ok(())

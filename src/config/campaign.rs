@@ -9,6 +9,7 @@ use super::check::check_samples;
 use super::document::{Datum, KeyPath, Node};
 use super::{ConfigError, Diagnostics, Finding, Loaded, Locator, Purpose, Severity};
 use super::{judge, open, parse, read_text};
+use crate::motion::Quantity;
 
 /// Most values of one range.
 const MOST_VALUES: usize = 100_000;
@@ -244,6 +245,15 @@ fn check_records(at: &KeyPath, records: &RecordsTable, findings: &mut Vec<Findin
     if records.synthetic.is_some_and(|table| table.count == 0) {
         let at = at.key("synthetic").key("count");
         findings.push(Finding::error(at, "`count` must be 1 or greater"));
+    }
+    let units = [("record_unit", records.record_unit), ("unit", records.unit)];
+    for (key, unit) in units {
+        let Some(unit) = unit.filter(|unit| unit.quantity() != Quantity::Acceleration) else {
+            continue;
+        };
+        let text = format!("`{}` must be a unit of acceleration", at.key(key));
+        let finding = Finding::error(at.key(key), text).label(format!("found {unit}"));
+        findings.push(finding.help(format!("allowed: {}", Quantity::Acceleration.spellings())));
     }
     let list = records.values.as_ref().map(Vec::len);
     check_range(at, list, records.linear, records.log, false, findings);
