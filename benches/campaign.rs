@@ -1,4 +1,4 @@
-//! What a campaign costs beside other ways to run the same tests.
+//! Cost of a campaign beside other ways to run the same tests.
 //!
 //! `cargo bench --bench campaign`. Each part prints ours, an opponent's time, and the ratio, from one run:
 //!

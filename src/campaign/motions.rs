@@ -220,7 +220,7 @@ fn unique_name(full: &Path, others: &[Motion]) -> String {
     names.next().unwrap_or_else(|| full.display().to_string())
 }
 
-/// A record of the test file that is read in a way of its own: no record of a study is read so.
+/// True if keys of the test file decide how its record is read: they do not hold for the records of a study.
 fn has_own_ways(file: &FileSignal) -> bool {
     let plain = FileSignal {
         path: file.path.clone(),

@@ -14,7 +14,7 @@ use super::study::Study;
 use crate::config::Design;
 use crate::view::report::{Look, Scale, count, definitions, details, escape, frame, note, section};
 
-/// Most points of the design with pictures of their own.
+/// Most points of the design with separate pictures.
 const MOST_POINTS: usize = 6;
 /// Most files that the page names.
 const MOST_FILES: usize = 50;

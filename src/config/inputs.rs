@@ -131,7 +131,7 @@ impl Inputs {
         }
     }
 
-    /// The same, with the files of a study.
+    /// Inputs that take their bytes from the store of a study.
     #[must_use]
     pub(super) fn with_store(mut self, store: Option<Arc<InputStore>>) -> Self {
         self.store = store;

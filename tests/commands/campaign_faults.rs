@@ -141,7 +141,7 @@ fn wrong_clocks_of_hosts_do_not_matter() {
     assert!(complete(&said, &out) == undisturbed());
 }
 
-/// The same program with one more byte: another host has another build.
+/// A copy of the program with one more byte, as another build.
 fn other_build(folder: &Path) -> PathBuf {
     let path = folder.join("other-gusset");
     let mut bytes = fs::read(assert_cmd::cargo::cargo_bin!("gusset")).unwrap();

@@ -138,7 +138,7 @@ impl Tornado<'_> {
     }
 }
 
-/// What the numbers of the axis are divided by.
+/// Divisor of the numbers of the axis.
 fn factor(axis: &Axis, unit: &str) -> f64 {
     super::text::scaled(axis.lo().abs().max(axis.hi().abs()), unit).factor
 }
