@@ -85,7 +85,7 @@ pub(super) fn open(campaign: &Campaign) -> Result<Vec<u64>, CampaignError> {
         let paths = found.remove(&chunk).unwrap_or_default();
         let parts = merge(&paths, |index| campaign.identity(chunk, index))?;
         let mut tasks = campaign.plan.chunk(chunk);
-        if tasks.any(|index| index > 0 || !parts.lines.contains_key(&index)) {
+        if tasks.any(|index| !parts.lines.contains_key(&index)) {
             open.push(chunk);
         }
     }

@@ -104,7 +104,7 @@ fn directive(path: &str) -> String {
     let mut text = String::new();
     for character in path.chars() {
         match character {
-            '\u{1}' => text.push('%'),
+            '%' => text.push('%'),
             '\\' | '"' | '\'' | '#' => text.push('\\'),
             _ => {}
         }
