@@ -10,7 +10,7 @@ use super::found::Shown;
 use super::fragility::{Collapses, Fragility, Level};
 use super::largest::Leaders;
 use super::page::render;
-use super::part::{Line, Parts, merge, names};
+use super::part::{Lines, Parts, merge, names};
 use super::perform::{INVALID, Performed, why_invalid};
 use super::plan::Campaign;
 pub use super::prove::Prove;
@@ -101,7 +101,7 @@ pub fn collect(
 fn prove_some(
     campaign: &Campaign,
     wanted: Prove,
-    lines: &BTreeMap<u64, (Line, String)>,
+    lines: &Lines,
     jobs: usize,
     stop: &Stop<'_>,
 ) -> Result<u64, CampaignError> {
@@ -120,7 +120,7 @@ fn prove_some(
 fn merged(
     campaign: &Campaign,
     tables: &mut Tables,
-    prove: &dyn Fn(&BTreeMap<u64, (Line, String)>) -> Result<u64, CampaignError>,
+    prove: &dyn Fn(&Lines) -> Result<u64, CampaignError>,
     progress: &dyn Fn(u64),
 ) -> Result<Sheet, CampaignError> {
     let (study, plan) = (&campaign.study, &campaign.plan);

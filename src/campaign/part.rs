@@ -28,11 +28,14 @@ pub(super) struct Line {
     pub result: Performed,
 }
 
+/// Results by task, with the name of the part of each.
+pub(super) type Lines = BTreeMap<u64, (Line, String)>;
+
 /// Parts of one chunk.
 #[derive(Debug, Default)]
 pub(super) struct Parts {
     /// Results by task, with the name of the part of each.
-    pub lines: BTreeMap<u64, (Line, String)>,
+    pub lines: Lines,
     /// Names of parts that were cut short.
     pub damaged: Vec<String>,
 }

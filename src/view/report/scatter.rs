@@ -234,7 +234,7 @@ fn two_lines(name: &str, width: f64) -> Vec<String> {
     }
     let breaks = name.match_indices(['_', '.', ' ']).map(|(at, _)| at + 1);
     let fits = |at: &usize| text_width(&name[..*at], SMALL) <= width;
-    match breaks.filter(fits).last() {
+    match breaks.filter(fits).next_back() {
         Some(at) => vec![name[..at].to_owned(), fitted(&name[at..], SMALL, width)],
         None => vec![fitted(name, SMALL, width)],
     }

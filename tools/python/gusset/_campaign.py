@@ -159,7 +159,8 @@ class Campaign:
     @functools.cached_property
     def fragility(self) -> Fragility | None:
         """The fragility curve. None without levels of intensity, without `collapse` in [measure], or if the counts do not
-        determine a curve. `summary["fragility"]["levels"]` has the counts in each case."""
+        determine a curve. `summary["fragility"]["levels"]` has the counts in each case. A study that varies other keys has several
+        curves, in `summary["fragility"]["points"]`."""
         found = self.summary.get("fragility") or {}
         fit = found.get("fit")
         if fit is None:
