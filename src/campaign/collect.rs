@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use serde_json::{Value, json};
 
+use super::cell::TableColumn;
 use super::design::is_among;
 pub use super::found::Collected;
 use super::found::Shown;
@@ -16,7 +17,7 @@ use super::plan::Campaign;
 pub use super::prove::Prove;
 use super::prove::prove;
 use super::study::Study;
-use super::table::{TableColumn, Tables, cells, columns};
+use super::table::{Tables, cells, columns};
 use super::task::Task;
 use super::work::Stop;
 use super::{CampaignError, at};

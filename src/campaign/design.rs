@@ -2,6 +2,7 @@
 
 use std::f64::consts::SQRT_2;
 
+use super::random::bits;
 use super::sobol;
 use crate::config::{Design, Sampling, Scalar};
 
@@ -53,17 +54,6 @@ pub(super) fn alone(axes: &[Axis], index: u64) -> Option<(usize, usize)> {
         rest -= count;
     }
     None
-}
-
-/// 64 random bits for a seed and a place.
-pub(super) fn bits(seed: u64, channel: &str, number: u64) -> u64 {
-    let mut hasher = blake3::Hasher::new();
-    hasher.update(&seed.to_le_bytes());
-    hasher.update(&number.to_le_bytes());
-    hasher.update(channel.as_bytes());
-    let mut first = [0; 8];
-    hasher.finalize_xof().fill(&mut first);
-    u64::from_le_bytes(first)
 }
 
 /// A number between 0 and 1, both excluded.

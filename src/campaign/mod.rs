@@ -13,15 +13,16 @@
 //!
 //! | module | content |
 //! |---|---|
-//! | `study`, `design`, `sobol`, `motions`, `task` | from the study file to the overrides and the identity of a task |
+//! | `study`, `design`, `random`, `sobol`, `motions`, `task` | from the study file to the overrides and the identity of a task |
 //! | `measure`, `perform` | one simulated test and the numbers of its table row |
 //! | `plan`, `part`, `work` | campaign folder, result parts, chunks on threads |
 //! | `bundle`, `launcher`, `submit` | open chunks, and job files of other launchers |
-//! | `collect`, `table`, `parquet`, `prove` | merging, the table, recomputed tasks |
+//! | `collect`, `cell`, `table`, `parquet`, `prove` | merging, the table, recomputed tasks |
 //! | `found`, `fractile`, `fragility`, `largest` | values for the report, and their statistics |
 //! | `ida`, `sensitivity`, `distribution`, `pairs`, `drawing`, `page` | pictures of the report |
 
 mod bundle;
+mod cell;
 mod collect;
 mod design;
 mod distribution;
@@ -42,6 +43,7 @@ mod part;
 mod perform;
 mod plan;
 mod prove;
+mod random;
 mod sensitivity;
 mod sobol;
 mod study;

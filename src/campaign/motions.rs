@@ -200,7 +200,7 @@ fn files(
         }
         (None, None) => Vec::new(),
     };
-    let mut inputs = store.inputs(loaded.folder());
+    let mut inputs = Inputs::new(loaded.folder()).with_store(Some(Arc::clone(store)));
     let mut motions: Vec<Motion> = Vec::with_capacity(names.len());
     for (at, name) in names {
         let mut motion = motion(loaded, table, &mut inputs, (at, &name))?;

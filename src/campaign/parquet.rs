@@ -15,7 +15,7 @@ use parquet::file::properties::{EnabledStatistics, WriterProperties};
 use parquet::file::writer::{SerializedColumnWriter, SerializedFileWriter};
 use parquet::schema::types::{ColumnPath, Type};
 
-use super::table::{Cell, CellKind, TableColumn};
+use super::cell::{Cell, CellKind, TableColumn};
 use super::{CampaignError, at};
 use crate::record::atomic::AtomicFile;
 

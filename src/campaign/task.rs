@@ -1,6 +1,7 @@
 //! A task: the overrides of one simulated test, and its identity.
 
-use super::design::{Draws, bits, point};
+use super::design::{Draws, point};
+use super::random::bits;
 use super::study::Study;
 use crate::config::Scalar;
 

@@ -4,6 +4,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::campaign_table::OWN;
 use super::campaign_table::{Intensity, RecordsTable, SpanTable, StudyFile};
 use super::check::check_samples;
 use super::document::{Datum, KeyPath, Node};
@@ -94,9 +95,6 @@ pub fn parse_study(path: &Path, text: String) -> Result<LoadedStudy, ConfigError
         locator,
     })
 }
-
-/// Names of the tables that a study has beside those of its test.
-pub(super) const OWN: [&str; 6] = ["test", "campaign", "vary", "sample", "records", "measure"];
 
 /// The tables of the study, and the other entries of the file.
 fn divided(root: &Node) -> (Node, Vec<(String, Node)>) {

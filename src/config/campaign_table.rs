@@ -6,6 +6,9 @@ use serde::{Deserialize, Serialize};
 use super::certificate::UncertaintyTable;
 use crate::motion::Unit;
 
+/// Names of the tables that a study has beside those of its test.
+pub(super) const OWN: [&str; 6] = ["test", "campaign", "vary", "sample", "records", "measure"];
+
 /// Study of `gusset campaign`: what varies in a test, and what is measured. The study contains the tables of the test too,
 /// unless `test` names another file.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]

@@ -1,12 +1,39 @@
 //! Bytes of the files that many tests of one study read: each file is read once, so all tests have the same bytes.
 
 use std::collections::BTreeMap;
-use std::io;
+use std::fs::File;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::inputs::{Inputs, read_input};
+/// MiB of the longest file that a test may name: 12 hours of a record at 1 kHz, with 20 bytes to a sample, have room.
+const LONGEST_MIB: u64 = 1024;
+
+/// The bytes of the file at `path`, or of a pipe; a device that never ends is given up.
+///
+/// # Errors
+/// The system refuses, or there are more than `longest_mib` MiB.
+pub(super) fn read_at_most(longest_mib: u64, path: &Path) -> io::Result<Vec<u8>> {
+    let longest = longest_mib << 20;
+    let mut bytes = Vec::new();
+    File::open(path)?
+        .take(longest + 1)
+        .read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > longest {
+        let reason = format!("more than the {longest_mib} MiB that it may have");
+        return Err(io::Error::new(io::ErrorKind::FileTooLarge, reason));
+    }
+    Ok(bytes)
+}
+
+/// The bytes of a file that a test names.
+///
+/// # Errors
+/// The system refuses, or the file is longer than any record.
+pub(crate) fn read_input(path: &Path) -> io::Result<Vec<u8>> {
+    read_at_most(LONGEST_MIB, path)
+}
 
 /// A file: its full path and its bytes.
 pub type Stored = (PathBuf, Arc<[u8]>);
@@ -36,12 +63,6 @@ impl InputStore {
         let bytes: Arc<[u8]> = read_input(&real)?.into();
         files.insert(path.to_owned(), (real.clone(), Arc::clone(&bytes)));
         Ok((real, bytes))
-    }
-
-    /// Inputs in `folder` that take their bytes from here.
-    #[must_use]
-    pub fn inputs(self: &Arc<Self>, folder: &Path) -> Inputs {
-        Inputs::new(folder).with_store(Some(Arc::clone(self)))
     }
 
     /// No further file is read from the disk.

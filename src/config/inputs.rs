@@ -4,8 +4,7 @@
 //! the run folder's `inputs/`, so that the folder alone is enough to run the test again. What the bytes mean is not
 //! decided here.
 
-use std::fs::File;
-use std::io::{self, Read};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -14,39 +13,11 @@ use thiserror::Error;
 
 use super::diagnose::Finding;
 use super::document::KeyPath;
-use super::input_store::InputStore;
+use super::input_store::{InputStore, read_input};
 use super::suggest;
 
 /// Folder of the run folder that holds the copies.
 pub const INPUTS_FOLDER: &str = "inputs";
-
-/// MiB of the longest file that a test may name: 12 hours of a record at 1 kHz, with 20 bytes to a sample, have room.
-const LONGEST_MIB: u64 = 1024;
-
-/// The bytes of the file at `path`, or of a pipe; a device that never ends is given up.
-///
-/// # Errors
-/// The system refuses, or there are more than `longest_mib` MiB.
-pub(super) fn read_at_most(longest_mib: u64, path: &Path) -> io::Result<Vec<u8>> {
-    let longest = longest_mib << 20;
-    let mut bytes = Vec::new();
-    File::open(path)?
-        .take(longest + 1)
-        .read_to_end(&mut bytes)?;
-    if bytes.len() as u64 > longest {
-        let reason = format!("more than the {longest_mib} MiB that it may have");
-        return Err(io::Error::new(io::ErrorKind::FileTooLarge, reason));
-    }
-    Ok(bytes)
-}
-
-/// The bytes of a file that a test names.
-///
-/// # Errors
-/// The system refuses, or the file is longer than any record.
-pub(crate) fn read_input(path: &Path) -> io::Result<Vec<u8>> {
-    read_at_most(LONGEST_MIB, path)
-}
 
 /// One file that the test read.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -133,7 +104,7 @@ impl Inputs {
 
     /// Inputs that take their bytes from the store of a study.
     #[must_use]
-    pub(super) fn with_store(mut self, store: Option<Arc<InputStore>>) -> Self {
+    pub fn with_store(mut self, store: Option<Arc<InputStore>>) -> Self {
         self.store = store;
         self
     }
@@ -258,6 +229,7 @@ fn similar_name(path: &Path) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::input_store::read_at_most;
     use super::*;
 
     fn folder() -> tempfile::TempDir {

@@ -91,7 +91,7 @@ pub use excitation::{
 pub use fault_rules::{ScriptError, check_script};
 use fault_script::Script;
 pub use input_store::InputStore;
-pub(crate) use inputs::read_input;
+pub(crate) use input_store::read_input;
 pub use inputs::{INPUTS_FOLDER, Input, InputError, Inputs};
 pub use levels::{BoundSpec, LimitsError, RangeSpec};
 pub use limit_table::LimitsSpec;
@@ -222,11 +222,12 @@ const LONGEST_TEST_MIB: u64 = 64;
 /// # Errors
 /// [`ConfigError`]: it cannot be read, or is no text.
 pub fn read_text(path: &Path) -> Result<String, ConfigError> {
-    let bytes =
-        inputs::read_at_most(LONGEST_TEST_MIB, path).map_err(|source| ConfigError::Unreadable {
+    let bytes = input_store::read_at_most(LONGEST_TEST_MIB, path).map_err(|source| {
+        ConfigError::Unreadable {
             path: path.to_owned(),
             source,
-        })?;
+        }
+    })?;
     String::from_utf8(bytes).map_err(|error| {
         let at = error.utf8_error().valid_up_to();
         let newlines = error.as_bytes()[..at].iter().filter(|byte| **byte == b'\n');

@@ -1,6 +1,8 @@
 //! Faults of a campaign: killed workers, a full disk, wrong clocks, another executable. Nothing is lost, double or silently
 //! different: the table is equal to that of an undisturbed run, bit for bit.
 
+#![allow(clippy::disallowed_methods, reason = "other processes are waited for")]
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};

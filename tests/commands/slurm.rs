@@ -3,6 +3,8 @@
 //! The daemons belong to the test: they have its folder and free ports of the loopback, and it ends them by their process numbers.
 //! Debian has them in the packages `slurm-wlm` and `munge`.
 
+#![allow(clippy::disallowed_methods, reason = "other processes are waited for")]
+
 use std::ffi::OsString;
 use std::fmt::Write as _;
 use std::fs;
