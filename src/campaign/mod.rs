@@ -1,7 +1,7 @@
 //! Campaigns: many simulated tests of one study, on one machine or on many.
 //!
 //! [`Study`] expands a study file into tasks. Task `i` is a function of the study and `i`, so no list of tasks is kept. [`plan()`]
-//! writes a campaign folder, [`work`] computes chunks of its tasks, and [`collect()`] merges the result parts into one table.
+//! writes a campaign folder, [`work()`] computes chunks of its tasks, and [`collect()`] merges the result parts into one table.
 //! Workers share nothing but the folder: no network, no daemon, no lock.
 //!
 //! | file of the folder | contains |
