@@ -83,7 +83,7 @@ pub(super) fn open(campaign: &Campaign) -> Result<Vec<u64>, CampaignError> {
     let mut open = Vec::new();
     for chunk in 1..=campaign.plan.chunks() {
         let paths = found.remove(&chunk).unwrap_or_default();
-        let parts = merge(&paths, |index| campaign.identity(index))?;
+        let parts = merge(&paths, |index| campaign.identity(chunk, index))?;
         let mut tasks = campaign.plan.chunk(chunk);
         if tasks.any(|index| !parts.lines.contains_key(&index)) {
             open.push(chunk);

@@ -4,20 +4,22 @@ use std::collections::BTreeMap;
 
 use serde_json::{Value, json};
 
+use super::cell::TableColumn;
 use super::design::is_among;
 pub use super::found::Collected;
 use super::found::Shown;
-use super::fragility::{Fragility, Level};
+use super::fragility::{Collapses, Fragility, Level};
 use super::largest::Leaders;
 use super::page::render;
-use super::part::{Line, Parts, merge, names};
+use super::part::{Lines, Parts, merge, names};
 use super::perform::{INVALID, Performed, why_invalid};
 use super::plan::Campaign;
 pub use super::prove::Prove;
 use super::prove::prove;
 use super::study::Study;
-use super::table::{TableColumn, Tables, cells, columns};
+use super::table::{Tables, cells, columns};
 use super::task::Task;
+use super::work::Stop;
 use super::{CampaignError, at};
 use crate::catalog::ending::Cause;
 use crate::record::atomic;
@@ -26,6 +28,8 @@ use crate::record::atomic;
 const MOST_NAMED: usize = 100;
 /// Most tests in the pictures. More tasks do not need more memory: pictures then show a random choice of this number.
 const MOST_SHOWN: u64 = 200_000;
+/// Most points of the design with a fragility curve.
+const MOST_POINTS: u64 = 20;
 
 /// Counts and rows under way.
 #[derive(Default)]
@@ -38,7 +42,8 @@ struct Sheet {
     damaged: Vec<String>,
     parts: u64,
     shown: Vec<Shown>,
-    levels: Vec<Level>,
+    /// Counts of collapses at the first points of the design.
+    levels: BTreeMap<u64, Vec<Level>>,
     /// For each measure with pictures.
     largest: Vec<Leaders>,
     proved: u64,
@@ -47,11 +52,13 @@ struct Sheet {
 /// Merges the parts of a campaign and writes table, summary and report. `jobs` threads compute the chosen tasks again.
 ///
 /// # Errors
-/// [`CampaignError`]: two results of one task differ, a part belongs to another campaign, or the system refuses a file.
+/// [`CampaignError`]: two results of one task differ, a part belongs to another campaign, the system refuses a file, or `stop` returns
+/// true. The files of an earlier collection then stay.
 pub fn collect(
     campaign: &Campaign,
     wanted: Prove,
     jobs: usize,
+    stop: &Stop<'_>,
     progress: &dyn Fn(u64),
 ) -> Result<Collected, CampaignError> {
     let study = &campaign.study;
@@ -60,7 +67,10 @@ pub fn collect(
     let sheet = merged(
         campaign,
         &mut tables,
-        &|lines| prove_some(campaign, wanted, lines, jobs),
+        &|lines| match stop() {
+            true => Err(CampaignError::Stopped),
+            false => prove_some(campaign, wanted, lines, jobs, stop),
+        },
         progress,
     )?;
     let table = tables.finish(sheet.done == campaign.plan.tasks)?;
@@ -74,7 +84,7 @@ pub fn collect(
         open: sheet.open,
         damaged: sheet.damaged,
         proved: sheet.proved,
-        fragility: fragility(sheet.levels),
+        fragility: fragility(study, sheet.levels),
         largest: sheet.largest.into_iter().map(Leaders::into_all).collect(),
         summary: Value::Null,
         table,
@@ -92,14 +102,18 @@ pub fn collect(
 fn prove_some(
     campaign: &Campaign,
     wanted: Prove,
-    lines: &BTreeMap<u64, (Line, String)>,
+    lines: &Lines,
     jobs: usize,
+    stop: &Stop<'_>,
 ) -> Result<u64, CampaignError> {
     let chosen = lines
         .values()
         .filter(|(line, _)| wanted.chooses(campaign, line.index));
     let chosen: Vec<_> = chosen.cloned().collect();
-    prove(campaign, &chosen, jobs)?;
+    prove(campaign, &chosen, jobs, stop)?;
+    if stop() {
+        return Err(CampaignError::Stopped);
+    }
     Ok(chosen.len() as u64)
 }
 
@@ -107,7 +121,7 @@ fn prove_some(
 fn merged(
     campaign: &Campaign,
     tables: &mut Tables,
-    prove: &dyn Fn(&BTreeMap<u64, (Line, String)>) -> Result<u64, CampaignError>,
+    prove: &dyn Fn(&Lines) -> Result<u64, CampaignError>,
     progress: &dyn Fn(u64),
 ) -> Result<Sheet, CampaignError> {
     let (study, plan) = (&campaign.study, &campaign.plan);
@@ -123,7 +137,7 @@ fn merged(
     for chunk in 1..=plan.chunks() {
         let paths = found.remove(&chunk).unwrap_or_default();
         sheet.parts += paths.len() as u64;
-        let Parts { lines, damaged } = merge(&paths, |index| campaign.identity(index))?;
+        let Parts { lines, damaged } = merge(&paths, |index| campaign.identity(chunk, index))?;
         sheet.damaged.extend(damaged);
         let tasks = plan.chunk(chunk);
         if (lines.len() as u64) < tasks.end - tasks.start && sheet.open.len() < MOST_NAMED {
@@ -157,7 +171,10 @@ impl Sheet {
         let collapsed = !is_done || criterion.and_then(value) == Some(1.0);
         let level = task.motion.as_ref().and_then(|(_, level)| *level);
         if let (Some(level), Some(_)) = (level, criterion) {
-            self.count_at(level, collapsed);
+            let point = study.point_of(task.index);
+            if point < MOST_POINTS {
+                count_at(self.levels.entry(point).or_default(), level, collapsed);
+            }
         }
         let values: Vec<f64> = study
             .reported()
@@ -177,23 +194,21 @@ impl Sheet {
             });
         }
     }
+}
 
-    fn count_at(&mut self, level: f64, collapsed: bool) {
-        let place = self
-            .levels
-            .binary_search_by(|known| known.level.total_cmp(&level));
-        let place = place.unwrap_or_else(|place| {
-            let new = Level {
-                level,
-                tests: 0.0,
-                collapses: 0.0,
-            };
-            self.levels.insert(place, new);
-            place
-        });
-        self.levels[place].tests += 1.0;
-        self.levels[place].collapses += f64::from(u8::from(collapsed));
-    }
+fn count_at(levels: &mut Vec<Level>, level: f64, collapsed: bool) {
+    let place = levels.binary_search_by(|known| known.level.total_cmp(&level));
+    let place = place.unwrap_or_else(|place| {
+        let new = Level {
+            level,
+            tests: 0.0,
+            collapses: 0.0,
+        };
+        levels.insert(place, new);
+        place
+    });
+    levels[place].tests += 1.0;
+    levels[place].collapses += f64::from(u8::from(collapsed));
 }
 
 /// Why the task `index` has no valid test.
@@ -202,9 +217,14 @@ fn example(study: &Study, index: u64) -> Option<String> {
     Some(format!("task {}: {}", index + 1, why.trim_end()))
 }
 
-/// The curve through counts of collapses; none without levels or without a criterion.
-fn fragility(levels: Vec<Level>) -> Option<(Option<Fragility>, Vec<Level>)> {
-    (!levels.is_empty()).then(|| (Fragility::fit(&levels), levels))
+/// The curves through counts of collapses, point by point: a curve belongs to one structure.
+fn fragility(study: &Study, levels: BTreeMap<u64, Vec<Level>>) -> Vec<Collapses> {
+    let each = levels.into_iter().map(|(point, levels)| Collapses {
+        point: study.point_words(point),
+        fit: Fragility::fit(&levels),
+        levels,
+    });
+    each.collect()
 }
 
 fn summary(
@@ -220,14 +240,20 @@ fn summary(
         .table
         .file_name()
         .map(|name| name.to_string_lossy().into_owned());
-    let fragility = collected.fragility.as_ref().map(|(fit, levels)| {
+    // One curve stands by itself; more of them are a list.
+    let only = match collected.fragility.as_slice() {
+        [only] => Some(only),
+        _ => None,
+    };
+    let fragility = (!collected.fragility.is_empty()).then(|| {
         json!({
             "source": "columns `intensity` and `collapse` of the table",
             "method": "lognormal, binomial maximum likelihood",
-            "intensity": study.motions.first().map(|one| one.words()),
-            "unit": study.motions.first().map(|one| one.unit()),
-            "fit": fit,
-            "levels": levels,
+            "intensity": study.levelled().map(|one| one.words()),
+            "unit": study.levelled().map(|one| one.unit()),
+            "fit": only.and_then(|one| one.fit),
+            "levels": only.map(|one| &one.levels),
+            "points": collected.fragility,
         })
     });
     let reported = study.reported().into_iter().zip(&collected.largest);

@@ -2,6 +2,7 @@
 
 use std::f64::consts::SQRT_2;
 
+use super::random::bits;
 use super::sobol;
 use crate::config::{Design, Sampling, Scalar};
 
@@ -55,17 +56,6 @@ pub(super) fn alone(axes: &[Axis], index: u64) -> Option<(usize, usize)> {
     None
 }
 
-/// 64 random bits for a seed and a place.
-pub(super) fn bits(seed: u64, channel: &str, number: u64) -> u64 {
-    let mut hasher = blake3::Hasher::new();
-    hasher.update(&seed.to_le_bytes());
-    hasher.update(&number.to_le_bytes());
-    hasher.update(channel.as_bytes());
-    let mut first = [0; 8];
-    hasher.finalize_xof().fill(&mut first);
-    u64::from_le_bytes(first)
-}
-
 /// A number between 0 and 1, both excluded.
 fn uniform(seed: u64, channel: &str, number: u64) -> f64 {
     let high = bits(seed, channel, number) >> 12;
@@ -99,6 +89,9 @@ impl Draws {
     }
 }
 
+/// Rounds of the permutation. A small range has few bits, and needs more rounds than a large one.
+const ROUNDS: u64 = 12;
+
 /// Place of `number` in a random permutation of 0 to `count` − 1: a Feistel network that walks until it is inside.
 fn permuted(seed: u64, key: &str, number: u64, count: u64) -> u64 {
     let width = u64::BITS - count.saturating_sub(1).leading_zeros();
@@ -107,7 +100,7 @@ fn permuted(seed: u64, key: &str, number: u64, count: u64) -> u64 {
     let mut value = number;
     loop {
         let (mut left, mut right) = (value >> half, value & mask);
-        for round in 0..4_u64 {
+        for round in 0..ROUNDS {
             let mixed = bits(seed ^ (round + 1), key, right) & mask;
             (left, right) = (right, left ^ mixed);
         }

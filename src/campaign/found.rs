@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use serde_json::Value;
 
-use super::fragility::{Fragility, Level};
+use super::fragility::Collapses;
 use super::largest::Largest;
 
 /// Findings and files of a collection.
@@ -30,8 +30,8 @@ pub struct Collected {
     pub damaged: Vec<String>,
     /// Tasks that were computed again, with equal bits.
     pub proved: u64,
-    /// The fragility curve with its counts.
-    pub fragility: Option<(Option<Fragility>, Vec<Level>)>,
+    /// Counts of collapses with their curves, for the first points of the design.
+    pub fragility: Vec<Collapses>,
     /// Tests with the largest values of each measure with pictures.
     pub largest: Vec<Vec<Largest>>,
     /// What `summary.json` contains.

@@ -42,7 +42,7 @@ pub(super) fn ida(study: &Study, measure: &Measure, place: usize, shown: &[Shown
     if let Some((x, y)) = &criterion {
         curves.push(curve("criterion of collapse", x, y, Look::Reference));
     }
-    let first = study.motions.first();
+    let first = study.levelled();
     let words = first.map(|one| one.words()).unwrap_or_default();
     let unit = first.map(|one| one.unit()).unwrap_or_default();
     let across = Scale {

@@ -302,7 +302,10 @@ impl Taker {
             .collect();
         let drifts = sheet.measures.iter().zip(&values);
         let drifts = drifts.filter(|(measure, _)| matches!(measure.kind, Kind::Drift(..)));
-        let largest = drifts.map(|(_, value)| *value).fold(f64::NAN, f64::max);
+        // A storey without a number has no largest drift.
+        let larger = |a: f64, b: f64| if a.is_nan() || a > b { a } else { b };
+        let largest = drifts.map(|(_, value)| *value).reduce(larger);
+        let largest = largest.unwrap_or(f64::NAN);
         for index in 0..values.len() {
             match sheet.measures[index].kind {
                 Kind::LargestDrift => values[index] = largest,

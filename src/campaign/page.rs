@@ -3,7 +3,7 @@
 use super::distribution::distribution;
 use super::drawing::{curve, picture, scale, short};
 use super::found::{Collected, Shown};
-use super::fragility::{Fragility, Level};
+use super::fragility::Collapses;
 use super::ida::ida;
 use super::largest::largest;
 use super::measure::Measure;
@@ -14,18 +14,24 @@ use super::study::Study;
 use crate::config::Design;
 use crate::view::report::{Look, Scale, count, definitions, details, escape, frame, note, section};
 
+/// Most points of the design with separate pictures.
+const MOST_POINTS: usize = 6;
 /// Most files that the page names.
 const MOST_FILES: usize = 50;
 
 /// How a task of the table becomes a run folder.
-const RUN_FOLDER: &str = "gusset run TEST --clock simulated --set SETTING with these settings gives the whole run of a test. If the \
-     study draws numbers, the controller then knows them.";
+const RUN_FOLDER: &str = "gusset run TEST --clock simulated --set SETTING with these settings gives the whole run of a test. In a study with \
+     drawn numbers or noise its values differ slightly: the controller knows the numbers, and the noise has another seed.";
 
 /// The page. `shown` are the tests with a value, or a sample of them.
 pub(super) fn render(campaign: &Campaign, collected: &Collected, shown: &[Shown]) -> String {
     let study = &campaign.study;
     let title = study.title();
-    let (class, headline) = if collected.is_complete() {
+    let (class, headline) = if collected.is_complete() && collected.invalid > 0 {
+        let valid = collected.done - collected.invalid;
+        let text = format!("{valid} of {} tasks have a valid test", collected.tasks);
+        ("warning", text)
+    } else if collected.is_complete() {
         (
             "good",
             format!("All {} tests have a result", collected.tasks),
@@ -68,12 +74,37 @@ pub(super) fn render(campaign: &Campaign, collected: &Collected, shown: &[Shown]
         body += &of_measure(study, measure, place, shown, &tables);
     }
     body += &pairs(study, &measures, shown);
-    if let Some((fit, levels)) = &collected.fragility {
-        body += &fragility(study, fit.as_ref(), levels);
+    for one in collected.fragility.iter().take(MOST_POINTS) {
+        body += &fragility(study, one);
     }
     body += &provenance(campaign, collected);
     body += "</main>\n";
     frame(&title, &body)
+}
+
+/// IDA curves for each point of the design: fractiles belong to one structure.
+fn by_points(study: &Study, measure: &Measure, place: usize, shown: &[Shown]) -> String {
+    if study.points() == 1 {
+        return ida(study, measure, place, shown);
+    }
+    let mut markup = String::new();
+    for point in 0..study.points().min(MOST_POINTS as u64) {
+        let own = shown
+            .iter()
+            .filter(|one| study.point_of(one.index) == point);
+        let own: Vec<Shown> = own.cloned().collect();
+        if !own.is_empty() {
+            let words = format!("With {}:", study.point_words(point));
+            markup += &(note(&words) + &ida(study, measure, place, &own));
+        }
+    }
+    if study.points() > MOST_POINTS as u64 {
+        markup += &note(&format!(
+            "The page shows the first {MOST_POINTS} of {} points.",
+            study.points()
+        ));
+    }
+    markup
 }
 
 /// Pictures of one measure.
@@ -86,7 +117,7 @@ fn of_measure(
 ) -> String {
     let mut markup = String::new();
     if shown.iter().any(|one| one.level.is_some()) {
-        markup += &ida(study, measure, place, shown);
+        markup += &by_points(study, measure, place, shown);
     }
     if study.loaded.study.campaign.design == Design::OneAtATime && !study.axes.is_empty() {
         markup += &sensitivity(study, measure, place, shown);
@@ -106,18 +137,22 @@ fn of_measure(
     section(&heading, &markup)
 }
 
-fn fragility(study: &Study, fit: Option<&Fragility>, levels: &[Level]) -> String {
-    let first = study.motions.first();
+fn fragility(study: &Study, found: &Collapses) -> String {
+    let Collapses { point, fit, levels } = found;
+    let first = study.levelled();
     let words = first.map(|one| one.words()).unwrap_or_default();
     let unit = first.map(|one| one.unit()).unwrap_or_default();
     let x: Vec<f64> = levels.iter().map(|one| one.level).collect();
     let y: Vec<f64> = levels.iter().map(|one| one.collapses / one.tests).collect();
     let most = 1.05 * x.iter().copied().fold(0.0, f64::max);
     let fine: Vec<f64> = (1..=200).map(|i| most * f64::from(i) / 200.0).collect();
-    let fitted: Vec<f64> = fit.map_or_else(Vec::new, |fit| {
+    let fitted: Vec<f64> = fit.as_ref().map_or_else(Vec::new, |fit| {
         fine.iter().map(|level| fit.probability(*level)).collect()
     });
-    let median = fit.map(|fit| fit.median).filter(|median| *median <= most);
+    let median = fit
+        .as_ref()
+        .map(|fit| fit.median)
+        .filter(|median| *median <= most);
     let median = median.map(|median| ([0.0, median, median], [0.5, 0.5, 0.0]));
     let mut curves = vec![curve("share of collapsed tests", &x, &y, Look::Dots)];
     if fit.is_some() {
@@ -147,8 +182,12 @@ fn fragility(study: &Study, fit: Option<&Fragility>, levels: &[Level]) -> String
         range: Some((0.0, 1.02)),
         ..scale("probability of collapse", "1")
     };
+    let heading = match point.as_str() {
+        "" => "Fragility".to_owned(),
+        point => format!("Fragility: {point}"),
+    };
     section(
-        "Fragility",
+        &heading,
         &(picture("Fragility", across, up, &curves) + &note(&text)),
     )
 }

@@ -1,9 +1,9 @@
 //! All pairs of the drawn numbers and the measures of a report, with their rank correlations.
 
-use super::design::bits;
 use super::drawing::{figure, short};
 use super::found::Shown;
 use super::measure::Measure;
+use super::random::bits;
 use super::study::Study;
 use super::task::Task;
 use crate::units::unit_in_name;

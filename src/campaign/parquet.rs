@@ -15,7 +15,7 @@ use parquet::file::properties::{EnabledStatistics, WriterProperties};
 use parquet::file::writer::{SerializedColumnWriter, SerializedFileWriter};
 use parquet::schema::types::{ColumnPath, Type};
 
-use super::table::{Cell, CellKind, TableColumn};
+use super::cell::{Cell, CellKind, TableColumn};
 use super::{CampaignError, at};
 use crate::record::atomic::AtomicFile;
 
@@ -193,5 +193,61 @@ fn refused(path: &Path) -> impl FnOnce(ParquetError) -> CampaignError + '_ {
             ParquetError::External(source) => io::Error::other(source),
             other => io::Error::other(other.to_string()),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use parquet::file::reader::{FileReader, SerializedFileReader};
+    use parquet::record::RowAccessor;
+
+    use super::*;
+
+    fn column(name: &str, kind: CellKind) -> TableColumn {
+        TableColumn {
+            name: name.to_owned(),
+            unit: "1".to_owned(),
+            kind,
+            meaning: String::new(),
+        }
+    }
+
+    #[test]
+    fn rows_come_back_from_several_groups_with_every_bit() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("table.parquet");
+        let columns = [
+            column("a.b", CellKind::Integer),
+            column("number", CellKind::Number),
+            column("text", CellKind::Text),
+        ];
+        let mut table = ParquetTable::create(&path, &columns).unwrap();
+        table.rows_per_group = 10;
+        let numbers = [0.1, -0.0, f64::INFINITY, f64::MIN_POSITIVE / 4.0, 1e300];
+        for row in 0..25_i64 {
+            let number = numbers[row as usize % numbers.len()];
+            let text = match row % 3 {
+                0 => Cell::Missing,
+                _ => Cell::Text(format!("{row}, ü")),
+            };
+            let cells = vec![Cell::Integer(row - 12), Cell::Number(number), text];
+            table.row(cells).unwrap();
+        }
+        assert!(!path.exists());
+        table.finish().unwrap();
+        let reader = SerializedFileReader::new(std::fs::File::open(&path).unwrap()).unwrap();
+        assert_eq!(reader.num_row_groups(), 3);
+        let mut count = 0;
+        for (at, row) in reader.get_row_iter(None).unwrap().enumerate() {
+            let row = row.unwrap();
+            let number = numbers[at % numbers.len()];
+            assert_eq!(row.get_long(0).unwrap(), at as i64 - 12);
+            assert_eq!(row.get_double(1).unwrap().to_bits(), number.to_bits());
+            // A null is no text.
+            let text = row.get_string(2).ok().cloned();
+            assert_eq!(text, (at % 3 > 0).then(|| format!("{at}, ü")));
+            count += 1;
+        }
+        assert_eq!(count, 25);
     }
 }

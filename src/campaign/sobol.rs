@@ -6,7 +6,7 @@
 use sobol_burley::NUM_DIMENSIONS;
 use sobol_burley::parts::{owen_scramble_rev, sobol_rev};
 
-use super::design::bits;
+use super::random::bits;
 
 /// Most keys of a sequence.
 pub(super) const MOST_KEYS: usize = NUM_DIMENSIONS as usize;

@@ -4,8 +4,7 @@ use std::fs;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use serde::Serialize;
-
+use super::cell::{Cell, CellKind, TableColumn, quoted};
 #[cfg(feature = "parquet")]
 use super::parquet::ParquetTable;
 use super::perform::Performed;
@@ -15,78 +14,6 @@ use super::{CampaignError, at};
 use crate::config::Scalar;
 use crate::record::atomic::AtomicFile;
 use crate::units::unit_in_name;
-
-/// A column of the table.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct TableColumn {
-    /// Name, as in the first line of the table.
-    pub name: String,
-    /// SI unit, "1" for a pure number, "" for a text or where it is not known.
-    pub unit: String,
-    /// Kind of its values.
-    #[serde(rename = "type")]
-    pub kind: CellKind,
-    /// One line of explanation.
-    pub meaning: String,
-}
-
-/// Kind of the values of a column.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum CellKind {
-    /// Integers of 64 bits.
-    Integer,
-    /// Floating-point numbers of 64 bits.
-    Number,
-    /// Texts.
-    Text,
-}
-
-/// One value of the table.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) enum Cell {
-    Missing,
-    Integer(i64),
-    Number(f64),
-    Text(String),
-}
-
-impl Cell {
-    /// A number; one that does not exist is missing.
-    fn number(value: f64) -> Self {
-        if value.is_nan() {
-            Self::Missing
-        } else {
-            Self::Number(value)
-        }
-    }
-
-    fn count(value: u64) -> Self {
-        // A campaign has at most 1e8 tasks.
-        Self::Integer(i64::try_from(value).unwrap_or(i64::MAX))
-    }
-
-    /// A value of an axis in a column of kind `kind`.
-    fn of(value: &Scalar, kind: CellKind) -> Self {
-        match (kind, value) {
-            (CellKind::Integer, Scalar::Whole(value)) => Self::Integer(*value),
-            (CellKind::Number, Scalar::Whole(value)) => Self::Number(*value as f64),
-            (CellKind::Number, Scalar::Real(value)) => Self::number(*value),
-            (_, Scalar::Text(value)) => Self::Text(value.clone()),
-            (_, value) => Self::Text(value.toml()),
-        }
-    }
-
-    /// The value as CSV: the shortest text that reads back as the same number, nothing for a missing value.
-    fn csv(&self) -> String {
-        match self {
-            Self::Missing => String::new(),
-            Self::Integer(value) => value.to_string(),
-            Self::Number(value) => format!("{value:?}"),
-            Self::Text(text) => quoted(text),
-        }
-    }
-}
 
 /// Kind of a column with these values of an axis.
 fn kind_of(values: &[Scalar]) -> CellKind {
@@ -122,11 +49,11 @@ pub(super) fn columns(study: &Study) -> Vec<TableColumn> {
         };
         column(&axis.key, unit, kind, words)
     }));
-    if let Some(first) = study.motions.first() {
+    if !study.motions.is_empty() {
         all.push(column("record", "", text, "ground motion"));
-        if has_levels(study) {
-            all.push(column("intensity", &first.unit(), number, &first.words()));
-        }
+    }
+    if let Some(first) = study.levelled() {
+        all.push(column("intensity", &first.unit(), number, &first.words()));
     }
     if study.loaded.study.campaign.replicates > 1 {
         all.push(column(
@@ -149,10 +76,6 @@ pub(super) fn columns(study: &Study) -> Vec<TableColumn> {
     all
 }
 
-fn has_levels(study: &Study) -> bool {
-    study.motions.iter().any(|one| !one.levels.is_empty())
-}
-
 /// The row of a task, one cell for each column.
 pub(super) fn cells(study: &Study, task: &Task, result: &Performed) -> Vec<Cell> {
     let mut cells = vec![Cell::count(task.index + 1)];
@@ -165,7 +88,7 @@ pub(super) fn cells(study: &Study, task: &Task, result: &Performed) -> Vec<Cell>
     }));
     if let Some((name, level)) = &task.motion {
         cells.push(Cell::Text(name.clone()));
-        if has_levels(study) {
+        if study.levelled().is_some() {
             cells.push(level.map_or(Cell::Missing, Cell::number));
         }
     }
@@ -244,12 +167,4 @@ impl Tables {
 /// The table of an incomplete campaign.
 fn partial(folder: &Path, extension: &str) -> PathBuf {
     folder.join(format!("table.partial.{extension}"))
-}
-
-fn quoted(text: &str) -> String {
-    if text.contains([',', '"', '\n', '\r']) {
-        format!("\"{}\"", text.replace('"', "\"\""))
-    } else {
-        text.to_owned()
-    }
 }

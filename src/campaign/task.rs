@@ -1,6 +1,7 @@
 //! A task: the overrides of one simulated test, and its identity.
 
-use super::design::{Draws, bits, point};
+use super::design::{Draws, point};
+use super::random::bits;
 use super::study::Study;
 use crate::config::Scalar;
 
@@ -49,7 +50,7 @@ impl Task {
                 continue;
             }
             if let Some((one, level)) = motions.at(shot) {
-                sets.push(one.set.clone());
+                sets.extend(one.sets.iter().cloned());
                 sets.extend(level.map(|level| motions.scaled(level)));
                 motion = Some((one.name.clone(), level));
                 motion_digest.clone_from(&one.digest);

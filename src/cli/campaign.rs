@@ -63,20 +63,36 @@ fn run(args: &RunCampaignArgs) -> anyhow::Result<Exit> {
         }
         Campaign::open(&args.study).map_err(told)?
     } else {
-        let out = args
-            .out
-            .clone()
-            .unwrap_or_else(|| usual_folder(&args.study));
-        campaign::plan(&args.study, &out, None).map_err(told)?
+        let out = args.out.clone();
+        let out = out.unwrap_or_else(|| usual_folder(&args.study));
+        begun(&args.study, &out)?
     };
     tell(in_words(&campaign));
     let jobs = args.jobs.map_or_else(processors, usize::from);
     let chunks = campaign.plan.chunks();
-    let worked = compute(&campaign, 1..=chunks, jobs, campaign.plan.tasks)?;
+    let signals = listen()?;
+    let worked = compute(&campaign, 1..=chunks, jobs, campaign.plan.tasks, &signals)?;
     if let Some(exit) = worked {
         return Ok(exit);
     }
-    conclude(&campaign, prove, jobs, args.json)
+    conclude(&campaign, prove, jobs, args.json, &signals)
+}
+
+/// The campaign of `study` in `out`: a new one, or the one that was begun there.
+fn begun(study: &Path, out: &Path) -> anyhow::Result<Campaign> {
+    if !out.join("plan.json").exists() {
+        return campaign::plan(study, out, None).map_err(told);
+    }
+    let campaign = Campaign::open(out).map_err(told)?;
+    if study.canonicalize().ok().as_deref() != Some(&campaign.plan.study) {
+        let text = format!(
+            "{} has the campaign of another study, {}: choose another folder with --out",
+            out.display(),
+            campaign.plan.study.display()
+        );
+        return Err(WithExit(Exit::Usage, text).into());
+    }
+    Ok(campaign)
 }
 
 /// The folder of a study without `--out`.
@@ -98,7 +114,8 @@ fn work(args: &WorkArgs) -> anyhow::Result<Exit> {
     }
     let tasks = chunks.iter().map(|number| plan.chunk(number));
     let total = tasks.map(|tasks| tasks.end - tasks.start).sum();
-    let interrupted = compute(&campaign, chunks.iter(), usize::from(args.jobs), total)?;
+    let jobs = usize::from(args.jobs);
+    let interrupted = compute(&campaign, chunks.iter(), jobs, total, &listen()?)?;
     Ok(interrupted.unwrap_or(Exit::Done))
 }
 
@@ -108,8 +125,8 @@ fn compute(
     chunks: impl Iterator<Item = u64>,
     jobs: usize,
     total: u64,
+    signals: &Signals,
 ) -> anyhow::Result<Option<Exit>> {
-    let signals = Signals::listen().context("signals cannot be taken over")?;
     let progress = Work::begin("tests of the campaign", total);
     let stop = || signals.seen().is_some();
     let worked = campaign::work(campaign, chunks, jobs, &stop, &|done| progress.done(done));
@@ -130,10 +147,19 @@ fn compute(
     tell(format_args!(
         "stopped; continue with\n  gusset campaign run {folder}"
     ));
-    Ok(Some(match signals.seen() {
+    Ok(Some(exit_of(signals)))
+}
+
+fn listen() -> anyhow::Result<Signals> {
+    Signals::listen().context("signals cannot be taken over")
+}
+
+/// The exit code of the signal that stopped a command.
+fn exit_of(signals: &Signals) -> Exit {
+    match signals.seen() {
         Some(Signal::Terminate) => Exit::Terminated,
         _ => Exit::Interrupted,
-    }))
+    }
 }
 
 fn submit(args: &SubmitArgs) -> anyhow::Result<Exit> {
@@ -170,7 +196,7 @@ fn submit(args: &SubmitArgs) -> anyhow::Result<Exit> {
 fn collect(args: &CollectArgs) -> anyhow::Result<Exit> {
     let prove = proof(&args.prove)?;
     let campaign = Campaign::open(&args.folder).map_err(told)?;
-    conclude(&campaign, prove, processors(), args.json)
+    conclude(&campaign, prove, processors(), args.json, &listen()?)
 }
 
 fn proof(text: &str) -> anyhow::Result<Prove> {
@@ -182,10 +208,25 @@ fn proof(text: &str) -> anyhow::Result<Prove> {
 }
 
 /// Collects the results and shows what was found.
-fn conclude(campaign: &Campaign, prove: Prove, jobs: usize, json: bool) -> anyhow::Result<Exit> {
+fn conclude(
+    campaign: &Campaign,
+    prove: Prove,
+    jobs: usize,
+    json: bool,
+    signals: &Signals,
+) -> anyhow::Result<Exit> {
     let work = Work::begin("results", campaign.plan.tasks);
-    let collected = campaign::collect(campaign, prove, jobs, &|done| work.done(done));
+    let stop = || signals.seen().is_some();
+    let collected = campaign::collect(campaign, prove, jobs, &stop, &|done| work.done(done));
     drop(work);
+    if matches!(collected, Err(CampaignError::Stopped)) {
+        screen::step_aside();
+        let folder = campaign.folder.display();
+        tell(format_args!(
+            "stopped; continue with\n  gusset campaign collect {folder}"
+        ));
+        return Ok(exit_of(signals));
+    }
     let collected = collected.map_err(told)?;
     screen::step_aside();
     for name in &collected.damaged {
@@ -226,13 +267,17 @@ fn found(collected: &Collected) -> String {
     if let Some(why) = &collected.invalid_example {
         lines.push(format!("invalid  {why}"));
     }
-    if let Some((fit, _)) = &collected.fragility {
-        lines.push(match fit {
+    for one in &collected.fragility {
+        let of = match one.point.as_str() {
+            "" => String::new(),
+            point => format!(", {point}"),
+        };
+        lines.push(match one.fit {
             Some(fit) => format!(
-                "collapse median {:.4}, dispersion {:.4}",
+                "collapse median {:.4}, dispersion {:.4}{of}",
                 fit.median, fit.dispersion
             ),
-            None => "collapse the counts do not determine a fragility curve".to_owned(),
+            None => format!("collapse the counts do not determine a fragility curve{of}"),
         });
     }
     lines.join("\n")
@@ -281,7 +326,9 @@ fn told(error: CampaignError) -> anyhow::Error {
         CampaignError::Config(ConfigError::Invalid(mistakes)) => {
             Mistakes(mistakes.render(screen::in_colour())).into()
         }
-        CampaignError::Conflict { .. } => WithExit(Exit::Stopped, error.to_string()).into(),
+        CampaignError::Conflict { .. } | CampaignError::Refuted { .. } => {
+            WithExit(Exit::Stopped, error.to_string()).into()
+        }
         error => WithExit(Exit::Usage, error.to_string()).into(),
     }
 }

@@ -4,11 +4,13 @@
 
 use std::path::{Path, PathBuf};
 
+use super::campaign_table::OWN;
 use super::campaign_table::{Intensity, RecordsTable, SpanTable, StudyFile};
 use super::check::check_samples;
 use super::document::{Datum, KeyPath, Node};
 use super::{ConfigError, Diagnostics, Finding, Loaded, Locator, Purpose, Severity};
 use super::{judge, open, parse, read_text};
+use crate::motion::Quantity;
 
 /// Most values of one range.
 const MOST_VALUES: usize = 100_000;
@@ -93,9 +95,6 @@ pub fn parse_study(path: &Path, text: String) -> Result<LoadedStudy, ConfigError
         locator,
     })
 }
-
-/// Names of the tables that a study has beside those of its test.
-pub(super) const OWN: [&str; 6] = ["test", "campaign", "vary", "sample", "records", "measure"];
 
 /// The tables of the study, and the other entries of the file.
 fn divided(root: &Node) -> (Node, Vec<(String, Node)>) {
@@ -244,6 +243,15 @@ fn check_records(at: &KeyPath, records: &RecordsTable, findings: &mut Vec<Findin
     if records.synthetic.is_some_and(|table| table.count == 0) {
         let at = at.key("synthetic").key("count");
         findings.push(Finding::error(at, "`count` must be 1 or greater"));
+    }
+    let units = [("record_unit", records.record_unit), ("unit", records.unit)];
+    for (key, unit) in units {
+        let Some(unit) = unit.filter(|unit| unit.quantity() != Quantity::Acceleration) else {
+            continue;
+        };
+        let text = format!("`{}` must be a unit of acceleration", at.key(key));
+        let finding = Finding::error(at.key(key), text).label(format!("found {unit}"));
+        findings.push(finding.help(format!("allowed: {}", Quantity::Acceleration.spellings())));
     }
     let list = records.values.as_ref().map(Vec::len);
     check_range(at, list, records.linear, records.log, false, findings);

@@ -13,7 +13,7 @@ use annotate_snippets::{
     Annotation, AnnotationKind, Group, Level, Origin, Renderer, Snippet, Title,
 };
 
-use super::campaign::OWN;
+use super::campaign_table::OWN;
 use super::document::SyntaxError;
 use super::echo::plain;
 use super::mistake::{Kind, Mistake};

@@ -303,6 +303,9 @@ fn a_result_with_other_bits_is_refused() {
     fs::write(part, &forged).unwrap();
     let said = campaign("collect", &out, &["--prove", "100%"]);
     assert_eq!(said.code, Some(1), "{}", said.stderr);
+    // The wrong part does not count any more.
+    assert!(!part.exists() && part.with_extension("refuted").exists());
+    assert!(complete(&campaign("run", &out, &[]), &out) == undisturbed());
     // Beside the true part, the merge finds it.
     fs::write(part, &text).unwrap();
     fs::write(part.with_file_name("chunk-000001-other.part"), &forged).unwrap();

@@ -3,6 +3,8 @@
 //! The daemons belong to the test: they have its folder and free ports of the loopback, and it ends them by their process numbers.
 //! Debian has them in the packages `slurm-wlm` and `munge`.
 
+#![allow(clippy::disallowed_methods, reason = "other processes are waited for")]
+
 use std::ffi::OsString;
 use std::fmt::Write as _;
 use std::fs;
@@ -91,6 +93,7 @@ impl Slurm {
         slurm.start_daemon("slurmctld", &["-D", "-c"]);
         slurm.start_daemon("slurmd", &["-D"]);
         wait("an idle node", || {
+            slurm.check_daemons();
             slurm.says("sinfo", &["-h", "-o", "%T"]) == "idle"
         });
         Some(slurm)
@@ -153,7 +156,10 @@ impl Slurm {
         ];
         let options: Vec<&str> = options.iter().map(String::as_str).collect();
         self.start_daemon("munged", &options);
-        wait("the socket of munged", || self.at("munge.socket").exists());
+        wait("the socket of munged", || {
+            self.check_daemons();
+            self.at("munge.socket").exists()
+        });
     }
 
     /// Starts a daemon in the foreground. The system ends it if the thread of this test ends.
@@ -165,6 +171,16 @@ impl Slurm {
             .stdin(Stdio::null())
             .stderr(output.try_clone().unwrap());
         self.daemons.push(command.stdout(output).spawn().unwrap());
+    }
+
+    /// Fails with the output of the daemons if one of them has ended.
+    fn check_daemons(&mut self) {
+        let has_ended = |daemon: &mut Child| daemon.try_wait().unwrap().is_some();
+        if self.daemons.iter_mut().any(has_ended) {
+            let output = |name: &&str| fs::read_to_string(self.at(&format!("{name}.out")));
+            let texts: Vec<_> = PROGRAMS[..3].iter().map(output).collect();
+            panic!("a daemon of Slurm has ended: {texts:#?}");
+        }
     }
 
     /// A command that sees this Slurm.

@@ -21,7 +21,7 @@ pub(crate) struct Curve<'a> {
     pub look: Look,
 }
 
-/// What a curve looks like.
+/// Look of a curve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Look {
     /// A line in the next colour.

@@ -232,9 +232,9 @@ fn two_lines(name: &str, width: f64) -> Vec<String> {
     if text_width(name, SMALL) <= width {
         return vec![name.to_owned()];
     }
-    let breaks = name.match_indices(['_', '.', ' ']).map(|(at, _)| at + 1);
+    let mut breaks = name.match_indices(['_', '.', ' ']).map(|(at, _)| at + 1);
     let fits = |at: &usize| text_width(&name[..*at], SMALL) <= width;
-    match breaks.filter(fits).last() {
+    match breaks.rfind(fits) {
         Some(at) => vec![name[..at].to_owned(), fitted(&name[at..], SMALL, width)],
         None => vec![fitted(name, SMALL, width)],
     }

@@ -99,6 +99,9 @@ impl Tornado<'_> {
     fn axis(&self, width: f64, room: (f64, f64)) -> Option<Axis> {
         let ends = self.bars.iter().flat_map(|bar| [bar.low.0, bar.high.0]);
         let ends: Vec<f64> = ends.chain(self.base.map(|base| base.0)).collect();
+        if !ends.iter().all(|end| end.is_finite()) {
+            return None;
+        }
         let low = ends.iter().copied().fold(f64::INFINITY, f64::min);
         let high = ends.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let known = Axis::exactly(low, high)?;
@@ -138,7 +141,7 @@ impl Tornado<'_> {
     }
 }
 
-/// What the numbers of the axis are divided by.
+/// Divisor of the numbers of the axis.
 fn factor(axis: &Axis, unit: &str) -> f64 {
     super::text::scaled(axis.lo().abs().max(axis.hi().abs()), unit).factor
 }

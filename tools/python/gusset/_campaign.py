@@ -158,24 +158,34 @@ class Campaign:
 
     @functools.cached_property
     def fragility(self) -> Fragility | None:
-        """The fragility curve. None without levels of intensity, without `collapse` in [measure], or if the counts do not
-        determine a curve. `summary["fragility"]["levels"]` has the counts in each case."""
+        """The fragility curve. None without levels of intensity, without `collapse` in [measure], if the counts do not determine a
+        curve, and if the study varies other keys: a curve belongs to one structure, and `fragilities` has one for each."""
+        points = (self.summary.get("fragility") or {}).get("points", [])
+        return next(iter(self.fragilities.values()), None) if len(points) == 1 else None
+
+    @functools.cached_property
+    def fragilities(self) -> dict[str, Fragility]:
+        """Fragility curves by the values of the other keys, as in `specimen.0.storey = 2`; the key is "" if no other key varies.
+        Points whose counts do not determine a curve are left out; `summary["fragility"]["points"]` has the counts of all."""
         found = self.summary.get("fragility") or {}
-        fit = found.get("fit")
-        if fit is None:
-            return None
-        levels = np.array([[one["level"], one["tests"], one["collapses"]] for one in found["levels"]], dtype=np.float64)
-        return Fragility(
-            median=fit["median"],
-            dispersion=fit["dispersion"],
-            ln_median_error=fit["ln_median_error"],
-            dispersion_error=fit["dispersion_error"],
-            intensity=found["intensity"],
-            unit=found["unit"],
-            levels=levels[:, 0],
-            tests=levels[:, 1],
-            collapses=levels[:, 2],
-        )
+        curves = {}
+        for one in found.get("points", []):
+            fit = one["fit"]
+            if fit is None:
+                continue
+            levels = np.array([[level["level"], level["tests"], level["collapses"]] for level in one["levels"]], dtype=np.float64)
+            curves[one["point"]] = Fragility(
+                median=fit["median"],
+                dispersion=fit["dispersion"],
+                ln_median_error=fit["ln_median_error"],
+                dispersion_error=fit["dispersion_error"],
+                intensity=found["intensity"],
+                unit=found["unit"],
+                levels=levels[:, 0],
+                tests=levels[:, 1],
+                collapses=levels[:, 2],
+            )
+        return curves
 
     def to_pandas(self) -> pandas.DataFrame:
         """Copies the table into a DataFrame with one row for each test. Needs pandas."""

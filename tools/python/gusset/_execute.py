@@ -140,11 +140,13 @@ def link_keys(
         keys[f"{at}.stiffness_n_per_m"] = rows[0][0] if n == 1 else rows
     is_simulated = (clock or chosen.get("time.clock") or config.get("time", {}).get("clock")) == "simulated"
     python = {place for place, _ in served.values()}
-    without = {i for i, table in enumerate(tables) if not has_limits(table) and not is_set(chosen, f"specimen.{i}")}
-    others = {i for i in without - python if "link" in tables[i]}
+    without = {i for i in python if not has_limits(tables[i]) and not is_set(chosen, f"specimen.{i}.limits")}
+    # Overrides of another specimen do not count: only the file shows that it has limits.
+    others = {i for i, table in enumerate(tables) if i not in python and not has_limits(table)}
+    others = {i for i in others if "link" in tables[i] or is_set(chosen, f"specimen.{i}.link")}
     has_reason = "unlimited" in config.get("safety", {}) or is_set(chosen, "safety.unlimited")
     # The key concerns all specimens of the test, so it is not written when another one behind a link has no limits.
-    if is_simulated and without & python and not others and not has_reason:
+    if is_simulated and without and not others and not has_reason:
         keys["safety.unlimited"] = UNLIMITED
     return keys
 
@@ -154,7 +156,8 @@ KEPT_LINK_KEYS = ("coupling", "connect_timeout_s", "reply_timeout_s", "on_stale"
 
 def is_set(chosen: Mapping[str, Any], path: str) -> bool:
     """True if an override sets this key or one below it."""
-    return any(key == path or key.startswith(f"{path}.") for key in chosen)
+    keys = (re.sub(r"\[(\d+)\]", r".\1", key) for key in chosen)
+    return any(key == path or key.startswith(f"{path}.") for key in keys)
 
 
 def has_limits(table: Mapping[str, Any]) -> bool:

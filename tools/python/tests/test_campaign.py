@@ -110,17 +110,24 @@ def test_row_has_the_peak_of_a_single_test(frame, place):
         assert campaign["peak_x2"][row] == np.abs(run["disp", 2]).max()
 
 
-def test_fragility_is_that_of_the_summary(done):
-    fragility, found = done.fragility, done.summary["fragility"]
-    assert (fragility.median, fragility.dispersion) == (found["fit"]["median"], found["fit"]["dispersion"])
-    assert fragility.unit == "g" and fragility.levels.tolist() == [0.1, 0.3, 0.5]
-    assert fragility.tests.tolist() == [12, 12, 12]
-    counts = [int(done["collapse"][done["intensity"] == level].sum()) for level in fragility.levels]
-    assert fragility.collapses.tolist() == counts
-    # One dispersion above the median: the normal distribution at 1.
-    above = fragility.median * math.exp(fragility.dispersion)
-    assert fragility.probability([0, fragility.median, above]) == pytest.approx([0, 0.5, 0.8413447460685429])
-    assert fragility.probability(fragility.median).shape == ()
+def test_each_value_of_a_key_has_a_fragility_curve(done):
+    # Two yield forces are two structures.
+    assert done.fragility is None
+    found = done.summary["fragility"]
+    assert [one["point"] for one in found["points"]] == [f"{YIELD} = {force}" for force in ("40000.0", "80000.0")]
+    assert done.fragilities
+    for point, fragility in done.fragilities.items():
+        fit = next(one["fit"] for one in found["points"] if one["point"] == point)
+        assert (fragility.median, fragility.dispersion) == (fit["median"], fit["dispersion"])
+        assert fragility.unit == "g" and fragility.levels.tolist() == [0.1, 0.3, 0.5]
+        assert fragility.tests.tolist() == [6, 6, 6]
+        own = done[YIELD] == float(point.split(" = ")[1])
+        counts = [int(done["collapse"][own & (done["intensity"] == level)].sum()) for level in fragility.levels]
+        assert fragility.collapses.tolist() == counts
+        # One dispersion above the median: the normal distribution at 1.
+        above = fragility.median * math.exp(fragility.dispersion)
+        assert fragility.probability([0, fragility.median, above]) == pytest.approx([0, 0.5, 0.8413447460685429])
+        assert fragility.probability(fragility.median).shape == ()
 
 
 def test_pandas_has_the_same_table(done):
