@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::axis_table::DispUnit;
+use super::axis_table::{DispUnit, ForceUnit};
 use super::document::Node;
 use super::echo::number;
 use super::link_table::{Carrier, Offer};
@@ -70,8 +70,8 @@ impl ServedFile {
                 .help("`rows` of the controller's test file transform its displacements");
             return Err(self.locator.refusal(finding));
         }
-        if self.converts() {
-            return self.check_client_units();
+        if let Some(units) = self.client_units() {
+            return self.check_client_units(units);
         }
         let axes = self.file.specimen.iter().flat_map(|table| &table.axis);
         for (index, gear) in axes.enumerate() {
@@ -90,17 +90,26 @@ impl ServedFile {
     /// True for a gateway whose client commands displacements that are converted to the axes.
     #[must_use]
     pub fn converts(&self) -> bool {
-        let serve = &self.file.serve;
-        let of_units = serve.unit_disp.is_some() || serve.unit_force.is_some();
+        let names_units = self.file.serve.names_units();
         self.specimen().is_some_and(|table| {
-            let converts = of_units || table.converts();
-            !self.is_test && table.link.is_some() && converts
+            !self.is_test && table.link.is_some() && (names_units || table.converts())
+        })
+    }
+
+    /// Units of the client of a gateway that converts; none if the client counts in the units of the axes.
+    #[must_use]
+    pub fn client_units(&self) -> Option<(DispUnit, ForceUnit)> {
+        let serve = &self.file.serve;
+        self.converts().then(|| {
+            (
+                serve.unit_disp.unwrap_or_default(),
+                serve.unit_force.unwrap_or_default(),
+            )
         })
     }
 
     /// Refuses units of the client that the protocol of Gusset lacks.
-    fn check_client_units(&self) -> Result<(), ConfigError> {
-        let (disp, force) = self.file.serve.client_units();
+    fn check_client_units(&self, (disp, force): (DispUnit, ForceUnit)) -> Result<(), ConfigError> {
         let geometry = self.specimen().and_then(|table| table.geometry.as_ref());
         let built = geometry.and_then(|spec| spec.build(1.0).ok());
         let mut coordinates = built.iter().flat_map(Geometry::coordinates);
@@ -216,6 +225,7 @@ pub fn load_serve_file(path: &Path, name: Option<&str>) -> Result<ServedFile, Co
     for (name, value) in [
         ("idle_timeout_s", serve.openfresco.idle_timeout_s),
         ("step_s", serve.openfresco.step_s),
+        ("iterates_within_m", serve.openfresco.iterates_within_m),
     ] {
         if value.is_some_and(|value| !(value > 0.0 && value.is_finite())) {
             let at = KeyPath::root().key("serve").key("openfresco").key(name);
@@ -246,7 +256,16 @@ pub fn load_serve_file(path: &Path, name: Option<&str>) -> Result<ServedFile, Co
         let text = "`remembers` is for a specimen that is computed, but this one is behind a link";
         return Err(refuse(Finding::error(at, text)));
     }
-    if file.serve.pace.is_some() && file.specimen.iter().any(|table| table.link.is_none()) {
+    let is_computed = file.specimen.iter().any(|table| table.link.is_none());
+    let openfresco = &file.serve.openfresco;
+    if openfresco.iterates_within_m.is_some() && is_computed && !openfresco.physical {
+        let at = KeyPath::root().key("serve").key("openfresco");
+        let text =
+            "`iterates_within_m` is for a specimen that moves, but this one follows each trial";
+        let finding = Finding::error(at.key("iterates_within_m"), text);
+        return Err(refuse(finding.help("remove it, or set `physical = true`")));
+    }
+    if file.serve.pace.is_some() && is_computed {
         let at = KeyPath::root().key("serve").key("pace");
         let text = "`pace` is for a specimen behind a link, but this one is computed";
         return Err(refuse(Finding::error(at, text)));
@@ -273,10 +292,14 @@ fn check_pace(pace: &PaceTable) -> Result<(), Box<Finding>> {
     if !(PACE_HZ.0..=PACE_HZ.1).contains(&pace.rate_hz) {
         return refuse("rate_hz", "from 1 to 10000", number(pace.rate_hz));
     }
-    let seconds = f64::from(pace.ticks_per_step) / pace.rate_hz;
-    if pace.ticks_per_step < 2 || seconds > PACE_STEP_S {
+    let seconds = |ticks: u32| f64::from(ticks) / pace.rate_hz;
+    if pace.ticks_per_step < 2 || seconds(pace.ticks_per_step) > PACE_STEP_S {
         let allowed = "at least 2, and at most 60 s of ticks";
         return refuse("ticks_per_step", allowed, pace.ticks_per_step.to_string());
+    }
+    if seconds(pace.settle_ticks) > PACE_STEP_S {
+        let allowed = "at most 60 s of ticks";
+        return refuse("settle_ticks", allowed, pace.settle_ticks.to_string());
     }
     Ok(())
 }

@@ -88,7 +88,8 @@ pub struct ServeTable {
 
 /// Pacing of a gateway. Each target of the client becomes a path of commands that begins and ends at
 /// rest. The gateway replies when the target is reached. While the next target is late, the specimen
-/// stays at the last one. The largest speed is 1.875 times the mean speed of the path.
+/// stays at the last one. The largest speed is 1.875 times the mean speed of the path. The way to the
+/// first target takes longer where a limit of speed requires that. More: guide, gateway.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PaceTable {
@@ -98,6 +99,15 @@ pub struct PaceTable {
     /// Commands per second of wall time.
     #[schemars(example = 1000.0)]
     pub rate_hz: f64,
+    /// Further commands at the target before the gateway replies, so that a rig with a lag arrives.
+    /// The reply is the last measurement. Default: 0.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    #[schemars(example = 15)]
+    pub settle_ticks: u32,
+}
+
+const fn is_zero(number: &u32) -> bool {
+    *number == 0
 }
 
 impl PaceTable {
@@ -109,12 +119,9 @@ impl PaceTable {
 }
 
 impl ServeTable {
-    /// Units of a client whose displacements are converted.
+    /// True if a key names a unit of the client.
     #[must_use]
-    pub fn client_units(&self) -> (DispUnit, ForceUnit) {
-        (
-            self.unit_disp.unwrap_or_default(),
-            self.unit_force.unwrap_or_default(),
-        )
+    pub const fn names_units(&self) -> bool {
+        self.unit_disp.is_some() || self.unit_force.is_some()
     }
 }

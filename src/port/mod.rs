@@ -71,7 +71,7 @@ pub use crate::catalog::phase::Stage;
 
 use crate::compensation::Parameter;
 use crate::geometry::{Coordinate, Fault, Geometry};
-use crate::state::Visit;
+use crate::state::{TestState, Visit};
 use crate::substructure::{
     Coupling, Freshness, Holder, Introduction, LinkFault, Measurement, Retirement, Substructure,
     Unavailable,

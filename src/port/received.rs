@@ -142,6 +142,13 @@ impl Port {
 
 // Signals: what the controller commands, at the structure's scale.
 impl Port {
+    /// Number of coordinates of the loading unit; 0 without one.
+    #[must_use]
+    pub fn coordinates(&self) -> usize {
+        let geometry = self.geometry();
+        geometry.map_or(0, |geometry| geometry.coordinates().len())
+    }
+
     /// Number of displacements that a controller commands: one for each coordinate of the loading unit, else one for each axis.
     #[must_use]
     pub fn signals(&self) -> usize {
@@ -168,6 +175,21 @@ impl Port {
     /// Velocities that come with targets are the slope of a path, and no differences.
     pub const fn take_velocities_of_a_path(&mut self) {
         self.path.take_velocities_of_a_path();
+    }
+
+    /// Compensators and estimates of tracking are as before any command; `fresh` is that state of the compensators.
+    pub fn restart_following(&mut self, fresh: Option<&TestState>) {
+        self.tracking.restart();
+        if let (Some(compensators), Some(fresh)) = (self.path.compensators_mut(), fresh) {
+            compensators.restart(fresh);
+        }
+    }
+
+    /// Ticks have passed without a command: what is measured next does not follow what was measured last. Real-time: yes.
+    pub fn skips_commands(&mut self) {
+        if let Some(compensators) = self.path.compensators_mut() {
+            compensators.hold();
+        }
     }
 
     /// Velocities of the next command, in the specimen's unit. Real-time: yes.

@@ -4,10 +4,14 @@
 //! `similitude`, gears or units of its client the port of the gateway converts, as in a test: see [`conversion`].
 
 mod conversion;
+mod following;
 
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
+
+use conversion::Client;
+use following::Following;
 
 use super::links::{beside, folder, native_setup, tls_client, wire_axes};
 use super::remote::remote_settings;
@@ -16,7 +20,7 @@ use crate::config::{Finding, KeyPath, LinkSpec, Protocol, ServedFile, SpecimenTa
 use crate::link::announce::narrower;
 use crate::link::openfresco::{Remote, RemoteSettings};
 use crate::link::secret::read_key;
-use crate::link::served::{Controller, LinkBuild, Pacing};
+use crate::link::served::{Controller, LinkBuild, PaceClock, Pacing};
 use crate::link::server::Host;
 use crate::link::tls::TlsClient;
 use crate::link::{NativeLink, NativeSetup};
@@ -37,22 +41,28 @@ pub(super) fn host(
     path: &Path,
 ) -> Result<Host, Box<Finding>> {
     let at = &source.place;
-    if !source.is_test {
-        check_compensation(table, at)?;
+    if source.is_test {
+        check_test_file(table, at)?;
     }
+    let following = Following::of(source, table, at)?;
+    let converts = source.converts() || following.is_some();
     let step_s = source.file.serve.openfresco.step_s;
     let build: LinkBuild = match link.protocol {
         Protocol::Gusset => {
             let pace = source.file.serve.pace.as_ref();
             let paced = pace.map(|pace| (1_000_000_000, pace.period_ns()));
-            native(table, link, at, path, (step_s, paced, source.converts()))?
+            native(table, link, at, path, (step_s, paced, converts))?
         }
         Protocol::OpenFresco | Protocol::OpenFrescoShadow | Protocol::OpenFrescoAdapter => {
             openfresco(link, at, path, table.axes())?
         }
     };
-    let (host, check) = if source.converts() {
-        conversion::host(table, link, at, source.file.serve.client_units(), build)?
+    let (host, check) = if converts {
+        let client = Client {
+            units: source.client_units(),
+            following,
+        };
+        conversion::host(table, link, at, client, build)?
     } else {
         passing(table, link, at, build)?
     };
@@ -71,7 +81,9 @@ pub(super) fn host(
     };
     let pacing = source.file.serve.pace.as_ref().map(|pace| Pacing {
         ticks: pace.ticks_per_step,
+        settle_ticks: pace.settle_ticks,
         period_ns: pace.period_ns(),
+        clock: PaceClock::MACHINE,
     });
     Ok(host.checked(check, link.computed).paced(pacing))
 }
@@ -152,16 +164,26 @@ fn reply_limit_ns(link: &LinkSpec) -> u64 {
     u64::try_from(reply_limit.as_nanos()).unwrap_or(u64::MAX)
 }
 
-/// A key without effect is a mistake that somebody would find out with a specimen.
-fn check_compensation(table: &SpecimenTable, at: &KeyPath) -> Result<(), Box<Finding>> {
-    if table.compensation.is_none() {
+/// Refuses a test file whose numbers a controller converts: passed on unchanged they would be wrong for another client.
+fn check_test_file(table: &SpecimenTable, at: &KeyPath) -> Result<(), Box<Finding>> {
+    let gears = table.axis.iter().enumerate().flat_map(|(index, axis)| {
+        let given = axis.gear().into_iter().filter(|(_, given)| *given);
+        given.map(move |(key, _)| at.key("axis").index(index).key(key))
+    });
+    let whole = [
+        ("geometry", table.geometry.is_some()),
+        ("similitude", table.similitude != Default::default()),
+    ];
+    let whole = whole.into_iter().filter(|(_, given)| *given);
+    let mut keys = whole.map(|(key, _)| at.key(key)).chain(gears);
+    let Some(key) = keys.next() else {
         return Ok(());
-    }
-    let text = "a gateway does not compensate commands";
-    let finding = Finding::error(at.key("compensation"), text)
+    };
+    let text = "a gateway does not convert by a test file";
+    let finding = Finding::error(key, text)
         .at_key()
-        .label("no effect here")
-        .help("give `compensation` in the controller's test file");
+        .label("for the controller of this test")
+        .help("copy this [[specimen]] into a file with [serve]: its gateway converts what the client commands");
     Err(Box::new(finding))
 }
 

@@ -1,7 +1,7 @@
 //! The rows of a server: one per exchange, and their columns.
 
 use super::Trip;
-use crate::catalog::column::{Each, Kind, SERVER};
+use crate::catalog::column::{Each, Kind, Origin, SERVER, SERVER_COMPENSATION};
 use crate::catalog::phase::Phase;
 use crate::geometry::Coordinate;
 use crate::port::Port;
@@ -27,6 +27,7 @@ impl Exchange<'_> {
     /// Values of the column `state`, as those of a controller's own record: what is kept back has tripped.
     pub const PROBING: f64 = Phase::Probing.code();
     pub const RUNNING: f64 = Phase::Running.code();
+    pub const RAMPING: f64 = Phase::Ramping.code();
     pub const KEPT_BACK: f64 = Phase::Tripped.code();
 
     /// True if the command was not passed on.
@@ -34,7 +35,7 @@ impl Exchange<'_> {
         self.state == Self::KEPT_BACK
     }
 
-    /// Writes the columns of the axes, [`WIDTH`] each, and then those of the coordinates. Real-time: yes.
+    /// Writes the columns of the axes, [`WIDTH`] each, those of the coordinates, and those of tracking. Real-time: yes.
     pub fn write(&self, units: &[AxisUnits], row: &mut [f64]) {
         match self.port {
             None => self.write_passed(units, row),
@@ -94,6 +95,15 @@ impl Exchange<'_> {
         for (slot, (_, values)) in slots.zip(port.pose()) {
             slot.copy_from_slice(&values);
         }
+        let further = coordinates.get_mut(COORDINATE_WIDTH * port.coordinates()..);
+        let values = port
+            .tracking()
+            .flatten()
+            .chain(port.compensation_parameters());
+        // The last column is the status.
+        for (slot, value) in further.into_iter().flatten().zip(values) {
+            *slot = value;
+        }
     }
 
     /// Command of the column `cmd`: NaN if the command was kept back.
@@ -116,10 +126,11 @@ pub(super) const WIDTH: usize = count(Each::Axis);
 /// Columns of every coordinate of a loading unit.
 pub(super) const COORDINATE_WIDTH: usize = count(Each::Coordinate);
 
+/// Estimates are not counted: only an axis whose tracking is estimated has them.
 const fn count(each: Each) -> usize {
     let (mut count, mut at) = (0, 0);
     while at < SERVER.len() {
-        if SERVER[at].each as u8 == each as u8 {
+        if SERVER[at].each as u8 == each as u8 && !is_estimate(&SERVER[at]) {
             count += 1;
         }
         at += 1;
@@ -127,13 +138,24 @@ const fn count(each: Each) -> usize {
     count
 }
 
+const fn is_estimate(kind: &Kind) -> bool {
+    kind.origin as u8 == Origin::Estimated as u8
+}
+
 fn kinds(each: Each) -> impl Iterator<Item = &'static Kind> {
-    SERVER.iter().filter(move |kind| kind.each == each)
+    SERVER
+        .iter()
+        .filter(move |kind| kind.each == each && !is_estimate(kind))
 }
 
 /// The columns of a specimen whose axes have these units, and which are the actuators of a loading unit with these coordinates, if
 /// there is one.
-pub(super) fn columns(units: &[AxisUnits], coordinates: &[Coordinate], name: &str) -> Vec<Column> {
+pub(super) fn columns(
+    units: &[AxisUnits],
+    coordinates: &[Coordinate],
+    port: &Port,
+    name: &str,
+) -> Vec<Column> {
     let column = |kind: &Kind, name: String, unit: &str, meaning: String| Column {
         name,
         unit: unit.to_owned(),
@@ -161,6 +183,20 @@ pub(super) fn columns(units: &[AxisUnits], coordinates: &[Coordinate], name: &st
             let unit = kind.unit_of(coordinate.is_rotation());
             column(kind, kind.of_axis(1, number), unit, meaning)
         }));
+    }
+    for axis in (1..=port.axes()).filter(|_| port.tracks()) {
+        let estimates = SERVER.iter().filter(|kind| is_estimate(kind));
+        columns.extend(estimates.map(|kind| {
+            let meaning = format!("{}; specimen \"{name}\", axis {axis}", kind.meaning);
+            column(kind, kind.of_axis(1, axis), kind.unit, meaning)
+        }));
+    }
+    for (axis, parameter) in port.compensation_names() {
+        let (key, kind) = (parameter.name, &SERVER_COMPENSATION);
+        let meaning = kind.meaning.replace("NAME", key);
+        let meaning = format!("{meaning}; specimen \"{name}\", axis {}", axis + 1);
+        let of = kind.of_parameter(key, 1, axis + 1);
+        columns.push(column(kind, of, parameter.unit, meaning));
     }
     columns.extend(kinds(Each::Specimen).map(|kind| {
         let meaning = format!("{}; specimen \"{name}\"", kind.meaning);

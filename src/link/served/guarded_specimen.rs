@@ -27,6 +27,8 @@ pub(super) enum Origin {
     Controller,
     /// A command on the path to a target of the controller. It has `period_s` for its motion.
     Paced { period_s: f64 },
+    /// A command on the ramp to the first target of the controller, which the port has made already.
+    Ramp { period_s: f64, lands: bool },
     /// A command of ours before the test. It has `period_s` for its motion.
     Own { period_s: f64 },
 }
@@ -36,7 +38,18 @@ impl Origin {
     const fn state(self) -> f64 {
         match self {
             Self::Controller | Self::Paced { .. } => Exchange::RUNNING,
+            Self::Ramp { .. } => Exchange::RAMPING,
             Self::Own { .. } => Exchange::PROBING,
+        }
+    }
+
+    /// Time in s for its motion, if that is known.
+    const fn period_s(self) -> Option<f64> {
+        match self {
+            Self::Controller => None,
+            Self::Paced { period_s } | Self::Ramp { period_s, .. } | Self::Own { period_s } => {
+                Some(period_s)
+            }
         }
     }
 
@@ -99,8 +112,10 @@ impl GuardedSpecimen {
     /// Each target of a controller becomes a path of commands.
     pub fn set_pacing(&mut self, pacing: Pacing) {
         let (signals, axes) = (self.identity.units.len(), self.port.axes());
-        self.path = Some(PacedPath::new(pacing, signals, axes));
         self.port.take_velocities_of_a_path();
+        let mut path = PacedPath::new(pacing, signals, axes);
+        path.fresh = self.port.freeze_compensation();
+        self.path = Some(path);
     }
 
     /// How targets are paced.
@@ -197,6 +212,7 @@ impl GuardedSpecimen {
             let disp = scale.disp_at(&self.port, start, units);
             let disp = disp.map_err(|fault| TestEnd::failed(format_args!("not armed: {fault}")))?;
             path.rests_at(sequence, &disp);
+            self.port.restart_following(path.fresh.as_ref());
         }
         let mut unwanted = None;
         let mut is_wanted = || wanted().map_err(|over| unwanted = Some(over)).is_ok();
@@ -344,7 +360,11 @@ impl GuardedSpecimen {
             return Err(Trip::NotFinite { axis, measured });
         }
         self.judge_answer(is_theirs)?;
-        posed.map_err(Trip::Geometry)?;
+        // On a ramp only its end has an answer for the controller.
+        let is_on_a_ramp = matches!(origin, Origin::Ramp { lands: false, .. });
+        if let (Err(fault), false) = (posed, is_on_a_ramp) {
+            return Err(Trip::Geometry(fault));
+        }
         Ok(true)
     }
 
@@ -395,6 +415,9 @@ impl GuardedSpecimen {
     /// Makes the next command of the port. Real-time: yes.
     fn aim(&mut self, command: &Command<'_>, origin: Origin) {
         let Command { disp, vel, .. } = command;
+        if matches!(origin, Origin::Ramp { .. }) {
+            return;
+        }
         if self.is_by_axes(origin) {
             let motion = disp.iter().zip(*vel);
             self.port.aim_axes(motion.map(|(disp, vel)| (*disp, *vel)));
@@ -478,7 +501,7 @@ impl GuardedSpecimen {
     /// The times that a command has for its motion, if anything is known of them. Our own small motions before the test keep to
     /// a pace of ours, and no controller decides their time. Real-time: yes.
     fn time_of(&mut self, command: &Command<'_>, elapsed: f64, origin: Origin) -> Option<Times> {
-        if let Origin::Own { period_s } | Origin::Paced { period_s } = origin {
+        if let Some(period_s) = origin.period_s() {
             return Some(Times::both(period_s));
         }
         let now = self.now.unwrap_or_else(|| Nanos(os::monotonic_ns()));

@@ -41,7 +41,7 @@ pub use guard_store::GuardStore;
 pub use latch::{Latch, LatchedTrip};
 pub(in crate::link) use link_maker::Unconnected;
 pub use link_maker::{LinkBuild, LinkMaker};
-pub use pacing::Pacing;
+pub use pacing::{PaceClock, Pacing};
 pub use served_specimen::ServedSpecimen;
 pub use session_record::RecordSettings;
 pub use whereabouts::Whereabouts;
@@ -50,7 +50,7 @@ use crate::catalog::ending::Cause;
 use crate::geometry::Fault;
 use crate::port::limits::Hit;
 use crate::substructure::LinkFault;
-use crate::units::compared;
+use crate::units::{compared, quantity};
 use crate::wire::handshake::{Limits, Sampling};
 
 /// From one command to the next in s, until it is known.
@@ -123,6 +123,9 @@ pub enum Trip {
     /// The actuators cannot have the pose that was commanded, or the strokes that were measured.
     #[error("the loading unit: {0}")]
     Geometry(Fault),
+    /// The client iterates, and the specimen does not follow that trial.
+    #[error("{0}")]
+    Trial(TrialFault),
     /// The specimen says that its interlock is open.
     #[error("the interlock or emergency stop at the specimen is open")]
     Interlock,
@@ -149,6 +152,7 @@ impl Trip {
             Self::NotFinite { .. } => Cause::CommandNotFinite,
             Self::Elsewhere(_) => Cause::FirstCommandElsewhere,
             Self::Geometry(_) => Cause::Geometry,
+            Self::Trial(_) => Cause::ClientIterates,
             Self::Interlock => Cause::Interlock,
             Self::Saturated => Cause::Saturated,
             Self::Holds(_) => Cause::HoldsOn,
@@ -174,11 +178,46 @@ impl Trip {
             Self::NotFinite { measured, .. } => 50 + measured as u32,
             Self::Elsewhere(_) => 52,
             Self::Geometry(_) => 53,
+            Self::Trial(_) => 54,
             Self::Interlock => 60,
             Self::Saturated => 61,
             Self::Holds(_) => 62,
             Self::Lost(_) => 70,
         }
+    }
+}
+
+/// A trial of an iterating client that a specimen does not follow.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TrialFault {
+    /// The displacement that is farthest from the first target of the step, from 0.
+    pub signal: usize,
+    /// That distance, in m or rad at the client's scale.
+    pub distance: f64,
+    /// The distance that the file allows, if it allows any.
+    pub within: Option<f64>,
+}
+
+impl std::fmt::Display for TrialFault {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let distance = quantity(self.distance, "m");
+        let signal = self.signal + 1;
+        write!(
+            f,
+            "the client iterates: displacement {signal} of a new trial is {distance} from the first one of this step, "
+        )?;
+        match self.within {
+            Some(within) => write!(
+                f,
+                "and `iterates_within_m` allows {}",
+                quantity(within, "m")
+            )?,
+            None => f.write_str("and a physical specimen follows one target in each step")?,
+        }
+        f.write_str(
+            ". In OpenSees use algorithm Linear with NewmarkExplicit, HHTExplicit, KRAlphaExplicit or AlphaOS, or set \
+             `iterates_within_m` in [serve.openfresco]",
+        )
     }
 }
 
@@ -227,7 +266,7 @@ impl From<String> for TestEnd {
 }
 
 /// Largest rounding error of a converted position, in units of an axis. No sensor resolves it.
-const ROUNDING: f64 = 1e-9;
+pub(in crate::link) const ROUNDING: f64 = 1e-9;
 
 /// Asked while a specimen is waited for or moved before a test: whether that test is still wanted, and why not.
 pub type Wanted<'a> = dyn FnMut() -> Result<(), TestEnd> + 'a;

@@ -1,14 +1,21 @@
 //! Paced exchanges: the specimen is led to a target of the controller by many commands, each with its own answer.
+//!
+//! The first target of a session is reached by the ramp of the port, as the start of a test is: from where the specimen stands, and no
+//! faster than half of the limits of speed. Compensators hold meanwhile. From there on each target has a path of its own.
 
 use super::Trip;
 use super::first_command::beyond;
 use super::guarded_specimen::{GuardedSpecimen, Origin, in_metres, not_finite};
 use super::identity::Identity;
-use super::pacing::PacedPath;
+use super::pacing::{PacedPath, PathTick};
 use crate::substructure::{Command, Measurement};
 
+/// Share of the limits of speed that a ramp may use, as in a test.
+const SHARE_OF_SPEED: f64 = 0.5;
+
 impl GuardedSpecimen {
-    /// Leads the specimen to a target of the controller, and returns the answer there.
+    /// Leads the specimen to a target of the controller, and returns the answer there. If that is not `wanted` any more, the specimen
+    /// comes to rest on the way, and false is returned.
     pub fn follow(
         &mut self,
         path: &mut PacedPath,
@@ -17,37 +24,49 @@ impl GuardedSpecimen {
         wanted: &mut dyn FnMut() -> bool,
         into: &mut Measurement,
     ) -> Result<bool, Trip> {
-        if let Err(trip) = self.judge_target(path, command) {
+        let begun = self.judge_target(path, command);
+        let begun = begun.and_then(|()| self.begin_path(path, command));
+        if let Err(trip) = begun {
             // Nothing of it leaves. The row says so.
             self.trip(trip);
             return self.exchange_once(Origin::Controller, command, elapsed, wanted, into);
         }
-        let origin = Origin::Paced {
-            period_s: path.pacing.period_s(),
-        };
-        let share = 1.0 / f64::from(path.pacing.ticks);
-        path.aim(command.disp);
-        while let Some(place) = path.next() {
-            path.wait();
-            if !wanted() {
-                return Ok(false);
+        let mut is_wanted = true;
+        let mut is_owed = false;
+        loop {
+            if is_wanted && !wanted() {
+                is_wanted = false;
+                path.stop();
             }
-            let tick = Command {
+            let Some(tick) = path.next() else { break };
+            if is_owed {
+                self.accept_on_the_way()?;
+            }
+            path.wait();
+            let (origin, disp_is_made) = self.prepare(path, tick);
+            let period_s = path.pacing.period_s();
+            let theirs = Command {
                 sequence: path.sequence,
-                time: command.time - (1.0 - place) * elapsed,
-                dt: command.dt * share,
-                disp: &path.disp,
+                time: command.time - (1.0 - tick.gone) * elapsed,
+                dt: period_s,
+                disp: if disp_is_made {
+                    &path.disp
+                } else {
+                    command.disp
+                },
                 vel: &path.vel,
             };
-            if !self.exchange_once(origin, &tick, elapsed * share, wanted, into)? {
+            let share = elapsed * path.share_of_tick();
+            if !self.exchange_once(origin, &theirs, share, wanted, into)? {
                 return Ok(false);
             }
             path.count();
-            if place < 1.0 {
-                self.accept_on_the_way()?;
-            }
+            is_owed = true;
         }
-        Ok(true)
+        if is_wanted && std::mem::take(&mut path.is_first) {
+            self.port.begin_compensation();
+        }
+        Ok(is_wanted)
     }
 
     /// Everything that is judged of a target before the specimen is led there: its commands are judged one by one.
@@ -65,12 +84,48 @@ impl GuardedSpecimen {
         if let Some(hit) = beyond(&self.port, &path.place) {
             return Err(Trip::Limit(hit));
         }
-        self.first.judge(command, &path.place, &self.port)?;
+        self.first.judge(command, &path.place, &self.port)
+    }
+
+    /// The path to a target begins: a ramp of the port to the first one of a session.
+    fn begin_path(&mut self, path: &mut PacedPath, command: &Command<'_>) -> Result<(), Trip> {
+        path.aim(command.disp);
+        let mut seconds = path.pacing.motion_s();
+        if path.is_first {
+            path.vel.fill(0.0);
+            let Identity { scale, units, .. } = &self.identity;
+            scale.aim(&mut self.port, [command.disp, &path.vel], units);
+            self.port.begin_ramp();
+            let period_s = path.pacing.period_s();
+            let needed = self.port.ramp_time(SHARE_OF_SPEED, period_s, seconds);
+            seconds = path.takes(needed);
+        } else if path.pacing.settle_ticks == 0 && path.is_late() {
+            // The specimen has moved on since its last answer.
+            self.port.skips_commands();
+        }
         if let Some(announced) = self.announced.as_mut() {
-            let disp = in_metres(units, command.disp);
-            announced.command(path.pacing.step_s(), disp)?;
+            let disp = in_metres(&self.identity.units, command.disp);
+            announced.command(seconds, disp)?;
         }
         Ok(())
+    }
+
+    /// Makes the next command of the path, and says what it is; true if the path holds its displacements.
+    fn prepare(&mut self, path: &mut PacedPath, tick: PathTick) -> (Origin, bool) {
+        let period_s = path.pacing.period_s();
+        if !path.is_first {
+            path.make(tick);
+            return (Origin::Paced { period_s }, true);
+        }
+        let seconds = period_s * f64::from(path.ticks()) / tick.pace;
+        self.port.ramp_to(tick.share, seconds);
+        let is_of_axes = self.identity.scale.is_of_axes();
+        if is_of_axes {
+            path.disp.copy_from_slice(self.port.command());
+            path.vel.copy_from_slice(self.port.command_vel());
+        }
+        let lands = tick.share >= 1.0;
+        (Origin::Ramp { period_s, lands }, is_of_axes)
     }
 
     /// A command before the target is accepted: the controller accepts the target itself.

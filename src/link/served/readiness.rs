@@ -120,7 +120,9 @@ impl<'a> Readiness<'a> {
         for warning in self.doubts(introduction)? {
             self.served.note(Remark::Warning, &warning);
         }
-        let needs = &self.served.identity.needs_measured_disp;
+        let of_limits = self.served.identity.needs_measured_disp.iter().copied();
+        let own = self.served.port.needs_measured_disp().own.iter();
+        let needs: Vec<&str> = of_limits.chain(own.map(String::as_str)).collect();
         if introduction.repeats_the_command && !needs.is_empty() {
             let text = format!(
                 "its end does not say that it measures displacement. What it sends as such may be the command, and {} would compare \

@@ -221,6 +221,12 @@ impl ServedSpecimen {
         self.guarded.identity.units.len()
     }
 
+    /// The units in which a controller counts.
+    #[must_use]
+    pub fn units(&self) -> &[AxisUnits] {
+        &self.guarded.identity.units
+    }
+
     /// True if commands leave this process.
     #[must_use]
     pub fn is_remote(&self) -> bool {
@@ -253,6 +259,11 @@ impl ServedSpecimen {
     #[must_use]
     pub const fn measured(&self) -> &Measurement {
         &self.guarded.answer
+    }
+
+    /// Lag in s, gain, stiffness in N/m, and the damping in N s/m that the lag adds, per axis; empty where nothing is estimated.
+    pub fn tracking(&self) -> impl Iterator<Item = [f64; 4]> {
+        self.guarded.port.tracking()
     }
 
     /// The trip for which the specimen holds, if there is one.
@@ -324,9 +335,10 @@ impl ServedSpecimen {
         let GuardedSpecimen {
             recording,
             identity,
+            port,
             ..
         } = &mut self.guarded;
-        recording.open(identity, controller)
+        recording.open(identity, port, controller)
     }
 
     /// The controller begins again after commands that only checked the wiring: a computed specimen forgets them. May block, for as
@@ -375,6 +387,13 @@ impl ServedSpecimen {
     ) -> Result<bool, Trip> {
         self.guarded
             .exchange_as(Origin::Controller, command, elapsed, wanted, into)
+    }
+
+    /// The controller asks for what the specimen does not do: it holds from here on.
+    pub fn trip(&mut self, trip: Trip) {
+        if self.guarded.tripped().is_none() {
+            self.guarded.trip(trip);
+        }
     }
 
     /// The last command is accepted. Real-time: yes.

@@ -11,6 +11,7 @@ use super::session_summary::{self, Counted};
 use super::{Controller, Trip};
 use crate::catalog::ending::{Cause, Status as Ended};
 use crate::catalog::event::{Remark, Severity};
+use crate::port::Port;
 use crate::record::writer::Clocks;
 use crate::record::{
     Column, Event, FolderError, Layout, Note, Position, Recorder, RingRecorder, RingSize,
@@ -66,7 +67,7 @@ impl SessionRecord {
     /// The folder, with everything that is known before the test. Touches the disk, and starts two threads.
     pub fn open(
         settings: &RecordSettings,
-        identity: &Identity,
+        (identity, port): (&Identity, &Port),
         controller: &Controller,
         away_from: Option<usize>,
     ) -> Result<Self, String> {
@@ -76,7 +77,7 @@ impl SessionRecord {
             .map(|(above, below)| above as f64 / below as f64)
             .filter(|rate| rate.is_finite());
         let (name, units) = (identity.name.as_str(), identity.axis_units());
-        let columns = columns(units, identity.scale.coordinates(), name);
+        let columns = columns(units, identity.scale.coordinates(), port, name);
         let made = Self::make(settings, &mut folder, (name, columns), rate_hz, away_from);
         let (writer, recorder, row) = match made {
             Ok(made) => made,

@@ -6,7 +6,9 @@
 use std::sync::Arc;
 
 use super::super::gear::{self, Rows};
+use super::super::links::wire_axes;
 use super::super::specimens::loading::{Loading, at_actuators, loading_of};
+use super::following::Following;
 use super::{check_estimate, reply_limit_ns, wiring_check};
 use crate::config::{DispUnit, Finding, ForceUnit, KeyPath, LinkSpec, SpecimenTable};
 use crate::geometry::{Coordinate, LawPlace};
@@ -28,19 +30,31 @@ struct Converted<'a> {
     stiffness: Rows,
 }
 
-/// The gateway, and how it checks the wiring. The client counts in `units`.
+/// What a gateway is to its client.
+#[derive(Default)]
+pub(super) struct Client {
+    /// Its units; none if it counts in those of the axes.
+    pub units: Option<(DispUnit, ForceUnit)>,
+    pub following: Option<Following>,
+}
+
+/// The gateway, and how it checks the wiring.
 pub(super) fn host(
     table: &SpecimenTable,
     link: &LinkSpec,
     at: &KeyPath,
-    units: (DispUnit, ForceUnit),
+    Client { units, following }: Client,
     build: LinkBuild,
 ) -> Result<(Host, WiringCheck), Box<Finding>> {
     let converted = Converted::of(table, at)?;
-    let client = converted.client_units(units);
-    let wire = converted.wire_axes(units);
+    let n = converted.axes.len();
+    let client = units.map_or_else(|| table.units_of(n), |units| converted.client_units(units));
+    let wire = match units {
+        Some(units) => converted.wire_axes(units),
+        None => wire_axes(table, n, None),
+    };
     let stiffness = converted.client_stiffness(&client);
-    let axis_units = table.units_of(converted.axes.len());
+    let axis_units = table.units_of(n);
     let amplitude = |metres: f64| {
         let gears = converted.axes.iter().zip(&axis_units);
         gears
@@ -61,7 +75,7 @@ pub(super) fn host(
             coordinates: converted.coordinates().to_vec(),
             units: axis_units,
         },
-        port: converted.into_port(),
+        port: converted.into_port(following),
     };
     Ok((host.in_units(client).converting(conversion), check))
 }
@@ -198,7 +212,7 @@ impl<'a> Converted<'a> {
     }
 
     /// Makes the port as often as a controller comes.
-    fn into_port(self) -> PortBuild {
+    fn into_port(self, following: Option<Following>) -> PortBuild {
         let Self {
             table,
             axes,
@@ -221,6 +235,12 @@ impl<'a> Converted<'a> {
                     rows,
                     law_at,
                 }) => port.with_geometry(geometry.clone(), rows.clone(), *law_at),
+                None => port,
+            };
+            let port = match &following {
+                Some(following) => {
+                    following.around(port, units.iter().map(|(metres, _)| *metres).collect())?
+                }
                 None => port,
             };
             Ok(port.with_received_commands())
