@@ -308,6 +308,13 @@ fn is_test(root: &Node) -> bool {
     root.find(&KeyPath::root().key("time")).is_some()
 }
 
+/// True of a file that is one for `gusset serve`, and no test file.
+#[must_use]
+pub fn is_for_a_server(path: &Path) -> bool {
+    let opened = read_text(path).and_then(|text| open(Purpose::Run, path, text, &[]));
+    opened.is_ok_and(|opened| !is_test(&opened.root) && not_a_test(&opened.root).is_some())
+}
+
 /// The finding for a file that is read as a test although it is one for `gusset serve`, or both in one.
 pub(super) fn not_a_test(root: &Node) -> Option<Finding> {
     let has = |key: &str| root.find(&KeyPath::root().key(key)).is_some();

@@ -126,7 +126,6 @@ impl Host {
     pub fn transformed(mut self, mut transformation: Transformation) -> Self {
         let n = transformation.dofs();
         self.motion = ClientMotion::zeros(n);
-        self.trials = self.trials.of(n);
         self.matrices = ClientMatrices::of(&self.served, n, Some(&mut transformation));
         self.transformation = Some(transformation);
         self
@@ -135,7 +134,7 @@ impl Host {
     /// What moves follows later trials of a step as far as this from the first one, in m or rad at the client's scale.
     #[must_use]
     pub fn iterating_within(mut self, distance: Option<f64>) -> Self {
-        self.trials = Trials::new(self.axes(), distance);
+        self.trials = Trials::new(self.served.axes(), distance);
         self
     }
 
@@ -271,13 +270,6 @@ impl Host {
         let known = dt.filter(|dt| *dt >= 0.0).or(self.step);
         let dt = known.filter(|dt| *dt > 0.0).unwrap_or(0.0);
         self.motion.take(command, dt);
-        if self.nature == Nature::Physical {
-            let state = (self.pending, self.tally.commits > 0);
-            let fault = self.trials.judge(command, state, self.served.units());
-            if let Some(fault) = fault {
-                self.served.trip(Trip::Trial(fault));
-            }
-        }
         self.evaluate(dt, wanted)?;
         self.pending = true;
         Ok(())
@@ -333,6 +325,14 @@ impl Host {
             None => (&self.motion.disp[..], &self.motion.vel[..]),
             Some(transformation) => transformation.command(&self.motion.disp, &self.motion.vel),
         };
+        if self.nature == Nature::Physical {
+            let state = (self.pending, self.tally.commits > 0);
+            let units = self.served.units();
+            let fault = self.trials.judge(disp, self.motion.time, state, units);
+            if let Some(fault) = fault {
+                self.served.trip(Trip::Trial(fault));
+            }
+        }
         let command = Command {
             sequence: self.sequence,
             time: self.motion.time,

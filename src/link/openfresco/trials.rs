@@ -5,7 +5,6 @@
 
 use crate::link::served::{ROUNDING, TrialFault};
 use crate::units::AxisUnits;
-use crate::wire::openfresco::Response;
 
 /// The trials of the present step.
 #[derive(Debug, Default)]
@@ -19,7 +18,7 @@ pub(super) struct Trials {
 }
 
 impl Trials {
-    /// For a client of `signals` displacements.
+    /// For a specimen of `signals` displacements, behind the `rows` of its file.
     pub fn new(signals: usize, within: Option<f64>) -> Self {
         Self {
             within,
@@ -29,29 +28,25 @@ impl Trials {
         }
     }
 
-    /// The same for another number of displacements.
-    pub fn of(&self, signals: usize) -> Self {
-        Self::new(signals, self.within)
-    }
-
     /// Judges a target. `is_open`: a target of this step came before, as far as commits tell; `has_committed`: the client has
     /// committed a step. Real-time: yes.
     pub fn judge(
         &mut self,
-        command: &Response<'_>,
+        disp: &[f64],
+        time: f64,
         (is_open, has_committed): (bool, bool),
         units: &[AxisUnits],
     ) -> Option<TrialFault> {
-        let is_same_time = command.time != 0.0 && command.time == self.time;
+        let is_same_time = time != 0.0 && time == self.time;
         if !(is_open && (has_committed || is_same_time)) {
-            copy(&mut self.first, command.disp);
-            copy(&mut self.last, command.disp);
-            self.time = command.time;
+            copy(&mut self.first, disp);
+            copy(&mut self.last, disp);
+            self.time = time;
             return None;
         }
-        let (again, _) = farthest(command.disp, &self.last, units);
-        copy(&mut self.last, command.disp);
-        let (distance, signal) = farthest(command.disp, &self.first, units);
+        let (again, _) = farthest(disp, &self.last, units);
+        copy(&mut self.last, disp);
+        let (distance, signal) = farthest(disp, &self.first, units);
         let is_allowed = again <= ROUNDING || distance <= self.within.unwrap_or(0.0);
         (!is_allowed).then_some(TrialFault {
             signal,
@@ -71,9 +66,7 @@ fn copy(to: &mut [f64], from: &[f64]) {
 fn farthest(one: &[f64], other: &[f64], units: &[AxisUnits]) -> (f64, usize) {
     let mut most = (0.0, 0);
     for (signal, (one, other)) in one.iter().zip(other).enumerate() {
-        // The client counts all its displacements in one unit where `rows` transform them.
-        let unit = units.get(signal).or_else(|| units.first());
-        let metres = unit.map_or(1.0, |unit| unit.metres);
+        let metres = units.get(signal).map_or(1.0, |unit| unit.metres);
         let distance = ((one - other) * metres).abs();
         let distance = if distance.is_nan() {
             f64::INFINITY
@@ -98,14 +91,7 @@ mod tests {
     };
 
     fn judge(trials: &mut Trials, disp: f64, time: f64, state: (bool, bool)) -> Option<TrialFault> {
-        let command = Response {
-            disp: &[0.0, disp],
-            vel: &[],
-            accel: &[],
-            force: &[],
-            time,
-        };
-        trials.judge(&command, state, &[INCH, INCH])
+        trials.judge(&[0.0, disp], time, state, &[INCH, INCH])
     }
 
     #[test]

@@ -260,7 +260,7 @@ fn at_client(own: &Limits, axis: &Axis, (metres, newtons): (f64, f64)) -> Limits
 }
 
 /// The unit of a moment.
-const fn moment(disp: DispUnit, force: ForceUnit) -> &'static str {
+pub(in crate::setup) const fn moment(disp: DispUnit, force: ForceUnit) -> &'static str {
     match (force, disp) {
         (ForceUnit::Newton, DispUnit::Metre) => "N m",
         (ForceUnit::Newton, DispUnit::Millimetre) => "N mm",

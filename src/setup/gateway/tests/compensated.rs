@@ -233,7 +233,7 @@ fn each_compensator_gives_the_commands_and_the_tracking_of_a_test() {
     ] {
         assert!(lag(name).abs() < 0.6 * lag("none"), "{name}: {lags:?}");
     }
-    for name in ["inverse", "model_inverse", "ats"] {
+    for name in ["inverse", "model_inverse", "recursive_fir"] {
         assert!(lag(name).abs() < 0.0015, "{name}: {lags:?}");
     }
 }
