@@ -4,6 +4,7 @@
 //! faster than half of the limits of speed. Compensators hold meanwhile. From there on each target has a path of its own.
 
 use super::Trip;
+use super::client_scale::copy;
 use super::first_command::beyond;
 use super::guarded_specimen::{GuardedSpecimen, Origin, in_metres, not_finite};
 use super::identity::Identity;
@@ -24,6 +25,13 @@ impl GuardedSpecimen {
         wanted: &mut dyn FnMut() -> bool,
         into: &mut Measurement,
     ) -> Result<bool, Trip> {
+        let is_finite = not_finite(command.disp, command.vel).is_none();
+        if is_finite && path.is_repeated(command.disp, self.commits()) {
+            // OpenSees sends each target again with the velocity at the end of the step.
+            (into.time, into.status) = (self.answer.time, self.answer.status);
+            copy(&self.answer, into);
+            return Ok(true);
+        }
         let begun = self.judge_target(path, command);
         let begun = begun.and_then(|()| self.begin_path(path, command));
         if let Err(trip) = begun {
@@ -66,6 +74,7 @@ impl GuardedSpecimen {
         if is_wanted && std::mem::take(&mut path.is_first) {
             self.port.begin_compensation();
         }
+        path.answered = is_wanted.then_some(self.commits());
         Ok(is_wanted)
     }
 

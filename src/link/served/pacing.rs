@@ -106,6 +106,8 @@ pub(super) struct PacedPath {
     pub place: Vec<f64>,
     /// The compensators before any command.
     pub fresh: Option<TestState>,
+    /// Commits of the controller when its last target was answered; none before.
+    pub answered: Option<u64>,
     /// Earliest time of the next command, ns.
     edge_ns: u64,
 }
@@ -134,6 +136,7 @@ impl PacedPath {
             sequence: 0,
             place: vec![0.0; axes],
             fresh: None,
+            answered: None,
             edge_ns: 0,
         }
     }
@@ -145,7 +148,12 @@ impl PacedPath {
         }
         self.ticks = self.pacing.ticks;
         (self.sequence, self.tick) = (sequence, self.all_ticks());
-        self.is_first = true;
+        (self.is_first, self.answered) = (true, None);
+    }
+
+    /// True of the last target once more, in the same step, after its answer. Real-time: yes.
+    pub fn is_repeated(&self, target: &[f64], commits: u64) -> bool {
+        self.answered == Some(commits) && self.to == target
     }
 
     /// Ticks to a target, and at it.

@@ -467,6 +467,33 @@ fn port_of_platform() -> crate::port::Port {
     in_process(&toml::from_str(PLATFORM).unwrap(), rig)
 }
 
+/// OpenSees sends each displacement twice: with the velocity that it predicts, and with that of the end of the step.
+#[test]
+fn a_target_that_is_sent_again_in_its_step_moves_nothing_and_has_its_answer() {
+    let Behind { told, host } = behind(PLATFORM, SI, &REST, springs());
+    let rig = Behind {
+        told,
+        host: host.paced(Some(PACING)),
+    };
+    let mut served = rig.begun();
+    let pose = [0.01, 0.0, 0.02];
+    goes(&mut served, 0, &[0.0; 3], &[0.0; 3]).unwrap();
+    served.commit();
+    let first = goes(&mut served, 1, &pose, &[0.0; 3]).unwrap();
+    let before = rig.told.lock().unwrap().len();
+    let again = goes(&mut served, 2, &pose, &[0.5; 3]).unwrap();
+    assert_eq!(rig.told.lock().unwrap().len(), before);
+    assert_eq!((again.disp, again.force), (first.disp, first.force));
+    assert_eq!(again.sequence, 2);
+    // In the next step its time passes.
+    served.commit();
+    goes(&mut served, 3, &pose, &[0.0; 3]).unwrap();
+    assert_eq!(rig.told.lock().unwrap().len(), before + 20);
+    // A velocity that is no number trips.
+    let fault = goes(&mut served, 4, &pose, &[f64::NAN; 3]);
+    assert!(matches!(fault, Err(Trip::NotFinite { axis: 0, .. })));
+}
+
 #[test]
 fn a_client_that_is_late_or_gone_finds_the_specimen_at_rest_at_its_last_target() {
     let Behind { told, host } = behind(PLATFORM, SI, &REST, springs());
