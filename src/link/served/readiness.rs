@@ -254,7 +254,7 @@ impl<'a> Readiness<'a> {
             let command = Command {
                 sequence,
                 time: 0.0,
-                dt: 0.0,
+                dt: period_s,
                 disp: &disp,
                 vel: &vel,
             };
