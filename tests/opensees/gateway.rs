@@ -32,6 +32,12 @@ const THEIRS: Speech = Speech {
     link: "protocol = \"openfresco\"\nopenfresco = { answer_signals = [1, 1, 1, 1, 1] }",
 };
 
+/// The file of a gateway to a computation, which follows each trial of a client.
+fn following(address: &str, table: &str, link: &str) -> String {
+    let file = gateway(address, table, link);
+    format!("[serve.openfresco]\niterates_within_m = 1\n{file}")
+}
+
 fn agree(down: &Speech, specimen: &str, material: &str, scheme: &str, udp: bool) {
     let Some(python) = python() else {
         return;
@@ -45,7 +51,7 @@ fn agree(down: &Speech, specimen: &str, material: &str, scheme: &str, udp: bool)
     let transport = if udp { "udp" } else { "tcp" };
     let between = Served::start(
         folder,
-        &gateway(&far.address, limits, down.link),
+        &following(&far.address, limits, down.link),
         &[
             "--protocol",
             "openfresco",
@@ -120,7 +126,7 @@ fn a_limit_that_opensees_passes_closes_the_connection_and_is_said_here() {
         "stiffness_n_per_m = 8000\n[specimen.limits]\nmeasured_force_n = { trip = [-40, 40] }\n";
     let between = Served::start(
         folder,
-        &gateway(&far.address, limits, OURS.link),
+        &following(&far.address, limits, OURS.link),
         &["--protocol", "openfresco", "--out", out.to_str().unwrap()],
     );
     let port = between.address.rsplit(':').next().unwrap();
