@@ -6,7 +6,7 @@ use crate::catalog::limit::Limit;
 use crate::config::{ServedFile, SpecimenTable};
 use crate::units::AxisUnits;
 
-/// Trip levels of one axis, or what they allow of one signal of the client. Infinite where there is none.
+/// Trip levels of one axis, or the range that they allow for one signal of the client. Infinite without a level.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ServedLimit {
     /// The axis, or the coordinate of a loading unit.
@@ -87,7 +87,7 @@ fn own_limits(table: &SpecimenTable) -> Vec<ServedLimit> {
     limits.collect()
 }
 
-/// The axis with its gear, and metres and newtons in its units.
+/// The axis at the structure's scale, and metres and newtons in its units.
 fn geared(table: &SpecimenTable, index: usize) -> (crate::port::Axis, (f64, f64)) {
     let gear = table.axis.get(index).cloned().unwrap_or_default();
     gear::axis(table, &gear, Vec::new())

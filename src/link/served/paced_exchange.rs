@@ -1,7 +1,7 @@
 //! Paced exchanges: the specimen is led to a target of the controller by many commands, each with its own answer.
 //!
 //! The first target of a session is reached by the ramp of the port, as the start of a test is: from where the specimen stands, and no
-//! faster than half of the limits of speed. Compensators hold meanwhile. From there on each target has a path of its own.
+//! faster than half of the limits of speed. Compensators hold meanwhile. Each later target has a separate path.
 
 use super::Trip;
 use super::client_scale::copy;
@@ -35,7 +35,7 @@ impl GuardedSpecimen {
         let begun = self.judge_target(path, command);
         let begun = begun.and_then(|()| self.begin_path(path, command));
         if let Err(trip) = begun {
-            // Nothing of it leaves. The row says so.
+            // No command of it leaves. The row shows that.
             self.trip(trip);
             return self.exchange_once(Origin::Controller, command, elapsed, wanted, into);
         }

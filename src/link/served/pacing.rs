@@ -7,8 +7,9 @@
 //! ```
 //!
 //! Velocity and acceleration vanish at both ends. So a client that is late, pauses or is gone leaves the specimen at rest at its last
-//! target, whenever that happens, and the lead of a compensator ends with the motion. The largest speed is 15/8 of the mean, and the
-//! largest acceleration 10/√3 of way/time². A server that is told to stop on the way slows down linearly in N further ticks or less,
+//! target, whenever that happens. The lead of a compensator ends when its history of the motion has passed, which is what settle ticks are
+//! for. The largest speed is 15/8 of the mean, and the
+//! largest acceleration 10/√3 of way/time². A stop of the server during a path slows the specimen down linearly in N further ticks or less,
 //! with at most 7.7 of way/time². The path is one of the client's displacements: a loading unit follows the poses between two targets.
 //! The first target of a session is reached by a ramp of the port. Limits: nothing is predicted.
 
@@ -76,7 +77,7 @@ pub(super) struct PathTick {
     pub gone: f64,
 }
 
-/// How a path goes on.
+/// Motion along a path.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Course {
     /// At full pace.
@@ -120,7 +121,7 @@ fn shape(x: f64) -> (f64, f64) {
 }
 
 impl PacedPath {
-    /// For a client of `signals` displacements, and so many axes.
+    /// For a client of `signals` displacements, and `axes` axes.
     pub fn new(pacing: Pacing, signals: usize, axes: usize) -> Self {
         let zeros = || vec![0.0; signals];
         Self {

@@ -30,7 +30,7 @@ struct Converted<'a> {
     stiffness: Rows,
 }
 
-/// What a gateway is to its client.
+/// Units and compensation of a gateway's client.
 #[derive(Default)]
 pub(super) struct Client {
     /// Its units; none if it counts in those of the axes.

@@ -163,7 +163,7 @@ const PLATFORM: &str = r#"
 /// Metres and newtons in one unit of the axes of the platform.
 const AXES: [(f64, f64); 3] = [(1e-3, 1e3), (0.0254, 4_448.221_615_260_5), (1.0, 1.0)];
 
-/// Where the actuators of the platform stand at its reference pose.
+/// Strokes of the actuators at the reference pose of the platform.
 const REST: [f64; 3] = [4.0, 0.0, 0.0];
 
 /// Springs and a coupling, in the units of the axes.
@@ -219,7 +219,7 @@ proptest! {
         }
     }
 
-    /// The same commands in the loop of a test, by the same gears and geometry: each number is the same to the last bit.
+    /// A port of a test with this geometry sends and measures the same bits for these commands.
     #[test]
     fn a_gateway_gives_the_bits_of_a_port_in_this_process(
         poses in proptest::collection::vec([-0.02..0.02f64, -0.02..0.02f64, -0.03..0.03f64], 1..20),
@@ -324,7 +324,7 @@ fn a_platform_is_found_where_its_actuators_stand() {
     for (found, pose) in left.iter().zip(pose) {
         assert!((found - pose).abs() < 1e-13, "{left:?}");
     }
-    // Another machine stands there from the beginning.
+    // Another machine is at this pose from the beginning.
     let rig = behind(PLATFORM, SI, &strokes, springs());
     let served = rig.begun();
     let at_rest = served.measured();
@@ -508,7 +508,7 @@ fn a_client_that_is_late_or_gone_finds_the_specimen_at_rest_at_its_last_target()
     served.attend().unwrap();
     drop(served);
     assert_eq!(*rig.told.lock().unwrap(), told);
-    // A server that is told to stop on the way slows down: on the ramp to the first target, and on a path.
+    // A stop of the server on the way to the second target slows the specimen down.
     let mut served = rig.begun();
     for (sequence, goal) in [(0, 0.02), (1, 0.04)] {
         let before = rig.told.lock().unwrap().clone();
@@ -538,7 +538,7 @@ fn a_client_that_is_late_or_gone_finds_the_specimen_at_rest_at_its_last_target()
             last = stroke;
         }
     }
-    // A server that is told to stop before it begins does not begin.
+    // A stop before the first command of a path: nothing moves.
     let before = rig.told.lock().unwrap().len();
     let command = Command {
         sequence: 2,

@@ -118,7 +118,7 @@ fn by_gateway(compensation: &str) -> (Vec<[Vec<f64>; 2]>, [f64; 4]) {
     let mut served = host.specimen(false).unwrap();
     let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
     served.begin(&controller, &mut || Ok(())).unwrap();
-    // What rests before the first target is asked for its force.
+    // Before the first target the gateway reads the force at rest.
     told.lock().unwrap().clear();
     for (sequence, target) in (0..).zip(targets()) {
         // The client is late by another time each time.
@@ -131,7 +131,7 @@ fn by_gateway(compensation: &str) -> (Vec<[Vec<f64>; 2]>, [f64; 4]) {
     (told, tracking)
 }
 
-/// The same targets tick by tick at a port of a test, which is ramped to the first one.
+/// Commands and tracking of a test's port that gets these targets tick by tick, after a ramp to the first one.
 fn by_test(compensation: &str) -> (Vec<[Vec<f64>; 2]>, [f64; 4]) {
     let (text, rig) = (table_of(compensation), lagging());
     let table: SpecimenTable = toml::from_str(&text).unwrap();

@@ -51,14 +51,14 @@ impl Substructure for Watching {
     }
 }
 
-/// What a client does after one target.
+/// The action of a client after one target.
 #[derive(Debug, Clone, Copy)]
 enum Next {
     /// It sends the next one after this time in ns.
     Goes(u64),
     /// It pauses first.
     Pauses(u64),
-    /// It dies, or its server is stopped when so many commands of the next target have left.
+    /// The server is stopped after this number of commands to the next target.
     Dies(u32),
 }
 

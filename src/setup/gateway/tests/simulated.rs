@@ -1,4 +1,4 @@
-//! A clock of this thread that goes only when it is told to.
+//! A clock of this thread that advances by calls only.
 
 use std::cell::Cell;
 
@@ -18,7 +18,7 @@ pub fn now_ns() -> u64 {
     NOW_NS.get()
 }
 
-/// So much time passes.
+/// Advances the clock by this time.
 pub fn pass(ns: u64) {
     NOW_NS.set(now_ns() + ns);
 }
