@@ -62,6 +62,18 @@ fn with(text: &str, old: &str, new: &str) -> String {
     text.replace(old, new)
 }
 
+#[expect(
+    clippy::disallowed_methods,
+    reason = "another process decides when that is; it must not take for ever"
+)]
+fn wait_for(what: &str, mut is_so: impl FnMut() -> bool) {
+    let begun = Instant::now();
+    while !is_so() {
+        assert!(begun.elapsed() < LONG, "{what} does not come");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
 /// Rig and gateway, each with its records.
 struct Laboratory {
     rig: Served,
@@ -110,14 +122,8 @@ impl Laboratory {
 
     fn ended(folder: &Path, number: u32) -> Run {
         let folder = folder.join(format!("test-000{number}"));
-        let begun = Instant::now();
-        loop {
-            if folder.join("summary.json").exists() {
-                return Run::open(&folder).unwrap();
-            }
-            assert!(begun.elapsed() < LONG, "{} does not end", folder.display());
-            std::thread::sleep(Duration::from_millis(20));
-        }
+        wait_for("the end of a test", || folder.join("summary.json").exists());
+        Run::open(&folder).unwrap()
     }
 
     /// The record of the gateway, once a test has ended.
@@ -407,11 +413,9 @@ fn a_rig_that_is_killed_ends_the_test_and_the_connection_of_opensees() {
     assert_eq!(summary.status, Status::Failed, "{}", summary.reason);
     assert!(summary.steps >= 60, "{}", summary.steps);
     assert_eq!(last(&run, "trip"), 70.0, "specimen lost");
-    let begun = Instant::now();
-    while is_connected(laboratory.port()) {
-        assert!(begun.elapsed() < LONG, "the connection stays open");
-        std::thread::sleep(Duration::from_millis(20));
-    }
+    wait_for("the end of the connection", || {
+        !is_connected(laboratory.port())
+    });
     // genericClient may wait for ever.
     frame.kill();
     assert!(frame.events("result").is_empty());
