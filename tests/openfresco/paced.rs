@@ -116,6 +116,8 @@ fn a_client_that_dies_on_the_way_leaves_the_specimen_at_its_target_and_tracking_
     let run = bench.kept();
     let summary = run.summary().unwrap();
     assert_eq!(summary.status, Status::Failed, "{}", summary.reason);
+    let trips = column(&run, "trip");
+    assert!(trips.iter().all(|code| *code == 0.0), "{}", summary.reason);
     let (commands, velocities) = (column(&run, "cmd_1_1"), column(&run, "vel_1_1"));
     // The compensator has forgotten the motion after 90 ticks.
     assert!(
