@@ -349,7 +349,7 @@ mod tests {
             places.extend(made.iter().map(|[disp, _]| *disp));
             places.extend([last; 3]);
             let n = f64::from(ticks);
-            // It goes on for half of the time of a path.
+            // The motion lasts half of the time of a path.
             prop_assert!(f64::from(stop) > 0.4 * n || last < 0.995, "{stop} {last}");
             for window in places.windows(3) {
                 let bend = (window[2] - 2.0 * window[1] + window[0]).abs();
