@@ -43,7 +43,7 @@ fn what_has_no_effect_or_is_missing_is_refused() {
     shows(&served(&of_a_test).unwrap_err(), "similitude");
     let led = gateway(
         "127.0.0.1:1",
-        &format!("{KNOWN}compensation.ats = {{}}\n"),
+        &format!("{KNOWN}compensation.ats = {{ delay_s = 0.01 }}\n"),
         "",
     );
     shows(&served(&led).unwrap_err(), "evenly spaced");

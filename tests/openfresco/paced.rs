@@ -102,7 +102,7 @@ fn a_client_that_dies_on_the_way_leaves_the_specimen_at_its_target_and_tracking_
     let bench = Bench::new("ticks_per_step = 40, rate_hz = 2000, settle_ticks = 90", "");
     let mut client = Client::new(&bench.gateway.address);
     for step in 1..=12_i32 {
-        let disp = 0.004 * (0.5 * f64::from(step)).sin();
+        let disp = 0.004 * (1.5 * f64::from(step)).sin();
         let force = client.force(disp, 0.065 * f64::from(step)).unwrap();
         // The spring of the rig is 4e5 N/m at half the scale: at the target within what 45 ms leave of a lag of 15 ms.
         assert!(
@@ -116,6 +116,8 @@ fn a_client_that_dies_on_the_way_leaves_the_specimen_at_its_target_and_tracking_
     let run = bench.kept();
     let summary = run.summary().unwrap();
     assert_eq!(summary.status, Status::Failed, "{}", summary.reason);
+    let trips = column(&run, "trip");
+    assert!(trips.iter().all(|code| *code == 0.0), "{}", summary.reason);
     let (commands, velocities) = (column(&run, "cmd_1_1"), column(&run, "vel_1_1"));
     // The compensator has forgotten the motion after 90 ticks.
     assert!(

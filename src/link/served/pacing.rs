@@ -8,9 +8,8 @@
 //!
 //! Velocity and acceleration vanish at both ends. So a client that is late, pauses or is gone leaves the specimen at rest at its last
 //! target, whenever that happens. The lead of a compensator ends when its history of the motion has passed, which is what settle ticks are
-//! for. The largest speed is 15/8 of the mean, and the
-//! largest acceleration 10/√3 of way/time². A stop of the server during a path slows the specimen down linearly in N further ticks or less,
-//! with at most 7.7 of way/time². The path is one of the client's displacements: a loading unit follows the poses between two targets.
+//! for. The largest speed is 15/8 of the mean, and the largest acceleration 10/√3 of way/time². A stop of the server during a path slows
+//! the specimen down linearly in N further ticks or less, with at most 7.7 of way/time²; a compensator then settles at rest. The path is one of the client's displacements: a loading unit follows the poses between two targets.
 //! The first target of a session is reached by a ramp of the port. Limits: nothing is predicted.
 
 use crate::rt::os;
@@ -162,6 +161,11 @@ impl PacedPath {
         self.ticks.saturating_add(self.pacing.settle_ticks)
     }
 
+    /// Ticks at rest after a stop on the way: a compensator comes to rest, too.
+    const fn rest_ticks(&self) -> u32 {
+        self.pacing.settle_ticks.saturating_add(1)
+    }
+
     /// The next target. Real-time: yes.
     pub fn aim(&mut self, target: &[f64]) {
         self.from.copy_from_slice(&self.to);
@@ -192,11 +196,13 @@ impl PacedPath {
 
     /// The specimen is to come to rest as soon as it smoothly can. A path that has not begun does not begin.
     pub fn stop(&mut self) {
-        if self.tick >= self.ticks {
-            self.tick = self.all_ticks();
-        } else if self.course == Course::Full {
+        if self.tick < self.ticks && self.course == Course::Full {
             let gone = f64::from(self.tick) / f64::from(self.ticks);
-            let to_rest = if self.tick == 0 { 0 } else { self.pacing.ticks };
+            let to_rest = if self.tick == 0 {
+                0
+            } else {
+                self.ticks.saturating_add(self.rest_ticks())
+            };
             self.course = Course::Slows(gone, to_rest);
         }
     }
@@ -219,10 +225,11 @@ impl PacedPath {
             Course::Slows(_, 0) => return None,
             Course::Slows(share, to_rest) => {
                 *to_rest -= 1;
-                let pace = f64::from(*to_rest) / f64::from(self.pacing.ticks);
+                let rest = self.pacing.settle_ticks.saturating_add(1);
+                let pace = f64::from(to_rest.saturating_sub(rest)) / ticks;
                 *share = (*share + pace / ticks).min(1.0);
                 if *share >= 1.0 {
-                    *to_rest = 0;
+                    *to_rest = rest.min(*to_rest);
                 }
                 PathTick {
                     share: *share,
@@ -339,7 +346,7 @@ mod tests {
             let mut path = PacedPath::new(pacing, 1, 1);
             let stop = (share * f64::from(ticks)) as u32;
             let made = go(&mut path, 1.0, Some(stop));
-            prop_assert!(made.len() as u32 <= stop + ticks);
+            prop_assert!(made.len() as u32 <= stop + ticks + settle_ticks + 1);
             if stop == 0 {
                 prop_assert!(made.is_empty());
                 return Ok(());
@@ -350,6 +357,8 @@ mod tests {
             places.extend(made.iter().map(|[disp, _]| *disp));
             places.extend([last; 3]);
             let n = f64::from(ticks);
+            // The motion lasts half of the time of a path.
+            prop_assert!(f64::from(stop) > 0.4 * n || last < 0.995, "{stop} {last}");
             for window in places.windows(3) {
                 let bend = (window[2] - 2.0 * window[1] + window[0]).abs();
                 prop_assert!(bend <= 7.7 / (n * n) + 1e-14, "{bend} {}", 7.7 / (n * n));

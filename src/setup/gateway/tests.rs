@@ -528,7 +528,7 @@ fn a_client_that_is_late_or_gone_finds_the_specimen_at_rest_at_its_last_target()
         let outcome = served.exchange(&command, 0.01, &mut wanted, &mut into);
         assert_eq!(outcome, Ok(sequence == 0));
         let told = rig.told.lock().unwrap()[before.len()..].to_vec();
-        assert!(told.len() > 8 && told.len() <= 28, "{}", told.len());
+        assert!(told.len() > 8 && told.len() <= 29, "{}", told.len());
         assert!(told.last().unwrap()[1].iter().all(|vel| vel.abs() < 1e-9));
         let strokes = told.iter().map(|[disp, _]| disp[0]);
         let mut last = before.last().unwrap()[0][0];
