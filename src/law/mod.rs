@@ -14,7 +14,7 @@ mod contact;
 mod damper;
 mod domain;
 mod elastic;
-pub(crate) mod memoryless;
+mod memoryless;
 mod parallel;
 mod plastic;
 mod spec;

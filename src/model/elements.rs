@@ -8,9 +8,11 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
+use super::by_rows::ByRows;
 use super::element::{Connection, Declared, Facts, at, split};
+use super::rows::EvenChain;
 use super::run::Run;
-use super::{Base, Element, End, ModelError};
+use super::{Element, End, ModelError, Motion};
 use crate::law::{Law, Memoryless, Tangent};
 use crate::linalg::Lanes;
 use crate::state::Visit;
@@ -32,6 +34,7 @@ enum Group {
     Singles {
         connections: Vec<Connection>,
         facts: Vec<Facts>,
+        by_rows: ByRows,
     },
     Run(Box<Run>),
 }
@@ -94,18 +97,32 @@ impl Elements {
             }
         }
         all.singles(waiting.into_iter());
+        for group in &mut all.groups {
+            if let Group::Singles {
+                connections,
+                by_rows,
+                ..
+            } = group
+            {
+                *by_rows = ByRows::new(connections, n);
+            }
+        }
         Ok(all)
     }
 
     fn singles(&mut self, more: impl Iterator<Item = (Connection, Facts)>) {
         for (hot, cold) in more {
-            if let Some(Group::Singles { connections, facts }) = self.groups.last_mut() {
+            if let Some(Group::Singles {
+                connections, facts, ..
+            }) = self.groups.last_mut()
+            {
                 connections.push(hot);
                 facts.push(cold);
             } else {
                 self.groups.push(Group::Singles {
                     connections: vec![hot],
                     facts: vec![cold],
+                    by_rows: ByRows::default(),
                 });
             }
         }
@@ -129,7 +146,9 @@ impl Elements {
         self.groups.iter().flat_map(|group| {
             let (run, singles) = match group {
                 Group::Run(run) => (Some(run), None),
-                Group::Singles { connections, facts } => (None, Some((connections, facts))),
+                Group::Singles {
+                    connections, facts, ..
+                } => (None, Some((connections, facts))),
             };
             let of_run = run.into_iter().flat_map(|run| {
                 (0..run.len()).map(|index| Seen {
@@ -216,19 +235,17 @@ impl Elements {
     /// residual ← residual − force, `rows` of it, for the groups that act row by row; all vectors are whole.
     /// Real-time: yes.
     #[inline]
-    pub(super) fn subtract_rows(
+    pub(super) fn subtract_anchored(
         &mut self,
         rows: Range<usize>,
-        disp: &[f64],
-        vel: &[f64],
-        base: Base,
+        motion: Motion<'_>,
         residual: &mut [f64],
     ) {
         let (keep, lanes) = (self.keeps_tangents, self.lanes);
         let count = self.row_by_row();
         for group in self.groups.iter_mut().take(count) {
             if let Group::Run(run) = group {
-                run.subtract_anchored(rows.clone(), disp, vel, base, residual, keep, lanes);
+                run.subtract(rows.clone(), motion, residual, keep, lanes);
             }
         }
     }
@@ -237,17 +254,20 @@ impl Elements {
     #[inline]
     pub(super) fn subtract_rest<const COMMIT: bool>(
         &mut self,
-        disp: &[f64],
-        vel: &[f64],
-        base: Base,
-        dt: f64,
+        motion: Motion<'_>,
         residual: &mut [f64],
     ) {
         let (keep, lanes) = (self.keeps_tangents, self.lanes);
         let count = self.row_by_row();
+        let Motion {
+            disp,
+            vel,
+            base,
+            dt,
+        } = motion;
         for group in self.groups.iter_mut().skip(count) {
             match group {
-                Group::Run(run) => run.subtract(disp, vel, base, residual, keep, lanes),
+                Group::Run(run) => run.subtract(0..residual.len(), motion, residual, keep, lanes),
                 Group::Singles { connections, .. } => {
                     for Connection { law, from, to } in connections {
                         let deformation = at(*to, disp, base.disp) - at(*from, disp, base.disp);
@@ -264,6 +284,65 @@ impl Elements {
                         }
                     }
                 }
+            }
+        }
+    }
+
+    /// Rows above those asked for whose displacements [`Elements::subtract_rows`] needs; all of them if the elements
+    /// remember where they were, which takes whole vectors.
+    pub(super) fn reach(&self) -> usize {
+        let span = |group: &Group| match group {
+            Group::Run(_) if self.keeps_tangents => usize::MAX,
+            Group::Run(run) => run.span(),
+            // Evaluated with the first of their rows.
+            Group::Singles { .. } => 0,
+        };
+        self.groups.iter().map(span).max().unwrap_or(0)
+    }
+
+    /// Makes the forces of inner rows of an even chain with those of the first group in one pass. False if that group does
+    /// not act on each of them alike; then nothing was done. Real-time: yes.
+    #[inline]
+    pub(super) fn join(&self, chain: EvenChain<'_>, motion: Motion<'_>) -> bool {
+        match self.groups.first() {
+            Some(Group::Run(run)) if !self.keeps_tangents => {
+                run.join(chain, motion.base, self.lanes)
+            }
+            _ => false,
+        }
+    }
+
+    /// residual ← residual − force, `rows` of it, for the first group, which has joined a chain. Real-time: yes.
+    pub(super) fn subtract_first(
+        &mut self,
+        rows: Range<usize>,
+        motion: Motion<'_>,
+        residual: &mut [f64],
+    ) {
+        if let Some(Group::Run(run)) = self.groups.first_mut() {
+            run.subtract(rows, motion, residual, false, self.lanes);
+        }
+    }
+
+    /// residual ← residual − force, `rows` of it, for all groups but the first `skipped`, with a commit. In one step rows
+    /// are asked for in ascending order, each once. Real-time: yes.
+    #[inline]
+    pub(super) fn subtract_rows(
+        &mut self,
+        skipped: usize,
+        rows: Range<usize>,
+        motion: Motion<'_>,
+        residual: &mut [f64],
+    ) {
+        let lanes = self.lanes;
+        for group in self.groups.iter_mut().skip(skipped) {
+            match group {
+                Group::Run(run) => run.subtract(rows.clone(), motion, residual, false, lanes),
+                Group::Singles {
+                    connections,
+                    by_rows,
+                    ..
+                } => by_rows.subtract(connections, rows.clone(), motion, residual),
             }
         }
     }

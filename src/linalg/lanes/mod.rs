@@ -226,7 +226,10 @@ mod tests {
                 ];
                 for (which, wanted) in wanted.into_iter().enumerate() {
                     let found = out[which][k];
-                    assert!(same(found, wanted), "{lanes}: {which} of {a} and {b}: {found}");
+                    assert!(
+                        same(found, wanted),
+                        "{lanes}: {which} of {a} and {b}: {found}"
+                    );
                 }
             }
             for (i, row) in block.iter().enumerate() {

@@ -8,11 +8,7 @@ pub(crate) struct Portable;
 
 /// a ← what `of` makes of a and b.
 #[inline(always)]
-fn each<const N: usize>(
-    mut a: [f64; N],
-    b: [f64; N],
-    of: impl Fn(f64, f64) -> f64,
-) -> [f64; N] {
+fn each<const N: usize>(mut a: [f64; N], b: [f64; N], of: impl Fn(f64, f64) -> f64) -> [f64; N] {
     for (a, b) in a.iter_mut().zip(b) {
         *a = of(*a, b);
     }

@@ -80,7 +80,10 @@ impl Isa for V3 {
 
     #[inline(always)]
     fn zero_below(self, a: Self::V, limit: Self::V) -> Self::V {
-        [zero_below(self, a[0], limit[0]), zero_below(self, a[1], limit[1])]
+        [
+            zero_below(self, a[0], limit[0]),
+            zero_below(self, a[1], limit[1]),
+        ]
     }
 
     #[inline(always)]
@@ -119,7 +122,9 @@ impl Isa for V3 {
         let [a, b, c, d] = halves;
         let top = quarter(self, [a[0], b[0], c[0], d[0]]);
         let low = quarter(self, [a[1], b[1], c[1], d[1]]);
-        [top[0], top[1], top[2], top[3], low[0], low[1], low[2], low[3]]
+        [
+            top[0], top[1], top[2], top[3], low[0], low[1], low[2], low[3],
+        ]
     }
 
     #[inline(always)]
