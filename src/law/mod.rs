@@ -34,6 +34,7 @@ pub use damper::{
 pub use elastic::{Cubic, CubicSpec, Linear, LinearSpec, SquareRoot, SquareRootSpec};
 pub use memoryless::Memoryless;
 pub use parallel::Parallel;
+pub(crate) use plastic::SliderForm;
 pub use plastic::{Bilinear, BilinearSpec};
 pub use spec::LawSpec;
 
@@ -199,6 +200,11 @@ pub trait Law: Send + std::fmt::Debug {
     /// The law as plain numbers, if its force follows from the moment alone and takes no transcendental function:
     /// equal ones can then be evaluated side by side. `None` by default.
     fn memoryless(&self) -> Option<Memoryless> {
+        None
+    }
+
+    /// The law itself, if it is bilinear: many of them can be evaluated side by side. `None` by default.
+    fn bilinear(&mut self) -> Option<&mut Bilinear> {
         None
     }
 

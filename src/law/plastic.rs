@@ -56,6 +56,68 @@ pub struct Bilinear {
     trial: Slider,
 }
 
+/// A bilinear law as plain numbers, for loops over many.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct SliderForm {
+    /// k in N/m.
+    pub stiffness: f64,
+    /// In N.
+    pub yield_force: f64,
+    /// In m.
+    pub yield_disp: f64,
+    /// b.
+    pub ratio: f64,
+}
+
+impl Bilinear {
+    pub(crate) fn form(&self) -> SliderForm {
+        SliderForm {
+            stiffness: self.stiffness,
+            yield_force: self.yield_force,
+            yield_disp: self.yield_disp,
+            ratio: self.ratio,
+        }
+    }
+
+    /// Where the committed slider stands, and how it moved last as [`SliderForm::slide`] has it.
+    pub(crate) fn slider(&self) -> (f64, f64) {
+        (self.committed.disp, self.committed.to_number())
+    }
+
+    /// Commits another slider; the last trial is that one, too.
+    pub(crate) fn set_slider(&mut self, disp: f64, motion: f64) {
+        self.committed = Slider::from_numbers(disp, motion);
+        self.trial = self.committed;
+    }
+}
+
+impl SliderForm {
+    /// The force at `disp`, and the slider on the way there, in the operations of [`Bilinear::trial`] written as choices
+    /// between results, which the compiler can spread over lanes. Real-time: yes.
+    #[inline(always)]
+    pub(crate) fn slide(self, disp: f64, slider: &mut f64, motion: &mut f64) -> f64 {
+        let Self {
+            stiffness,
+            yield_force,
+            yield_disp,
+            ratio,
+        } = self;
+        let stretch = disp - *slider;
+        let (ahead, behind) = (stretch > yield_disp, stretch < -yield_disp);
+        let stuck = stiffness * stretch;
+        let force = if behind { -yield_force } else { stuck };
+        let force = if ahead { yield_force } else { force };
+        let (forwards, backwards) = (disp - yield_disp, disp + yield_disp);
+        let moved = if behind { backwards } else { *slider };
+        *slider = if ahead { forwards } else { moved };
+        let rounding = 2.0 * f64::EPSILON * disp.abs().max(yield_disp);
+        let at_yield = stretch.abs() >= yield_disp - rounding;
+        let kept = if *motion != 0.0 && at_yield { 2.0 } else { 0.0 };
+        *motion = if ahead || behind { 1.0 } else { kept };
+        ratio * stiffness * disp + (1.0 - ratio) * force
+    }
+}
+
 #[derive(Debug, Clone, Copy, Default)]
 struct Slider {
     /// Where the slider stands, in m.
@@ -137,6 +199,10 @@ impl Law for Bilinear {
 
     fn bound(&self, _reach: Reach) -> (Option<f64>, Option<f64>) {
         (Some(self.stiffness), Some(0.0))
+    }
+
+    fn bilinear(&mut self) -> Option<&mut Bilinear> {
+        Some(self)
     }
 
     fn visit_state(&mut self, visit: &mut dyn Visit) {

@@ -7,6 +7,8 @@ use std::ops::Range;
 
 use super::Motion;
 use super::element::{Connection, at};
+use super::strip::Strip;
+use crate::linalg::Lanes;
 
 /// The order in which the elements of one group are wanted, and how far a step has come.
 #[derive(Debug, Default)]
@@ -19,9 +21,26 @@ pub(super) struct ByRows {
     forces: Vec<f64>,
     next_evaluated: usize,
     next_entered: usize,
+    /// All of them together, if they are alike; then nothing above is used.
+    strip: Option<Box<Strip>>,
 }
 
 impl ByRows {
+    /// Elements that make a strip.
+    pub(super) fn alike(strip: Strip) -> Self {
+        Self {
+            strip: Some(Box::new(strip)),
+            ..Self::default()
+        }
+    }
+
+    /// Brings the laws up to date; they may be changed after that. Real-time: yes.
+    pub(super) fn store(&mut self, connections: &mut [Connection]) {
+        if let Some(strip) = &mut self.strip {
+            strip.store(connections);
+        }
+    }
+
     /// The ends of `connections` that are degrees of freedom of a structure of `n`.
     pub(super) fn new(connections: &[Connection], n: usize) -> Self {
         let (mut evaluated, mut entered) = (Vec::new(), Vec::new());
@@ -41,6 +60,7 @@ impl ByRows {
             entered,
             next_evaluated: 0,
             next_entered: 0,
+            strip: None,
         }
     }
 
@@ -52,7 +72,11 @@ impl ByRows {
         rows: Range<usize>,
         motion: Motion<'_>,
         residual: &mut [f64],
+        lanes: Lanes,
     ) {
+        if let Some(strip) = &mut self.strip {
+            return strip.subtract(connections, rows, motion, residual, lanes);
+        }
         let Motion {
             disp,
             vel,

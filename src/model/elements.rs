@@ -6,12 +6,14 @@
 //! elements and with the operations of the law, so that a run gives the bits of its elements one by one.
 
 use std::borrow::Cow;
+use std::collections::VecDeque;
 use std::ops::Range;
 
 use super::by_rows::ByRows;
 use super::element::{Connection, Declared, Facts, at, split};
 use super::rows::EvenChain;
 use super::run::Run;
+use super::strip::Strip;
 use super::{Element, End, ModelError, Motion};
 use crate::law::{Law, Memoryless, Tangent};
 use crate::linalg::Lanes;
@@ -97,16 +99,8 @@ impl Elements {
             }
         }
         all.singles(waiting.into_iter());
-        for group in &mut all.groups {
-            if let Group::Singles {
-                connections,
-                by_rows,
-                ..
-            } = group
-            {
-                *by_rows = ByRows::new(connections, n);
-            }
-        }
+        let groups = std::mem::take(&mut all.groups);
+        all.groups = groups.into_iter().flat_map(|g| in_strips(g, n)).collect();
         Ok(all)
     }
 
@@ -183,7 +177,12 @@ impl Elements {
                     let at_rest = run.last(0).0.tangent(0.0, 0.0);
                     all.extend(std::iter::repeat_n(at_rest, run.len()));
                 }
-                Group::Singles { connections, .. } => {
+                Group::Singles {
+                    connections,
+                    by_rows,
+                    ..
+                } => {
+                    by_rows.store(connections);
                     for connection in connections {
                         connection.law.trial(0.0, 0.0, 0.0);
                         all.push(Tangent {
@@ -218,7 +217,14 @@ impl Elements {
     /// The elements that are kept one by one: all that have a memory.
     fn connections_mut(&mut self) -> impl Iterator<Item = &mut Connection> {
         self.groups.iter_mut().flat_map(|group| match group {
-            Group::Singles { connections, .. } => &mut connections[..],
+            Group::Singles {
+                connections,
+                by_rows,
+                ..
+            } => {
+                by_rows.store(connections);
+                &mut connections[..]
+            }
             Group::Run(_) => &mut [],
         })
     }
@@ -268,7 +274,12 @@ impl Elements {
         for group in self.groups.iter_mut().skip(count) {
             match group {
                 Group::Run(run) => run.subtract(0..residual.len(), motion, residual, keep, lanes),
-                Group::Singles { connections, .. } => {
+                Group::Singles {
+                    connections,
+                    by_rows,
+                    ..
+                } => {
+                    by_rows.store(connections);
                     for Connection { law, from, to } in connections {
                         let deformation = at(*to, disp, base.disp) - at(*from, disp, base.disp);
                         let rate = at(*to, vel, base.vel) - at(*from, vel, base.vel);
@@ -342,10 +353,52 @@ impl Elements {
                     connections,
                     by_rows,
                     ..
-                } => by_rows.subtract(connections, rows.clone(), motion, residual),
+                } => by_rows.subtract(connections, rows.clone(), motion, residual, lanes),
             }
         }
     }
+}
+
+/// A group of single elements, parted where some that follow each other make a strip.
+fn in_strips(group: Group, n: usize) -> Vec<Group> {
+    let Group::Singles {
+        connections, facts, ..
+    } = group
+    else {
+        return vec![group];
+    };
+    let ends = |facts: &Facts| (facts.from, facts.to);
+    let mut left: VecDeque<_> = connections.into_iter().zip(facts).collect();
+    let (mut groups, mut others) = (Vec::new(), Vec::new());
+    while !left.is_empty() {
+        let length = Strip::length(left.iter_mut().map(|(hot, cold)| (hot, ends(cold))));
+        if length < SHORTEST {
+            // What is too short for a strip is too short from its second element on, too.
+            others.extend(left.drain(..length.max(1)));
+        } else {
+            groups.extend(of_others(&mut others, n));
+            let (mut connections, facts): (Vec<_>, Vec<_>) = left.drain(..length).unzip();
+            let strip = facts
+                .first()
+                .and_then(|first| Strip::new(&mut connections, ends(first)));
+            groups.push(Group::Singles {
+                by_rows: strip.map_or_else(|| ByRows::new(&connections, n), ByRows::alike),
+                connections,
+                facts,
+            });
+        }
+    }
+    groups.extend(of_others(&mut others, n));
+    groups
+}
+
+fn of_others(others: &mut Vec<(Connection, Facts)>, n: usize) -> Option<Group> {
+    let (connections, facts): (Vec<_>, Vec<_>) = others.drain(..).unzip();
+    (!connections.is_empty()).then(|| Group::Singles {
+        by_rows: ByRows::new(&connections, n),
+        connections,
+        facts,
+    })
 }
 
 /// Upper bounds of both tangents of one element.

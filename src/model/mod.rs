@@ -20,6 +20,7 @@ mod rows;
 mod run;
 mod sound;
 mod spec;
+mod strip;
 mod structure;
 mod table;
 
