@@ -19,23 +19,32 @@ impl OfForce for Anchored<'_> {
     #[inline(always)]
     fn with<I: Isa, F: PointForce>(self, isa: I, force: F) {
         let base = (isa.splat(self.base.disp), isa.splat(self.base.vel));
-        let eight = |x: &[f64; 8], v: &[f64; 8], r: &mut [f64; 8]| {
-            let (x, v) = (isa.load(x), isa.load(v));
-            let force = force.force(isa, isa.sub(x, base.0), isa.sub(v, base.1));
-            isa.store(isa.sub(isa.load(r), force), r);
-        };
         let (x, x_rest) = self.disp.as_chunks::<8>();
         let (v, v_rest) = self.vel.as_chunks::<8>();
         let (r, r_rest) = self.residual.as_chunks_mut::<8>();
         for ((r, x), v) in r.iter_mut().zip(x).zip(v) {
-            eight(x, v, r);
+            anchored(isa, force, base, (x, v), r);
         }
         if !r_rest.is_empty() {
             let mut last: [f64; 8] = filled(r_rest);
-            eight(&filled(x_rest), &filled(v_rest), &mut last);
+            let (x, v) = (filled(x_rest), filled(v_rest));
+            anchored(isa, force, base, (&x, &v), &mut last);
             copy(&last, r_rest);
         }
     }
+}
+
+#[inline(always)]
+fn anchored<I: Isa, F: PointForce>(
+    isa: I,
+    force: F,
+    base: (I::V, I::V),
+    (x, v): (&[f64; 8], &[f64; 8]),
+    r: &mut [f64; 8],
+) {
+    let (x, v) = (isa.load(x), isa.load(v));
+    let force = force.force(isa, isa.sub(x, base.0), isa.sub(v, base.1));
+    isa.store(isa.sub(isa.load(r), force), r);
 }
 
 /// Elements per turn of a run between degrees of freedom.
@@ -66,36 +75,30 @@ impl Between<'_> {
         elements: &Range<usize>,
         forces: &mut [f64; TURN + NARROW],
     ) {
-        let of = |values: &'_ [f64], first: usize| -> Option<Range<usize>> {
-            let range = first + elements.start..first + elements.end;
-            values.get(range.clone()).map(|_| range)
-        };
-        let (Some(near), Some(far)) = (of(self.disp, self.from), of(self.disp, self.to)) else {
+        let near = self.from + elements.start..self.from + elements.end;
+        let far = self.to + elements.start..self.to + elements.end;
+        let (Some(x_near), Some(x_far), Some(v_near), Some(v_far)) = (
+            self.disp.get(near.clone()),
+            self.disp.get(far.clone()),
+            self.vel.get(near),
+            self.vel.get(far),
+        ) else {
             return;
-        };
-        let (Some(v_near), Some(v_far)) = (self.vel.get(near.clone()), self.vel.get(far.clone()))
-        else {
-            return;
-        };
-        let (x_near, x_far) = (&self.disp[near], &self.disp[far]);
-        let eight = |a: &[f64; 8], b: &[f64; 8], c: &[f64; 8], d: &[f64; 8], f: &mut [f64; 8]| {
-            let disp = isa.sub(isa.load(b), isa.load(a));
-            let vel = isa.sub(isa.load(d), isa.load(c));
-            isa.store(force.force(isa, disp, vel), f);
         };
         let ((a, a_rest), (b, b_rest)) = (x_near.as_chunks::<8>(), x_far.as_chunks::<8>());
         let ((c, c_rest), (d, d_rest)) = (v_near.as_chunks::<8>(), v_far.as_chunks::<8>());
         let mut blocks = forces.as_chunks_mut::<8>().0.iter_mut();
         for (((a, b), c), d) in a.iter().zip(b).zip(c).zip(d) {
             if let Some(f) = blocks.next() {
-                eight(a, b, c, d, f);
+                between(isa, force, (a, b), (c, d), f);
             }
         }
         if !a_rest.is_empty()
             && let Some(f) = blocks.next()
         {
             let (a, b) = (filled(a_rest), filled(b_rest));
-            eight(&a, &b, &filled(c_rest), &filled(d_rest), f);
+            let (c, d) = (filled(c_rest), filled(d_rest));
+            between(isa, force, (&a, &b), (&c, &d), f);
         }
     }
 
@@ -104,6 +107,19 @@ impl Between<'_> {
         let end = rows.end.saturating_sub(first).min(self.len);
         rows.start.saturating_sub(first).min(end)..end
     }
+}
+
+#[inline(always)]
+fn between<I: Isa, F: PointForce>(
+    isa: I,
+    force: F,
+    disp: (&[f64; 8], &[f64; 8]),
+    vel: (&[f64; 8], &[f64; 8]),
+    f: &mut [f64; 8],
+) {
+    let disp = isa.sub(isa.load(disp.1), isa.load(disp.0));
+    let vel = isa.sub(isa.load(vel.1), isa.load(vel.0));
+    isa.store(force.force(isa, disp, vel), f);
 }
 
 impl OfForce for Between<'_> {
@@ -226,6 +242,47 @@ impl Kernel for Alone<'_> {
 /// On the diagonal and beside it.
 pub(super) type Entries = (f64, f64);
 
+/// Rows of an even chain, eight at a time.
+#[derive(Clone, Copy)]
+struct Even<V, F> {
+    stiffness: (V, V),
+    damping: (V, V),
+    force: F,
+}
+
+/// Eight rows, those one above and those one below.
+type Three<'a> = [&'a [f64; 8]; 3];
+
+impl<V: Copy, F: PointForce> Even<V, F> {
+    /// e (above) + d (here) + e (below).
+    #[inline(always)]
+    fn product<I: Isa<V = V>>(isa: I, (d, e): (V, V), [above, here, below]: [V; 3]) -> V {
+        let sum = isa.add(isa.mul(e, above), isa.mul(d, here));
+        isa.add(sum, isa.mul(e, below))
+    }
+
+    /// r ← r − K x − C v − f; `FRESH`: r ← K x − C v − f, for which K is to come with its sign changed.
+    #[inline(always)]
+    fn rows<I: Isa<V = V>, const FRESH: bool>(
+        self,
+        isa: I,
+        x: Three<'_>,
+        v: Three<'_>,
+        r: &mut [f64; 8],
+    ) {
+        let x = [isa.load(x[0]), isa.load(x[1]), isa.load(x[2])];
+        let springs = Self::product(isa, self.stiffness, x);
+        let sum = if FRESH {
+            springs
+        } else {
+            isa.sub(isa.load(r), springs)
+        };
+        let v = [isa.load(v[0]), isa.load(v[1]), isa.load(v[2])];
+        let sum = isa.sub(sum, Self::product(isa, self.damping, v));
+        isa.store(isa.sub(sum, self.force.force(isa, x[1], v[1])), r);
+    }
+}
+
 /// r ← (r or 0) − K x − C v − f; `x` and `v` have one row more at each end.
 #[inline(always)]
 fn even<I: Isa, F: PointForce, const FRESH: bool>(
@@ -237,48 +294,49 @@ fn even<I: Isa, F: PointForce, const FRESH: bool>(
 ) {
     // 0 − a is −a, which the negative of both entries gives without an operation.
     let k = if FRESH { (-k.0, -k.1) } else { k };
-    let (kd, ke) = (isa.splat(k.0), isa.splat(k.1));
-    let (cd, ce) = (isa.splat(c.0), isa.splat(c.1));
-    let eight = |x: [&[f64; 8]; 3], v: [&[f64; 8]; 3], r: &mut [f64; 8]| {
-        let product = |d: I::V, e: I::V, above: I::V, here: I::V, below: I::V| {
-            let sum = isa.add(isa.mul(e, above), isa.mul(d, here));
-            isa.add(sum, isa.mul(e, below))
-        };
-        let [above, here, below] = x.map(|x| isa.load(x));
-        let springs = product(kd, ke, above, here, below);
-        let sum = if FRESH {
-            springs
-        } else {
-            isa.sub(isa.load(r), springs)
-        };
-        let disp = here;
-        let [above, here, below] = v.map(|v| isa.load(v));
-        let sum = isa.sub(sum, product(cd, ce, above, here, below));
-        isa.store(isa.sub(sum, force.force(isa, disp, here)), r);
+    let chain = Even {
+        stiffness: (isa.splat(k.0), isa.splat(k.1)),
+        damping: (isa.splat(c.0), isa.splat(c.1)),
+        force,
     };
     let (blocks, rest) = r.as_chunks_mut::<8>();
     let count = blocks.len();
-    let (Some(x1), Some(x2), Some(v1), Some(v2)) = (x.get(1..), x.get(2..), v.get(1..), v.get(2..))
-    else {
-        return;
-    };
-    let xs = [x, x1, x2].map(|x| x.as_chunks::<8>().0.get(..count).unwrap_or_default());
-    let vs = [v, v1, v2].map(|v| v.as_chunks::<8>().0.get(..count).unwrap_or_default());
+    let (xs, vs) = (shifted(x, count), shifted(v, count));
     let x_rows = xs[0].iter().zip(xs[1]).zip(xs[2]);
     let v_rows = vs[0].iter().zip(vs[1]).zip(vs[2]);
     for ((r, ((x0, x1), x2)), ((v0, v1), v2)) in blocks.iter_mut().zip(x_rows).zip(v_rows) {
-        eight([x0, x1, x2], [v0, v1, v2], r);
+        chain.rows::<I, FRESH>(isa, [x0, x1, x2], [v0, v1, v2], r);
     }
     if !rest.is_empty() {
-        let three = |of: &[f64]| {
-            let of = of.get(8 * count..).unwrap_or_default();
-            [0, 1, 2].map(|by| filled(of.get(by..).unwrap_or_default()))
-        };
-        let (x, v) = (three(x), three(v));
-        let mut last = filled(rest);
-        eight(x.each_ref(), v.each_ref(), &mut last);
-        copy(&last, rest);
+        let (x, v) = (last(x, count), last(v, count));
+        let mut rows = filled(rest);
+        chain.rows::<I, FRESH>(isa, [&x[0], &x[1], &x[2]], [&v[0], &v[1], &v[2]], &mut rows);
+        copy(&rows, rest);
     }
+}
+
+/// `count` times eight numbers, from the first one, the second one and the third one on.
+#[inline(always)]
+fn shifted(of: &[f64], count: usize) -> [&[[f64; 8]]; 3] {
+    let mut all: [&[[f64; 8]]; 3] = [&[]; 3];
+    for (by, all) in all.iter_mut().enumerate() {
+        if let Some(of) = of.get(by..by + 8 * count) {
+            *all = of.as_chunks::<8>().0;
+        }
+    }
+    all
+}
+
+/// What comes after these, fewer than eight numbers each.
+#[inline(always)]
+fn last(of: &[f64], count: usize) -> [[f64; 8]; 3] {
+    let mut all = [[0.0; 8]; 3];
+    for (by, all) in all.iter_mut().enumerate() {
+        if let Some(of) = of.get(by + 8 * count..) {
+            copy(of, all);
+        }
+    }
+    all
 }
 
 /// Up to eight numbers, then zeros.

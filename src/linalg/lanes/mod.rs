@@ -92,7 +92,7 @@ impl Lanes {
 }
 
 /// A calculation that is compiled once for each path. `run` must be `#[inline(always)]`, and all that it calls: what
-/// stays a call of its own is compiled for every processor.
+/// stays a call of its own is compiled for every processor. A closure may stay one: none uses an [`Isa`].
 pub(crate) trait Kernel {
     /// What it gives.
     type Output;
@@ -132,10 +132,10 @@ pub(crate) trait Isa: Copy {
     fn add_group(self, a: Self::G, b: Self::G) -> Self::G;
     fn sub_group(self, a: Self::G, b: Self::G) -> Self::G;
     fn mul_group(self, a: Self::G, b: Self::G) -> Self::G;
-    /// Eight rows of a group of segments: entry k of segment j becomes entry j of row k.
-    fn turn_in<'a>(self, segment: impl Fn(usize) -> &'a [f64; 8]) -> [Self::G; 8];
-    /// And back: `put` is handed the number of each segment of the group and its eight rows.
-    fn turn_out(self, rows: [Self::G; 8], put: impl FnMut(usize, Self::V));
+    /// Eight rows of a group of segments, the first ones of those given: entry k of segment j becomes entry j of row k.
+    fn turn_in(self, segments: [&[f64; 8]; 8]) -> [Self::G; 8];
+    /// And back; beyond the group are zeros.
+    fn turn_out(self, rows: [Self::G; 8]) -> [Self::V; 8];
 }
 
 /// The first `N` entries. A group that is shorter does not exist: segments are counted in groups.
@@ -182,7 +182,11 @@ mod tests {
             let (mut back, mut turned) = ([[0.0; 8]; 16], [[0.0; 16]; 8]);
             for group in 0..16 / I::GROUP {
                 let first = group * I::GROUP;
-                let mut rows = isa.turn_in(|j| &self.0[first + j]);
+                let mut segments = [&self.0[0]; 8];
+                for (j, segment) in segments.iter_mut().enumerate().take(I::GROUP) {
+                    *segment = &self.0[first + j];
+                }
+                let mut rows = isa.turn_in(segments);
                 for (row, out) in rows.iter_mut().zip(&mut turned) {
                     isa.store_group(*row, &mut out[first..]);
                     let again = isa.load_group(&out[first..]);
@@ -190,7 +194,10 @@ mod tests {
                     let with_one = isa.add_group(*row, one);
                     *row = isa.add_group(isa.mul_group(again, one), isa.sub_group(with_one, one));
                 }
-                isa.turn_out(rows, |j, rows| isa.store(rows, &mut back[first + j]));
+                let segments = isa.turn_out(rows);
+                for (j, rows) in segments.into_iter().enumerate().take(I::GROUP) {
+                    isa.store(rows, &mut back[first + j]);
+                }
             }
             (out, back, turned)
         }

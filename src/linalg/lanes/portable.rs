@@ -106,18 +106,21 @@ impl Isa for Portable {
     }
 
     #[inline(always)]
-    fn turn_in<'a>(self, segment: impl Fn(usize) -> &'a [f64; 8]) -> [[f64; 2]; 8] {
-        let (a, b) = (segment(0), segment(1));
+    fn turn_in(self, segments: [&[f64; 8]; 8]) -> [[f64; 2]; 8] {
         let mut rows = [[0.0; 2]; 8];
-        for ((row, a), b) in rows.iter_mut().zip(a).zip(b) {
+        for ((row, a), b) in rows.iter_mut().zip(segments[0]).zip(segments[1]) {
             *row = [*a, *b];
         }
         rows
     }
 
     #[inline(always)]
-    fn turn_out(self, rows: [[f64; 2]; 8], mut put: impl FnMut(usize, [f64; 8])) {
-        put(0, rows.map(|[a, _]| a));
-        put(1, rows.map(|[_, b]| b));
+    fn turn_out(self, rows: [[f64; 2]; 8]) -> [[f64; 8]; 8] {
+        let mut segments = [[0.0; 8]; 8];
+        for (k, row) in rows.into_iter().enumerate() {
+            segments[0][k] = row[0];
+            segments[1][k] = row[1];
+        }
+        segments
     }
 }

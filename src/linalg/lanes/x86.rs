@@ -70,12 +70,12 @@ impl Isa for V3 {
 
     #[inline(always)]
     fn abs(self, a: Self::V) -> Self::V {
-        a.map(|a| self.abs_f64s(a))
+        [self.abs_f64s(a[0]), self.abs_f64s(a[1])]
     }
 
     #[inline(always)]
     fn sqrt(self, a: Self::V) -> Self::V {
-        a.map(|a| self.sqrt_f64s(a))
+        [self.sqrt_f64s(a[0]), self.sqrt_f64s(a[1])]
     }
 
     #[inline(always)]
@@ -117,9 +117,10 @@ impl Isa for V3 {
     }
 
     #[inline(always)]
-    fn turn_in<'a>(self, segment: impl Fn(usize) -> &'a [f64; 8]) -> [Self::G; 8] {
-        let halves = [segment(0), segment(1), segment(2), segment(3)].map(|rows| self.load(rows));
-        let [a, b, c, d] = halves;
+    fn turn_in(self, segments: [&[f64; 8]; 8]) -> [Self::G; 8] {
+        let [a, b, c, d, ..] = segments;
+        let (a, b): (Self::V, Self::V) = (cast(*a), cast(*b));
+        let (c, d): (Self::V, Self::V) = (cast(*c), cast(*d));
         let top = quarter(self, [a[0], b[0], c[0], d[0]]);
         let low = quarter(self, [a[1], b[1], c[1], d[1]]);
         [
@@ -128,12 +129,20 @@ impl Isa for V3 {
     }
 
     #[inline(always)]
-    fn turn_out(self, rows: [Self::G; 8], mut put: impl FnMut(usize, Self::V)) {
+    fn turn_out(self, rows: [Self::G; 8]) -> [Self::V; 8] {
         let [a, b, c, d, e, f, g, h] = rows;
         let (top, low) = (quarter(self, [a, b, c, d]), quarter(self, [e, f, g, h]));
-        for (segment, halves) in top.into_iter().zip(low).enumerate() {
-            put(segment, [halves.0, halves.1]);
-        }
+        let none = [self.splat_f64s(0.0); 2];
+        [
+            [top[0], low[0]],
+            [top[1], low[1]],
+            [top[2], low[2]],
+            [top[3], low[3]],
+            none,
+            none,
+            none,
+            none,
+        ]
     }
 }
 
@@ -252,19 +261,17 @@ impl Isa for V4 {
     }
 
     #[inline(always)]
-    fn turn_in<'a>(self, segment: impl Fn(usize) -> &'a [f64; 8]) -> [Self::G; 8] {
+    fn turn_in(self, segments: [&[f64; 8]; 8]) -> [Self::G; 8] {
         let mut rows = [self.splat_f64s(0.0); 8];
-        for (at, row) in rows.iter_mut().enumerate() {
-            *row = self.load(segment(at));
+        for (row, segment) in rows.iter_mut().zip(segments) {
+            *row = cast(*segment);
         }
         transpose(self, rows)
     }
 
     #[inline(always)]
-    fn turn_out(self, rows: [Self::G; 8], mut put: impl FnMut(usize, Self::V)) {
-        for (segment, rows) in transpose(self, rows).into_iter().enumerate() {
-            put(segment, rows);
-        }
+    fn turn_out(self, rows: [Self::G; 8]) -> [Self::V; 8] {
+        transpose(self, rows)
     }
 }
 

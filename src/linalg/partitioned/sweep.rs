@@ -94,8 +94,13 @@ impl<const B: usize> Kernel for Known<Down<'_>, B> {
             let fill = fill.get(at);
             for group in 0..SEGMENTS / I::GROUP {
                 let first = group * I::GROUP;
-                let mut rows =
-                    isa.turn_in(|j| rhs.get((first + j) * blocks + at).unwrap_or(&NOTHING));
+                let mut segments = [&NOTHING; 8];
+                for (j, segment) in segments.iter_mut().enumerate().take(I::GROUP) {
+                    if let Some(rows) = rhs.get((first + j) * blocks + at) {
+                        *segment = rows;
+                    }
+                }
+                let mut rows = isa.turn_in(segments);
                 let mut last = above.group(isa, first);
                 for ((row, y), l) in rows.iter_mut().zip(&mut *y).zip(multiplier) {
                     last = isa.sub_group(*row, isa.mul_group(l.group(isa, first), last));
@@ -176,11 +181,12 @@ impl<const B: usize> Kernel for Known<Up<'_>, B> {
                     rows[k] = last;
                 }
                 below.put(isa, first, last);
-                isa.turn_out(rows, |j, rows| {
+                let segments = isa.turn_out(rows);
+                for (j, rows) in segments.into_iter().enumerate().take(I::GROUP) {
                     if let Some(out) = out.get_mut((first + j) * blocks + at) {
                         isa.store(rows, out);
                     }
-                });
+                }
             }
             links = &multiplier[0];
         }
