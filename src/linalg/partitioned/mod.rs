@@ -29,7 +29,7 @@ use std::ops::Range;
 use super::lanes::Lanes;
 use super::{NotPositiveDefinite, Rows, SymMatrix};
 use factor::{Writer, eliminate};
-use sweep::{Down, Received, Row, Up};
+use sweep::{Down, Lines, Received, Row, Up};
 
 /// Segments of a tile.
 const SEGMENTS: usize = 16;
@@ -52,11 +52,11 @@ const NEGLIGIBLE: f64 = 1.0 / (1u128 << 64) as f64;
 #[derive(Debug, Clone, PartialEq)]
 struct Coefficients {
     /// lᵢ, the row of the interface included; 0 in the first row of each segment.
-    multiplier: Vec<Block>,
+    multiplier: Lines,
     /// 1/pᵢ; 1 in rows beyond the matrix.
-    inverse: Vec<Block>,
+    inverse: Lines,
     /// fᵢ of the first blocks of rows, as far as it counts.
-    fill: Vec<Block>,
+    fill: Lines,
 }
 
 /// LDLᵀ by segments.
@@ -135,12 +135,9 @@ impl Partitioned {
 
     /// Bytes of the factor that a solve reads, each once.
     pub(super) fn bytes(&self) -> usize {
-        let blocks: usize = self
-            .coefficients
-            .iter()
-            .map(|c| c.multiplier.len() + c.inverse.len() + c.fill.len())
-            .sum();
-        blocks * size_of::<Block>() + size_of_val(&self.interfaces.inverse[..])
+        let of_tile = |c: &Coefficients| [&c.multiplier, &c.inverse, &c.fill].map(Lines::bytes);
+        let all = self.coefficients.iter().flat_map(of_tile);
+        all.sum::<usize>() + size_of_val(&self.interfaces.inverse[..])
     }
 
     /// Rows that are solved at a time.

@@ -5,7 +5,7 @@
 //! depend on how many lanes a register has. `B` is the number of blocks of a segment where the compiler knows it, which
 //! takes the checks of all indices away; 0 where it does not.
 
-use super::{Block, Coefficients, SEGMENTS};
+use super::{Block, Coefficients, HEIGHT, SEGMENTS};
 use crate::linalg::Lanes;
 use crate::linalg::lanes::{Isa, Kernel};
 
@@ -42,13 +42,15 @@ impl Down<'_> {
     /// Real-time: yes.
     #[inline]
     pub(super) fn run(self, lanes: Lanes) -> Received {
-        // The lengths that long chains have.
-        match self.y.len() {
-            5 => lanes.run(Known::<_, 5>(self)),
-            13 => lanes.run(Known::<_, 13>(self)),
-            29 => lanes.run(Known::<_, 29>(self)),
-            61 => lanes.run(Known::<_, 61>(self)),
-            _ => lanes.run(Known::<_, 0>(self)),
+        // The lengths that long chains have, and the one that most even chains have.
+        match (self.y.len(), self.coefficients.is_even()) {
+            (5, true) => lanes.run(Known::<_, 5, true>(self)),
+            (5, false) => lanes.run(Known::<_, 5, false>(self)),
+            (13, false) => lanes.run(Known::<_, 13, false>(self)),
+            (29, false) => lanes.run(Known::<_, 29, false>(self)),
+            (61, false) => lanes.run(Known::<_, 61, false>(self)),
+            (_, true) => lanes.run(Known::<_, 0, true>(self)),
+            (_, false) => lanes.run(Known::<_, 0, false>(self)),
         }
     }
 }
@@ -57,20 +59,22 @@ impl Up<'_> {
     /// Real-time: yes.
     #[inline]
     pub(super) fn run(self, lanes: Lanes) {
-        match self.y.len() {
-            5 => lanes.run(Known::<_, 5>(self)),
-            13 => lanes.run(Known::<_, 13>(self)),
-            29 => lanes.run(Known::<_, 29>(self)),
-            61 => lanes.run(Known::<_, 61>(self)),
-            _ => lanes.run(Known::<_, 0>(self)),
+        match (self.y.len(), self.coefficients.is_even()) {
+            (5, true) => lanes.run(Known::<_, 5, true>(self)),
+            (5, false) => lanes.run(Known::<_, 5, false>(self)),
+            (13, false) => lanes.run(Known::<_, 13, false>(self)),
+            (29, false) => lanes.run(Known::<_, 29, false>(self)),
+            (61, false) => lanes.run(Known::<_, 61, false>(self)),
+            (_, true) => lanes.run(Known::<_, 0, true>(self)),
+            (_, false) => lanes.run(Known::<_, 0, false>(self)),
         }
     }
 }
 
-/// A sweep over segments of `B` blocks, or of as many as it has.
-struct Known<S, const B: usize>(S);
+/// A sweep over segments of `B` blocks, or of as many as it has, with coefficients that are alike in all segments if `EVEN`.
+struct Known<S, const B: usize, const EVEN: bool>(S);
 
-impl<const B: usize> Kernel for Known<Down<'_>, B> {
+impl<const B: usize, const EVEN: bool> Kernel for Known<Down<'_>, B, EVEN> {
     type Output = Received;
 
     #[inline(always)]
@@ -81,17 +85,18 @@ impl<const B: usize> Kernel for Known<Down<'_>, B> {
             y,
         } = self.0;
         let blocks = if B == 0 { y.len() } else { B };
-        let (rhs, fill) = (rhs.as_chunks::<8>().0, &coefficients.fill);
         let (Some(rhs), Some(y), Some(multiplier)) = (
-            rhs.get(..SEGMENTS * blocks),
+            rhs.as_chunks::<8>().0.get(..SEGMENTS * blocks),
             y.get_mut(..blocks),
-            coefficients.multiplier.get(..blocks),
+            coefficients.multiplier.view::<EVEN>(blocks),
         ) else {
             return Received::default();
         };
+        let (fill, reach) = coefficients.fill::<EVEN>();
         let (mut above, mut sums) = (Row::ZERO, Row::ZERO);
-        for (at, (y, multiplier)) in y.iter_mut().zip(multiplier).enumerate() {
-            let fill = fill.get(at);
+        for (at, y) in y.iter_mut().enumerate() {
+            let multiplier = multiplier.block(at);
+            let fill = (at < reach).then(|| fill.block(at));
             for group in 0..SEGMENTS / I::GROUP {
                 let first = group * I::GROUP;
                 let mut segments = [&NOTHING; 8];
@@ -102,16 +107,16 @@ impl<const B: usize> Kernel for Known<Down<'_>, B> {
                 }
                 let mut rows = isa.turn_in(segments);
                 let mut last = above.group(isa, first);
-                for ((row, y), l) in rows.iter_mut().zip(&mut *y).zip(multiplier) {
-                    last = isa.sub_group(*row, isa.mul_group(l.group(isa, first), last));
+                for (k, (row, y)) in rows.iter_mut().zip(&mut *y).enumerate() {
+                    last = isa.sub_group(*row, isa.mul_group(multiplier.row(isa, k, first), last));
                     *row = last;
                     y.put(isa, first, last);
                 }
                 above.put(isa, first, last);
                 if let Some(fill) = fill {
                     let mut sum = sums.group(isa, first);
-                    for (row, f) in rows.iter().zip(fill) {
-                        sum = isa.add_group(sum, isa.mul_group(f.group(isa, first), *row));
+                    for (k, row) in rows.iter().enumerate() {
+                        sum = isa.add_group(sum, isa.mul_group(fill.row(isa, k, first), *row));
                     }
                     sums.put(isa, first, sum);
                 }
@@ -128,7 +133,7 @@ impl<const B: usize> Kernel for Known<Down<'_>, B> {
     }
 }
 
-impl<const B: usize> Kernel for Known<Up<'_>, B> {
+impl<const B: usize, const EVEN: bool> Kernel for Known<Up<'_>, B, EVEN> {
     type Output = ();
 
     #[inline(always)]
@@ -141,42 +146,44 @@ impl<const B: usize> Kernel for Known<Up<'_>, B> {
             out,
         } = self.0;
         let blocks = if B == 0 { y.len() } else { B };
-        let (out, fill) = (out.as_chunks_mut::<8>().0, &coefficients.fill);
-        let (Some(out), Some(y), Some(multiplier), Some(inverse)) = (
-            out.get_mut(..SEGMENTS * blocks),
+        let (Some(out), Some(y), Some(multipliers), Some(inverse)) = (
+            out.as_chunks_mut::<8>().0.get_mut(..SEGMENTS * blocks),
             y.get(..blocks),
-            coefficients.multiplier.get(..blocks),
-            coefficients.inverse.get(..blocks),
+            coefficients.multiplier.view::<EVEN>(blocks),
+            coefficients.inverse.view::<EVEN>(blocks),
         ) else {
             return;
         };
+        let (fill, reach) = coefficients.fill::<EVEN>();
         let mut left = Row([before; SEGMENTS]);
         left.0[1..].copy_from_slice(&interfaces[..SEGMENTS - 1]);
         // The row of the interface itself; nothing of its own segment lies below it.
         let mut below = Row(*interfaces);
-        let mut links: &Row = &Row::ZERO;
+        let mut links = multipliers.block(0);
         for at in (0..blocks).rev() {
-            let (y, inverse, multiplier) = (&y[at], &inverse[at], &multiplier[at]);
-            let fill = fill.get(at);
+            let (y, inverse, multiplier) = (&y[at], inverse.block(at), multipliers.block(at));
+            let fill = (at < reach).then(|| fill.block(at));
             for group in 0..SEGMENTS / I::GROUP {
                 let first = group * I::GROUP;
                 let mut rows = [isa.splat_group(0.0); 8];
-                for ((row, y), d) in rows.iter_mut().zip(y).zip(inverse) {
-                    *row = isa.mul_group(y.group(isa, first), d.group(isa, first));
+                for (k, (row, y)) in rows.iter_mut().zip(y).enumerate() {
+                    *row = isa.mul_group(y.group(isa, first), inverse.row(isa, k, first));
                 }
                 if let Some(fill) = fill {
                     let left = left.group(isa, first);
-                    for (row, f) in rows.iter_mut().zip(fill) {
-                        *row = isa.sub_group(*row, isa.mul_group(f.group(isa, first), left));
+                    for (k, row) in rows.iter_mut().enumerate() {
+                        let f = fill.row(isa, k, first);
+                        *row = isa.sub_group(*row, isa.mul_group(f, left));
                     }
                 }
                 let mut last = below.group(isa, first);
                 if at + 1 < blocks {
-                    last = isa.sub_group(rows[7], isa.mul_group(links.group(isa, first), last));
+                    let l = links.row(isa, 0, first);
+                    last = isa.sub_group(rows[7], isa.mul_group(l, last));
                 }
                 rows[7] = last;
                 for k in (0..7).rev() {
-                    let l = multiplier[k + 1].group(isa, first);
+                    let l = multiplier.row(isa, k + 1, first);
                     last = isa.sub_group(rows[k], isa.mul_group(l, last));
                     rows[k] = last;
                 }
@@ -188,10 +195,155 @@ impl<const B: usize> Kernel for Known<Up<'_>, B> {
                     }
                 }
             }
-            links = &multiplier[0];
+            links = multiplier;
         }
     }
 }
+
+/// One coefficient of each row of a tile: all segments' own, or the one that they have in common.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(super) struct Lines {
+    of_segments: Vec<Block>,
+    common: Vec<[f64; HEIGHT]>,
+}
+
+impl Lines {
+    pub(super) fn new(of_segments: Vec<Block>) -> Self {
+        Self {
+            of_segments,
+            common: Vec::new(),
+        }
+    }
+
+    /// The common ones, if there are some.
+    fn in_common(&self) -> Option<Vec<[f64; HEIGHT]>> {
+        let alike = |row: &Row| row.0.iter().all(|value| *value == row.0[0]);
+        let mut blocks = self.of_segments.iter();
+        blocks
+            .clone()
+            .all(|block| block.iter().all(alike))
+            .then(|| {
+                blocks
+                    .by_ref()
+                    .map(|block| block.map(|row| row.0[0]))
+                    .collect()
+            })
+    }
+
+    /// Keeps what all segments have in common only, if all of these allow it.
+    pub(super) fn compact(all: [&mut Self; 3]) {
+        let common = all.each_ref().map(|lines| lines.in_common());
+        if common.iter().any(Option::is_none) {
+            return;
+        }
+        for (lines, common) in all.into_iter().zip(common) {
+            lines.common = common.unwrap_or_default();
+            lines.of_segments = Vec::new();
+        }
+    }
+
+    pub(super) fn is_even(&self) -> bool {
+        !self.common.is_empty()
+    }
+
+    pub(super) fn blocks(&self) -> usize {
+        self.of_segments.len().max(self.common.len())
+    }
+
+    pub(super) fn block_mut(&mut self, block: usize) -> Option<&mut Block> {
+        self.of_segments.get_mut(block)
+    }
+
+    pub(super) fn truncate(&mut self, blocks: usize) {
+        self.of_segments.truncate(blocks);
+        self.of_segments.shrink_to_fit();
+    }
+
+    pub(super) fn bytes(&self) -> usize {
+        size_of_val(&self.of_segments[..]) + size_of_val(&self.common[..])
+    }
+
+    /// The first `blocks` blocks, which must be there.
+    #[inline(always)]
+    fn view<const EVEN: bool>(&self, blocks: usize) -> Option<View<'_, EVEN>> {
+        Some(if EVEN {
+            View {
+                of_segments: &[],
+                common: self.common.get(..blocks)?,
+            }
+        } else {
+            View {
+                of_segments: self.of_segments.get(..blocks)?,
+                common: &[],
+            }
+        })
+    }
+
+    #[inline(always)]
+    fn all<const EVEN: bool>(&self) -> View<'_, EVEN> {
+        View {
+            of_segments: &self.of_segments,
+            common: &self.common,
+        }
+    }
+}
+
+/// [`Lines`] of which it is known what they are.
+#[derive(Clone, Copy)]
+struct View<'a, const EVEN: bool> {
+    of_segments: &'a [Block],
+    common: &'a [[f64; HEIGHT]],
+}
+
+impl<'a, const EVEN: bool> View<'a, EVEN> {
+    #[inline(always)]
+    fn block(self, at: usize) -> BlockView<'a, EVEN> {
+        BlockView {
+            of_segments: if EVEN {
+                &EMPTY
+            } else {
+                self.of_segments.get(at).unwrap_or(&EMPTY)
+            },
+            common: if EVEN {
+                self.common.get(at).unwrap_or(&NOTHING)
+            } else {
+                &NOTHING
+            },
+        }
+    }
+}
+
+/// Eight rows of it.
+#[derive(Clone, Copy)]
+struct BlockView<'a, const EVEN: bool> {
+    of_segments: &'a Block,
+    common: &'a [f64; HEIGHT],
+}
+
+impl<const EVEN: bool> BlockView<'_, EVEN> {
+    #[inline(always)]
+    fn row<I: Isa>(self, isa: I, k: usize, first: usize) -> I::G {
+        if EVEN {
+            isa.splat_group(self.common[k])
+        } else {
+            self.of_segments[k].group(isa, first)
+        }
+    }
+}
+
+impl Coefficients {
+    fn is_even(&self) -> bool {
+        self.multiplier.is_even()
+    }
+
+    /// The fill, and of how many blocks.
+    #[inline(always)]
+    fn fill<const EVEN: bool>(&self) -> (View<'_, EVEN>, usize) {
+        (self.fill.all(), self.fill.blocks())
+    }
+}
+
+static EMPTY: Block = [Row::ZERO; HEIGHT];
 
 /// Rows that do not exist.
 static NOTHING: [f64; 8] = [0.0; 8];
