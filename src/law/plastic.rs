@@ -79,7 +79,7 @@ impl Bilinear {
         }
     }
 
-    /// Where the committed slider stands, and how it moved last as [`SliderForm::slide`] has it.
+    /// Where the committed slider stands, and how it moved last: see [`Slider::to_number`].
     pub(crate) fn slider(&self) -> (f64, f64) {
         (self.committed.disp, self.committed.to_number())
     }
@@ -88,33 +88,6 @@ impl Bilinear {
     pub(crate) fn set_slider(&mut self, disp: f64, motion: f64) {
         self.committed = Slider::from_numbers(disp, motion);
         self.trial = self.committed;
-    }
-}
-
-impl SliderForm {
-    /// The force at `disp`, and the slider on the way there, in the operations of [`Bilinear::trial`] written as choices
-    /// between results, which the compiler can spread over lanes. Real-time: yes.
-    #[inline(always)]
-    pub(crate) fn slide(self, disp: f64, slider: &mut f64, motion: &mut f64) -> f64 {
-        let Self {
-            stiffness,
-            yield_force,
-            yield_disp,
-            ratio,
-        } = self;
-        let stretch = disp - *slider;
-        let (ahead, behind) = (stretch > yield_disp, stretch < -yield_disp);
-        let stuck = stiffness * stretch;
-        let force = if behind { -yield_force } else { stuck };
-        let force = if ahead { yield_force } else { force };
-        let (forwards, backwards) = (disp - yield_disp, disp + yield_disp);
-        let moved = if behind { backwards } else { *slider };
-        *slider = if ahead { forwards } else { moved };
-        let rounding = 2.0 * f64::EPSILON * disp.abs().max(yield_disp);
-        let at_yield = stretch.abs() >= yield_disp - rounding;
-        let kept = if *motion != 0.0 && at_yield { 2.0 } else { 0.0 };
-        *motion = if ahead || behind { 1.0 } else { kept };
-        ratio * stiffness * disp + (1.0 - ratio) * force
     }
 }
 

@@ -341,14 +341,14 @@ fn last(of: &[f64], count: usize) -> [[f64; 8]; 3] {
 
 /// Up to eight numbers, then zeros.
 #[inline(always)]
-fn filled(from: &[f64]) -> [f64; 8] {
+pub(super) fn filled(from: &[f64]) -> [f64; 8] {
     let mut all = [0.0; 8];
     copy(from, &mut all);
     all
 }
 
 #[inline(always)]
-fn copy(from: &[f64], into: &mut [f64]) {
+pub(super) fn copy(from: &[f64], into: &mut [f64]) {
     for (into, from) in into.iter_mut().zip(from) {
         *into = *from;
     }

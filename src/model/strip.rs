@@ -5,6 +5,7 @@
 use std::ops::Range;
 
 use super::element::Connection;
+use super::rows::{copy, filled};
 use super::{Base, End, Motion};
 use crate::law::SliderForm;
 use crate::linalg::Lanes;
@@ -184,32 +185,159 @@ fn moved(end: End, by: usize) -> End {
 /// Forces, sliders, how these moved. All slices of a loop are equally long.
 type Rows<'a> = (&'a mut [f64], &'a mut [f64], &'a mut [f64]);
 
+/// Elements from one place, counted from there.
 struct Anchored<'a>(SliderForm, f64, &'a [f64], Rows<'a>);
 
 impl Kernel for Anchored<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<I: Isa>(self, _: I) {
-        let Self(form, base, far, (forces, sliders, motions)) = self;
-        let rows = forces.iter_mut().zip(sliders).zip(motions).zip(far);
-        for (((force, slider), motion), far) in rows {
-            *force = form.slide(far - base, slider, motion);
+    fn run<I: Isa>(self, isa: I) {
+        let Self(form, base, far, rows) = self;
+        let base = isa.splat(base);
+        let form = Form::new(isa, form);
+        let mut blocks = Blocks::new(rows);
+        let (far, far_rest) = far.as_chunks::<8>();
+        for far in far {
+            let disp = isa.sub(isa.load(far), base);
+            if let Some((force, slider, motion)) = blocks.next() {
+                form.slide(isa, disp, force, slider, motion);
+            }
+        }
+        if !far_rest.is_empty() {
+            let disp = isa.sub(isa.load(&filled(far_rest)), base);
+            let (mut force, mut slider, mut motion) = blocks.rest();
+            form.slide(isa, disp, &mut force, &mut slider, &mut motion);
+            blocks.put_rest(&force, &slider, &motion);
         }
     }
 }
 
+/// Elements between `near` and `far`.
 struct Between<'a>(SliderForm, &'a [f64], &'a [f64], Rows<'a>);
 
 impl Kernel for Between<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<I: Isa>(self, _: I) {
-        let Self(form, near, far, (forces, sliders, motions)) = self;
-        let rows = forces.iter_mut().zip(sliders).zip(motions);
-        for (((force, slider), motion), (near, far)) in rows.zip(near.iter().zip(far)) {
-            *force = form.slide(far - near, slider, motion);
+    fn run<I: Isa>(self, isa: I) {
+        let Self(form, near, far, rows) = self;
+        let form = Form::new(isa, form);
+        let mut blocks = Blocks::new(rows);
+        let ((near, near_rest), (far, far_rest)) = (near.as_chunks::<8>(), far.as_chunks::<8>());
+        for (near, far) in near.iter().zip(far) {
+            let disp = isa.sub(isa.load(far), isa.load(near));
+            if let Some((force, slider, motion)) = blocks.next() {
+                form.slide(isa, disp, force, slider, motion);
+            }
         }
+        if !far_rest.is_empty() {
+            let disp = isa.sub(isa.load(&filled(far_rest)), isa.load(&filled(near_rest)));
+            let (mut force, mut slider, mut motion) = blocks.rest();
+            form.slide(isa, disp, &mut force, &mut slider, &mut motion);
+            blocks.put_rest(&force, &slider, &motion);
+        }
+    }
+}
+
+type Eights<'a> = std::slice::IterMut<'a, [f64; 8]>;
+
+/// [`Rows`] eight at a time, then what is left of them.
+struct Blocks<'a> {
+    eights: (Eights<'a>, Eights<'a>, Eights<'a>),
+    rest: Rows<'a>,
+}
+
+/// A force, a slider and a motion of eight elements.
+type Eight<'a> = (&'a mut [f64; 8], &'a mut [f64; 8], &'a mut [f64; 8]);
+
+impl<'a> Blocks<'a> {
+    #[inline(always)]
+    fn new((forces, sliders, motions): Rows<'a>) -> Self {
+        let (forces, a) = forces.as_chunks_mut::<8>();
+        let (sliders, b) = sliders.as_chunks_mut::<8>();
+        let (motions, c) = motions.as_chunks_mut::<8>();
+        Self {
+            eights: (forces.iter_mut(), sliders.iter_mut(), motions.iter_mut()),
+            rest: (a, b, c),
+        }
+    }
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<Eight<'a>> {
+        let (forces, sliders, motions) = &mut self.eights;
+        Some((forces.next()?, sliders.next()?, motions.next()?))
+    }
+
+    #[inline(always)]
+    fn rest(&self) -> ([f64; 8], [f64; 8], [f64; 8]) {
+        let (forces, sliders, motions) = &self.rest;
+        (filled(forces), filled(sliders), filled(motions))
+    }
+
+    #[inline(always)]
+    fn put_rest(&mut self, force: &[f64], slider: &[f64], motion: &[f64]) {
+        let (forces, sliders, motions) = &mut self.rest;
+        copy(force, forces);
+        copy(slider, sliders);
+        copy(motion, motions);
+    }
+}
+
+/// [`SliderForm`] in lanes.
+#[derive(Clone, Copy)]
+struct Form<V> {
+    stiffness: V,
+    yield_force: V,
+    yield_disp: V,
+    /// b k, and 1 − b.
+    beside: V,
+    share: V,
+}
+
+impl<V: Copy> Form<V> {
+    #[inline(always)]
+    fn new<I: Isa<V = V>>(isa: I, form: SliderForm) -> Self {
+        Self {
+            stiffness: isa.splat(form.stiffness),
+            yield_force: isa.splat(form.yield_force),
+            yield_disp: isa.splat(form.yield_disp),
+            beside: isa.splat(form.ratio * form.stiffness),
+            share: isa.splat(1.0 - form.ratio),
+        }
+    }
+
+    /// What the law does on the way to `disp` and commits, in the same operations.
+    #[inline(always)]
+    fn slide<I: Isa<V = V>>(
+        self,
+        isa: I,
+        disp: V,
+        force: &mut [f64; 8],
+        slider: &mut [f64; 8],
+        motion: &mut [f64; 8],
+    ) {
+        let (zero, one, two) = (isa.splat(0.0), isa.splat(1.0), isa.splat(2.0));
+        let (old, moved_last) = (isa.load(slider), isa.load(motion));
+        let reach = self.yield_disp;
+        let stretch = isa.sub(disp, old);
+        let (ahead, behind) = ((reach, stretch), (stretch, isa.sub(zero, reach)));
+        let stuck = isa.mul(self.stiffness, stretch);
+        let held = isa.if_less(behind, isa.sub(zero, self.yield_force), stuck);
+        let held = isa.if_less(ahead, self.yield_force, held);
+        let kept = isa.if_less(behind, isa.add(disp, reach), old);
+        isa.store(isa.if_less(ahead, isa.sub(disp, reach), kept), slider);
+        // 0, 1 (slips) or 2 (flows, but does not slip), as the law numbers it.
+        let rounding = isa.mul(isa.splat(2.0 * f64::EPSILON), isa.max(isa.abs(disp), reach));
+        let at_yield = (isa.sub(reach, rounding), isa.abs(stretch));
+        let flows = isa.if_at_most(
+            (moved_last, zero),
+            zero,
+            isa.if_at_most(at_yield, two, zero),
+        );
+        let moves = isa.if_less(behind, one, flows);
+        isa.store(isa.if_less(ahead, one, moves), motion);
+        let sum = isa.add(isa.mul(self.beside, disp), isa.mul(self.share, held));
+        isa.store(sum, force);
     }
 }

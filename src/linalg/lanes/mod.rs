@@ -124,6 +124,10 @@ pub(crate) trait Isa: Copy {
     fn sqrt(self, a: Self::V) -> Self::V;
     /// 0 where |a| < `limit`, else a.
     fn zero_below(self, a: Self::V, limit: Self::V) -> Self::V;
+    /// `yes` where a < b of a pair, else `no`.
+    fn if_less(self, pair: (Self::V, Self::V), yes: Self::V, no: Self::V) -> Self::V;
+    /// `yes` where a ≤ b of a pair, else `no`.
+    fn if_at_most(self, pair: (Self::V, Self::V), yes: Self::V, no: Self::V) -> Self::V;
 
     /// The first [`Isa::GROUP`] entries, of which there must be as many.
     fn load_group(self, from: &[f64]) -> Self::G;
@@ -159,7 +163,7 @@ mod tests {
     struct Probe<'a>(&'a [[f64; 8]; 16]);
 
     impl Kernel for Probe<'_> {
-        type Output = ([[f64; 8]; 9], [[f64; 8]; 16], [[f64; 16]; 8]);
+        type Output = ([[f64; 8]; 11], [[f64; 8]; 16], [[f64; 16]; 8]);
 
         #[inline(always)]
         fn run<I: Isa>(self, isa: I) -> Self::Output {
@@ -174,8 +178,10 @@ mod tests {
                 isa.sqrt(isa.abs(a)),
                 isa.zero_below(a, isa.splat(1.0)),
                 isa.splat(0.3),
+                isa.if_less((a, b), isa.splat(2.0), b),
+                isa.if_at_most((a, b), isa.splat(2.0), b),
             ];
-            let mut out = [[0.0; 8]; 9];
+            let mut out = [[0.0; 8]; 11];
             for (value, out) in results.into_iter().zip(&mut out) {
                 isa.store(value, out);
             }
@@ -230,6 +236,8 @@ mod tests {
                     a.abs().sqrt(),
                     if a.abs() < 1.0 { 0.0 } else { a },
                     0.3,
+                    if a < b { 2.0 } else { b },
+                    if a <= b { 2.0 } else { b },
                 ];
                 for (which, wanted) in wanted.into_iter().enumerate() {
                     let found = out[which][k];

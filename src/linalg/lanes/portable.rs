@@ -76,6 +76,24 @@ impl Isa for Portable {
     }
 
     #[inline(always)]
+    fn if_less(self, (a, b): ([f64; 8], [f64; 8]), yes: [f64; 8], no: [f64; 8]) -> [f64; 8] {
+        let mut out = no;
+        for (k, out) in out.iter_mut().enumerate() {
+            *out = if a[k] < b[k] { yes[k] } else { *out };
+        }
+        out
+    }
+
+    #[inline(always)]
+    fn if_at_most(self, (a, b): ([f64; 8], [f64; 8]), yes: [f64; 8], no: [f64; 8]) -> [f64; 8] {
+        let mut out = no;
+        for (k, out) in out.iter_mut().enumerate() {
+            *out = if a[k] <= b[k] { yes[k] } else { *out };
+        }
+        out
+    }
+
+    #[inline(always)]
     fn load_group(self, from: &[f64]) -> [f64; 2] {
         first(from)
     }

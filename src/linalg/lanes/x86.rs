@@ -87,6 +87,22 @@ impl Isa for V3 {
     }
 
     #[inline(always)]
+    fn if_less(self, (a, b): (Self::V, Self::V), yes: Self::V, no: Self::V) -> Self::V {
+        [
+            self.select_f64s(self.less_than_f64s(a[0], b[0]), yes[0], no[0]),
+            self.select_f64s(self.less_than_f64s(a[1], b[1]), yes[1], no[1]),
+        ]
+    }
+
+    #[inline(always)]
+    fn if_at_most(self, (a, b): (Self::V, Self::V), yes: Self::V, no: Self::V) -> Self::V {
+        [
+            self.select_f64s(self.less_than_or_equal_f64s(a[0], b[0]), yes[0], no[0]),
+            self.select_f64s(self.less_than_or_equal_f64s(a[1], b[1]), yes[1], no[1]),
+        ]
+    }
+
+    #[inline(always)]
     fn load_group(self, from: &[f64]) -> Self::G {
         cast(first::<4>(from))
     }
@@ -228,6 +244,16 @@ impl Isa for V4 {
     fn zero_below(self, a: Self::V, limit: Self::V) -> Self::V {
         let below = self.less_than_f64s(self.abs_f64s(a), limit);
         self.select_f64s(below, self.splat_f64s(0.0), a)
+    }
+
+    #[inline(always)]
+    fn if_less(self, (a, b): (Self::V, Self::V), yes: Self::V, no: Self::V) -> Self::V {
+        self.select_f64s(self.less_than_f64s(a, b), yes, no)
+    }
+
+    #[inline(always)]
+    fn if_at_most(self, (a, b): (Self::V, Self::V), yes: Self::V, no: Self::V) -> Self::V {
+        self.select_f64s(self.less_than_or_equal_f64s(a, b), yes, no)
     }
 
     #[inline(always)]
