@@ -1,7 +1,7 @@
 //! Laws without memory, eight elements at a time.
 //!
 //! The operations are those of the law in the same order, so the bits are the same, one at a time or in lanes. The biviscous
-//! law is written without a choice: with v held within ±v_y as u, c₀ u + c_y (v − u) adds exact zeros below the yield
+//! law is written without a choice: with v held within ±v_y as u, c₀ u − c_y (u − v) adds nothing below the yield
 //! velocity, and rounds beyond it what the law rounds.
 
 use crate::linalg::lanes::Isa;
@@ -45,7 +45,8 @@ impl PointForce for BiviscousForce {
         let Self(damping, post_yield, yield_vel) = self;
         let within = isa.min(vel, isa.splat(yield_vel));
         let within = isa.max(within, isa.splat(-yield_vel));
-        let beyond = isa.mul(isa.splat(post_yield), isa.sub(vel, within));
+        // Below the yield velocity this is −0, which leaves every number as it is, −0 too.
+        let beyond = isa.mul(isa.splat(-post_yield), isa.sub(within, vel));
         isa.add(isa.mul(isa.splat(damping), within), beyond)
     }
 }
