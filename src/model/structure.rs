@@ -399,6 +399,9 @@ impl Structure {
             self.lanes.run(Alone(chain));
         }
         for end in [rows.start..inner.start, inner.end..rows.end] {
+            if end.is_empty() {
+                continue;
+            }
             if fresh && let Some(residual) = residual.get_mut(end.clone()) {
                 residual.fill(0.0);
             }
