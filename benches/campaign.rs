@@ -1,4 +1,4 @@
-//! What a campaign costs beside other ways to run the same tests.
+//! Cost of a campaign beside other ways to run the same tests.
 //!
 //! `cargo bench --bench campaign`. Each part prints ours, an opponent's time, and the ratio, from one run:
 //!
@@ -9,6 +9,7 @@
 //! - *OpenSees*: the same incremental dynamic analysis in OpenSeesPy with one process for each core, if it is installed (`tools/test`
 //!   installs it, and `GUSSET_OPENSEES_PYTHON` names another interpreter).
 #![allow(clippy::disallowed_macros, reason = "a measurement is printed")]
+#![allow(clippy::disallowed_methods, reason = "whole programs are timed")]
 
 use std::fmt::Write as _;
 use std::fs;
@@ -326,6 +327,9 @@ fn watched(arguments: &[&str]) -> (f64, u64) {
     }
 }
 
+/// One measurement.
+type Part = fn(&mut Bench);
+
 fn main() {
     let only: Vec<String> = std::env::args()
         .skip(1)
@@ -339,7 +343,7 @@ fn main() {
         folder: tempfile::tempdir().expect("a folder"),
         made: 0,
     };
-    let parts: [(&str, fn(&mut Bench)); 5] = [
+    let parts: [(&str, Part); 5] = [
         ("overhead", overhead),
         ("shell", shell_loop),
         ("cores", two_cores),

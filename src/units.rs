@@ -226,6 +226,49 @@ pub fn unit_of_key(key: &str) -> &'static str {
     found.map_or("", |(_, unit)| unit)
 }
 
+/// Units by the end of a key, the longest first.
+const UNITS: [(&str, &str); 26] = [
+    ("_per_sqrt_m", "1/√m"),
+    ("_rad_per_s", "rad/s"),
+    ("_n_s_per_m", "N s/m"),
+    ("_n_per_m3", "N/m³"),
+    ("_m2_per_s3", "m²/s³"),
+    ("_m_per_s2", "m/s²"),
+    ("_n_per_m", "N/m"),
+    ("_n_per_s", "N/s"),
+    ("_m_per_s", "m/s"),
+    ("_per_s2", "1/s²"),
+    ("_per_s", "1/s"),
+    ("_m2_s", "m² s"),
+    ("_n2_s", "N² s"),
+    ("_per_m2", "1/m²"),
+    ("_ticks", "ticks"),
+    ("_rad", "rad"),
+    ("_ppm", "ppm"),
+    ("_hz", "Hz"),
+    ("_kg", "kg"),
+    ("_us", "µs"),
+    ("_kb", "kB"),
+    ("_m", "m"),
+    ("_s", "s"),
+    ("_n", "N"),
+    ("_j", "J"),
+    ("_w", "W"),
+];
+
+/// The unit that the name of a key carries, also of a value of a list: N/m for `stiffness_n_per_m[2]`. Empty for a name without
+/// one.
+#[must_use]
+pub fn unit_in_name(key: &str) -> &'static str {
+    let is_index = |c: char| c.is_ascii_digit() || matches!(c, '[' | ']' | '.');
+    let end = key.trim_end_matches(is_index).len();
+    // The digits of `_per_s2` belong to the name.
+    let is_list = key[end..].starts_with(['[', '.']);
+    let name = if is_list { &key[..end] } else { key };
+    let unit = UNITS.iter().find(|(end, _)| name.ends_with(end));
+    unit.map_or("", |(_, unit)| *unit)
+}
+
 /// A time in s with a fitting unit.
 #[must_use]
 pub fn duration(seconds: f64) -> String {
@@ -375,5 +418,21 @@ mod tests {
         assert_eq!(quantity_range(-29.83e-3, 8.5e-3, "m"), "-29.83 to 8.5 mm");
         assert_eq!(quantity_range(-9e-5, 0.0, "m"), "-90 to 0 µm");
         assert_eq!(quantity_range(0.0, 0.0, "N"), "0 N");
+    }
+
+    #[test]
+    fn the_name_of_a_key_carries_its_unit() {
+        for (key, unit) in [
+            ("specimen.0.law.linear.stiffness_n_per_m", "N/m"),
+            ("structure.shear_building.mass_kg[2]", "kg"),
+            ("structure.shear_building.mass_kg.2", "kg"),
+            ("transfer.leakage_per_s", "1/s"),
+            ("transfer.valve_stiffness_per_s2", "1/s²"),
+            ("damping_n_s_per_m", "N s/m"),
+            ("compensation.ats.start[1]", ""),
+            ("ratio", ""),
+        ] {
+            assert_eq!(unit_in_name(key), unit, "{key}");
+        }
     }
 }

@@ -254,7 +254,8 @@ const ALLOWED: &[(&str, &[&str])] = &[
     (
         "campaign",
         &[
-            "config", "engine", "model", "motion", "record", "rt", "session", "setup", "view",
+            "config", "engine", "model", "motion", "record", "rt", "session", "setup", "units",
+            "view", "work",
         ],
     ),
 ];

@@ -1,30 +1,35 @@
 //! Merging of the result parts: the table, the summary and the report.
 
 use std::collections::BTreeMap;
-use std::io::{BufWriter, Write};
 
 use serde_json::{Value, json};
 
+use super::cell::TableColumn;
 use super::design::is_among;
 pub use super::found::Collected;
 use super::found::Shown;
-use super::fragility::{Fragility, Level};
+use super::fragility::{Collapses, Fragility, Level};
+use super::largest::Leaders;
 use super::page::render;
-use super::part::{Line, Parts, merge, names};
-use super::perform::{INVALID, Performed};
+use super::part::{Lines, Parts, merge, names};
+use super::perform::{INVALID, Performed, why_invalid};
 use super::plan::Campaign;
 pub use super::prove::Prove;
 use super::prove::prove;
-use super::table::{TableColumn, columns, head, row};
+use super::study::Study;
+use super::table::{Tables, cells, columns};
 use super::task::Task;
+use super::work::Stop;
 use super::{CampaignError, at};
 use crate::catalog::ending::Cause;
-use crate::record::atomic::{self, AtomicFile};
+use crate::record::atomic;
 
 /// Most chunks with missing tasks that a summary names.
 const MOST_NAMED: usize = 100;
 /// Most tests in the pictures. More tasks do not need more memory: pictures then show a random choice of this number.
 const MOST_SHOWN: u64 = 200_000;
+/// Most points of the design with a fragility curve.
+const MOST_POINTS: u64 = 20;
 
 /// Counts and rows under way.
 #[derive(Default)]
@@ -32,58 +37,55 @@ struct Sheet {
     done: u64,
     stopped: u64,
     invalid: u64,
+    first_invalid: Option<u64>,
     open: Vec<u64>,
     damaged: Vec<String>,
     parts: u64,
     shown: Vec<Shown>,
-    levels: Vec<Level>,
+    /// Counts of collapses at the first points of the design.
+    levels: BTreeMap<u64, Vec<Level>>,
+    /// For each measure with pictures.
+    largest: Vec<Leaders>,
     proved: u64,
 }
 
 /// Merges the parts of a campaign and writes table, summary and report. `jobs` threads compute the chosen tasks again.
 ///
 /// # Errors
-/// [`CampaignError`]: two results of one task differ, a part belongs to another campaign, or the system refuses a file.
+/// [`CampaignError`]: two results of one task differ, a part belongs to another campaign, the system refuses a file, or `stop` returns
+/// true. The files of an earlier collection then stay.
 pub fn collect(
     campaign: &Campaign,
     wanted: Prove,
     jobs: usize,
+    stop: &Stop<'_>,
     progress: &dyn Fn(u64),
 ) -> Result<Collected, CampaignError> {
     let study = &campaign.study;
     let columns = columns(study);
-    let partial = campaign.folder.join("table.partial.csv");
-    let whole = campaign.folder.join("table.csv");
-    let file = AtomicFile::create(&partial).map_err(at(&partial))?;
-    let mut out = BufWriter::new(file);
-    head(&mut out, &columns).map_err(at(&partial))?;
+    let mut tables = Tables::create(&campaign.folder, &columns)?;
     let sheet = merged(
         campaign,
-        &mut out,
-        &|lines| prove_some(campaign, wanted, lines, jobs),
+        &mut tables,
+        &|lines| match stop() {
+            true => Err(CampaignError::Stopped),
+            false => prove_some(campaign, wanted, lines, jobs, stop),
+        },
         progress,
     )?;
-    let file = out.into_inner().map_err(|error| error.into_error());
-    file.map_err(at(&partial))?.commit().map_err(at(&partial))?;
-    let is_complete = sheet.done == campaign.plan.tasks;
-    let table = if is_complete {
-        std::fs::rename(&partial, &whole).map_err(at(&whole))?;
-        whole
-    } else {
-        // An old table of other parts would be taken for this one.
-        let _there_may_be_none = std::fs::remove_file(&whole);
-        partial
-    };
+    let table = tables.finish(sheet.done == campaign.plan.tasks)?;
     let mut collected = Collected {
         report: campaign.folder.join("report.html"),
         tasks: campaign.plan.tasks,
         done: sheet.done,
         stopped: sheet.stopped,
         invalid: sheet.invalid,
+        invalid_example: sheet.first_invalid.and_then(|index| example(study, index)),
         open: sheet.open,
         damaged: sheet.damaged,
         proved: sheet.proved,
-        fragility: fragility(sheet.levels),
+        fragility: fragility(study, sheet.levels),
+        largest: sheet.largest.into_iter().map(Leaders::into_all).collect(),
         summary: Value::Null,
         table,
     };
@@ -100,31 +102,42 @@ pub fn collect(
 fn prove_some(
     campaign: &Campaign,
     wanted: Prove,
-    lines: &BTreeMap<u64, (Line, String)>,
+    lines: &Lines,
     jobs: usize,
+    stop: &Stop<'_>,
 ) -> Result<u64, CampaignError> {
     let chosen = lines
         .values()
         .filter(|(line, _)| wanted.chooses(campaign, line.index));
     let chosen: Vec<_> = chosen.cloned().collect();
-    prove(campaign, &chosen, jobs)?;
+    prove(campaign, &chosen, jobs, stop)?;
+    if stop() {
+        return Err(CampaignError::Stopped);
+    }
     Ok(chosen.len() as u64)
 }
 
 /// Writes the rows of all results, chunk by chunk, and keeps what pictures need. `prove` sees the results of each chunk.
 fn merged(
     campaign: &Campaign,
-    out: &mut impl Write,
-    prove: &dyn Fn(&BTreeMap<u64, (Line, String)>) -> Result<u64, CampaignError>,
+    tables: &mut Tables,
+    prove: &dyn Fn(&Lines) -> Result<u64, CampaignError>,
     progress: &dyn Fn(u64),
 ) -> Result<Sheet, CampaignError> {
     let (study, plan) = (&campaign.study, &campaign.plan);
     let mut found = names(&campaign.folder)?;
-    let mut sheet = Sheet::default();
+    let mut sheet = Sheet {
+        largest: study
+            .reported()
+            .iter()
+            .map(|_| Leaders::default())
+            .collect(),
+        ..Sheet::default()
+    };
     for chunk in 1..=plan.chunks() {
         let paths = found.remove(&chunk).unwrap_or_default();
         sheet.parts += paths.len() as u64;
-        let Parts { lines, damaged } = merge(&paths, |index| campaign.identity(index))?;
+        let Parts { lines, damaged } = merge(&paths, |index| campaign.identity(chunk, index))?;
         sheet.damaged.extend(damaged);
         let tasks = plan.chunk(chunk);
         if (lines.len() as u64) < tasks.end - tasks.start && sheet.open.len() < MOST_NAMED {
@@ -133,7 +146,7 @@ fn merged(
         sheet.proved += prove(&lines)?;
         for (index, (line, _)) in &lines {
             let task = Task::of(study, *index);
-            row(out, study, &task, &line.result).map_err(at(&campaign.folder))?;
+            tables.row(cells(study, &task, &line.result))?;
             sheet.count(campaign, &task, &line.result);
         }
         progress(tasks.end);
@@ -150,6 +163,7 @@ impl Sheet {
         self.done += 1;
         if result.ended == INVALID {
             self.invalid += 1;
+            self.first_invalid.get_or_insert(task.index);
             return;
         }
         self.stopped += u64::from(!is_done);
@@ -157,44 +171,60 @@ impl Sheet {
         let collapsed = !is_done || criterion.and_then(value) == Some(1.0);
         let level = task.motion.as_ref().and_then(|(_, level)| *level);
         if let (Some(level), Some(_)) = (level, criterion) {
-            self.count_at(level, collapsed);
+            let point = study.point_of(task.index);
+            if point < MOST_POINTS {
+                count_at(self.levels.entry(point).or_default(), level, collapsed);
+            }
+        }
+        let values: Vec<f64> = study
+            .reported()
+            .into_iter()
+            .map(|place| value(place).unwrap_or(f64::NAN))
+            .collect();
+        for (leaders, value) in self.largest.iter_mut().zip(&values) {
+            leaders.take(task.index + 1, *value);
         }
         let seed = study.loaded.study.campaign.seed;
-        if !is_among(seed, "shown", task.index, MOST_SHOWN, campaign.plan.tasks) {
-            return;
-        }
-        let shown = study.reported().into_iter();
-        self.shown.push(Shown {
-            index: task.index,
-            level,
-            collapsed,
-            values: shown
-                .map(|place| value(place).unwrap_or(f64::NAN))
-                .collect(),
-        });
-    }
-
-    fn count_at(&mut self, level: f64, collapsed: bool) {
-        let place = self
-            .levels
-            .binary_search_by(|known| known.level.total_cmp(&level));
-        let place = place.unwrap_or_else(|place| {
-            let new = Level {
+        if is_among(seed, "shown", task.index, MOST_SHOWN, campaign.plan.tasks) {
+            self.shown.push(Shown {
+                index: task.index,
                 level,
-                tests: 0.0,
-                collapses: 0.0,
-            };
-            self.levels.insert(place, new);
-            place
-        });
-        self.levels[place].tests += 1.0;
-        self.levels[place].collapses += f64::from(u8::from(collapsed));
+                collapsed,
+                values,
+            });
+        }
     }
 }
 
-/// The curve through counts of collapses; none without levels or without a criterion.
-fn fragility(levels: Vec<Level>) -> Option<(Option<Fragility>, Vec<Level>)> {
-    (!levels.is_empty()).then(|| (Fragility::fit(&levels), levels))
+fn count_at(levels: &mut Vec<Level>, level: f64, collapsed: bool) {
+    let place = levels.binary_search_by(|known| known.level.total_cmp(&level));
+    let place = place.unwrap_or_else(|place| {
+        let new = Level {
+            level,
+            tests: 0.0,
+            collapses: 0.0,
+        };
+        levels.insert(place, new);
+        place
+    });
+    levels[place].tests += 1.0;
+    levels[place].collapses += f64::from(u8::from(collapsed));
+}
+
+/// Why the task `index` has no valid test.
+fn example(study: &Study, index: u64) -> Option<String> {
+    let why = why_invalid(study, &Task::of(study, index))?;
+    Some(format!("task {}: {}", index + 1, why.trim_end()))
+}
+
+/// The curves through counts of collapses, point by point: a curve belongs to one structure.
+fn fragility(study: &Study, levels: BTreeMap<u64, Vec<Level>>) -> Vec<Collapses> {
+    let each = levels.into_iter().map(|(point, levels)| Collapses {
+        point: study.point_words(point),
+        fit: Fragility::fit(&levels),
+        levels,
+    });
+    each.collect()
 }
 
 fn summary(
@@ -210,16 +240,25 @@ fn summary(
         .table
         .file_name()
         .map(|name| name.to_string_lossy().into_owned());
-    let fragility = collected.fragility.as_ref().map(|(fit, levels)| {
+    // One curve stands by itself; more of them are a list.
+    let only = match collected.fragility.as_slice() {
+        [only] => Some(only),
+        _ => None,
+    };
+    let fragility = (!collected.fragility.is_empty()).then(|| {
         json!({
             "source": "columns `intensity` and `collapse` of the table",
             "method": "lognormal, binomial maximum likelihood",
-            "intensity": study.motions.first().map(|one| one.words()),
-            "unit": study.motions.first().map(|one| one.unit()),
-            "fit": fit,
-            "levels": levels,
+            "intensity": study.levelled().map(|one| one.words()),
+            "unit": study.levelled().map(|one| one.unit()),
+            "fit": only.and_then(|one| one.fit),
+            "levels": only.map(|one| &one.levels),
+            "points": collected.fragility,
         })
     });
+    let reported = study.reported().into_iter().zip(&collected.largest);
+    let largest = reported
+        .map(|(place, tasks)| json!({ "measure": study.measures[place].name, "tasks": tasks }));
     json!({
         "title": study.title(),
         "complete": collected.is_complete(),
@@ -229,9 +268,11 @@ fn summary(
         "chunks_with_missing_tasks": collected.open,
         "stopped": collected.stopped,
         "invalid": collected.invalid,
+        "invalid_example": collected.invalid_example,
         "table": table,
         "columns": columns,
         "fragility": fragility,
+        "largest": largest.collect::<Vec<_>>(),
         "provenance": {
             "gusset": plan.gusset,
             "executable_blake3": plan.executable,

@@ -2,6 +2,8 @@
 
 use std::f64::consts::SQRT_2;
 
+use super::random::bits;
+use super::sobol;
 use crate::config::{Design, Sampling, Scalar};
 
 /// A key with its values.
@@ -33,28 +35,25 @@ pub(super) fn point(design: Design, axes: &[Axis], index: u64) -> Vec<Option<&Sc
             }
         }
         Design::OneAtATime => {
-            let mut first = 1;
-            for (place, axis) in axes.iter().enumerate() {
-                let count = axis.values.len() as u64;
-                if (first..first + count).contains(&index) {
-                    chosen[place] = axis.values.get((index - first) as usize);
-                }
-                first += count;
+            if let Some((place, value)) = alone(axes, index) {
+                chosen[place] = axes[place].values.get(value);
             }
         }
     }
     chosen
 }
 
-/// 64 random bits for a seed and a place.
-pub(super) fn bits(seed: u64, channel: &str, number: u64) -> u64 {
-    let mut hasher = blake3::Hasher::new();
-    hasher.update(&seed.to_le_bytes());
-    hasher.update(&number.to_le_bytes());
-    hasher.update(channel.as_bytes());
-    let mut first = [0; 8];
-    hasher.finalize_xof().fill(&mut first);
-    u64::from_le_bytes(first)
+/// The axis and the place of its value at a point of a one-at-a-time design; none for the test file itself.
+pub(super) fn alone(axes: &[Axis], index: u64) -> Option<(usize, usize)> {
+    let mut rest = index.checked_sub(1)?;
+    for (place, axis) in axes.iter().enumerate() {
+        let count = axis.values.len() as u64;
+        if rest < count {
+            return Some((place, rest as usize));
+        }
+        rest -= count;
+    }
+    None
 }
 
 /// A number between 0 and 1, both excluded.
@@ -63,17 +62,35 @@ fn uniform(seed: u64, channel: &str, number: u64) -> f64 {
     (high as f64 + 0.5) / (1_u64 << 52) as f64
 }
 
-/// Draw `number` of `count` of the standard normal distribution for the key `key`.
-pub(super) fn normal(sampling: Sampling, seed: u64, key: &str, number: u64, count: u64) -> f64 {
-    let within = uniform(seed, key, number);
-    let share = match sampling {
-        Sampling::Random => within,
-        Sampling::LatinHypercube => {
-            (permuted(seed, key, number, count) as f64 + within) / count as f64
-        }
-    };
-    quantile(share)
+/// How numbers are drawn: `count` draws for each key.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Draws {
+    pub sampling: Sampling,
+    pub seed: u64,
+    pub count: u64,
 }
+
+impl Draws {
+    /// Draw `number` of the standard normal distribution for `key`, which is at `place` among the keys.
+    pub fn normal(self, key: &str, place: usize, number: u64) -> f64 {
+        let Self {
+            sampling,
+            seed,
+            count,
+        } = self;
+        let within = uniform(seed, key, number);
+        quantile(match sampling {
+            Sampling::Random => within,
+            Sampling::LatinHypercube => {
+                (permuted(seed, key, number, count) as f64 + within) / count as f64
+            }
+            Sampling::Sobol => sobol::share(seed, place, number),
+        })
+    }
+}
+
+/// Rounds of the permutation. A small range has few bits, and needs more rounds than a large one.
+const ROUNDS: u64 = 12;
 
 /// Place of `number` in a random permutation of 0 to `count` − 1: a Feistel network that walks until it is inside.
 fn permuted(seed: u64, key: &str, number: u64, count: u64) -> u64 {
@@ -83,7 +100,7 @@ fn permuted(seed: u64, key: &str, number: u64, count: u64) -> u64 {
     let mut value = number;
     loop {
         let (mut left, mut right) = (value >> half, value & mask);
-        for round in 0..4_u64 {
+        for round in 0..ROUNDS {
             let mixed = bits(seed ^ (round + 1), key, right) & mask;
             (left, right) = (right, left ^ mixed);
         }
@@ -186,7 +203,12 @@ mod tests {
     #[test]
     fn a_latin_hypercube_has_one_draw_in_each_interval() {
         let count = 37;
-        let draw = |i| normal(Sampling::LatinHypercube, 5, "key", i, count);
+        let draws = Draws {
+            sampling: Sampling::LatinHypercube,
+            seed: 5,
+            count,
+        };
+        let draw = |i| draws.normal("key", 0, i);
         let share = |x: f64| 0.5 * libm::erfc(-x / SQRT_2);
         let mut found: Vec<u64> = (0..count)
             .map(|i| (share(draw(i)) * count as f64) as u64)

@@ -1,10 +1,10 @@
 //! Pictures and numbers of the report.
 
 use super::measure::Measure;
-use crate::view::report::{Curve, Curves, Scale};
+use crate::view::report::{Curve, Curves, Look, Scale};
 
-/// Size of a picture.
-const SIZE: (f64, f64) = (640.0, 420.0);
+/// Width and height of a picture.
+pub(super) const SIZE: (f64, f64) = (640.0, 420.0);
 
 /// A picture of the page.
 pub(super) fn picture(
@@ -21,11 +21,21 @@ pub(super) fn picture(
         logarithmic: false,
         square: false,
     };
-    format!("<figure>{}</figure>\n", chart.svg(SIZE.0, SIZE.1, true))
+    figure(&chart.svg(SIZE.0, SIZE.1, true))
 }
 
+/// A picture in its frame.
+pub(super) fn figure(svg: &str) -> String {
+    format!("<figure>{svg}</figure>\n")
+}
+
+pub(super) const fn curve<'a>(name: &'a str, x: &'a [f64], y: &'a [f64], look: Look) -> Curve<'a> {
+    Curve { name, x, y, look }
+}
+
+/// The axis of a measure.
 pub(super) fn of(measure: &Measure) -> Scale<'_> {
-    scale(&measure.name, &measure.unit)
+    scale(&measure.meaning, &measure.unit)
 }
 
 pub(super) fn scale<'a>(words: &'a str, unit: &'a str) -> Scale<'a> {
@@ -34,6 +44,14 @@ pub(super) fn scale<'a>(words: &'a str, unit: &'a str) -> Scale<'a> {
         words,
         unit,
         range: None,
+    }
+}
+
+/// Words with the unit of their numbers.
+pub(super) fn headed(words: &str, unit: &str) -> String {
+    match unit {
+        "" | "1" => words.to_owned(),
+        unit => format!("{words} ({unit})"),
     }
 }
 

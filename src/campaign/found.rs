@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use serde_json::Value;
 
-use super::fragility::{Fragility, Level};
+use super::fragility::Collapses;
+use super::largest::Largest;
 
 /// Findings and files of a collection.
 #[derive(Debug, Clone)]
@@ -21,14 +22,18 @@ pub struct Collected {
     pub stopped: u64,
     /// Tasks whose overrides give no valid test.
     pub invalid: u64,
+    /// Why the first of them has none.
+    pub invalid_example: Option<String>,
     /// Chunks with missing tasks, the first of them.
     pub open: Vec<u64>,
     /// Names of parts that were cut short.
     pub damaged: Vec<String>,
     /// Tasks that were computed again, with equal bits.
     pub proved: u64,
-    /// The fragility curve with its counts.
-    pub fragility: Option<(Option<Fragility>, Vec<Level>)>,
+    /// Counts of collapses with their curves, for the first points of the design.
+    pub fragility: Vec<Collapses>,
+    /// Tests with the largest values of each measure with pictures.
+    pub largest: Vec<Vec<Largest>>,
     /// What `summary.json` contains.
     pub summary: Value,
 }

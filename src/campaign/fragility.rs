@@ -18,6 +18,17 @@ pub struct Level {
     pub collapses: f64,
 }
 
+/// Counts of collapses at one point of the design, and the curve through them.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Collapses {
+    /// Values of the axes at the point; empty without axes.
+    pub point: String,
+    /// The curve; none if the counts do not determine one.
+    pub fit: Option<Fragility>,
+    /// The counts.
+    pub levels: Vec<Level>,
+}
+
 /// A fitted fragility curve.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Fragility {

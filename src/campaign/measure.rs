@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use super::CampaignError;
 use crate::catalog::column;
-use crate::config::{Finding, KeyPath, LoadedStudy};
+use crate::config::{Finding, KeyPath, LoadedStudy, nearest};
 use crate::engine::{Experiment, Phase};
 use crate::model::StructureSpec;
 use crate::record::{Column, Recorder, TimedEvent};
@@ -91,7 +91,9 @@ pub(super) fn measures(
                 all.push(Measure {
                     name: format!("tracking_{}_{axis}", index + 1),
                     unit: "1".to_owned(),
-                    meaning: format!("tracking error of {place}"),
+                    meaning: format!(
+                        "tracking error (std of measured − target / std of target), {place}"
+                    ),
                     kind: Kind::Tracking(target, of(&column::MEASURED)),
                 });
             }
@@ -210,8 +212,12 @@ fn check_reported(loaded: &LoadedStudy, all: &[Measure]) -> Result<(), CampaignE
 fn unknown(loaded: &LoadedStudy, at: KeyPath, name: &str, all: &[Measure]) -> CampaignError {
     let names: Vec<&str> = all.iter().map(|one| one.name.as_str()).collect();
     let text = format!("this study has no measure `{name}`");
-    let finding = Finding::error(at, text).help(format!("measures: {}", names.join(", ")));
-    loaded.refuse(finding).into()
+    let mut finding = Finding::error(at, text);
+    if let Some(near) = nearest(name, &names) {
+        finding = finding.label(format!("did you mean `{near}`?"));
+    }
+    let all = format!("measures of this study: {}", names.join(", "));
+    loaded.refuse(finding.help(all)).into()
 }
 
 /// Mean and sum of squares of a series (Welford 1962).
@@ -296,7 +302,10 @@ impl Taker {
             .collect();
         let drifts = sheet.measures.iter().zip(&values);
         let drifts = drifts.filter(|(measure, _)| matches!(measure.kind, Kind::Drift(..)));
-        let largest = drifts.map(|(_, value)| *value).fold(f64::NAN, f64::max);
+        // A storey without a number has no largest drift.
+        let larger = |a: f64, b: f64| if a.is_nan() || a > b { a } else { b };
+        let largest = drifts.map(|(_, value)| *value).reduce(larger);
+        let largest = largest.unwrap_or(f64::NAN);
         for index in 0..values.len() {
             match sheet.measures[index].kind {
                 Kind::LargestDrift => values[index] = largest,

@@ -1,7 +1,7 @@
 //! Campaigns: many simulated tests of one study, on one machine or on many.
 //!
 //! [`Study`] expands a study file into tasks. Task `i` is a function of the study and `i`, so no list of tasks is kept. [`plan()`]
-//! writes a campaign folder, [`work`] computes chunks of its tasks, and [`collect()`] merges the result parts into one table.
+//! writes a campaign folder, [`work()`] computes chunks of its tasks, and [`collect()`] merges the result parts into one table.
 //! Workers share nothing but the folder: no network, no daemon, no lock.
 //!
 //! | file of the folder | contains |
@@ -9,31 +9,43 @@
 //! | `plan.json` | digests of the files and of the executable, number of tasks, size of a chunk |
 //! | `study.toml`, `test.toml` | copies for people; workers read the originals and compare digests |
 //! | `parts/chunk-K-DIGEST.part` | results of tasks of chunk K |
-//! | `table.csv`, `summary.json`, `report.html` | what `collect` writes |
+//! | `table.csv`, `table.parquet`, `summary.json`, `report.html` | what `collect` writes |
 //!
 //! | module | content |
 //! |---|---|
-//! | `study`, `design`, `motions`, `task` | from the study file to the overrides and the identity of a task |
+//! | `study`, `design`, `random`, `sobol`, `motions`, `task` | from the study file to the overrides and the identity of a task |
 //! | `measure`, `perform` | one simulated test and the numbers of its table row |
 //! | `plan`, `part`, `work` | campaign folder, result parts, chunks on threads |
-//! | `submit` | job scripts for other launchers |
-//! | `collect`, `table`, `prove` | merging, the table, recomputed tasks |
-//! | `fractile`, `fragility`, `found`, `ida`, `drawing`, `page` | statistics and the report |
+//! | `bundle`, `launcher`, `submit` | open chunks, and job files of other launchers |
+//! | `collect`, `cell`, `table`, `parquet`, `prove` | merging, the table, recomputed tasks |
+//! | `found`, `fractile`, `fragility`, `largest` | values for the report, and their statistics |
+//! | `ida`, `sensitivity`, `distribution`, `pairs`, `drawing`, `page` | pictures of the report |
 
+mod bundle;
+mod cell;
 mod collect;
 mod design;
+mod distribution;
 mod drawing;
 mod found;
 mod fractile;
 mod fragility;
 mod ida;
+mod largest;
+mod launcher;
 mod measure;
 mod motions;
 mod page;
+mod pairs;
+#[cfg(feature = "parquet")]
+mod parquet;
 mod part;
 mod perform;
 mod plan;
 mod prove;
+mod random;
+mod sensitivity;
+mod sobol;
 mod study;
 mod submit;
 mod table;
@@ -45,11 +57,13 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
+pub use bundle::Chunks;
 pub use collect::{Collected, Prove, collect};
-pub use fragility::{Fragility, Level};
+pub use fragility::{Collapses, Fragility, Level};
+pub use largest::Largest;
 pub use plan::{Campaign, Plan, plan};
 pub use study::Study;
-pub use submit::{Engine, Submitted, submit};
+pub use submit::{Engine, Prepared, prepare, start};
 pub use task::Task;
 pub use work::{Status, Stop, Worked, status, work};
 
@@ -108,19 +122,48 @@ pub enum CampaignError {
     },
     /// Two results of one task differ.
     #[error(
-        "task {task} has two different results, in {one} and {other}: results of different machines do not agree"
+        "task {task} has two different results, in the parts {one} and {other}: the machines that computed them do not agree. Remove \
+         the wrong part from the folder; its tasks are computed again"
     )]
     Conflict {
         /// Number of the task, from 1.
         task: u64,
         /// A part.
         one: String,
-        /// Another part, or `recomputed`.
+        /// Another part.
         other: String,
+    },
+    /// A computed result differs from that of a part.
+    #[error(
+        "task {task} has other bits when it is computed again: {part} is wrong and does not count any more (it is renamed). \
+         `gusset campaign run {}` computes its tasks again", folder.display()
+    )]
+    Refuted {
+        /// Number of the task, from 1.
+        task: u64,
+        /// The part.
+        part: String,
+        /// The campaign.
+        folder: PathBuf,
     },
     /// A part belongs to another campaign.
     #[error("{0} belongs to another campaign: remove it from the folder")]
     Foreign(String),
+    /// The command of a launcher is missing.
+    #[error(
+        "there is no command {command} on the path: {origin}. This submits the file by hand:\n  {by_hand}"
+    )]
+    NoCommand {
+        /// The command.
+        command: &'static str,
+        /// How to get it.
+        origin: &'static str,
+        /// What submits the file by hand.
+        by_hand: String,
+    },
+    /// The user stopped the collection.
+    #[error("stopped before the results were collected")]
+    Stopped,
     /// Another reason.
     #[error("{0}")]
     Other(String),

@@ -1,19 +1,22 @@
 //! Ground motions of a study, and the overrides that choose and scale them.
 
-use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::{fs, io};
 
-use super::{CampaignError, at};
-use crate::config::{Finding, Intensity, KeyPath, LoadedStudy, RecordsTable, read_input};
-use crate::motion::{Signal, Unit};
+use super::CampaignError;
+use crate::config::{Finding, InputStore, Inputs, Intensity, KeyPath, LoadedStudy, RecordsTable};
+use crate::motion::{FileSignal, ReadOptions, Resample, Signal, Unit, parse_record};
 
 const GROUND: &str = "excitation.ground_acceleration";
 
-/// One motion: its name, the override that chooses it, and the digest of its file.
+/// One motion: its name, its file, the overrides that choose it, and the digest of its file.
 #[derive(Debug, Clone)]
 pub(super) struct Motion {
     pub name: String,
-    pub set: String,
+    /// Full path of its record; empty for a synthetic motion.
+    pub full: PathBuf,
+    pub sets: Vec<String>,
     pub digest: String,
 }
 
@@ -80,11 +83,11 @@ impl Motions {
     pub fn words(&self) -> String {
         match self.scale.intensity {
             Intensity::Pga => "peak ground acceleration".to_owned(),
-            Intensity::Sa => format!(
-                "Sa({:.3} s, {:.0} %)",
-                self.scale.period_s,
-                100.0 * self.scale.damping_ratio
-            ),
+            Intensity::Sa => {
+                // Twelve digits hide the rounding of the factor.
+                let percent = (1e14 * self.scale.damping_ratio).round() / 1e12;
+                format!("Sa({:.3} s, {percent} %)", self.scale.period_s)
+            }
         }
     }
 }
@@ -92,6 +95,7 @@ impl Motions {
 /// The motions of each table of a study. `first_period` is that of the structure of the test.
 pub(super) fn motions(
     loaded: &LoadedStudy,
+    store: &Arc<InputStore>,
     first_period: Option<f64>,
 ) -> Result<Vec<Motions>, CampaignError> {
     let ground = loaded.test.file.excitation.ground_acceleration.as_ref();
@@ -109,6 +113,15 @@ pub(super) fn motions(
             let text =
                 "the test file scales the motion already: remove its `target_peak` or `target_sa`";
             return Err(refuse(text).into());
+        }
+        if let Signal::File(file) = &ground.signal
+            && table.synthetic.is_none()
+            && has_own_ways(file)
+        {
+            let text = "the records of a study are read with their own time step and columns, and begin at 0 s";
+            let finding = Finding::error(place, text);
+            let help = "keep only `path` and `unit` in the `signal.file` of the test file, and convert the records if necessary";
+            return Err(loaded.refuse(finding.help(help)).into());
         }
         let period_s = match (table.intensity, table.period_s, first_period) {
             (Intensity::Pga, ..) => 0.0,
@@ -130,12 +143,13 @@ pub(super) fn motions(
                 let seeds = (0..synthetic.count).map(|i| synthetic.seed.wrapping_add(i));
                 let motion = |seed: u64| Motion {
                     name: format!("seed-{seed}"),
-                    set: format!("{GROUND}.signal.{kind}.seed={seed}"),
+                    sets: vec![format!("{GROUND}.signal.{kind}.seed={seed}")],
+                    full: PathBuf::new(),
                     digest: String::new(),
                 };
                 seeds.map(motion).collect()
             }
-            None => files(loaded, table, &place)?,
+            None => files(loaded, store, table, &place)?,
         };
         all.push(Motions {
             motions,
@@ -151,58 +165,122 @@ pub(super) fn motions(
     Ok(all)
 }
 
-/// The records of a table, with the digests of their files.
+/// The records of a table, with the digests of their files. Each record is read once.
 fn files(
     loaded: &LoadedStudy,
+    store: &Arc<InputStore>,
     table: &RecordsTable,
     place: &KeyPath,
 ) -> Result<Vec<Motion>, CampaignError> {
-    let folder = loaded.folder();
-    let paths: Vec<PathBuf> = match (&table.files, &table.folder) {
-        (Some(files), _) => files.iter().map(|file| folder.join(file)).collect(),
+    let names: Vec<(KeyPath, String)> = match (&table.files, &table.folder) {
+        (Some(files), _) => {
+            let at = |index| place.key("files").index(index);
+            let files = files.iter().enumerate();
+            files
+                .map(|(index, file)| (at(index), file.clone()))
+                .collect()
+        }
         (None, Some(name)) => {
-            let found = listed(&folder.join(name))?;
+            let at = place.key("folder");
+            let found = listed(&loaded.folder().join(name)).map_err(|error| {
+                let text = format!("cannot read the folder {name}: {error}");
+                let finding =
+                    Finding::error(at.clone(), text).label("a folder of records is wanted");
+                loaded.refuse(finding.help("the path is relative to the folder of the study"))
+            })?;
             if found.is_empty() {
                 let text = format!("the folder {name} contains no records");
-                let finding = Finding::error(place.key("folder"), text);
-                return Err(loaded.refuse(finding).into());
+                return Err(loaded.refuse(Finding::error(at, text)).into());
             }
+            let path = |file: String| format!("{name}/{file}");
             found
+                .into_iter()
+                .map(|file| (at.clone(), path(file)))
+                .collect()
         }
         (None, None) => Vec::new(),
     };
-    let unit = table
-        .record_unit
-        .and_then(|unit| serde_json::to_value(unit).ok());
-    let unit = unit.map_or_else(String::new, |unit| format!(",unit={unit}"));
-    let motion = |path: PathBuf| {
-        let bytes = read_input(&path).map_err(at(&path))?;
-        let full = fs::canonicalize(&path).map_err(at(&path))?;
+    let mut inputs = Inputs::new(loaded.folder()).with_store(Some(Arc::clone(store)));
+    let mut motions: Vec<Motion> = Vec::with_capacity(names.len());
+    for (at, name) in names {
+        let mut motion = motion(loaded, table, &mut inputs, (at, &name))?;
+        // Tasks ask for the full path.
+        store.read(&motion.full).map_err(super::at(&motion.full))?;
+        motion.name = unique_name(&motion.full, &motions);
+        motions.push(motion);
+    }
+    Ok(motions)
+}
+
+/// Name of a record in the table: that of its file, with folders where another record has the same.
+fn unique_name(full: &Path, others: &[Motion]) -> String {
+    let parts: Vec<_> = full.iter().map(|part| part.to_string_lossy()).collect();
+    let names = (1..=parts.len()).map(|count| parts[parts.len() - count..].join("/"));
+    let mut names = names.filter(|name| others.iter().all(|other| other.name != *name));
+    names.next().unwrap_or_else(|| full.display().to_string())
+}
+
+/// True if keys of the test file decide how its record is read: they do not hold for the records of a study.
+fn has_own_ways(file: &FileSignal) -> bool {
+    let plain = FileSignal {
+        path: file.path.clone(),
+        format: None,
+        column: None,
+        time_column: None,
+        skip_rows: 0,
+        dt_s: None,
+        unit: file.unit,
+        resample: Resample::default(),
+        start_s: 0.0,
+    };
+    *file != plain
+}
+
+/// The record `name`, which the study names at `at`.
+fn motion(
+    loaded: &LoadedStudy,
+    table: &RecordsTable,
+    inputs: &mut Inputs,
+    (at, name): (KeyPath, &str),
+) -> Result<Motion, CampaignError> {
+    let bytes = inputs
+        .read(name)
+        .map_err(|error| loaded.refuse(error.finding(at.clone())))?;
+    let digest = blake3::hash(bytes).to_hex().to_string();
+    let record = parse_record(name, bytes, &ReadOptions::default()).map_err(|error| {
+        let finding = Finding::error(at.clone(), format!("{name} is no record: {error}"));
+        loaded.refuse(finding.help("remove it from the study, or convert it"))
+    })?;
+    if table.record_unit.or(record.unit).is_none() {
+        let finding = Finding::error(at, format!("the record {name} has no unit"));
+        return Err(loaded
+            .refuse(finding.help("for example record_unit = \"g\""))
+            .into());
+    }
+    let path = loaded.folder().join(name);
+    let full = fs::canonicalize(&path).map_err(super::at(&path))?;
+    let quoted = toml::Value::from(full.to_string_lossy().as_ref());
+    let unit = table.record_unit.map(|unit| format!(",unit=\"{unit}\""));
+    let unit = unit.unwrap_or_default();
+    let sets = vec![format!("{GROUND}.signal={{file={{path={quoted}{unit}}}}}")];
+    Ok(Motion {
+        name: String::new(),
+        full,
+        sets,
+        digest,
+    })
+}
+
+/// Names of the files of a folder that are not hidden, sorted.
+fn listed(folder: &Path) -> io::Result<Vec<String>> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder)? {
+        let path = entry?.path();
         let name = path
             .file_name()
             .map(|name| name.to_string_lossy().into_owned());
-        let quoted = toml::Value::from(full.to_string_lossy().as_ref());
-        Ok(Motion {
-            name: name.unwrap_or_default(),
-            set: format!("{GROUND}.signal={{file={{path={quoted}{unit}}}}}"),
-            digest: blake3::hash(&bytes).to_hex().to_string(),
-        })
-    };
-    paths.into_iter().map(motion).collect()
-}
-
-/// The files of a folder that are not hidden, in the order of their names.
-fn listed(folder: &Path) -> Result<Vec<PathBuf>, CampaignError> {
-    let entries = fs::read_dir(folder).map_err(at(folder))?;
-    let mut found = Vec::new();
-    for entry in entries {
-        let path = entry.map_err(at(folder))?.path();
-        let is_hidden = path
-            .file_name()
-            .is_some_and(|name| name.to_string_lossy().starts_with('.'));
-        if path.is_file() && !is_hidden {
-            found.push(path);
-        }
+        let name = name.filter(|name| !name.starts_with('.') && path.is_file());
+        found.extend(name);
     }
     found.sort();
     Ok(found)

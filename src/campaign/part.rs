@@ -28,11 +28,14 @@ pub(super) struct Line {
     pub result: Performed,
 }
 
+/// Results by task, with the name of the part of each.
+pub(super) type Lines = BTreeMap<u64, (Line, String)>;
+
 /// Parts of one chunk.
 #[derive(Debug, Default)]
 pub(super) struct Parts {
     /// Results by task, with the name of the part of each.
-    pub lines: BTreeMap<u64, (Line, String)>,
+    pub lines: Lines,
     /// Names of parts that were cut short.
     pub damaged: Vec<String>,
 }
@@ -115,6 +118,12 @@ pub(super) fn names(folder: &Path) -> Result<BTreeMap<u64, Vec<PathBuf>>, Campai
     }
     found.values_mut().for_each(|paths| paths.sort());
     Ok(found)
+}
+
+/// Renames a part with a wrong number: it does not count any more.
+pub(super) fn set_aside(folder: &Path, part: &str) -> Result<(), CampaignError> {
+    let path = folder.join(FOLDER).join(part);
+    fs::rename(&path, path.with_extension("refuted")).map_err(at(&path))
 }
 
 /// Merges parts of one chunk. `expected` gives the identity of a task.

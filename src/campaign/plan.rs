@@ -174,10 +174,10 @@ impl Campaign {
         })
     }
 
-    /// Identity of the task `index`.
+    /// Identity of the task `index`; none if it is not of chunk `chunk`.
     #[must_use]
-    pub fn identity(&self, index: u64) -> Option<String> {
-        let is_there = index < self.plan.tasks;
+    pub fn identity(&self, chunk: u64, index: u64) -> Option<String> {
+        let is_there = self.plan.chunk(chunk).contains(&index);
         is_there.then(|| {
             let task = Task::of(&self.study, index);
             task.identity(&self.study, &self.plan.executable)

@@ -2,10 +2,11 @@
 
 use super::CampaignError;
 use super::design::is_among;
-use super::part::Line;
+use super::part::{Line, set_aside};
 use super::perform::perform;
 use super::plan::Campaign;
 use super::task::Task;
+use super::work::Stop;
 use crate::work::each;
 
 /// How many tasks are computed again.
@@ -47,25 +48,28 @@ impl Prove {
     }
 }
 
-/// Computes the tasks of `lines` again, on `jobs` threads. Each line has the name of its part.
+/// Computes the tasks of `lines` again, on `jobs` threads, until `stop` returns true. Each line has the name of its part. A part with
+/// a wrong number is renamed: it does not count any more, and its tasks are computed again.
 ///
 /// # Errors
-/// [`CampaignError::Conflict`] at the first task whose bits differ.
+/// [`CampaignError::Refuted`] at the first task whose bits differ.
 pub(super) fn prove(
     campaign: &Campaign,
     lines: &[(Line, String)],
     jobs: usize,
+    stop: &Stop<'_>,
 ) -> Result<(), CampaignError> {
     let check = |(line, part): &(Line, String)| {
         let task = Task::of(&campaign.study, line.index);
         if perform(&campaign.study, &task).is_same(&line.result) {
             return Ok(());
         }
-        Err(CampaignError::Conflict {
+        set_aside(&campaign.folder, part)?;
+        Err(CampaignError::Refuted {
             task: line.index + 1,
-            one: part.clone(),
-            other: "this machine".to_owned(),
+            part: part.clone(),
+            folder: campaign.folder.clone(),
         })
     };
-    each(jobs, lines, &|| false, &check, |()| Ok(())).map(drop)
+    each(jobs, lines, stop, &check, |()| Ok(())).map(drop)
 }

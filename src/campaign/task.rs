@@ -1,6 +1,7 @@
 //! A task: the overrides of one simulated test, and its identity.
 
-use super::design::{bits, normal, point};
+use super::design::{Draws, point};
+use super::random::bits;
 use super::study::Study;
 use crate::config::Scalar;
 
@@ -9,8 +10,8 @@ use crate::config::Scalar;
 pub struct Task {
     /// Number, from 0.
     pub index: u64,
-    /// Value of each axis as TOML; none where the test file decides.
-    pub values: Vec<Option<String>>,
+    /// Value of each axis; none where the test file decides.
+    pub values: Vec<Option<Scalar>>,
     /// Name of the ground motion and its level.
     pub motion: Option<(String, Option<f64>)>,
     /// Number of the draw, from 0.
@@ -49,7 +50,7 @@ impl Task {
                 continue;
             }
             if let Some((one, level)) = motions.at(shot) {
-                sets.push(one.set.clone());
+                sets.extend(one.sets.iter().cloned());
                 sets.extend(level.map(|level| motions.scaled(level)));
                 motion = Some((one.name.clone(), level));
                 motion_digest.clone_from(&one.digest);
@@ -57,20 +58,20 @@ impl Task {
             break;
         }
         let (mut drawn, mut draws) = (Vec::new(), Vec::new());
-        for sample in &study.samples {
-            let key = sample.key.to_string();
-            let count = campaign.replicates;
-            let draw = normal(campaign.sampling, campaign.seed, &key, replicate, count);
+        let all = Draws {
+            sampling: campaign.sampling,
+            seed: campaign.seed,
+            count: campaign.replicates,
+        };
+        for (place, sample) in study.samples.iter().enumerate() {
+            let draw = all.normal(&sample.key.to_string(), place, replicate);
             drawn.push(sample.set(draw));
             draws.push(sample.value(draw));
         }
         let redraws_noise = study.is_noisy && campaign.replicates > 1;
         Self {
             index,
-            values: chosen
-                .into_iter()
-                .map(|value| value.map(Scalar::toml))
-                .collect(),
+            values: chosen.into_iter().map(|value| value.cloned()).collect(),
             motion,
             replicate,
             sets,

@@ -78,7 +78,7 @@ pub fn work(
             });
         }
         let paths = found.remove(&chunk).unwrap_or_default();
-        let Parts { lines, .. } = merge(&paths, |index| campaign.identity(index))?;
+        let Parts { lines, .. } = merge(&paths, |index| campaign.identity(chunk, index))?;
         let tasks = campaign.plan.chunk(chunk);
         let pending: Vec<u64> = tasks.filter(|index| !lines.contains_key(index)).collect();
         worked.known += lines.len() as u64;

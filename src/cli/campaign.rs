@@ -63,20 +63,36 @@ fn run(args: &RunCampaignArgs) -> anyhow::Result<Exit> {
         }
         Campaign::open(&args.study).map_err(told)?
     } else {
-        let out = args
-            .out
-            .clone()
-            .unwrap_or_else(|| usual_folder(&args.study));
-        campaign::plan(&args.study, &out, None).map_err(told)?
+        let out = args.out.clone();
+        let out = out.unwrap_or_else(|| usual_folder(&args.study));
+        begun(&args.study, &out)?
     };
     tell(in_words(&campaign));
     let jobs = args.jobs.map_or_else(processors, usize::from);
     let chunks = campaign.plan.chunks();
-    let worked = compute(&campaign, 1..=chunks, jobs, campaign.plan.tasks)?;
+    let signals = listen()?;
+    let worked = compute(&campaign, 1..=chunks, jobs, campaign.plan.tasks, &signals)?;
     if let Some(exit) = worked {
         return Ok(exit);
     }
-    conclude(&campaign, prove, jobs, args.json)
+    conclude(&campaign, prove, jobs, args.json, &signals)
+}
+
+/// The campaign of `study` in `out`: a new one, or the one that was begun there.
+fn begun(study: &Path, out: &Path) -> anyhow::Result<Campaign> {
+    if !out.join("plan.json").exists() {
+        return campaign::plan(study, out, None).map_err(told);
+    }
+    let campaign = Campaign::open(out).map_err(told)?;
+    if study.canonicalize().ok().as_deref() != Some(&campaign.plan.study) {
+        let text = format!(
+            "{} has the campaign of another study, {}: choose another folder with --out",
+            out.display(),
+            campaign.plan.study.display()
+        );
+        return Err(WithExit(Exit::Usage, text).into());
+    }
+    Ok(campaign)
 }
 
 /// The folder of a study without `--out`.
@@ -87,10 +103,19 @@ fn usual_folder(study: &Path) -> PathBuf {
 
 fn work(args: &WorkArgs) -> anyhow::Result<Exit> {
     let campaign = Campaign::open(&args.folder).map_err(told)?;
-    let tasks = campaign.plan.chunk(args.chunk.max(1));
-    let total = tasks.end - tasks.start;
-    let chunks = args.chunk..=args.chunk;
-    let interrupted = compute(&campaign, chunks, usize::from(args.jobs), total)?;
+    let (chunks, plan) = (&args.chunk, &campaign.plan);
+    let last = plan.chunks();
+    let found = [chunks.first(), chunks.last()];
+    let wrong = found
+        .into_iter()
+        .find(|number| !(1..=last).contains(number));
+    if let Some(found) = wrong {
+        return Err(told(CampaignError::NoChunk { found, last }));
+    }
+    let tasks = chunks.iter().map(|number| plan.chunk(number));
+    let total = tasks.map(|tasks| tasks.end - tasks.start).sum();
+    let jobs = usize::from(args.jobs);
+    let interrupted = compute(&campaign, chunks.iter(), jobs, total, &listen()?)?;
     Ok(interrupted.unwrap_or(Exit::Done))
 }
 
@@ -100,8 +125,8 @@ fn compute(
     chunks: impl Iterator<Item = u64>,
     jobs: usize,
     total: u64,
+    signals: &Signals,
 ) -> anyhow::Result<Option<Exit>> {
-    let signals = Signals::listen().context("signals cannot be taken over")?;
     let progress = Work::begin("tests of the campaign", total);
     let stop = || signals.seen().is_some();
     let worked = campaign::work(campaign, chunks, jobs, &stop, &|done| progress.done(done));
@@ -122,31 +147,48 @@ fn compute(
     tell(format_args!(
         "stopped; continue with\n  gusset campaign run {folder}"
     ));
-    Ok(Some(match signals.seen() {
+    Ok(Some(exit_of(signals)))
+}
+
+fn listen() -> anyhow::Result<Signals> {
+    Signals::listen().context("signals cannot be taken over")
+}
+
+/// The exit code of the signal that stopped a command.
+fn exit_of(signals: &Signals) -> Exit {
+    match signals.seen() {
         Some(Signal::Terminate) => Exit::Terminated,
         _ => Exit::Interrupted,
-    }))
+    }
 }
 
 fn submit(args: &SubmitArgs) -> anyhow::Result<Exit> {
-    let campaign = Campaign::open(&args.folder).map_err(told)?;
     let engine = match args.engine {
         EngineArg::Lines => Engine::Lines,
         EngineArg::Slurm => Engine::Slurm,
+        EngineArg::Hyperqueue => Engine::HyperQueue,
     };
-    let submitted = campaign::submit(&campaign, engine, &args.arguments).map_err(told)?;
-    answer(submitted.file.display())?;
-    match submitted.reply {
-        Some(reply) => tell(reply.trim_end()),
-        None if engine == Engine::Slurm => {
-            let script = submitted.file.display();
-            let text = format!(
-                "there is no command sbatch on the path: install Slurm (Debian: apt-get install slurm-client), or run \
-                 `sbatch {script}` on a machine of the cluster"
-            );
-            return Err(WithExit(Exit::Usage, text).into());
-        }
-        None => {}
+    if engine == Engine::Lines && !args.arguments.is_empty() {
+        let text = "arguments behind -- are for slurm and hyperqueue: with --engine lines, nothing is started";
+        return Err(WithExit(Exit::Usage, text.to_owned()).into());
+    }
+    let campaign = Campaign::open(&args.folder).map_err(told)?;
+    let prepared = campaign::prepare(&campaign, engine, args.tasks_per_job).map_err(told)?;
+    let chunks = campaign.plan.chunks();
+    let Some(prepared) = prepared else {
+        let folder = args.folder.display();
+        tell(format_args!(
+            "all {chunks} chunks are done; continue with\n  gusset campaign collect {folder}"
+        ));
+        return Ok(Exit::Done);
+    };
+    answer(prepared.file.display())?;
+    tell(format_args!(
+        "{} of {chunks} chunks are open: {} jobs",
+        prepared.open, prepared.jobs
+    ));
+    if let Some(reply) = campaign::start(&prepared, &args.arguments).map_err(told)? {
+        tell(reply.trim_end());
     }
     Ok(Exit::Done)
 }
@@ -154,7 +196,7 @@ fn submit(args: &SubmitArgs) -> anyhow::Result<Exit> {
 fn collect(args: &CollectArgs) -> anyhow::Result<Exit> {
     let prove = proof(&args.prove)?;
     let campaign = Campaign::open(&args.folder).map_err(told)?;
-    conclude(&campaign, prove, processors(), args.json)
+    conclude(&campaign, prove, processors(), args.json, &listen()?)
 }
 
 fn proof(text: &str) -> anyhow::Result<Prove> {
@@ -166,10 +208,25 @@ fn proof(text: &str) -> anyhow::Result<Prove> {
 }
 
 /// Collects the results and shows what was found.
-fn conclude(campaign: &Campaign, prove: Prove, jobs: usize, json: bool) -> anyhow::Result<Exit> {
+fn conclude(
+    campaign: &Campaign,
+    prove: Prove,
+    jobs: usize,
+    json: bool,
+    signals: &Signals,
+) -> anyhow::Result<Exit> {
     let work = Work::begin("results", campaign.plan.tasks);
-    let collected = campaign::collect(campaign, prove, jobs, &|done| work.done(done));
+    let stop = || signals.seen().is_some();
+    let collected = campaign::collect(campaign, prove, jobs, &stop, &|done| work.done(done));
     drop(work);
+    if matches!(collected, Err(CampaignError::Stopped)) {
+        screen::step_aside();
+        let folder = campaign.folder.display();
+        tell(format_args!(
+            "stopped; continue with\n  gusset campaign collect {folder}"
+        ));
+        return Ok(exit_of(signals));
+    }
     let collected = collected.map_err(told)?;
     screen::step_aside();
     for name in &collected.damaged {
@@ -199,7 +256,7 @@ fn found(collected: &Collected) -> String {
         format!("table    {}", collected.table.display()),
         format!("report   {}", collected.report.display()),
         format!(
-            "tests    {} of {}; {} stopped before their end; {} tasks have no valid test",
+            "tests    {} of {}; stopped before the end: {}; without a valid test: {}",
             collected.done, collected.tasks, collected.stopped, collected.invalid
         ),
         format!(
@@ -207,13 +264,20 @@ fn found(collected: &Collected) -> String {
             collected.proved
         ),
     ];
-    if let Some((fit, _)) = &collected.fragility {
-        lines.push(match fit {
+    if let Some(why) = &collected.invalid_example {
+        lines.push(format!("invalid  {why}"));
+    }
+    for one in &collected.fragility {
+        let of = match one.point.as_str() {
+            "" => String::new(),
+            point => format!(", {point}"),
+        };
+        lines.push(match one.fit {
             Some(fit) => format!(
-                "collapse median {:.4}, dispersion {:.4}",
+                "collapse median {:.4}, dispersion {:.4}{of}",
                 fit.median, fit.dispersion
             ),
-            None => "collapse the counts do not determine a fragility curve".to_owned(),
+            None => format!("collapse the counts do not determine a fragility curve{of}"),
         });
     }
     lines.join("\n")
@@ -262,7 +326,9 @@ fn told(error: CampaignError) -> anyhow::Error {
         CampaignError::Config(ConfigError::Invalid(mistakes)) => {
             Mistakes(mistakes.render(screen::in_colour())).into()
         }
-        CampaignError::Conflict { .. } => WithExit(Exit::Stopped, error.to_string()).into(),
+        CampaignError::Conflict { .. } | CampaignError::Refuted { .. } => {
+            WithExit(Exit::Stopped, error.to_string()).into()
+        }
         error => WithExit(Exit::Usage, error.to_string()).into(),
     }
 }

@@ -5,10 +5,12 @@ use super::args::SchemaArgs;
 use super::exit::Exit;
 use crate::config;
 
-/// Prints the JSON Schema of the test file, or of the file of `gusset serve`.
+/// Prints the JSON Schema of the test file, of the file of `gusset serve`, or of a study.
 pub fn schema(args: &SchemaArgs) -> anyhow::Result<Exit> {
     answer(if args.serve {
         config::serve_json_schema()
+    } else if args.study {
+        config::study_json_schema()
     } else {
         config::json_schema()
     })?;

@@ -4,11 +4,13 @@
 
 use std::path::{Path, PathBuf};
 
+use super::campaign_table::OWN;
 use super::campaign_table::{Intensity, RecordsTable, SpanTable, StudyFile};
 use super::check::check_samples;
 use super::document::{Datum, KeyPath, Node};
 use super::{ConfigError, Diagnostics, Finding, Loaded, Locator, Purpose, Severity};
 use super::{judge, open, parse, read_text};
+use crate::motion::Quantity;
 
 /// Most values of one range.
 const MOST_VALUES: usize = 100_000;
@@ -79,7 +81,8 @@ pub fn parse_study(path: &Path, text: String) -> Result<LoadedStudy, ConfigError
         }
         None => parse(path, without_own_tables(&text), &[])?,
     };
-    let wrong = check_samples(&test.file, &study.sample);
+    let mut wrong = check_samples(&test.file, &study.sample);
+    wrong.extend(check_uncertainty(&study, &test));
     if !wrong.is_empty() {
         let wrong = wrong.into_iter().map(|finding| locator.diagnose(finding));
         return Err(ConfigError::Invalid(Diagnostics(wrong.collect())));
@@ -92,9 +95,6 @@ pub fn parse_study(path: &Path, text: String) -> Result<LoadedStudy, ConfigError
         locator,
     })
 }
-
-/// Names of the tables that a study has beside those of its test.
-const OWN: [&str; 6] = ["test", "campaign", "vary", "sample", "records", "measure"];
 
 /// The tables of the study, and the other entries of the file.
 fn divided(root: &Node) -> (Node, Vec<(String, Node)>) {
@@ -157,31 +157,71 @@ fn check_study(file: &StudyFile) -> Vec<Finding> {
         let at = root.key("campaign").key("replicates");
         findings.push(Finding::error(at, "`replicates` must be 1 or greater"));
     }
-    for (index, vary) in file.vary.iter().enumerate() {
-        let at = root.key("vary").index(index);
-        let list = vary.values.as_ref().map(Vec::len);
-        check_range(&at, list, vary.linear, vary.log, true, &mut findings);
-        if let Err(error) = KeyPath::parse(&vary.key) {
-            let text = format!("{:?} is no dotted path: {}", vary.key, error.message);
-            findings.push(Finding::error(at.key("key"), text));
-        }
-        if file.vary[..index].iter().any(|other| other.key == vary.key) {
-            let text = format!("`{}` varies twice", vary.key);
-            findings.push(Finding::error(at.key("key"), text));
-        }
-        if file.sample.iter().any(|other| other.key == vary.key) {
-            let text = format!("`{}` is in `vary` and in `sample`", vary.key);
-            findings.push(Finding::error(at.key("key"), text).help("remove one of the two"));
-        }
-    }
+    check_vary(file, &mut findings);
     for (index, records) in file.records.iter().enumerate() {
         let at = root.key("records").index(index);
         check_records(&at, records, &mut findings);
+        check_intensity(&at, records, file, &mut findings);
     }
     for (index, height) in file.measure.storey_height_m.iter().enumerate() {
         if height.is_finite() && *height <= 0.0 {
             let at = root.key("measure").key("storey_height_m").index(index);
             findings.push(Finding::error(at, "a height must be greater than 0"));
+        }
+    }
+    findings
+}
+
+/// The one spelling of a key: `a[1].b` and `a.1.b` are the same key.
+fn current(key: &str) -> String {
+    KeyPath::parse(key).map_or_else(|_| key.to_owned(), |path| path.to_string())
+}
+
+/// The keys of `vary`, their values, and keys that are given twice.
+fn check_vary(file: &StudyFile, findings: &mut Vec<Finding>) {
+    for (index, vary) in file.vary.iter().enumerate() {
+        let at = KeyPath::root().key("vary").index(index);
+        let list = vary.values.as_ref().map(Vec::len);
+        check_range(&at, list, vary.linear, vary.log, true, findings);
+        if let Err(error) = KeyPath::parse(&vary.key) {
+            let text = format!("{:?} is no dotted path: {}", vary.key, error.message);
+            findings.push(Finding::error(at.key("key"), text));
+        }
+        let key = current(&vary.key);
+        if file.vary[..index]
+            .iter()
+            .any(|other| current(&other.key) == key)
+        {
+            let text = format!("`{key}` varies twice");
+            findings.push(Finding::error(at.key("key"), text).help("remove one of the two"));
+        }
+        if file.sample.iter().any(|other| current(&other.key) == key) {
+            let text = format!("`{key}` is in `vary` and in `sample`");
+            findings.push(Finding::error(at.key("key"), text).help("remove one of the two"));
+        }
+    }
+}
+
+/// With `sample_uncertainty`, a key of the test's `[[uncertainty]]` may not vary or be sampled by the study too.
+fn check_uncertainty(study: &StudyFile, test: &Loaded) -> Vec<Finding> {
+    if !study.campaign.sample_uncertainty {
+        return Vec::new();
+    }
+    let uncertain = test.uncertain();
+    let keys: Vec<String> = uncertain.iter().map(|one| one.key.to_string()).collect();
+    let vary = study.vary.iter().map(|one| one.key.as_str());
+    let sample = study.sample.iter().map(|one| one.key.as_str());
+    let own: [(&str, Vec<&str>); 2] = [("vary", vary.collect()), ("sample", sample.collect())];
+    let mut findings = Vec::new();
+    for (table, all) in own {
+        for (index, key) in all.into_iter().enumerate() {
+            let key = current(key);
+            if keys.contains(&key) {
+                let text = format!("`{key}` is in `{table}` and in `uncertainty` of the test");
+                let at = KeyPath::root().key(table).index(index).key("key");
+                let help = "remove it here, or set campaign.sample_uncertainty = false";
+                findings.push(Finding::error(at, text).help(help));
+            }
         }
     }
     findings
@@ -204,6 +244,15 @@ fn check_records(at: &KeyPath, records: &RecordsTable, findings: &mut Vec<Findin
         let at = at.key("synthetic").key("count");
         findings.push(Finding::error(at, "`count` must be 1 or greater"));
     }
+    let units = [("record_unit", records.record_unit), ("unit", records.unit)];
+    for (key, unit) in units {
+        let Some(unit) = unit.filter(|unit| unit.quantity() != Quantity::Acceleration) else {
+            continue;
+        };
+        let text = format!("`{}` must be a unit of acceleration", at.key(key));
+        let finding = Finding::error(at.key(key), text).label(format!("found {unit}"));
+        findings.push(finding.help(format!("allowed: {}", Quantity::Acceleration.spellings())));
+    }
     let list = records.values.as_ref().map(Vec::len);
     check_range(at, list, records.linear, records.log, false, findings);
     let has_levels = list.is_some() || records.linear.is_some() || records.log.is_some();
@@ -220,6 +269,43 @@ fn check_records(at: &KeyPath, records: &RecordsTable, findings: &mut Vec<Findin
             let text = format!("`{key}` needs `intensity = \"sa\"`");
             findings.push(Finding::error(at.key(key), text).at_key());
         }
+    }
+}
+
+/// Levels of intensity are positive, and all tables have one measure of intensity: the table of results has one column for it.
+fn check_intensity(
+    at: &KeyPath,
+    records: &RecordsTable,
+    file: &StudyFile,
+    findings: &mut Vec<Finding>,
+) {
+    let wrong = |at: KeyPath, value: f64| {
+        let text = format!("`{at}` is {value}, but an intensity must be greater than 0");
+        Finding::error(at, text).label("not positive")
+    };
+    for (index, value) in records.values.iter().flatten().enumerate() {
+        if *value <= 0.0 {
+            findings.push(wrong(at.key("values").index(index), *value));
+        }
+    }
+    for (key, value) in records
+        .linear
+        .iter()
+        .flat_map(|span| [("from", span.from), ("to", span.to)])
+    {
+        if value <= 0.0 {
+            findings.push(wrong(at.key("linear").key(key), value));
+        }
+    }
+    let kind = |one: &RecordsTable| (one.intensity, one.unit, one.period_s, one.damping_ratio);
+    let mut scaled = file.records.iter().filter(|one| !one.levels().is_empty());
+    if let Some(first) = scaled.next()
+        && !records.levels().is_empty()
+        && kind(first) != kind(records)
+    {
+        let text = "all `[[records]]` of a study need the same `intensity`, `unit`, `period_s` and `damping_ratio`";
+        let finding = Finding::error(at.clone(), text).label("differs from the first table");
+        findings.push(finding.help("use one study for each measure of intensity"));
     }
 }
 

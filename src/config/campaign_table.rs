@@ -6,7 +6,11 @@ use serde::{Deserialize, Serialize};
 use super::certificate::UncertaintyTable;
 use crate::motion::Unit;
 
-/// Tables of a study beside those of its test file.
+/// Names of the tables that a study has beside those of its test.
+pub(super) const OWN: [&str; 6] = ["test", "campaign", "vary", "sample", "records", "measure"];
+
+/// Study of `gusset campaign`: what varies in a test, and what is measured. The study contains the tables of the test too,
+/// unless `test` names another file.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct StudyFile {
@@ -24,7 +28,7 @@ pub struct StudyFile {
     /// Ground motions, with the intensities to which they are scaled.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub records: Vec<RecordsTable>,
-    /// Measures of the table.
+    /// Measures in the table of results.
     pub measure: MeasureTable,
 }
 
@@ -80,6 +84,9 @@ pub enum Sampling {
     Random,
     /// One draw in each of `replicates` equally probable intervals of each number.
     LatinHypercube,
+    /// Scrambled Sobol sequence, which fills the space of all numbers evenly. `replicates` is at most 65 536, and should be
+    /// a power of two.
+    Sobol,
 }
 
 /// A key of the test file with its values. Give exactly one of `values`, `linear` and `log`.
@@ -90,6 +97,7 @@ pub struct VaryTable {
     pub key: String,
     /// List of values.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = [0.02, 0.05])]
     pub values: Option<Vec<Scalar>>,
     /// Numbers with equal differences.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -174,26 +182,32 @@ pub struct SpanTable {
 #[serde(deny_unknown_fields, default)]
 pub struct RecordsTable {
     /// Folder of records, relative to the study. All files that are not hidden are read, in the order of their names.
+    #[schemars(example = &"records")]
     pub folder: Option<String>,
     /// Records, relative to the study.
+    #[schemars(example = ["elcentro.at2", "kobe.at2"])]
     pub files: Option<Vec<String>>,
     /// Motions of the random signal of the test file, with other seeds.
     pub synthetic: Option<SyntheticTable>,
     /// Unit of the records. Default: the unit in the file.
+    #[schemars(example = &"g")]
     pub record_unit: Option<Unit>,
     /// Measure of intensity.
     pub intensity: Intensity,
     /// Unit of the levels.
     pub unit: Option<Unit>,
     /// Levels of intensity as a list.
+    #[schemars(example = [0.1, 0.2, 0.4])]
     pub values: Option<Vec<f64>>,
     /// Levels with equal differences.
     pub linear: Option<SpanTable>,
     /// Levels with equal ratios.
     pub log: Option<SpanTable>,
     /// Period for `intensity = "sa"`. Default: the first period of the structure.
+    #[schemars(example = 0.5)]
     pub period_s: Option<f64>,
     /// Damping ratio for `intensity = "sa"`. Default: 0.05.
+    #[schemars(example = 0.02)]
     pub damping_ratio: Option<f64>,
 }
 
@@ -223,13 +237,15 @@ pub enum Intensity {
     Sa,
 }
 
-/// Measures of the table.
+/// Measures in the table of results. The time at the end, `end_s`, is always measured.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct MeasureTable {
     /// Largest absolute displacement and relative acceleration of each recorded DOF, and force of each axis.
+    #[schemars(example = false)]
     pub peaks: bool,
     /// Largest absolute drift of each storey of a shear building.
+    #[schemars(example = false)]
     pub drifts: bool,
     /// Heights of the storeys. With them the drifts are divided by the heights.
     pub storey_height_m: Vec<f64>,
@@ -287,10 +303,15 @@ impl SpanTable {
         let last = self.count.saturating_sub(1);
         let value = |i: usize| match i {
             _ if i == last && last > 0 => self.to,
-            _ => of(i as f64 / last.max(1) as f64),
+            _ => rounded(of(i as f64 / last.max(1) as f64)),
         };
         (0..self.count).map(value).collect()
     }
+}
+
+/// The number with fifteen digits: 0.3, not 0.30000000000000004.
+fn rounded(value: f64) -> f64 {
+    format!("{value:.14e}").parse().unwrap_or(value)
 }
 
 impl VaryTable {

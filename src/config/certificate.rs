@@ -312,7 +312,11 @@ impl Loaded {
         if sets.is_empty() {
             return Ok(self.clone());
         }
-        parse(&self.path, self.effective.clone(), sets)
+        let varied = parse(&self.path, self.effective.clone(), sets)?;
+        Ok(Self {
+            store: self.store.clone(),
+            ..varied
+        })
     }
 }
 

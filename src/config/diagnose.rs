@@ -13,6 +13,7 @@ use annotate_snippets::{
     Annotation, AnnotationKind, Group, Level, Origin, Renderer, Snippet, Title,
 };
 
+use super::campaign_table::OWN;
 use super::document::SyntaxError;
 use super::echo::plain;
 use super::mistake::{Kind, Mistake};
@@ -33,10 +34,16 @@ impl From<Mistake> for Finding {
                     || "not a key of this table".to_owned(),
                     |n| format!("did you mean `{n}`?"),
                 );
+                let is_of_study = table == KeyPath::root() && OWN.contains(&key.as_str());
+                let help = if is_of_study {
+                    "this file is a study of a campaign: `gusset campaign run` takes it".to_owned()
+                } else {
+                    format!("the keys here are {}", listed(&allowed, "and"))
+                };
                 Self::error(path, format!("unknown key `{key}` in {}", subject(&table)))
                     .at_key()
                     .label(label)
-                    .help(format!("the keys here are {}", listed(&allowed, "and")))
+                    .help(help)
             }
             Kind::MissingKey { key } => {
                 let label = format!("`{key}` is missing");

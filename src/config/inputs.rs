@@ -4,47 +4,20 @@
 //! the run folder's `inputs/`, so that the folder alone is enough to run the test again. What the bytes mean is not
 //! decided here.
 
-use std::fs::File;
-use std::io::{self, Read};
+use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use sha2::{Digest, Sha256};
 use thiserror::Error;
 
 use super::diagnose::Finding;
 use super::document::KeyPath;
+use super::input_store::{InputStore, read_input};
 use super::suggest;
 
 /// Folder of the run folder that holds the copies.
 pub const INPUTS_FOLDER: &str = "inputs";
-
-/// MiB of the longest file that a test may name: 12 hours of a record at 1 kHz, with 20 bytes to a sample, have room.
-const LONGEST_MIB: u64 = 1024;
-
-/// The bytes of the file at `path`, or of a pipe; a device that never ends is given up.
-///
-/// # Errors
-/// The system refuses, or there are more than `longest_mib` MiB.
-pub(super) fn read_at_most(longest_mib: u64, path: &Path) -> io::Result<Vec<u8>> {
-    let longest = longest_mib << 20;
-    let mut bytes = Vec::new();
-    File::open(path)?
-        .take(longest + 1)
-        .read_to_end(&mut bytes)?;
-    if bytes.len() as u64 > longest {
-        let reason = format!("more than the {longest_mib} MiB that it may have");
-        return Err(io::Error::new(io::ErrorKind::FileTooLarge, reason));
-    }
-    Ok(bytes)
-}
-
-/// The bytes of a file that a test names.
-///
-/// # Errors
-/// The system refuses, or the file is longer than any record.
-pub(crate) fn read_input(path: &Path) -> io::Result<Vec<u8>> {
-    read_at_most(LONGEST_MIB, path)
-}
 
 /// One file that the test read.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -101,7 +74,7 @@ impl InputError {
                 );
                 finding
                     .label(label)
-                    .help("paths are relative to the folder of the test file")
+                    .help("paths are relative to the folder of this file")
             }
             Self::Folder { .. } => finding.label("a file is wanted"),
             Self::Refused { .. } => finding.label("cannot be read"),
@@ -114,6 +87,8 @@ impl InputError {
 pub struct Inputs {
     folder: PathBuf,
     files: Vec<Input>,
+    /// Bytes that other tests of the same study read before.
+    store: Option<Arc<InputStore>>,
 }
 
 impl Inputs {
@@ -123,7 +98,15 @@ impl Inputs {
         Self {
             folder: folder.to_owned(),
             files: Vec::new(),
+            store: None,
         }
+    }
+
+    /// Inputs that take their bytes from the store of a study.
+    #[must_use]
+    pub fn with_store(mut self, store: Option<Arc<InputStore>>) -> Self {
+        self.store = store;
+        self
     }
 
     /// The bytes of the file that the test calls `requested`, read on the first request.
@@ -168,15 +151,27 @@ impl Inputs {
                 source,
             },
         };
-        let real = path.canonicalize().map_err(refused)?;
-        if real.is_dir() {
-            return Err(InputError::Folder { path });
-        }
+        let (real, bytes) = match &self.store {
+            Some(store) => {
+                let (real, bytes) = store.read(&path).map_err(refused)?;
+                (real, bytes.to_vec())
+            }
+            None => {
+                let real = path.canonicalize().map_err(refused)?;
+                if real.is_dir() {
+                    return Err(InputError::Folder { path });
+                }
+                (real, Vec::new())
+            }
+        };
         if let Some(known) = self.files.iter().position(|file| file.path == real) {
             self.files[known].requested.push(requested.to_owned());
             return Ok(known);
         }
-        let bytes = read_input(&real).map_err(refused)?;
+        let bytes = match self.store {
+            Some(_) => bytes,
+            None => read_input(&real).map_err(refused)?,
+        };
         self.files.push(Input {
             requested: vec![requested.to_owned()],
             name: self.unique_name(&path),
@@ -234,6 +229,7 @@ fn similar_name(path: &Path) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::input_store::read_at_most;
     use super::*;
 
     fn folder() -> tempfile::TempDir {

@@ -33,6 +33,7 @@ mod excitation;
 mod fault_rules;
 pub mod fault_script;
 mod hints;
+mod input_store;
 mod inputs;
 mod levels;
 mod limit_table;
@@ -89,7 +90,8 @@ pub use excitation::{
 };
 pub use fault_rules::{ScriptError, check_script};
 use fault_script::Script;
-pub(crate) use inputs::read_input;
+pub use input_store::InputStore;
+pub(crate) use input_store::read_input;
 pub use inputs::{INPUTS_FOLDER, Input, InputError, Inputs};
 pub use levels::{BoundSpec, LimitsError, RangeSpec};
 pub use limit_table::LimitsSpec;
@@ -159,13 +161,16 @@ pub struct Loaded {
     pub warnings: Vec<Diagnostic>,
     /// Where everything stands.
     pub locator: Locator,
+    /// Bytes of the files of a study, whose tests do not read them again.
+    pub store: Option<Arc<InputStore>>,
 }
 
 impl Loaded {
     /// The loader of the files that the test names: relative to the folder of the test file.
     #[must_use]
     pub fn inputs(&self) -> Inputs {
-        Inputs::new(self.path.parent().unwrap_or(Path::new("")))
+        let inputs = Inputs::new(self.path.parent().unwrap_or(Path::new("")));
+        inputs.with_store(self.store.clone())
     }
 
     /// Findings of a later layer as one error with their places.
@@ -217,11 +222,12 @@ const LONGEST_TEST_MIB: u64 = 64;
 /// # Errors
 /// [`ConfigError`]: it cannot be read, or is no text.
 pub fn read_text(path: &Path) -> Result<String, ConfigError> {
-    let bytes =
-        inputs::read_at_most(LONGEST_TEST_MIB, path).map_err(|source| ConfigError::Unreadable {
+    let bytes = input_store::read_at_most(LONGEST_TEST_MIB, path).map_err(|source| {
+        ConfigError::Unreadable {
             path: path.to_owned(),
             source,
-        })?;
+        }
+    })?;
     String::from_utf8(bytes).map_err(|error| {
         let at = error.utf8_error().valid_up_to();
         let newlines = error.as_bytes()[..at].iter().filter(|byte| **byte == b'\n');
@@ -355,6 +361,7 @@ fn parse_for(
                 time,
                 warnings,
                 locator,
+                store: None,
             })
         }
         _ => Err(ConfigError::Invalid(Diagnostics(errors))),
@@ -445,6 +452,30 @@ pub fn serve_json_schema() -> String {
     schema_of::<ServeFile>()
 }
 
+/// The JSON Schema of the study file of `gusset campaign`: the tables of a study and those of a test, which are needed unless
+/// `test` names another file.
+#[must_use]
+pub fn study_json_schema() -> String {
+    let mut schema = schemars::schema_for!(StudyFile);
+    let test = schemars::schema_for!(TestFile);
+    for part in ["properties", "$defs"] {
+        let of_test = test.get(part).and_then(serde_json::Value::as_object);
+        let own = schema
+            .get_mut(part)
+            .and_then(serde_json::Value::as_object_mut);
+        if let (Some(own), Some(of_test)) = (own, of_test) {
+            for (key, value) in of_test {
+                own.entry(key.clone()).or_insert_with(|| value.clone());
+            }
+        }
+    }
+    schema.insert(
+        "anyOf".to_owned(),
+        serde_json::json!([{ "required": ["test"] }, { "required": ["time"] }]),
+    );
+    in_toml_schema(schema)
+}
+
 /// The JSON Schema of a fault script.
 #[must_use]
 pub fn script_json_schema() -> String {
@@ -452,7 +483,10 @@ pub fn script_json_schema() -> String {
 }
 
 fn schema_of<T: JsonSchema>() -> String {
-    let mut schema = schemars::schema_for!(T);
+    in_toml_schema(schemars::schema_for!(T))
+}
+
+fn in_toml_schema(mut schema: Schema) -> String {
     ForToml.transform(&mut schema);
     serde_json::to_string_pretty(&schema).unwrap_or_default()
 }

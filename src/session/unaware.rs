@@ -4,7 +4,7 @@
 use crate::config::{ConfigError, LambdaValue, Loaded};
 use crate::setup::{self, Trial};
 
-/// What no draw changes.
+/// Estimates and λ of a controller, which no draw changes.
 #[derive(Debug)]
 pub struct Unaware<'a> {
     loaded: &'a Loaded,
@@ -26,7 +26,7 @@ impl<'a> Unaware<'a> {
         })
     }
 
-    /// The same trial with the estimates of this controller.
+    /// A trial with the estimates of this controller.
     #[must_use]
     pub fn trial(&self, trial: Trial) -> Trial {
         Trial {

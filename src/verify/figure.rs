@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::view::report::{self, Curve, Curves};
+use crate::view::report::{self, Curve, Curves, Look};
 
 /// One curve of a figure.
 #[derive(Debug, Clone, PartialEq)]
@@ -116,8 +116,13 @@ impl Figure {
                 name: &series.name,
                 x: &series.x,
                 y: &series.y,
-                dots: series.dots,
-                reference: series.reference,
+                look: match series {
+                    Series { dots: true, .. } => Look::Dots,
+                    Series {
+                        reference: true, ..
+                    } => Look::Reference,
+                    _ => Look::Line,
+                },
             })
             .collect();
         let scale = |scale: Scale| report::Scale {

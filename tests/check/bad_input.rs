@@ -95,7 +95,7 @@ fn a_missing_file_is_named_with_its_likeliest_neighbour() {
     let words = [
         "there is no file ",
         "did you mean `elcentro.at2`?",
-        "relative to the folder of the test file",
+        "relative to the folder of this file",
     ];
     refused(
         &record,

@@ -45,7 +45,7 @@ collapse = { measure = "max_drift", above = 0.006 }
     path
 }
 
-const TASKS: u64 = 24;
+pub const TASKS: u64 = 24;
 
 /// A planned campaign with 5 chunks.
 pub fn planned() -> (TempDir, PathBuf) {
@@ -156,6 +156,14 @@ fn plan_work_and_collect_give_one_row_for_each_task() {
     assert_eq!(summary["complete"], true);
     let proved = &summary["provenance"]["tasks_computed_again_with_equal_bits"];
     assert_eq!(proved.as_u64(), Some(TASKS));
+    // The named largest value is that of its row and the largest of the column.
+    let largest = &summary["largest"][0];
+    let place = column(largest["measure"].as_str().unwrap());
+    let first = &largest["tasks"][0];
+    let value = |row: usize| rows[row][place].parse::<f64>().unwrap();
+    let most = (1..rows.len()).map(value).fold(0.0, f64::max);
+    let task = first["task"].as_u64().unwrap() as usize;
+    assert_eq!((first["value"].as_f64(), value(task)), (Some(most), most));
     let report = fs::read_to_string(out.join("report.html")).unwrap();
     for text in [
         "IDA curves",
@@ -295,6 +303,9 @@ fn a_result_with_other_bits_is_refused() {
     fs::write(part, &forged).unwrap();
     let said = campaign("collect", &out, &["--prove", "100%"]);
     assert_eq!(said.code, Some(1), "{}", said.stderr);
+    // The wrong part does not count any more.
+    assert!(!part.exists() && part.with_extension("refuted").exists());
+    assert!(complete(&campaign("run", &out, &[]), &out) == undisturbed());
     // Beside the true part, the merge finds it.
     fs::write(part, &text).unwrap();
     fs::write(part.with_file_name("chunk-000001-other.part"), &forged).unwrap();
@@ -406,11 +417,16 @@ fn wrong_folders_and_chunks_are_refused() {
     let path = folder.path().join("study.toml");
     let said = campaign("plan", &path, &["--out", there]);
     assert_eq!(said.code, Some(2), "{}", said.stderr);
-    for chunk in ["0", "6"] {
+    for chunk in ["0", "6", "0-2", "4-6", "1,9"] {
         let said = campaign("work", &out, &["--chunk", chunk]);
         assert_eq!(said.code, Some(2));
         assert!(said.stderr.contains("1 to 5"), "{}", said.stderr);
     }
+    for chunk in ["", "one", "3-1", "1-"] {
+        let said = campaign("work", &out, &["--chunk", chunk]);
+        assert_eq!(said.code, Some(2), "{}", said.stderr);
+    }
+    assert!(parts(&out).is_empty());
     for command in ["collect", "status", "run"] {
         let said = campaign(command, folder.path(), &[]);
         assert_eq!(said.code, Some(2));
@@ -418,36 +434,6 @@ fn wrong_folders_and_chunks_are_refused() {
     }
     let said = campaign("collect", &out, &["--prove", "many"]);
     assert_eq!(said.code, Some(2), "{}", said.stderr);
-}
-
-#[test]
-fn submit_writes_a_command_for_each_chunk() {
-    let (_folder, out) = planned();
-    let said = campaign("submit", &out, &["--engine", "lines"]);
-    assert_eq!(said.code, Some(0), "{}", said.stderr);
-    let lines = fs::read_to_string(out.join("lines.txt")).unwrap();
-    assert_eq!(lines.lines().count(), 5);
-    for line in lines.lines() {
-        let done = std::process::Command::new("sh").args(["-c", line]).output();
-        assert!(done.unwrap().status.success(), "{line}");
-    }
-    assert!(complete(&campaign("collect", &out, &[]), &out) == undisturbed());
-    let mut submit = gusset();
-    submit.args([
-        "campaign",
-        "submit",
-        out.to_str().unwrap(),
-        "--engine",
-        "slurm",
-    ]);
-    let said = submit.env("PATH", "").output().unwrap();
-    assert_eq!(said.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&said.stderr).contains("sbatch"));
-    assert!(
-        fs::read_to_string(out.join("slurm.sh"))
-            .unwrap()
-            .contains("--array=1-5\n")
-    );
 }
 
 /// Paths of a plan do not depend on the current folder.

@@ -1,6 +1,8 @@
 //! Faults of a campaign: killed workers, a full disk, wrong clocks, another executable. Nothing is lost, double or silently
 //! different: the table is equal to that of an undisturbed run, bit for bit.
 
+#![allow(clippy::disallowed_methods, reason = "other processes are waited for")]
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -141,7 +143,7 @@ fn wrong_clocks_of_hosts_do_not_matter() {
     assert!(complete(&said, &out) == undisturbed());
 }
 
-/// The same program with one more byte: another host has another build.
+/// A copy of the program with one more byte, as another build.
 fn other_build(folder: &Path) -> PathBuf {
     let path = folder.join("other-gusset");
     let mut bytes = fs::read(assert_cmd::cargo::cargo_bin!("gusset")).unwrap();
@@ -232,4 +234,107 @@ fn an_interrupted_run_says_how_to_continue_and_loses_nothing() {
     } else {
         assert_eq!(said.code, Some(0), "{}", said.stderr);
     }
+}
+
+/// A record that changes or vanishes during the work: all tasks have the bytes of its beginning. Afterwards a worker refuses it.
+#[test]
+fn a_record_that_changes_during_the_work_changes_no_result() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = super::campaign::study(folder.path());
+    let text = fs::read_to_string(&path).unwrap();
+    fs::write(&path, text.replace("replicates = 2", "replicates = 150")).unwrap();
+    let out = folder.path().join("out");
+    plan(&path, &out, "10000");
+    let record = folder.path().join("records/b.csv");
+    let bytes = fs::read(&record).unwrap();
+    let mut run = gusset();
+    run.args(["campaign", "run", out.to_str().unwrap(), "--prove", "0"]);
+    let mut run = run
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    // After the start of the program the file comes and goes, with other numbers.
+    std::thread::sleep(Duration::from_millis(700));
+    for _ in 0..20 {
+        fs::write(&record, "time,accel\n0,0\n0.1,9\n0.4,0\n").unwrap();
+        std::thread::sleep(Duration::from_millis(5));
+        fs::remove_file(&record).unwrap();
+        std::thread::sleep(Duration::from_millis(5));
+        fs::write(&record, &bytes).unwrap();
+        if run.try_wait().unwrap().is_some() {
+            break;
+        }
+    }
+    let status = run.wait().unwrap();
+    // A start while the file was gone is refused; then nothing was computed.
+    if status.code() == Some(2) {
+        assert!(parts(&out).is_empty());
+        return;
+    }
+    assert_eq!(status.code(), Some(0));
+    let said = campaign("collect", &out, &["--prove", "100%"]);
+    let table = String::from_utf8(complete(&said, &out)).unwrap();
+    assert!(!table.contains("invalid"));
+}
+
+/// A file that a value of an axis names belongs to the identity of the tasks.
+#[test]
+fn a_changed_file_of_an_axis_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    super::campaign::study(folder.path());
+    let path = folder.path().join("paths.toml");
+    let test = FRAME.split("[excitation").next().unwrap();
+    let specimen = FRAME.split("[[specimen]]").nth(1).unwrap();
+    let text = format!(
+        "{test}[excitation.ground_acceleration.signal.file]\npath = \"records/a.csv\"\nunit = \"m/s2\"\n[[specimen]]{specimen}\n\
+         [[vary]]\nkey = \"excitation.ground_acceleration.signal.file.path\"\nvalues = [\"records/a.csv\", \"records/b.csv\"]\n"
+    );
+    fs::write(&path, text).unwrap();
+    let out = folder.path().join("out");
+    plan(&path, &out, "1");
+    assert!(worker(&out, 1).wait().unwrap().success());
+    let record = folder.path().join("records/b.csv");
+    let changed = fs::read_to_string(&record).unwrap().replace("0.5", "0.9");
+    fs::write(&record, changed).unwrap();
+    let said = campaign("run", &out, &[]);
+    assert_eq!(said.code, Some(2), "{}", said.stderr);
+    assert!(said.stderr.contains("b.csv"), "{}", said.stderr);
+}
+
+/// A part of the same study under another size of chunks: it would give rows twice.
+#[test]
+fn a_part_of_other_chunks_is_refused() {
+    let (folder, out) = planned();
+    complete(&campaign("run", &out, &[]), &out);
+    let other = folder.path().join("other");
+    plan(&folder.path().join("study.toml"), &other, "3");
+    let part = &parts(&out)[0];
+    fs::create_dir_all(other.join("parts")).unwrap();
+    fs::copy(part, other.join("parts").join(part.file_name().unwrap())).unwrap();
+    let said = campaign("run", &other, &[]);
+    assert_eq!(said.code, Some(2), "{}", said.stderr);
+    assert!(said.stderr.contains("chunk-000001"), "{}", said.stderr);
+}
+
+/// The command of the first time continues a campaign, and a folder of another study is refused.
+#[test]
+fn the_same_command_continues_a_campaign() {
+    let (folder, out) = planned();
+    assert!(worker(&out, 1).wait().unwrap().success());
+    let study = folder.path().join("study.toml");
+    let there = ["--out", out.to_str().unwrap()];
+    let said = campaign("run", &study, &there);
+    assert!(
+        said.stderr
+            .contains("19 tests computed, 5 were done before"),
+        "{}",
+        said.stderr
+    );
+    assert!(complete(&said, &out) == undisturbed());
+    let other = folder.path().join("other.toml");
+    fs::copy(&study, &other).unwrap();
+    let said = campaign("run", &other, &there);
+    assert_eq!(said.code, Some(2), "{}", said.stderr);
+    assert!(said.stderr.contains("--out"), "{}", said.stderr);
 }

@@ -7,10 +7,14 @@ mod tls_common;
 
 mod campaign;
 mod campaign_faults;
+mod campaign_study;
+mod engines;
 mod every_command;
 mod every_study;
+mod hyperqueue;
 mod new_and_list;
 mod operator;
 mod privileges;
+mod slurm;
 mod studies_with_a_server;
 mod verify;

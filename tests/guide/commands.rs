@@ -48,7 +48,8 @@ fn judged(words: &[&str], program: &clap::Command) -> Option<String> {
             break;
         }
     }
-    for word in words {
+    // Words behind `--` are for another program.
+    for word in words.take_while(|word| **word != "--") {
         let Some(flag) = word.strip_prefix("--").filter(|flag| !flag.is_empty()) else {
             continue;
         };

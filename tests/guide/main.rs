@@ -33,6 +33,8 @@ const MOST_WORDS: usize = 1200;
 /// Words and lines of the README.
 const README_WORDS: usize = 900;
 const README_LINES: usize = 120;
+/// Tables that a study has beside those of a test. `gusset check` takes no study.
+const STUDY_TABLES: [&str; 5] = ["campaign", "vary", "sample", "records", "measure"];
 /// Pages whose blocks are executed at the same time.
 const THREADS: usize = 2;
 
@@ -258,7 +260,7 @@ fn every_command_and_option_exists() {
     fail_if_any(&wrong);
 }
 
-/// A fragment fits a test file, a served file or a fault script.
+/// A fragment fits a test file, a study, a served file or a fault script.
 #[test]
 fn every_key_of_a_toml_block_exists() {
     let schemas = schemas();
@@ -319,7 +321,8 @@ fn executed(name: &str, page: &Markdown) -> Option<String> {
         }
     }
     let tests = page.blocks.iter().filter(|block| {
-        block.language == "toml" && parsed(&block.text).is_ok_and(|file| file.get("time").is_some())
+        let has = |table: &&str| parsed(&block.text).is_ok_and(|file| file.get(table).is_some());
+        block.language == "toml" && has(&"time") && !STUDY_TABLES.iter().any(has)
     });
     for block in tests {
         if let Some(Err(what)) = block.file.as_ref().map(|file| place.check(file)) {

@@ -21,9 +21,13 @@ fn folders() -> Vec<PathBuf> {
 }
 
 /// The schemas of all kinds of files, with a heading for each.
-pub fn schemas() -> [(&'static str, Schema); 3] {
+pub fn schemas() -> [(&'static str, Schema); 4] {
     [
         ("Test file", Schema::new(&gusset::config::json_schema())),
+        (
+            "Study file",
+            Schema::new(&gusset::config::study_json_schema()),
+        ),
         (
             "Served file",
             Schema::new(&gusset::config::serve_json_schema()),
@@ -61,14 +65,17 @@ pub fn without_example() -> Vec<String> {
 }
 
 fn configuration() -> String {
-    let schemas = schemas();
+    let files = schemas();
+    let [test, study, served, script] = schemas();
+    let study = (study.0, study.1.without_keys_of(&test.1));
+    let schemas = [test, study, served, script];
     let references: Vec<_> = schemas
         .iter()
         .map(|(top, schema)| (top, Reference::new(schema)))
         .collect();
     let mut text = String::from(
         "# Configuration reference\n\n\
-         This page lists every table and key of a test file, of a served file and of a fault script.\n\n\
+         This page lists every table and key of a test file, of a study, of a served file and of a fault script.\n\n\
          Each key shows its unit, the values that it takes, and its default or whether it is required. All quantities are in SI \
          units, and the end of a key names the unit. `gusset guide KEY` prints one entry, for example \
          `gusset guide time.step_s`.\n\n",
@@ -79,7 +86,7 @@ fn configuration() -> String {
         reference.contents(&written, &mut text);
         written.extend(reference.headings());
     }
-    let examples = Examples::new(&schemas, &folders());
+    let examples = Examples::new(&files, &folders());
     let mut written = BTreeMap::new();
     for (top, reference) in &references {
         reference.write(top, &written, &examples, &mut text);

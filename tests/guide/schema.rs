@@ -23,9 +23,17 @@ pub struct Use<'a> {
 
 impl Schema {
     pub fn new(text: &str) -> Self {
-        Self {
-            root: serde_json::from_str(text).unwrap(),
-        }
+        let mut root: Value = serde_json::from_str(text).unwrap();
+        // Alternatives at the top say which keys a file needs, and have no keys themselves.
+        root.as_object_mut().unwrap().remove("anyOf");
+        Self { root }
+    }
+
+    /// The schema without the keys that files of another kind have at their top.
+    pub fn without_keys_of(mut self, other: &Self) -> Self {
+        let keys = self.root["properties"].as_object_mut().unwrap();
+        keys.retain(|key, _| other.root["properties"].get(key).is_none());
+        self
     }
 
     pub fn root(&self) -> &Value {

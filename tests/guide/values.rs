@@ -110,38 +110,7 @@ pub fn range(node: &Value) -> String {
     }
 }
 
-/// Units by the end of a key, the longest first.
-const UNITS: [(&str, &str); 26] = [
-    ("_per_sqrt_m", "1/√m"),
-    ("_rad_per_s", "rad/s"),
-    ("_n_s_per_m", "N s/m"),
-    ("_n_per_m3", "N/m³"),
-    ("_m2_per_s3", "m²/s³"),
-    ("_m_per_s2", "m/s²"),
-    ("_n_per_m", "N/m"),
-    ("_n_per_s", "N/s"),
-    ("_m_per_s", "m/s"),
-    ("_per_s2", "1/s²"),
-    ("_per_s", "1/s"),
-    ("_m2_s", "m² s"),
-    ("_n2_s", "N² s"),
-    ("_per_m2", "1/m²"),
-    ("_ticks", "ticks"),
-    ("_rad", "rad"),
-    ("_ppm", "ppm"),
-    ("_hz", "Hz"),
-    ("_kg", "kg"),
-    ("_us", "µs"),
-    ("_kb", "kB"),
-    ("_m", "m"),
-    ("_s", "s"),
-    ("_n", "N"),
-    ("_j", "J"),
-    ("_w", "W"),
-];
-
 /// The unit that the name of a key carries.
 pub fn unit(key: &str) -> Option<&'static str> {
-    let unit = UNITS.iter().find(|(end, _)| key.ends_with(end));
-    unit.map(|(_, unit)| *unit)
+    Some(gusset::units::unit_in_name(key)).filter(|unit| !unit.is_empty())
 }

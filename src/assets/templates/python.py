@@ -16,6 +16,8 @@ POST_YIELD = 0.05  # stiffness after yielding, as a share of the initial stiffne
 class Storey(gusset_specimen.Rig):
     """A bilinear storey. It keeps its state until the program ends, also from test to test."""
 
+    simulated = True  # no machine moves
+
     def __init__(self):
         super().__init__(STIFFNESS)
         self.last_disp = 0.0  # displacement of the previous command, m

@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
 
+use crate::campaign::Chunks;
+
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  gusset campaign run config/campaigns/ida-frame.toml --out ida\n  \
@@ -20,9 +22,9 @@ pub(in crate::cli) enum CampaignCommand {
     Plan(PlanArgs),
     /// Run a study or a campaign folder on this machine, and collect the results. Tasks that are done are not repeated.
     Run(RunCampaignArgs),
-    /// Write the commands of all chunks for another launcher, and submit them.
+    /// Submit all chunks with missing tasks to Slurm or HyperQueue, or write their commands for another launcher.
     Submit(SubmitArgs),
-    /// Compute one chunk of tasks. Every machine that shares the campaign folder can compute chunks.
+    /// Compute chunks of tasks. Every machine that shares the campaign folder can compute chunks.
     Work(WorkArgs),
     /// Merge the results into a table, a summary and a report.
     Collect(CollectArgs),
@@ -77,8 +79,11 @@ pub(in crate::cli) struct RunCampaignArgs {
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  gusset campaign submit ida --engine lines\n  \
-    gusset campaign submit ida --engine slurm -- --partition=debug\n\n\
-    All machines must see the campaign folder, the study and the executable under the same paths.\n\n\
+    gusset campaign submit ida --engine slurm -- --time=00:30:00 --partition=normal\n  \
+    gusset campaign submit ida --engine slurm --tasks-per-job 120\n  \
+    gusset campaign submit ida --engine hyperqueue\n\n\
+    All machines must see the campaign folder, the study and the executable under the same paths.\n\
+    Wait for the end of the jobs before you submit again: jobs that still run are submitted twice.\n\n\
     More: gusset guide campaigns"
 )]
 pub(in crate::cli) struct SubmitArgs {
@@ -88,7 +93,10 @@ pub(in crate::cli) struct SubmitArgs {
     /// Launcher of the chunks.
     #[arg(long, value_enum)]
     pub engine: EngineArg,
-    /// Further arguments of the launcher, behind `--`.
+    /// Tasks of one job, rounded up to whole chunks [default: one chunk, or more if an array job of Slurm would be too long].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub tasks_per_job: Option<u64>,
+    /// Further arguments of `sbatch` or `hq job submit-file`, behind `--`.
     #[arg(last = true, value_name = "ARGUMENT")]
     pub arguments: Vec<String>,
 }
@@ -100,19 +108,22 @@ pub(in crate::cli) enum EngineArg {
     Lines,
     /// An array job of Slurm.
     Slurm,
+    /// A job of HyperQueue.
+    Hyperqueue,
 }
 
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  gusset campaign work ida --chunk 1\n\nMore: gusset guide campaigns"
+    after_help = "Examples:\n  gusset campaign work ida --chunk 1\n  gusset campaign work ida --chunk 2-4,7 --jobs 2\n\n\
+    More: gusset guide campaigns"
 )]
 pub(in crate::cli) struct WorkArgs {
     /// The campaign folder.
     #[arg(value_name = "DIR")]
     pub folder: PathBuf,
-    /// Number of the chunk, from 1.
+    /// Numbers of the chunks, from 1: K, K-L or a list such as 1-4,7.
     #[arg(long, value_name = "K")]
-    pub chunk: u64,
+    pub chunk: Chunks,
     /// Number of tests at the same time.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
     pub jobs: u16,
@@ -120,7 +131,8 @@ pub(in crate::cli) struct WorkArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  gusset campaign collect ida --prove 1%\n\n\
-    Exits with 1 if results are missing or different. The table of an incomplete campaign is table.partial.csv.\n\n\
+    Exits with 1 if results are missing or different. The tables of an incomplete campaign are table.partial.csv and \
+    table.partial.parquet.\n\n\
     More: gusset guide campaigns")]
 pub(in crate::cli) struct CollectArgs {
     /// The campaign folder.

@@ -55,14 +55,18 @@ pub(in crate::cli) struct ListArgs {
 
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  gusset schema > gusset-schema.json\n  gusset schema --serve > gusset-serve-schema.json\n\n\
+    after_help = "Examples:\n  gusset schema > gusset-schema.json\n  gusset schema --serve > gusset-serve-schema.json\n  \
+                  gusset schema --study > gusset-study-schema.json\n\n\
                   An editor with a TOML language server completes and checks a file that begins with\n  \
                   #:schema ./gusset-schema.json\n\nMore: gusset guide configuration"
 )]
 pub(in crate::cli) struct SchemaArgs {
     /// Print the schema of the file that `gusset serve` takes.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "study")]
     pub serve: bool,
+    /// Print the schema of the study file of `gusset campaign`.
+    #[arg(long)]
+    pub study: bool,
 }
 
 #[derive(Debug, Args)]

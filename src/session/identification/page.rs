@@ -5,7 +5,9 @@ use super::words::{felt, of_specimen, parameters, with_error};
 use crate::config::Loaded;
 use crate::identify::Identification;
 use crate::units::quantity;
-use crate::view::report::{Curve, Curves, Scale, banner, escape, frame, note, section, tiles};
+use crate::view::report::{
+    Curve, Curves, Look, Scale, banner, escape, frame, note, section, tiles,
+};
 
 /// Points of a fitted curve.
 const POINTS: usize = 300;
@@ -235,8 +237,11 @@ fn compared(
             name,
             x: &at,
             y: values,
-            dots: false,
-            reference: place == 0,
+            look: if place == 0 {
+                Look::Reference
+            } else {
+                Look::Line
+            },
         })
         .collect();
     // What explains nothing anyone would draw hides what does.
@@ -246,8 +251,7 @@ fn compared(
         name: "measured",
         x: &measured.0,
         y: &measured.1,
-        dots: true,
-        reference: false,
+        look: Look::Dots,
     });
     let says = format!(
         "{title}: measured, and the best models; the best one, {}, is dashed.",
@@ -318,8 +322,7 @@ fn coherence(found: &Identification) -> Picture {
         name: "",
         x: &x,
         y: &y,
-        dots: true,
-        reference: false,
+        look: Look::Dots,
     }];
     let curves = Curves {
         title: "Coherence of command and measured displacement",
@@ -356,16 +359,14 @@ fn walk(axis: &Axis, found: Option<&Identification>) -> Picture {
         name: "measured",
         x: &millimetres,
         y: force,
-        dots: false,
-        reference: false,
+        look: Look::Line,
     }];
     if let Some(line) = &line {
         curves.push(Curve {
             name: "stiffness",
             x: &ends,
             y: line,
-            dots: false,
-            reference: true,
+            look: Look::Reference,
         });
     }
     let curves = Curves {

@@ -18,10 +18,26 @@ pub(crate) struct Curve<'a> {
     pub name: &'a str,
     pub x: &'a [f64],
     pub y: &'a [f64],
-    /// Points instead of a line.
-    pub dots: bool,
+    pub look: Look,
+}
+
+/// Look of a curve.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Look {
+    /// A line in the next colour.
+    Line,
+    /// A thick line in the next colour.
+    Strong,
+    /// A thick dashed line in the next colour.
+    Dashed,
+    /// Points in the next colour.
+    Dots,
+    /// Bars in the next colour: a bar of height y reaches from its x to the next.
+    Bars,
+    /// One of many lines: thin and grey.
+    Faint,
     /// What the others are compared with: in the colour of text, dashed.
-    pub reference: bool,
+    Reference,
 }
 
 /// How a curve is drawn.
@@ -29,6 +45,7 @@ pub(crate) struct Curve<'a> {
 struct Style {
     ink: Ink,
     dashed: bool,
+    width: f64,
 }
 
 /// Words, unit ("1" for a pure number) and fixed range of an axis.
@@ -60,6 +77,8 @@ const TOLERANCE: f64 = 0.15;
 const DASH: (f64, f64) = (6.0, 4.0);
 /// Margin round a picture that is a file of its own.
 const EDGE: f64 = 12.0;
+/// Opacity of a bar.
+const BAR: f64 = 0.75;
 /// Further outside than this many times the range nothing is drawn.
 const FAR: f64 = 2.0;
 
@@ -114,7 +133,7 @@ impl Curves<'_> {
         if !self.logarithmic {
             plot.zero_line(canvas);
         }
-        for (curve, Style { ink, dashed }) in self.curves.iter().zip(self.styles()) {
+        for (curve, style) in self.curves.iter().zip(self.styles()) {
             let outside = sides(&y, curve.y);
             let places = curve
                 .x
@@ -128,20 +147,18 @@ impl Curves<'_> {
                         (f64::NAN, f64::NAN)
                     }
                 });
-            if curve.dots {
-                // Many dots are a cloud, few are marks.
-                let radius = if curve.x.len() > 200 { 1.8 } else { 3.0 };
-                for at in places.filter(|at| at.0.is_finite()) {
-                    canvas.dot(at, ink, radius);
+            match curve.look {
+                Look::Dots => {
+                    // Many dots are a cloud, few are marks.
+                    let radius = if curve.x.len() > 200 { 1.8 } else { 3.0 };
+                    for at in places.filter(|at| at.0.is_finite()) {
+                        canvas.dot(at, style.ink, radius);
+                    }
                 }
-            } else {
-                for run in thin::within(places, TOLERANCE) {
-                    if dashed {
-                        for dash in dashes(&run) {
-                            canvas.path(&dash, ink, 1.5);
-                        }
-                    } else {
-                        canvas.path(&run, ink, 1.5);
+                Look::Bars => bars(canvas, &plot, curve, style.ink),
+                _ => {
+                    for run in thin::within(places, TOLERANCE) {
+                        line(canvas, &run, style);
                     }
                 }
             }
@@ -185,7 +202,7 @@ impl Curves<'_> {
     fn legend(&self, canvas: &mut Canvas<'_>, area: Area) -> f64 {
         let (mut x, mut row) = (area.x, 0.0);
         let mut any = false;
-        for (curve, Style { ink, dashed }) in self.curves.iter().zip(self.styles()) {
+        for (curve, style) in self.curves.iter().zip(self.styles()) {
             if curve.name.is_empty() {
                 continue;
             }
@@ -197,13 +214,16 @@ impl Curves<'_> {
             }
             any = true;
             let at = area.y + 32.0 + row * ROW;
-            if curve.dots {
-                canvas.dot((x + 9.0, at), ink, 3.5);
-            } else if dashed {
-                canvas.line((x, at), (x + 7.0, at), ink, 2.5);
-                canvas.line((x + 12.0, at), (x + 19.0, at), ink, 2.5);
-            } else {
-                canvas.line((x, at), (x + 18.0, at), ink, 2.5);
+            let Style { ink, width, .. } = style;
+            match curve.look {
+                Look::Dots => canvas.dot((x + 9.0, at), ink, 3.5),
+                Look::Bars => canvas.block((x, at - 5.0), (x + 18.0, at + 5.0), ink, BAR),
+                _ if style.dashed => {
+                    canvas.line((x, at), (x + 7.0, at), ink, 2.5);
+                    canvas.line((x + 12.0, at), (x + 19.0, at), ink, 2.5);
+                }
+                Look::Faint => canvas.line((x, at), (x + 18.0, at), ink, 1.5),
+                _ => canvas.line((x, at), (x + 18.0, at), ink, width.max(2.5)),
             }
             canvas.text(
                 &name,
@@ -215,24 +235,49 @@ impl Curves<'_> {
         if any { (row + 1.0) * ROW + 8.0 } else { 0.0 }
     }
 
-    /// Six colours, then the same dashed; the reference takes none of them.
+    /// Six colours, then the same dashed; the reference and faint curves take none of them.
     fn styles(&self) -> Vec<Style> {
         let mut taken = 0usize;
         let style = |curve: &Curve<'_>| {
-            if curve.reference {
-                return Style {
-                    ink: Ink::Text,
-                    dashed: true,
-                };
+            let plain = |ink, dashed, width| Style { ink, dashed, width };
+            match curve.look {
+                Look::Reference => return plain(Ink::Text, true, 1.5),
+                Look::Faint => return plain(Ink::Frame, false, 0.6),
+                _ => {}
             }
             let index = taken;
             taken += 1;
-            Style {
-                ink: Ink::Series(u8::try_from(index % 6).unwrap_or(0)),
-                dashed: index % 12 >= 6,
+            let ink = Ink::Series(u8::try_from(index % 6).unwrap_or(0));
+            match curve.look {
+                Look::Strong => plain(ink, false, 3.0),
+                Look::Dashed => plain(ink, true, 2.5),
+                _ => plain(ink, index % 12 >= 6, 1.5),
             }
         };
         self.curves.iter().map(style).collect()
+    }
+}
+
+/// A line, or its dashes.
+fn line(canvas: &mut Canvas<'_>, run: &[(f64, f64)], style: Style) {
+    if style.dashed {
+        for dash in dashes(run) {
+            canvas.path(&dash, style.ink, style.width);
+        }
+    } else {
+        canvas.path(run, style.ink, style.width);
+    }
+}
+
+/// The bars of a curve, from zero to their height.
+fn bars(canvas: &mut Canvas<'_>, plot: &Plot, curve: &Curve<'_>, ink: Ink) {
+    let bottom = plot.up(0.0);
+    for (ends, height) in curve.x.windows(2).zip(curve.y) {
+        if *height > 0.0 {
+            let (left, right) = (plot.across(ends[0]), plot.across(ends[1]));
+            let right = (right - 0.6).max(left + 0.5);
+            canvas.block((left, plot.up(*height)), (right, bottom), ink, BAR);
+        }
     }
 }
 
@@ -350,8 +395,7 @@ mod tests {
             name,
             x: &x,
             y,
-            dots,
-            reference: false,
+            look: if dots { Look::Dots } else { Look::Line },
         };
         let both = [curve("tame", &tame, false), curve("wild", &wild, false)];
         let text = svg(&both, Some((-1.0, 1.0)), false);
@@ -376,8 +420,11 @@ mod tests {
             name: "c",
             x: &x,
             y: &x,
-            dots: false,
-            reference,
+            look: if reference {
+                Look::Reference
+            } else {
+                Look::Line
+            },
         };
         let picture = |many: usize, reference| {
             let mut curves = vec![curve(false); many];
@@ -411,8 +458,7 @@ mod tests {
             name: "",
             x: &x,
             y: &x,
-            dots: false,
-            reference: false,
+            look: Look::Line,
         };
         let text = svg(&[curve], None, true);
         for number in ["500", "1000", "2000", "5000"] {

@@ -20,7 +20,7 @@
 //! | `columns` | columns a digest reads |
 //! | `pictures` | the pictures that stand alone |
 //! | `plots`, `charts`, `lines`, `bars` | histories that can be zoomed; the frame of every picture; histories and loops; histograms |
-//! | `curves` | several curves over one pair of axes |
+//! | `curves`, `scatter`, `tornado` | several curves over one pair of axes; scatter pictures of all pairs; bars of a sensitivity |
 //! | `axis`, `thin`, `canvas` | ranges and ticks; fewer points; SVG |
 //! | `rows`, `histogram`, `text` | columns by name; timing counts; numbers as text |
 
@@ -63,6 +63,7 @@ mod plots;
 mod response;
 mod rows;
 mod scale;
+mod scatter;
 mod shaking;
 mod sieve;
 mod sketch;
@@ -79,12 +80,13 @@ mod text;
 mod thin;
 mod timeline;
 mod timing;
+mod tornado;
 mod tracked;
 mod worst;
 
 pub use columns::Combination;
 pub use compare::{compare, damages, verdict};
-pub(crate) use curves::{Curve, Curves, Scale};
+pub(crate) use curves::{Curve, Curves, Look, Scale};
 pub use digest::Digest;
 pub use effect::effect;
 pub(crate) use html::{banner, definitions, details, note, section, table, tiles};
@@ -93,9 +95,11 @@ pub use matched::{FirstDifference, Matched, Matcher, Next};
 pub(crate) use page::frame;
 pub use page::render;
 pub use pictures::{hero_svg, jitter_svg};
+pub(crate) use scatter::{ScatterMatrix, Variable};
 pub use source::{BLOCK, Earlier, Source};
 pub use tested::{storeys, without_disp};
 pub(crate) use text::{count, escape};
+pub(crate) use tornado::{Tornado, TornadoBar};
 
 use std::borrow::Cow;
 

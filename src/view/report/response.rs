@@ -6,7 +6,7 @@ use super::RunView;
 use super::canvas::Ink;
 use super::charts::Quantity;
 use super::columns::{MOST_DOFS, MOST_LINES, Storey, TAIL, spread};
-use super::curves::{Curve, Curves, Scale};
+use super::curves::{Curve, Curves, Look, Scale};
 use super::html::{beside, details, note, paragraph, table};
 use super::lines::{Line, TimeChart};
 use super::metrics;
@@ -270,8 +270,7 @@ pub(super) const fn curve<'a>(name: &'a str, x: &'a [f64], y: &'a [f64]) -> Curv
         name,
         x,
         y,
-        dots: false,
-        reference: false,
+        look: Look::Line,
     }
 }
 

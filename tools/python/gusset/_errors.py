@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from ._campaign import Campaign
     from ._folder import Run
 
 MEANINGS = {
@@ -47,19 +48,45 @@ class RunError(GussetError):
         return RunError, (self.code, self.reason, self.run, self.messages)
 
 
-class Interrupted(KeyboardInterrupt):
-    """Ctrl-C stopped the test in an orderly way.
+class CampaignError(GussetError):
+    """A campaign that did not complete.
 
     Attributes:
-        code: Exit code of `gusset run`, 130 as a rule.
-        run: The complete run folder as a `Run`, or None if the test had none yet.
+        code: Exit code of `gusset campaign run`: 1 if results are missing or differ, 2 if the study or the folder is wrong.
+        reason: Why the campaign ended.
+        campaign: The campaign folder as a `Campaign`, or None if there is none.
+        messages: Everything that `gusset campaign run` wrote to stderr.
     """
 
-    def __init__(self, code: int, run: Run | None) -> None:
-        self.code, self.run = code, run
-        place = f"; run folder: {run.folder}" if run is not None else ""
-        super().__init__(f"the test was stopped by Ctrl-C{place}")
+    def __init__(self, code: int, reason: str, campaign: Campaign | None, messages: str) -> None:
+        self.code, self.reason, self.campaign, self.messages = code, reason, campaign, messages
+        place = f"\nCampaign folder: {campaign.folder}" if campaign is not None else ""
+        super().__init__(f"exit code {code}: {reason}{place}")
 
     def __reduce__(self) -> tuple[Any, ...]:
         """For `multiprocessing`: the arguments, not the text."""
-        return Interrupted, (self.code, self.run)
+        return CampaignError, (self.code, self.reason, self.campaign, self.messages)
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C stopped the test or the campaign in an orderly way.
+
+    Attributes:
+        code: Exit code of the program, 130 as a rule.
+        run: The complete run folder as a `Run`; None if the test had none yet, and for a campaign.
+        campaign: The campaign folder as a `Campaign`; None if there is none yet, and for a test.
+    """
+
+    def __init__(self, code: int, run: Run | None, campaign: Campaign | None = None) -> None:
+        self.code, self.run, self.campaign = code, run, campaign
+        if campaign is not None:
+            text = f"Ctrl-C stopped the campaign; gusset.campaign({str(campaign.folder)!r}) continues it"
+        elif run is not None:
+            text = f"Ctrl-C stopped the test; run folder: {run.folder}"
+        else:
+            text = "stopped by Ctrl-C"
+        super().__init__(text)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For `multiprocessing`: the arguments, not the text."""
+        return Interrupted, (self.code, self.run, self.campaign)

@@ -6,20 +6,17 @@ import contextlib
 import difflib
 import os
 import re
-import signal
-import subprocess
-import sys
-import threading
 import time
 import traceback
 from collections.abc import Mapping
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from . import _toml
 from ._binary import binary
 from ._errors import Interrupted, RunError, UsageError
 from ._folder import FolderError, Run
+from ._process import execute
 from .specimen import Server, Specimen
 
 UNLIMITED = "Python specimen"
@@ -41,14 +38,19 @@ def run(
 
     Args:
         test: The test file.
-        set: Overrides by their dotted path, for example {"integrator.lambda": 4, "specimen.0.storey": 2}. Values are in SI units.
+        set: Overrides by their dotted path, for example {"integrator.lambda": 4, "specimen.0.storey": 2}. The first specimen of the
+            file is 0. Values are in SI units.
         clock: "real" or "simulated", instead of the clock in the test file.
         out: The run folder, a new or an empty one. Default: runs/<title>-<start time>.
         specimens: Specimens in Python by their name in the test file. They replace the law or the link of these specimens. On the
             simulated clock the test waits for them. With the real clock they must keep the deadline like any other specimen,
             and the test file must have limits for them.
-        confirm: Confirms the sensor readings before the test, as `--yes`.
+        confirm: Confirms the sensor readings before anything moves, without showing them. A test that asks for a confirmation
+            (`confirm` in [safety], or a relative zero) is refused otherwise. Look at the readings first: `gusset run` shows them.
         quiet: Does not repeat the warnings of `gusset run` on stderr.
+
+    Returns:
+        The run folder of a completed test. Everything else raises an exception.
 
     Raises:
         RunError: The exit code was not 0. It has `code`, `reason` and `run`. An exception of a specimen is its cause.
@@ -75,17 +77,17 @@ def run(
         if confirm:
             arguments.append("--yes")
         is_taken = (folder / "samples.json").exists()  # then the program refuses
-        code, messages, is_interrupted = execute(arguments, quiet)
+        done = execute(arguments, quiet=quiet)
         result = None if is_taken else opened(folder)
         for name, server in servers.items():
             if server.error is not None and result is not None:
                 write_traceback(result.folder, name, server.error)
-    if is_interrupted:
-        raise Interrupted(code, result)
-    if code != 0:
-        raise error_of(code, messages, result, servers)
+    if done.is_interrupted:
+        raise Interrupted(done.code, result)
+    if done.code != 0:
+        raise error_of(done.code, done.messages, result, servers)
     if result is None:
-        raise RunError(code, f"{folder} has no samples", None, messages)
+        raise RunError(done.code, f"{folder} has no samples", None, done.messages)
     return result
 
 
@@ -138,11 +140,13 @@ def link_keys(
         keys[f"{at}.stiffness_n_per_m"] = rows[0][0] if n == 1 else rows
     is_simulated = (clock or chosen.get("time.clock") or config.get("time", {}).get("clock")) == "simulated"
     python = {place for place, _ in served.values()}
-    without = {i for i, table in enumerate(tables) if not has_limits(table) and not is_set(chosen, f"specimen.{i}")}
-    others = {i for i in without - python if "link" in tables[i]}
+    without = {i for i in python if not has_limits(tables[i]) and not is_set(chosen, f"specimen.{i}.limits")}
+    # Overrides of another specimen do not count: only the file shows that it has limits.
+    others = {i for i, table in enumerate(tables) if i not in python and not has_limits(table)}
+    others = {i for i in others if "link" in tables[i] or is_set(chosen, f"specimen.{i}.link")}
     has_reason = "unlimited" in config.get("safety", {}) or is_set(chosen, "safety.unlimited")
     # The key concerns all specimens of the test, so it is not written when another one behind a link has no limits.
-    if is_simulated and without & python and not others and not has_reason:
+    if is_simulated and without and not others and not has_reason:
         keys["safety.unlimited"] = UNLIMITED
     return keys
 
@@ -152,7 +156,8 @@ KEPT_LINK_KEYS = ("coupling", "connect_timeout_s", "reply_timeout_s", "on_stale"
 
 def is_set(chosen: Mapping[str, Any], path: str) -> bool:
     """True if an override sets this key or one below it."""
-    return any(key == path or key.startswith(f"{path}.") for key in chosen)
+    keys = (re.sub(r"\[(\d+)\]", r".\1", key) for key in chosen)
+    return any(key == path or key.startswith(f"{path}.") for key in keys)
 
 
 def has_limits(table: Mapping[str, Any]) -> bool:
@@ -180,60 +185,6 @@ def run_folder(out: str | os.PathLike[str] | None, title: Any) -> Path:
             return folder
         except FileExistsError:
             number += 1
-
-
-def execute(arguments: list[str], quiet: bool) -> tuple[int, str, bool]:
-    """Runs the program to its end. Returns its exit code, what it wrote to stderr, and whether Ctrl-C stopped it.
-
-    The program has its own session, so Ctrl-C in a terminal reaches it once, through this function.
-    """
-    lines: list[str] = []
-    is_interrupted = False
-    process: subprocess.Popen[str] | None = None
-    reader: threading.Thread | None = None
-    while True:
-        try:
-            if process is None:
-                process = started(arguments)
-            if reader is None:
-                thread = threading.Thread(target=forward, args=(process.stderr, lines, quiet), daemon=True)
-                thread.start()
-                reader = thread
-            # The stream ends with the program. `wait` alone would delay the signal by 0.25 s.
-            reader.join()
-            return process.wait(), "".join(lines), is_interrupted
-        except KeyboardInterrupt:
-            if process is None:
-                raise
-            is_interrupted = True
-            with contextlib.suppress(ProcessLookupError):
-                process.send_signal(signal.SIGINT)
-        except BaseException:
-            if process is not None:
-                process.terminate()
-            raise
-
-
-def started(arguments: list[str]) -> subprocess.Popen[str]:
-    """Starts the program."""
-    return subprocess.Popen(
-        arguments,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-        errors="replace",
-        start_new_session=True,
-    )
-
-
-def forward(stream: IO[str], lines: list[str], quiet: bool) -> None:
-    """Keeps each line, and repeats it on stderr."""
-    for line in stream:
-        lines.append(line)
-        if not quiet and sys.stderr is not None:
-            with contextlib.suppress(OSError, ValueError):
-                sys.stderr.write(line)
 
 
 def opened(folder: Path) -> Run | None:

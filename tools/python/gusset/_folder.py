@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import functools
 import json
+import mmap
 import os
 import struct
 import zlib
@@ -58,8 +59,9 @@ class Column:
 class Run:
     """A run folder.
 
-    All arrays are read-only views into the file `samples.bin`, one value per tick. They cover the ticks from t = 0 to the end of
-    the test, holds included. `all_rows` also has the ticks before and after. For n ticks, a column has the shape (n,).
+    All arrays are read-only views into the file `samples.bin`, one value per tick; change a copy, `numpy.array(run.time)`. They
+    cover the ticks from t = 0 to the end of the test, holds included. `all_rows` also has the ticks before and after. For n
+    ticks, a column has the shape (n,). A tick is a step of the integration, or a part of one in a multi-rate test.
 
     Attributes:
         folder: The run folder.
@@ -81,6 +83,7 @@ class Run:
         sequence = rows["sequence"]
         self.rows_lost = int(sequence[-1]) + 1 - len(rows) if len(rows) else 0
         self._span = self._test_rows()
+        release(rows)
         self.is_complete = (self.folder / "summary.json").exists()
 
     def _layout(self) -> dict[str, Any]:
@@ -125,13 +128,13 @@ class Run:
     def _test_rows(self) -> slice:
         """The rows from t = 0 to the end of the test. The row of a trip is the last one, if its step is a new one."""
         state, step = (self._matrix[:, self.columns[name].place] for name in ("state", "step"))
-        running = np.flatnonzero(np.isin(state, RUNNING))
-        if not len(running):
+        running = np.isin(state, RUNNING)
+        if not running.any():
             return slice(0, 0)
-        end = int(running[-1]) + 1
+        end = len(running) - int(running[::-1].argmax())
         if end < len(state) and state[end] == TRIPPED and step[end] != step[end - 1]:
             end += 1
-        return slice(int(running[0]), end)
+        return slice(int(running.argmax()), end)
 
     def __repr__(self) -> str:
         status = self.summary.get("status") if self.is_complete else "without summary"
@@ -154,7 +157,8 @@ class Run:
 
         `run["force_1_1"]` is a column by its name, see `columns`. `run["disp", 3]` is the displacement of degree of freedom 3
         (counted from 1), shape (n,), in m (rad). `run["disp"]` has all recorded ones, shape (n, degrees of freedom). The same
-        with "vel" in m/s and "acc" in m/s2, both relative to the ground.
+        with "vel" in m/s and "acc" in m/s2. All are relative to the ground. For a storey, `run["acc", 3] + run.ground` is the
+        absolute acceleration.
         """
         if isinstance(key, tuple):
             if len(key) != 2 or key[0] not in QUANTITIES:
@@ -233,7 +237,10 @@ class Run:
 
     @functools.cached_property
     def summary(self) -> dict[str, Any]:
-        """The content of `summary.json`: status, reason, peaks, timing, limits. Empty while the test runs, and after a crash."""
+        """The content of `summary.json`: status, reason, peaks, timing, limits. Empty while the test runs, and after a crash.
+
+        The values are in SI units. `summary["peak"]["displacement"]` has one number for each degree of freedom, m.
+        """
         path = self.folder / "summary.json"
         summary: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
         return summary
@@ -282,7 +289,8 @@ class Run:
         """Draws the ground motion, the displacements, and force over displacement of each specimen. Needs matplotlib.
 
         Args:
-            file: Where to save the picture (PNG, SVG or PDF by its ending). Without it, the figure is only returned.
+            file: Where to save the picture (PNG, SVG or PDF by its ending). Without it, the figure is only returned: a notebook
+                shows it, and in a script `matplotlib.pyplot.show()` does.
         """
         from ._plot import plot
 
@@ -346,6 +354,15 @@ def open(folder: str | os.PathLike[str], *, verify: bool = False) -> Run:
     return Run(folder, verify=verify)
 
 
+def release(rows: npt.NDArray[Any]) -> None:
+    """Returns the memory of a mapped file to the system. The next use of a row maps it again."""
+    base: Any = rows
+    while isinstance(base, np.ndarray):
+        base = base.base
+    if isinstance(base, mmap.mmap):
+        base.madvise(mmap.MADV_DONTNEED)
+
+
 def has_checksum(row: Any) -> bool:
     """True if the CRC-32 of a row is right."""
     (checksum,) = struct.unpack_from("<I", row, len(row) - 8)
@@ -367,6 +384,6 @@ def need(package: str) -> Any:
     """Imports an optional package."""
     try:
         return __import__(package, fromlist=["_"])
-    except ImportError:
+    except ModuleNotFoundError:
         name = package.split(".")[0]
         raise ImportError(f"this method needs {name}: pip install {name}") from None

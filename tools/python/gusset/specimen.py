@@ -82,7 +82,12 @@ class Specimen:
 
 
 class Rig:
-    """A rig with one axis that measures its displacement. It stays where the last test left it, also for the next controller."""
+    """A rig with one axis that measures its displacement. It stays where the last test left it, also for the next controller.
+
+    A subclass that only computes says `simulated = True`. Otherwise the controller takes it for a machine.
+    """
+
+    simulated = False
 
     def __init__(self, stiffness: float) -> None:
         self.stiffness, self.disp = stiffness, 0.0
@@ -171,7 +176,8 @@ class _ServedRig:
 
     @property
     def capabilities(self) -> int:
-        return SIMULATED | (KEEPS_STATE if self.is_tested else 0)
+        is_simulated = self.rig.simulated or type(self.rig) is Rig  # Rig itself is a computed spring
+        return (SIMULATED if is_simulated else 0) | (KEEPS_STATE if self.is_tested else 0)
 
     def start(self) -> None:
         self.is_tested = True

@@ -5,6 +5,7 @@ While you work on the package: GUSSET_BINARY=target/debug/gusset PYTHONPATH=tool
 
 import os
 import pathlib
+import threading
 
 import pytest
 
@@ -107,6 +108,15 @@ def skip(text):
     if os.environ.get("CI") == "true":
         pytest.fail(text)
     pytest.skip(text)
+
+
+def wait_for(condition):
+    """Waits until a condition holds."""
+    for _ in range(600):
+        if condition():
+            return
+        threading.Event().wait(0.05)
+    raise AssertionError("waited too long")
 
 
 def differing(one, other):

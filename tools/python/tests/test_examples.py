@@ -14,6 +14,7 @@ from conftest import ROOT
 
 EXAMPLES = ROOT / "tools" / "python" / "examples"
 BLOCK = re.compile(r"^```python[^\n]*\n(.*?)^```", re.MULTILINE | re.DOTALL)
+STUDY = re.compile(r"^```toml[^\n]*\n# (\S+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 
 def script(path, *arguments):
@@ -30,9 +31,17 @@ def is_picture(path):
 
 
 def test_fragility_of_a_frame(place):
-    said = script(EXAMPLES / "fragility.py", "--records", "2", "--intensities", "3")
-    assert re.search(r"median 0\.\d+ g, dispersion 0\.\d+, 6 tests", said)
-    assert is_picture("runs/fragility/fragility.png")
+    # The study of the example, with fewer tests.
+    study = (ROOT / "config" / "campaigns" / "ida-frame.toml").read_text(encoding="utf-8")
+    study = (
+        study.replace("../frame", str(ROOT / "config" / "frame"))
+        .replace("count = 20", "count = 2")
+        .replace("count = 12", "count = 3")
+    )
+    Path("study.toml").write_text(study, encoding="utf-8")
+    said = script(EXAMPLES / "fragility.py", "study.toml", "ida")
+    assert re.search(r"median \d\.\d+ g, dispersion 0\.\d+, 6 tests", said)
+    assert is_picture("ida/fragility.png")
 
 
 def test_damper_reduces_the_response(place):
@@ -50,13 +59,17 @@ def test_run_is_read(first, place):
 
 def test_python_blocks_of_the_guide(place):
     shutil.copytree(ROOT / "config", "config", ignore=shutil.ignore_patterns("target"))
-    blocks = BLOCK.findall((ROOT / "src" / "guide" / "python.md").read_text(encoding="utf-8"))
-    assert len(blocks) >= 4
+    page = (ROOT / "src" / "guide" / "python.md").read_text(encoding="utf-8")
+    for name, text in STUDY.findall(page):
+        Path(name).write_text(text, encoding="utf-8")
+    blocks = BLOCK.findall(page)
+    assert len(blocks) >= 5
     said = ""
     for number, text in enumerate(blocks):
         Path(f"block-{number}.py").write_text(text, encoding="utf-8")
         said += script(f"block-{number}.py")
     assert is_picture("first.png")
+    assert re.search(r"median intensity of collapse: \d\.\d+ g", said)
     assert "3 failed ZeroDivisionError('division by zero')" in said
 
 

@@ -7,6 +7,7 @@ import pathlib
 import shutil
 import signal
 import subprocess
+import sys
 import time
 
 import numpy as np
@@ -27,6 +28,48 @@ def test_arrays_are_views_of_the_mapped_file(first):
         while not isinstance(owner, np.memmap):
             owner = owner.base
         assert pathlib.Path(owner.filename) == (first.folder / "samples.bin").resolve()
+
+
+MEMORY = """
+import sys
+import numpy as np
+import gusset
+
+def memory(kind):
+    with open("/proc/self/status") as status:
+        return next(1024 * int(line.split()[1]) for line in status if line.startswith(kind))
+
+gusset.open(sys.argv[1])
+before, own = memory("VmRSS"), memory("RssAnon")
+run = gusset.open(sys.argv[2])
+opened = memory("VmRSS") - before
+total = sum(float(run[name].sum()) for name in ["time", "x1", "v1", "force_1_1"])
+response = run["disp"], run.specimen("column").force, run.rows, run.all_rows.time
+print(len(run.all_rows), opened, memory("RssAnon") - own)
+"""
+
+
+def test_large_file_takes_no_memory(first, place):
+    """Opening a file of 200 MB and reading columns of it copies nothing into the memory of the process."""
+    shutil.copytree(first.folder, "large")
+    rows = np.array(first.all_rows.rows)
+    many = np.tile(rows[300:301], 200_000_000 // rows.dtype.itemsize)  # all of the same step, so the last checksum is not right
+    many["sequence"] = np.arange(len(many))
+    many.tofile("large/samples.bin")
+    (place / "memory.py").write_text(MEMORY)
+    output = subprocess.check_output([sys.executable, "memory.py", str(first.folder), "large"], text=True)
+    count, opened, own = map(int, output.split())
+    assert count >= len(many) - 1
+    # A copy of one column takes 2.3 % of the file, and one byte for each row 0.3 %.
+    assert own < 0.01 * many.nbytes and opened < 0.01 * many.nbytes, output
+
+
+def test_optional_packages_are_named(first, monkeypatch):
+    for package, use in [("pandas", first.to_pandas), ("matplotlib", first.plot)]:
+        monkeypatch.setitem(sys.modules, package, None)
+        monkeypatch.setitem(sys.modules, f"{package}.pyplot", None)
+        with pytest.raises(ImportError, match=f"needs {package}: pip install {package}"):
+            use()
 
 
 def test_arrays_show_a_change_of_the_file(first, place):

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import gusset
-from conftest import BRACE, FRAME, LIMITS, Bilinear, Spring, differing
+from conftest import BRACE, FRAME, LIMITS, Bilinear, Spring, differing, wait_for
 
 
 def test_bilinear_law_gives_the_bits_of_the_program(frame):
@@ -354,14 +354,6 @@ def test_ctrl_c_stops_the_test_and_completes_the_folder(place, kind):
 def is_moving(folder):
     """True once the test has run for a moment, so that the specimen is away from zero."""
     return (folder / "samples.json").exists() and len(gusset.open(folder)) > 100
-
-
-def wait_for(condition):
-    for _ in range(600):
-        if condition():
-            return
-        threading.Event().wait(0.05)
-    raise AssertionError("waited too long")
 
 
 def test_served_specimen_takes_part_in_several_tests(frame, place):

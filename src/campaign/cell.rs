@@ -1,0 +1,86 @@
+//! Columns and values of the table, each with its kind.
+
+use serde::Serialize;
+
+use crate::config::Scalar;
+
+/// A column of the table.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct TableColumn {
+    /// Name, as in the first line of the table.
+    pub name: String,
+    /// SI unit, "1" for a pure number, "" for a text or where it is not known.
+    pub unit: String,
+    /// Kind of its values.
+    #[serde(rename = "type")]
+    pub kind: CellKind,
+    /// One line of explanation.
+    pub meaning: String,
+}
+
+/// Kind of the values of a column.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CellKind {
+    /// Integers of 64 bits.
+    Integer,
+    /// Floating-point numbers of 64 bits.
+    Number,
+    /// Texts.
+    Text,
+}
+
+/// One value of the table.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Cell {
+    Missing,
+    Integer(i64),
+    Number(f64),
+    Text(String),
+}
+
+impl Cell {
+    /// A number; one that does not exist is missing.
+    pub fn number(value: f64) -> Self {
+        if value.is_nan() {
+            Self::Missing
+        } else {
+            Self::Number(value)
+        }
+    }
+
+    pub fn count(value: u64) -> Self {
+        // A campaign has at most 1e8 tasks.
+        Self::Integer(i64::try_from(value).unwrap_or(i64::MAX))
+    }
+
+    /// A value of an axis in a column of kind `kind`.
+    pub fn of(value: &Scalar, kind: CellKind) -> Self {
+        match (kind, value) {
+            (CellKind::Integer, Scalar::Whole(value)) => Self::Integer(*value),
+            (CellKind::Number, Scalar::Whole(value)) => Self::Number(*value as f64),
+            (CellKind::Number, Scalar::Real(value)) => Self::number(*value),
+            (_, Scalar::Text(value)) => Self::Text(value.clone()),
+            (_, value) => Self::Text(value.toml()),
+        }
+    }
+
+    /// The value as CSV: the shortest text that reads back as the same number, nothing for a missing value.
+    pub fn csv(&self) -> String {
+        match self {
+            Self::Missing => String::new(),
+            Self::Integer(value) => value.to_string(),
+            Self::Number(value) => format!("{value:?}"),
+            Self::Text(text) => quoted(text),
+        }
+    }
+}
+
+/// A text as CSV.
+pub(super) fn quoted(text: &str) -> String {
+    if text.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text.to_owned()
+    }
+}

@@ -1,0 +1,303 @@
+//! All pairs of the drawn numbers and the measures of a report, with their rank correlations.
+
+use super::drawing::{figure, short};
+use super::found::Shown;
+use super::measure::Measure;
+use super::random::bits;
+use super::study::Study;
+use super::task::Task;
+use crate::units::unit_in_name;
+use crate::view::report::{ScatterMatrix, Variable, count, note, section, table};
+
+/// Most numbers of the picture.
+const MOST_VARIABLES: usize = 6;
+/// Most measures among them, if there are more keys than fit.
+const MOST_MEASURES: usize = 3;
+/// Most tests of the picture and of the correlations.
+const MOST_TESTS: usize = 5000;
+/// Most dots of the whole picture.
+const MOST_DOTS: usize = 12_000;
+/// Width of the picture.
+const WIDTH: f64 = 960.0;
+
+/// A number of each test.
+struct Column {
+    /// Key or name of the measure.
+    name: String,
+    unit: String,
+    values: Vec<f64>,
+}
+
+/// The section with the pairs; nothing without drawn numbers. `measures` are those with pictures.
+pub(super) fn pairs(study: &Study, measures: &[&Measure], shown: &[Shown]) -> String {
+    let chosen = chosen(shown);
+    if study.samples.is_empty() || chosen.len() < 2 {
+        return String::new();
+    }
+    let draws: Vec<Vec<f64>> = chosen
+        .iter()
+        .map(|one| Task::of(study, one.index).draws)
+        .collect();
+    let keys = study.samples.iter().enumerate().map(|(place, one)| {
+        let name = one.key.to_string();
+        Column {
+            unit: unit_in_name(&name).to_owned(),
+            name,
+            values: draws.iter().map(|row| row[place]).collect(),
+        }
+    });
+    let mut columns: Vec<Column> = keys.collect();
+    let results = measures.iter().enumerate().map(|(place, measure)| Column {
+        name: measure.name.clone(),
+        unit: measure.unit.clone(),
+        values: chosen.iter().map(|one| one.values[place]).collect(),
+    });
+    let is_drawable = |column: &Column| column.values.iter().any(|value| value.is_finite());
+    let mut results: Vec<Column> = results.filter(is_drawable).collect();
+    let room = MOST_VARIABLES.saturating_sub(columns.len());
+    results.truncate(room.max(MOST_MEASURES));
+    let all = columns.len();
+    if let Some(first) = results.first() {
+        let strength = |column: &Column| {
+            let found = rank_correlation(&column.values, &first.values).abs();
+            if found.is_nan() { 0.0 } else { found }
+        };
+        columns.sort_by(|a, b| strength(b).total_cmp(&strength(a)));
+    }
+    columns.truncate(MOST_VARIABLES - results.len());
+    let kept = columns.len();
+    columns.extend(results);
+    let collapsed: Vec<bool> = chosen.iter().map(|one| one.collapsed).collect();
+    let mut text = "Above the diagonal: rank correlation (Spearman) of each pair. ".to_owned();
+    if kept < all {
+        text += &format!(
+            "The {kept} of {all} drawn numbers with the strongest correlation with the first measure are shown. "
+        );
+    }
+    let most_dots = most_dots(columns.len());
+    let dots = most_dots.min(chosen.len());
+    if chosen.len() < shown.len() || dots < chosen.len() {
+        text += &format!(
+            "Correlations and histograms are of {} tests of {}, and {dots} of them have dots. The choice is random.",
+            count(chosen.len() as u64),
+            count(shown.len() as u64)
+        );
+    }
+    section(
+        "Drawn numbers and measures",
+        &(drawn(&columns, &collapsed, most_dots) + &note(text.trim()) + &listed(&columns)),
+    )
+}
+
+/// Most dots of one of the pictures of `count` numbers.
+fn most_dots(count: usize) -> usize {
+    MOST_DOTS / (count * count.saturating_sub(1) / 2).max(1)
+}
+
+/// At most [`MOST_TESTS`] tests, in a random order that is a function of their numbers.
+fn chosen(shown: &[Shown]) -> Vec<&Shown> {
+    let mut all: Vec<(u64, &Shown)> = shown
+        .iter()
+        .map(|one| (bits(0, "pairs", one.index), one))
+        .collect();
+    all.sort_unstable_by_key(|(order, one)| (*order, one.index));
+    all.truncate(MOST_TESTS);
+    all.into_iter().map(|(_, one)| one).collect()
+}
+
+fn drawn(columns: &[Column], collapsed: &[bool], most_dots: usize) -> String {
+    let names = short_names(columns);
+    let variables: Vec<Variable<'_>> = names
+        .iter()
+        .zip(columns)
+        .map(|(name, column)| Variable {
+            name,
+            unit: &column.unit,
+            values: &column.values,
+        })
+        .collect();
+    let line = |one: &Column| {
+        let others = columns.iter();
+        others
+            .map(|other| rank_correlation(&one.values, &other.values))
+            .collect()
+    };
+    let correlations: Vec<Vec<f64>> = columns.iter().map(line).collect();
+    let matrix = ScatterMatrix {
+        title: "All pairs",
+        variables: &variables,
+        marked: collapsed,
+        marked_as: "collapsed, or stopped before its end",
+        correlations: &correlations,
+        most_dots,
+    };
+    format!(
+        "<div class=\"broad\">{}</div>\n",
+        figure(&matrix.svg(WIDTH))
+    )
+}
+
+/// Names for the axes: the end of a key that tells it from the others.
+fn short_names(columns: &[Column]) -> Vec<String> {
+    let ending = |name: &str, parts: usize| {
+        let all: Vec<&str> = name.split('.').collect();
+        all[all.len().saturating_sub(parts)..].join(".")
+    };
+    let named = |column: &Column| {
+        let is_alone = |parts: &usize| {
+            let own = ending(&column.name, *parts);
+            let same = columns
+                .iter()
+                .filter(|other| ending(&other.name, *parts) == own);
+            same.count() == 1 && !own.starts_with(|c: char| c.is_ascii_digit())
+        };
+        let parts = (1..16).find(is_alone).unwrap_or(16);
+        ending(&column.name, parts)
+    };
+    columns.iter().map(named).collect()
+}
+
+/// Mean, standard deviation and ends of each number.
+fn listed(columns: &[Column]) -> String {
+    let rows: Vec<Vec<String>> = columns
+        .iter()
+        .map(|column| {
+            let values = column
+                .values
+                .iter()
+                .copied()
+                .filter(|value| value.is_finite());
+            let values: Vec<f64> = values.collect();
+            let count = values.len() as f64;
+            let mean = values.iter().sum::<f64>() / count;
+            let square = values
+                .iter()
+                .map(|value| (value - mean) * (value - mean))
+                .sum::<f64>();
+            let low = values.iter().copied().fold(f64::NAN, f64::min);
+            let high = values.iter().copied().fold(f64::NAN, f64::max);
+            let unit = if column.unit == "1" { "" } else { &column.unit };
+            let numbers = [mean, (square / (count - 1.0)).sqrt(), low, high].map(short);
+            let mut row = vec![column.name.clone(), unit.to_owned()];
+            row.extend(numbers);
+            row
+        })
+        .collect();
+    let heads = [
+        "number",
+        "unit",
+        "mean",
+        "standard deviation",
+        "smallest",
+        "largest",
+    ];
+    table(&heads, &rows)
+}
+
+/// Spearman's rank correlation over the pairs of finite values; NaN if one of them does not vary.
+fn rank_correlation(x: &[f64], y: &[f64]) -> f64 {
+    let pairs = x
+        .iter()
+        .zip(y)
+        .filter(|(x, y)| x.is_finite() && y.is_finite());
+    let (x, y): (Vec<f64>, Vec<f64>) = pairs.map(|(x, y)| (*x, *y)).unzip();
+    let (x, y) = (ranks(&x), ranks(&y));
+    let middle = (x.len() as f64 - 1.0) / 2.0;
+    let product = |a: &[f64], b: &[f64]| -> f64 {
+        a.iter()
+            .zip(b)
+            .map(|(a, b)| (a - middle) * (b - middle))
+            .sum()
+    };
+    product(&x, &y) / (product(&x, &x) * product(&y, &y)).sqrt()
+}
+
+/// The rank of each value from 0; equal values have the mean of their ranks.
+fn ranks(values: &[f64]) -> Vec<f64> {
+    let mut order: Vec<usize> = (0..values.len()).collect();
+    order.sort_by(|a, b| values[*a].total_cmp(&values[*b]));
+    let mut ranks = vec![0.0; values.len()];
+    let mut from = 0;
+    for group in order.chunk_by(|a, b| values[*a] == values[*b]) {
+        let rank = from as f64 + (group.len() as f64 - 1.0) / 2.0;
+        for place in group {
+            ranks[*place] = rank;
+        }
+        from += group.len();
+    }
+    ranks
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranks_do_not_depend_on_the_shape_of_a_monotone_function() {
+        let x: Vec<f64> = (0..50).map(|i| f64::from(i * 7 % 50)).collect();
+        let up: Vec<f64> = x.iter().map(|x| libm::exp(0.1 * x)).collect();
+        let down: Vec<f64> = x.iter().map(|x| -x * x * x).collect();
+        // Sums of whole and half numbers are exact.
+        assert_eq!(rank_correlation(&x, &up), 1.0);
+        assert_eq!(rank_correlation(&x, &down), -1.0);
+        let mut with_gap = up.clone();
+        with_gap[3] = f64::NAN;
+        assert_eq!(rank_correlation(&x, &with_gap), 1.0);
+        assert!(rank_correlation(&x, &[1.0; 50]).is_nan());
+    }
+
+    #[test]
+    fn equal_values_share_the_mean_of_their_ranks() {
+        assert_eq!(ranks(&[3.0, 1.0, 3.0, 2.0]), [2.5, 0.0, 2.5, 1.0]);
+        // By hand: Σ(x−1.5)(y−1.5) = 4.5, 4.5 and 5 for the squares.
+        let found = rank_correlation(&[3.0, 1.0, 3.0, 2.0], &[4.0, 1.0, 3.0, 2.0]);
+        assert!(
+            (found - 4.5 / (4.5_f64 * 5.0).sqrt()).abs() < 1e-12,
+            "{found}"
+        );
+    }
+
+    #[test]
+    fn names_are_as_short_as_they_can_be() {
+        let column = |name: &str, unit: &str| Column {
+            name: name.to_owned(),
+            unit: unit.to_owned(),
+            values: Vec::new(),
+        };
+        let columns = [
+            column("specimen.0.law.linear.stiffness_n_per_m", "N/m"),
+            column("specimen.1.law.linear.stiffness_n_per_m", "N/m"),
+            column("structure.damping.ratio", ""),
+            column("list.3", ""),
+            column("max_drift", "m"),
+        ];
+        assert_eq!(
+            short_names(&columns),
+            [
+                "specimen.0.law.linear.stiffness_n_per_m",
+                "specimen.1.law.linear.stiffness_n_per_m",
+                "ratio",
+                "list.3",
+                "max_drift"
+            ]
+        );
+    }
+
+    #[test]
+    fn the_chosen_tests_are_few_and_do_not_depend_on_the_others() {
+        let shown: Vec<Shown> = (0..20_000)
+            .map(|index| Shown {
+                index,
+                level: None,
+                collapsed: false,
+                values: Vec::new(),
+            })
+            .collect();
+        let few = chosen(&shown);
+        assert_eq!(few.len(), MOST_TESTS);
+        let mean = few.iter().map(|one| one.index as f64).sum::<f64>() / few.len() as f64;
+        // The mean of 5000 random numbers below 20 000 has a standard deviation of 71.
+        assert!((mean - 10_000.0).abs() < 300.0, "{mean}");
+        assert!(most_dots(6) * 15 <= MOST_DOTS);
+    }
+}

@@ -1,0 +1,253 @@
+//! The table as Apache Parquet, which pandas, Polars, DuckDB, R and MATLAB read.
+//!
+//! Columns are typed, a missing value is null, and nothing is compressed. The key `gusset.columns` of the file's metadata has
+//! the name, unit, type and meaning of each column as JSON. Rows are written in groups, and only one group is in memory.
+
+use std::io::{self, BufWriter};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use parquet::basic::{LogicalType, Repetition, Type as Physical};
+use parquet::data_type::{ByteArray, ByteArrayType, DataType, DoubleType, Int64Type};
+use parquet::errors::{ParquetError, Result as ParquetResult};
+use parquet::file::metadata::KeyValue;
+use parquet::file::properties::{EnabledStatistics, WriterProperties};
+use parquet::file::writer::{SerializedColumnWriter, SerializedFileWriter};
+use parquet::schema::types::{ColumnPath, Type};
+
+use super::cell::{Cell, CellKind, TableColumn};
+use super::{CampaignError, at};
+use crate::record::atomic::AtomicFile;
+
+/// Most values in memory.
+const MOST_VALUES: usize = 1 << 20;
+/// Most rows of a group.
+const MOST_ROWS: usize = 1 << 16;
+
+/// The values of one column of a row group.
+enum Values {
+    Integers(Vec<i64>),
+    Numbers(Vec<f64>),
+    Texts(Vec<ByteArray>),
+}
+
+/// One column of a row group: its values, and a level for each row: 0 for a missing value, 1 for another.
+struct Column {
+    values: Values,
+    levels: Vec<i16>,
+}
+
+/// A Parquet file under way.
+pub(super) struct ParquetTable {
+    path: PathBuf,
+    writer: SerializedFileWriter<BufWriter<AtomicFile>>,
+    columns: Vec<Column>,
+    rows: usize,
+    rows_per_group: usize,
+}
+
+impl ParquetTable {
+    /// Begins the file that will appear at `path`.
+    pub fn create(path: &Path, columns: &[TableColumn]) -> Result<Self, CampaignError> {
+        let file = AtomicFile::create(path).map_err(at(path))?;
+        let writer = begun(file, columns).map_err(refused(path))?;
+        let empty = columns.iter().map(|column| Column {
+            values: match column.kind {
+                CellKind::Integer => Values::Integers(Vec::new()),
+                CellKind::Number => Values::Numbers(Vec::new()),
+                CellKind::Text => Values::Texts(Vec::new()),
+            },
+            levels: Vec::new(),
+        });
+        Ok(Self {
+            path: path.to_owned(),
+            writer,
+            columns: empty.collect(),
+            rows: 0,
+            rows_per_group: (MOST_VALUES / columns.len().max(1)).clamp(1, MOST_ROWS),
+        })
+    }
+
+    /// Adds a row.
+    pub fn row(&mut self, cells: Vec<Cell>) -> Result<(), CampaignError> {
+        for (column, cell) in self.columns.iter_mut().zip(cells) {
+            column.take(cell);
+        }
+        self.rows += 1;
+        if self.rows == self.rows_per_group {
+            self.flush()?;
+        }
+        Ok(())
+    }
+
+    /// Writes the rows in memory as a group.
+    fn flush(&mut self) -> Result<(), CampaignError> {
+        if self.rows > 0 {
+            self.rows = 0;
+            let written = group(&mut self.writer, &mut self.columns);
+            written.map_err(refused(&self.path))?;
+        }
+        Ok(())
+    }
+
+    /// Ends the file.
+    pub fn finish(mut self) -> Result<(), CampaignError> {
+        self.flush()?;
+        let buffer = self.writer.into_inner().map_err(refused(&self.path))?;
+        let file = buffer.into_inner().map_err(io::IntoInnerError::into_error);
+        file.and_then(AtomicFile::commit).map_err(at(&self.path))
+    }
+}
+
+impl Column {
+    fn take(&mut self, cell: Cell) {
+        let is_there = match (&mut self.values, cell) {
+            (Values::Integers(all), Cell::Integer(value)) => {
+                all.push(value);
+                true
+            }
+            (Values::Numbers(all), Cell::Number(value)) => {
+                all.push(value);
+                true
+            }
+            (Values::Texts(all), Cell::Text(text)) => {
+                all.push(ByteArray::from(text.into_bytes()));
+                true
+            }
+            _ => false,
+        };
+        self.levels.push(i16::from(is_there));
+    }
+}
+
+/// Writes the columns as a row group, and empties them.
+fn group(
+    writer: &mut SerializedFileWriter<BufWriter<AtomicFile>>,
+    columns: &mut [Column],
+) -> ParquetResult<()> {
+    let mut group = writer.next_row_group()?;
+    for Column { values, levels } in columns {
+        let Some(out) = group.next_column()? else {
+            break;
+        };
+        match values {
+            Values::Integers(all) => batch::<Int64Type>(out, all, levels)?,
+            Values::Numbers(all) => batch::<DoubleType>(out, all, levels)?,
+            Values::Texts(all) => batch::<ByteArrayType>(out, all, levels)?,
+        }
+    }
+    group.close()?;
+    Ok(())
+}
+
+fn batch<T: DataType>(
+    mut out: SerializedColumnWriter<'_>,
+    values: &mut Vec<T::T>,
+    levels: &mut Vec<i16>,
+) -> ParquetResult<()> {
+    out.typed::<T>().write_batch(values, Some(levels), None)?;
+    values.clear();
+    levels.clear();
+    out.close()
+}
+
+/// A writer with the schema and the metadata of `columns`. Equal columns give equal bytes.
+fn begun(
+    file: AtomicFile,
+    columns: &[TableColumn],
+) -> ParquetResult<SerializedFileWriter<BufWriter<AtomicFile>>> {
+    let mut fields = Vec::new();
+    let mut properties = WriterProperties::builder()
+        .set_created_by(format!("gusset {}", env!("CARGO_PKG_VERSION")))
+        .set_statistics_enabled(EnabledStatistics::Chunk)
+        // Indices of pages would stay in memory until the end.
+        .set_offset_index_disabled(true)
+        .set_dictionary_enabled(false)
+        .set_key_value_metadata(Some(vec![KeyValue::new(
+            "gusset.columns".to_owned(),
+            serde_json::to_string(columns).ok(),
+        )]));
+    for column in columns {
+        let (physical, logical) = match column.kind {
+            CellKind::Integer => (Physical::INT64, None),
+            CellKind::Number => (Physical::DOUBLE, None),
+            CellKind::Text => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
+        };
+        if column.kind == CellKind::Text {
+            let path = ColumnPath::new(vec![column.name.clone()]);
+            properties = properties.set_column_dictionary_enabled(path, true);
+        }
+        let field = Type::primitive_type_builder(&column.name, physical)
+            .with_repetition(Repetition::OPTIONAL)
+            .with_logical_type(logical);
+        fields.push(Arc::new(field.build()?));
+    }
+    let schema = Type::group_type_builder("table").with_fields(fields);
+    let (schema, properties) = (Arc::new(schema.build()?), Arc::new(properties.build()));
+    SerializedFileWriter::new(BufWriter::new(file), schema, properties)
+}
+
+fn refused(path: &Path) -> impl FnOnce(ParquetError) -> CampaignError + '_ {
+    |error| {
+        at(path)(match error {
+            ParquetError::External(source) => io::Error::other(source),
+            other => io::Error::other(other.to_string()),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use parquet::file::reader::{FileReader, SerializedFileReader};
+    use parquet::record::RowAccessor;
+
+    use super::*;
+
+    fn column(name: &str, kind: CellKind) -> TableColumn {
+        TableColumn {
+            name: name.to_owned(),
+            unit: "1".to_owned(),
+            kind,
+            meaning: String::new(),
+        }
+    }
+
+    #[test]
+    fn rows_come_back_from_several_groups_with_every_bit() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("table.parquet");
+        let columns = [
+            column("a.b", CellKind::Integer),
+            column("number", CellKind::Number),
+            column("text", CellKind::Text),
+        ];
+        let mut table = ParquetTable::create(&path, &columns).unwrap();
+        table.rows_per_group = 10;
+        let numbers = [0.1, -0.0, f64::INFINITY, f64::MIN_POSITIVE / 4.0, 1e300];
+        for row in 0..25_i64 {
+            let number = numbers[row as usize % numbers.len()];
+            let text = match row % 3 {
+                0 => Cell::Missing,
+                _ => Cell::Text(format!("{row}, ü")),
+            };
+            let cells = vec![Cell::Integer(row - 12), Cell::Number(number), text];
+            table.row(cells).unwrap();
+        }
+        assert!(!path.exists());
+        table.finish().unwrap();
+        let reader = SerializedFileReader::new(std::fs::File::open(&path).unwrap()).unwrap();
+        assert_eq!(reader.num_row_groups(), 3);
+        let mut count = 0;
+        for (at, row) in reader.get_row_iter(None).unwrap().enumerate() {
+            let row = row.unwrap();
+            let number = numbers[at % numbers.len()];
+            assert_eq!(row.get_long(0).unwrap(), at as i64 - 12);
+            assert_eq!(row.get_double(1).unwrap().to_bits(), number.to_bits());
+            // A null is no text.
+            let text = row.get_string(2).ok().cloned();
+            assert_eq!(text, (at % 3 > 0).then(|| format!("{at}, ü")));
+            count += 1;
+        }
+        assert_eq!(count, 25);
+    }
+}

@@ -1,0 +1,153 @@
+//! Sensitivity of a measure in a one-at-a-time design: the range of the measure over the values of each key.
+
+use std::collections::BTreeMap;
+
+use super::design::alone;
+use super::drawing::{SIZE, figure, headed, of, short};
+use super::found::Shown;
+use super::measure::Measure;
+use super::study::Study;
+use crate::config::Scalar;
+use crate::units::{number, unit_in_name};
+use crate::view::report::{Tornado, TornadoBar, note, table};
+
+/// Most bars of the picture.
+const MOST_BARS: usize = 20;
+/// Name of the unaltered test.
+const BASE: &str = "test file";
+
+/// Sum and number of the values of one point of the design.
+#[derive(Debug, Clone, Copy, Default)]
+struct Mean {
+    sum: f64,
+    count: u64,
+}
+
+impl Mean {
+    fn take(&mut self, value: f64) {
+        self.sum += value;
+        self.count += 1;
+    }
+
+    fn value(self) -> f64 {
+        self.sum / self.count as f64
+    }
+}
+
+/// A tornado picture and its table; `place` is the place of the measure among those with pictures.
+pub(super) fn sensitivity(
+    study: &Study,
+    measure: &Measure,
+    place: usize,
+    shown: &[Shown],
+) -> String {
+    let means = means(study, place, shown);
+    let base = means.get(&None).map(|mean| mean.value());
+    let mut bars: Vec<TornadoBar> = (0..study.axes.len())
+        .filter_map(|axis| bar(study, axis, &means, base))
+        .collect();
+    bars.sort_by(|a, b| (b.high.0 - b.low.0).total_cmp(&(a.high.0 - a.low.0)));
+    if bars.is_empty() {
+        return note("No test with an altered key has a value.");
+    }
+    let rows: Vec<Vec<String>> = bars.iter().map(row).collect();
+    let drawn = &bars[..bars.len().min(MOST_BARS)];
+    let title = format!("Tornado: {}", measure.name);
+    let tornado = Tornado {
+        title: &title,
+        across: of(measure),
+        base: base.map(|base| (base, BASE)),
+        bars: drawn,
+    };
+    let unit = &measure.unit;
+    let heads = [
+        "key".to_owned(),
+        headed("smallest", unit),
+        "at".to_owned(),
+        headed("largest", unit),
+        "at".to_owned(),
+        headed("range", unit),
+    ];
+    let heads: Vec<&str> = heads.iter().map(String::as_str).collect();
+    let mut text = "Each bar reaches from the smallest to the largest result of one key. The value of the key is at the ends."
+        .to_owned();
+    if base.is_some() {
+        text += " The line is the result of the test file.";
+    }
+    let tests = means.values().map(|mean| mean.count).max().unwrap_or(1);
+    if tests > 1 {
+        text += &format!(" Each result is the mean of {tests} tests.");
+    }
+    if drawn.len() < bars.len() {
+        text += &format!(
+            " {} keys with smaller ranges are in the table only.",
+            bars.len() - drawn.len()
+        );
+    }
+    figure(&tornado.svg(SIZE.0)) + &note(&text) + &table(&heads, &rows)
+}
+
+fn row(bar: &TornadoBar) -> Vec<String> {
+    let TornadoBar { name, low, high } = bar;
+    let cells = [
+        name.clone(),
+        short(low.0),
+        low.1.clone(),
+        short(high.0),
+        high.1.clone(),
+        short(high.0 - low.0),
+    ];
+    cells.to_vec()
+}
+
+/// The mean of the measure over the tests of each point; the key is an axis and the place of its value.
+fn means(study: &Study, place: usize, shown: &[Shown]) -> BTreeMap<Option<(usize, usize)>, Mean> {
+    let per_point = study.shots() * study.loaded.study.campaign.replicates;
+    let mut means: BTreeMap<Option<(usize, usize)>, Mean> = BTreeMap::new();
+    for one in shown.iter().filter(|one| one.values[place].is_finite()) {
+        let point = alone(&study.axes, one.index / per_point);
+        means.entry(point).or_default().take(one.values[place]);
+    }
+    means
+}
+
+/// The bar of an axis; none if no test of it has a value.
+fn bar(
+    study: &Study,
+    axis: usize,
+    means: &BTreeMap<Option<(usize, usize)>, Mean>,
+    base: Option<f64>,
+) -> Option<TornadoBar> {
+    let key = &study.axes[axis].key;
+    let of_axis = means.range(Some((axis, 0))..Some((axis + 1, 0)));
+    let mut results: Vec<(f64, String)> = of_axis
+        .filter_map(|(point, mean)| {
+            let value = study.axes[axis].values.get(point.as_ref()?.1)?;
+            Some((mean.value(), in_words(value, unit_in_name(key))))
+        })
+        .collect();
+    if results.is_empty() {
+        return None;
+    }
+    results.extend(base.map(|base| (base, BASE.to_owned())));
+    results.sort_by(|a, b| a.0.total_cmp(&b.0));
+    Some(TornadoBar {
+        name: key.clone(),
+        low: results[0].clone(),
+        high: results[results.len() - 1].clone(),
+    })
+}
+
+/// A value of a key for people.
+fn in_words(value: &Scalar, unit: &str) -> String {
+    let of_number = |value: f64| match unit {
+        "" => number(value),
+        unit => format!("{} {unit}", number(value)),
+    };
+    match value {
+        Scalar::Whole(value) => of_number(*value as f64),
+        Scalar::Real(value) => of_number(*value),
+        Scalar::Text(text) => text.clone(),
+        Scalar::Flag(value) => value.to_string(),
+    }
+}

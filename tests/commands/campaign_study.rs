@@ -1,0 +1,391 @@
+//! Studies of `gusset campaign`: the tables and pictures that they give, and wrong studies.
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::Value;
+
+use crate::common::{FRAME, Said, say};
+
+const RECORD: &str = "time,accel\n0,0\n0.1,1\n0.2,-1\n0.3,0.5\n0.4,0\n";
+const DAMPING: &str = "structure.damping.rayleigh_ratio.ratio";
+const FORCE: &str = "specimen.0.law.bouc_wen.yield_force_n";
+
+/// A folder with a test, two records and the study `text`.
+fn folder(text: &str) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let uncertain = format!("{FRAME}\n[[uncertainty]]\nkey = \"{FORCE}\"\nstd_share = 0.05\n");
+    fs::write(folder.path().join("frame.toml"), uncertain).unwrap();
+    fs::create_dir(folder.path().join("records")).unwrap();
+    fs::create_dir(folder.path().join("empty")).unwrap();
+    fs::write(folder.path().join("records/a.csv"), RECORD).unwrap();
+    fs::write(folder.path().join("records/b, c.csv"), RECORD).unwrap();
+    fs::write(folder.path().join("study.toml"), text).unwrap();
+    folder
+}
+
+fn command(name: &str, folder: &Path, more: &[&str]) -> Said {
+    let study = folder.join("study.toml");
+    let mut arguments = vec!["campaign", name, study.to_str().unwrap()];
+    arguments.extend(more);
+    say(arguments)
+}
+
+/// Runs the study `text`; the folder has its results in `out`.
+fn computed(text: &str) -> tempfile::TempDir {
+    let folder = folder(text);
+    let out = folder.path().join("out");
+    let more = ["--out", out.to_str().unwrap(), "--prove", "1"];
+    let said = command("run", folder.path(), &more);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    folder
+}
+
+/// The cells of a CSV file. Only the names of records have commas.
+fn csv(path: &Path) -> Vec<Vec<String>> {
+    let text = fs::read_to_string(path)
+        .unwrap()
+        .replace("\"b, c.csv\"", "b; c.csv");
+    let cells = |line: &str| line.split(',').map(str::to_owned).collect();
+    text.lines().map(cells).collect()
+}
+
+fn column(rows: &[Vec<String>], name: &str) -> Vec<String> {
+    let place = rows[0].iter().position(|cell| cell == name).unwrap();
+    rows[1..].iter().map(|row| row[place].clone()).collect()
+}
+
+/// A column of each type: whole numbers, numbers, texts, and missing values.
+const EVERY_TYPE: &str = r#"
+test = "frame.toml"
+[campaign]
+design = "one_at_a_time"
+replicates = 2
+[[vary]]
+key = "structure.damping.rayleigh_ratio.ratio"
+values = [0.02, 0.05]
+[[vary]]
+key = "integrator.lambda"
+values = [2, 4]
+[[vary]]
+key = "title"
+values = ["a b"]
+[[sample]]
+key = "specimen.0.law.bouc_wen.yield_force_n"
+std_share = 0.1
+[[records]]
+folder = "records"
+record_unit = "m/s2"
+[measure]
+residual = true
+"#;
+
+#[cfg(feature = "parquet")]
+mod parquet_table {
+    use parquet::file::reader::{FileReader, SerializedFileReader};
+    use parquet::record::Field;
+
+    use super::*;
+
+    /// The rows of a Parquet file as the texts of a CSV file, and its metadata of the columns.
+    fn read(path: &Path) -> (Vec<Vec<String>>, Value) {
+        let reader = SerializedFileReader::new(fs::File::open(path).unwrap()).unwrap();
+        let metadata = reader.metadata().file_metadata();
+        let pairs = metadata.key_value_metadata().unwrap();
+        let columns = pairs
+            .iter()
+            .find(|pair| pair.key == "gusset.columns")
+            .unwrap();
+        let columns = serde_json::from_str(columns.value.as_ref().unwrap()).unwrap();
+        let names = metadata.schema_descr().columns().iter();
+        let mut rows: Vec<Vec<String>> = vec![names.map(|one| one.name().to_owned()).collect()];
+        for row in reader.get_row_iter(None).unwrap() {
+            let cell = |(_, field): (&String, &Field)| match field {
+                Field::Null => String::new(),
+                Field::Long(value) => value.to_string(),
+                Field::Double(value) => format!("{value:?}"),
+                Field::Str(text) => text.replace(", ", "; "),
+                other => panic!("{other:?}"),
+            };
+            rows.push(row.unwrap().get_column_iter().map(cell).collect());
+        }
+        (rows, columns)
+    }
+
+    #[test]
+    fn the_parquet_table_has_the_bits_of_the_csv_table() {
+        let folder = computed(EVERY_TYPE);
+        let out = folder.path().join("out");
+        let (rows, columns) = read(&out.join("table.parquet"));
+        let expected = csv(&out.join("table.csv"));
+        assert_eq!(rows.len(), 6 * 2 * 2 + 1);
+        // The shortest text of a number reads back as the same bits, so equal texts are equal bits.
+        assert_eq!(rows, expected);
+        // Missing values are there: the test file decides them.
+        assert!(column(&rows, "integrator.lambda").contains(&String::new()));
+        assert!(column(&rows, "record").contains(&"b; c.csv".to_owned()));
+        let kind = |name: &str| {
+            let all = columns.as_array().unwrap();
+            let one = all.iter().find(|one| one["name"] == name).unwrap();
+            (one["type"].clone(), one["unit"].clone())
+        };
+        assert_eq!(kind("task"), ("integer".into(), "1".into()));
+        assert_eq!(kind("integrator.lambda"), ("integer".into(), "".into()));
+        assert_eq!(kind(DAMPING), ("number".into(), "".into()));
+        assert_eq!(kind("title"), ("text".into(), "".into()));
+        assert_eq!(kind("max_drift"), ("number".into(), "m".into()));
+        let summary = fs::read_to_string(out.join("summary.json")).unwrap();
+        let summary: Value = serde_json::from_str(&summary).unwrap();
+        assert_eq!(summary["columns"], columns);
+    }
+
+    #[test]
+    fn equal_results_give_equal_bytes_and_missing_results_a_partial_file() {
+        let folder = computed(EVERY_TYPE);
+        let out = folder.path().join("out");
+        let before = fs::read(out.join("table.parquet")).unwrap();
+        let collect = || say(["campaign", "collect", out.to_str().unwrap(), "--prove", "0"]);
+        assert_eq!(collect().code, Some(0));
+        assert!(fs::read(out.join("table.parquet")).unwrap() == before);
+        fs::remove_dir_all(out.join("parts")).unwrap();
+        assert_eq!(collect().code, Some(1));
+        assert!(!out.join("table.parquet").exists());
+        let (rows, _) = read(&out.join("table.partial.parquet"));
+        assert_eq!(rows.len(), 1);
+        let again = say(["campaign", "run", out.to_str().unwrap(), "--prove", "0"]);
+        assert_eq!(again.code, Some(0), "{}", again.stderr);
+        assert!(fs::read(out.join("table.parquet")).unwrap() == before);
+        assert!(!out.join("table.partial.parquet").exists());
+    }
+}
+
+#[test]
+fn sobol_draws_fill_each_interval_once() {
+    let study = format!(
+        "test = \"frame.toml\"\n[campaign]\nsampling = \"sobol\"\nreplicates = 16\nseed = 5\n\
+         [[sample]]\nkey = \"{FORCE}\"\nrange = [1000.0, 2600.0]\n\
+         [[sample]]\nkey = \"{DAMPING}\"\nrange = [0.01, 0.09]\n"
+    );
+    let folder = computed(&study);
+    let rows = csv(&folder.path().join("out/table.csv"));
+    let force = rows[0]
+        .iter()
+        .find(|name| name.ends_with("yield_force_n"))
+        .unwrap();
+    for (name, low, width) in [(force.as_str(), 1000.0, 100.0), (DAMPING, 0.01, 0.005)] {
+        let values = column(&rows, name).into_iter();
+        let mut found: Vec<u64> = values
+            .map(|value| ((value.parse::<f64>().unwrap() - low) / width) as u64)
+            .collect();
+        found.sort_unstable();
+        assert_eq!(found, (0..16).collect::<Vec<_>>(), "{name}");
+    }
+}
+
+#[test]
+fn reports_have_the_pictures_of_their_design() {
+    let report = |text: &str| {
+        let folder = computed(text);
+        fs::read_to_string(folder.path().join("out/report.html")).unwrap()
+    };
+    let alone = report(EVERY_TYPE);
+    for words in [
+        "Tornado: max_drift",
+        "All pairs",
+        "Exceedance: max_drift",
+        "test file",
+    ] {
+        assert!(alone.contains(words), "{words}");
+    }
+    assert!(!alone.contains("IDA curves"));
+    let scaled = report(
+        r#"
+test = "frame.toml"
+[[records]]
+folder = "records"
+record_unit = "m/s2"
+values = [0.5, 4.0, 8.0]
+unit = "m/s2"
+[measure]
+collapse = { measure = "max_drift", above = 0.006 }
+"#,
+    );
+    for words in [
+        "IDA curves: max_drift",
+        "84 % fractile",
+        "criterion of collapse",
+        "Fragility",
+    ] {
+        assert!(scaled.contains(words), "{words}");
+    }
+    assert!(!scaled.contains("Tornado") && !scaled.contains("All pairs"));
+    for page in [alone, scaled] {
+        assert!(!page.contains("NaN") && !page.contains("<script"));
+    }
+}
+
+/// Each study has one mistake: the message names file and line, and has these words.
+#[test]
+fn wrong_studies_are_refused_at_their_line() {
+    let vary = format!("[[vary]]\nkey = \"{DAMPING}\"\nvalues = [0.02, 0.05]\n");
+    let sample = format!("[[sample]]\nkey = \"{FORCE}\"\nstd_share = 0.1\n");
+    let records = "[[records]]\nfolder = \"records\"\nrecord_unit = \"m/s2\"\n";
+    let levels = "values = [0.5, 1.0]\nunit = \"m/s2\"\n";
+    let with = |key: &str, value: &str| vary.replace(key, value);
+    let cases = [
+        (with("key =", "kye ="), 3, "`key`"),
+        (
+            with("values = [0.02, 0.05]", "valeus = [0.02]"),
+            4,
+            "`values`",
+        ),
+        (with(".ratio\"", ".ration\""), 3, "`ratio`"),
+        (with("[0.02, 0.05]", "[]"), 4, "values"),
+        (with("[0.02, 0.05]", "[\"much\"]"), 3, DAMPING),
+        (
+            with(
+                "values = [0.02, 0.05]",
+                "linear = { from = 1, to = 1, count = 3 }",
+            ),
+            4,
+            "from",
+        ),
+        (
+            with(
+                "values = [0.02, 0.05]",
+                "log = { from = -1, to = 2, count = 3 }",
+            ),
+            4,
+            "log",
+        ),
+        (
+            with(
+                "values = [0.02, 0.05]",
+                "log = { from = 1, to = 0, count = 3 }",
+            ),
+            4,
+            "log",
+        ),
+        (format!("{vary}{vary}"), 6, "twice"),
+        (
+            format!("{vary}{}", sample.replace(FORCE, DAMPING)),
+            3,
+            "`sample`",
+        ),
+        (
+            format!(
+                "{vary}{}",
+                vary.replace("rayleigh_ratio.ratio", "rayleigh_ratio.ratio ")
+            ),
+            6,
+            "twice",
+        ),
+        (format!("{sample}{sample}"), 6, FORCE),
+        (
+            sample.replace("yield_force_n", "yeild_force_n"),
+            3,
+            "yield_force_n",
+        ),
+        (
+            format!("[campaign]\nsample_uncertainty = true\n{sample}"),
+            5,
+            "uncertainty",
+        ),
+        (
+            format!(
+                "[campaign]\nsample_uncertainty = true\n{}",
+                vary.replace(DAMPING, FORCE)
+            ),
+            5,
+            "uncertainty",
+        ),
+        (
+            "[campaign]\nsampling = \"sobol\"\nreplicates = 65537\n".to_owned(),
+            4,
+            "65536",
+        ),
+        (
+            "[campaign]\nsampling = \"soboll\"\n".to_owned(),
+            3,
+            "`sobol`",
+        ),
+        (records.replace("records\"", "empty\""), 3, "no records"),
+        (records.replace("records\"", "recrods\""), 3, "recrods"),
+        (
+            records.replace("folder = \"records\"", "files = [\"records/d.csv\"]"),
+            3,
+            "records/d.csv",
+        ),
+        (
+            records.replace("folder = \"records\"", "files = [\"frame.toml\"]"),
+            3,
+            "frame.toml",
+        ),
+        (records.replace("m/s2", "mm"), 4, "record_unit"),
+        (
+            format!("{records}{}", levels.replace("m/s2", "kN")),
+            6,
+            "unit",
+        ),
+        (
+            records.replace("record_unit = \"m/s2\"\n", ""),
+            3,
+            "record_unit",
+        ),
+        (
+            format!("{records}{}", levels.replace("0.5", "0.0")),
+            5,
+            "values",
+        ),
+        (
+            format!("{records}linear = {{ from = -1, to = 2, count = 3 }}\nunit = \"g\"\n"),
+            5,
+            "from",
+        ),
+        (
+            format!(
+                "{records}{levels}{records}{}",
+                levels.replace("\"m/s2\"", "\"g\"")
+            ),
+            7,
+            "unit",
+        ),
+        (
+            "[measure]\nreport = [\"max_drfit\"]\n".to_owned(),
+            3,
+            "`max_drift`",
+        ),
+        (
+            "[measure]\ncollapse = { measure = \"max_drfit\", above = 1 }\n".to_owned(),
+            3,
+            "`max_drift`",
+        ),
+    ];
+    let mut wrong = Vec::new();
+    for (text, line, words) in cases {
+        let folder = folder(&format!("test = \"frame.toml\"\n{text}"));
+        let out = folder.path().join("out");
+        let said = command("plan", folder.path(), &["--out", out.to_str().unwrap()]);
+        let place = format!("study.toml:{line}:");
+        let is_refused = said.code == Some(2) && !said.stderr.contains("panicked");
+        let is_told = said.stderr.contains(&place) && said.stderr.contains(words);
+        if !is_refused || !is_told || out.exists() {
+            wrong.push(format!("{place} {words}:\n{text}{}", said.stderr));
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n\n"));
+}
+
+#[test]
+fn schema_of_a_study_has_its_own_tables_and_those_of_a_test() {
+    let schema: Value = serde_json::from_str(&say(["schema", "--study"]).stdout).unwrap();
+    for key in [
+        "campaign", "vary", "sample", "records", "measure", "test", "time", "specimen",
+    ] {
+        assert!(schema["properties"].get(key).is_some(), "{key}");
+    }
+    assert!(
+        schema["$defs"].get("VaryTable").is_some() && schema["$defs"].get("TimeTable").is_some()
+    );
+    assert_eq!(schema["additionalProperties"], false);
+}
