@@ -195,7 +195,6 @@ impl Integrator for Gui {
             vel: &state.vel,
             next_vel: reported_vel,
             weighted_accel: &mut state.weighted_accel,
-            residual,
             forces,
             pace,
             lanes: self.lanes,
@@ -231,8 +230,8 @@ struct Moving<'a> {
     disp: &'a mut [f64],
     vel: &'a [f64],
     next_vel: &'a mut [f64],
+    /// Before a row is solved for, its residual.
     weighted_accel: &'a mut [f64],
-    residual: &'a mut [f64],
     forces: &'a mut dyn RowForces,
     pace: Pace,
     lanes: Lanes,
@@ -241,8 +240,8 @@ struct Moving<'a> {
 impl Rows for Moving<'_> {
     fn rhs(&mut self, rows: Range<usize>) -> &[f64] {
         self.forces
-            .fill(rows.clone(), self.disp, self.vel, self.residual);
-        self.residual.get(rows).unwrap_or_default()
+            .fill(rows.clone(), self.disp, self.vel, self.weighted_accel);
+        self.weighted_accel.get(rows).unwrap_or_default()
     }
 
     fn solution(&mut self, rows: Range<usize>) -> &mut [f64] {
@@ -267,8 +266,8 @@ impl Rows for Moving<'_> {
     }
 
     fn start(&mut self, n: usize) {
-        self.forces.fill(0..n, self.disp, self.vel, self.residual);
-        self.weighted_accel.copy_from_slice(self.residual);
+        self.forces
+            .fill(0..n, self.disp, self.vel, self.weighted_accel);
     }
 }
 
