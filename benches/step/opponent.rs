@@ -143,16 +143,6 @@ pub fn run() {
         "{:>9}{:>9}  {:<17}{:>10}{:>10}{:>8}{:>10}{:>10}{:>8}  goal {GOAL}",
         "n", "lanes", "law", "ours p50", "theirs", "ratio", "ours min", "theirs", "ratio"
     );
-    if let Ok(what) = std::env::var("ONLY") {
-        let mut words = what.split_whitespace();
-        let mut next = || words.next().unwrap().parse::<usize>().unwrap();
-        let (n, which, steps, wide) = (next(), next(), next(), next());
-        let mut c = chain(n, which);
-        c.set_lanes(if wide == 1 { Lanes::Avx512 } else { Lanes::Avx2 });
-        let ours = timed(steps, |step| c.step(step));
-        println!("{ours:?}");
-        return;
-    }
     let wide = |lanes: &Lanes| *lanes != Lanes::Portable;
     for lanes in Lanes::available().filter(wide) {
         let Some(program) = compiled(lanes) else {

@@ -171,6 +171,13 @@ pub trait Law: Send + std::fmt::Debug {
     /// The last trial becomes the committed state. A law without memory does nothing.
     fn commit(&mut self) {}
 
+    /// A trial that is committed at once.
+    fn step(&mut self, disp: f64, vel: f64, dt: f64) -> f64 {
+        let force = self.trial(disp, vel, dt);
+        self.commit();
+        force
+    }
+
     /// Forgets the last trial. A law without memory does nothing.
     fn revert(&mut self) {}
 
@@ -205,6 +212,11 @@ pub trait Law: Send + std::fmt::Debug {
 
     /// The law itself, if it is bilinear: many of them can be evaluated side by side. `None` by default.
     fn bilinear(&mut self) -> Option<&mut Bilinear> {
+        None
+    }
+
+    /// The law itself, if it is a Bouc–Wen law: equal ones can share their constants. `None` by default.
+    fn bouc_wen(&mut self) -> Option<&mut BoucWen> {
         None
     }
 

@@ -15,8 +15,8 @@ use crate::linalg::Lanes;
 pub(super) struct ByRows {
     /// Elements by their first row.
     evaluated: Vec<(u32, u32)>,
-    /// Row, element and sign of every force that enters a row, by rows.
-    entered: Vec<(u32, u32, f64)>,
+    /// Row of every force that enters one, twice its element, and one more where the element begins there; by rows.
+    entered: Vec<(u32, u32)>,
     /// Of each element in this step.
     forces: Vec<f64>,
     next_evaluated: usize,
@@ -46,14 +46,14 @@ impl ByRows {
         let (mut evaluated, mut entered) = (Vec::new(), Vec::new());
         for (element, connection) in connections.iter().enumerate() {
             let element = element as u32;
-            let ends = [(connection.to, -1.0), (connection.from, 1.0)];
+            let ends = [(connection.to, 0), (connection.from, 1)];
             let rows = ends.into_iter().filter(|(row, _)| (*row as usize) < n);
             let first = rows.clone().map(|(row, _)| row).min();
             evaluated.extend(first.map(|row| (row, element)));
-            entered.extend(rows.map(|(row, sign)| (row, element, sign)));
+            entered.extend(rows.map(|(row, begins)| (row, 2 * element + begins)));
         }
         evaluated.sort_by_key(|&(row, _)| row);
-        entered.sort_by_key(|&(row, ..)| row);
+        entered.sort_by_key(|&(row, _)| row);
         Self {
             forces: vec![0.0; connections.len()],
             evaluated,
@@ -98,19 +98,18 @@ impl ByRows {
                 let Connection { law, from, to } = connection;
                 let deformation = at(*to, disp, base.disp) - at(*from, disp, base.disp);
                 let rate = at(*to, vel, base.vel) - at(*from, vel, base.vel);
-                *force = law.trial(deformation, rate, dt);
-                law.commit();
+                *force = law.step(deformation, rate, dt);
             }
         }
         let left = self.entered.get(self.next_entered..);
-        for &(row, element, sign) in left.unwrap_or_default() {
+        for &(row, end) in left.unwrap_or_default() {
             if row as usize >= rows.end {
                 break;
             }
             self.next_entered += 1;
-            let force = self.forces.get(element as usize);
+            let force = self.forces.get(end as usize / 2);
             if let (Some(r), Some(force)) = (residual.get_mut(row as usize), force) {
-                *r += sign * force;
+                *r += if end % 2 == 0 { -force } else { *force };
             }
         }
     }

@@ -283,10 +283,11 @@ impl Elements {
                     for Connection { law, from, to } in connections {
                         let deformation = at(*to, disp, base.disp) - at(*from, disp, base.disp);
                         let rate = at(*to, vel, base.vel) - at(*from, vel, base.vel);
-                        let force = law.trial(deformation, rate, dt);
-                        if COMMIT {
-                            law.commit();
-                        }
+                        let force = if COMMIT {
+                            law.step(deformation, rate, dt)
+                        } else {
+                            law.trial(deformation, rate, dt)
+                        };
                         if let Some(r) = residual.get_mut(*to as usize) {
                             *r -= force;
                         }
@@ -393,7 +394,13 @@ fn in_strips(group: Group, n: usize) -> Vec<Group> {
 }
 
 fn of_others(others: &mut Vec<(Connection, Facts)>, n: usize) -> Option<Group> {
-    let (connections, facts): (Vec<_>, Vec<_>) = others.drain(..).unzip();
+    let (mut connections, facts): (Vec<Connection>, Vec<_>) = others.drain(..).unzip();
+    let mut known = Vec::new();
+    for connection in &mut connections {
+        if let Some(law) = connection.law.bouc_wen() {
+            law.share(&mut known);
+        }
+    }
     (!connections.is_empty()).then(|| Group::Singles {
         by_rows: ByRows::new(&connections, n),
         connections,

@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use super::element::Connection;
 use super::rows::{copy, filled};
-use super::{Base, End, Motion};
+use super::{End, Motion};
 use crate::law::SliderForm;
 use crate::linalg::Lanes;
 use crate::linalg::lanes::{Isa, Kernel};
@@ -17,7 +17,7 @@ pub(super) struct Strip {
     form: SliderForm,
     from: End,
     to: usize,
-    /// Of each element in this step.
+    /// Of each element in this step, between degrees of freedom only.
     forces: Vec<f64>,
     /// Sliders, and how they moved last.
     sliders: Vec<f64>,
@@ -66,7 +66,10 @@ impl Strip {
             form,
             from,
             to,
-            forces: vec![0.0; len],
+            forces: match from {
+                End::Dof(_) => vec![0.0; len],
+                _ => Vec::new(),
+            },
             sliders: vec![0.0; len],
             motions: vec![0.0; len],
             done: 0,
@@ -117,59 +120,68 @@ impl Strip {
             self.load(connections);
         }
         self.stored = false;
-        let len = self.forces.len();
-        let begin = match self.from {
-            End::Dof(from) => from,
-            _ => self.to,
-        };
-        let end = rows.end.saturating_sub(begin).min(len);
-        if end > self.done {
-            self.evaluate(self.done..end, motion.disp, motion.base, lanes);
-            self.done = end;
-        }
-        // Of a row, the element that ends there comes before the one that begins there.
+        let len = self.sliders.len();
         let at = |first: usize| {
             let end = rows.end.saturating_sub(first).min(len);
             rows.start.saturating_sub(first).min(end)..end
         };
-        let ends = at(self.to);
+        let base = match self.from {
+            End::Dof(from) => {
+                self.evaluate(at(from).end, from, motion.disp, lanes);
+                self.enter(at(self.to), at(from), from, residual);
+                return;
+            }
+            End::Ground => motion.base.disp,
+            End::Fixed => 0.0,
+        };
+        let elements = at(self.to);
+        let places = self.to + elements.start..self.to + elements.end;
+        if let (Some(disp), Some(rows), Some(sliders), Some(motions)) = (
+            motion.disp.get(places.clone()),
+            residual.get_mut(places),
+            self.sliders.get_mut(elements.clone()),
+            self.motions.get_mut(elements),
+        ) {
+            lanes.run(Anchored(self.form, base, disp, (rows, sliders, motions)));
+        }
+    }
+
+    /// Forces of the elements up to `end`, which begin at `from` and those after it, as far as they were not made yet.
+    fn evaluate(&mut self, end: usize, from: usize, disp: &[f64], lanes: Lanes) {
+        let elements = self.done..end.max(self.done);
+        self.done = elements.end;
+        let of = |first: usize| disp.get(first + elements.start..first + elements.end);
+        if let (Some(near), Some(far), Some(forces), Some(sliders), Some(motions)) = (
+            of(from),
+            of(self.to),
+            self.forces.get_mut(elements.clone()),
+            self.sliders.get_mut(elements.clone()),
+            self.motions.get_mut(elements.clone()),
+        ) {
+            let rows = (forces, sliders, motions);
+            lanes.run(Between(self.form, near, far, rows));
+        }
+    }
+
+    /// Of a row, the element that ends there comes before the one that begins there.
+    fn enter(
+        &self,
+        ends: Range<usize>,
+        begins: Range<usize>,
+        from: usize,
+        residual: &mut [f64],
+    ) {
         let place = self.to + ends.start..self.to + ends.end;
         if let (Some(rows), Some(forces)) = (residual.get_mut(place), self.forces.get(ends)) {
             for (r, f) in rows.iter_mut().zip(forces) {
                 *r -= f;
             }
         }
-        if let End::Dof(from) = self.from {
-            let begins = at(from);
-            let place = from + begins.start..from + begins.end;
-            if let (Some(rows), Some(forces)) = (residual.get_mut(place), self.forces.get(begins)) {
-                for (r, f) in rows.iter_mut().zip(forces) {
-                    *r += f;
-                }
+        let place = from + begins.start..from + begins.end;
+        if let (Some(rows), Some(forces)) = (residual.get_mut(place), self.forces.get(begins)) {
+            for (r, f) in rows.iter_mut().zip(forces) {
+                *r += f;
             }
-        }
-    }
-
-    fn evaluate(&mut self, elements: Range<usize>, disp: &[f64], base: Base, lanes: Lanes) {
-        let of = |first: usize| disp.get(first + elements.start..first + elements.end);
-        let (Some(far), Some(forces), Some(sliders), Some(motions)) = (
-            of(self.to),
-            self.forces.get_mut(elements.clone()),
-            self.sliders.get_mut(elements.clone()),
-            self.motions.get_mut(elements.clone()),
-        ) else {
-            return;
-        };
-        let rows = (forces, sliders, motions);
-        let form = self.form;
-        match self.from {
-            End::Dof(from) => {
-                if let Some(near) = of(from) {
-                    lanes.run(Between(form, near, far, rows));
-                }
-            }
-            End::Ground => lanes.run(Anchored(form, base.disp, far, rows)),
-            End::Fixed => lanes.run(Anchored(form, 0.0, far, rows)),
         }
     }
 }
@@ -182,7 +194,8 @@ fn moved(end: End, by: usize) -> End {
     }
 }
 
-/// Forces, sliders, how these moved. All slices of a loop are equally long.
+/// Forces (of anchored elements the residual, from which their forces are taken), sliders, how these moved. All slices of a
+/// loop are equally long.
 type Rows<'a> = (&'a mut [f64], &'a mut [f64], &'a mut [f64]);
 
 /// Elements from one place, counted from there.
@@ -200,15 +213,17 @@ impl Kernel for Anchored<'_> {
         let (far, far_rest) = far.as_chunks::<8>();
         for far in far {
             let disp = isa.sub(isa.load(far), base);
-            if let Some((force, slider, motion)) = blocks.next() {
-                form.slide(isa, disp, force, slider, motion);
+            if let Some((row, slider, motion)) = blocks.next() {
+                let force = form.slide(isa, disp, slider, motion);
+                isa.store(isa.sub(isa.load(row), force), row);
             }
         }
         if !far_rest.is_empty() {
             let disp = isa.sub(isa.load(&filled(far_rest)), base);
-            let (mut force, mut slider, mut motion) = blocks.rest();
-            form.slide(isa, disp, &mut force, &mut slider, &mut motion);
-            blocks.put_rest(&force, &slider, &motion);
+            let (mut row, mut slider, mut motion) = blocks.rest();
+            let force = form.slide(isa, disp, &mut slider, &mut motion);
+            isa.store(isa.sub(isa.load(&row), force), &mut row);
+            blocks.put_rest(&row, &slider, &motion);
         }
     }
 }
@@ -228,13 +243,13 @@ impl Kernel for Between<'_> {
         for (near, far) in near.iter().zip(far) {
             let disp = isa.sub(isa.load(far), isa.load(near));
             if let Some((force, slider, motion)) = blocks.next() {
-                form.slide(isa, disp, force, slider, motion);
+                isa.store(form.slide(isa, disp, slider, motion), force);
             }
         }
         if !far_rest.is_empty() {
             let disp = isa.sub(isa.load(&filled(far_rest)), isa.load(&filled(near_rest)));
             let (mut force, mut slider, mut motion) = blocks.rest();
-            form.slide(isa, disp, &mut force, &mut slider, &mut motion);
+            isa.store(form.slide(isa, disp, &mut slider, &mut motion), &mut force);
             blocks.put_rest(&force, &slider, &motion);
         }
     }
@@ -248,7 +263,7 @@ struct Blocks<'a> {
     rest: Rows<'a>,
 }
 
-/// A force, a slider and a motion of eight elements.
+/// [`Rows`] of eight elements.
 type Eight<'a> = (&'a mut [f64; 8], &'a mut [f64; 8], &'a mut [f64; 8]);
 
 impl<'a> Blocks<'a> {
@@ -307,16 +322,15 @@ impl<V: Copy> Form<V> {
         }
     }
 
-    /// What the law does on the way to `disp` and commits, in the same operations.
+    /// What the law does on the way to `disp` and commits, in the same operations. Returns its force.
     #[inline(always)]
     fn slide<I: Isa<V = V>>(
         self,
         isa: I,
         disp: V,
-        force: &mut [f64; 8],
         slider: &mut [f64; 8],
         motion: &mut [f64; 8],
-    ) {
+    ) -> V {
         let (zero, one, two) = (isa.splat(0.0), isa.splat(1.0), isa.splat(2.0));
         let (old, moved_last) = (isa.load(slider), isa.load(motion));
         let reach = self.yield_disp;
@@ -337,7 +351,6 @@ impl<V: Copy> Form<V> {
         );
         let moves = isa.if_less(behind, one, flows);
         isa.store(isa.if_less(ahead, one, moves), motion);
-        let sum = isa.add(isa.mul(self.beside, disp), isa.mul(self.share, held));
-        isa.store(sum, force);
+        isa.add(isa.mul(self.beside, disp), isa.mul(self.share, held))
     }
 }
