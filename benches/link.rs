@@ -30,9 +30,9 @@ use gusset::rt::os::{monotonic_ns, pin_to, process_cpus};
 use gusset::specimen::SpecimenLaw;
 use gusset::substructure::{Command, Coupling, Measurement, Retirement, Substructure};
 use gusset::time::Nanos;
+use gusset::wire::Side;
 use gusset::wire::handshake::{Axis, Sampling, Unit};
 use gusset::wire::key::PreSharedKey;
-use gusset::wire::Side;
 use gusset::wire::native::{Decoder, Encoder, Frame, Kind, Moment, frame_len};
 
 const ROUNDS: usize = 7;

@@ -17,7 +17,7 @@ use std::ops::Range;
 
 use thiserror::Error;
 
-use super::{Integrator, Lambda, LambdaError, RowForces, Start, State};
+use super::{Integrator, Lambda, LambdaError, RowForces, Start, State, fill_all};
 use crate::linalg::lanes::{Isa, Kernel};
 use crate::linalg::{Aligned, Lanes, NotPositiveDefinite, Rows, Spd, Storage, SymMatrix};
 
@@ -186,7 +186,7 @@ impl Integrator for Gui {
         // Rows are moved one block after the forces of their own.
         let near = forces.reach() <= self.effective_mass.rows_at_a_time();
         if !(near && pace.lead == 0.0 && reported_vel.len() == state.vel.len()) {
-            forces.fill(0..residual.len(), &state.disp, &state.vel, residual);
+            fill_all(forces, &state.disp, &state.vel, residual);
             self.advance(state, residual, reported_vel);
             return;
         }
@@ -195,6 +195,7 @@ impl Integrator for Gui {
             vel: &state.vel,
             next_vel: reported_vel,
             weighted_accel: &mut state.weighted_accel,
+            residual,
             forces,
             pace,
             lanes: self.lanes,
@@ -230,8 +231,8 @@ struct Moving<'a> {
     disp: &'a mut [f64],
     vel: &'a [f64],
     next_vel: &'a mut [f64],
-    /// Before a row is solved for, its residual.
     weighted_accel: &'a mut [f64],
+    residual: &'a mut [f64],
     forces: &'a mut dyn RowForces,
     pace: Pace,
     lanes: Lanes,
@@ -240,8 +241,8 @@ struct Moving<'a> {
 impl Rows for Moving<'_> {
     fn rhs(&mut self, rows: Range<usize>) -> &[f64] {
         self.forces
-            .fill(rows.clone(), self.disp, self.vel, self.weighted_accel);
-        self.weighted_accel.get(rows).unwrap_or_default()
+            .fill(rows.clone(), self.disp, self.vel, self.residual);
+        self.residual.get(rows).unwrap_or_default()
     }
 
     fn solution(&mut self, rows: Range<usize>) -> &mut [f64] {
@@ -266,8 +267,9 @@ impl Rows for Moving<'_> {
     }
 
     fn start(&mut self, n: usize) {
-        self.forces
-            .fill(0..n, self.disp, self.vel, self.weighted_accel);
+        debug_assert_eq!(n, self.residual.len());
+        fill_all(self.forces, self.disp, self.vel, self.residual);
+        self.weighted_accel.copy_from_slice(self.residual);
     }
 }
 

@@ -115,8 +115,8 @@ pub trait Integrator: Send + fmt::Debug {
     fn advance(&mut self, state: &mut State, residual: &[f64], reported_vel: &mut [f64]);
 
     /// The same with a residual that is made here, some rows at a time where the method can go on with them at once.
-    /// The bits are those of `forces` for all rows and [`Integrator::advance`]. `reported_vel` may change places with
-    /// the velocities of the state. Real-time: yes.
+    /// The bits are those of `forces` for all rows and [`Integrator::advance`], and `residual` holds r\[n\] afterwards.
+    /// `reported_vel` may change places with the velocities of the state. Real-time: yes.
     fn step(
         &mut self,
         state: &mut State,
@@ -124,8 +124,23 @@ pub trait Integrator: Send + fmt::Debug {
         residual: &mut [f64],
         reported_vel: &mut Aligned,
     ) {
-        forces.fill(0..residual.len(), &state.disp, &state.vel, residual);
+        fill_all(forces, &state.disp, &state.vel, residual);
         self.advance(state, residual, reported_vel);
+    }
+}
+
+/// Rows that are made at a time where nothing moves meanwhile: their vectors stay in the nearest cache.
+const NEAR: usize = 1024;
+
+/// residual ← r of all rows. Real-time: yes, if `forces` is.
+fn fill_all(forces: &mut dyn RowForces, disp: &[f64], vel: &[f64], residual: &mut [f64]) {
+    let n = residual.len();
+    let near = if forces.reach() < n { NEAR } else { n };
+    let mut first = 0;
+    while first < n {
+        let rows = first..(first + near).min(n);
+        first = rows.end;
+        forces.fill(rows, disp, vel, residual);
     }
 }
 

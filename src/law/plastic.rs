@@ -89,6 +89,30 @@ impl Bilinear {
         self.committed = Slider::from_numbers(disp, motion);
         self.trial = self.committed;
     }
+
+    /// The slider and the force at `disp`, on a straight path from the committed slider.
+    #[inline]
+    fn at(&self, disp: f64) -> (Slider, f64) {
+        let stretch = disp - self.committed.disp;
+        let (moved, slipping, force) = if stretch > self.yield_disp {
+            (disp - self.yield_disp, true, self.yield_force)
+        } else if stretch < -self.yield_disp {
+            (disp + self.yield_disp, true, -self.yield_force)
+        } else {
+            (self.committed.disp, false, self.stiffness * stretch)
+        };
+        // After slipping the committed displacement is where the spring is at its yield: there a trial that repeats it keeps
+        // the slider, but for rounding.
+        let rounding = 2.0 * f64::EPSILON * disp.abs().max(self.yield_disp);
+        let repeats = self.committed.flows && stretch.abs() >= self.yield_disp - rounding;
+        let slider = Slider {
+            disp: moved,
+            slipping,
+            flows: slipping || repeats,
+        };
+        let sum = self.ratio * self.stiffness * disp + (1.0 - self.ratio) * force;
+        (slider, sum)
+    }
 }
 
 #[derive(Debug, Clone, Copy, Default)]
@@ -119,24 +143,15 @@ impl Slider {
 
 impl Law for Bilinear {
     fn trial(&mut self, disp: f64, _vel: f64, _dt: f64) -> f64 {
-        let stretch = disp - self.committed.disp;
-        let (moved, slipping, force) = if stretch > self.yield_disp {
-            (disp - self.yield_disp, true, self.yield_force)
-        } else if stretch < -self.yield_disp {
-            (disp + self.yield_disp, true, -self.yield_force)
-        } else {
-            (self.committed.disp, false, self.stiffness * stretch)
-        };
-        // After slipping the committed displacement is where the spring is at its yield: there a trial that repeats it keeps
-        // the slider, but for rounding.
-        let rounding = 2.0 * f64::EPSILON * disp.abs().max(self.yield_disp);
-        let repeats = self.committed.flows && stretch.abs() >= self.yield_disp - rounding;
-        self.trial = Slider {
-            disp: moved,
-            slipping,
-            flows: slipping || repeats,
-        };
-        self.ratio * self.stiffness * disp + (1.0 - self.ratio) * force
+        let (slider, force) = self.at(disp);
+        self.trial = slider;
+        force
+    }
+
+    fn step(&mut self, disp: f64, _vel: f64, _dt: f64) -> f64 {
+        let (slider, force) = self.at(disp);
+        (self.trial, self.committed) = (slider, slider);
+        force
     }
 
     fn commit(&mut self) {

@@ -34,10 +34,10 @@ impl ByRows {
         }
     }
 
-    /// Brings the laws up to date; they may be changed after that. Real-time: yes.
-    pub(super) fn store(&mut self, connections: &mut [Connection]) {
+    /// Brings the laws up to date. `change`: they may be changed after that. Real-time: yes.
+    pub(super) fn store(&mut self, connections: &mut [Connection], change: bool) {
         if let Some(strip) = &mut self.strip {
-            strip.store(connections);
+            strip.store(connections, change);
         }
     }
 

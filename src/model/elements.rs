@@ -131,6 +131,10 @@ impl Elements {
         self.keeps_tangents = false;
     }
 
+    pub(super) const fn keeps_tangents(&self) -> bool {
+        self.keeps_tangents
+    }
+
     pub(super) fn set_lanes(&mut self, lanes: Lanes) {
         self.lanes = lanes;
     }
@@ -182,7 +186,7 @@ impl Elements {
                     by_rows,
                     ..
                 } => {
-                    by_rows.store(connections);
+                    by_rows.store(connections, true);
                     for connection in connections {
                         connection.law.trial(0.0, 0.0, 0.0);
                         all.push(Tangent {
@@ -198,31 +202,31 @@ impl Elements {
     }
 
     pub(super) fn commit(&mut self) {
-        self.connections_mut()
+        self.connections_mut(true)
             .for_each(|connection| connection.law.commit());
     }
 
     pub(super) fn revert(&mut self) {
-        self.connections_mut()
+        self.connections_mut(true)
             .for_each(|connection| connection.law.revert());
     }
 
     /// Elements in runs have no memory.
     pub(super) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        for connection in self.connections_mut() {
+        for connection in self.connections_mut(visit.restores()) {
             connection.law.visit_state(visit);
         }
     }
 
-    /// The elements that are kept one by one: all that have a memory.
-    fn connections_mut(&mut self) -> impl Iterator<Item = &mut Connection> {
-        self.groups.iter_mut().flat_map(|group| match group {
+    /// The elements that are kept one by one: all that have a memory. `change`: they may change.
+    fn connections_mut(&mut self, change: bool) -> impl Iterator<Item = &mut Connection> {
+        self.groups.iter_mut().flat_map(move |group| match group {
             Group::Singles {
                 connections,
                 by_rows,
                 ..
             } => {
-                by_rows.store(connections);
+                by_rows.store(connections, change);
                 &mut connections[..]
             }
             Group::Run(_) => &mut [],
@@ -279,7 +283,7 @@ impl Elements {
                     by_rows,
                     ..
                 } => {
-                    by_rows.store(connections);
+                    by_rows.store(connections, true);
                     for Connection { law, from, to } in connections {
                         let deformation = at(*to, disp, base.disp) - at(*from, disp, base.disp);
                         let rate = at(*to, vel, base.vel) - at(*from, vel, base.vel);

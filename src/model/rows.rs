@@ -261,7 +261,7 @@ impl<V: Copy, F: PointForce> Even<V, F> {
         isa.add(sum, isa.mul(e, below))
     }
 
-    /// r ← r − K x − C v − f; `FRESH`: r ← K x − C v − f, for which K is to come with its sign changed.
+    /// r ← r − K x − C v − f; `FRESH`: r ← 0 − K x − C v − f, with the sign of a zero that this gives.
     #[inline(always)]
     fn rows<I: Isa<V = V>, const FRESH: bool>(
         self,
@@ -273,7 +273,7 @@ impl<V: Copy, F: PointForce> Even<V, F> {
         let x = [isa.load(x[0]), isa.load(x[1]), isa.load(x[2])];
         let springs = Self::product(isa, self.stiffness, x);
         let sum = if FRESH {
-            springs
+            isa.sub(isa.splat(0.0), springs)
         } else {
             isa.sub(isa.load(r), springs)
         };
@@ -292,8 +292,6 @@ fn even<I: Isa, F: PointForce, const FRESH: bool>(
     (x, v): (&[f64], &[f64]),
     r: &mut [f64],
 ) {
-    // 0 − a is −a, which the negative of both entries gives without an operation.
-    let k = if FRESH { (-k.0, -k.1) } else { k };
     let chain = Even {
         stiffness: (isa.splat(k.0), isa.splat(k.1)),
         damping: (isa.splat(c.0), isa.splat(c.1)),

@@ -78,9 +78,9 @@ impl Strip {
         })
     }
 
-    /// Brings the laws up to date; they may be changed after that. Real-time: yes.
-    pub(super) fn store(&mut self, connections: &mut [Connection]) {
-        self.loaded = false;
+    /// Brings the laws up to date. `change`: they may be changed after that. Real-time: yes.
+    pub(super) fn store(&mut self, connections: &mut [Connection], change: bool) {
+        self.loaded &= !change;
         if self.stored {
             return;
         }
@@ -164,13 +164,7 @@ impl Strip {
     }
 
     /// Of a row, the element that ends there comes before the one that begins there.
-    fn enter(
-        &self,
-        ends: Range<usize>,
-        begins: Range<usize>,
-        from: usize,
-        residual: &mut [f64],
-    ) {
+    fn enter(&self, ends: Range<usize>, begins: Range<usize>, from: usize, residual: &mut [f64]) {
         let place = self.to + ends.start..self.to + ends.end;
         if let (Some(rows), Some(forces)) = (residual.get_mut(place), self.forces.get(ends)) {
             for (r, f) in rows.iter_mut().zip(forces) {

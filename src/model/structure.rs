@@ -365,6 +365,13 @@ impl Structure {
         residual: &mut [f64],
         fresh: bool,
     ) {
+        if self.elements.keeps_tangents() {
+            debug_assert_eq!(rows, 0..residual.len(), "the reach is all rows");
+            if fresh {
+                residual.fill(0.0);
+            }
+            return self.walk::<true>(motion, residual);
+        }
         if !self.subtract_even(rows.clone(), motion, residual, fresh) {
             if fresh && let Some(residual) = residual.get_mut(rows.clone()) {
                 residual.fill(0.0);

@@ -278,33 +278,52 @@ impl Constants {
     }
 }
 
-impl Law for BoucWen {
-    fn trial(&mut self, disp: f64, _vel: f64, _dt: f64) -> f64 {
+impl BoucWen {
+    /// The state at `disp`, on a straight path from the committed one.
+    #[inline]
+    fn at(&self, disp: f64) -> State {
         let from = self.committed;
         let travel = disp - from.disp;
-        self.trial = if travel == 0.0 {
-            from
-        } else {
-            let direction = f64::copysign(1.0, travel);
-            let start = Point {
-                y: direction * from.zeta,
-                energy: from.energy,
-            };
-            let end = self.constants.along(start, travel.abs() / self.constants.yield_disp);
-            State {
-                disp,
-                zeta: direction * end.y,
-                energy: end.energy,
-                direction,
-            }
+        if travel == 0.0 {
+            return from;
+        }
+        let direction = f64::copysign(1.0, travel);
+        let start = Point {
+            y: direction * from.zeta,
+            energy: from.energy,
         };
+        let constants = &*self.constants;
+        let end = constants.along(start, travel.abs() / constants.yield_disp);
+        State {
+            disp,
+            zeta: direction * end.y,
+            energy: end.energy,
+            direction,
+        }
+    }
+
+    #[inline]
+    fn force(&self, disp: f64, zeta: f64) -> f64 {
         let Constants {
             stiffness,
             yield_force,
             ratio,
             ..
         } = *self.constants;
-        ratio * stiffness * disp + (1.0 - ratio) * yield_force * self.trial.zeta
+        ratio * stiffness * disp + (1.0 - ratio) * yield_force * zeta
+    }
+}
+
+impl Law for BoucWen {
+    fn trial(&mut self, disp: f64, _vel: f64, _dt: f64) -> f64 {
+        self.trial = self.at(disp);
+        self.force(disp, self.trial.zeta)
+    }
+
+    fn step(&mut self, disp: f64, _vel: f64, _dt: f64) -> f64 {
+        let state = self.at(disp);
+        (self.trial, self.committed) = (state, state);
+        self.force(disp, state.zeta)
     }
 
     fn commit(&mut self) {

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use super::super::*;
 use crate::law::{Law, LawSpec, Memoryless, Tangent};
 use crate::linalg::{Lanes, SymMatrix};
-use crate::state::Visit;
+use crate::state::{TestState, Visit};
 
 /// A law that does not say what it is: it cannot stand in a run.
 #[derive(Debug)]
@@ -232,6 +232,45 @@ fn some_rows_at_a_time_give_the_bits_of_all_rows_on_all_lanes() {
                     );
                 }
             }
+        }
+    }
+}
+
+/// A strip keeps its sliders out of its laws while it is stepped by rows: whoever asks for them gets them, and what is put
+/// back is used.
+#[test]
+fn a_strip_saves_restores_reverts_and_mixes_like_its_elements_one_by_one() {
+    let parts = [(4, None, 0, 40), (4, Some(40), 41, 30)];
+    let (mut strips, mut singles) = (structure(120, &parts, false), structure(120, &parts, true));
+    strips.forget_tangents();
+    let saved = |s: &mut Structure| TestState::of(|visit| s.visit_state(visit)).unwrap();
+    let mut kept = None;
+    for salt in 0..40 {
+        let base = Base::default();
+        if salt % 3 == 1 {
+            assert_eq!(
+                whole(&mut strips, salt, base, false),
+                whole(&mut singles, salt, base, false)
+            );
+        } else {
+            assert_eq!(
+                by_rows(&mut strips, salt, 17, base, false),
+                whole(&mut singles, salt, base, false)
+            );
+        }
+        assert_eq!(saved(&mut strips), saved(&mut singles), "{salt}");
+        match salt % 7 {
+            2 => kept = Some(saved(&mut strips)),
+            4 => {
+                strips.revert();
+                singles.revert();
+            }
+            5 => {
+                let kept = kept.take().unwrap();
+                kept.restore(|visit| strips.visit_state(visit)).unwrap();
+                kept.restore(|visit| singles.visit_state(visit)).unwrap();
+            }
+            _ => {}
         }
     }
 }
