@@ -30,17 +30,20 @@ fn every_kind_of_load_gives_the_bits_of_a_whole_step() {
         )
     };
     let sine = "signal.sine = { amplitude = 300, frequency_hz = 3 }\n";
-    let loads = [
-        "[excitation.ground_acceleration]\nsignal.sine = { amplitude = 2, frequency_hz = 3 }\n"
-            .to_owned(),
-        // A few loaded DOFs: this is no load by rows.
-        format!("[[excitation.nodal_force]]\ndofs = [2]\n{sine}"),
-        "[excitation.base_displacement]\nsignal.sine = { amplitude = 0.1, frequency_hz = 1 }\n"
-            .to_owned(),
-    ];
+    let loads = |dofs: usize| {
+        let pattern: Vec<f64> = (0..dofs).map(|i| 1.0 + (i % 7) as f64).collect();
+        let base =
+            "[excitation.base_displacement]\nsignal.sine = { amplitude = 0.1, frequency_hz = 1 }\n";
+        [
+            // On every DOF: made row by row. On few: not.
+            format!("[[excitation.nodal_force]]\npattern = {pattern:?}\n{sine}"),
+            format!("[[excitation.nodal_force]]\ndofs = [2]\n{sine}"),
+            base.to_owned(),
+        ]
+    };
     // Within one block of the factor, and in several.
     for dofs in [3, 100, 3000] {
-        for load in &loads {
+        for (kind, load) in loads(dofs).iter().enumerate() {
             let (mut whole, mut ports) = numerical(&chain(dofs), load);
             let (mut by_rows, mut others) = numerical(&chain(dofs), load);
             for step in 0..60 {
@@ -58,12 +61,12 @@ fn every_kind_of_load_gives_the_bits_of_a_whole_step() {
                     (&whole.accel, &by_rows.accel),
                 ];
                 for (which, (one, other)) in pairs.into_iter().enumerate() {
-                    assert_eq!(bits(one), bits(other), "{dofs} {load} {step} {which}");
+                    assert_eq!(bits(one), bits(other), "{dofs} {kind} {step} {which}");
                 }
             }
             assert!(
                 whole.accel[1].abs() > 1e-6,
-                "{dofs} {load}: {}",
+                "{dofs} {kind}: {}",
                 whole.accel[1]
             );
         }
