@@ -8,7 +8,7 @@
  * The chain is cut into 16 segments that are solved side by side, one per vector lane. Row j of all segments stands
  * together in memory, for the whole run: nothing is ever turned. Forces and the forward sweep are one loop, backward
  * sweep and the predictor another. Each segment is solved as if its neighbours stood still; what its two ends do to the
- * rows next to them is added afterwards, as far as it reaches. N that 16 does not divide is rounded down.
+ * rows next to them is added afterwards, as far as it reaches. N that 16 does not divide is rounded down (5000 to 4992).
  */
 #include <math.h>
 #include <stdio.h>
