@@ -149,7 +149,7 @@ fn main() {
     );
 }
 
-/// What stands between the bare bytes and a round trip of ours, without sockets: ns, medians.
+/// Prints the parts of a round trip that need no socket: ns, medians.
 fn print_parts() {
     let session = |side, from| {
         let encoder = Encoder::new(side, AXES, 7, None).unwrap();

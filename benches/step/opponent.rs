@@ -102,7 +102,7 @@ fn chain(n: usize, which: usize) -> Chain {
     Chain::of(structure.expect("a sound chain"))
 }
 
-/// The program for this processor, with AVX-512 only if that is asked for.
+/// The program for this processor, with AVX-512 only if `lanes` are those.
 fn compiled(lanes: Lanes) -> Option<PathBuf> {
     let source = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/step/opponent.c");
     let name = format!("opponent-{}", lanes.to_string().to_lowercase());

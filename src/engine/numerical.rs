@@ -221,7 +221,7 @@ impl Numerical {
         }
     }
 
-    /// [`Numerical::close`] and [`Numerical::advance`] at once, with the same bits: an explicit method goes on with some rows
+    /// [`Numerical::close`] and [`Numerical::advance`] at once, with the same bits: an explicit method moves some rows
     /// while their forces are near. Real-time: yes, unless the method is offline.
     ///
     /// # Errors

@@ -183,7 +183,7 @@ impl Integrator for Gui {
         reported_vel: &mut Aligned,
     ) {
         let pace = self.pace(state.begun);
-        // Rows are moved one block after the forces of their own.
+        // Rows are moved one block after their forces are made.
         let near = forces.reach() <= self.effective_mass.rows_at_a_time();
         if !(near && pace.lead == 0.0 && reported_vel.len() == state.vel.len()) {
             fill_all(forces, &state.disp, &state.vel, residual);
@@ -305,7 +305,7 @@ impl Kernel for Move<'_> {
     }
 }
 
-/// The same with the velocities of the next step in a vector of their own. All slices are equally long.
+/// [`Move`] with the velocities of the next step in another vector. All slices are equally long.
 struct MoveOver<'a> {
     disp: &'a mut [f64],
     vel: &'a [f64],

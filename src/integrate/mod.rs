@@ -114,7 +114,7 @@ pub trait Integrator: Send + fmt::Debug {
     /// Real-time: yes.
     fn advance(&mut self, state: &mut State, residual: &[f64], reported_vel: &mut [f64]);
 
-    /// The same with a residual that is made here, some rows at a time where the method can go on with them at once.
+    /// [`Integrator::advance`] with a residual that is made here, some rows at a time where the method can move them at once.
     /// The bits are those of `forces` for all rows and [`Integrator::advance`], and `residual` holds r\[n\] afterwards.
     /// `reported_vel` may change places with the velocities of the state. Real-time: yes.
     fn step(
@@ -146,10 +146,10 @@ fn fill_all(forces: &mut dyn RowForces, disp: &[f64], vel: &[f64], residual: &mu
 
 /// What makes the residual r = F − R of a step, row by row.
 pub trait RowForces {
-    /// Number of rows above those that are asked for whose displacements are needed, too.
+    /// Number of rows above the requested ones whose displacements are needed, too.
     fn reach(&self) -> usize;
 
-    /// residual\[rows\] ← r of these rows; all slices are whole. In one step rows are asked for in ascending order, each
+    /// residual\[rows\] ← r of these rows; all slices are whole. In one step rows are requested in ascending order, each
     /// once; displacements of rows further above than [`RowForces::reach`] may belong to the next step already.
     /// Real-time: yes.
     fn fill(&mut self, rows: Range<usize>, disp: &[f64], vel: &[f64], residual: &mut [f64]);

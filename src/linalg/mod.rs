@@ -232,7 +232,7 @@ impl Spd {
         self.solve_rows(&mut Apart(rhs, x, done));
     }
 
-    /// The same where the right-hand side is only made when it is asked for; see [`Rows`]. Real-time: yes, if `vectors` is.
+    /// [`Spd::solve_into`] where the right-hand side is only made when it is requested; see [`Rows`]. Real-time: yes, if `vectors` is.
     #[inline]
     pub fn solve_rows(&mut self, vectors: &mut impl Rows) {
         if let Factor::Partitioned(factor) = &mut self.factor {
@@ -245,7 +245,7 @@ impl Spd {
         vectors.solved(0..n);
     }
 
-    /// Rows after which [`Spd::solve_rows`] may hand solutions over: when the right-hand side of a row is asked for, the
+    /// Rows after which [`Spd::solve_rows`] may hand solutions over: when the right-hand side of a row is requested, the
     /// solutions of all rows that lie further above it may be known.
     #[must_use]
     pub fn rows_at_a_time(&self) -> usize {
@@ -279,7 +279,7 @@ impl Spd {
     }
 }
 
-/// Right-hand side and solution of [`Spd::solve_rows`]. Rows are asked for in ascending order, each once, first their
+/// Right-hand side and solution of [`Spd::solve_rows`]. Rows are requested in ascending order, each once, first their
 /// right-hand side, then the place of their solution.
 pub trait Rows {
     /// The right-hand side of these rows.
@@ -288,7 +288,7 @@ pub trait Rows {
     /// Where the solution of these rows is written.
     fn solution(&mut self, rows: Range<usize>) -> &mut [f64];
 
-    /// The solution of these rows stands there. Nothing is done by default.
+    /// The solution of these rows is complete. Nothing is done by default.
     fn solved(&mut self, rows: Range<usize>) {
         let _ = rows;
     }
@@ -298,7 +298,7 @@ pub trait Rows {
     fn start(&mut self, n: usize);
 }
 
-/// Right-hand side, solution, and who is told of it.
+/// Right-hand side, solution, and the function that receives it.
 struct Apart<'a, F>(&'a [f64], &'a mut [f64], F);
 
 impl<F: FnMut(Range<usize>, &[f64])> Rows for Apart<'_, F> {

@@ -341,7 +341,7 @@ impl Elements {
     }
 
     /// residual ← residual − force, `rows` of it, for all groups but the first `skipped`, with a commit. In one step rows
-    /// are asked for in ascending order, each once. Real-time: yes.
+    /// are requested in ascending order, each once. Real-time: yes.
     #[inline]
     pub(super) fn subtract_rows(
         &mut self,
@@ -378,7 +378,7 @@ fn in_strips(group: Group, n: usize) -> Vec<Group> {
     while !left.is_empty() {
         let length = Strip::length(left.iter_mut().map(|(hot, cold)| (hot, ends(cold))));
         if length < SHORTEST {
-            // What is too short for a strip is too short from its second element on, too.
+            // A row of elements too short for a strip is too short from its second element on, too.
             others.extend(left.drain(..length.max(1)));
         } else {
             groups.extend(of_others(&mut others, n));

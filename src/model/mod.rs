@@ -91,7 +91,7 @@ pub struct Base {
     pub vel: f64,
 }
 
-/// What the forces of one instant follow from.
+/// The motion that determines the forces of one instant.
 #[derive(Debug, Clone, Copy)]
 pub struct Motion<'a> {
     /// x in m, one entry per degree of freedom.

@@ -45,7 +45,7 @@ impl PointForce for BiviscousForce {
         let Self(damping, post_yield, yield_vel) = self;
         let within = isa.min(vel, isa.splat(yield_vel));
         let within = isa.max(within, isa.splat(-yield_vel));
-        // Below the yield velocity this is −0, which leaves every number as it is, −0 too.
+        // Below the yield velocity this is −0, which changes no number, −0 included.
         let beyond = isa.mul(isa.splat(-post_yield), isa.sub(within, vel));
         isa.add(isa.mul(isa.splat(damping), within), beyond)
     }

@@ -133,7 +133,7 @@ impl OfForce for Between<'_> {
         while start < all.end {
             let rows = start..(start + TURN).min(all.end);
             start = rows.end;
-            // Of a row, the element that ends there comes before the one that begins there.
+            // The element that ends in a row comes before the one that begins there.
             let (ends, begins) = (this.at(&rows, this.to), this.at(&rows, this.from));
             let both =
                 if ends.is_empty() { &begins } else { &ends }.start..begins.end.max(ends.end);

@@ -244,7 +244,7 @@ impl Run {
         );
     }
 
-    /// What the elements of a run that is anchored are fastened to.
+    /// The motion of the place that the elements of an anchored run are fastened to.
     fn base(&self, base: Base) -> Base {
         match self.from {
             Start::Anchor(End::Ground) => base,

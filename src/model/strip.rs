@@ -1,6 +1,6 @@
 //! A [`Strip`]: bilinear elements with the same numbers at degrees of freedom that follow each other.
 //!
-//! Their sliders stand in plain vectors while a test steps by rows, and go back to the laws when anybody asks for these.
+//! Their sliders are kept in plain vectors while a test steps by rows, and go back to the laws before these are read.
 
 use std::ops::Range;
 
@@ -146,7 +146,7 @@ impl Strip {
         }
     }
 
-    /// Forces of the elements up to `end`, which begin at `from` and those after it, as far as they were not made yet.
+    /// Forces of the elements up to `end`, which begin at `from` and those after it, except those that were made before.
     fn evaluate(&mut self, end: usize, from: usize, disp: &[f64], lanes: Lanes) {
         let elements = self.done..end.max(self.done);
         self.done = elements.end;
@@ -163,7 +163,7 @@ impl Strip {
         }
     }
 
-    /// Of a row, the element that ends there comes before the one that begins there.
+    /// The element that ends in a row comes before the one that begins there.
     fn enter(&self, ends: Range<usize>, begins: Range<usize>, from: usize, residual: &mut [f64]) {
         let place = self.to + ends.start..self.to + ends.end;
         if let (Some(rows), Some(forces)) = (residual.get_mut(place), self.forces.get(ends)) {
@@ -316,7 +316,7 @@ impl<V: Copy> Form<V> {
         }
     }
 
-    /// What the law does on the way to `disp` and commits, in the same operations. Returns its force.
+    /// Moves the slider as the law does on the way to `disp` and commits, in the same operations. Returns its force.
     #[inline(always)]
     fn slide<I: Isa<V = V>>(
         self,

@@ -354,7 +354,7 @@ impl Structure {
     }
 
     /// As [`Structure::subtract_internal`] for some rows only, with the same bits; all slices are whole. In one step rows
-    /// are asked for in ascending order, each once, and every element is committed with the first of its rows.
+    /// are requested in ascending order, each once, and every element is committed with the first of its rows.
     /// Displacements of rows further above than [`Structure::reach`] are not read. With `fresh` the residual begins with
     /// zeros, whatever is there. Real-time: yes.
     #[inline]
@@ -381,7 +381,7 @@ impl Structure {
         }
     }
 
-    /// The same where inner rows of both K and C are alike, in one pass over them. False if nothing was done.
+    /// [`Structure::subtract_rows`] where inner rows of both K and C are alike, in one pass over them. False if nothing was done.
     #[inline]
     fn subtract_even(
         &mut self,

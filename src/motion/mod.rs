@@ -337,8 +337,8 @@ impl Excitation {
         self.table.is_none() && self.terms.iter().all(is_dense)
     }
 
-    /// The loads of these rows alone, with the bits of [`Excitation::load_into`]; `out` is whole. False if there are none
-    /// at this step: then `out` stays as it is. Only if [`Excitation::is_by_rows`]. Real-time: yes.
+    /// The loads of these rows alone, with the bits of [`Excitation::load_into`]; `out` is whole. False if no load acts
+    /// at this step: then `out` stays unchanged. Only if [`Excitation::is_by_rows`]. Real-time: yes.
     #[inline]
     pub fn load_rows(&self, step: usize, rows: Range<usize>, out: &mut [f64]) -> bool {
         let factor = |term: &Term| term.series.get(step).copied().unwrap_or(0.0);

@@ -241,7 +241,7 @@ pub(crate) struct Constants {
 const MOST_SHARED: usize = 32;
 
 impl BoucWen {
-    /// Takes equal constants from `known` in place of its own; others join `known`. A long chain of equal elements then
+    /// Replaces its constants by equal ones of `known`; others join `known`. A long chain of equal elements then
     /// reads them from the nearest cache.
     pub(crate) fn share(&mut self, known: &mut Vec<Arc<Constants>>) {
         match known.iter().find(|other| ***other == *self.constants) {

@@ -94,7 +94,7 @@ impl Lanes {
 /// A calculation that is compiled once for each path. `run` must be `#[inline(always)]`, and all that it calls: what
 /// stays a call of its own is compiled for every processor. A closure may stay one: none uses an [`Isa`].
 pub(crate) trait Kernel {
-    /// What it gives.
+    /// Its result.
     type Output;
 
     /// The calculation.
@@ -129,7 +129,7 @@ pub(crate) trait Isa: Copy {
     /// `yes` where a ≤ b of a pair, else `no`.
     fn if_at_most(self, pair: (Self::V, Self::V), yes: Self::V, no: Self::V) -> Self::V;
 
-    /// The first [`Isa::GROUP`] entries, of which there must be as many.
+    /// The first [`Isa::GROUP`] entries; there must be as many.
     fn load_group(self, from: &[f64]) -> Self::G;
     fn store_group(self, value: Self::G, into: &mut [f64]);
     fn splat_group(self, value: f64) -> Self::G;

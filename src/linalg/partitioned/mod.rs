@@ -150,8 +150,8 @@ impl Partitioned {
         self.solve(&mut InPlace(x));
     }
 
-    /// x ← A⁻¹ b, both wherever `vectors` has them: each right-hand side is asked for once, tile by tile, and each
-    /// solution is handed over as soon as it stands, one tile later or when all have been asked for. Real-time: yes.
+    /// x ← A⁻¹ b, both wherever `vectors` has them: each right-hand side is requested once, tile by tile, and each
+    /// solution is handed over as soon as it is complete, one tile later or after all requests. Real-time: yes.
     pub(super) fn solve(&mut self, vectors: &mut impl Rows) {
         let tiles = self.of_tile.len();
         if self.interfaces.multiplier.is_empty() {

@@ -157,7 +157,7 @@ impl<const B: usize, const EVEN: bool> Kernel for Known<Up<'_>, B, EVEN> {
         let (fill, reach) = coefficients.fill::<EVEN>();
         let mut left = Row([before; SEGMENTS]);
         left.0[1..].copy_from_slice(&interfaces[..SEGMENTS - 1]);
-        // The row of the interface itself; nothing of its own segment lies below it.
+        // The row of the interface itself; its segment ends there.
         let mut below = Row(*interfaces);
         let mut links = multipliers.block(0);
         for at in (0..blocks).rev() {

@@ -175,7 +175,7 @@ fn names_matrices_and_tangents_of_a_run_are_those_of_its_elements() {
     assert_eq!(forgets.tangent_damping(), rest);
 }
 
-/// The same forces, `cut` rows at a time; `fresh` begins with zeros where other numbers stand.
+/// Those forces, `cut` rows at a time; `fresh` begins with zeros in place of other numbers.
 fn by_rows(
     structure: &mut Structure,
     salt: usize,
@@ -236,8 +236,8 @@ fn some_rows_at_a_time_give_the_bits_of_all_rows_on_all_lanes() {
     }
 }
 
-/// A strip keeps its sliders out of its laws while it is stepped by rows: whoever asks for them gets them, and what is put
-/// back is used.
+/// A strip keeps its sliders out of its laws while it is stepped by rows: every reader gets them, and restored ones
+/// are used.
 #[test]
 fn a_strip_saves_restores_reverts_and_mixes_like_its_elements_one_by_one() {
     let parts = [(4, None, 0, 40), (4, Some(40), 41, 30)];
