@@ -399,17 +399,29 @@ fn in_strips(group: Group, n: usize) -> Vec<Group> {
 
 fn of_others(others: &mut Vec<(Connection, Facts)>, n: usize) -> Option<Group> {
     let (mut connections, facts): (Vec<Connection>, Vec<_>) = others.drain(..).unzip();
-    let mut known = Vec::new();
-    for connection in &mut connections {
-        if let Some(law) = connection.law.bouc_wen() {
-            law.share(&mut known);
-        }
-    }
+    share_constants(&mut connections);
     (!connections.is_empty()).then(|| Group::Singles {
         by_rows: ByRows::new(&connections, n),
         connections,
         facts,
     })
+}
+
+/// Bouc–Wen laws with equal constants keep these once, and follow each other in memory: a long chain reads little.
+fn share_constants(connections: &mut [Connection]) {
+    let copies = connections.iter_mut().map(|connection| {
+        let law = connection.law.bouc_wen();
+        law.map(|law| Box::new(law.clone()))
+    });
+    // All of them before the first original is dropped.
+    let copies: Vec<_> = copies.collect();
+    let mut known = Vec::new();
+    for (connection, copy) in connections.iter_mut().zip(copies) {
+        if let Some(mut law) = copy {
+            law.share(&mut known);
+            connection.law = law;
+        }
+    }
 }
 
 /// Upper bounds of both tangents of one element.
