@@ -30,9 +30,10 @@ use gusset::rt::os::{monotonic_ns, pin_to, process_cpus};
 use gusset::specimen::SpecimenLaw;
 use gusset::substructure::{Command, Coupling, Measurement, Retirement, Substructure};
 use gusset::time::Nanos;
+use gusset::wire::Side;
 use gusset::wire::handshake::{Axis, Sampling, Unit};
 use gusset::wire::key::PreSharedKey;
-use gusset::wire::native::{Kind, frame_len};
+use gusset::wire::native::{Decoder, Encoder, Frame, Kind, Moment, frame_len};
 
 const ROUNDS: usize = 7;
 const EXCHANGES: usize = 20_000;
@@ -139,12 +140,76 @@ fn main() {
             middle(&|(_, moved, ours)| ours.p50 / moved.p50),
         );
     }
+    print_parts();
     let recorded = writer.finish().unwrap();
     println!(
         "rows written meanwhile: {}, lost: {}",
         recorded.rows_written,
         recorded.rows_lost()
     );
+}
+
+/// Prints the parts of a round trip that need no socket: ns, medians.
+fn print_parts() {
+    let session = |side, from| {
+        let encoder = Encoder::new(side, AXES, 7, None).unwrap();
+        (encoder, Decoder::new(from, AXES, 7, None).unwrap())
+    };
+    let (mut near, mut near_in) = session(Side::Controller, Side::Specimen);
+    let (mut far, mut far_in) = session(Side::Specimen, Side::Controller);
+    let (mut frame, mut measured) = ([0; 1024], Measurement::zeros(AXES));
+    let (mut disp, mut vel) = ([1e-3; AXES], [0.0; AXES]);
+    let codec = nanoseconds(|sequence| {
+        let (time, dt) = (sequence as f64 * 1e-3, 1e-3);
+        let command = Command {
+            sequence,
+            time,
+            dt,
+            disp: &[1e-3; AXES],
+            vel: &[0.0; AXES],
+        };
+        let length = near.command(&command, &mut frame).unwrap();
+        let received = far_in.open(&frame[..length]).unwrap();
+        if let Frame::Command(command) = received.frame {
+            command.read(&mut disp, &mut vel).unwrap();
+        }
+        measured.sequence = sequence;
+        let length = far
+            .measurement(&measured, Moment::default(), &mut frame)
+            .unwrap();
+        let received = near_in.open(&frame[..length]).unwrap();
+        if let Frame::Measurement(found) = received.frame {
+            found.read(&mut measured).unwrap();
+        }
+    });
+    let (there, back) = lengths(false);
+    let bytes = vec![3; back];
+    let checksums = nanoseconds(|_| {
+        for length in [there, there, back, back] {
+            std::hint::black_box(crc32fast::hash(std::hint::black_box(&bytes[..length])));
+        }
+    });
+    let clock = nanoseconds(|_| {
+        std::hint::black_box(monotonic_ns());
+    });
+    println!(
+        "of a round trip: codec at both ends {codec:.0} ns, of it checksums {checksums:.0} ns; one clock reading {clock:.0} ns"
+    );
+}
+
+/// Median over rounds of the mean time of a call, in ns.
+fn nanoseconds(mut call: impl FnMut(u64)) -> f64 {
+    let (mut sequence, mut rounds) = (0, Vec::new());
+    for _ in 0..ROUNDS {
+        let begun = monotonic_ns();
+        for _ in 0..EXCHANGES {
+            call(sequence);
+            sequence += 1;
+        }
+        rounds.push((monotonic_ns() - begun) as f64 / EXCHANGES as f64);
+    }
+    rounds.sort_unstable_by(f64::total_cmp);
+    rounds[ROUNDS / 2]
 }
 
 /// In µs.

@@ -3,11 +3,12 @@
 //!
 //! * `chain`: example 4.3 of Gui et al. 2014, n = 500 … 5000, beside a dense implementation, a banded Newton, plain
 //!   sweeps and the paper's Table 2;
+//! * `opponent`: chains of every law beside one C program that is written for them, `opponent.c`, on both vector widths;
 //! * `large`: the same with 1e5 and 1e6 degrees of freedom, beside the bandwidth of the memory;
 //! * `banded`: half bandwidth 8 and 32, beside a straightforward banded Cholesky;
 //! * `mesh`: plane frame and space grid of about 1e4, sparse; `tools/superlu` times SciPy's SuperLU on the same matrices.
 //!
-//! `cargo bench --bench step -- chain large banded mesh` chooses sections, all without a word; `dense` also times
+//! `cargo bench --bench step -- chain opponent large banded mesh` chooses sections, all without a word; `dense` also times
 //! dense matrices beyond 3000 (24 n² bytes: 600 MB at 5000); `export DIR` writes the matrices of `mesh` in Matrix
 //! Market form. Times are medians; the load of the machine is printed, since others' work is in every figure.
 
@@ -17,6 +18,7 @@ mod banded;
 mod chain;
 mod large;
 mod mesh;
+mod opponent;
 mod opponents;
 
 use gusset::rt::clock::{MonotonicClock, USUAL_SPIN_NS};
@@ -25,11 +27,14 @@ use gusset::time::Clock;
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let asked = |word: &str| arguments.iter().any(|a| a == word);
-    let sections = ["chain", "large", "banded", "mesh"];
+    let sections = ["chain", "opponent", "large", "banded", "mesh"];
     let all = !sections.iter().any(|section| asked(section)) && !asked("export");
     println!("load average {}", load());
     if all || asked("chain") {
         chain::run(asked("dense"));
+    }
+    if all || asked("opponent") {
+        opponent::run();
     }
     if all || asked("large") {
         large::run();

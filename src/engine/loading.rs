@@ -451,7 +451,7 @@ impl Loading {
             &mut residual,
         );
         for port in &mut *engine.ports {
-            port.subtract_force(&mut residual);
+            port.subtract_force(0..residual.len(), &mut residual);
         }
         found.force = size(&residual);
         self.settling.stiffness.solve_in_place(&mut residual);

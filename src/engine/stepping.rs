@@ -281,8 +281,8 @@ impl Stepping {
         match &mut *engine.side {
             Side::Structure(numerical) => {
                 let dt = if place.step == 0 { 0.0 } else { engine.plan.dt };
-                numerical.close(place.step, dt, engine.ports);
-                numerical.advance(place.step).map_err(Stop::Step)?;
+                let made = numerical.make_step(place.step, dt, engine.ports);
+                made.map_err(Stop::Step)?;
                 let base = numerical.base(place.step + 1);
                 let state = &numerical.state;
                 for port in &mut *engine.ports {

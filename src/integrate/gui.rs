@@ -17,9 +17,9 @@ use std::ops::Range;
 
 use thiserror::Error;
 
-use super::{Integrator, Lambda, LambdaError, Start, State};
+use super::{Integrator, Lambda, LambdaError, RowForces, Start, State, fill_all};
 use crate::linalg::lanes::{Isa, Kernel};
-use crate::linalg::{Lanes, NotPositiveDefinite, Spd, Storage, SymMatrix};
+use crate::linalg::{Aligned, Lanes, NotPositiveDefinite, Rows, Spd, Storage, SymMatrix};
 
 /// Why there is no integrator.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
@@ -153,14 +153,7 @@ impl Integrator for Gui {
         } = state;
         debug_assert_eq!(residual.len(), self.effective_mass.n());
         debug_assert_eq!((disp.len(), vel.len()), (residual.len(), residual.len()));
-        let dt = self.dt;
-        // Velocity reported for n: v[n] + lead · w[n]; velocity gained on the way to n + 1: gain · w[n].
-        let (lead, gain) = match (self.start, *begun) {
-            (Start::Published, _) => (0.0, dt),
-            (Start::SecondOrder, false) => (0.0, dt / 2.0),
-            (Start::SecondOrder, true) => (dt / 2.0, dt),
-        };
-        let lanes = self.lanes;
+        let (pace, lanes) = (self.pace(*begun), self.lanes);
         let go_on = |rows: Range<usize>, weighted_accel: &[f64]| {
             if let (Some(disp), Some(vel), Some(reported)) = (
                 disp.get_mut(rows.clone()),
@@ -172,9 +165,7 @@ impl Integrator for Gui {
                     vel,
                     reported,
                     weighted_accel,
-                    dt,
-                    lead,
-                    gain,
+                    pace,
                 });
             }
         };
@@ -182,6 +173,103 @@ impl Integrator for Gui {
         self.effective_mass
             .solve_into(residual, weighted_accel, go_on);
         *begun = true;
+    }
+
+    fn step(
+        &mut self,
+        state: &mut State,
+        forces: &mut dyn RowForces,
+        residual: &mut [f64],
+        reported_vel: &mut Aligned,
+    ) {
+        let pace = self.pace(state.begun);
+        // Rows are moved one block after their forces are made.
+        let near = forces.reach() <= self.effective_mass.rows_at_a_time();
+        if !(near && pace.lead == 0.0 && reported_vel.len() == state.vel.len()) {
+            fill_all(forces, &state.disp, &state.vel, residual);
+            self.advance(state, residual, reported_vel);
+            return;
+        }
+        self.effective_mass.solve_rows(&mut Moving {
+            disp: &mut state.disp,
+            vel: &state.vel,
+            next_vel: reported_vel,
+            weighted_accel: &mut state.weighted_accel,
+            residual,
+            forces,
+            pace,
+            lanes: self.lanes,
+        });
+        // The velocity to report is the one that the step was made from.
+        std::mem::swap(&mut state.vel, reported_vel);
+        state.begun = true;
+    }
+}
+
+impl Gui {
+    fn pace(&self, begun: bool) -> Pace {
+        let dt = self.dt;
+        let (lead, gain) = match (self.start, begun) {
+            (Start::Published, _) => (0.0, dt),
+            (Start::SecondOrder, false) => (0.0, dt / 2.0),
+            (Start::SecondOrder, true) => (dt / 2.0, dt),
+        };
+        Pace { dt, lead, gain }
+    }
+}
+
+/// Δt; velocity reported for n: v\[n\] + lead · w\[n\]; velocity gained on the way to n + 1: gain · w\[n\].
+#[derive(Debug, Clone, Copy)]
+struct Pace {
+    dt: f64,
+    lead: f64,
+    gain: f64,
+}
+
+/// A step whose forces are made, solved for and moved some rows at a time: these rows cross the caches once.
+struct Moving<'a> {
+    disp: &'a mut [f64],
+    vel: &'a [f64],
+    next_vel: &'a mut [f64],
+    weighted_accel: &'a mut [f64],
+    residual: &'a mut [f64],
+    forces: &'a mut dyn RowForces,
+    pace: Pace,
+    lanes: Lanes,
+}
+
+impl Rows for Moving<'_> {
+    fn rhs(&mut self, rows: Range<usize>) -> &[f64] {
+        self.forces
+            .fill(rows.clone(), self.disp, self.vel, self.residual);
+        self.residual.get(rows).unwrap_or_default()
+    }
+
+    fn solution(&mut self, rows: Range<usize>) -> &mut [f64] {
+        self.weighted_accel.get_mut(rows).unwrap_or_default()
+    }
+
+    fn solved(&mut self, rows: Range<usize>) {
+        if let (Some(disp), Some(vel), Some(next_vel), Some(weighted_accel)) = (
+            self.disp.get_mut(rows.clone()),
+            self.vel.get(rows.clone()),
+            self.next_vel.get_mut(rows.clone()),
+            self.weighted_accel.get(rows),
+        ) {
+            self.lanes.run(MoveOver {
+                disp,
+                vel,
+                next_vel,
+                weighted_accel,
+                pace: self.pace,
+            });
+        }
+    }
+
+    fn start(&mut self, n: usize) {
+        debug_assert_eq!(n, self.residual.len());
+        fill_all(self.forces, self.disp, self.vel, self.residual);
+        self.weighted_accel.copy_from_slice(self.residual);
     }
 }
 
@@ -195,9 +283,7 @@ struct Move<'a> {
     vel: &'a mut [f64],
     reported: &'a mut [f64],
     weighted_accel: &'a [f64],
-    dt: f64,
-    lead: f64,
-    gain: f64,
+    pace: Pace,
 }
 
 impl Kernel for Move<'_> {
@@ -205,7 +291,7 @@ impl Kernel for Move<'_> {
 
     #[inline(always)]
     fn run<I: Isa>(self, _: I) {
-        let Move { dt, lead, gain, .. } = self;
+        let Pace { dt, lead, gain } = self.pace;
         let rows = self.disp.iter_mut().zip(self.vel).zip(self.reported);
         for (((x, v), reported), w) in rows.zip(self.weighted_accel) {
             let old = *v;
@@ -215,6 +301,41 @@ impl Kernel for Move<'_> {
             *reported = old + lead * w;
             *v = new;
             *x += dt * new;
+        }
+    }
+}
+
+/// [`Move`] with the velocities of the next step in another vector. All slices are equally long.
+struct MoveOver<'a> {
+    disp: &'a mut [f64],
+    vel: &'a [f64],
+    next_vel: &'a mut [f64],
+    weighted_accel: &'a [f64],
+    pace: Pace,
+}
+
+impl Kernel for MoveOver<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<I: Isa>(self, isa: I) {
+        let Pace { dt, gain, .. } = self.pace;
+        let (x, x_rest) = self.disp.as_chunks_mut::<8>();
+        let (v, v_rest) = self.vel.as_chunks::<8>();
+        let (next, next_rest) = self.next_vel.as_chunks_mut::<8>();
+        let (w, w_rest) = self.weighted_accel.as_chunks::<8>();
+        let (still, dts, gains) = (isa.splat(STILL), isa.splat(dt), isa.splat(gain));
+        for (((x, v), next), w) in x.iter_mut().zip(v).zip(next).zip(w) {
+            let w = isa.zero_below(isa.load(w), still);
+            let new = isa.add(isa.load(v), isa.mul(gains, w));
+            isa.store(new, next);
+            isa.store(isa.add(isa.load(x), isa.mul(dts, new)), x);
+        }
+        let rows = x_rest.iter_mut().zip(v_rest).zip(next_rest);
+        for (((x, v), next), w) in rows.zip(w_rest) {
+            let w = if w.abs() < STILL { 0.0 } else { *w };
+            *next = v + gain * w;
+            *x += dt * *next;
         }
     }
 }

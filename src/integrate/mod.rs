@@ -26,6 +26,7 @@ mod newmark;
 mod offline;
 
 use std::fmt;
+use std::ops::Range;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -112,6 +113,46 @@ pub trait Integrator: Send + fmt::Debug {
     /// holds the velocity to report for step **n**. All slices have one entry per degree of freedom.
     /// Real-time: yes.
     fn advance(&mut self, state: &mut State, residual: &[f64], reported_vel: &mut [f64]);
+
+    /// [`Integrator::advance`] with a residual that is made here, some rows at a time where the method can move them at once.
+    /// The bits are those of `forces` for all rows and [`Integrator::advance`], and `residual` holds r\[n\] afterwards.
+    /// `reported_vel` may change places with the velocities of the state. Real-time: yes.
+    fn step(
+        &mut self,
+        state: &mut State,
+        forces: &mut dyn RowForces,
+        residual: &mut [f64],
+        reported_vel: &mut Aligned,
+    ) {
+        fill_all(forces, &state.disp, &state.vel, residual);
+        self.advance(state, residual, reported_vel);
+    }
+}
+
+/// Rows that are made at a time where nothing moves meanwhile: their vectors stay in the nearest cache.
+const NEAR: usize = 1024;
+
+/// residual ← r of all rows. Real-time: yes, if `forces` is.
+fn fill_all(forces: &mut dyn RowForces, disp: &[f64], vel: &[f64], residual: &mut [f64]) {
+    let n = residual.len();
+    let near = if forces.reach() < n { NEAR } else { n };
+    let mut first = 0;
+    while first < n {
+        let rows = first..(first + near).min(n);
+        first = rows.end;
+        forces.fill(rows, disp, vel, residual);
+    }
+}
+
+/// What makes the residual r = F − R of a step, row by row.
+pub trait RowForces {
+    /// Number of rows above the requested ones whose displacements are needed, too.
+    fn reach(&self) -> usize;
+
+    /// residual\[rows\] ← r of these rows; all slices are whole. In one step rows are requested in ascending order, each
+    /// once; displacements of rows further above than [`RowForces::reach`] may belong to the next step already.
+    /// Real-time: yes.
+    fn fill(&mut self, rows: Range<usize>, disp: &[f64], vel: &[f64], residual: &mut [f64]);
 }
 
 /// How the first step is taken (Gui et al. 2014, eqs. (2), (3), against a start of second order).

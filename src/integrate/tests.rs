@@ -10,6 +10,7 @@ use crate::linalg::SymMatrix;
 use crate::model::Part;
 use crate::stability::*;
 
+mod by_rows;
 mod companions;
 mod family;
 mod forms;

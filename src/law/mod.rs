@@ -14,7 +14,7 @@ mod contact;
 mod damper;
 mod domain;
 mod elastic;
-pub(crate) mod memoryless;
+mod memoryless;
 mod parallel;
 mod plastic;
 mod spec;
@@ -34,6 +34,7 @@ pub use damper::{
 pub use elastic::{Cubic, CubicSpec, Linear, LinearSpec, SquareRoot, SquareRootSpec};
 pub use memoryless::Memoryless;
 pub use parallel::Parallel;
+pub(crate) use plastic::SliderForm;
 pub use plastic::{Bilinear, BilinearSpec};
 pub use spec::LawSpec;
 
@@ -170,6 +171,13 @@ pub trait Law: Send + std::fmt::Debug {
     /// The last trial becomes the committed state. A law without memory does nothing.
     fn commit(&mut self) {}
 
+    /// A trial that is committed at once.
+    fn step(&mut self, disp: f64, vel: f64, dt: f64) -> f64 {
+        let force = self.trial(disp, vel, dt);
+        self.commit();
+        force
+    }
+
     /// Forgets the last trial. A law without memory does nothing.
     fn revert(&mut self) {}
 
@@ -199,6 +207,16 @@ pub trait Law: Send + std::fmt::Debug {
     /// The law as plain numbers, if its force follows from the moment alone and takes no transcendental function:
     /// equal ones can then be evaluated side by side. `None` by default.
     fn memoryless(&self) -> Option<Memoryless> {
+        None
+    }
+
+    /// The law itself, if it is bilinear: many of them can be evaluated side by side. `None` by default.
+    fn bilinear(&mut self) -> Option<&mut Bilinear> {
+        None
+    }
+
+    /// The law itself, if it is a Bouc–Wen law: equal ones can share their constants. `None` by default.
+    fn bouc_wen(&mut self) -> Option<&mut BoucWen> {
         None
     }
 

@@ -56,6 +56,65 @@ pub struct Bilinear {
     trial: Slider,
 }
 
+/// A bilinear law as plain numbers, for loops over many.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct SliderForm {
+    /// k in N/m.
+    pub stiffness: f64,
+    /// In N.
+    pub yield_force: f64,
+    /// In m.
+    pub yield_disp: f64,
+    /// b.
+    pub ratio: f64,
+}
+
+impl Bilinear {
+    pub(crate) fn form(&self) -> SliderForm {
+        SliderForm {
+            stiffness: self.stiffness,
+            yield_force: self.yield_force,
+            yield_disp: self.yield_disp,
+            ratio: self.ratio,
+        }
+    }
+
+    /// Where the committed slider stands, and how it moved last: see [`Slider::to_number`].
+    pub(crate) fn slider(&self) -> (f64, f64) {
+        (self.committed.disp, self.committed.to_number())
+    }
+
+    /// Commits another slider; the last trial is that one, too.
+    pub(crate) fn set_slider(&mut self, disp: f64, motion: f64) {
+        self.committed = Slider::from_numbers(disp, motion);
+        self.trial = self.committed;
+    }
+
+    /// The slider and the force at `disp`, on a straight path from the committed slider.
+    #[inline]
+    fn at(&self, disp: f64) -> (Slider, f64) {
+        let stretch = disp - self.committed.disp;
+        let (moved, slipping, force) = if stretch > self.yield_disp {
+            (disp - self.yield_disp, true, self.yield_force)
+        } else if stretch < -self.yield_disp {
+            (disp + self.yield_disp, true, -self.yield_force)
+        } else {
+            (self.committed.disp, false, self.stiffness * stretch)
+        };
+        // After slipping the committed displacement is where the spring is at its yield: there a trial that repeats it keeps
+        // the slider, but for rounding.
+        let rounding = 2.0 * f64::EPSILON * disp.abs().max(self.yield_disp);
+        let repeats = self.committed.flows && stretch.abs() >= self.yield_disp - rounding;
+        let slider = Slider {
+            disp: moved,
+            slipping,
+            flows: slipping || repeats,
+        };
+        let sum = self.ratio * self.stiffness * disp + (1.0 - self.ratio) * force;
+        (slider, sum)
+    }
+}
+
 #[derive(Debug, Clone, Copy, Default)]
 struct Slider {
     /// Where the slider stands, in m.
@@ -84,24 +143,15 @@ impl Slider {
 
 impl Law for Bilinear {
     fn trial(&mut self, disp: f64, _vel: f64, _dt: f64) -> f64 {
-        let stretch = disp - self.committed.disp;
-        let (moved, slipping, force) = if stretch > self.yield_disp {
-            (disp - self.yield_disp, true, self.yield_force)
-        } else if stretch < -self.yield_disp {
-            (disp + self.yield_disp, true, -self.yield_force)
-        } else {
-            (self.committed.disp, false, self.stiffness * stretch)
-        };
-        // After slipping the committed displacement is where the spring is at its yield: there a trial that repeats it keeps
-        // the slider, but for rounding.
-        let rounding = 2.0 * f64::EPSILON * disp.abs().max(self.yield_disp);
-        let repeats = self.committed.flows && stretch.abs() >= self.yield_disp - rounding;
-        self.trial = Slider {
-            disp: moved,
-            slipping,
-            flows: slipping || repeats,
-        };
-        self.ratio * self.stiffness * disp + (1.0 - self.ratio) * force
+        let (slider, force) = self.at(disp);
+        self.trial = slider;
+        force
+    }
+
+    fn step(&mut self, disp: f64, _vel: f64, _dt: f64) -> f64 {
+        let (slider, force) = self.at(disp);
+        (self.trial, self.committed) = (slider, slider);
+        force
     }
 
     fn commit(&mut self) {
@@ -137,6 +187,10 @@ impl Law for Bilinear {
 
     fn bound(&self, _reach: Reach) -> (Option<f64>, Option<f64>) {
         (Some(self.stiffness), Some(0.0))
+    }
+
+    fn bilinear(&mut self) -> Option<&mut Bilinear> {
+        Some(self)
     }
 
     fn visit_state(&mut self, visit: &mut dyn Visit) {

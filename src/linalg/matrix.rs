@@ -253,6 +253,24 @@ impl SymMatrix {
             .unwrap_or(0)
     }
 
+    /// [`SymMatrix::half_bandwidth`], but at once: all rows where the shape does not tell it.
+    pub(crate) fn reach(&self) -> usize {
+        match self.shape {
+            Shape::Zero | Shape::Diagonal(_) => 0,
+            Shape::Tridiagonal { .. } => 1,
+            Shape::General => self.n,
+        }
+    }
+
+    /// What all inner rows of a chain have on the diagonal and beside it, if they have the same; zeros of a zero matrix.
+    pub(crate) fn even(&self) -> Option<(f64, f64)> {
+        match self.shape {
+            Shape::Zero => Some((0.0, 0.0)),
+            Shape::Tridiagonal { inner, .. } => inner,
+            Shape::Diagonal(_) | Shape::General => None,
+        }
+    }
+
     /// True if nothing is stored off the diagonal.
     #[must_use]
     pub fn is_diagonal(&self) -> bool {

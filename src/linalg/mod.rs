@@ -226,18 +226,33 @@ impl Spd {
         &mut self,
         rhs: &[f64],
         x: &mut [f64],
-        mut done: impl FnMut(Range<usize>, &[f64]),
+        done: impl FnMut(Range<usize>, &[f64]),
     ) {
         debug_assert_eq!((rhs.len(), x.len()), (self.n, self.n));
+        self.solve_rows(&mut Apart(rhs, x, done));
+    }
+
+    /// [`Spd::solve_into`] where the right-hand side is only made when it is requested; see [`Rows`]. Real-time: yes, if `vectors` is.
+    #[inline]
+    pub fn solve_rows(&mut self, vectors: &mut impl Rows) {
         if let Factor::Partitioned(factor) = &mut self.factor {
-            factor.solve_into(rhs, x, done);
+            factor.solve(vectors);
             return;
         }
-        for (x, b) in x.iter_mut().zip(rhs) {
-            *x = *b;
+        let n = self.n;
+        vectors.start(n);
+        self.solve_in_place(vectors.solution(0..n));
+        vectors.solved(0..n);
+    }
+
+    /// Rows after which [`Spd::solve_rows`] may hand solutions over: when the right-hand side of a row is requested, the
+    /// solutions of all rows that lie further above it may be known.
+    #[must_use]
+    pub fn rows_at_a_time(&self) -> usize {
+        match &self.factor {
+            Factor::Partitioned(factor) => factor.rows_at_a_time(),
+            _ => self.n,
         }
-        self.solve_in_place(x);
-        done(0..x.len(), x);
     }
 
     /// Chooses the instructions of block arithmetic, for comparisons: the fastest are chosen anyway, and the bits are
@@ -260,6 +275,50 @@ impl Spd {
             Factor::Banded(factor) => factor.bytes(),
             Factor::Dense(factor) => factor.bytes(),
             Factor::Sparse(factor) => factor.bytes(),
+        }
+    }
+}
+
+/// Right-hand side and solution of [`Spd::solve_rows`]. Rows are requested in ascending order, each once, first their
+/// right-hand side, then the place of their solution.
+pub trait Rows {
+    /// The right-hand side of these rows.
+    fn rhs(&mut self, rows: Range<usize>) -> &[f64];
+
+    /// Where the solution of these rows is written.
+    fn solution(&mut self, rows: Range<usize>) -> &mut [f64];
+
+    /// The solution of these rows is complete. Nothing is done by default.
+    fn solved(&mut self, rows: Range<usize>) {
+        let _ = rows;
+    }
+
+    /// In place of all that, where the factor does not work in blocks: the right-hand side of all `n` rows is copied to
+    /// where the solution is written.
+    fn start(&mut self, n: usize);
+}
+
+/// Right-hand side, solution, and the function that receives it.
+struct Apart<'a, F>(&'a [f64], &'a mut [f64], F);
+
+impl<F: FnMut(Range<usize>, &[f64])> Rows for Apart<'_, F> {
+    fn rhs(&mut self, rows: Range<usize>) -> &[f64] {
+        self.0.get(rows).unwrap_or_default()
+    }
+
+    fn solution(&mut self, rows: Range<usize>) -> &mut [f64] {
+        self.1.get_mut(rows).unwrap_or_default()
+    }
+
+    fn solved(&mut self, rows: Range<usize>) {
+        if let Some(values) = self.1.get(rows.clone()) {
+            (self.2)(rows, values);
+        }
+    }
+
+    fn start(&mut self, _n: usize) {
+        for (x, b) in self.1.iter_mut().zip(self.0) {
+            *x = *b;
         }
     }
 }

@@ -6,11 +6,15 @@
 //! elements and with the operations of the law, so that a run gives the bits of its elements one by one.
 
 use std::borrow::Cow;
+use std::collections::VecDeque;
 use std::ops::Range;
 
+use super::by_rows::ByRows;
 use super::element::{Connection, Declared, Facts, at, split};
+use super::rows::EvenChain;
 use super::run::Run;
-use super::{Base, Element, End, ModelError};
+use super::strip::Strip;
+use super::{Element, End, ModelError, Motion};
 use crate::law::{Law, Memoryless, Tangent};
 use crate::linalg::Lanes;
 use crate::state::Visit;
@@ -32,6 +36,7 @@ enum Group {
     Singles {
         connections: Vec<Connection>,
         facts: Vec<Facts>,
+        by_rows: ByRows,
     },
     Run(Box<Run>),
 }
@@ -94,18 +99,24 @@ impl Elements {
             }
         }
         all.singles(waiting.into_iter());
+        let groups = std::mem::take(&mut all.groups);
+        all.groups = groups.into_iter().flat_map(|g| in_strips(g, n)).collect();
         Ok(all)
     }
 
     fn singles(&mut self, more: impl Iterator<Item = (Connection, Facts)>) {
         for (hot, cold) in more {
-            if let Some(Group::Singles { connections, facts }) = self.groups.last_mut() {
+            if let Some(Group::Singles {
+                connections, facts, ..
+            }) = self.groups.last_mut()
+            {
                 connections.push(hot);
                 facts.push(cold);
             } else {
                 self.groups.push(Group::Singles {
                     connections: vec![hot],
                     facts: vec![cold],
+                    by_rows: ByRows::default(),
                 });
             }
         }
@@ -120,6 +131,10 @@ impl Elements {
         self.keeps_tangents = false;
     }
 
+    pub(super) const fn keeps_tangents(&self) -> bool {
+        self.keeps_tangents
+    }
+
     pub(super) fn set_lanes(&mut self, lanes: Lanes) {
         self.lanes = lanes;
     }
@@ -129,7 +144,9 @@ impl Elements {
         self.groups.iter().flat_map(|group| {
             let (run, singles) = match group {
                 Group::Run(run) => (Some(run), None),
-                Group::Singles { connections, facts } => (None, Some((connections, facts))),
+                Group::Singles {
+                    connections, facts, ..
+                } => (None, Some((connections, facts))),
             };
             let of_run = run.into_iter().flat_map(|run| {
                 (0..run.len()).map(|index| Seen {
@@ -164,7 +181,12 @@ impl Elements {
                     let at_rest = run.last(0).0.tangent(0.0, 0.0);
                     all.extend(std::iter::repeat_n(at_rest, run.len()));
                 }
-                Group::Singles { connections, .. } => {
+                Group::Singles {
+                    connections,
+                    by_rows,
+                    ..
+                } => {
+                    by_rows.store(connections, true);
                     for connection in connections {
                         connection.law.trial(0.0, 0.0, 0.0);
                         all.push(Tangent {
@@ -180,26 +202,33 @@ impl Elements {
     }
 
     pub(super) fn commit(&mut self) {
-        self.connections_mut()
+        self.connections_mut(true)
             .for_each(|connection| connection.law.commit());
     }
 
     pub(super) fn revert(&mut self) {
-        self.connections_mut()
+        self.connections_mut(true)
             .for_each(|connection| connection.law.revert());
     }
 
     /// Elements in runs have no memory.
     pub(super) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        for connection in self.connections_mut() {
+        for connection in self.connections_mut(visit.restores()) {
             connection.law.visit_state(visit);
         }
     }
 
-    /// The elements that are kept one by one: all that have a memory.
-    fn connections_mut(&mut self) -> impl Iterator<Item = &mut Connection> {
-        self.groups.iter_mut().flat_map(|group| match group {
-            Group::Singles { connections, .. } => &mut connections[..],
+    /// The elements that are kept one by one: all that have a memory. `change`: they may change.
+    fn connections_mut(&mut self, change: bool) -> impl Iterator<Item = &mut Connection> {
+        self.groups.iter_mut().flat_map(move |group| match group {
+            Group::Singles {
+                connections,
+                by_rows,
+                ..
+            } => {
+                by_rows.store(connections, change);
+                &mut connections[..]
+            }
             Group::Run(_) => &mut [],
         })
     }
@@ -216,19 +245,17 @@ impl Elements {
     /// residual ← residual − force, `rows` of it, for the groups that act row by row; all vectors are whole.
     /// Real-time: yes.
     #[inline]
-    pub(super) fn subtract_rows(
+    pub(super) fn subtract_anchored(
         &mut self,
         rows: Range<usize>,
-        disp: &[f64],
-        vel: &[f64],
-        base: Base,
+        motion: Motion<'_>,
         residual: &mut [f64],
     ) {
         let (keep, lanes) = (self.keeps_tangents, self.lanes);
         let count = self.row_by_row();
         for group in self.groups.iter_mut().take(count) {
             if let Group::Run(run) = group {
-                run.subtract_anchored(rows.clone(), disp, vel, base, residual, keep, lanes);
+                run.subtract(rows.clone(), motion, residual, keep, lanes);
             }
         }
     }
@@ -237,25 +264,34 @@ impl Elements {
     #[inline]
     pub(super) fn subtract_rest<const COMMIT: bool>(
         &mut self,
-        disp: &[f64],
-        vel: &[f64],
-        base: Base,
-        dt: f64,
+        motion: Motion<'_>,
         residual: &mut [f64],
     ) {
         let (keep, lanes) = (self.keeps_tangents, self.lanes);
         let count = self.row_by_row();
+        let Motion {
+            disp,
+            vel,
+            base,
+            dt,
+        } = motion;
         for group in self.groups.iter_mut().skip(count) {
             match group {
-                Group::Run(run) => run.subtract(disp, vel, base, residual, keep, lanes),
-                Group::Singles { connections, .. } => {
+                Group::Run(run) => run.subtract(0..residual.len(), motion, residual, keep, lanes),
+                Group::Singles {
+                    connections,
+                    by_rows,
+                    ..
+                } => {
+                    by_rows.store(connections, true);
                     for Connection { law, from, to } in connections {
                         let deformation = at(*to, disp, base.disp) - at(*from, disp, base.disp);
                         let rate = at(*to, vel, base.vel) - at(*from, vel, base.vel);
-                        let force = law.trial(deformation, rate, dt);
-                        if COMMIT {
-                            law.commit();
-                        }
+                        let force = if COMMIT {
+                            law.step(deformation, rate, dt)
+                        } else {
+                            law.trial(deformation, rate, dt)
+                        };
                         if let Some(r) = residual.get_mut(*to as usize) {
                             *r -= force;
                         }
@@ -265,6 +301,125 @@ impl Elements {
                     }
                 }
             }
+        }
+    }
+
+    /// Rows above those asked for whose displacements [`Elements::subtract_rows`] needs; all of them if the elements
+    /// remember where they were, which takes whole vectors.
+    pub(super) fn reach(&self) -> usize {
+        let span = |group: &Group| match group {
+            Group::Run(_) if self.keeps_tangents => usize::MAX,
+            Group::Run(run) => run.span(),
+            // Evaluated with the first of their rows.
+            Group::Singles { .. } => 0,
+        };
+        self.groups.iter().map(span).max().unwrap_or(0)
+    }
+
+    /// Makes the forces of inner rows of an even chain with those of the first group in one pass. False if that group does
+    /// not act on each of them alike; then nothing was done. Real-time: yes.
+    #[inline]
+    pub(super) fn join(&self, chain: EvenChain<'_>, motion: Motion<'_>) -> bool {
+        match self.groups.first() {
+            Some(Group::Run(run)) if !self.keeps_tangents => {
+                run.join(chain, motion.base, self.lanes)
+            }
+            _ => false,
+        }
+    }
+
+    /// residual ← residual − force, `rows` of it, for the first group, which has joined a chain. Real-time: yes.
+    pub(super) fn subtract_first(
+        &mut self,
+        rows: Range<usize>,
+        motion: Motion<'_>,
+        residual: &mut [f64],
+    ) {
+        if let Some(Group::Run(run)) = self.groups.first_mut() {
+            run.subtract(rows, motion, residual, false, self.lanes);
+        }
+    }
+
+    /// residual ← residual − force, `rows` of it, for all groups but the first `skipped`, with a commit. In one step rows
+    /// are requested in ascending order, each once. Real-time: yes.
+    #[inline]
+    pub(super) fn subtract_rows(
+        &mut self,
+        skipped: usize,
+        rows: Range<usize>,
+        motion: Motion<'_>,
+        residual: &mut [f64],
+    ) {
+        let lanes = self.lanes;
+        for group in self.groups.iter_mut().skip(skipped) {
+            match group {
+                Group::Run(run) => run.subtract(rows.clone(), motion, residual, false, lanes),
+                Group::Singles {
+                    connections,
+                    by_rows,
+                    ..
+                } => by_rows.subtract(connections, rows.clone(), motion, residual, lanes),
+            }
+        }
+    }
+}
+
+/// A group of single elements, parted where some that follow each other make a strip.
+fn in_strips(group: Group, n: usize) -> Vec<Group> {
+    let Group::Singles {
+        connections, facts, ..
+    } = group
+    else {
+        return vec![group];
+    };
+    let ends = |facts: &Facts| (facts.from, facts.to);
+    let mut left: VecDeque<_> = connections.into_iter().zip(facts).collect();
+    let (mut groups, mut others) = (Vec::new(), Vec::new());
+    while !left.is_empty() {
+        let length = Strip::length(left.iter_mut().map(|(hot, cold)| (hot, ends(cold))));
+        if length < SHORTEST {
+            // A row of elements too short for a strip is too short from its second element on, too.
+            others.extend(left.drain(..length.max(1)));
+        } else {
+            groups.extend(of_others(&mut others, n));
+            let (mut connections, facts): (Vec<_>, Vec<_>) = left.drain(..length).unzip();
+            let strip = facts
+                .first()
+                .and_then(|first| Strip::new(&mut connections, ends(first)));
+            groups.push(Group::Singles {
+                by_rows: strip.map_or_else(|| ByRows::new(&connections, n), ByRows::alike),
+                connections,
+                facts,
+            });
+        }
+    }
+    groups.extend(of_others(&mut others, n));
+    groups
+}
+
+fn of_others(others: &mut Vec<(Connection, Facts)>, n: usize) -> Option<Group> {
+    let (mut connections, facts): (Vec<Connection>, Vec<_>) = others.drain(..).unzip();
+    share_constants(&mut connections);
+    (!connections.is_empty()).then(|| Group::Singles {
+        by_rows: ByRows::new(&connections, n),
+        connections,
+        facts,
+    })
+}
+
+/// Bouc–Wen laws with equal constants keep these once, and follow each other in memory: a long chain reads little.
+fn share_constants(connections: &mut [Connection]) {
+    let copies = connections.iter_mut().map(|connection| {
+        let law = connection.law.bouc_wen();
+        law.map(|law| Box::new(law.clone()))
+    });
+    // All of them before the first original is dropped.
+    let copies: Vec<_> = copies.collect();
+    let mut known = Vec::new();
+    for (connection, copy) in connections.iter_mut().zip(copies) {
+        if let Some(mut law) = copy {
+            law.share(&mut known);
+            connection.law = law;
         }
     }
 }

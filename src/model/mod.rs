@@ -8,15 +8,19 @@
 
 mod accel;
 mod build;
+mod by_rows;
 mod damping;
 mod element;
 mod elements;
 mod error;
 mod npy;
 mod parse;
+mod point;
+mod rows;
 mod run;
 mod sound;
 mod spec;
+mod strip;
 mod structure;
 mod table;
 
@@ -85,6 +89,19 @@ pub struct Base {
     pub disp: f64,
     /// ẋ_g in m/s.
     pub vel: f64,
+}
+
+/// The motion that determines the forces of one instant.
+#[derive(Debug, Clone, Copy)]
+pub struct Motion<'a> {
+    /// x in m, one entry per degree of freedom.
+    pub disp: &'a [f64],
+    /// ẋ in m/s.
+    pub vel: &'a [f64],
+    /// The base.
+    pub base: Base,
+    /// Time since the last accepted step in s; 0 for the first or a hold.
+    pub dt: f64,
 }
 
 /// A named, uniaxial share of K and C, for the proof of stability: k b bᵀ with the row b.

@@ -4,10 +4,9 @@ use std::borrow::Cow;
 use std::ops::Range;
 
 use super::element::{Connection, Declared, Facts};
-use super::{Base, End};
-use crate::law::memoryless::{
-    BiviscousForce, CubicForce, LinearForce, PointForce, SquareRootForce,
-};
+use super::point::{BiviscousForce, CubicForce, LinearForce, PointForce, SquareRootForce};
+use super::rows::{Anchored, Between, EvenChain};
+use super::{Base, End, Motion};
 use crate::law::{Law, Memoryless};
 use crate::linalg::Lanes;
 use crate::linalg::lanes::{Isa, Kernel};
@@ -45,9 +44,6 @@ enum Names {
     },
     Listed(Vec<String>),
 }
-
-/// Elements per turn of a run between degrees of freedom.
-const TURN: usize = 64;
 
 impl Run {
     /// True if `next` may stand in a run behind `before`, of which there is at least one.
@@ -174,60 +170,58 @@ impl Run {
         matches!(self.from, Start::Anchor(_))
     }
 
-    /// residual ← residual − force, whole vectors. Real-time: yes.
+    /// Rows between the two ends of an element; 0 for a run from the base or the inertial frame.
+    pub(super) fn span(&self) -> usize {
+        match self.from {
+            Start::Dof(from) => self.to.saturating_sub(from),
+            Start::Anchor(_) => 0,
+        }
+    }
+
+    /// residual ← residual − force, these rows of it; all vectors are whole. With `keep` each element remembers where it is, of
+    /// which all rows must be asked for at once if any starts at a degree of freedom. Real-time: yes, if `keep` is false.
     pub(super) fn subtract(
         &mut self,
-        disp: &[f64],
-        vel: &[f64],
-        base: Base,
+        rows: Range<usize>,
+        motion: Motion<'_>,
         residual: &mut [f64],
         keep: bool,
         lanes: Lanes,
     ) {
+        let Motion { disp, vel, .. } = motion;
         let Start::Dof(from) = self.from else {
-            let rows = 0..residual.len();
-            return self.subtract_anchored(rows, disp, vel, base, residual, keep, lanes);
+            return self.subtract_anchored(rows, motion, residual, keep, lanes);
         };
-        let (to, len) = (self.to, self.len);
         if keep {
             self.remember(disp, vel, from);
         }
         self.evaluate(
             lanes,
             Between {
+                rows,
                 disp,
                 vel,
                 residual,
                 from,
-                to,
-                len,
+                to: self.to,
+                len: self.len,
             },
         );
     }
 
-    /// The same for a run from the base or the inertial frame, `rows` only. Real-time: yes, if `keep` is false.
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "the vectors of one instant, a place in them, and how"
-    )]
-    pub(super) fn subtract_anchored(
+    fn subtract_anchored(
         &mut self,
         rows: Range<usize>,
-        disp: &[f64],
-        vel: &[f64],
-        base: Base,
+        motion: Motion<'_>,
         residual: &mut [f64],
         keep: bool,
         lanes: Lanes,
     ) {
-        let base = match self.from {
-            Start::Anchor(End::Ground) => base,
-            _ => Base::default(),
-        };
+        let base = self.base(motion.base);
         let rows = rows.start.max(self.to)..rows.end.min(self.to + self.len);
         let (Some(disp), Some(vel), Some(residual)) = (
-            disp.get(rows.clone()),
-            vel.get(rows.clone()),
+            motion.disp.get(rows.clone()),
+            motion.vel.get(rows.clone()),
             residual.get_mut(rows.clone()),
         ) else {
             return;
@@ -248,6 +242,26 @@ impl Run {
                 base,
             },
         );
+    }
+
+    /// The motion of the place that the elements of an anchored run are fastened to.
+    fn base(&self, base: Base) -> Base {
+        match self.from {
+            Start::Anchor(End::Ground) => base,
+            _ => Base::default(),
+        }
+    }
+
+    /// Makes the forces of inner rows of an even chain with those of this run in one pass, if it acts on each of them from
+    /// what is at rest and remembers nothing. False if nothing was done. Real-time: yes.
+    pub(super) fn join(&self, chain: EvenChain<'_>, base: Base, lanes: Lanes) -> bool {
+        let rows = &chain.rows;
+        let covers = self.to <= rows.start && rows.end <= self.to + self.len;
+        let joins = self.is_anchored() && covers && self.base(base) == Base::default();
+        if joins {
+            self.evaluate(lanes, chain);
+        }
+        joins
     }
 
     fn remember(&mut self, disp: &[f64], vel: &[f64], from: usize) {
@@ -314,8 +328,8 @@ impl Names {
 }
 
 /// A loop over elements that waits for its law.
-trait OfForce {
-    fn with<F: PointForce>(self, force: F);
+pub(super) trait OfForce {
+    fn with<I: Isa, F: PointForce>(self, isa: I, force: F);
 }
 
 struct With<O, F>(O, F);
@@ -324,68 +338,7 @@ impl<O: OfForce, F: PointForce> Kernel for With<O, F> {
     type Output = ();
 
     #[inline(always)]
-    fn run<I: Isa>(self, _: I) {
-        self.0.with(self.1);
-    }
-}
-
-struct Anchored<'a> {
-    disp: &'a [f64],
-    vel: &'a [f64],
-    residual: &'a mut [f64],
-    base: Base,
-}
-
-impl OfForce for Anchored<'_> {
-    #[inline(always)]
-    fn with<F: PointForce>(self, force: F) {
-        let Base { disp, vel } = self.base;
-        let rows = self.residual.iter_mut().zip(self.disp).zip(self.vel);
-        for ((r, x), v) in rows {
-            *r -= force.force(x - disp, v - vel);
-        }
-    }
-}
-
-struct Between<'a> {
-    disp: &'a [f64],
-    vel: &'a [f64],
-    residual: &'a mut [f64],
-    from: usize,
-    to: usize,
-    len: usize,
-}
-
-impl OfForce for Between<'_> {
-    #[inline(always)]
-    fn with<F: PointForce>(self, force: F) {
-        let (from, to, len) = (self.from, self.to, self.len);
-        let (Some(x_from), Some(x_to), Some(v_from), Some(v_to)) = (
-            self.disp.get(from..from + len),
-            self.disp.get(to..to + len),
-            self.vel.get(from..from + len),
-            self.vel.get(to..to + len),
-        ) else {
-            return;
-        };
-        let mut forces = [0.0; TURN];
-        let disps = x_from.chunks(TURN).zip(x_to.chunks(TURN));
-        let vels = v_from.chunks(TURN).zip(v_to.chunks(TURN));
-        for (turn, ((a, b), (c, d))) in disps.zip(vels).enumerate() {
-            for ((((f, a), b), c), d) in forces.iter_mut().zip(a).zip(b).zip(c).zip(d) {
-                *f = force.force(b - a, d - c);
-            }
-            let (first, many) = (turn * TURN, a.len());
-            if let Some(rows) = self.residual.get_mut(to + first..to + first + many) {
-                for (r, f) in rows.iter_mut().zip(&forces) {
-                    *r -= f;
-                }
-            }
-            if let Some(rows) = self.residual.get_mut(from + first..from + first + many) {
-                for (r, f) in rows.iter_mut().zip(&forces) {
-                    *r += f;
-                }
-            }
-        }
+    fn run<I: Isa>(self, isa: I) {
+        self.0.with(isa, self.1);
     }
 }

@@ -1,10 +1,12 @@
 //! [`Structure`]: the matrices, the elements, and the internal force of one instant.
 
 use std::borrow::Cow;
+use std::ops::Range;
 
 use super::element::{row, stamp};
 use super::elements::{Elements, Seen, bound};
-use super::{Base, Element, ModelError, Part, sound};
+use super::rows::{Alone, EvenChain};
+use super::{Base, Element, ModelError, Motion, Part, sound};
 use crate::law::Tangent;
 use crate::linalg::{Lanes, SymMatrix};
 use crate::state::Visit;
@@ -257,7 +259,13 @@ impl Structure {
         dt: f64,
         residual: &mut [f64],
     ) {
-        self.walk::<true>(disp, vel, base, dt, residual);
+        let motion = Motion {
+            disp,
+            vel,
+            base,
+            dt,
+        };
+        self.walk::<true>(motion, residual);
     }
 
     /// As [`Structure::subtract_internal`], without the commit: a trial from the committed state, however often it is
@@ -270,7 +278,13 @@ impl Structure {
         dt: f64,
         residual: &mut [f64],
     ) {
-        self.walk::<false>(disp, vel, base, dt, residual);
+        let motion = Motion {
+            disp,
+            vel,
+            base,
+            dt,
+        };
+        self.walk::<false>(motion, residual);
     }
 
     /// The last trial of every element becomes its committed state.
@@ -285,46 +299,127 @@ impl Structure {
 
     /// Some rows at a time while they are near, then what does not act row by row. Real-time: yes.
     #[inline]
-    fn walk<const COMMIT: bool>(
-        &mut self,
-        disp: &[f64],
-        vel: &[f64],
-        base: Base,
-        dt: f64,
-        residual: &mut [f64],
-    ) {
+    fn walk<const COMMIT: bool>(&mut self, motion: Motion<'_>, residual: &mut [f64]) {
         let n = residual.len();
-        let lanes = self.lanes;
-        // A base at rest adds nothing.
-        let tied = if base == Base::default() {
-            &[][..]
-        } else {
-            &self.tied_to_base
-        };
-        let mut tied = tied.iter().peekable();
         let mut first = 0;
         while first < n {
             let rows = first..(first + NEAR).min(n);
             first = rows.end;
-            self.stiffness
-                .subtract_rows(rows.clone(), disp, residual, lanes);
-            if !self.damping.is_zero() {
-                self.damping
-                    .subtract_rows(rows.clone(), vel, residual, lanes);
-            }
-            while let Some((dof, stiffness, damping)) = tied.next_if(|tied| tied.0 < rows.end) {
-                if let Some(r) = residual.get_mut(*dof) {
-                    *r += stiffness * base.disp + damping * base.vel;
-                }
-            }
+            self.subtract_linear(rows.clone(), motion, residual);
             if !self.elements.is_empty() {
-                self.elements.subtract_rows(rows, disp, vel, base, residual);
+                self.elements.subtract_anchored(rows, motion, residual);
             }
         }
         if !self.elements.is_empty() {
-            self.elements
-                .subtract_rest::<COMMIT>(disp, vel, base, dt, residual);
+            self.elements.subtract_rest::<COMMIT>(motion, residual);
         }
+    }
+
+    /// What K, C and the moving base do to some rows. Real-time: yes.
+    #[inline]
+    fn subtract_linear(&self, rows: Range<usize>, motion: Motion<'_>, residual: &mut [f64]) {
+        let lanes = self.lanes;
+        self.stiffness
+            .subtract_rows(rows.clone(), motion.disp, residual, lanes);
+        if !self.damping.is_zero() {
+            self.damping
+                .subtract_rows(rows.clone(), motion.vel, residual, lanes);
+        }
+        for (dof, stiffness, damping) in self.tied(&rows, motion.base) {
+            if let Some(r) = residual.get_mut(*dof) {
+                *r += stiffness * motion.base.disp + damping * motion.base.vel;
+            }
+        }
+    }
+
+    /// The rows among these that the base moves; a base at rest adds nothing.
+    #[inline]
+    fn tied(&self, rows: &Range<usize>, base: Base) -> &[(usize, f64, f64)] {
+        if base == Base::default() {
+            return &[];
+        }
+        let place = |row| self.tied_to_base.partition_point(|tied| tied.0 < row);
+        self.tied_to_base
+            .get(place(rows.start)..place(rows.end))
+            .unwrap_or_default()
+    }
+
+    /// Number of rows above those asked for whose displacements [`Structure::subtract_rows`] needs. All of them as long as
+    /// the tangents of equal elements are kept.
+    #[must_use]
+    pub fn reach(&self) -> usize {
+        let matrices = [&self.stiffness, &self.damping];
+        let of_matrices = matrices.map(SymMatrix::reach).into_iter().max();
+        self.elements.reach().max(of_matrices.unwrap_or(0))
+    }
+
+    /// As [`Structure::subtract_internal`] for some rows only, with the same bits; all slices are whole. In one step rows
+    /// are requested in ascending order, each once, and every element is committed with the first of its rows.
+    /// Displacements of rows further above than [`Structure::reach`] are not read. With `fresh` the residual begins with
+    /// zeros, whatever is there. Real-time: yes.
+    #[inline]
+    pub fn subtract_rows(
+        &mut self,
+        rows: Range<usize>,
+        motion: Motion<'_>,
+        residual: &mut [f64],
+        fresh: bool,
+    ) {
+        if self.elements.keeps_tangents() {
+            debug_assert_eq!(rows, 0..residual.len(), "the reach is all rows");
+            if fresh {
+                residual.fill(0.0);
+            }
+            return self.walk::<true>(motion, residual);
+        }
+        if !self.subtract_even(rows.clone(), motion, residual, fresh) {
+            if fresh && let Some(residual) = residual.get_mut(rows.clone()) {
+                residual.fill(0.0);
+            }
+            self.subtract_linear(rows.clone(), motion, residual);
+            self.elements.subtract_rows(0, rows, motion, residual);
+        }
+    }
+
+    /// [`Structure::subtract_rows`] where inner rows of both K and C are alike, in one pass over them. False if nothing was done.
+    #[inline]
+    fn subtract_even(
+        &mut self,
+        rows: Range<usize>,
+        motion: Motion<'_>,
+        residual: &mut [f64],
+        fresh: bool,
+    ) -> bool {
+        let (Some(stiffness), Some(damping)) = (self.stiffness.even(), self.damping.even()) else {
+            return false;
+        };
+        let n = self.dofs();
+        let inner = rows.start.max(1)..rows.end.min(n.saturating_sub(1));
+        if inner.is_empty() || !self.tied(&inner, motion.base).is_empty() {
+            return false;
+        }
+        let entries = (stiffness, damping);
+        let chain = EvenChain::new(inner.clone(), entries, motion, residual, fresh);
+        let joined = self.elements.join(chain, motion);
+        if !joined {
+            let chain = EvenChain::new(inner.clone(), entries, motion, residual, fresh);
+            self.lanes.run(Alone(chain));
+        }
+        for end in [rows.start..inner.start, inner.end..rows.end] {
+            if end.is_empty() {
+                continue;
+            }
+            if fresh && let Some(residual) = residual.get_mut(end.clone()) {
+                residual.fill(0.0);
+            }
+            self.subtract_linear(end.clone(), motion, residual);
+            if joined {
+                self.elements.subtract_first(end, motion, residual);
+            }
+        }
+        let skipped = usize::from(joined);
+        self.elements.subtract_rows(skipped, rows, motion, residual);
+        true
     }
 
     /// Visits the committed state of every element that has one.

@@ -41,6 +41,8 @@ pub use shapes::{Constant, Ricker, Sine, Sweep, SweepKind};
 pub use signal::{FileSignal, Signal, Values};
 pub use unit::{Quantity, STANDARD_GRAVITY, Unit};
 
+use std::ops::Range;
+
 use error::{all_finite, positive};
 
 /// Hands over the bytes of a file by the name that the test file uses. The caller opens it, and keeps its copy.
@@ -325,6 +327,45 @@ impl Excitation {
                 }
             }
         }
+    }
+
+    /// True if the loads of a step can be made some rows at a time.
+    #[inline]
+    #[must_use]
+    pub fn is_by_rows(&self) -> bool {
+        let is_dense = |term: &Term| matches!(term.pattern, Pattern::Dense(_));
+        self.table.is_none() && self.terms.iter().all(is_dense)
+    }
+
+    /// The loads of these rows alone, with the bits of [`Excitation::load_into`]; `out` is whole. False if no load acts
+    /// at this step: then `out` stays unchanged. Only if [`Excitation::is_by_rows`]. Real-time: yes.
+    #[inline]
+    pub fn load_rows(&self, step: usize, rows: Range<usize>, out: &mut [f64]) -> bool {
+        let factor = |term: &Term| term.series.get(step).copied().unwrap_or(0.0);
+        let is_loaded = self.constant.is_some() || self.terms.iter().any(|t| factor(t) != 0.0);
+        let (true, Some(out)) = (is_loaded, out.get_mut(rows.clone())) else {
+            return false;
+        };
+        match self
+            .constant
+            .as_ref()
+            .and_then(|force| force.get(rows.clone()))
+        {
+            Some(force) => out.copy_from_slice(force),
+            None => out.fill(0.0),
+        }
+        for term in &self.terms {
+            let factor = factor(term);
+            if factor != 0.0
+                && let Pattern::Dense(pattern) = &term.pattern
+                && let Some(pattern) = pattern.get(rows.clone())
+            {
+                for (o, p) in out.iter_mut().zip(pattern) {
+                    *o += p * factor;
+                }
+            }
+        }
+        true
     }
 
     /// Displacement (m) and velocity (m/s) of the base at `step`; a base that does not move is at (0, 0). Beyond the

@@ -3,6 +3,8 @@
 //! Invariant: an older measurement never replaces a newer one. Fresh measurements alone raise peaks: an old force in
 //! place of an answer was not measured.
 
+use std::ops::Range;
+
 use super::axis::Axis;
 use super::rest::Rest;
 use crate::state::Visit;
@@ -234,12 +236,14 @@ impl Feedback {
         }
     }
 
-    /// residual −= Bᵀ·force, by the rows of the axes. Real-time: yes.
+    /// residual −= Bᵀ·force, by the rows of the axes: these rows of it. Real-time: yes.
     #[inline]
-    pub fn subtract_force(&self, axes: &[Axis], residual: &mut [f64]) {
+    pub fn subtract_force(&self, axes: &[Axis], rows: Range<usize>, residual: &mut [f64]) {
         for (axis, force) in axes.iter().zip(&self.force) {
             for &(dof, coefficient) in &axis.row {
-                if let Some(entry) = residual.get_mut(dof) {
+                if rows.contains(&dof)
+                    && let Some(entry) = residual.get_mut(dof)
+                {
                     *entry -= coefficient * force;
                 }
             }

@@ -9,6 +9,8 @@
 //! the actuators are, not where they should be. Invariant: a pose that cannot be is kept as a fault, and no command leaves while
 //! there is one.
 
+use std::ops::Range;
+
 use super::axis::dots;
 use super::bend::Bend;
 use super::unloading::PlatformUnloading;
@@ -205,12 +207,14 @@ impl LoadingUnit {
         &self.geometry
     }
 
-    /// residual −= Bᵀ·force. Real-time: yes.
+    /// residual −= Bᵀ·force, these rows of it. Real-time: yes.
     #[inline]
-    pub fn subtract_force(&self, residual: &mut [f64]) {
+    pub fn subtract_force(&self, rows: Range<usize>, residual: &mut [f64]) {
         for (row, force) in self.rows.iter().zip(&self.force) {
             for &(dof, coefficient) in &row.row {
-                if let Some(entry) = residual.get_mut(dof) {
+                if rows.contains(&dof)
+                    && let Some(entry) = residual.get_mut(dof)
+                {
                     *entry -= coefficient * force;
                 }
             }
@@ -370,7 +374,7 @@ mod tests {
         port.collect(Nanos(0)).unwrap();
         port.resolve_pose().unwrap();
         let mut residual = [0.0; 3];
-        port.subtract_force(&mut residual);
+        port.subtract_force(0..residual.len(), &mut residual);
         // 1 kN along (4, 3)/5 and 3 kN along y.
         for (found, exact) in residual.iter().zip([-800.0, -3600.0, 800.0]) {
             assert!((found - exact).abs() < 1e-10, "{residual:?}");
@@ -395,7 +399,7 @@ mod tests {
         assert!((f64::hypot(4.0 + x, y) - 4.5).abs() < 1e-14);
         assert!((f64::hypot(x, 3.0 + y) - 5.5).abs() < 1e-14);
         let mut residual = [0.0; 3];
-        port.subtract_force(&mut residual);
+        port.subtract_force(0..residual.len(), &mut residual);
         let along_x = 500.0 * (4.0 + x) / 4.5 + 2500.0 * x / 5.5;
         assert!((residual[0] + along_x).abs() < 1e-10);
     }
@@ -411,7 +415,7 @@ mod tests {
             let _ = port.collect(Nanos(0));
             assert!(port.resolve_pose().is_err(), "{lag}");
             let mut residual = [0.0; 3];
-            port.subtract_force(&mut residual);
+            port.subtract_force(0..residual.len(), &mut residual);
             assert_eq!(residual, [0.0; 3]);
         }
     }

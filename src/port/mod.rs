@@ -69,6 +69,8 @@ pub use wiring_fault::{Channel, WiringFault};
 
 pub use crate::catalog::phase::Stage;
 
+use std::ops::Range;
+
 use crate::compensation::Parameter;
 use crate::geometry::{Coordinate, Fault, Geometry};
 use crate::state::{TestState, Visit};
@@ -388,12 +390,12 @@ impl Port {
         self.feedback.extrapolate(tangents, target);
     }
 
-    /// residual −= Bᵀ·force. Real-time: yes.
+    /// residual −= Bᵀ·force, these rows of it; the slice is whole. Real-time: yes.
     #[inline]
-    pub fn subtract_force(&mut self, residual: &mut [f64]) {
+    pub fn subtract_force(&mut self, rows: Range<usize>, residual: &mut [f64]) {
         match &self.loading_unit {
-            Some(unit) => unit.subtract_force(residual),
-            None => self.feedback.subtract_force(&self.axes, residual),
+            Some(unit) => unit.subtract_force(rows, residual),
+            None => self.feedback.subtract_force(&self.axes, rows, residual),
         }
     }
 

@@ -179,7 +179,7 @@ fn units_signs_and_offsets_come_out_as_a_spring_in_si() {
     assert!((port.measured()[0] - 0.003).abs() < 1e-15);
     assert!((port.force()[0] - 8000.0 * 0.003).abs() < 1e-10);
     let mut residual = [0.0, 0.0];
-    port.subtract_force(&mut residual);
+    port.subtract_force(0..residual.len(), &mut residual);
     assert!((residual[0] - 24.0).abs() < 1e-10 && (residual[1] + 24.0).abs() < 1e-10);
 }
 

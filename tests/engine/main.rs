@@ -16,5 +16,6 @@ mod slower_time;
 mod stale_measurements;
 mod startup;
 mod static_load;
+mod steps_by_rows;
 mod wiring_check;
 mod wiring_check_same_bits;

@@ -12,7 +12,7 @@ const TERMS: usize = 64;
 const ROUNDS: usize = 100;
 
 /// Solutions of dz/dτ = A − c zⁿ. Real-time: yes, but for `new`.
-#[derive(Debug, Clone)]
+#[derive(Debug, PartialEq)]
 pub(super) struct Branch {
     /// r: z = r u. 1 for c = 0.
     scale: f64,
@@ -21,7 +21,7 @@ pub(super) struct Branch {
     clock: Clock,
 }
 
-#[derive(Debug, Clone)]
+#[derive(Debug, PartialEq)]
 enum Clock {
     /// c = 0: u = σ.
     Even,
@@ -31,7 +31,7 @@ enum Clock {
     Steepening(Exponent<Steepening>),
 }
 
-#[derive(Debug, Clone)]
+#[derive(Debug, PartialEq)]
 enum Exponent<S> {
     One,
     Two,
@@ -76,6 +76,9 @@ impl Branch {
     #[inline]
     pub(super) fn grow(&self, z: f64, tau: f64) -> f64 {
         let u = z / self.scale;
+        if let Some(end) = self.moved(u, self.rate * tau) {
+            return self.scale * end;
+        }
         let elapsed = self.elapsed(u);
         if elapsed == f64::INFINITY {
             return z;
@@ -87,6 +90,11 @@ impl Branch {
     #[inline]
     pub(super) fn shrink(&self, z: f64, tau: f64) -> (f64, f64) {
         let u = z / self.scale;
+        if let Some(end) = self.moved(u, -self.rate * tau)
+            && end > 0.0
+        {
+            return (self.scale * end, 0.0);
+        }
         let elapsed = self.elapsed(u);
         let rest = tau - elapsed / self.rate;
         if rest >= 0.0 {
@@ -94,6 +102,16 @@ impl Branch {
         }
         let ago = self.rate * tau;
         (self.scale * self.reached(elapsed - ago, u, -ago), 0.0)
+    }
+
+    /// u when the clock has gone on by `by` (back where it is negative), without its reading: n = 1 is linear.
+    #[inline]
+    fn moved(&self, u: f64, by: f64) -> Option<f64> {
+        match &self.clock {
+            Clock::Saturating(Exponent::One) if u < 1.0 => Some(u - (1.0 - u) * libm::expm1(-by)),
+            Clock::Steepening(Exponent::One) => Some(u + (1.0 + u) * libm::expm1(by)),
+            _ => None,
+        }
     }
 
     #[inline]
@@ -127,7 +145,7 @@ impl Branch {
 
 /// The clock of u' = 1 − uⁿ. Up to q = uⁿ = 1/2: u Σ qᵏ/(n k + 1). Beyond, with m = 1 − q and a = 1 − 1/n, by
 /// dσ = −(1 − m)⁻ᵃ dm/(n m): (T(m) − T(1/2))/n more, T(m) = −ln m − Σ bₖ mᵏ/k, bₖ the binomial series of (1 − m)⁻ᵃ.
-#[derive(Debug, Clone)]
+#[derive(Debug, PartialEq)]
 struct Saturation {
     exponent: f64,
     near: [f64; TERMS],
@@ -207,7 +225,7 @@ impl Saturation {
 /// The clock of u' = 1 + uⁿ. Up to q = uⁿ = 1, with x = q/(1 + q) and Pfaff's transformation of the hypergeometric
 /// series: u/(1 + q) Σ cₖ xᵏ, cₖ = k!/((1 + 1/n)…(k + 1/n)). Beyond, with m = 1/(1 + q) and a = 1 − 1/n, by
 /// dσ = −(1 − m)⁻ᵃ mᵃ⁻¹ dm/n: (R(1/2) − R(m))/n more, R(m) = (mᵃ − 1)/a + Σ bₖ mᵏ⁺ᵃ/(k + a).
-#[derive(Debug, Clone)]
+#[derive(Debug, PartialEq)]
 struct Steepening {
     exponent: f64,
     near: [f64; TERMS],

@@ -16,6 +16,8 @@ mod branch;
 mod extrapolate;
 mod wear;
 
+use std::sync::Arc;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -103,7 +105,7 @@ impl BoucWenSpec {
             }
             None => stiffest / virgin,
         };
-        Ok(BoucWen {
+        let constants = Constants {
             stiffness,
             yield_force,
             yield_disp: yield_disp("yield_force_n", yield_force, stiffness)?,
@@ -126,6 +128,9 @@ impl BoucWenSpec {
                 gamma,
                 exponent,
             },
+        };
+        Ok(BoucWen {
+            constants: Arc::new(constants),
             committed: State::VIRGIN,
             trial: State::VIRGIN,
         })
@@ -156,7 +161,7 @@ impl BoucWenSpec {
 }
 
 /// A, β, γ, n.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 struct Parameters {
     a: f64,
     beta: f64,
@@ -210,6 +215,14 @@ impl State {
 /// See [`BoucWenSpec`]. A step of some thousand yield displacements is too long for a degraded law: it gives NaN.
 #[derive(Debug, Clone)]
 pub struct BoucWen {
+    constants: Arc<Constants>,
+    committed: State,
+    trial: State,
+}
+
+/// What does not change in a test.
+#[derive(Debug, PartialEq)]
+pub(crate) struct Constants {
     stiffness: f64,
     yield_force: f64,
     yield_disp: f64,
@@ -222,11 +235,24 @@ pub struct BoucWen {
     /// |ζ| while it shrinks: A − (γ − β) |ζ|ⁿ, backwards.
     unloading: Branch,
     wear: Option<Wear>,
-    committed: State,
-    trial: State,
 }
 
+/// Different constants that are kept for sharing. More are compared with none.
+const MOST_SHARED: usize = 32;
+
 impl BoucWen {
+    /// Replaces its constants by equal ones of `known`; others join `known`. A long chain of equal elements then
+    /// reads them from the nearest cache.
+    pub(crate) fn share(&mut self, known: &mut Vec<Arc<Constants>>) {
+        match known.iter().find(|other| ***other == *self.constants) {
+            Some(equal) => self.constants = Arc::clone(equal),
+            None if known.len() < MOST_SHARED => known.push(Arc::clone(&self.constants)),
+            None => {}
+        }
+    }
+}
+
+impl Constants {
     /// y = s ζ and the energy after the path length τ.
     #[inline]
     fn along(&self, start: Point, tau: f64) -> Point {
@@ -252,27 +278,52 @@ impl BoucWen {
     }
 }
 
-impl Law for BoucWen {
-    fn trial(&mut self, disp: f64, _vel: f64, _dt: f64) -> f64 {
+impl BoucWen {
+    /// The state at `disp`, on a straight path from the committed one.
+    #[inline]
+    fn at(&self, disp: f64) -> State {
         let from = self.committed;
         let travel = disp - from.disp;
-        self.trial = if travel == 0.0 {
-            from
-        } else {
-            let direction = f64::copysign(1.0, travel);
-            let start = Point {
-                y: direction * from.zeta,
-                energy: from.energy,
-            };
-            let end = self.along(start, travel.abs() / self.yield_disp);
-            State {
-                disp,
-                zeta: direction * end.y,
-                energy: end.energy,
-                direction,
-            }
+        if travel == 0.0 {
+            return from;
+        }
+        let direction = f64::copysign(1.0, travel);
+        let start = Point {
+            y: direction * from.zeta,
+            energy: from.energy,
         };
-        self.ratio * self.stiffness * disp + (1.0 - self.ratio) * self.yield_force * self.trial.zeta
+        let constants = &*self.constants;
+        let end = constants.along(start, travel.abs() / constants.yield_disp);
+        State {
+            disp,
+            zeta: direction * end.y,
+            energy: end.energy,
+            direction,
+        }
+    }
+
+    #[inline]
+    fn force(&self, disp: f64, zeta: f64) -> f64 {
+        let Constants {
+            stiffness,
+            yield_force,
+            ratio,
+            ..
+        } = *self.constants;
+        ratio * stiffness * disp + (1.0 - ratio) * yield_force * zeta
+    }
+}
+
+impl Law for BoucWen {
+    fn trial(&mut self, disp: f64, _vel: f64, _dt: f64) -> f64 {
+        self.trial = self.at(disp);
+        self.force(disp, self.trial.zeta)
+    }
+
+    fn step(&mut self, disp: f64, _vel: f64, _dt: f64) -> f64 {
+        let state = self.at(disp);
+        (self.trial, self.committed) = (state, state);
+        self.force(disp, state.zeta)
     }
 
     fn commit(&mut self) {
@@ -288,25 +339,36 @@ impl Law for BoucWen {
             y: self.trial.direction * self.trial.zeta,
             energy: self.trial.energy,
         };
-        let slope = match &self.wear {
-            Some(wear) => wear.slope(&self.parameters, point),
-            None => self.parameters.a - self.parameters.resistance(point.y),
+        let Constants {
+            stiffness,
+            ratio,
+            parameters,
+            wear,
+            ..
+        } = &*self.constants;
+        let slope = match wear {
+            Some(wear) => wear.slope(parameters, point),
+            None => parameters.a - parameters.resistance(point.y),
         };
         Tangent {
-            stiffness: self.stiffness * (self.ratio + (1.0 - self.ratio) * slope),
+            stiffness: stiffness * (ratio + (1.0 - ratio) * slope),
             damping: 0.0,
         }
     }
 
     fn reference(&self) -> Tangent {
         Tangent {
-            stiffness: self.reference,
+            stiffness: self.constants.reference,
             damping: 0.0,
         }
     }
 
     fn bound(&self, _reach: Reach) -> (Option<f64>, Option<f64>) {
-        (Some(self.bound), Some(0.0))
+        (Some(self.constants.bound), Some(0.0))
+    }
+
+    fn bouc_wen(&mut self) -> Option<&mut BoucWen> {
+        Some(self)
     }
 
     fn visit_state(&mut self, visit: &mut dyn Visit) {

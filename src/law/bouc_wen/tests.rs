@@ -328,3 +328,58 @@ proptest! {
         }
     }
 }
+
+/// The linear branches n = 1 against their exponentials, from zero to where they saturate, and across zero.
+#[test]
+fn the_linear_branches_are_exponentials_to_a_few_roundings() {
+    let saturating = Branch::new(1.0, 1.0, 1.0);
+    let steepening = Branch::new(1.0, -0.2, 1.0);
+    for z in [
+        0.0,
+        1e-300,
+        1e-9,
+        0.3,
+        0.999_999,
+        1.0 - f64::EPSILON,
+        1.0,
+        1.5,
+    ] {
+        for tau in [1e-300, 1e-12, 0.01, 0.7, 3.0, 50.0, 1e4] {
+            let end = saturating.grow(z, tau);
+            let exact = if z >= 1.0 {
+                z
+            } else {
+                z - (1.0 - z) * (-tau).exp_m1()
+            };
+            assert!(
+                (end - exact).abs() <= 4.0 * f64::EPSILON * exact,
+                "{z} {tau}: {end} {exact}"
+            );
+            assert!(end >= z && (end <= 1.0 || z > 1.0), "{z} {tau}: {end}");
+            if z == 0.0 {
+                continue;
+            }
+            // 5 u: u' = 0.2 (1 + u), backwards.
+            let (left, rest) = steepening.shrink(z, tau);
+            let time = 5.0 * (0.2 * z).ln_1p();
+            if rest > 0.0 {
+                assert_eq!(left, 0.0);
+                assert!(
+                    (rest - (tau - time)).abs() <= 8.0 * f64::EPSILON * tau,
+                    "{z} {tau}: {rest}"
+                );
+            } else {
+                let again = steepening.grow(left, tau);
+                assert!(
+                    (again - z).abs() <= 16.0 * f64::EPSILON * (z + tau),
+                    "{z} {tau}: {again}"
+                );
+            }
+            assert_eq!(
+                rest > 0.0,
+                left == 0.0 && tau > time,
+                "{z} {tau}: {left} {rest} {time}"
+            );
+        }
+    }
+}

@@ -68,7 +68,7 @@ pub(super) struct Point {
 /// |y| beyond zero that is rounding.
 const BEYOND: f64 = 1e-9;
 
-#[derive(Debug, Clone)]
+#[derive(Debug, PartialEq)]
 pub(super) struct Wear {
     strength: f64,
     stiffness: f64,

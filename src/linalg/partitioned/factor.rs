@@ -1,7 +1,7 @@
 //! Elimination: the rows inside all segments, what is left for the interfaces, and how the factor is laid out.
 
 use super::super::{NotPositiveDefinite, check_pivot};
-use super::sweep::Row;
+use super::sweep::{Lines, Row};
 use super::{Coefficients, HEIGHT, Interfaces, NEGLIGIBLE, SEGMENTS};
 
 /// What elimination inside the segments leaves.
@@ -147,7 +147,7 @@ impl Writer {
     }
 
     fn empty(length: usize) -> Coefficients {
-        let blocks = |value| vec![[Row([value; SEGMENTS]); HEIGHT]; length / HEIGHT];
+        let blocks = |value| Lines::new(vec![[Row([value; SEGMENTS]); HEIGHT]; length / HEIGHT]);
         Coefficients {
             multiplier: blocks(0.0),
             inverse: blocks(1.0),
@@ -160,9 +160,14 @@ impl Writer {
             self.close();
         }
         let (lane, block, line) = (segment % SEGMENTS, row / HEIGHT, row % HEIGHT);
-        self.open.multiplier[block][line].0[lane] = multiplier;
-        self.open.inverse[block][line].0[lane] = 1.0 / pivot;
-        self.open.fill[block][line].0[lane] = fill;
+        let open = &mut self.open;
+        let values = [multiplier, 1.0 / pivot, fill];
+        let lines = [&mut open.multiplier, &mut open.inverse, &mut open.fill];
+        for (lines, value) in lines.into_iter().zip(values) {
+            if let Some(block) = lines.block_mut(block) {
+                block[line].0[lane] = value;
+            }
+        }
     }
 
     fn close(&mut self) {
@@ -180,8 +185,13 @@ impl Writer {
             self.close();
         }
         for coefficients in &mut self.stored {
-            coefficients.fill.truncate(reach.div_ceil(HEIGHT));
-            coefficients.fill.shrink_to_fit();
+            let Coefficients {
+                multiplier,
+                inverse,
+                fill,
+            } = coefficients;
+            fill.truncate(reach.div_ceil(HEIGHT));
+            Lines::compact([multiplier, inverse, fill]);
         }
         (self.stored, self.of_tile)
     }

@@ -27,9 +27,9 @@ mod sweep;
 use std::ops::Range;
 
 use super::lanes::Lanes;
-use super::{NotPositiveDefinite, SymMatrix};
+use super::{NotPositiveDefinite, Rows, SymMatrix};
 use factor::{Writer, eliminate};
-use sweep::{Down, Received, Row, Up};
+use sweep::{Down, Lines, Received, Row, Up};
 
 /// Segments of a tile.
 const SEGMENTS: usize = 16;
@@ -52,11 +52,11 @@ const NEGLIGIBLE: f64 = 1.0 / (1u128 << 64) as f64;
 #[derive(Debug, Clone, PartialEq)]
 struct Coefficients {
     /// lᵢ, the row of the interface included; 0 in the first row of each segment.
-    multiplier: Vec<Block>,
+    multiplier: Lines,
     /// 1/pᵢ; 1 in rows beyond the matrix.
-    inverse: Vec<Block>,
+    inverse: Lines,
     /// fᵢ of the first blocks of rows, as far as it counts.
-    fill: Vec<Block>,
+    fill: Lines,
 }
 
 /// LDLᵀ by segments.
@@ -135,30 +135,24 @@ impl Partitioned {
 
     /// Bytes of the factor that a solve reads, each once.
     pub(super) fn bytes(&self) -> usize {
-        let blocks: usize = self
-            .coefficients
-            .iter()
-            .map(|c| c.multiplier.len() + c.inverse.len() + c.fill.len())
-            .sum();
-        blocks * size_of::<Block>() + size_of_val(&self.interfaces.inverse[..])
+        let of_tile = |c: &Coefficients| [&c.multiplier, &c.inverse, &c.fill].map(Lines::bytes);
+        let all = self.coefficients.iter().flat_map(of_tile);
+        all.sum::<usize>() + size_of_val(&self.interfaces.inverse[..])
+    }
+
+    /// Rows that are solved at a time.
+    pub(super) fn rows_at_a_time(&self) -> usize {
+        SEGMENTS * self.length
     }
 
     /// x ← A⁻¹ x. Real-time: yes.
     pub(super) fn solve_in_place(&mut self, x: &mut [f64]) {
-        self.solve(&mut InPlace(x), |_, _| {});
+        self.solve(&mut InPlace(x));
     }
 
-    /// x ← A⁻¹ b; `done` is called for each run of rows as soon as it stands. Real-time: yes.
-    pub(super) fn solve_into(
-        &mut self,
-        rhs: &[f64],
-        x: &mut [f64],
-        done: impl FnMut(Range<usize>, &[f64]),
-    ) {
-        self.solve(&mut Apart(rhs, x), done);
-    }
-
-    fn solve(&mut self, vectors: &mut impl Vectors, mut done: impl FnMut(Range<usize>, &[f64])) {
+    /// x ← A⁻¹ b, both wherever `vectors` has them: each right-hand side is requested once, tile by tile, and each
+    /// solution is handed over as soon as it is complete, one tile later or after all requests. Real-time: yes.
+    pub(super) fn solve(&mut self, vectors: &mut impl Rows) {
         let tiles = self.of_tile.len();
         if self.interfaces.multiplier.is_empty() {
             for tile in 0..tiles {
@@ -166,13 +160,13 @@ impl Partitioned {
                 if let Some(before) = tile.checked_sub(1) {
                     self.take(before, received.for_the_one_before);
                     self.solve_interfaces_of(before);
-                    self.up(before, vectors, &mut done);
+                    self.up(before, vectors);
                 }
                 self.keep(tile, received.interfaces);
             }
             if let Some(last) = tiles.checked_sub(1) {
                 self.solve_interfaces_of(last);
-                self.up(last, vectors, &mut done);
+                self.up(last, vectors);
             }
             return;
         }
@@ -186,7 +180,7 @@ impl Partitioned {
         self.interfaces
             .solve_in_place(self.at_interfaces.as_flattened_mut());
         for tile in 0..tiles {
-            self.up(tile, vectors, &mut done);
+            self.up(tile, vectors);
         }
     }
 
@@ -218,7 +212,7 @@ impl Partitioned {
         tile * rows..((tile + 1) * rows).min(self.n)
     }
 
-    fn down(&mut self, tile: usize, vectors: &impl Vectors) -> Received {
+    fn down(&mut self, tile: usize, vectors: &mut impl Rows) -> Received {
         let rows = self.rows(tile);
         let buffers = self.swept.len().max(1);
         let coefficients = self
@@ -228,10 +222,7 @@ impl Partitioned {
         let rhs = vectors.rhs(rows);
         let (Some(coefficients), Some(y)) = (coefficients, self.swept.get_mut(tile % buffers))
         else {
-            return Received {
-                interfaces: [0.0; SEGMENTS],
-                for_the_one_before: 0.0,
-            };
+            return Received::default();
         };
         let rhs = if rhs.len() == self.tail.len() {
             rhs
@@ -242,19 +233,15 @@ impl Partitioned {
             rest.fill(0.0);
             &self.tail
         };
-        self.lanes.run(Down {
+        Down {
             coefficients,
             rhs,
             y,
-        })
+        }
+        .run(self.lanes)
     }
 
-    fn up(
-        &mut self,
-        tile: usize,
-        vectors: &mut impl Vectors,
-        done: &mut impl FnMut(Range<usize>, &[f64]),
-    ) {
+    fn up(&mut self, tile: usize, vectors: &mut impl Rows) {
         let rows = self.rows(tile);
         let before = tile
             .checked_sub(1)
@@ -274,49 +261,34 @@ impl Partitioned {
         let x = vectors.solution(rows.clone());
         let whole = x.len() == self.tail.len();
         let out = if whole { &mut *x } else { &mut self.tail[..] };
-        self.lanes.run(Up {
+        Up {
             coefficients,
             y,
             interfaces,
             before,
             out,
-        });
+        }
+        .run(self.lanes);
         if !whole && let Some(front) = self.tail.get(..x.len()) {
             x.copy_from_slice(front);
         }
-        done(rows, x);
+        vectors.solved(rows);
     }
-}
-
-/// Where right-hand side and solution stand.
-trait Vectors {
-    fn rhs(&self, rows: Range<usize>) -> &[f64];
-    fn solution(&mut self, rows: Range<usize>) -> &mut [f64];
 }
 
 /// Both in one vector: a tile is written after the one behind it has been read.
 struct InPlace<'a>(&'a mut [f64]);
 
-impl Vectors for InPlace<'_> {
-    fn rhs(&self, rows: Range<usize>) -> &[f64] {
+impl Rows for InPlace<'_> {
+    fn rhs(&mut self, rows: Range<usize>) -> &[f64] {
         self.0.get(rows).unwrap_or_default()
     }
 
     fn solution(&mut self, rows: Range<usize>) -> &mut [f64] {
         self.0.get_mut(rows).unwrap_or_default()
     }
-}
 
-struct Apart<'a>(&'a [f64], &'a mut [f64]);
-
-impl Vectors for Apart<'_> {
-    fn rhs(&self, rows: Range<usize>) -> &[f64] {
-        self.0.get(rows).unwrap_or_default()
-    }
-
-    fn solution(&mut self, rows: Range<usize>) -> &mut [f64] {
-        self.1.get_mut(rows).unwrap_or_default()
-    }
+    fn start(&mut self, _n: usize) {}
 }
 
 impl Interfaces {

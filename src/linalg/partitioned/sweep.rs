@@ -1,10 +1,12 @@
-//! The two sweeps over one tile: sixteen segments side by side, eight rows at a time.
+//! The two sweeps over one tile: a group of segments side by side, eight rows at a time.
 //!
 //! Right-hand sides and solutions stand in the user's order, the rows of a segment one after the other; a block of eight
-//! rows of all segments is turned in registers. What a lane calculates does not depend on how many lanes a
-//! register has.
+//! rows of a group, as many segments as a register has lanes, is turned in registers. What a lane calculates does not
+//! depend on how many lanes a register has. `B` is the number of blocks of a segment where the compiler knows it, which
+//! takes the checks of all indices away; 0 where it does not.
 
-use super::{Block, Coefficients, SEGMENTS};
+use super::{Block, Coefficients, HEIGHT, SEGMENTS};
+use crate::linalg::Lanes;
 use crate::linalg::lanes::{Isa, Kernel};
 
 /// Forward: y ← L⁻¹ b of the rows inside the segments.
@@ -16,66 +18,12 @@ pub(super) struct Down<'a> {
 }
 
 /// What the interfaces receive from the rows inside.
+#[derive(Default)]
 pub(super) struct Received {
     /// Right-hand side of the interface at the end of each segment, as far as this tile knows it.
     pub(super) interfaces: [f64; SEGMENTS],
     /// To be taken from the last interface of the tile before.
     pub(super) for_the_one_before: f64,
-}
-
-impl Kernel for Down<'_> {
-    type Output = Received;
-
-    #[inline(always)]
-    fn run<I: Isa>(self, isa: I) -> Received {
-        let Coefficients {
-            multiplier, fill, ..
-        } = self.coefficients;
-        let zero = isa.splat(0.0);
-        let segments = in_blocks(self.rhs);
-        let (mut above, mut above_high) = (zero, zero);
-        let (mut sum, mut sum_high) = (zero, zero);
-        for (at, (y, multiplier)) in self.y.iter_mut().zip(multiplier).enumerate() {
-            let (mut low, mut high) = ([zero; 8], [zero; 8]);
-            for j in 0..8 {
-                if let (Some(b), Some(c)) = (segments[j].get(at), segments[j + 8].get(at)) {
-                    low[j] = isa.load(b);
-                    high[j] = isa.load(c);
-                }
-            }
-            let (mut low, mut high) = (isa.transpose(low), isa.transpose(high));
-            for k in 0..8 {
-                let (l, l_high) = multiplier[k].halves();
-                above = isa.sub(low[k], isa.mul(isa.load(l), above));
-                above_high = isa.sub(high[k], isa.mul(isa.load(l_high), above_high));
-                (low[k], high[k]) = (above, above_high);
-                let (y, y_high) = y[k].halves_mut();
-                isa.store(above, y);
-                isa.store(above_high, y_high);
-            }
-            if let Some(fill) = fill.get(at) {
-                for k in 0..8 {
-                    let (f, f_high) = fill[k].halves();
-                    sum = isa.add(sum, isa.mul(isa.load(f), low[k]));
-                    sum_high = isa.add(sum_high, isa.mul(isa.load(f_high), high[k]));
-                }
-            }
-        }
-        let (mut interfaces, mut to_the_left) = ([0.0; SEGMENTS], [0.0; SEGMENTS]);
-        let (low, high) = two(&mut interfaces);
-        isa.store(above, low);
-        isa.store(above_high, high);
-        let (low, high) = two(&mut to_the_left);
-        isa.store(sum, low);
-        isa.store(sum_high, high);
-        for (interface, from_the_right) in interfaces.iter_mut().zip(&to_the_left[1..]) {
-            *interface -= from_the_right;
-        }
-        Received {
-            interfaces,
-            for_the_one_before: to_the_left[0],
-        }
-    }
 }
 
 /// Backward: x ← L⁻ᵀ D⁻¹ y of the rows inside, given the interfaces.
@@ -90,104 +38,315 @@ pub(super) struct Up<'a> {
     pub(super) out: &'a mut [f64],
 }
 
-impl Kernel for Up<'_> {
+impl Down<'_> {
+    /// Real-time: yes.
+    #[inline]
+    pub(super) fn run(self, lanes: Lanes) -> Received {
+        // The lengths that long chains have, and the one that most even chains have.
+        match (self.y.len(), self.coefficients.is_even()) {
+            (5, true) => lanes.run(Known::<_, 5, true>(self)),
+            (5, false) => lanes.run(Known::<_, 5, false>(self)),
+            (13, false) => lanes.run(Known::<_, 13, false>(self)),
+            (29, false) => lanes.run(Known::<_, 29, false>(self)),
+            (61, false) => lanes.run(Known::<_, 61, false>(self)),
+            (_, true) => lanes.run(Known::<_, 0, true>(self)),
+            (_, false) => lanes.run(Known::<_, 0, false>(self)),
+        }
+    }
+}
+
+impl Up<'_> {
+    /// Real-time: yes.
+    #[inline]
+    pub(super) fn run(self, lanes: Lanes) {
+        match (self.y.len(), self.coefficients.is_even()) {
+            (5, true) => lanes.run(Known::<_, 5, true>(self)),
+            (5, false) => lanes.run(Known::<_, 5, false>(self)),
+            (13, false) => lanes.run(Known::<_, 13, false>(self)),
+            (29, false) => lanes.run(Known::<_, 29, false>(self)),
+            (61, false) => lanes.run(Known::<_, 61, false>(self)),
+            (_, true) => lanes.run(Known::<_, 0, true>(self)),
+            (_, false) => lanes.run(Known::<_, 0, false>(self)),
+        }
+    }
+}
+
+/// A sweep over segments of `B` blocks, or of as many as it has, with coefficients that are alike in all segments if `EVEN`.
+struct Known<S, const B: usize, const EVEN: bool>(S);
+
+impl<const B: usize, const EVEN: bool> Kernel for Known<Down<'_>, B, EVEN> {
+    type Output = Received;
+
+    #[inline(always)]
+    fn run<I: Isa>(self, isa: I) -> Received {
+        let Down {
+            coefficients,
+            rhs,
+            y,
+        } = self.0;
+        let blocks = if B == 0 { y.len() } else { B };
+        let (Some(rhs), Some(y), Some(multiplier)) = (
+            rhs.as_chunks::<8>().0.get(..SEGMENTS * blocks),
+            y.get_mut(..blocks),
+            coefficients.multiplier.view::<EVEN>(blocks),
+        ) else {
+            return Received::default();
+        };
+        let (fill, reach) = coefficients.fill::<EVEN>();
+        let (mut above, mut sums) = (Row::ZERO, Row::ZERO);
+        for (at, y) in y.iter_mut().enumerate() {
+            let multiplier = multiplier.block(at);
+            let fill = (at < reach).then(|| fill.block(at));
+            for group in 0..SEGMENTS / I::GROUP {
+                let first = group * I::GROUP;
+                let mut segments = [&NOTHING; 8];
+                for (j, segment) in segments.iter_mut().enumerate().take(I::GROUP) {
+                    if let Some(rows) = rhs.get((first + j) * blocks + at) {
+                        *segment = rows;
+                    }
+                }
+                let mut rows = isa.turn_in(segments);
+                let mut last = above.group(isa, first);
+                for (k, (row, y)) in rows.iter_mut().zip(&mut *y).enumerate() {
+                    last = isa.sub_group(*row, isa.mul_group(multiplier.row(isa, k, first), last));
+                    *row = last;
+                    y.put(isa, first, last);
+                }
+                above.put(isa, first, last);
+                if let Some(fill) = fill {
+                    let mut sum = sums.group(isa, first);
+                    for (k, row) in rows.iter().enumerate() {
+                        sum = isa.add_group(sum, isa.mul_group(fill.row(isa, k, first), *row));
+                    }
+                    sums.put(isa, first, sum);
+                }
+            }
+        }
+        let (mut interfaces, to_the_left) = (above.0, sums.0);
+        for (interface, from_the_right) in interfaces.iter_mut().zip(&to_the_left[1..]) {
+            *interface -= from_the_right;
+        }
+        Received {
+            interfaces,
+            for_the_one_before: to_the_left[0],
+        }
+    }
+}
+
+impl<const B: usize, const EVEN: bool> Kernel for Known<Up<'_>, B, EVEN> {
     type Output = ();
 
     #[inline(always)]
     fn run<I: Isa>(self, isa: I) {
-        let Coefficients {
-            multiplier,
-            inverse,
-            fill,
-        } = self.coefficients;
-        let zero = isa.splat(0.0);
-        let segments = in_blocks_mut(self.out);
-        let mut left = [self.before; SEGMENTS];
-        for (left, interface) in left[1..].iter_mut().zip(self.interfaces) {
-            *left = *interface;
+        let Up {
+            coefficients,
+            y,
+            interfaces,
+            before,
+            out,
+        } = self.0;
+        let blocks = if B == 0 { y.len() } else { B };
+        let (Some(out), Some(y), Some(multipliers), Some(inverse)) = (
+            out.as_chunks_mut::<8>().0.get_mut(..SEGMENTS * blocks),
+            y.get(..blocks),
+            coefficients.multiplier.view::<EVEN>(blocks),
+            coefficients.inverse.view::<EVEN>(blocks),
+        ) else {
+            return;
+        };
+        let (fill, reach) = coefficients.fill::<EVEN>();
+        let mut left = Row([before; SEGMENTS]);
+        left.0[1..].copy_from_slice(&interfaces[..SEGMENTS - 1]);
+        // The row of the interface itself; its segment ends there.
+        let mut below = Row(*interfaces);
+        let mut links = multipliers.block(0);
+        for at in (0..blocks).rev() {
+            let (y, inverse, multiplier) = (&y[at], inverse.block(at), multipliers.block(at));
+            let fill = (at < reach).then(|| fill.block(at));
+            for group in 0..SEGMENTS / I::GROUP {
+                let first = group * I::GROUP;
+                let mut rows = [isa.splat_group(0.0); 8];
+                for (k, (row, y)) in rows.iter_mut().zip(y).enumerate() {
+                    *row = isa.mul_group(y.group(isa, first), inverse.row(isa, k, first));
+                }
+                if let Some(fill) = fill {
+                    let left = left.group(isa, first);
+                    for (k, row) in rows.iter_mut().enumerate() {
+                        let f = fill.row(isa, k, first);
+                        *row = isa.sub_group(*row, isa.mul_group(f, left));
+                    }
+                }
+                let mut last = below.group(isa, first);
+                if at + 1 < blocks {
+                    let l = links.row(isa, 0, first);
+                    last = isa.sub_group(rows[7], isa.mul_group(l, last));
+                }
+                rows[7] = last;
+                for k in (0..7).rev() {
+                    let l = multiplier.row(isa, k + 1, first);
+                    last = isa.sub_group(rows[k], isa.mul_group(l, last));
+                    rows[k] = last;
+                }
+                below.put(isa, first, last);
+                let segments = isa.turn_out(rows);
+                for (j, rows) in segments.into_iter().enumerate().take(I::GROUP) {
+                    if let Some(out) = out.get_mut((first + j) * blocks + at) {
+                        isa.store(rows, out);
+                    }
+                }
+            }
+            links = multiplier;
         }
-        let (left, left_high) = halves(&left);
-        let (left, left_high) = (isa.load(left), isa.load(left_high));
-        let (end, end_high) = halves(self.interfaces);
-        let (end, end_high) = (isa.load(end), isa.load(end_high));
-        let (mut below, mut below_high) = (zero, zero);
-        let (mut l, mut l_high) = (zero, zero);
-        let last = multiplier.len().saturating_sub(1);
-        let blocks = self.y.iter().zip(multiplier).zip(inverse).enumerate();
-        for (at, ((y, multiplier), inverse)) in blocks.rev() {
-            let (mut low, mut high) = ([zero; 8], [zero; 8]);
-            for k in 0..8 {
-                let ((y, y_high), (d, d_high)) = (y[k].halves(), inverse[k].halves());
-                low[k] = isa.mul(isa.load(y), isa.load(d));
-                high[k] = isa.mul(isa.load(y_high), isa.load(d_high));
+    }
+}
+
+/// One coefficient of each row of a tile: all segments' own, or the one that they have in common.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(super) struct Lines {
+    of_segments: Vec<Block>,
+    common: Vec<[f64; HEIGHT]>,
+}
+
+impl Lines {
+    pub(super) fn new(of_segments: Vec<Block>) -> Self {
+        Self {
+            of_segments,
+            common: Vec::new(),
+        }
+    }
+
+    /// The common ones, if there are some.
+    fn in_common(&self) -> Option<Vec<[f64; HEIGHT]>> {
+        let alike = |row: &Row| row.0.iter().all(|value| *value == row.0[0]);
+        let mut blocks = self.of_segments.iter();
+        blocks
+            .clone()
+            .all(|block| block.iter().all(alike))
+            .then(|| {
+                blocks
+                    .by_ref()
+                    .map(|block| block.map(|row| row.0[0]))
+                    .collect()
+            })
+    }
+
+    /// Keeps what all segments have in common only, if all of these allow it.
+    pub(super) fn compact(all: [&mut Self; 3]) {
+        let common = all.each_ref().map(|lines| lines.in_common());
+        if common.iter().any(Option::is_none) {
+            return;
+        }
+        for (lines, common) in all.into_iter().zip(common) {
+            lines.common = common.unwrap_or_default();
+            lines.of_segments = Vec::new();
+        }
+    }
+
+    pub(super) fn is_even(&self) -> bool {
+        !self.common.is_empty()
+    }
+
+    pub(super) fn blocks(&self) -> usize {
+        self.of_segments.len().max(self.common.len())
+    }
+
+    pub(super) fn block_mut(&mut self, block: usize) -> Option<&mut Block> {
+        self.of_segments.get_mut(block)
+    }
+
+    pub(super) fn truncate(&mut self, blocks: usize) {
+        self.of_segments.truncate(blocks);
+        self.of_segments.shrink_to_fit();
+    }
+
+    pub(super) fn bytes(&self) -> usize {
+        size_of_val(&self.of_segments[..]) + size_of_val(&self.common[..])
+    }
+
+    /// The first `blocks` blocks, which must be there.
+    #[inline(always)]
+    fn view<const EVEN: bool>(&self, blocks: usize) -> Option<View<'_, EVEN>> {
+        Some(if EVEN {
+            View {
+                of_segments: &[],
+                common: self.common.get(..blocks)?,
             }
-            if let Some(fill) = fill.get(at) {
-                for k in 0..8 {
-                    let (f, f_high) = fill[k].halves();
-                    low[k] = isa.sub(low[k], isa.mul(isa.load(f), left));
-                    high[k] = isa.sub(high[k], isa.mul(isa.load(f_high), left_high));
-                }
+        } else {
+            View {
+                of_segments: self.of_segments.get(..blocks)?,
+                common: &[],
             }
-            if at == last {
-                // The row of the interface itself; nothing of its own segment lies below it.
-                (low[7], high[7]) = (end, end_high);
-            }
-            for k in (0..8).rev() {
-                below = isa.sub(low[k], isa.mul(l, below));
-                below_high = isa.sub(high[k], isa.mul(l_high, below_high));
-                (low[k], high[k]) = (below, below_high);
-                let (m, m_high) = multiplier[k].halves();
-                (l, l_high) = (isa.load(m), isa.load(m_high));
-            }
-            let (low, high) = (isa.transpose(low), isa.transpose(high));
-            for j in 0..8 {
-                if let Some(out) = segments[j].get_mut(at) {
-                    isa.store(low[j], out);
-                }
-            }
-            for j in 0..8 {
-                if let Some(out) = segments[j + 8].get_mut(at) {
-                    isa.store(high[j], out);
-                }
-            }
+        })
+    }
+
+    #[inline(always)]
+    fn all<const EVEN: bool>(&self) -> View<'_, EVEN> {
+        View {
+            of_segments: &self.of_segments,
+            common: &self.common,
         }
     }
 }
 
-#[inline(always)]
-fn halves(values: &[f64; SEGMENTS]) -> (&[f64; 8], &[f64; 8]) {
-    let (halves, _) = values.as_chunks::<8>();
-    // Sixteen are two times eight.
-    (&halves[0], &halves[1])
+/// [`Lines`] of which it is known what they are.
+#[derive(Clone, Copy)]
+struct View<'a, const EVEN: bool> {
+    of_segments: &'a [Block],
+    common: &'a [[f64; HEIGHT]],
 }
 
-#[inline(always)]
-fn two(values: &mut [f64; SEGMENTS]) -> (&mut [f64; 8], &mut [f64; 8]) {
-    let (halves, _) = values.as_chunks_mut::<8>();
-    let (low, high) = halves.split_at_mut(1);
-    (&mut low[0], &mut high[0])
-}
-
-/// Sixteen segments of equal length, each in blocks of eight rows.
-#[inline(always)]
-fn in_blocks(values: &[f64]) -> [&[[f64; 8]]; SEGMENTS] {
-    let mut segments: [&[[f64; 8]]; SEGMENTS] = [&[]; SEGMENTS];
-    let length = (values.len() / SEGMENTS).max(1);
-    for (blocks, segment) in segments.iter_mut().zip(values.chunks_exact(length)) {
-        *blocks = segment.as_chunks::<8>().0;
+impl<'a, const EVEN: bool> View<'a, EVEN> {
+    #[inline(always)]
+    fn block(self, at: usize) -> BlockView<'a, EVEN> {
+        BlockView {
+            of_segments: if EVEN {
+                &EMPTY
+            } else {
+                self.of_segments.get(at).unwrap_or(&EMPTY)
+            },
+            common: if EVEN {
+                self.common.get(at).unwrap_or(&NOTHING)
+            } else {
+                &NOTHING
+            },
+        }
     }
-    segments
 }
 
-#[inline(always)]
-fn in_blocks_mut(values: &mut [f64]) -> [&mut [[f64; 8]]; SEGMENTS] {
-    let mut segments: [&mut [[f64; 8]]; SEGMENTS] = Default::default();
-    let length = (values.len() / SEGMENTS).max(1);
-    for (blocks, segment) in segments.iter_mut().zip(values.chunks_exact_mut(length)) {
-        *blocks = segment.as_chunks_mut::<8>().0;
-    }
-    segments
+/// Eight rows of it.
+#[derive(Clone, Copy)]
+struct BlockView<'a, const EVEN: bool> {
+    of_segments: &'a Block,
+    common: &'a [f64; HEIGHT],
 }
+
+impl<const EVEN: bool> BlockView<'_, EVEN> {
+    #[inline(always)]
+    fn row<I: Isa>(self, isa: I, k: usize, first: usize) -> I::G {
+        if EVEN {
+            isa.splat_group(self.common[k])
+        } else {
+            self.of_segments[k].group(isa, first)
+        }
+    }
+}
+
+impl Coefficients {
+    fn is_even(&self) -> bool {
+        self.multiplier.is_even()
+    }
+
+    /// The fill, and of how many blocks.
+    #[inline(always)]
+    fn fill<const EVEN: bool>(&self) -> (View<'_, EVEN>, usize) {
+        (self.fill.all(), self.fill.blocks())
+    }
+}
+
+static EMPTY: Block = [Row::ZERO; HEIGHT];
+
+/// Rows that do not exist.
+static NOTHING: [f64; 8] = [0.0; 8];
 
 /// One number per segment, on a cache line of its own pair.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -195,13 +354,16 @@ fn in_blocks_mut(values: &mut [f64]) -> [&mut [[f64; 8]]; SEGMENTS] {
 pub(super) struct Row(pub(super) [f64; SEGMENTS]);
 
 impl Row {
+    pub(super) const ZERO: Self = Self([0.0; SEGMENTS]);
+
+    /// The numbers of a group of segments that begins with `first`.
     #[inline(always)]
-    fn halves(&self) -> (&[f64; 8], &[f64; 8]) {
-        halves(&self.0)
+    fn group<I: Isa>(&self, isa: I, first: usize) -> I::G {
+        isa.load_group(&self.0[first..first + I::GROUP])
     }
 
     #[inline(always)]
-    fn halves_mut(&mut self) -> (&mut [f64; 8], &mut [f64; 8]) {
-        two(&mut self.0)
+    fn put<I: Isa>(&mut self, isa: I, first: usize, value: I::G) {
+        isa.store_group(value, &mut self.0[first..first + I::GROUP]);
     }
 }

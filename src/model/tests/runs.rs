@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use super::super::*;
 use crate::law::{Law, LawSpec, Memoryless, Tangent};
 use crate::linalg::{Lanes, SymMatrix};
-use crate::state::Visit;
+use crate::state::{TestState, Visit};
 
 /// A law that does not say what it is: it cannot stand in a run.
 #[derive(Debug)]
@@ -175,6 +175,117 @@ fn names_matrices_and_tangents_of_a_run_are_those_of_its_elements() {
     assert_eq!(forgets.tangent_damping(), rest);
 }
 
+/// Those forces, `cut` rows at a time; `fresh` begins with zeros in place of other numbers.
+fn by_rows(
+    structure: &mut Structure,
+    salt: usize,
+    cut: usize,
+    base: Base,
+    fresh: bool,
+) -> Vec<u64> {
+    let n = structure.dofs();
+    let (x, v) = (motion(n, salt), motion(n, 3 * salt + 1));
+    let mut r: Vec<f64> = motion(n, 5);
+    for start in (0..n).step_by(cut) {
+        let motion = Motion {
+            disp: &x,
+            vel: &v,
+            base,
+            dt: 0.01,
+        };
+        structure.subtract_rows(start..(start + cut).min(n), motion, &mut r, fresh);
+    }
+    r.iter().map(|r| r.to_bits()).collect()
+}
+
+fn whole(structure: &mut Structure, salt: usize, base: Base, fresh: bool) -> Vec<u64> {
+    let n = structure.dofs();
+    let (x, v) = (motion(n, salt), motion(n, 3 * salt + 1));
+    let mut r: Vec<f64> = if fresh { vec![0.0; n] } else { motion(n, 5) };
+    structure.subtract_internal(&x, &v, base, 0.01, &mut r);
+    r.iter().map(|r| r.to_bits()).collect()
+}
+
+#[test]
+fn some_rows_at_a_time_give_the_bits_of_all_rows_on_all_lanes() {
+    let moves = Base {
+        disp: 0.2,
+        vel: -0.1,
+    };
+    // First a run that an even chain takes along, then one that the moving base forbids, then none.
+    let parts: [&[_]; 3] = [&PARTS, &PARTS[1..], &PARTS[2..5]];
+    for (part, parts) in parts.into_iter().enumerate() {
+        for hidden in [false, true] {
+            let mut all = structure(3000, parts, hidden);
+            let mut some = structure(3000, parts, hidden);
+            some.forget_tangents();
+            for (turn, lanes) in Lanes::available().enumerate() {
+                some.set_lanes(lanes);
+                for (k, cut) in [1, 7, 64, 640, 1664, 3000].into_iter().enumerate() {
+                    let salt = 10 * turn + k;
+                    let base = if k % 2 == 0 { moves } else { Base::default() };
+                    let fresh = k % 3 == 0;
+                    assert_eq!(
+                        by_rows(&mut some, salt, cut, base, fresh),
+                        whole(&mut all, salt, base, fresh),
+                        "{part} {hidden} {lanes} {cut}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+/// A strip keeps its sliders out of its laws while it is stepped by rows: every reader gets them, and restored ones
+/// are used.
+#[test]
+fn a_strip_saves_restores_reverts_and_mixes_like_its_elements_one_by_one() {
+    let parts = [(4, None, 0, 40), (4, Some(40), 41, 30)];
+    let (mut strips, mut singles) = (structure(120, &parts, false), structure(120, &parts, true));
+    strips.forget_tangents();
+    let saved = |s: &mut Structure| TestState::of(|visit| s.visit_state(visit)).unwrap();
+    let mut kept = None;
+    for salt in 0..40 {
+        let base = Base::default();
+        if salt % 3 == 1 {
+            assert_eq!(
+                whole(&mut strips, salt, base, false),
+                whole(&mut singles, salt, base, false)
+            );
+        } else {
+            assert_eq!(
+                by_rows(&mut strips, salt, 17, base, false),
+                whole(&mut singles, salt, base, false)
+            );
+        }
+        assert_eq!(saved(&mut strips), saved(&mut singles), "{salt}");
+        match salt % 7 {
+            2 => kept = Some(saved(&mut strips)),
+            4 => {
+                strips.revert();
+                singles.revert();
+            }
+            5 => {
+                let kept = kept.take().unwrap();
+                kept.restore(|visit| strips.visit_state(visit)).unwrap();
+                kept.restore(|visit| singles.visit_state(visit)).unwrap();
+            }
+            _ => {}
+        }
+    }
+}
+
+#[test]
+fn the_reach_is_that_of_the_widest_matrix_and_run() {
+    let mut chain = structure(3000, &PARTS, false);
+    assert_eq!(chain.reach(), usize::MAX, "tangents are kept");
+    chain.forget_tangents();
+    assert_eq!(chain.reach(), 33, "from 7 to 40");
+    let mut bare = structure(100, &[(0, None, 0, 100)], false);
+    bare.forget_tangents();
+    assert_eq!(bare.reach(), 1);
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
@@ -191,6 +302,12 @@ proptest! {
         let (mut runs, mut singles) = (structure(120, &parts, false), structure(120, &parts, true));
         for salt in 0..3 {
             prop_assert_eq!(forces(&mut runs, salt), forces(&mut singles, salt));
+        }
+        runs.forget_tangents();
+        for salt in 3..6 {
+            let base = Base { disp: 0.2, vel: -0.1 };
+            let cut = 17 * salt;
+            prop_assert_eq!(by_rows(&mut runs, salt, cut, base, false), whole(&mut singles, salt, base, false));
         }
     }
 }
