@@ -93,6 +93,8 @@ const ALLOWED: &[(&str, &[&str])] = &[
         &[
             // Fault scripts, and names of protocols and transports.
             "config",
+            // Poses that a gateway refuses, and the coordinates in its records.
+            "geometry",
             "port",
             "record",
             "rt",

@@ -391,7 +391,8 @@ kinds! {
     SERVER_SUB_TICK = "sub_tick", Test, "1", Server, ALWAYS, "always 0: one row per exchange";
     /// Phase of the exchange.
     SERVER_STATE = "state", Test, "1", Server, ALWAYS,
-        "phase of the exchange: 2 before the test (wiring check, force in the start position), 3 running, \
+        "phase of the exchange: 2 before the test (wiring check, force in the start position), 3 running, 5 on the way to the \
+         first target of a gateway that paces, \
          8 command not passed on: it tripped, or came after a trip";
     /// Test time of the command.
     SERVER_TIME = "time", Test, "s", Controller, ALWAYS, "test time of the command";
@@ -405,7 +406,7 @@ kinds! {
     TRIP = "trip", Test, "1", Server, ALWAYS,
         "cause of a trip: 0 none; a limit: 1 command_disp, 2 command_step, 3 command_vel, 4 command_accel, 5 measured_disp, \
          6 measured_force, 7 following_error, 8 force_step, 9 stuck_sensor, 10 sensor_disp, 11 sensor_force, \
-         12 alternating_ticks; 100 more for a limit that the controller announced; 50 command not finite, 51 measurement not finite, 52 first command not the armed position, 60 interlock open, \
+         12 alternating_ticks; 100 more for a limit that the controller announced; 50 command not finite, 51 measurement not finite, 52 first command not the armed position, 53 no such pose of the loading unit, 54 trial too far, 60 interlock open, \
          61 a sensor or an actuator at the end of its range, 62 held by its own watchdog, 70 specimen lost";
     /// Arrival of the command.
     RECEIVED = "received_s", Test, "s", Clock, ALWAYS, "wall time from the start of the test to the command";
@@ -428,6 +429,24 @@ kinds! {
     /// Velocity of the command.
     SERVER_VEL = "vel", Axis, "unit of the axis", Controller, ALWAYS,
         "velocity that came with the command, in units of the axis per s";
+    /// Coordinate of a loading unit that the controller asks for.
+    SERVER_POSE = "pose", Coordinate, "m or rad", Controller, UNIT, "target pose of the loading unit from the controller";
+    /// Measured coordinate of a loading unit.
+    SERVER_MEASURED_POSE = "pose_meas", Coordinate, "m or rad", Measured, UNIT, "pose from the measured strokes";
+    /// Force in a coordinate of a loading unit.
+    SERVER_POSE_FORCE = "pose_force", Coordinate, "N or N m", Measured, UNIT, "force that the controller received";
+    /// Lag of an axis.
+    SERVER_LAG = "lag", Axis, "s", Estimated, TRACKED, "estimated lag of the measured displacement behind the target, in wall time";
+    /// Gain of an axis.
+    SERVER_GAIN = "gain", Axis, "1", Estimated, TRACKED, "estimated gain of the measured displacement over the target";
+    /// Fitted stiffness of an axis.
+    SERVER_STIFFNESS = "stiffness", Axis, "N/m", Estimated, TRACKED, "stiffness fitted over the last seconds of motion";
+    /// Damping that the lag of an axis adds.
+    SERVER_FALSE_DAMPING = "false_c", Axis, "N s/m", Estimated, TRACKED,
+        "damping that the lag adds; negative if the lag removes energy";
+    /// Parameter of the compensator of an axis.
+    SERVER_COMPENSATION = "comp", Parameter, "of the parameter", Controller, "with a compensator that has parameters",
+        "parameter NAME of the compensator";
     /// Status flags.
     SERVER_STATUS = "status", Specimen, "1", Server, ALWAYS,
         "status flags that the controller received; 262144 if nothing was measured because the command was not passed on";

@@ -226,6 +226,8 @@ causes! {
         "The test could not be served: a refusal, or bytes that the protocol does not allow.";
     TakenBack = 35, "taken_back", Trip, Stopped, "STOPPED",
         "The client took a command back, which a physical specimen cannot follow.";
+    ClientIterates = 36, "client_iterates", Trip, Stopped, "STOPPED",
+        "The client commanded another target in the same step, farther away than the file allows.";
 }
 
 impl Cause {
@@ -312,6 +314,7 @@ mod tests {
         (33, "shutdown"),
         (34, "protocol"),
         (35, "taken_back"),
+        (36, "client_iterates"),
     ];
 
     #[test]

@@ -4,6 +4,7 @@ mod brief;
 mod json;
 mod needs;
 mod next;
+mod served;
 mod verbose;
 
 use super::args::CheckArgs;
@@ -24,6 +25,10 @@ use crate::transfer::BetweenTicks;
 
 /// Checks one test.
 pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
+    if crate::config::is_for_a_server(&args.test) {
+        served::check(&args.test, args.json)?;
+        return Ok(Exit::Done);
+    }
     let loaded = load(&args.test, &args.sets)?;
     let test = setup::build(&loaded).map_err(refused)?;
     warn(&test.warnings);

@@ -7,8 +7,8 @@ use std::path::Path;
 use super::args::ReportArgs;
 use super::exit::{Exit, WithExit};
 use super::tell;
-use crate::record::Run;
 use crate::record::export::Notice;
+use crate::record::{Run, Summary};
 use crate::session;
 
 /// Writes report.html again, from the run folder alone; or the page of two runs.
@@ -31,6 +31,13 @@ pub fn report(args: &ReportArgs) -> anyhow::Result<Exit> {
             "error"
         };
         tell(format_args!("{level}: {}: {what}", args.run.display()));
+    }
+    // The summary of a served test has no tracking metrics.
+    let is_told = |summary: &Summary| !summary.metrics.is_null();
+    if !Run::open(&args.run)?.summary().is_some_and(is_told) {
+        for line in &page.followed {
+            tell(line);
+        }
     }
     tell(page.path.display());
     if let Some(picture) = &args.picture {

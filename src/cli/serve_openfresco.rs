@@ -42,7 +42,7 @@ pub fn serve(
         .host
         .specimen(remembers)
         .map_err(anyhow::Error::msg)?;
-    let host = Host::of(specimen, nature, wishes.step_s);
+    let host = Host::of(specimen, nature, wishes.step_s).iterating_within(wishes.iterates_within_m);
     let host = match &served.transformation {
         Some(transformation) => host.transformed(transformation.clone()),
         None => host,

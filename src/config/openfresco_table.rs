@@ -65,6 +65,12 @@ pub struct OpenFrescoServeSpec {
     /// specimen keeps its position between clients.
     #[schemars(example = true)]
     pub physical: bool,
+    /// Largest distance of later trials of a step from its first one, for a client that iterates. It
+    /// is in m (or rad) at the client's scale. Only for a gateway and with `physical = true`.
+    /// Default: a second, different target in a step ends the test.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 0.0005)]
+    pub iterates_within_m: Option<f64>,
     /// Test time of one step, for clients that send no time. Default: rate effects depend on the
     /// velocities only.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -2,18 +2,25 @@
 
 use std::path::Path;
 
+use super::axis_table::{DispUnit, ForceUnit};
 use super::document::Node;
 use super::echo::number;
 use super::link_table::{Carrier, Offer};
 use super::safety::SafetyTable;
-use super::serve_table::{ServeFile, ServeTable};
+use super::serve_table::{PaceTable, ServeFile, ServeTable};
 use super::{
     ConfigError, Finding, KeyPath, Locator, Purpose, Severity, SpecimenTable, check, judge, open,
     plain, read_text,
 };
+use crate::geometry::Geometry;
 
 /// Longest silence in s after which a client counts as gone: a day.
 const IDLE_S: f64 = 86_400.0;
+
+/// Smallest and largest rate of paced commands, Hz.
+const PACE_HZ: (f64, f64) = (1.0, 10_000.0);
+/// Longest path to one target, s.
+const PACE_STEP_S: f64 = 60.0;
 
 /// The served part of a file that has been read and checked.
 #[derive(Debug)]
@@ -63,6 +70,9 @@ impl ServedFile {
                 .help("`rows` of the controller's test file transform its displacements");
             return Err(self.locator.refusal(finding));
         }
+        if let Some(units) = self.client_units() {
+            return self.check_client_units(units);
+        }
         let axes = self.file.specimen.iter().flat_map(|table| &table.axis);
         for (index, gear) in axes.enumerate() {
             if let Some((key, known)) = gear.foreign_units().next() {
@@ -75,6 +85,48 @@ impl ServedFile {
             }
         }
         Ok(())
+    }
+
+    /// True for a gateway whose client commands displacements that are converted to the axes.
+    #[must_use]
+    pub fn converts(&self) -> bool {
+        let names_units = self.file.serve.names_units();
+        self.specimen().is_some_and(|table| {
+            !self.is_test && table.link.is_some() && (names_units || table.converts())
+        })
+    }
+
+    /// Units of the client of a gateway that converts; none if the client counts in the units of the axes.
+    #[must_use]
+    pub fn client_units(&self) -> Option<(DispUnit, ForceUnit)> {
+        let serve = &self.file.serve;
+        self.converts().then(|| {
+            (
+                serve.unit_disp.unwrap_or_default(),
+                serve.unit_force.unwrap_or_default(),
+            )
+        })
+    }
+
+    /// Refuses units of the client that the protocol of Gusset lacks.
+    fn check_client_units(&self, (disp, force): (DispUnit, ForceUnit)) -> Result<(), ConfigError> {
+        let geometry = self.specimen().and_then(|table| table.geometry.as_ref());
+        let built = geometry.and_then(|spec| spec.build(1.0).ok());
+        let mut coordinates = built.iter().flat_map(Geometry::coordinates);
+        let turns = coordinates.any(|one| one.is_rotation());
+        let is_foreign = disp.on_the_wire().is_none() || (turns && disp != DispUnit::Metre);
+        let (key, known) = match (is_foreign, force.on_the_wire()) {
+            (true, _) if turns => ("unit_disp", "m, beside rotations"),
+            (true, _) => ("unit_disp", "m or mm"),
+            (false, None) => ("unit_force", "N or kN"),
+            (false, Some(_)) => return Ok(()),
+        };
+        let at = KeyPath::root().key("serve").key(key);
+        let text = format!("the protocol of Gusset does not support this `{key}`");
+        let finding = Finding::error(at, text)
+            .label(known)
+            .help("`gusset serve --protocol openfresco` serves it in this unit");
+        Err(self.locator.refusal(finding))
     }
 
     /// Checks that the server does not need the port of the specimen that it commands. `flag` is the option that gives
@@ -173,6 +225,7 @@ pub fn load_serve_file(path: &Path, name: Option<&str>) -> Result<ServedFile, Co
     for (name, value) in [
         ("idle_timeout_s", serve.openfresco.idle_timeout_s),
         ("step_s", serve.openfresco.step_s),
+        ("iterates_within_m", serve.openfresco.iterates_within_m),
     ] {
         if value.is_some_and(|value| !(value > 0.0 && value.is_finite())) {
             let at = KeyPath::root().key("serve").key("openfresco").key(name);
@@ -188,6 +241,9 @@ pub fn load_serve_file(path: &Path, name: Option<&str>) -> Result<ServedFile, Co
         let why = "as long as a client that is gone keeps the specimen to itself";
         return Err(refuse(finding.label(found).help(why)));
     }
+    if let Some(pace) = &serve.pace {
+        check_pace(pace).map_err(|finding| refuse(*finding))?;
+    }
     let index = choose(&file.specimen, name).map_err(|f| refuse(*f))?;
     let at = KeyPath::root().key("specimen").index(index);
     let among_others = file.specimen.len() > 1;
@@ -198,6 +254,20 @@ pub fn load_serve_file(path: &Path, name: Option<&str>) -> Result<ServedFile, Co
     if file.serve.remembers && file.specimen.iter().any(|table| table.link.is_some()) {
         let at = KeyPath::root().key("serve").key("remembers");
         let text = "`remembers` is for a specimen that is computed, but this one is behind a link";
+        return Err(refuse(Finding::error(at, text)));
+    }
+    let is_computed = file.specimen.iter().any(|table| table.link.is_none());
+    let openfresco = &file.serve.openfresco;
+    if openfresco.iterates_within_m.is_some() && is_computed && !openfresco.physical {
+        let at = KeyPath::root().key("serve").key("openfresco");
+        let text =
+            "`iterates_within_m` is for a specimen that moves, but this one follows each trial";
+        let finding = Finding::error(at.key("iterates_within_m"), text);
+        return Err(refuse(finding.help("remove it, or set `physical = true`")));
+    }
+    if file.serve.pace.is_some() && is_computed {
+        let at = KeyPath::root().key("serve").key("pace");
+        let text = "`pace` is for a specimen behind a link, but this one is computed";
         return Err(refuse(Finding::error(at, text)));
     }
     Ok(ServedFile {
@@ -211,8 +281,38 @@ pub fn load_serve_file(path: &Path, name: Option<&str>) -> Result<ServedFile, Co
     })
 }
 
+/// Refuses a pace that no server keeps.
+fn check_pace(pace: &PaceTable) -> Result<(), Box<Finding>> {
+    let at = KeyPath::root().key("serve").key("pace");
+    let refuse = |key: &str, allowed: &str, found: String| {
+        let headline = format!("`serve.pace.{key}` must be {allowed}");
+        let finding = Finding::error(at.key(key), headline);
+        Err(Box::new(finding.label(format!("found {found}"))))
+    };
+    if !(PACE_HZ.0..=PACE_HZ.1).contains(&pace.rate_hz) {
+        return refuse("rate_hz", "from 1 to 10000", number(pace.rate_hz));
+    }
+    let seconds = |ticks: u32| f64::from(ticks) / pace.rate_hz;
+    if pace.ticks_per_step < 2 || seconds(pace.ticks_per_step) > PACE_STEP_S {
+        let allowed = "at least 2, and at most 60 s of ticks";
+        return refuse("ticks_per_step", allowed, pace.ticks_per_step.to_string());
+    }
+    if seconds(pace.settle_ticks) > PACE_STEP_S {
+        let allowed = "at most 60 s of ticks";
+        return refuse("settle_ticks", allowed, pace.settle_ticks.to_string());
+    }
+    Ok(())
+}
+
 fn is_test(root: &Node) -> bool {
     root.find(&KeyPath::root().key("time")).is_some()
+}
+
+/// True of a file that is one for `gusset serve`, and no test file.
+#[must_use]
+pub fn is_for_a_server(path: &Path) -> bool {
+    let opened = read_text(path).and_then(|text| open(Purpose::Run, path, text, &[]));
+    opened.is_ok_and(|opened| !is_test(&opened.root) && not_a_test(&opened.root).is_some())
 }
 
 /// The finding for a file that is read as a test although it is one for `gusset serve`, or both in one.

@@ -254,6 +254,14 @@ impl SpecimenTable {
         self.axis.iter().any(is_geared) || similitude.length != 1.0 || similitude.force != 1.0
     }
 
+    /// True if a key makes the displacements or forces of a structure others than those of an axis, units apart.
+    #[must_use]
+    pub fn converts(&self) -> bool {
+        let is_geared = |axis: &AxisTable| axis.gear().iter().any(|(_, given)| *given);
+        let is_scaled = self.similitude != SimilitudeTable::default();
+        self.geometry.is_some() || is_scaled || self.axis.iter().any(is_geared)
+    }
+
     /// Units of each of `axes` axes.
     #[must_use]
     pub fn units_of(&self, axes: usize) -> Vec<AxisUnits> {

@@ -95,6 +95,8 @@ pages! {
     real_specimen = "real-specimen", "real-specimen.md", Work, false;
     network = "network", "network.md", Work, false;
     opensees = "opensees", "opensees.md", Work, false;
+    gateway = "gateway", "gateway.md", Work, false;
+    opensees_rig = "opensees-rig", "opensees-rig.md", Work, false;
     actuators = "actuators", "actuators.md", Work, false;
     limits = "limits", "limits.md", Work, false;
     operation = "operation", "operation.md", Work, false;

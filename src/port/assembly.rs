@@ -251,7 +251,7 @@ impl Port {
 
 // Connection, position and wiring.
 impl Port {
-    fn expected(&self) -> Expectation<'_> {
+    pub(super) fn expected(&self) -> Expectation<'_> {
         Expectation {
             name: &self.name,
             axes: &self.axes,

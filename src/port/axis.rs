@@ -86,6 +86,13 @@ impl Axis {
         })
     }
 
+    /// The command in the specimen's unit for d in m at the structure. Real-time: yes.
+    #[inline]
+    #[must_use]
+    pub fn command(&self, deformation: f64) -> f64 {
+        self.disp_gain * deformation + self.disp_offset
+    }
+
     /// d in m at the structure for which this is the command, in the specimen's unit. Real-time: yes.
     #[inline]
     #[must_use]

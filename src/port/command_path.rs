@@ -141,6 +141,11 @@ impl CommandPath {
         &mut self.target
     }
 
+    /// Velocities of targets are the slope of a path from here on.
+    pub const fn take_velocities_of_a_path(&mut self) {
+        self.velocity_of = VelocityOf::Path;
+    }
+
     #[inline]
     pub const fn velocity_of(&self) -> VelocityOf {
         self.velocity_of
@@ -224,7 +229,7 @@ impl CommandPath {
         let commands = self.command.disp.iter_mut().zip(&mut self.command.vel);
         let targets = self.target.iter();
         for (((command, command_vel), (disp, vel)), axis) in commands.zip(targets).zip(axes) {
-            *command = axis.disp_gain * disp + axis.disp_offset;
+            *command = axis.command(*disp);
             *command_vel = axis.vel_gain * vel;
         }
     }

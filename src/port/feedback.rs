@@ -188,6 +188,20 @@ impl Feedback {
         Ok((is_fresh, finite))
     }
 
+    /// Takes displacements and forces in the specimen's units that were measured before the first command.
+    pub fn take_at_rest(&mut self, at_rest: &Measurement, axes: &[Axis]) {
+        let raw = self.raw.disp.iter_mut().zip(&mut self.raw.force);
+        let read = at_rest.disp.iter().zip(&at_rest.force);
+        let at_structure = self.disp.iter_mut().zip(&mut self.force);
+        for ((raw, (disp, force)), (at_structure, axis)) in
+            raw.zip(read).zip(at_structure.zip(axes))
+        {
+            (*raw.0, *raw.1) = (*disp, *force);
+            (*at_structure.0, *at_structure.1) = axis.at_structure(*disp, *force);
+        }
+        copy(&self.raw, &mut self.incoming);
+    }
+
     /// Takes the means that were read at rest, where they are known better than by one answer; false where they are not. Real-time:
     /// yes.
     pub fn take_rest(&mut self, rest: &Rest, axes: &[Axis]) -> bool {

@@ -145,6 +145,34 @@ impl LoadingUnit {
         self.go(&pose, target, target_vel);
     }
 
+    /// The strokes in m of a pose.
+    pub fn strokes_for(&self, pose: &[f64]) -> Result<Vec<f64>, Fault> {
+        let mut placed = self.geometry.reference();
+        self.geometry.place(pose, &mut placed)?;
+        self.geometry.within_reach(&placed)?;
+        Ok(placed.strokes()[..self.geometry.actuators()].to_vec())
+    }
+
+    /// The pose in which the actuators have these strokes in m, from the reference pose on.
+    pub fn pose_at(&self, strokes: &[f64]) -> Result<Vec<f64>, Fault> {
+        let placed = self.found_at(strokes)?;
+        Ok(placed.pose()[..self.rows.len()].to_vec())
+    }
+
+    fn found_at(&self, strokes: &[f64]) -> Result<Placed, Fault> {
+        let mut placed = self.geometry.reference();
+        self.geometry.find(strokes, &mut placed)?;
+        Ok(placed)
+    }
+
+    /// The actuators have these strokes in m: the next pose is sought from there. Impossible strokes change nothing.
+    pub fn stands_at(&mut self, strokes: &[f64]) {
+        if let Ok(placed) = self.found_at(strokes) {
+            (self.aim, self.found) = (placed, placed);
+            self.rates = [0.0; MOST];
+        }
+    }
+
     /// It is led from the first of these strokes in m to the second. Real-time: yes.
     pub fn begin_way(&mut self, strokes: [&[f64]; 2]) {
         self.bend.begin(&self.geometry, strokes);

@@ -28,6 +28,7 @@ mod loading_unit;
 mod motion_check;
 mod probe;
 mod ramp;
+mod received;
 mod rest;
 mod return_move;
 mod row_product;
@@ -72,7 +73,7 @@ use std::ops::Range;
 
 use crate::compensation::Parameter;
 use crate::geometry::{Coordinate, Fault, Geometry};
-use crate::state::Visit;
+use crate::state::{TestState, Visit};
 use crate::substructure::{
     Coupling, Freshness, Holder, Introduction, LinkFault, Measurement, Retirement, Substructure,
     Unavailable,
@@ -265,127 +266,6 @@ impl Port {
         let is_posed = unit.is_none_or(LoadingUnit::is_possible);
         self.path.clear(found.trip.is_none() && is_posed);
         found
-    }
-}
-
-// Commands that another controller sends, through a server.
-impl Port {
-    /// Joins a substructure to a controller that commands its axes in their own units. What that sends is passed on to the last bit.
-    /// Nothing is estimated. `stiffness` is the estimate k̂ of each axis, in its units.
-    #[must_use]
-    pub fn received(
-        name: impl Into<String>,
-        substructure: Box<dyn Substructure>,
-        mut stiffness: Vec<f64>,
-    ) -> Self {
-        let axes = vec![Axis::received(); substructure.axes()];
-        stiffness.resize(axes.len(), 0.0);
-        let mut port = Self::joined(name.into(), axes, substructure, stiffness);
-        port.path.set_pace(true, Order::default());
-        port.pause_estimates();
-        port
-    }
-
-    /// Its guard, for a specimen that has more than one server: only one of them commands it at a time.
-    #[must_use]
-    pub const fn guard(&self) -> &Guard {
-        &self.guard
-    }
-
-    /// Takes the guard that another server of the same specimen had.
-    pub fn set_guard(&mut self, guard: Guard) {
-        if guard.declared().len() == self.axes.len() {
-            self.guard = guard;
-        }
-    }
-
-    /// Another substructure with as many axes answers from here on, and all counts restart. Returns the substructure before, or the
-    /// new one if its axes do not fit.
-    pub fn swap_partner(&mut self, substructure: Box<dyn Substructure>) -> Box<dyn Substructure> {
-        if substructure.axes() != self.axes.len() {
-            return substructure;
-        }
-        self.feedback = Feedback::new(self.axes.len());
-        self.exchange.swap(substructure)
-    }
-
-    /// Another controller commands: nothing was counted, measured, warned of or tripped. The guard keeps the commands before.
-    pub fn begin_session(&mut self, tick: f64) {
-        self.exchange.begin_session();
-        self.feedback = Feedback::new(self.axes.len());
-        let watch = self.guard.watch_mut();
-        watch.begins_session();
-        watch.tick_is(tick);
-    }
-
-    /// The specimen is at `disp`, in its own unit. The next command has the number `sequence`, and leads away from there.
-    pub fn begin_commands(&mut self, sequence: u64, disp: &[f64]) {
-        self.found_at(disp);
-        self.path.stands_at(disp);
-        self.path.stand_still();
-        self.exchange.renumber(sequence);
-        self.feedback.forget_number();
-    }
-
-    /// The specimen is found at `disp`, in its own unit: the next command is a step from there.
-    pub fn found_at(&mut self, disp: &[f64]) {
-        self.guard.is_found_at(disp);
-    }
-
-    /// Wall time in s of the next motion. Real-time: yes.
-    pub fn set_motion_time(&mut self, seconds: f64) {
-        self.guard.watch_mut().tick_is(seconds);
-    }
-
-    /// True if `disp`, in the specimen's unit, is the last command once more. Real-time: yes.
-    #[must_use]
-    pub fn is_at(&self, disp: &[f64]) -> bool {
-        self.guard.is_at(disp)
-    }
-
-    /// The specimen came to where it stands with these velocities, in its own unit, for `seconds`. Real-time: yes.
-    pub fn came_with(&mut self, vel: &[f64], seconds: f64) {
-        self.guard.came_with(vel, seconds);
-    }
-
-    /// The guard's record of past commands.
-    #[must_use]
-    pub const fn watch(&self) -> &limits::Watch {
-        self.guard.watch()
-    }
-
-    /// The specimen's introduction. Nothing moves.
-    ///
-    /// # Errors
-    /// The specimen cannot take part.
-    pub fn introduce(&mut self) -> Result<Introduction, Unavailable> {
-        self.exchange.connect()
-    }
-
-    /// See [`Substructure::commanded_every`].
-    pub fn commanded_every(&mut self, seconds: f64) {
-        self.exchange.commanded_every(seconds);
-    }
-
-    /// Measures before the first command, in the specimen's units; false if the specimen does not.
-    pub fn at_rest(&mut self, into: &mut Measurement) -> bool {
-        self.exchange.at_rest(into)
-    }
-
-    /// A computed specimen forgets what was not accepted.
-    pub fn revert(&mut self) {
-        self.exchange.revert();
-    }
-
-    /// Tangent stiffness, n × n by columns, in the specimen's units; false if it is not known. Real-time: yes.
-    pub fn tangent(&self, stiffness: &mut [f64]) -> bool {
-        self.exchange.tangent(stiffness)
-    }
-
-    /// Takes note of whether the last answer says that the specimen's own watchdog holds it. Real-time: yes.
-    pub fn note_hold(&mut self, freshness: Freshness) -> Hold {
-        let status = self.feedback.raw().status;
-        self.exchange.note_hold(status, freshness)
     }
 }
 

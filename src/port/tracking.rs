@@ -230,6 +230,17 @@ impl Tracking {
         (self.is_on, self.dt, self.age) = (true, dt, age);
     }
 
+    /// Everything is forgotten but what is declared: another test begins later.
+    pub fn restart(&mut self) {
+        for axis in &mut self.axes {
+            *axis = AxisTracking {
+                least: axis.least,
+                ..AxisTracking::NONE
+            };
+        }
+        (self.test_runs, self.passes) = (false, None);
+    }
+
     pub fn set_critical(&mut self, tables: Vec<CriticalDelay>) {
         if tables.len() == self.axes.len() {
             self.critical = tables;

@@ -15,7 +15,7 @@ use crate::metrics::energy::Model;
 use crate::record::summary::Status;
 use crate::record::{Column, End, Events, FolderError, MissingEnd, Run, atomic};
 use crate::view::report::{
-    BLOCK, Digest, Earlier, IdentifiedAxis, Source, count, effect, hero_svg, identified,
+    BLOCK, Digest, Earlier, IdentifiedAxis, Source, count, effect, followed, hero_svg, identified,
     missing_metrics, render, storeys, tracking_metrics, without_disp,
 };
 use crate::view::{Flaws, ResolvedTest, RunView, SummaryView, Timings};
@@ -46,6 +46,8 @@ pub struct Page {
     pub path: PathBuf,
     /// Identified stiffness and lag of each axis; none for a test with a structure.
     pub identified: Vec<IdentifiedAxis>,
+    /// How each axis followed its target, in words.
+    pub followed: Vec<String>,
     /// What of the record is not there any more, in words.
     pub damaged: Vec<String>,
     /// Keys of the summary that the rows and events contradict, and a run that names itself as an ancestor, in words.
@@ -91,6 +93,7 @@ fn page(path: PathBuf, run: &RunView) -> Page {
     Page {
         path,
         identified: identified(run),
+        followed: followed(run),
         damaged: run.flaws.damaged.clone(),
         contradicted: run.flaws.contradicted.clone(),
         is_of_an_earlier_version: is_of_an_earlier_version(run.events.iter()),

@@ -1,24 +1,32 @@
 //! A specimen that is served and is itself behind a link: the server is a gateway.
 //!
-//! Numbers pass through a gateway as they are: both links count in the units of the axes, and the gear between a structure
-//! and its specimen belongs to the controller's test file.
+//! Without conversion numbers pass through a gateway unchanged: both links count in the units of the axes. With `geometry`,
+//! `similitude`, gears or units of its client the port of the gateway converts, as in a test: see [`conversion`].
+
+mod conversion;
+mod following;
 
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
+use conversion::Client;
+pub(super) use conversion::moment;
+use following::Following;
+
 use super::links::{beside, folder, native_setup, tls_client, wire_axes};
 use super::remote::remote_settings;
 use super::specimens::loading::at_actuators;
-use crate::config::{Finding, KeyPath, LinkSpec, Protocol, SpecimenTable};
+use crate::config::{Finding, KeyPath, LinkSpec, Protocol, ServedFile, SpecimenTable};
 use crate::link::announce::narrower;
 use crate::link::openfresco::{Remote, RemoteSettings};
 use crate::link::secret::read_key;
-use crate::link::served::{Controller, LinkBuild};
+use crate::link::served::{Controller, LinkBuild, PaceClock, Pacing};
 use crate::link::server::Host;
 use crate::link::tls::TlsClient;
 use crate::link::{NativeLink, NativeSetup};
 use crate::port::{Pace, WiringCheck};
+use crate::units::AxisUnits;
 use crate::wire::handshake::Sampling;
 
 /// The specimen must hold after this silence where neither the file nor the controller says when, in s.
@@ -26,19 +34,68 @@ const USUAL_WATCHDOG_S: f64 = 10.0;
 /// From one exchange of the motion that shows the direction to the next, in s.
 const PROBE_PERIOD_S: f64 = 0.01;
 
-/// The gateway to the specimen of `table`. `step_s` is the step of clients that do not say it; `of_a_test`: the file is a
-/// test, whose gear is the controller's.
+/// The gateway to the specimen of `source`, which has this link.
 pub(super) fn host(
+    source: &ServedFile,
+    table: &SpecimenTable,
+    link: &LinkSpec,
+    path: &Path,
+) -> Result<Host, Box<Finding>> {
+    let at = &source.place;
+    if source.is_test {
+        check_test_file(table, at)?;
+    }
+    let following = Following::of(source, table, at)?;
+    let converts = source.converts() || following.is_some();
+    let step_s = source.file.serve.openfresco.step_s;
+    let build: LinkBuild = match link.protocol {
+        Protocol::Gusset => {
+            let pace = source.file.serve.pace.as_ref();
+            let paced = pace.map(|pace| (1_000_000_000, pace.period_ns()));
+            native(table, link, at, path, (step_s, paced, converts))?
+        }
+        Protocol::OpenFresco | Protocol::OpenFrescoShadow | Protocol::OpenFrescoAdapter => {
+            openfresco(link, at, path, table.axes())?
+        }
+    };
+    let (host, check) = if converts {
+        let client = Client {
+            units: source.client_units(),
+            following,
+        };
+        conversion::host(table, link, at, client, build)?
+    } else {
+        passing(table, link, at, build)?
+    };
+    let host = match &link.stands_at_m {
+        Some(stands) => {
+            let units = table.units_of(table.axes());
+            let stands = stands.iter().zip(&units);
+            host.said_to_stand_at(stands.map(|(disp, unit)| disp / unit.metres).collect())
+        }
+        None => host,
+    };
+    let host = if link.computed { host.computed() } else { host };
+    let host = match table.force_only_link() {
+        None => host,
+        Some(_) => host.without_measured_disp(),
+    };
+    let pacing = source.file.serve.pace.as_ref().map(|pace| Pacing {
+        ticks: pace.ticks_per_step,
+        settle_ticks: pace.settle_ticks,
+        period_ns: pace.period_ns(),
+        clock: PaceClock::MACHINE,
+    });
+    Ok(host.checked(check, link.computed).paced(pacing))
+}
+
+/// A gateway that passes numbers unchanged, and how it checks the wiring.
+fn passing(
     table: &SpecimenTable,
     link: &LinkSpec,
     at: &KeyPath,
-    path: &Path,
-    step_s: Option<f64>,
-    of_a_test: bool,
-) -> Result<Host, Box<Finding>> {
-    if !of_a_test {
-        check_gear(table, at)?;
-    }
+    build: LinkBuild,
+) -> Result<(Host, WiringCheck), Box<Finding>> {
     let n = table.axes();
     let units = table.units_of(n);
     let estimate = table.stiffness_n_per_m.as_ref();
@@ -52,79 +109,83 @@ pub(super) fn host(
         }
         _ => rows,
     };
-    if rows.len() != n || rows.iter().any(|row| row.len() != n) {
-        let text = format!("the estimate is not {n} × {n}, one row and column per axis");
-        let at = at.key("stiffness_n_per_m");
-        return Err(Box::new(Finding::error(at, text)));
-    }
+    check_estimate(&rows, n, at)?;
     let mut stiffness = Vec::with_capacity(n * n);
     for (j, of_disp) in units.iter().enumerate() {
         for (row, of_force) in rows.iter().zip(&units) {
             stiffness.push(row[j] * of_disp.metres / of_force.newtons);
         }
     }
-    let check = match (link.probe_m, link.probe) {
+    let amplitude = |metres: f64| {
+        units
+            .iter()
+            .map(|unit| metres / unit.metres)
+            .collect::<Vec<f64>>()
+    };
+    let check = wiring_check(link, amplitude, units.clone());
+    let wire = wire_axes(table, n, None);
+    let host = Host::gateway(
+        table.name.clone(),
+        wire,
+        stiffness,
+        build,
+        reply_limit_ns(link),
+    );
+    Ok((host.in_units(units), check))
+}
+
+fn check_estimate(rows: &[Vec<f64>], n: usize, at: &KeyPath) -> Result<(), Box<Finding>> {
+    if rows.len() == n && rows.iter().all(|row| row.len() == n) {
+        return Ok(());
+    }
+    let text = format!("the estimate is not {n} × {n}, one row and column per axis");
+    let at = at.key("stiffness_n_per_m");
+    Err(Box::new(Finding::error(at, text)))
+}
+
+/// How the wiring is checked; `amplitude` brings the metres of a small motion to each axis, and `units` are those of messages.
+fn wiring_check(
+    link: &LinkSpec,
+    amplitude: impl Fn(f64) -> Vec<f64>,
+    units: Vec<AxisUnits>,
+) -> WiringCheck {
+    match (link.probe_m, link.probe) {
         (Some(metres), _) => WiringCheck::Probe {
-            amplitude: units.iter().map(|unit| metres / unit.metres).collect(),
+            amplitude: amplitude(metres),
             pace: Pace::of(link.probe_ramp_s, PROBE_PERIOD_S),
-            units: units.clone(),
+            units,
         },
         (None, Some(_)) => WiringCheck::Known,
         (None, None) => WiringCheck::Unchecked,
-    };
-    let build: LinkBuild = match link.protocol {
-        Protocol::Gusset => native(table, link, at, path, step_s)?,
-        Protocol::OpenFresco | Protocol::OpenFrescoShadow | Protocol::OpenFrescoAdapter => {
-            openfresco(link, at, path, n)?
-        }
-    };
-    let reply_limit = Duration::try_from_secs_f64(link.reply_timeout_s).unwrap_or(Duration::MAX);
-    let reply_limit_ns = u64::try_from(reply_limit.as_nanos()).unwrap_or(u64::MAX);
-    let wire = wire_axes(table, n, None);
-    let host = Host::gateway(table.name.clone(), wire, stiffness, build, reply_limit_ns);
-    let host = match &link.stands_at_m {
-        Some(stands) => {
-            let stands = stands.iter().zip(&units);
-            host.said_to_stand_at(stands.map(|(disp, unit)| disp / unit.metres).collect())
-        }
-        None => host,
-    };
-    let host = if link.computed { host.computed() } else { host };
-    let host = match table.force_only_link() {
-        None => host,
-        Some(_) => host.without_measured_disp(),
-    };
-    Ok(host.checked(check, link.computed))
+    }
 }
 
-/// A key without effect is a mistake that somebody would find out with a specimen.
-fn check_gear(table: &SpecimenTable, at: &KeyPath) -> Result<(), Box<Finding>> {
-    let refuse = |at: KeyPath| {
-        Err(Box::new(
-            Finding::error(at, "a gateway does not convert numbers")
-                .at_key()
-                .label("no effect here")
-                .help("give scales and offsets between structure and specimen in the controller's test file"),
-        ))
+fn reply_limit_ns(link: &LinkSpec) -> u64 {
+    let reply_limit = Duration::try_from_secs_f64(link.reply_timeout_s).unwrap_or(Duration::MAX);
+    u64::try_from(reply_limit.as_nanos()).unwrap_or(u64::MAX)
+}
+
+/// Refuses a test file whose numbers a controller converts: passed on unchanged they would be wrong for another client.
+fn check_test_file(table: &SpecimenTable, at: &KeyPath) -> Result<(), Box<Finding>> {
+    let gears = table.axis.iter().enumerate().flat_map(|(index, axis)| {
+        let given = axis.gear().into_iter().filter(|(_, given)| *given);
+        given.map(move |(key, _)| at.key("axis").index(index).key(key))
+    });
+    let whole = [
+        ("geometry", table.geometry.is_some()),
+        ("similitude", table.similitude != Default::default()),
+    ];
+    let whole = whole.into_iter().filter(|(_, given)| *given);
+    let mut keys = whole.map(|(key, _)| at.key(key)).chain(gears);
+    let Some(key) = keys.next() else {
+        return Ok(());
     };
-    if table.similitude != Default::default() {
-        return refuse(at.key("similitude"));
-    }
-    if table.geometry.is_some() {
-        return refuse(at.key("geometry"));
-    }
-    if table.compensation.is_some() {
-        return refuse(at.key("compensation"));
-    }
-    for (index, axis) in table.axis.iter().enumerate() {
-        let at = at.key("axis").index(index);
-        for (key, given) in axis.gear() {
-            if given {
-                return refuse(at.key(key));
-            }
-        }
-    }
-    Ok(())
+    let text = "a gateway does not convert by a test file";
+    let finding = Finding::error(key, text)
+        .at_key()
+        .label("for the controller of this test")
+        .help("copy this [[specimen]] into a file with [serve]: its gateway converts what the client commands");
+    Err(Box::new(finding))
 }
 
 /// Our own protocol towards the specimen: what the controller said is passed on, where the file says nothing.
@@ -133,7 +194,7 @@ fn native(
     link: &LinkSpec,
     at: &KeyPath,
     path: &Path,
-    step_s: Option<f64>,
+    (step_s, paced, converts): (Option<f64>, Option<(u64, u64)>, bool),
 ) -> Result<LinkBuild, Box<Finding>> {
     let key = match &link.key_file {
         None => None,
@@ -155,10 +216,12 @@ fn native(
             },
             ..template.clone()
         };
-        for (axis, theirs) in setup.axes.iter_mut().zip(&controller.limits) {
+        // Where the gateway converts, the controller's limits are not of these axes.
+        let theirs = controller.limits.iter().filter(|_| !converts);
+        for (axis, theirs) in setup.axes.iter_mut().zip(theirs) {
             axis.limits = narrower(&axis.limits, theirs);
         }
-        if let Some(rate) = controller.rate.or(step_rate) {
+        if let Some(rate) = paced.or(controller.rate).or(step_rate) {
             setup.rate = rate;
         }
         setup.watchdog_s = watchdog_s
@@ -208,3 +271,6 @@ fn openfresco(
         Ok(Box::new(remote))
     }))
 }
+
+#[cfg(test)]
+mod tests;

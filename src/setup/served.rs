@@ -64,19 +64,14 @@ pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigErro
         })?),
     };
     let host = match &table.link {
-        Some(link) => {
-            let step_s = source.file.serve.openfresco.step_s;
-            gateway::host(table, link, at, path, step_s, source.is_test).map_err(|f| refuse(*f))?
-        }
+        Some(link) => gateway::host(&source, table, link, path).map_err(|f| refuse(*f))?,
         None => host(table, at).map_err(|f| refuse(*f))?,
     };
     let transformation = source.rows().cloned().map(Transformation::new).transpose();
     let transformation = transformation
         .map_err(|text| refuse(Finding::error(at.key("rows"), format!("`rows`: {text}"))))?;
     let axes = table.axes();
-    let host = host
-        .in_units(table.units_of(axes))
-        .limited(table.limits_of(axes));
+    let host = host.limited(table.limits_of(axes));
     let host = if source.file.serve.remembers {
         host.remembering()
     } else {
@@ -124,5 +119,6 @@ fn host(table: &SpecimenTable, at: &KeyPath) -> Result<Host, Box<Finding>> {
         Ok(InUnits::around(law, &units))
     };
     Host::new(table.name.clone(), wire, Box::new(build))
+        .map(|host| host.in_units(table.units_of(axes)))
         .map_err(|text| Box::new(Finding::error(at.key(key), text)))
 }

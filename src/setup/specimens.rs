@@ -1,6 +1,6 @@
 //! The specimens of a test file: their rows of B, their laws, and what they add to K0, C0 and their bounds.
 
-mod compensation;
+pub(super) mod compensation;
 mod entry;
 pub(crate) mod loading;
 mod rest;

@@ -129,6 +129,18 @@ pub enum WireError {
         /// What was found.
         found: u32,
     },
+    /// A client of OpenFresco's protocols reads another number of forces than it commands displacements.
+    #[error(
+        "the client reads {found} forces for {disp} displacements, but this server has one force for each displacement (the \
+         element `invertedVBrace` reads six load cells: use `generic` or `twoNodeLink` instead; `rows` serve a client with more \
+         displacements than coordinates)"
+    )]
+    UnequalForces {
+        /// Displacements that it commands.
+        disp: usize,
+        /// Forces that it reads.
+        found: usize,
+    },
     /// A number of things differs from what was agreed.
     #[error("{field}: {expected} wanted, {found} found")]
     Count {
@@ -337,6 +349,7 @@ impl WireError {
             | WireError::Code { .. }
             | WireError::Reserved { .. }
             | WireError::Count { .. }
+            | WireError::UnequalForces { .. }
             | WireError::Bounds { .. }
             | WireError::Checksum { .. }
             | WireError::Session { .. }

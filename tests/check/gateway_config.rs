@@ -34,15 +34,45 @@ fn a_gateway_is_a_specimen_with_a_link_and_so_is_one_of_a_test_file() {
 #[test]
 fn what_has_no_effect_or_is_missing_is_refused() {
     shows(&complaint("", ""), "`stiffness_n_per_m` is missing");
-    for key in ["scale = 2.0", "sign = -1", "offset_m = 0.1", "offset_n = 5"] {
-        let table = format!("{KNOWN}[[specimen.axis]]\n{key}\n");
-        shows(&complaint(&table, ""), "a gateway does not convert numbers");
-    }
-    let scaled = format!("{KNOWN}[specimen.similitude]\nlength = 10\n");
-    shows(
-        &complaint(&scaled, ""),
-        "a gateway does not convert numbers",
+    let scaled = "axis = [{ scale = 2.0, sign = -1, offset_m = 0.1, offset_n = 5 }]\nsimilitude.length = 10\n";
+    let converting = gateway("127.0.0.1:1", &format!("{KNOWN}{scaled}"), "");
+    assert_eq!(served(&converting), Ok(()));
+    // The controller of a test file converts: its numbers are not passed on to others.
+    let of_a_test = linked(10, "127.0.0.1:1", "")
+        .replace("[specimen.link]", "similitude.length = 10\n[specimen.link]");
+    shows(&served(&of_a_test).unwrap_err(), "similitude");
+    let led = gateway(
+        "127.0.0.1:1",
+        &format!("{KNOWN}compensation.ats = {{ delay_s = 0.01 }}\n"),
+        "",
     );
+    shows(&served(&led).unwrap_err(), "evenly spaced");
+    let paced = |keys: &str| {
+        led.replace(
+            "[safety]",
+            &format!("[serve]\npace = {{ {keys} }}\n[safety]"),
+        )
+    };
+    assert_eq!(
+        served(&paced("ticks_per_step = 20, rate_hz = 1000")),
+        Ok(())
+    );
+    for (keys, key) in [
+        ("ticks_per_step = 1, rate_hz = 1000", "ticks_per_step"),
+        ("ticks_per_step = 20, rate_hz = 0.5", "rate_hz"),
+        (
+            "ticks_per_step = 20, rate_hz = 1000, settle_ticks = 70000",
+            "settle_ticks",
+        ),
+    ] {
+        shows(&served(&paced(keys)).unwrap_err(), key);
+    }
+    let limited = format!("{KNOWN}limits.lag_s = {{ trip = 0.01 }}\n");
+    let limited = gateway("127.0.0.1:1", &limited, "");
+    shows(&served(&limited).unwrap_err(), "evenly spaced");
+    let trials = "[serve.openfresco]\niterates_within_m = -1\n[safety]";
+    let trials = gateway("127.0.0.1:1", KNOWN, "").replace("[safety]", trials);
+    shows(&served(&trials).unwrap_err(), "iterates_within_m");
     let inches = format!("{KNOWN}[[specimen.axis]]\nunit_disp = \"in\"\n");
     shows(&complaint(&inches, ""), "does not support this `unit_disp`");
     shows(

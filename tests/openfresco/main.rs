@@ -10,6 +10,7 @@ mod captures;
 mod clients;
 mod initial_position;
 mod loopback;
+mod paced;
 mod refusals;
 mod served;
 mod strangers;

@@ -32,6 +32,11 @@ const THEIRS: Speech = Speech {
     link: "protocol = \"openfresco\"\nopenfresco = { answer_signals = [1, 1, 1, 1, 1] }",
 };
 
+/// The file of a gateway whose client iterates.
+fn iterating(text: &str) -> String {
+    format!("[serve.openfresco]\niterates_within_m = 0.1\n{text}")
+}
+
 fn agree(down: &Speech, specimen: &str, material: &str, scheme: &str, udp: bool) {
     let Some(python) = python() else {
         return;
@@ -45,7 +50,7 @@ fn agree(down: &Speech, specimen: &str, material: &str, scheme: &str, udp: bool)
     let transport = if udp { "udp" } else { "tcp" };
     let between = Served::start(
         folder,
-        &gateway(&far.address, limits, down.link),
+        &iterating(&gateway(&far.address, limits, down.link)),
         &[
             "--protocol",
             "openfresco",
@@ -105,6 +110,41 @@ fn our_own_protocol_towards_the_specimen() {
     agree(&OURS, LINEAR, "Elastic:8000", "newton", true);
 }
 
+/// Newton's second trial trips a gateway without `iterates_within_m`.
+#[test]
+fn a_client_that_iterates_is_refused_with_what_to_configure() {
+    let Some(python) = python() else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let out = folder.join("kept");
+    let far = Served::start(folder, &law(LINEAR), OURS.serve);
+    let limits =
+        "stiffness_n_per_m = 8000\n[specimen.limits]\nmeasured_force_n = { trip = [-1e4, 1e4] }\n";
+    let between = Served::start(
+        folder,
+        &gateway(&far.address, limits, OURS.link),
+        &["--protocol", "openfresco", "--out", out.to_str().unwrap()],
+    );
+    let port = between.address.rsplit(':').next().unwrap();
+    let args = [
+        "--port",
+        port,
+        "--material",
+        "Elastic:8000",
+        "--steps",
+        "200",
+    ];
+    let mut client = Peer::script(&python, "client.py", &args);
+    let line = between.hears("the specimen holds");
+    assert!(line.contains("iterates_within_m"), "{line}");
+    client.kill();
+    let kept = Run::open(&out.join("test-0001")).unwrap();
+    assert_eq!(kept.summary().unwrap().status, Status::Stopped);
+    assert_eq!(*kept.columns(&["trip"]).unwrap()[0].last().unwrap(), 54.0);
+}
+
 /// Newton's trials go beyond the limit: the connection is closed, which OpenSees 3.7 answers by spinning; the gateway says
 /// why, and serves the next.
 #[test]
@@ -120,7 +160,7 @@ fn a_limit_that_opensees_passes_closes_the_connection_and_is_said_here() {
         "stiffness_n_per_m = 8000\n[specimen.limits]\nmeasured_force_n = { trip = [-40, 40] }\n";
     let between = Served::start(
         folder,
-        &gateway(&far.address, limits, OURS.link),
+        &iterating(&gateway(&far.address, limits, OURS.link)),
         &["--protocol", "openfresco", "--out", out.to_str().unwrap()],
     );
     let port = between.address.rsplit(':').next().unwrap();

@@ -7,5 +7,6 @@ mod client;
 mod gateway;
 mod integrators;
 mod programs;
+mod rig;
 mod run;
 mod specimen;

@@ -28,6 +28,7 @@ use super::diagnose::Finding;
 use super::document::{Datum, KeyPath, Node};
 use super::schema::{Method, Start, StructureTable, TestFile};
 use super::serve_table::ServeFile;
+use super::specimen::SpecimenTable;
 use super::steps::{Time, not_positive};
 use super::suggest::listed;
 use super::timetable::ClockChoice;
@@ -241,14 +242,7 @@ pub(crate) fn check_served(file: &ServeFile) -> Vec<Finding> {
         if let Some(link) = &specimen.link {
             check_link_waits(link, None, &at.key("link"), &mut findings);
         }
-        if specimen.compensation.is_some() {
-            findings.0.push(
-                Finding::error(at.key("compensation"), "a server does not compensate")
-                    .at_key()
-                    .label("no effect here")
-                    .help("compensation belongs in the controller's test file"),
-            );
-        }
+        check_served_compensation(specimen, file.serve.pace.is_some(), &at, &mut findings);
     }
     let safety = file.safety.as_ref();
     let unlimited = safety.and_then(|safety| safety.unlimited.as_deref());
@@ -262,6 +256,30 @@ pub(crate) fn check_served(file: &ServeFile) -> Vec<Finding> {
     check_required(&file.specimen, unlimited, &mut findings);
     check_names(&file.specimen, &mut findings);
     findings.0
+}
+
+/// A compensator of a served specimen: only a gateway that paces has evenly spaced commands.
+fn check_served_compensation(
+    specimen: &SpecimenTable,
+    is_paced: bool,
+    at: &KeyPath,
+    findings: &mut Findings,
+) {
+    let (text, help) = match (&specimen.compensation, &specimen.link) {
+        (None, _) => return,
+        (Some(_), Some(_)) if is_paced => return,
+        (Some(_), Some(_)) => (
+            "a compensator needs evenly spaced commands",
+            "give `pace` in [serve], for example pace = { ticks_per_step = 20, rate_hz = 1000 }, or compensate in the \
+             controller's test file",
+        ),
+        (Some(_), None) => (
+            "a computed specimen is served without compensation",
+            "compensation belongs in the controller's test file",
+        ),
+    };
+    let finding = Finding::error(at.key("compensation"), text).at_key();
+    findings.0.push(finding.label("no effect here").help(help));
 }
 
 fn check_structure(structure: &StructureTable, at: &KeyPath, findings: &mut Findings) {

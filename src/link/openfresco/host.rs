@@ -13,6 +13,7 @@ use super::motion::ClientMotion;
 use super::remarks::Remark;
 use super::role::Nature;
 use super::tally::Tally;
+use super::trials::Trials;
 use crate::catalog::ending::Cause;
 use crate::link::served::{Computed, Controller, ServedSpecimen, TestEnd, Trip, Wanted};
 use crate::specimen::Specimen;
@@ -75,6 +76,7 @@ pub struct Host {
     matrices: ClientMatrices,
     /// Between the displacements of the client and the axes, where they differ.
     transformation: Option<Transformation>,
+    trials: Trials,
     tally: Tally,
 }
 
@@ -109,6 +111,7 @@ impl Host {
             begun: false,
             matrices: ClientMatrices::of(&served, n, None),
             transformation: None,
+            trials: Trials::new(n, None),
             tally: Tally::default(),
             served: match nature {
                 Nature::Simulated => served,
@@ -125,6 +128,13 @@ impl Host {
         self.motion = ClientMotion::zeros(n);
         self.matrices = ClientMatrices::of(&self.served, n, Some(&mut transformation));
         self.transformation = Some(transformation);
+        self
+    }
+
+    /// What moves follows later trials of a step as far as this from the first one, in m or rad at the client's scale.
+    #[must_use]
+    pub fn iterating_within(mut self, distance: Option<f64>) -> Self {
+        self.trials = Trials::new(self.served.axes(), distance);
         self
     }
 
@@ -315,6 +325,14 @@ impl Host {
             None => (&self.motion.disp[..], &self.motion.vel[..]),
             Some(transformation) => transformation.command(&self.motion.disp, &self.motion.vel),
         };
+        if self.nature == Nature::Physical {
+            let state = (self.pending, self.tally.commits > 0);
+            let units = self.served.units();
+            let fault = self.trials.judge(disp, self.motion.time, state, units);
+            if let Some(fault) = fault {
+                self.served.trip(Trip::Trial(fault));
+            }
+        }
         let command = Command {
             sequence: self.sequence,
             time: self.motion.time,

@@ -32,6 +32,7 @@ mod role;
 mod settings;
 mod tally;
 mod transformation;
+mod trials;
 
 pub use client::Remote;
 pub(in crate::link) use client_end::lost;

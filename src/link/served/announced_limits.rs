@@ -34,6 +34,12 @@ impl AnnouncedLimits {
         self.watch.goes_on_from(guard);
     }
 
+    /// The next command leads away from here, from rest; displacements in m.
+    pub fn begin_at(&mut self, disp: impl Iterator<Item = f64>) {
+        self.watch = Watch::new(self.limits.clone(), USUAL_TICK_S);
+        self.watch.stands_at(disp);
+    }
+
     /// The last command counts as one at rest.
     pub fn rests(&mut self) {
         self.watch.rests();

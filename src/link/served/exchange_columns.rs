@@ -1,8 +1,10 @@
 //! The rows of a server: one per exchange, and their columns.
 
 use super::Trip;
-use crate::catalog::column::{Each, Kind, SERVER};
+use crate::catalog::column::{Each, Kind, Origin, SERVER, SERVER_COMPENSATION};
 use crate::catalog::phase::Phase;
+use crate::geometry::Coordinate;
+use crate::port::Port;
 use crate::record::Column;
 use crate::substructure::{Command, Measurement};
 use crate::units::AxisUnits;
@@ -12,6 +14,8 @@ pub(super) struct Exchange<'a> {
     pub state: f64,
     pub command: &'a Command<'a>,
     pub elapsed: f64,
+    /// The port that converts what the controller commands, if its numbers are not those of the axes.
+    pub port: Option<&'a Port>,
     pub commits: u64,
     pub measured: &'a Measurement,
     pub trip: Option<Trip>,
@@ -23,18 +27,110 @@ impl Exchange<'_> {
     /// Values of the column `state`, as those of a controller's own record: what is kept back has tripped.
     pub const PROBING: f64 = Phase::Probing.code();
     pub const RUNNING: f64 = Phase::Running.code();
+    pub const RAMPING: f64 = Phase::Ramping.code();
     pub const KEPT_BACK: f64 = Phase::Tripped.code();
+
+    /// True if the command was not passed on.
+    pub fn is_kept_back(&self) -> bool {
+        self.state == Self::KEPT_BACK
+    }
+
+    /// Writes the columns of the axes, [`WIDTH`] each, those of the coordinates, and those of tracking. Real-time: yes.
+    pub fn write(&self, units: &[AxisUnits], row: &mut [f64]) {
+        match self.port {
+            None => self.write_passed(units, row),
+            Some(port) => self.write_converted(port, row),
+        }
+    }
+
+    /// Writes the row of a specimen whose axes the controller commands directly.
+    fn write_passed(&self, units: &[AxisUnits], row: &mut [f64]) {
+        let numbers = self.command.disp.iter().zip(self.command.vel);
+        let measurements = self.measured.disp.iter().zip(&self.measured.force);
+        for ((slot, units), ((disp, vel), (measured_disp, force))) in row
+            .chunks_exact_mut(WIDTH)
+            .zip(units)
+            .zip(numbers.zip(measurements))
+        {
+            let AxisUnits {
+                metres, newtons, ..
+            } = units;
+            slot.copy_from_slice(&[
+                metres * disp,
+                self.sent(*disp),
+                metres * measured_disp,
+                newtons * force,
+                *measured_disp,
+                *force,
+                *vel,
+            ]);
+        }
+    }
+
+    /// Writes the row of a port that converts: commands and measurements of the axes, at the structure's scale and at their own.
+    fn write_converted(&self, port: &Port, row: &mut [f64]) {
+        let axes = WIDTH * port.axes();
+        let (row, coordinates) = row.split_at_mut(axes.min(row.len()));
+        let raw = port.raw();
+        let commands = port
+            .target()
+            .iter()
+            .zip(port.command().iter().zip(port.command_vel()));
+        let measured = port.measured().iter().zip(port.force());
+        let measured = measured.zip(raw.disp.iter().zip(&raw.force));
+        for (slot, ((target, (disp, vel)), ((meas, force), (raw_disp, raw_force)))) in
+            row.chunks_exact_mut(WIDTH).zip(commands.zip(measured))
+        {
+            slot.copy_from_slice(&[
+                *target,
+                self.sent(*disp),
+                *meas,
+                *force,
+                *raw_disp,
+                *raw_force,
+                *vel,
+            ]);
+        }
+        let slots = coordinates.chunks_exact_mut(COORDINATE_WIDTH);
+        for (slot, (_, values)) in slots.zip(port.pose()) {
+            slot.copy_from_slice(&values);
+        }
+        let further = coordinates.get_mut(COORDINATE_WIDTH * port.coordinates()..);
+        let values = port
+            .tracking()
+            .flatten()
+            .chain(port.compensation_parameters());
+        // The last column is the status.
+        for (slot, value) in further.into_iter().flatten().zip(values) {
+            *slot = value;
+        }
+    }
+
+    /// Command of the column `cmd`: NaN if the command was kept back.
+    fn sent(&self, disp: f64) -> f64 {
+        if self.is_kept_back() { f64::NAN } else { disp }
+    }
+
+    /// Measured displacement and force of one axis after the other, SI. Real-time: yes.
+    pub fn measured_si(&self, units: &'_ [AxisUnits]) -> impl Iterator<Item = (f64, f64)> {
+        let measured = self.port.map_or(self.measured, Port::raw);
+        let measured = measured.disp.iter().zip(&measured.force).zip(units);
+        measured.map(|((disp, force), unit)| (unit.metres * disp, unit.newtons * force))
+    }
 }
 
 /// Columns before those of the axes.
 pub(super) const HEAD: usize = count(Each::Test);
 /// Columns of every axis.
 pub(super) const WIDTH: usize = count(Each::Axis);
+/// Columns of every coordinate of a loading unit.
+pub(super) const COORDINATE_WIDTH: usize = count(Each::Coordinate);
 
+/// Estimates are not counted: only an axis whose tracking is estimated has them.
 const fn count(each: Each) -> usize {
     let (mut count, mut at) = (0, 0);
     while at < SERVER.len() {
-        if SERVER[at].each as u8 == each as u8 {
+        if SERVER[at].each as u8 == each as u8 && !is_estimate(&SERVER[at]) {
             count += 1;
         }
         at += 1;
@@ -42,11 +138,24 @@ const fn count(each: Each) -> usize {
     count
 }
 
-fn kinds(each: Each) -> impl Iterator<Item = &'static Kind> {
-    SERVER.iter().filter(move |kind| kind.each == each)
+const fn is_estimate(kind: &Kind) -> bool {
+    kind.origin as u8 == Origin::Estimated as u8
 }
 
-pub(super) fn columns(units: &[AxisUnits], name: &str) -> Vec<Column> {
+fn kinds(each: Each) -> impl Iterator<Item = &'static Kind> {
+    SERVER
+        .iter()
+        .filter(move |kind| kind.each == each && !is_estimate(kind))
+}
+
+/// The columns of a specimen whose axes have these units, and which are the actuators of a loading unit with these coordinates, if
+/// there is one.
+pub(super) fn columns(
+    units: &[AxisUnits],
+    coordinates: &[Coordinate],
+    port: &Port,
+    name: &str,
+) -> Vec<Column> {
     let column = |kind: &Kind, name: String, unit: &str, meaning: String| Column {
         name,
         unit: unit.to_owned(),
@@ -66,6 +175,28 @@ pub(super) fn columns(units: &[AxisUnits], name: &str) -> Vec<Column> {
             let meaning = format!("{}; specimen \"{name}\", axis {axis}", kind.meaning);
             columns.push(column(kind, kind.of_axis(1, axis), unit, meaning));
         }
+    }
+    for (number, coordinate) in (1..).zip(coordinates) {
+        columns.extend(kinds(Each::Coordinate).map(|kind| {
+            let key = coordinate.key();
+            let meaning = format!("{}; specimen \"{name}\", coordinate {key}", kind.meaning);
+            let unit = kind.unit_of(coordinate.is_rotation());
+            column(kind, kind.of_axis(1, number), unit, meaning)
+        }));
+    }
+    for axis in (1..=port.axes()).filter(|_| port.tracks()) {
+        let estimates = SERVER.iter().filter(|kind| is_estimate(kind));
+        columns.extend(estimates.map(|kind| {
+            let meaning = format!("{}; specimen \"{name}\", axis {axis}", kind.meaning);
+            column(kind, kind.of_axis(1, axis), kind.unit, meaning)
+        }));
+    }
+    for (axis, parameter) in port.compensation_names() {
+        let (key, kind) = (parameter.name, &SERVER_COMPENSATION);
+        let meaning = kind.meaning.replace("NAME", key);
+        let meaning = format!("{meaning}; specimen \"{name}\", axis {}", axis + 1);
+        let of = kind.of_parameter(key, 1, axis + 1);
+        columns.push(column(kind, of, parameter.unit, meaning));
     }
     columns.extend(kinds(Each::Specimen).map(|kind| {
         let meaning = format!("{}; specimen \"{name}\"", kind.meaning);

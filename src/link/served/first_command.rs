@@ -17,7 +17,7 @@ const UNDECLARED_M: f64 = 1e-3;
 /// begins with the first step of that small motion.
 const BEGINS_WITHIN_M: f64 = 1e-3;
 
-/// The position before the first commands of a session, by which they are judged. Positions are in the units of the axes.
+/// The position before the first commands of a session, by which they are judged. Positions are those of the axes, in their units.
 #[derive(Debug, Default)]
 pub(super) struct FirstCommand {
     /// Where the specimen stands, until the first command of a controller that did not say where that will be has passed.
@@ -38,14 +38,14 @@ impl FirstCommand {
         (self.goes_on_from, self.runs) = (None, false);
     }
 
-    /// Judges a command of the controller to a specimen with this port. Real-time: yes.
+    /// Judges a command of the controller that sends the axes of this port to `place`, in their units. Real-time: yes.
     ///
     /// # Errors
     /// It is not where the controller had asked to begin, or too far from where the specimen stands.
-    pub fn judge(&self, command: &Command<'_>, port: &Port) -> Result<(), Trip> {
-        if let Some((number, place)) = &self.begins
+    pub fn judge(&self, command: &Command<'_>, place: &[f64], port: &Port) -> Result<(), Trip> {
+        if let Some((number, begins)) = &self.begins
             && command.sequence == *number
-            && let Some(axis) = elsewhere(in_metres(port, place), in_metres(port, command.disp))
+            && let Some(axis) = elsewhere(in_metres(port, begins), in_metres(port, place))
         {
             return Err(Trip::Elsewhere(axis));
         }
@@ -53,7 +53,7 @@ impl FirstCommand {
             && let Some(hit) = judge(
                 port.limits(),
                 in_metres(port, leaves),
-                in_metres(port, command.disp),
+                in_metres(port, place),
             )
         {
             return Err(Trip::Limit(hit));
@@ -67,9 +67,9 @@ impl FirstCommand {
         let from = *self.goes_on_from.get_or_insert(command.time);
         // A test that begins does so at rest.
         let goes_on = from > 0.0 && command.time > from;
-        if goes_on && !self.runs && !port.is_at(command.disp) {
+        if goes_on && !self.runs && !port.repeats() {
             self.runs = true;
-            port.came_with(command.vel, elapsed);
+            port.came_with_command(elapsed);
         }
     }
 
@@ -80,10 +80,7 @@ impl FirstCommand {
 }
 
 /// Displacements in m. Real-time: yes.
-pub(super) fn in_metres<'a>(
-    port: &'a Port,
-    disp: &'a [f64],
-) -> impl Iterator<Item = f64> + Clone + 'a {
+fn in_metres<'a>(port: &'a Port, disp: &'a [f64]) -> impl Iterator<Item = f64> + Clone + 'a {
     let units = port.units().iter();
     disp.iter()
         .zip(units)
@@ -102,6 +99,22 @@ fn farthest(limits: &AxisLimits) -> Option<f64> {
         SHARE * range
     } else {
         UNDECLARED_M
+    })
+}
+
+/// The first axis of a port that `place`, in its units, would take beyond its bound of displacement. Real-time: yes.
+pub(super) fn beyond(port: &Port, place: &[f64]) -> Option<Hit> {
+    let mut axes = port.limits().iter().zip(in_metres(port, place)).enumerate();
+    axes.find_map(|(axis, (limits, value))| {
+        let [low, high] = limits.get(Limit::CommandDisp).trip;
+        let is_within = value >= low && value <= high;
+        (!is_within).then_some(Hit {
+            axis,
+            quantity: Limit::CommandDisp,
+            level: Level::Trip,
+            value,
+            bound: if value > high { high } else { low },
+        })
     })
 }
 

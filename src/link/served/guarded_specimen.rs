@@ -1,11 +1,13 @@
 //! A specimen behind its guard: everything that is judged of a received command and of its answer.
 
 use super::announced_limits::AnnouncedLimits;
+use super::client_scale::copy;
 use super::exchange_columns::Exchange;
-use super::first_command::{self, FirstCommand, in_metres};
+use super::first_command::{self, FirstCommand};
 use super::guard_store::{GuardStore, LastingGuard};
 use super::identity::Identity;
 use super::latch::Latch;
+use super::pacing::{PacedPath, Pacing};
 use super::recording::Recording;
 use super::speed_allowance::{Request, SpeedAllowance, Times};
 use super::{Controller, TestEnd, Trip, USUAL_TICK_S, Wanted};
@@ -16,12 +18,17 @@ use crate::port::limits::{Found, Level};
 use crate::rt::os;
 use crate::substructure::{Command, Freshness, LISTEN_NS, LinkFault, Measurement, Status};
 use crate::time::Nanos;
+use crate::units::AxisUnits;
 
 /// Whose motion a command is part of.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Origin {
     /// A command of the controller's test.
     Controller,
+    /// A command on the path to a target of the controller. It has `period_s` for its motion.
+    Paced { period_s: f64 },
+    /// A command on the ramp to the first target of the controller, which the port has made already.
+    Ramp { period_s: f64, lands: bool },
     /// A command of ours before the test. It has `period_s` for its motion.
     Own { period_s: f64 },
 }
@@ -30,9 +37,25 @@ impl Origin {
     /// Its value in the column `state`.
     const fn state(self) -> f64 {
         match self {
-            Self::Controller => Exchange::RUNNING,
+            Self::Controller | Self::Paced { .. } => Exchange::RUNNING,
+            Self::Ramp { .. } => Exchange::RAMPING,
             Self::Own { .. } => Exchange::PROBING,
         }
+    }
+
+    /// Time in s for its motion, if that is known.
+    const fn period_s(self) -> Option<f64> {
+        match self {
+            Self::Controller => None,
+            Self::Paced { period_s } | Self::Ramp { period_s, .. } | Self::Own { period_s } => {
+                Some(period_s)
+            }
+        }
+    }
+
+    /// True of a command of ours before the test.
+    const fn is_own(self) -> bool {
+        matches!(self, Self::Own { .. })
     }
 }
 
@@ -46,17 +69,19 @@ pub(super) struct GuardedSpecimen {
     /// Longest wait for an answer in ns; 0 of a specimen without a link.
     pub reply_limit_ns: u64,
     pub allowance: SpeedAllowance,
-    announced: Option<AnnouncedLimits>,
+    pub announced: Option<AnnouncedLimits>,
     pub first: FirstCommand,
     pub store: GuardStore,
     pub latch: Latch,
     pub recording: Recording,
-    /// The last answer. Each of its numbers is finite.
+    /// The last answer, as the controller counts. Each of its numbers is finite.
     pub answer: Measurement,
-    /// The last command that left; empty before one.
+    /// The last command that left to the axes; empty before one.
     pub told: Vec<f64>,
     tripped: Option<Trip>,
     commits: u64,
+    /// The path to the controller's targets, if they are paced.
+    path: Option<PacedPath>,
     /// The wall time of the server; the machine's own until the server gives it.
     now: Option<Nanos>,
 }
@@ -66,7 +91,7 @@ impl GuardedSpecimen {
     /// A specimen without limits and without a record.
     pub fn new(identity: Identity, port: Port) -> Self {
         Self {
-            answer: Measurement::zeros(port.axes()),
+            answer: Measurement::zeros(identity.units.len()),
             told: Vec::with_capacity(port.axes()),
             allowance: SpeedAllowance::new(identity.moves),
             identity,
@@ -79,8 +104,23 @@ impl GuardedSpecimen {
             recording: Recording::default(),
             tripped: None,
             commits: 0,
+            path: None,
             now: None,
         }
+    }
+
+    /// Each target of a controller becomes a path of commands.
+    pub fn set_pacing(&mut self, pacing: Pacing) {
+        let (signals, axes) = (self.identity.units.len(), self.port.axes());
+        self.port.take_velocities_of_a_path();
+        let mut path = PacedPath::new(pacing, signals, axes);
+        path.fresh = self.port.freeze_compensation();
+        self.path = Some(path);
+    }
+
+    /// How targets are paced.
+    pub fn pacing(&self) -> Option<Pacing> {
+        self.path.as_ref().map(|path| path.pacing)
     }
 
     pub const fn tripped(&self) -> Option<Trip> {
@@ -114,7 +154,7 @@ impl GuardedSpecimen {
         self.announced = AnnouncedLimits::by(controller, &self.identity.units);
         self.first.begins = None;
         self.told.clear();
-        self.answer = Measurement::zeros(self.port.axes());
+        self.answer = Measurement::zeros(self.identity.units.len());
         Ok(())
     }
 
@@ -129,11 +169,22 @@ impl GuardedSpecimen {
         }
     }
 
-    /// The controller said that its first command will be here.
+    /// The place of the axes, in their units, for displacements of the controller.
+    ///
+    /// # Errors
+    /// The actuators cannot have this pose.
+    pub fn place_for(&self, disp: &[f64]) -> Result<Vec<f64>, TestEnd> {
+        let Identity { scale, units, .. } = &self.identity;
+        let place = scale.place_for(&self.port, disp, units);
+        place.map_err(|fault| TestEnd::failed(format_args!("the test cannot begin there: {fault}")))
+    }
+
+    /// The controller said that its first command will be here, at this place of the axes.
     pub fn begins_at(&mut self, sequence: u64, start: &[f64]) {
         self.first.begins = self.identity.moves.then(|| (sequence, start.to_vec()));
     }
 
+    /// Gets the specimen ready for commands that lead away from `start`, a place of its axes.
     pub fn arm(
         &mut self,
         sequence: u64,
@@ -149,7 +200,19 @@ impl GuardedSpecimen {
         self.allowance.begin(sequence);
         self.first.armed();
         if let Some(announced) = &mut self.announced {
-            announced.begin(self.port.watch());
+            let Identity { scale, units, .. } = &self.identity;
+            if scale.is_of_axes() {
+                announced.begin(self.port.watch());
+            } else if let Ok(disp) = scale.disp_at(&self.port, start, units) {
+                announced.begin_at(in_metres(units, &disp));
+            }
+        }
+        if let Some(path) = &mut self.path {
+            let Identity { scale, units, .. } = &self.identity;
+            let disp = scale.disp_at(&self.port, start, units);
+            let disp = disp.map_err(|fault| TestEnd::failed(format_args!("not armed: {fault}")))?;
+            path.rests_at(sequence, &disp);
+            self.port.restart_following(path.fresh.as_ref());
         }
         let mut unwanted = None;
         let mut is_wanted = || wanted().map_err(|over| unwanted = Some(over)).is_ok();
@@ -179,13 +242,34 @@ impl GuardedSpecimen {
 
 // One exchange.
 impl GuardedSpecimen {
-    /// One exchange: limits, specimen, limits, record. `elapsed` is the test time since the last commit. `into` receives the last
-    /// measurement, with the interlock flag after a trip. False if the answer is owed, and not `wanted` any more.
+    /// One exchange: limits, specimen, limits, record. `elapsed` is the test time since the last commit. The command is in the
+    /// controller's signals; one of ours is in m of the axes' deformations where the controller does not command the axes
+    /// themselves. `into` receives the last measurement, of ours in the units of the axes, with the interlock flag after a trip. False if the answer is owed, and not `wanted` any more.
     /// Real-time: yes, as far as the link is.
     ///
     /// # Errors
     /// The specimen holds. The command was not passed on, or is the last one.
     pub fn exchange_as(
+        &mut self,
+        origin: Origin,
+        command: &Command<'_>,
+        elapsed: f64,
+        wanted: &mut dyn FnMut() -> bool,
+        into: &mut Measurement,
+    ) -> Result<bool, Trip> {
+        let is_paced = origin == Origin::Controller && self.tripped.is_none();
+        let path = if is_paced { self.path.take() } else { None };
+        let Some(mut path) = path else {
+            return self.exchange_once(origin, command, elapsed, wanted, into);
+        };
+        let outcome = self.follow(&mut path, command, elapsed, wanted, into);
+        self.path = Some(path);
+        into.sequence = command.sequence;
+        outcome
+    }
+
+    /// One command and its answer.
+    pub fn exchange_once(
         &mut self,
         origin: Origin,
         command: &Command<'_>,
@@ -205,7 +289,11 @@ impl GuardedSpecimen {
         into.sequence = command.sequence;
         into.time = self.answer.time;
         into.status = self.answer.status;
-        copy(&self.answer, into);
+        if self.is_by_axes(origin) {
+            copy(self.port.raw(), into);
+        } else {
+            copy(&self.answer, into);
+        }
         if self.tripped.is_some() {
             into.status.0 |= Status::INTERLOCK.0;
         }
@@ -216,6 +304,7 @@ impl GuardedSpecimen {
             state: answered_ns.map_or(Exchange::KEPT_BACK, |_| origin.state()),
             command,
             elapsed,
+            port: (!self.identity.scale.is_of_axes()).then_some(&self.port),
             commits: self.commits,
             measured: into,
             trip: self.tripped,
@@ -236,7 +325,7 @@ impl GuardedSpecimen {
         answered_ns: &mut Option<u64>,
     ) -> Result<bool, Trip> {
         self.judge_command(command, elapsed, origin)?;
-        let is_theirs = origin == Origin::Controller;
+        let is_theirs = !origin.is_own();
         if is_theirs {
             self.first.passed();
         }
@@ -255,7 +344,12 @@ impl GuardedSpecimen {
             return Err(Trip::Lost(fault));
         }
         (self.answer.time, self.answer.status) = (raw.time, raw.status);
-        copy(raw, &mut self.answer);
+        let posed = if self.is_by_axes(origin) || (self.is_converted() && not_finite.is_some()) {
+            Ok(())
+        } else {
+            let Identity { scale, units, .. } = &self.identity;
+            scale.answer(&mut self.port, units, &mut self.answer)
+        };
         if self.answer.status.has(Status::UNSETTLED) {
             self.port.count_unsettled();
         }
@@ -266,6 +360,11 @@ impl GuardedSpecimen {
             return Err(Trip::NotFinite { axis, measured });
         }
         self.judge_answer(is_theirs)?;
+        // On a ramp only its end has an answer for the controller.
+        let is_on_a_ramp = matches!(origin, Origin::Ramp { lands: false, .. });
+        if let (Err(fault), false) = (posed, is_on_a_ramp) {
+            return Err(Trip::Geometry(fault));
+        }
         Ok(true)
     }
 
@@ -280,6 +379,10 @@ impl GuardedSpecimen {
             let measured = false;
             return Err(Trip::NotFinite { axis, measured });
         }
+        self.aim(command, origin);
+        if let Some(fault) = self.port.geometry_fault() {
+            return Err(Trip::Geometry(fault));
+        }
         let time = self.time_of(command, elapsed, origin);
         if let Some(time) = time {
             self.port.set_motion_time(time.own);
@@ -287,19 +390,41 @@ impl GuardedSpecimen {
         // The wiring check is not part of the controller's test.
         let is_theirs = origin == Origin::Controller;
         if is_theirs {
-            self.first.judge(command, &self.port)?;
+            self.first.judge(command, self.port.command(), &self.port)?;
             self.first.take_up_pace(command, elapsed, &mut self.port);
         }
-        let motion = command.disp.iter().zip(command.vel);
-        self.port
-            .aim_at(&mut motion.map(|(disp, vel)| (*disp, *vel)));
         let found = self.port.clear();
         self.heed(found)?;
         if let Some(announced) = self.announced.as_mut().filter(|_| is_theirs) {
-            let disp = in_metres(&self.port, command.disp);
+            let disp = in_metres(&self.identity.units, command.disp);
             announced.command(time.map_or(USUAL_TICK_S, |time| time.announced), disp)?;
         }
         Ok(())
+    }
+
+    /// True if numbers of the controller are not those of the axes. Real-time: yes.
+    const fn is_converted(&self) -> bool {
+        !self.identity.scale.is_of_axes()
+    }
+
+    /// True if a command is in deformations of the axes, and not in the controller's signals. Real-time: yes.
+    fn is_by_axes(&self, origin: Origin) -> bool {
+        self.is_converted() && origin.is_own()
+    }
+
+    /// Makes the next command of the port. Real-time: yes.
+    fn aim(&mut self, command: &Command<'_>, origin: Origin) {
+        let Command { disp, vel, .. } = command;
+        if matches!(origin, Origin::Ramp { .. }) {
+            return;
+        }
+        if self.is_by_axes(origin) {
+            let motion = disp.iter().zip(*vel);
+            self.port.aim_axes(motion.map(|(disp, vel)| (*disp, *vel)));
+            return;
+        }
+        let Identity { scale, units, .. } = &self.identity;
+        scale.aim(&mut self.port, [disp, vel], units);
     }
 
     /// Sends the command that was judged, and takes its answer; false if that is not `wanted` any more.
@@ -323,7 +448,7 @@ impl GuardedSpecimen {
         self.port.issue(command.sequence, command.time, dt)?;
         // Within its capacity.
         self.told.clear();
-        self.told.extend_from_slice(command.disp);
+        self.told.extend_from_slice(self.port.sent());
         for _ in 0..limit_ns.div_ceil(LISTEN_NS) {
             if self.port.is_answered(LISTEN_NS)? {
                 break;
@@ -344,13 +469,11 @@ impl GuardedSpecimen {
         let found = self.port.judge();
         let mut announced = Ok(());
         if let Some(limits) = self.announced.as_mut().filter(|_| is_theirs) {
-            let units = self.port.units().iter();
+            let units = self.identity.units.iter();
             let values = self.answer.disp.iter().zip(&self.answer.force).zip(units);
-            announced =
-                limits
-                    .measured(values.map(|((disp, force), (metres, newtons))| {
-                        (disp * metres, force * newtons)
-                    }));
+            announced = limits.measured(
+                values.map(|((disp, force), unit)| (disp * unit.metres, force * unit.newtons)),
+            );
         }
         // The specimen's own limits come first.
         self.heed(found)?;
@@ -378,7 +501,7 @@ impl GuardedSpecimen {
     /// The times that a command has for its motion, if anything is known of them. Our own small motions before the test keep to
     /// a pace of ours, and no controller decides their time. Real-time: yes.
     fn time_of(&mut self, command: &Command<'_>, elapsed: f64, origin: Origin) -> Option<Times> {
-        if let Origin::Own { period_s } = origin {
+        if let Some(period_s) = origin.period_s() {
             return Some(Times::both(period_s));
         }
         let now = self.now.unwrap_or_else(|| Nanos(os::monotonic_ns()));
@@ -388,7 +511,7 @@ impl GuardedSpecimen {
         let request = Request {
             sequence: command.sequence,
             elapsed,
-            stays: self.port.is_at(command.disp),
+            stays: self.port.repeats(),
         };
         self.allowance.time_of(request, now)
     }
@@ -485,14 +608,14 @@ impl GuardedSpecimen {
     }
 }
 
-/// The numbers of each axis that are finite. Real-time: yes.
-fn copy(from: &Measurement, to: &mut Measurement) {
-    let values = to.disp.iter_mut().zip(&mut to.force);
-    for ((disp, force), (from_disp, from_force)) in values.zip(from.disp.iter().zip(&from.force)) {
-        if from_disp.is_finite() && from_force.is_finite() {
-            (*disp, *force) = (*from_disp, *from_force);
-        }
-    }
+/// Displacements of the controller in m. Real-time: yes.
+pub(super) fn in_metres<'a>(
+    units: &'a [AxisUnits],
+    disp: &'a [f64],
+) -> impl Iterator<Item = f64> + Clone + 'a {
+    disp.iter()
+        .zip(units)
+        .map(|(disp, unit)| disp * unit.metres)
 }
 
 /// The first axis (from 0) with a number that is not finite. Real-time: yes.

@@ -1,12 +1,16 @@
 //! The properties of a served specimen that never change.
 
+use super::client_scale::ClientScale;
 use crate::units::{AxisUnits, position};
 
 /// What never changes of a served specimen.
 #[derive(Debug)]
 pub(super) struct Identity {
     pub name: String,
+    /// The units in which a controller counts.
     pub units: Vec<AxisUnits>,
+    /// Signals that a controller commands.
+    pub scale: ClientScale,
     /// n × n by columns, in `units`.
     pub stiffness: Vec<f64>,
     pub mass: Vec<f64>,
@@ -24,9 +28,14 @@ impl Identity {
         self.moves || self.remembers
     }
 
-    /// A place, axis after axis.
+    /// The units of the axes.
+    pub fn axis_units(&self) -> &[AxisUnits] {
+        self.scale.axis_units(&self.units)
+    }
+
+    /// A place of the axes, one after the other.
     pub fn in_words(&self, place: &[f64]) -> String {
-        let axes = place.iter().zip(&self.units);
+        let axes = place.iter().zip(self.axis_units());
         let words: Vec<_> = axes
             .map(|(disp, units)| position(*disp, units.disp))
             .collect();

@@ -123,7 +123,7 @@ fn connected(
 }
 
 /// In place of a link between two tests: nothing leaves.
-pub(super) struct Unconnected {
+pub(in crate::link) struct Unconnected {
     pub axes: usize,
 }
 

@@ -8,6 +8,7 @@
 //! belong to the specimen and outlive a session. However a test ends, the specimen receives the goodbye of its protocol.
 
 mod announced_limits;
+mod client_scale;
 mod computed;
 mod exchange_columns;
 mod first_command;
@@ -16,6 +17,8 @@ mod guarded_specimen;
 mod identity;
 mod latch;
 mod link_maker;
+mod paced_exchange;
+mod pacing;
 mod readiness;
 mod recording;
 mod served_specimen;
@@ -30,19 +33,24 @@ use std::net::SocketAddr;
 
 use thiserror::Error;
 
+pub use client_scale::AxesBehind;
+pub(in crate::link) use client_scale::ClientScale;
 pub use computed::{Computed, Memory};
 pub(in crate::link) use first_command::words as first_words;
 pub use guard_store::GuardStore;
 pub use latch::{Latch, LatchedTrip};
+pub(in crate::link) use link_maker::Unconnected;
 pub use link_maker::{LinkBuild, LinkMaker};
+pub use pacing::{PaceClock, Pacing};
 pub use served_specimen::ServedSpecimen;
 pub use session_record::RecordSettings;
 pub use whereabouts::Whereabouts;
 
 use crate::catalog::ending::Cause;
+use crate::geometry::Fault;
 use crate::port::limits::Hit;
 use crate::substructure::LinkFault;
-use crate::units::compared;
+use crate::units::{compared, quantity};
 use crate::wire::handshake::{Limits, Sampling};
 
 /// From one command to the next in s, until it is known.
@@ -112,6 +120,12 @@ pub enum Trip {
     /// The first command is not where the controller had asked to begin.
     #[error("axis {}: the first command is not where the specimen was armed", .0 + 1)]
     Elsewhere(usize),
+    /// The actuators cannot have the pose that was commanded, or the strokes that were measured.
+    #[error("the loading unit: {0}")]
+    Geometry(Fault),
+    /// The client iterates, and the specimen does not follow that trial.
+    #[error("{0}")]
+    Trial(TrialFault),
     /// The specimen says that its interlock is open.
     #[error("the interlock or emergency stop at the specimen is open")]
     Interlock,
@@ -137,6 +151,8 @@ impl Trip {
             Self::NotFinite { measured: true, .. } => Cause::MeasuredNotFinite,
             Self::NotFinite { .. } => Cause::CommandNotFinite,
             Self::Elsewhere(_) => Cause::FirstCommandElsewhere,
+            Self::Geometry(_) => Cause::Geometry,
+            Self::Trial(_) => Cause::ClientIterates,
             Self::Interlock => Cause::Interlock,
             Self::Saturated => Cause::Saturated,
             Self::Holds(_) => Cause::HoldsOn,
@@ -161,11 +177,47 @@ impl Trip {
             Self::Announced(hit) => hit.quantity as u32 + 101,
             Self::NotFinite { measured, .. } => 50 + measured as u32,
             Self::Elsewhere(_) => 52,
+            Self::Geometry(_) => 53,
+            Self::Trial(_) => 54,
             Self::Interlock => 60,
             Self::Saturated => 61,
             Self::Holds(_) => 62,
             Self::Lost(_) => 70,
         }
+    }
+}
+
+/// A trial of an iterating client that a specimen does not follow.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TrialFault {
+    /// The displacement that is farthest from the first target of the step, from 0.
+    pub signal: usize,
+    /// That distance, in m or rad at the client's scale.
+    pub distance: f64,
+    /// The distance that the file allows, if it allows any.
+    pub within: Option<f64>,
+}
+
+impl std::fmt::Display for TrialFault {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let distance = quantity(self.distance, "m");
+        let signal = self.signal + 1;
+        write!(
+            f,
+            "the client iterates: displacement {signal} of a new trial is {distance} from the first one of this step, "
+        )?;
+        match self.within {
+            Some(within) => write!(
+                f,
+                "and `iterates_within_m` allows {}",
+                quantity(within, "m")
+            )?,
+            None => f.write_str("and a physical specimen follows one target in each step")?,
+        }
+        f.write_str(
+            ". In OpenSees use algorithm Linear with NewmarkExplicit, HHTExplicit, KRAlphaExplicit or AlphaOS, or set \
+             `iterates_within_m` in [serve.openfresco]",
+        )
     }
 }
 
@@ -213,24 +265,32 @@ impl From<String> for TestEnd {
     }
 }
 
+/// Largest rounding error of a converted position, in units of an axis. No sensor resolves it.
+pub(in crate::link) const ROUNDING: f64 = 1e-9;
+
 /// Asked while a specimen is waited for or moved before a test: whether that test is still wanted, and why not.
 pub type Wanted<'a> = dyn FnMut() -> Result<(), TestEnd> + 'a;
 
 /// Positions whose difference is this share of the larger are the same.
 const SAME: f64 = 1e-9;
 
-/// The first axis (from 0) on which two places are not the same.
-fn apart(one: &[f64], other: &[f64]) -> Option<usize> {
+/// The first axis (from 0) on which two places are not the same; `rounding` is the rounding error of a conversion.
+fn apart(one: &[f64], other: &[f64], rounding: f64) -> Option<usize> {
     one.iter().zip(other).position(|(one, other)| {
         // Written as "is there", so that NaN is elsewhere.
-        let is_there = (one - other).abs() <= SAME * one.abs().max(other.abs());
+        let is_there = (one - other).abs() <= (SAME * one.abs().max(other.abs())).max(rounding);
         !is_there
     })
 }
 
 /// Why a test cannot begin at `start`, if the specimen stands elsewhere. `standing` is empty if that is not known.
 pub(in crate::link) fn elsewhere(standing: &[f64], start: &[f64]) -> Option<String> {
-    let axis = apart(standing, start)?;
+    elsewhere_by(standing, start, 0.0)
+}
+
+/// Compares places of which one was converted, with a rounding error of `rounding`.
+fn elsewhere_by(standing: &[f64], start: &[f64], rounding: f64) -> Option<String> {
+    let axis = apart(standing, start, rounding)?;
     let [stands, first] = compared(*standing.get(axis)?, *start.get(axis)?, "");
     Some(format!(
         "axis {} is at {stands}, but the first command is {first}: a test must begin at the position of the specimen",

@@ -1,8 +1,10 @@
 //! Before a controller's first command: connection, comparison with the file, wiring check, arming.
 
 use super::guarded_specimen::{GuardedSpecimen, Origin, not_finite};
+use super::identity::Identity;
 use super::link_maker::LinkMaker;
-use super::{Controller, TestEnd, USUAL_TICK_S, Wanted, apart, elsewhere};
+use super::pacing::Pacing;
+use super::{Controller, ROUNDING, TestEnd, USUAL_TICK_S, Wanted, apart, elsewhere_by};
 use crate::catalog::event::Remark;
 use crate::port::{Opinion, Probe, WiringCheck, compare_stiffness};
 use crate::rt::os;
@@ -41,8 +43,9 @@ impl<'a> Readiness<'a> {
     pub fn reach(mut self, wanted: &mut Wanted<'_>) -> Result<Vec<String>, TestEnd> {
         self.told.extend(self.served.recording.place());
         let introduction = self.connect(wanted)?;
-        self.compare(&introduction)?;
-        let start = self.start(&introduction);
+        let asked = self.served.place_for(&self.controller.start)?;
+        self.compare(&introduction, &asked)?;
+        let start = self.start(&introduction, &asked)?;
         let names_start = !self.controller.start.is_empty();
         self.served.first.stands = (!names_start).then(|| start.clone());
         if !names_start && start.iter().any(|disp| *disp != 0.0) {
@@ -67,6 +70,16 @@ impl<'a> Readiness<'a> {
     fn connect(&mut self, wanted: &mut Wanted<'_>) -> Result<Introduction, TestEnd> {
         let rate = self.controller.rate.filter(|(commands, _)| *commands > 0);
         let every = rate.map_or(0.0, |(commands, seconds)| seconds as f64 / commands as f64);
+        let pacing = self.served.pacing();
+        if let Some(pacing) = pacing.filter(|pacing| every > 0.0 && pacing.step_s() > every) {
+            let text = format!(
+                "the controller sends a target every {every} s, and `serve.pace` takes {} s for each: lower `ticks_per_step`, or let \
+                 the controller run slower",
+                pacing.step_s()
+            );
+            return Err(TestEnd::failed(text));
+        }
+        let every = pacing.map_or(every, Pacing::period_s);
         let introduction = match self.links {
             Some(links) => self.connect_link(links, wanted)?,
             None => self
@@ -103,11 +116,13 @@ impl<'a> Readiness<'a> {
     }
 
     /// Compares the specimen's introduction with the file.
-    fn compare(&mut self, introduction: &Introduction) -> Result<(), TestEnd> {
+    fn compare(&mut self, introduction: &Introduction, asked: &[f64]) -> Result<(), TestEnd> {
         for warning in self.doubts(introduction)? {
             self.served.note(Remark::Warning, &warning);
         }
-        let needs = &self.served.identity.needs_measured_disp;
+        let of_limits = self.served.identity.needs_measured_disp.iter().copied();
+        let own = self.served.port.needs_measured_disp().own.iter();
+        let needs: Vec<&str> = of_limits.chain(own.map(String::as_str)).collect();
         if introduction.repeats_the_command && !needs.is_empty() {
             let text = format!(
                 "its end does not say that it measures displacement. What it sends as such may be the command, and {} would compare \
@@ -122,7 +137,7 @@ impl<'a> Readiness<'a> {
         }
         // A measured position differs a little from each command: the first command is judged as a step from the measured one.
         if !introduction.measured
-            && let Some(text) = elsewhere(&introduction.standing, &self.controller.start)
+            && let Some(text) = elsewhere_by(&introduction.standing, asked, self.rounding())
         {
             return Err(text.into());
         }
@@ -133,6 +148,12 @@ impl<'a> Readiness<'a> {
         let identity = &self.served.identity;
         let n = identity.units.len();
         let mut doubts = introduction.warnings.clone();
+        if !identity.scale.is_of_axes() {
+            let found = self.served.port.compare_stiffness(&introduction.stiffness);
+            doubts.extend(found.map_err(|refusal| refusal.text)?);
+            doubts.extend(self.doubts_of_wiring(introduction));
+            return Ok(doubts);
+        }
         let theirs = introduction.stiffness.iter().step_by(n + 1);
         let ours = identity.stiffness.iter().step_by(n + 1);
         let axes = theirs.zip(ours).zip(&identity.units);
@@ -152,33 +173,53 @@ impl<'a> Readiness<'a> {
                 }
             }
         }
-        let is_unchecked = matches!(self.served.port.wiring_check(), WiringCheck::Unchecked);
-        if is_unchecked && !introduction.simulated {
-            doubts.push(
-                "NOTHING CHECKS WHICH WAY ROUND THE SPECIMEN IS WIRED: give `probe_m` in [specimen.link] for a small \
-                 motion before each test, or say `probe = \"none\"`"
-                    .to_owned(),
-            );
-        }
+        doubts.extend(self.doubts_of_wiring(introduction));
         Ok(doubts)
+    }
+
+    fn doubts_of_wiring(&self, introduction: &Introduction) -> Option<String> {
+        let is_unchecked = matches!(self.served.port.wiring_check(), WiringCheck::Unchecked);
+        (is_unchecked && !introduction.simulated).then(|| {
+            "NOTHING CHECKS WHICH WAY ROUND THE SPECIMEN IS WIRED: give `probe_m` in [specimen.link] for a small \
+             motion before each test, or say `probe = \"none\"`"
+                .to_owned()
+        })
+    }
+
+    /// Largest rounding error of the controller's converted numbers.
+    const fn rounding(&self) -> f64 {
+        if self.served.identity.scale.is_of_axes() {
+            0.0
+        } else {
+            ROUNDING
+        }
     }
 
     /// Where the first command leads away from: where the controller says that it will be, else where the specimen says
     /// that it is. A computed specimen that does not report its position is assumed at zero.
-    fn start(&self, introduction: &Introduction) -> Vec<f64> {
+    ///
+    /// # Errors
+    /// The actuators of a loading unit cannot have this position.
+    fn start(&self, introduction: &Introduction, asked: &[f64]) -> Result<Vec<f64>, TestEnd> {
         let axes = self.served.port.axes();
-        let known = [&self.controller.start, &introduction.standing];
+        let known = [asked, &introduction.standing];
         let known = known.into_iter().find(|known| known.len() == axes);
-        known.cloned().unwrap_or_else(|| vec![0.0; axes])
+        let start = known.map_or_else(|| vec![0.0; axes], <[f64]>::to_vec);
+        let Identity { scale, units, .. } = &self.served.identity;
+        let posed = scale.disp_at(&self.served.port, &start, units);
+        posed
+            .map_err(|fault| TestEnd::failed(format_args!("where the specimen stands: {fault}")))?;
+        Ok(start)
     }
 
     /// A small motion shows which way round each axis is wired. An unwanted test ends the motion at once,
     /// and the message gives that position.
     fn check_wiring(&mut self, start: &[f64], wanted: &mut Wanted<'_>) -> Result<(), TestEnd> {
         let checked = self.move_a_little(start, wanted);
+        let rounding = self.rounding();
         let text = checked.map_err(|TestEnd { cause, text }| {
             let served = &mut *self.served;
-            if apart(&served.told, start).is_none() {
+            if apart(&served.told, start, rounding).is_none() {
                 return TestEnd { cause, text };
             }
             let left = format!(
@@ -213,7 +254,7 @@ impl<'a> Readiness<'a> {
             let command = Command {
                 sequence,
                 time: 0.0,
-                dt: 0.0,
+                dt: period_s,
                 disp: &disp,
                 vel: &vel,
             };
@@ -233,6 +274,8 @@ impl<'a> Readiness<'a> {
         let found = probe.verdict().map_err(|misfit| misfit.to_string())?;
         let axes = found.iter().map(|axis| {
             let units = self.served.identity.units.get(axis.axis);
+            // A port that converts measures in m and N of the structure.
+            let units = units.filter(|_| self.served.identity.scale.is_of_axes());
             let units = units.unwrap_or(&AxisUnits::SI);
             format!(
                 "axis {}: {} gave {}",
@@ -268,7 +311,7 @@ impl<'a> Readiness<'a> {
             sequence: 0,
             time: 0.0,
             dt: 0.0,
-            disp: stands,
+            disp: &self.deformations(stands),
             vel: &vec![0.0; n],
         };
         let measured = self.send_one("where it stands", (&command, USUAL_TICK_S), wanted)?;
@@ -309,8 +352,7 @@ impl<'a> Readiness<'a> {
             self.served.port.found_at(stands);
         }
         if !self.controller.start.is_empty() {
-            self.served
-                .begins_at(self.controller.first_sequence, &self.controller.start);
+            self.served.begins_at(self.controller.first_sequence, start);
         }
         let moves = self.served.identity.moves;
         self.served.first.leaves = moves.then(|| stands.to_vec());
@@ -337,8 +379,24 @@ impl<'a> Readiness<'a> {
             let axis = axis + 1;
             return Err(format!("axis {axis}: the force at rest is no number").into());
         }
+        let Identity { scale, units, .. } = &served.identity;
+        if !scale.is_of_axes() {
+            let mut answer = Measurement::zeros(units.len());
+            let posed = served.port.take_at_rest(&rest);
+            let posed = posed.and_then(|()| scale.answer(&mut served.port, units, &mut answer));
+            posed.map_err(|fault| format!("where the specimen stands: {fault}"))?;
+            rest = answer;
+        }
         (rest.time, rest.status) = (served.answer.time, served.answer.status);
         served.answer = rest;
         Ok(())
+    }
+
+    /// Our own command for a place of the axes.
+    fn deformations(&self, place: &[f64]) -> Vec<f64> {
+        if self.served.identity.scale.is_of_axes() {
+            return place.to_vec();
+        }
+        self.served.port.deformations_at(place)
     }
 }

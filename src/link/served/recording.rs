@@ -7,6 +7,7 @@ use super::{Controller, GuardStore, Trip};
 use crate::catalog::ending::Cause;
 use crate::catalog::event::{Remark, Severity};
 use crate::link::quota::Allowance;
+use crate::port::Port;
 use crate::record::Event;
 use crate::rt::os;
 use crate::substructure::LinkStats;
@@ -29,13 +30,17 @@ impl Recording {
     ///
     /// # Errors
     /// It cannot be kept.
-    pub fn open(&mut self, identity: &Identity, controller: &Controller) -> Result<(), String> {
+    pub fn open(
+        &mut self,
+        identity: &Identity,
+        port: &Port,
+        controller: &Controller,
+    ) -> Result<(), String> {
         self.link = LinkStats::default();
         let Some(settings) = &self.settings else {
             return Ok(());
         };
-        let Identity { name, units, .. } = identity;
-        let record = SessionRecord::open(settings, name, units, controller, self.away_from);
+        let record = SessionRecord::open(settings, (identity, port), controller, self.away_from);
         let mut record = record.map_err(|text| format!("the log cannot be kept: {text}"))?;
         if let Some(words) = &self.played {
             record.warn(Remark::Faults, words);

@@ -2,11 +2,13 @@
 
 use std::collections::BTreeSet;
 
+use super::client_scale::{AxesBehind, ClientScale};
 use super::guard_store::GuardStore;
 use super::guarded_specimen::{GuardedSpecimen, Origin};
 use super::identity::Identity;
 use super::latch::Latch;
 use super::link_maker::{LinkMaker, Unconnected};
+use super::pacing::Pacing;
 use super::readiness::Readiness;
 use super::session_record::RecordSettings;
 use super::speed_allowance::SpeedAllowance;
@@ -71,6 +73,7 @@ impl ServedSpecimen {
         let identity = Identity {
             name,
             units,
+            scale: ClientScale::Axes,
             stiffness,
             mass,
             needs_measured_disp: Vec::new(),
@@ -101,12 +104,55 @@ impl ServedSpecimen {
         served
     }
 
+    /// A specimen across a link that `links` makes for each test, whose axes the controller does not command directly: `port`
+    /// converts its signals, which count in `units`. Stiffness and mass are those of the signals.
+    #[must_use]
+    pub fn converted(
+        links: LinkMaker,
+        port: Port,
+        behind: AxesBehind,
+        units: Vec<AxisUnits>,
+        [stiffness, mass]: [Vec<f64>; 2],
+    ) -> Self {
+        let identity = Identity {
+            name: port.name().to_owned(),
+            units,
+            scale: ClientScale::Structure(Box::new(behind)),
+            stiffness,
+            mass,
+            needs_measured_disp: Vec::new(),
+            moves: true,
+            remembers: false,
+        };
+        let mut guarded = GuardedSpecimen::new(identity, port);
+        let unconnected = Box::new(Unconnected {
+            axes: guarded.port.axes(),
+        });
+        drop(guarded.port.swap_partner(unconnected));
+        guarded.reply_limit_ns = links.reply_limit_ns();
+        Self {
+            guarded,
+            links: Some(links),
+            stage: Stage::Closed,
+        }
+        .limited(&[])
+    }
+
+    /// Each target of a controller becomes a path of commands.
+    #[must_use]
+    pub fn paced(mut self, pacing: Option<Pacing>) -> Self {
+        if let Some(pacing) = pacing {
+            self.guarded.set_pacing(pacing);
+        }
+        self
+    }
+
     /// The bounds of its axes.
     #[must_use]
     pub fn limited(mut self, limits: &[LimitsSpec]) -> Self {
         let given = |axis| limits.get(axis).map_or(AxisLimits::NONE, AxisLimits::of);
-        let own: Vec<AxisLimits> = (0..self.axes()).map(given).collect();
-        let units = self.guarded.identity.units.iter();
+        let own: Vec<AxisLimits> = (0..self.guarded.port.axes()).map(given).collect();
+        let units = self.guarded.identity.axis_units().iter();
         let units = units.map(|unit| (unit.metres, unit.newtons)).collect();
         self.guarded
             .port
@@ -169,10 +215,16 @@ impl ServedSpecimen {
 
 // Properties.
 impl ServedSpecimen {
-    /// Number of axes.
+    /// Number of displacements that a controller commands.
     #[must_use]
     pub const fn axes(&self) -> usize {
-        self.guarded.port.axes()
+        self.guarded.identity.units.len()
+    }
+
+    /// The units in which a controller counts.
+    #[must_use]
+    pub fn units(&self) -> &[AxisUnits] {
+        &self.guarded.identity.units
     }
 
     /// True if commands leave this process.
@@ -193,9 +245,10 @@ impl ServedSpecimen {
         &self.guarded.identity.mass
     }
 
-    /// Tangent stiffness, n × n by columns; the initial one if the tangent is not known. Real-time: yes.
+    /// Tangent stiffness, n × n by columns; the initial one if the tangent is not known, as behind every link. Real-time: yes.
     pub fn tangent(&self, stiffness: &mut [f64]) {
-        if !self.guarded.port.tangent(stiffness) {
+        let is_of_axes = self.guarded.identity.scale.is_of_axes();
+        if !(is_of_axes && self.guarded.port.tangent(stiffness)) {
             for (to, from) in stiffness.iter_mut().zip(&self.guarded.identity.stiffness) {
                 *to = *from;
             }
@@ -206,6 +259,11 @@ impl ServedSpecimen {
     #[must_use]
     pub const fn measured(&self) -> &Measurement {
         &self.guarded.answer
+    }
+
+    /// Lag in s, gain, stiffness in N/m, and the damping in N s/m that the lag adds, per axis; empty where nothing is estimated.
+    pub fn tracking(&self) -> impl Iterator<Item = [f64; 4]> {
+        self.guarded.port.tracking()
     }
 
     /// The trip for which the specimen holds, if there is one.
@@ -277,9 +335,10 @@ impl ServedSpecimen {
         let GuardedSpecimen {
             recording,
             identity,
+            port,
             ..
         } = &mut self.guarded;
-        recording.open(identity, controller)
+        recording.open(identity, port, controller)
     }
 
     /// The controller begins again after commands that only checked the wiring: a computed specimen forgets them. May block, for as
@@ -294,8 +353,9 @@ impl ServedSpecimen {
         wanted: &mut Wanted<'_>,
     ) -> Result<(), TestEnd> {
         self.note(Remark::ArmedAgain, "the controller begins again");
-        self.guarded.arm(sequence, start, wanted)?;
-        self.guarded.begins_at(sequence, start);
+        let start = self.guarded.place_for(start)?;
+        self.guarded.arm(sequence, &start, wanted)?;
+        self.guarded.begins_at(sequence, &start);
         Ok(())
     }
 
@@ -327,6 +387,13 @@ impl ServedSpecimen {
     ) -> Result<bool, Trip> {
         self.guarded
             .exchange_as(Origin::Controller, command, elapsed, wanted, into)
+    }
+
+    /// The controller asks for what the specimen does not do: it holds from here on.
+    pub fn trip(&mut self, trip: Trip) {
+        if self.guarded.tripped().is_none() {
+            self.guarded.trip(trip);
+        }
     }
 
     /// The last command is accepted. Real-time: yes.
@@ -418,7 +485,7 @@ impl ServedSpecimen {
                 links.left_at(&self.guarded.told);
             }
             // The connection closes.
-            let axes = self.axes();
+            let axes = self.guarded.port.axes();
             drop(
                 self.guarded
                     .port

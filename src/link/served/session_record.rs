@@ -5,15 +5,17 @@
 
 use std::path::{Path, PathBuf};
 
-use super::exchange_columns::{Exchange, HEAD, WIDTH, columns};
+use super::exchange_columns::{Exchange, HEAD, columns};
+use super::identity::Identity;
 use super::session_summary::{self, Counted};
 use super::{Controller, Trip};
 use crate::catalog::ending::{Cause, Status as Ended};
 use crate::catalog::event::{Remark, Severity};
+use crate::port::Port;
 use crate::record::writer::Clocks;
 use crate::record::{
-    Event, FolderError, Layout, Note, Position, Recorder, RingRecorder, RingSize, RunFolder,
-    TripValue, WhenFull, Writer, WriterSettings, ring,
+    Column, Event, FolderError, Layout, Note, Position, Recorder, RingRecorder, RingSize,
+    RunFolder, TripValue, WhenFull, Writer, WriterSettings, ring,
 };
 use crate::rt::timing::Timing;
 use crate::rt::wall::Wall;
@@ -65,8 +67,7 @@ impl SessionRecord {
     /// The folder, with everything that is known before the test. Touches the disk, and starts two threads.
     pub fn open(
         settings: &RecordSettings,
-        name: &str,
-        units: &[AxisUnits],
+        (identity, port): (&Identity, &Port),
         controller: &Controller,
         away_from: Option<usize>,
     ) -> Result<Self, String> {
@@ -75,7 +76,9 @@ impl SessionRecord {
             .rate
             .map(|(above, below)| above as f64 / below as f64)
             .filter(|rate| rate.is_finite());
-        let made = Self::make(settings, &mut folder, name, units, rate_hz, away_from);
+        let (name, units) = (identity.name.as_str(), identity.axis_units());
+        let columns = columns(units, identity.scale.coordinates(), port, name);
+        let made = Self::make(settings, &mut folder, (name, columns), rate_hz, away_from);
         let (writer, recorder, row) = match made {
             Ok(made) => made,
             Err(text) => {
@@ -111,8 +114,7 @@ impl SessionRecord {
     fn make(
         settings: &RecordSettings,
         folder: &mut RunFolder,
-        name: &str,
-        units: &[AxisUnits],
+        (name, columns): (&str, Vec<Column>),
         rate_hz: Option<f64>,
         away_from: Option<usize>,
     ) -> Result<(Writer, RingRecorder, Vec<f64>), String> {
@@ -122,7 +124,7 @@ impl SessionRecord {
         for (path, bytes) in &settings.inputs {
             folder.add_input(path, bytes).map_err(words)?;
         }
-        let layout = Layout::new(columns(units, name)).map_err(|error| error.to_string())?;
+        let layout = Layout::new(columns).map_err(|error| error.to_string())?;
         let samples = folder.open_samples(&layout).map_err(words)?;
         let events = folder.open_events().map_err(words)?;
         let width = layout.columns().len();
@@ -235,29 +237,8 @@ impl SessionRecord {
         for (to, from) in self.row.iter_mut().zip(head) {
             *to = from;
         }
-        let is_kept_back = exchange.state == Exchange::KEPT_BACK;
-        let axes = self.row.get_mut(HEAD..).unwrap_or_default();
-        let numbers = command.disp.iter().zip(command.vel);
-        let measurements = measured.disp.iter().zip(&measured.force);
-        for ((slot, units), ((disp, vel), (measured_disp, force))) in axes
-            .chunks_exact_mut(WIDTH)
-            .zip(&self.units)
-            .zip(numbers.zip(measurements))
-        {
-            let AxisUnits {
-                metres, newtons, ..
-            } = units;
-            slot.copy_from_slice(&[
-                metres * disp,
-                // What the specimen was told: nothing.
-                if is_kept_back { f64::NAN } else { *disp },
-                metres * measured_disp,
-                newtons * force,
-                *measured_disp,
-                *force,
-                *vel,
-            ]);
-        }
+        let is_kept_back = exchange.is_kept_back();
+        exchange.write(&self.units, self.row.get_mut(HEAD..).unwrap_or_default());
         if let Some(status) = self.row.last_mut() {
             let stale = if is_kept_back { Status::STALE.0 } else { 0 };
             *status = f64::from(measured.status.0 | stale);

@@ -51,13 +51,10 @@ impl Counted {
         if self.dt == 0.0 && exchange.elapsed > 0.0 {
             self.dt = exchange.elapsed;
         }
-        let measured = exchange.measured.disp.iter().zip(&exchange.measured.force);
         let peaks = self.disp.iter_mut().zip(&mut self.force);
-        for (((disp, force), (measured_disp, measured_force)), units) in
-            peaks.zip(measured).zip(units)
-        {
-            *disp = disp.max((units.metres * measured_disp).abs());
-            *force = force.max((units.newtons * measured_force).abs());
+        for ((disp, force), measured) in peaks.zip(exchange.measured_si(units)) {
+            *disp = disp.max(measured.0.abs());
+            *force = force.max(measured.1.abs());
         }
     }
 }

@@ -7,12 +7,13 @@ use crate::config::{LimitsSpec, ScriptError, check_script};
 use crate::link::announce::units_of;
 use crate::link::fault::Bench;
 use crate::link::served::{
-    Computed, GuardStore, Latch, LinkBuild, LinkMaker, Memory, RecordSettings, ServedSpecimen,
-    Whereabouts, first_words,
+    AxesBehind, ClientScale, Computed, GuardStore, Latch, LinkBuild, LinkMaker, Memory, Pacing,
+    RecordSettings, ServedSpecimen, Unconnected, Whereabouts, first_words,
 };
-use crate::port::WiringCheck;
 use crate::port::limits::AxisLimits;
+use crate::port::{Port, WiringCheck};
 use crate::specimen::Specimen;
+use crate::substructure::Substructure;
 use crate::units::AxisUnits;
 use crate::wire::handshake::{Axis, Capabilities};
 
@@ -32,8 +33,45 @@ pub struct Host {
     memory: Option<Memory>,
     guard: GuardStore,
     latch: Latch,
-    /// False of a gateway whose specimen answers with forces only.
-    measures_disp: bool,
+    gateway: GatewaySettings,
+}
+
+/// Settings of a gateway.
+#[derive(Default)]
+struct GatewaySettings {
+    /// Its specimen answers with forces only.
+    lacks_disp: bool,
+    /// Conversion of the commands of its controllers.
+    conversion: Option<Conversion>,
+    /// Pacing of their targets.
+    pacing: Option<Pacing>,
+}
+
+/// Makes the port of a gateway around its link.
+pub type PortBuild = Arc<dyn Fn(Box<dyn Substructure>) -> Result<Port, String> + Send + Sync>;
+
+/// How a gateway converts what its controllers command to the axes of the specimen.
+#[derive(Clone)]
+pub struct Conversion {
+    /// Makes the port that converts.
+    pub port: PortBuild,
+    /// The axes behind it.
+    pub behind: AxesBehind,
+}
+
+impl std::fmt::Debug for Conversion {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Conversion")
+            .field("behind", &self.behind)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Conversion {
+    fn build(&self) -> Result<Port, String> {
+        let axes = self.behind.units.len();
+        (self.port)(Box::new(Unconnected { axes }))
+    }
 }
 
 /// Makes a specimen in its virgin state, or says why not.
@@ -91,7 +129,7 @@ impl Host {
             memory: None,
             guard: GuardStore::default(),
             latch: Latch::default(),
-            measures_disp: true,
+            gateway: GatewaySettings::default(),
         }
     }
 
@@ -123,7 +161,22 @@ impl Host {
     /// The specimen behind this gateway answers with forces only. The handshake says that no displacement is measured.
     #[must_use]
     pub const fn without_measured_disp(mut self) -> Self {
-        self.measures_disp = false;
+        self.gateway.lacks_disp = true;
+        self
+    }
+
+    /// Makes the gateway convert: its own axes and units are the signals of its controllers. Limits, position and wiring check belong
+    /// to the axes behind.
+    #[must_use]
+    pub fn converting(mut self, conversion: Conversion) -> Self {
+        self.gateway.conversion = Some(conversion);
+        self
+    }
+
+    /// Makes the gateway lead its specimen to each target by a path of commands.
+    #[must_use]
+    pub const fn paced(mut self, pacing: Option<Pacing>) -> Self {
+        self.gateway.pacing = pacing;
         self
     }
 
@@ -228,12 +281,28 @@ impl Host {
     #[must_use]
     pub fn standing(&self) -> Vec<f64> {
         match &self.behind {
-            Behind::Link(.., whereabouts) => whereabouts.place(),
+            Behind::Link(.., whereabouts) => self.as_controllers_count(whereabouts.place()),
             Behind::Law(_) => {
                 let left = self.memory.as_ref().and_then(Memory::disp);
                 left.unwrap_or_else(|| vec![0.0; self.axes.len()])
             }
         }
+    }
+
+    /// A place of the axes in the signals of the controllers; empty if it is unknown.
+    fn as_controllers_count(&self, place: Vec<f64>) -> Vec<f64> {
+        let Some(conversion) = self
+            .gateway
+            .conversion
+            .as_ref()
+            .filter(|_| !place.is_empty())
+        else {
+            return place;
+        };
+        let scale = ClientScale::Structure(Box::new(conversion.behind.clone()));
+        let port = conversion.build().ok();
+        let disp = port.and_then(|port| scale.disp_at(&port, &place, &self.units).ok());
+        disp.unwrap_or_default()
     }
 
     /// Every test meets these faults, the same each time.
@@ -272,8 +341,10 @@ impl Host {
                 .get(index)
                 .map_or(AxisLimits::NONE, AxisLimits::of)
         };
-        let limits: Vec<AxisLimits> = (0..self.axes.len()).map(bound).collect();
-        first_words(&limits, &self.units)
+        let behind = self.gateway.conversion.as_ref();
+        let units = behind.map_or(&self.units, |conversion| &conversion.behind.units);
+        let limits: Vec<AxisLimits> = (0..units.len()).map(bound).collect();
+        first_words(&limits, units)
     }
 
     pub(super) fn capabilities(&self) -> Capabilities {
@@ -288,10 +359,10 @@ impl Host {
             Behind::Link(..) => Capabilities::INTERLOCK,
         };
         let kind = kind.and(Capabilities::USES_VEL);
-        if self.measures_disp {
-            kind.and(Capabilities::MEASURES_DISP)
-        } else {
+        if self.gateway.lacks_disp {
             kind
+        } else {
+            kind.and(Capabilities::MEASURES_DISP)
         }
     }
 
@@ -318,7 +389,14 @@ impl Host {
             }
             Behind::Link(build, reply_limit_ns, whereabouts) => {
                 let links = LinkMaker::new(build.clone(), whereabouts.clone(), *reply_limit_ns);
-                ServedSpecimen::linked(name, links, units, stiffness, mass)
+                let served = match &self.gateway.conversion {
+                    None => ServedSpecimen::linked(name, links, units, stiffness, mass),
+                    Some(conversion) => {
+                        let (port, behind) = (conversion.build()?, conversion.behind.clone());
+                        ServedSpecimen::converted(links, port, behind, units, [stiffness, mass])
+                    }
+                };
+                served.paced(self.gateway.pacing)
             }
         };
         let (check, computed) = self.check.clone();

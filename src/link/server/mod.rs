@@ -39,7 +39,7 @@ mod waiting;
 mod wire_end;
 
 pub use event::ServerEvent;
-pub use hosted::{Build, Host};
+pub use hosted::{Build, Conversion, Host, PortBuild};
 pub use simulated::{Simulated, Tap, Tapped};
 
 use std::any::Any;

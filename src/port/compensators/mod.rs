@@ -241,6 +241,12 @@ impl Compensators {
         }
     }
 
+    /// Takes the state back that these compensators had before any command.
+    pub fn restart(&mut self, fresh: &TestState) {
+        // It is that of these compensators.
+        let _ = fresh.restore(|visit| self.visit_state(visit));
+    }
+
     /// Makes the command of a target, which is a tick of the compensators' after the last. `is_published`: the target came with the
     /// integrator's velocity. Real-time: yes.
     #[inline]

@@ -10,6 +10,14 @@ use crate::integrate::{AlphaWeights, MethodError};
 /// Commands over a target at rest that no sound actuator needs to leave.
 const USUAL_GAINS: std::ops::RangeInclusive<f64> = 0.5..=2.0;
 
+/// Limits that judge how a specimen follows.
+pub(in crate::setup) const TRACKED: [Limit; 2] = [Limit::Lag, Limit::GainError];
+
+/// True of a gain from a target at rest to its command that a sound actuator needs.
+pub(in crate::setup) fn usual_gain(gain: f64) -> bool {
+    USUAL_GAINS.contains(&gain)
+}
+
 /// One compensator per axis, if the table of specimen `index` has any.
 pub(super) fn compensators(
     site: &mut Site<'_>,
@@ -59,7 +67,7 @@ fn judge_gain(
     compensator: &dyn Compensator,
 ) -> Result<(), Refused> {
     let gain = compensator.stands(1.0);
-    if USUAL_GAINS.contains(&gain) {
+    if usual_gain(gain) {
         return Ok(());
     }
     let key = match spec {
@@ -88,7 +96,7 @@ pub(super) fn test_time(time: Time) -> f64 {
 
 /// Whether it is seen how the specimen follows: where an actuator is simulated or made up for, or the lag is limited.
 pub(super) fn is_tracked(file: &TestFile, table: &SpecimenTable, axes: usize) -> bool {
-    let limited = |limits: &LimitsSpec| limits.has(Limit::Lag) || limits.has(Limit::GainError);
+    let limited = |limits: &LimitsSpec| TRACKED.iter().any(|limit| limits.has(*limit));
     file.safety.delay_used.is_some()
         || table.own_transfer().is_some()
         || table.compensation.is_some()

@@ -16,7 +16,7 @@ use crate::specimen::{Gear, Platform, Specimen};
 
 /// A geometry at the structure's scale, and what its coordinates are of the structure.
 #[derive(Debug)]
-pub(super) struct Loading {
+pub(in crate::setup) struct Loading {
     pub geometry: Geometry,
     pub rows: Vec<PoseRow>,
     pub law_at: LawPlace,
@@ -31,13 +31,21 @@ pub(super) fn loading(
     table: &SpecimenTable,
     rows: Vec<Sparse>,
 ) -> Result<(Vec<Sparse>, Option<Loading>), Refused> {
+    match loading_of(table, rows) {
+        Ok(found) => Ok(found),
+        Err(error) => site.refuse_key(&at.key("geometry"), error.key(), &error),
+    }
+}
+
+/// Rows and loading unit from the table alone.
+pub(in crate::setup) fn loading_of(
+    table: &SpecimenTable,
+    rows: Vec<Sparse>,
+) -> Result<(Vec<Sparse>, Option<Loading>), GeometryError> {
     let Some(spec) = &table.geometry else {
         return Ok((rows, None));
     };
-    let geometry = match spec.build(table.similitude.length) {
-        Ok(geometry) => geometry,
-        Err(error) => return site.refuse_key(&at.key("geometry"), error.key(), &error),
-    };
+    let geometry = spec.build(table.similitude.length)?;
     let coordinates = geometry.coordinates().len();
     // Without a structure there is nothing to take a coordinate from: it is prescribed. Their number was checked.
     let rows = (0..coordinates).map(|index| PoseRow {

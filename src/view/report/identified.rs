@@ -78,6 +78,26 @@ pub fn identified(run: &RunView) -> Vec<IdentifiedAxis> {
         .collect()
 }
 
+/// How each axis followed its target, in words; axes whose rows are not enough for that are left out.
+#[must_use]
+pub fn followed(run: &RunView) -> Vec<String> {
+    let digest = run.digested();
+    let rows = Rows::new(&digest);
+    let axes = tracking(run, &rows).into_iter();
+    let lines = axes.filter_map(|axis| {
+        let found = axis.digest.tracking.as_ref()?;
+        let delay = axis.delay().map_or(NOTHING.to_owned(), lag_words);
+        let amplitude = number(100.0 * axis.amplitude_error()?, 3);
+        let rms = number(100.0 * found.nrmse.value, 3);
+        let largest = quantity(found.peak_error_m.value, axis.disp_unit);
+        Some(format!(
+            "{}: delay {delay}, amplitude error {amplitude} %, RMS error {rms} %, largest error {largest}",
+            axis.name
+        ))
+    });
+    lines.collect()
+}
+
 /// Tracking metrics by specimen, one entry per axis in order, null where nothing moved: for `summary.json`.
 #[must_use]
 pub fn tracking_metrics(run: &RunView) -> Value {

@@ -90,7 +90,9 @@ pub(crate) use curves::{Curve, Curves, Look, Scale};
 pub use digest::Digest;
 pub use effect::effect;
 pub(crate) use html::{banner, definitions, details, note, section, table, tiles};
-pub use identified::{IdentifiedAxis, identified, missing_metrics, told, tracking_metrics};
+pub use identified::{
+    IdentifiedAxis, followed, identified, missing_metrics, told, tracking_metrics,
+};
 pub use matched::{FirstDifference, Matched, Matcher, Next};
 pub(crate) use page::frame;
 pub use page::render;

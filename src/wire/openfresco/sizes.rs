@@ -249,7 +249,7 @@ impl Interface {
     /// asks for force control.
     ///
     /// # Errors
-    /// [`WireError::CommandedForces`], [`WireError::Count`].
+    /// [`WireError::CommandedForces`], [`WireError::UnequalForces`], [`WireError::Count`].
     pub fn check(&self, ctrl: &Counts, daq: &Counts) -> Result<(), WireError> {
         if ctrl.force > 0 {
             return Err(WireError::CommandedForces { found: ctrl.force });
@@ -260,6 +260,12 @@ impl Interface {
         none_or("measured displacements", self.axes, daq.disp)?;
         none_or("measured velocities", self.axes, daq.vel)?;
         none_or("measured accelerations", self.axes, daq.accel)?;
+        if self.forces == self.axes && daq.force != 0 && daq.force != ctrl.disp {
+            return Err(WireError::UnequalForces {
+                disp: ctrl.disp,
+                found: daq.force,
+            });
+        }
         none_or("measured forces", self.forces, daq.force)?;
         if daq.total() == 0 {
             return exactly("measured forces", self.forces, 0);

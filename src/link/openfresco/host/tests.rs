@@ -155,7 +155,8 @@ fn a_step_that_hardly_takes_time_passes_no_limit_that_is_not_there() {
 #[test]
 fn a_step_taken_back_is_forgotten_by_a_formula_and_refused_by_what_moves() {
     for nature in [Nature::Simulated, Nature::Physical] {
-        let mut host = host(BILINEAR, 1, nature);
+        // Trials of what moves are judged elsewhere.
+        let mut host = host(BILINEAR, 1, nature).iterating_within(Some(1.0));
         host.trial(Course::First, &at(&[0.0], 0.0), Some(0.0), &mut || true)
             .unwrap();
         host.trial(Course::Step, &at(&[0.004], 0.01), Some(0.01), &mut || true)
@@ -367,4 +368,47 @@ fn matrices_come_row_by_row() {
         [2.0, -1.0, -1.0, 3.0]
     );
     assert_eq!(host.matrix(Matrix::Mass), [0.0; 4]);
+}
+
+#[test]
+fn what_moves_trips_at_a_second_target_of_a_step_and_a_formula_does_not() {
+    let go = |host: &mut Host, course, disp: f64, time: f64| {
+        host.trial(course, &at(&[disp], time), Some(0.01), &mut || true)
+    };
+    for (nature, within) in [
+        (Nature::Simulated, None),
+        (Nature::Physical, None),
+        (Nature::Physical, Some(0.0005)),
+    ] {
+        let mut host = host(BILINEAR, 1, nature).iterating_within(within);
+        go(&mut host, Course::First, 0.0, 0.0).unwrap();
+        go(&mut host, Course::Step, 0.004, 0.01).unwrap();
+        go(&mut host, Course::Repeat, 0.004, 0.01).unwrap();
+        host.commit();
+        go(&mut host, Course::Step, 0.005, 0.02).unwrap();
+        let near = go(&mut host, Course::Iteration, 0.0054, 0.02);
+        let far = go(&mut host, Course::Iteration, 0.0056, 0.02);
+        let fault = |outcome| match outcome {
+            Err(HostFault::Tripped(Trip::Trial(fault))) => Some(fault),
+            _ => None,
+        };
+        match (nature, within) {
+            (Nature::Simulated, _) => assert!(near.is_ok() && far.is_ok()),
+            (Nature::Physical, None) => {
+                assert!((fault(near).unwrap().distance - 0.0004).abs() < 1e-12);
+                assert!(far.is_err(), "it holds");
+            }
+            (Nature::Physical, Some(_)) => {
+                assert!(near.is_ok());
+                let fault = fault(far).unwrap();
+                assert!((fault.distance - 0.0006).abs() < 1e-12 && fault.within == within);
+                assert_eq!(
+                    host.whole(HostFault::Tripped(Trip::Trial(fault)))
+                        .lines()
+                        .count(),
+                    1
+                );
+            }
+        }
+    }
 }

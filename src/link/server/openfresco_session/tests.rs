@@ -106,7 +106,9 @@ fn a_step_taken_back_ends_the_test_of_what_moves_whoever_asks() {
                 client.step(0.0, 0.0);
                 client.step(0.0004, 0.01);
                 client.send(3.0, 0.0008, 0.02).unwrap();
-                client.send(3.0, 0.0009, 0.02).unwrap();
+                if nature == Nature::Simulated {
+                    client.send(3.0, 0.0009, 0.02).unwrap();
+                }
                 let back = client.send(3.0, 0.0004, 0.01);
                 match nature {
                     Nature::Simulated => assert!(back.is_ok(), "{role:?}"),

@@ -79,7 +79,11 @@ fn sizes_must_fit_the_interface() {
         let counts = |[d, v, a, f, t]: [usize; 5]| Counts::new(d, v, a, f, t);
         interface.check(&counts(ctrl), &counts(daq))
     };
-    // OpenFresco's invertedVBrace: three displacements, six forces.
+    // OpenFresco's invertedVBrace: three displacements, six forces. A server with one force for each displacement refuses it.
+    let equal = Interface::of_axes(3);
+    let brace = Counts::new(3, 3, 3, 6, 1);
+    let refused = equal.check(&Counts::new(3, 3, 3, 0, 1), &brace);
+    assert_eq!(refused, Err(WireError::UnequalForces { disp: 3, found: 6 }));
     assert_eq!(check([3, 3, 3, 0, 1], [3, 3, 3, 6, 1]), Ok(()));
     assert_eq!(check([3, 0, 0, 0, 0], [0, 0, 0, 6, 0]), Ok(()));
     let field = |outcome: Result<(), WireError>| match outcome {

@@ -1,0 +1,148 @@
+//! Paced exchanges: the specimen is led to a target of the controller by many commands, each with its own answer.
+//!
+//! The first target of a session is reached by the ramp of the port, as the start of a test is: from where the specimen stands, and no
+//! faster than half of the limits of speed. Compensators hold meanwhile. Each later target has a separate path.
+
+use super::Trip;
+use super::client_scale::copy;
+use super::first_command::beyond;
+use super::guarded_specimen::{GuardedSpecimen, Origin, in_metres, not_finite};
+use super::identity::Identity;
+use super::pacing::{PacedPath, PathTick};
+use crate::substructure::{Command, Measurement};
+
+/// Share of the limits of speed that a ramp may use, as in a test.
+const SHARE_OF_SPEED: f64 = 0.5;
+
+impl GuardedSpecimen {
+    /// Leads the specimen to a target of the controller, and returns the answer there. If that is not `wanted` any more, the specimen
+    /// comes to rest on the way, and false is returned.
+    pub fn follow(
+        &mut self,
+        path: &mut PacedPath,
+        command: &Command<'_>,
+        elapsed: f64,
+        wanted: &mut dyn FnMut() -> bool,
+        into: &mut Measurement,
+    ) -> Result<bool, Trip> {
+        let is_finite = not_finite(command.disp, command.vel).is_none();
+        if is_finite && path.is_repeated(command.disp, self.commits()) {
+            // OpenSees sends each target again with the velocity at the end of the step.
+            (into.time, into.status) = (self.answer.time, self.answer.status);
+            copy(&self.answer, into);
+            return Ok(true);
+        }
+        let begun = self.judge_target(path, command);
+        let begun = begun.and_then(|()| self.begin_path(path, command));
+        if let Err(trip) = begun {
+            // No command of it leaves. The row shows that.
+            self.trip(trip);
+            return self.exchange_once(Origin::Controller, command, elapsed, wanted, into);
+        }
+        let mut is_wanted = true;
+        let mut is_owed = false;
+        loop {
+            if is_wanted && !wanted() {
+                is_wanted = false;
+                path.stop();
+            }
+            let Some(tick) = path.next() else { break };
+            if is_owed {
+                self.accept_on_the_way()?;
+            }
+            path.wait();
+            let (origin, disp_is_made) = self.prepare(path, tick);
+            let period_s = path.pacing.period_s();
+            let theirs = Command {
+                sequence: path.sequence,
+                time: command.time - (1.0 - tick.gone) * elapsed,
+                dt: period_s,
+                disp: if disp_is_made {
+                    &path.disp
+                } else {
+                    command.disp
+                },
+                vel: &path.vel,
+            };
+            let share = elapsed * path.share_of_tick();
+            if !self.exchange_once(origin, &theirs, share, wanted, into)? {
+                return Ok(false);
+            }
+            path.count();
+            is_owed = true;
+        }
+        if is_wanted && std::mem::take(&mut path.is_first) {
+            self.port.begin_compensation();
+        }
+        path.answered = is_wanted.then_some(self.commits());
+        Ok(is_wanted)
+    }
+
+    /// Everything that is judged of a target before the specimen is led there: its commands are judged one by one.
+    fn judge_target(&mut self, path: &mut PacedPath, command: &Command<'_>) -> Result<(), Trip> {
+        if let Some(axis) = not_finite(command.disp, command.vel) {
+            let measured = false;
+            return Err(Trip::NotFinite { axis, measured });
+        }
+        let Identity { scale, units, .. } = &self.identity;
+        scale.seek(&mut self.port, command.disp, units);
+        if let Some(fault) = self.port.geometry_fault() {
+            return Err(Trip::Geometry(fault));
+        }
+        self.port.write_goal(&mut path.place);
+        if let Some(hit) = beyond(&self.port, &path.place) {
+            return Err(Trip::Limit(hit));
+        }
+        self.first.judge(command, &path.place, &self.port)
+    }
+
+    /// The path to a target begins: a ramp of the port to the first one of a session.
+    fn begin_path(&mut self, path: &mut PacedPath, command: &Command<'_>) -> Result<(), Trip> {
+        path.aim(command.disp);
+        let mut seconds = path.pacing.motion_s();
+        if path.is_first {
+            path.vel.fill(0.0);
+            let Identity { scale, units, .. } = &self.identity;
+            scale.aim(&mut self.port, [command.disp, &path.vel], units);
+            self.port.begin_ramp();
+            let period_s = path.pacing.period_s();
+            let needed = self.port.ramp_time(SHARE_OF_SPEED, period_s, seconds);
+            seconds = path.takes(needed);
+        } else if path.pacing.settle_ticks == 0 && path.is_late() {
+            // The specimen has moved on since its last answer.
+            self.port.skips_commands();
+        }
+        if let Some(announced) = self.announced.as_mut() {
+            let disp = in_metres(&self.identity.units, command.disp);
+            announced.command(seconds, disp)?;
+        }
+        Ok(())
+    }
+
+    /// Makes the next command of the path, and says what it is; true if the path holds its displacements.
+    fn prepare(&mut self, path: &mut PacedPath, tick: PathTick) -> (Origin, bool) {
+        let period_s = path.pacing.period_s();
+        if !path.is_first {
+            path.make(tick);
+            return (Origin::Paced { period_s }, true);
+        }
+        let seconds = period_s * f64::from(path.ticks()) / tick.pace;
+        self.port.ramp_to(tick.share, seconds);
+        let is_of_axes = self.identity.scale.is_of_axes();
+        if is_of_axes {
+            path.disp.copy_from_slice(self.port.command());
+            path.vel.copy_from_slice(self.port.command_vel());
+        }
+        let lands = tick.share >= 1.0;
+        (Origin::Ramp { period_s, lands }, is_of_axes)
+    }
+
+    /// A command before the target is accepted: the controller accepts the target itself.
+    fn accept_on_the_way(&mut self) -> Result<(), Trip> {
+        self.port.accepted(0).map_err(|fault| {
+            let trip = Trip::Lost(fault);
+            self.trip(trip);
+            trip
+        })
+    }
+}

@@ -1,0 +1,369 @@
+//! Pacing: a received target becomes a smooth path of several commands.
+//!
+//! The path leads from the last target to the new one in N ticks of the server, from rest to rest:
+//!
+//! ```text
+//! s(x) = 10 x³ − 15 x⁴ + 6 x⁵,   x = 1/N, 2/N … 1
+//! ```
+//!
+//! Velocity and acceleration vanish at both ends. So a client that is late, pauses or is gone leaves the specimen at rest at its last
+//! target, whenever that happens. The lead of a compensator ends when its history of the motion has passed, which is what settle ticks are
+//! for. The largest speed is 15/8 of the mean, and the largest acceleration 10/√3 of way/time². A stop of the server during a path slows
+//! the specimen down linearly in N further ticks or less, with at most 7.7 of way/time²; a compensator then settles at rest. The path is one of the client's displacements: a loading unit follows the poses between two targets.
+//! The first target of a session is reached by a ramp of the port. Limits: nothing is predicted.
+
+use crate::rt::os;
+use crate::state::TestState;
+
+/// The clock of paced commands.
+#[derive(Debug, Clone, Copy)]
+pub struct PaceClock {
+    /// The present, ns.
+    pub now_ns: fn() -> u64,
+    /// Sleeps until a time in ns.
+    pub sleep_until_ns: fn(u64),
+}
+
+impl PaceClock {
+    /// The clock of the machine.
+    pub const MACHINE: Self = Self {
+        now_ns: os::monotonic_ns,
+        sleep_until_ns: os::sleep_until_ns,
+    };
+}
+
+/// The ticks of a server that paces its client.
+#[derive(Debug, Clone, Copy)]
+pub struct Pacing {
+    /// Commands on the path to each target.
+    pub ticks: u32,
+    /// Further commands at the target, before the answer is read.
+    pub settle_ticks: u32,
+    /// From one command to the next, in ns.
+    pub period_ns: u64,
+    /// The clock that says when they leave.
+    pub clock: PaceClock,
+}
+
+impl Pacing {
+    /// From one command to the next, in s.
+    #[must_use]
+    pub fn period_s(self) -> f64 {
+        self.period_ns as f64 * 1e-9
+    }
+
+    /// Time of the motion to a target, in s.
+    #[must_use]
+    pub fn motion_s(self) -> f64 {
+        self.period_s() * f64::from(self.ticks)
+    }
+
+    /// From one target to the next, in s, at least.
+    #[must_use]
+    pub fn step_s(self) -> f64 {
+        self.motion_s() + self.period_s() * f64::from(self.settle_ticks)
+    }
+}
+
+/// A command on the path.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct PathTick {
+    /// Share of the time of the path, 0 … 1.
+    pub share: f64,
+    /// Pace of the motion: less than 1 while it slows down.
+    pub pace: f64,
+    /// The ticks of the path and at the target that are gone with this one, over all of them.
+    pub gone: f64,
+}
+
+/// Motion along a path.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Course {
+    /// At full pace.
+    Full,
+    /// It slows down: share of the time that is gone, and the ticks to rest.
+    Slows(f64, u32),
+}
+
+/// The path to the last target.
+#[derive(Debug)]
+pub(super) struct PacedPath {
+    pub pacing: Pacing,
+    from: Vec<f64>,
+    to: Vec<f64>,
+    /// Ticks of the path; more than those of the pacing on the first one, if a limit demands that.
+    ticks: u32,
+    tick: u32,
+    course: Course,
+    /// The next target is the first one of a session.
+    pub is_first: bool,
+    /// The next command, in the client's displacements; velocities are of wall time.
+    pub disp: Vec<f64>,
+    pub vel: Vec<f64>,
+    /// Number of the next command.
+    pub sequence: u64,
+    /// Where the axes are at the target, in their units.
+    pub place: Vec<f64>,
+    /// The compensators before any command.
+    pub fresh: Option<TestState>,
+    /// Commits of the controller when its last target was answered; none before.
+    pub answered: Option<u64>,
+    /// Earliest time of the next command, ns.
+    edge_ns: u64,
+}
+
+/// Share of the way, and its slope, at a share of the time.
+fn shape(x: f64) -> (f64, f64) {
+    let share = x * x * x * (10.0 + x * (6.0 * x - 15.0));
+    let slope = 30.0 * x * x * (1.0 - x) * (1.0 - x);
+    (share, slope)
+}
+
+impl PacedPath {
+    /// For a client of `signals` displacements, and `axes` axes.
+    pub fn new(pacing: Pacing, signals: usize, axes: usize) -> Self {
+        let zeros = || vec![0.0; signals];
+        Self {
+            pacing,
+            from: zeros(),
+            to: zeros(),
+            ticks: pacing.ticks,
+            tick: pacing.ticks.saturating_add(pacing.settle_ticks),
+            course: Course::Full,
+            is_first: true,
+            disp: zeros(),
+            vel: zeros(),
+            sequence: 0,
+            place: vec![0.0; axes],
+            fresh: None,
+            answered: None,
+            edge_ns: 0,
+        }
+    }
+
+    /// The specimen rests at these displacements of the client. The next command has this number.
+    pub fn rests_at(&mut self, sequence: u64, disp: &[f64]) {
+        for (to, disp) in self.to.iter_mut().zip(disp) {
+            *to = *disp;
+        }
+        self.ticks = self.pacing.ticks;
+        (self.sequence, self.tick) = (sequence, self.all_ticks());
+        (self.is_first, self.answered) = (true, None);
+    }
+
+    /// True of the last target once more, in the same step, after its answer. Real-time: yes.
+    pub fn is_repeated(&self, target: &[f64], commits: u64) -> bool {
+        self.answered == Some(commits) && self.to == target
+    }
+
+    /// Ticks to a target, and at it.
+    const fn all_ticks(&self) -> u32 {
+        self.ticks.saturating_add(self.pacing.settle_ticks)
+    }
+
+    /// Ticks at rest after a stop on the way: a compensator comes to rest, too.
+    const fn rest_ticks(&self) -> u32 {
+        self.pacing.settle_ticks.saturating_add(1)
+    }
+
+    /// The next target. Real-time: yes.
+    pub fn aim(&mut self, target: &[f64]) {
+        self.from.copy_from_slice(&self.to);
+        for (to, target) in self.to.iter_mut().zip(target) {
+            *to = *target;
+        }
+        (self.ticks, self.tick) = (self.pacing.ticks, 0);
+        self.course = Course::Full;
+    }
+
+    /// Ticks of the path.
+    pub const fn ticks(&self) -> u32 {
+        self.ticks
+    }
+
+    /// Share of the time between two targets that one command takes.
+    pub fn share_of_tick(&self) -> f64 {
+        1.0 / f64::from(self.all_ticks())
+    }
+
+    /// The path takes `seconds`, if that is longer than usual; returns the time that it takes.
+    pub fn takes(&mut self, seconds: f64) -> f64 {
+        let period = self.pacing.period_s();
+        let ticks = (seconds / period).ceil().min(f64::from(u32::MAX));
+        self.ticks = self.pacing.ticks.max(ticks as u32);
+        period * f64::from(self.ticks)
+    }
+
+    /// The specimen is to come to rest as soon as it smoothly can. A path that has not begun does not begin.
+    pub fn stop(&mut self) {
+        if self.tick < self.ticks && self.course == Course::Full {
+            let gone = f64::from(self.tick) / f64::from(self.ticks);
+            let to_rest = if self.tick == 0 {
+                0
+            } else {
+                self.ticks.saturating_add(self.rest_ticks())
+            };
+            self.course = Course::Slows(gone, to_rest);
+        }
+    }
+
+    /// The next tick of the path; none at its end. Real-time: yes.
+    pub fn next(&mut self) -> Option<PathTick> {
+        let ticks = f64::from(self.ticks);
+        let tick = match &mut self.course {
+            Course::Full if self.tick >= self.ticks.saturating_add(self.pacing.settle_ticks) => {
+                return None;
+            }
+            Course::Full => {
+                self.tick += 1;
+                PathTick {
+                    share: f64::from(self.tick.min(self.ticks)) / ticks,
+                    pace: 1.0,
+                    gone: f64::from(self.tick) / f64::from(self.all_ticks()),
+                }
+            }
+            Course::Slows(_, 0) => return None,
+            Course::Slows(share, to_rest) => {
+                *to_rest -= 1;
+                let rest = self.pacing.settle_ticks.saturating_add(1);
+                let pace = f64::from(to_rest.saturating_sub(rest)) / ticks;
+                *share = (*share + pace / ticks).min(1.0);
+                if *share >= 1.0 {
+                    *to_rest = rest.min(*to_rest);
+                }
+                PathTick {
+                    share: *share,
+                    pace,
+                    gone: *share * ticks / f64::from(self.all_ticks()),
+                }
+            }
+        };
+        Some(tick)
+    }
+
+    /// Makes the command of a tick from the client's displacements. Real-time: yes.
+    pub fn make(&mut self, tick: PathTick) {
+        let (share, slope) = shape(tick.share);
+        let rate = tick.pace * slope / (self.pacing.period_s() * f64::from(self.ticks));
+        let ends = self.from.iter().zip(&self.to);
+        let made = self.disp.iter_mut().zip(&mut self.vel);
+        for ((disp, vel), (from, to)) in made.zip(ends) {
+            // The target itself, to the last bit.
+            *disp = if tick.share < 1.0 {
+                from + share * (to - from)
+            } else {
+                *to
+            };
+            *vel = rate * (to - from);
+        }
+    }
+
+    /// True if the next command comes later than a tick after the last. Real-time: yes.
+    pub fn is_late(&self) -> bool {
+        (self.pacing.clock.now_ns)() > self.edge_ns.saturating_add(self.pacing.period_ns)
+    }
+
+    /// Waits for the edge of the next command: a command that came late moves those behind it.
+    pub fn wait(&mut self) {
+        let PaceClock {
+            now_ns,
+            sleep_until_ns,
+        } = self.pacing.clock;
+        let now = now_ns();
+        if now < self.edge_ns {
+            sleep_until_ns(self.edge_ns);
+        }
+        self.edge_ns = self.edge_ns.max(now) + self.pacing.period_ns;
+    }
+
+    /// The last command has left. Real-time: yes.
+    pub const fn count(&mut self) {
+        self.sequence = self.sequence.saturating_add(1);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// The commands of one path from here to `target`; told to stop after `stop` of them, if it is.
+    fn go(path: &mut PacedPath, target: f64, stop: Option<u32>) -> Vec<[f64; 2]> {
+        path.aim(&[target]);
+        let mut made = Vec::new();
+        loop {
+            if stop == u32::try_from(made.len()).ok() {
+                path.stop();
+            }
+            let Some(tick) = path.next() else {
+                return made;
+            };
+            path.make(tick);
+            made.push([path.disp[0], path.vel[0]]);
+        }
+    }
+
+    proptest! {
+        /// From rest to rest, with the bounds of the polynomial on speed and acceleration, and the target to the last bit.
+        #[test]
+        fn a_path_begins_and_ends_at_rest(
+            ticks in 2u32..400,
+            settle_ticks in 0u32..20,
+            targets in proptest::collection::vec(-1.0..1.0f64, 1..6),
+        ) {
+            let pacing = Pacing { ticks, settle_ticks, period_ns: 1_000_000, clock: PaceClock::MACHINE };
+            let mut path = PacedPath::new(pacing, 1, 1);
+            let (mut places, mut from) = (vec![0.0; 3], 0.0);
+            for target in targets {
+                let way = (target - from).abs();
+                let fastest = 1.875 * way / pacing.motion_s() * (1.0 + 1e-9);
+                let made = go(&mut path, target, None);
+                prop_assert_eq!(made.len(), (ticks + settle_ticks) as usize);
+                for [disp, vel] in &made {
+                    let speed = (disp - places[places.len() - 1]) / 1e-3;
+                    prop_assert!(speed.abs() <= fastest + 1e-12 && vel.abs() <= fastest);
+                    places.push(*disp);
+                }
+                for [disp, vel] in &made[ticks as usize - 1..] {
+                    prop_assert_eq!((disp.to_bits(), *vel), (target.to_bits(), 0.0));
+                }
+                // A late target finds it at rest.
+                places.extend([target; 3]);
+                from = target;
+            }
+            // The largest acceleration is 10/√3 of way/time², and the way at most 2.
+            let bound = 20.0 / (f64::sqrt(3.0) * f64::from(ticks) * f64::from(ticks));
+            for window in places.windows(3) {
+                let bend = (window[2] - 2.0 * window[1] + window[0]).abs();
+                prop_assert!(bend <= bound * (1.0 + 1e-9) + 1e-14, "{bend} {bound}");
+            }
+        }
+
+        /// A stop on the way: at rest within N further ticks, not beyond the target, and within the bounds.
+        #[test]
+        fn a_stop_on_the_way_slows_down(ticks in 4u32..400, settle_ticks in 0u32..9, share in 0.0..1.1f64) {
+            let pacing = Pacing { ticks, settle_ticks, period_ns: 1_000_000, clock: PaceClock::MACHINE };
+            let mut path = PacedPath::new(pacing, 1, 1);
+            let stop = (share * f64::from(ticks)) as u32;
+            let made = go(&mut path, 1.0, Some(stop));
+            prop_assert!(made.len() as u32 <= stop + ticks + settle_ticks + 1);
+            if stop == 0 {
+                prop_assert!(made.is_empty());
+                return Ok(());
+            }
+            let [last, vel] = made[made.len() - 1];
+            prop_assert!(last <= 1.0 && vel == 0.0);
+            let mut places = vec![0.0; 3];
+            places.extend(made.iter().map(|[disp, _]| *disp));
+            places.extend([last; 3]);
+            let n = f64::from(ticks);
+            // The motion lasts half of the time of a path.
+            prop_assert!(f64::from(stop) > 0.4 * n || last < 0.995, "{stop} {last}");
+            for window in places.windows(3) {
+                let bend = (window[2] - 2.0 * window[1] + window[0]).abs();
+                prop_assert!(bend <= 7.7 / (n * n) + 1e-14, "{bend} {}", 7.7 / (n * n));
+                prop_assert!((window[1] - window[0]) * n <= 1.875 * (1.0 + 1e-9));
+            }
+        }
+    }
+}

@@ -1,0 +1,278 @@
+//! A gateway that converts: its client commands deformations at the structure's scale, or the coordinates of a loading unit.
+//!
+//! The port of the gateway is made as that of a test: axes with gears, the loading unit, limits at the specimen's scale. Only a
+//! structure is missing, whose place the client takes.
+
+use std::sync::Arc;
+
+use super::super::gear::{self, Rows};
+use super::super::links::wire_axes;
+use super::super::specimens::loading::{Loading, at_actuators, loading_of};
+use super::following::Following;
+use super::{check_estimate, reply_limit_ns, wiring_check};
+use crate::config::{DispUnit, Finding, ForceUnit, KeyPath, LinkSpec, SpecimenTable};
+use crate::geometry::{Coordinate, LawPlace};
+use crate::link::announce::announce;
+use crate::link::served::{AxesBehind, LinkBuild};
+use crate::link::server::{Conversion, Host, PortBuild};
+use crate::port::limits::AxisLimits;
+use crate::port::{Axis, Port, WiringCheck};
+use crate::substructure::Substructure;
+use crate::units::AxisUnits;
+use crate::wire::handshake::{Axis as WireAxis, Limits, Unit};
+
+/// The axes of a specimen with everything that lies between them and the structure of a client.
+struct Converted<'a> {
+    table: &'a SpecimenTable,
+    axes: Vec<Axis>,
+    loading: Option<Loading>,
+    /// k̂ as the axes see it, by rows, at the structure's scale.
+    stiffness: Rows,
+}
+
+/// Units and compensation of a gateway's client.
+#[derive(Default)]
+pub(super) struct Client {
+    /// Its units; none if it counts in those of the axes.
+    pub units: Option<(DispUnit, ForceUnit)>,
+    pub following: Option<Following>,
+}
+
+/// The gateway, and how it checks the wiring.
+pub(super) fn host(
+    table: &SpecimenTable,
+    link: &LinkSpec,
+    at: &KeyPath,
+    Client { units, following }: Client,
+    build: LinkBuild,
+) -> Result<(Host, WiringCheck), Box<Finding>> {
+    let converted = Converted::of(table, at)?;
+    let n = converted.axes.len();
+    let client = units.map_or_else(|| table.units_of(n), |units| converted.client_units(units));
+    let wire = match units {
+        Some(units) => converted.wire_axes(units),
+        None => wire_axes(table, n, None),
+    };
+    let stiffness = converted.client_stiffness(&client);
+    let axis_units = table.units_of(n);
+    let amplitude = |metres: f64| {
+        let gears = converted.axes.iter().zip(&axis_units);
+        gears
+            .map(|(axis, unit)| metres / (axis.disp_gain * unit.metres).abs())
+            .collect::<Vec<f64>>()
+    };
+    // The port measures in m and N of the structure.
+    let check = wiring_check(link, amplitude, Vec::new());
+    let host = Host::gateway(
+        table.name.clone(),
+        wire,
+        stiffness,
+        build,
+        reply_limit_ns(link),
+    );
+    let conversion = Conversion {
+        behind: AxesBehind {
+            coordinates: converted.coordinates().to_vec(),
+            units: axis_units,
+        },
+        port: converted.into_port(following),
+    };
+    Ok((host.in_units(client).converting(conversion), check))
+}
+
+impl<'a> Converted<'a> {
+    fn of(table: &'a SpecimenTable, at: &KeyPath) -> Result<Self, Box<Finding>> {
+        let n = table.axes();
+        let (_, loading) = loading_of(table, Vec::new()).map_err(|error| {
+            let at = at.key("geometry").key(error.key());
+            Box::new(Finding::error(at, error.to_string()))
+        })?;
+        let gears = (0..n).map(|index| table.axis.get(index).cloned().unwrap_or_default());
+        let axes = gears.map(|gear| gear::axis(table, &gear, Vec::new()).0);
+        let axes: Vec<Axis> = axes.collect();
+        let estimate = table.stiffness_n_per_m.as_ref();
+        let rows = estimate.map(|matrix| matrix.rows()).unwrap_or_default();
+        check_estimate(&rows, table.law_axes(), at)?;
+        let stiffness = match &loading {
+            Some(loading) => at_actuators(table, &loading.geometry, rows),
+            None => rows,
+        };
+        Ok(Self {
+            table,
+            axes,
+            loading,
+            stiffness,
+        })
+    }
+
+    fn coordinates(&self) -> &[Coordinate] {
+        let loading = self.loading.as_ref();
+        loading.map_or(&[][..], |loading| loading.geometry.coordinates())
+    }
+
+    /// Units of the client, one entry per signal.
+    fn client_units(&self, (disp, force): (DispUnit, ForceUnit)) -> Vec<AxisUnits> {
+        let of_axis = AxisUnits {
+            metres: disp.metres(),
+            newtons: force.newtons(),
+            disp: disp.symbol(),
+            force: force.symbol(),
+        };
+        if self.loading.is_none() {
+            return vec![of_axis; self.axes.len()];
+        }
+        let units = self.coordinates().iter().map(|coordinate| {
+            if !coordinate.is_rotation() {
+                return of_axis;
+            }
+            AxisUnits {
+                metres: 1.0,
+                newtons: force.newtons() * disp.metres(),
+                disp: "rad",
+                force: moment(disp, force),
+            }
+        });
+        units.collect()
+    }
+
+    /// k̂ as the client sees it, n × n by columns, in its units.
+    fn client_stiffness(&self, client: &[AxisUnits]) -> Vec<f64> {
+        let rows = self.at_signals();
+        let mut stiffness = Vec::with_capacity(client.len() * client.len());
+        for (j, of_disp) in client.iter().enumerate() {
+            for (row, of_force) in rows.iter().zip(client) {
+                stiffness.push(row[j] * of_disp.metres / of_force.newtons);
+            }
+        }
+        stiffness
+    }
+
+    /// k̂ of the signals, by rows: Jᵀ K J at the reference pose.
+    fn at_signals(&self) -> Rows {
+        let Some(loading) = &self.loading else {
+            return self.stiffness.clone();
+        };
+        if let (LawPlace::Platform, Some(said)) = (loading.law_at, &self.table.stiffness_n_per_m) {
+            return said.rows();
+        }
+        let reference = loading.geometry.reference();
+        let n = self.coordinates().len();
+        let entry = |p: usize, q: usize| {
+            let mut sum = 0.0;
+            for (i, row) in self.stiffness.iter().enumerate() {
+                for (j, stiffness) in row.iter().enumerate() {
+                    sum += reference.slope(i, p) * stiffness * reference.slope(j, q);
+                }
+            }
+            sum
+        };
+        // One half of the symmetric whole, mirrored.
+        let row = |p: usize| (0..n).map(|q| entry(p.min(q), p.max(q))).collect();
+        (0..n).map(row).collect()
+    }
+
+    /// Signals for the handshake of the protocol of Gusset. Units that it lacks were refused before.
+    fn wire_axes(&self, (disp, force): (DispUnit, ForceUnit)) -> Vec<WireAxis> {
+        let disp_unit = disp.on_the_wire().unwrap_or(Unit::Metre);
+        let force_unit = force.on_the_wire().unwrap_or(Unit::Newton);
+        if self.loading.is_some() {
+            let coordinates = self.coordinates().iter();
+            let axes = coordinates.map(|coordinate| {
+                let turns = coordinate.is_rotation();
+                let moment = match force {
+                    ForceUnit::Kilonewton => Unit::KilonewtonMetre,
+                    _ => Unit::NewtonMetre,
+                };
+                WireAxis {
+                    name: coordinate.key().to_owned(),
+                    disp_unit: if turns { Unit::Radian } else { disp_unit },
+                    force_unit: if turns { moment } else { force_unit },
+                    // The actuators are bounded, and what that bounds of the pose depends on the pose.
+                    limits: Limits::NONE,
+                }
+            });
+            return axes.collect();
+        }
+        let link = self.table.link.as_ref();
+        let names = link.and_then(|link| link.axis_names.as_ref());
+        let limits = self.table.limits_of(self.axes.len());
+        let units = self.table.units_of(self.axes.len());
+        let axes = self.axes.iter().zip(limits.iter().zip(&units));
+        let axes = axes.enumerate().map(|(index, (axis, (limits, units)))| {
+            let name = names.and_then(|names| names.get(index).cloned());
+            let own = announce(&AxisLimits::of(limits), units, None);
+            WireAxis {
+                name: name.unwrap_or_else(|| format!("axis {}", index + 1)),
+                disp_unit,
+                force_unit,
+                limits: at_client(&own, axis, (disp.metres(), force.newtons())),
+            }
+        });
+        axes.collect()
+    }
+
+    /// Makes the port as often as a controller comes.
+    fn into_port(self, following: Option<Following>) -> PortBuild {
+        let Self {
+            table,
+            axes,
+            loading,
+            stiffness,
+        } = self;
+        let n = axes.len();
+        let name = table.name.clone();
+        let limits: Vec<AxisLimits> = table.limits_of(n).iter().map(AxisLimits::of).collect();
+        let units = table.units_of(n).into_iter();
+        let units: Vec<_> = units.map(|unit| (unit.metres, unit.newtons)).collect();
+        Arc::new(move |substructure: Box<dyn Substructure>| {
+            let own = (0..n).map(|axis| stiffness[axis][axis]).collect();
+            let port = Port::new(name.clone(), axes.clone(), substructure, 0, own);
+            let port = port.map_err(|error| error.to_string())?;
+            let port = port.with_limits(limits.clone(), units.clone(), 1.0);
+            let port = match &loading {
+                Some(Loading {
+                    geometry,
+                    rows,
+                    law_at,
+                }) => port.with_geometry(geometry.clone(), rows.clone(), *law_at),
+                None => port,
+            };
+            let port = match &following {
+                Some(following) => {
+                    following.around(port, units.iter().map(|(metres, _)| *metres).collect())?
+                }
+                None => port,
+            };
+            Ok(port.with_received_commands())
+        })
+    }
+}
+
+/// Limits of an axis, in its units, as its client counts, whose units have these metres and newtons.
+fn at_client(own: &Limits, axis: &Axis, (metres, newtons): (f64, f64)) -> Limits {
+    let ends = [own.disp_min, own.disp_max].map(|end| axis.deformation(end) / metres);
+    Limits {
+        disp_min: ends[0].min(ends[1]),
+        disp_max: ends[0].max(ends[1]),
+        speed_max: own.speed_max / axis.disp_gain.abs() / metres,
+        force_max: own.force_max * axis.force_gain.abs() / newtons,
+    }
+}
+
+/// The unit of a moment.
+pub(in crate::setup) const fn moment(disp: DispUnit, force: ForceUnit) -> &'static str {
+    match (force, disp) {
+        (ForceUnit::Newton, DispUnit::Metre) => "N m",
+        (ForceUnit::Newton, DispUnit::Millimetre) => "N mm",
+        (ForceUnit::Newton, DispUnit::Inch) => "N in",
+        (ForceUnit::Kilonewton, DispUnit::Metre) => "kN m",
+        (ForceUnit::Kilonewton, DispUnit::Millimetre) => "kN mm",
+        (ForceUnit::Kilonewton, DispUnit::Inch) => "kN in",
+        (ForceUnit::PoundForce, DispUnit::Metre) => "lbf m",
+        (ForceUnit::PoundForce, DispUnit::Millimetre) => "lbf mm",
+        (ForceUnit::PoundForce, DispUnit::Inch) => "lbf in",
+        (ForceUnit::Kip, DispUnit::Metre) => "kip m",
+        (ForceUnit::Kip, DispUnit::Millimetre) => "kip mm",
+        (ForceUnit::Kip, DispUnit::Inch) => "kip in",
+    }
+}

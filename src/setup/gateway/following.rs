@@ -1,0 +1,96 @@
+//! How a gateway that paces makes up for the lag of its specimen, and how it sees whether that follows: as the loop of a test does.
+
+use super::super::specimens::compensation::{TRACKED, usual_gain};
+use crate::compensation::{CompensationSpec, Compensator};
+use crate::config::{Finding, KeyPath, LimitsSpec, ServedFile, SpecimenTable};
+use crate::port::{NeedsMeasuredDisp, Port};
+
+/// Compensators and tracking of a port whose commands come every `tick` s of wall time.
+#[derive(Debug, Clone)]
+pub(super) struct Following {
+    compensation: Option<CompensationSpec>,
+    tick: f64,
+}
+
+impl Following {
+    /// None if the file asks for neither.
+    ///
+    /// # Errors
+    /// A compensator that cannot be built or that this server lacks; a limit of tracking without evenly spaced commands.
+    pub fn of(
+        source: &ServedFile,
+        table: &SpecimenTable,
+        at: &KeyPath,
+    ) -> Result<Option<Self>, Box<Finding>> {
+        let axes = table.axes();
+        let limits = table.limits_of(axes);
+        let is_limited = |limits: &LimitsSpec| TRACKED.iter().any(|limit| limits.has(*limit));
+        let is_limited = limits.iter().any(is_limited);
+        if source.is_test || (table.compensation.is_none() && !is_limited) {
+            return Ok(None);
+        }
+        let Some(pace) = &source.file.serve.pace else {
+            let text = "a limit of lag or gain needs evenly spaced commands";
+            let finding = Finding::error(at.key("limits"), text)
+                .help("give `pace` in [serve], or leave out `lag_s` and `gain_error`");
+            return Err(Box::new(finding));
+        };
+        let following = Self {
+            compensation: table.compensation.clone(),
+            tick: pace.period_ns() as f64 * 1e-9,
+        };
+        following.check(&at.key("compensation"))?;
+        Ok(Some(following))
+    }
+
+    fn check(&self, at: &KeyPath) -> Result<(), Box<Finding>> {
+        let Some(spec) = &self.compensation else {
+            return Ok(());
+        };
+        if matches!(spec, CompensationSpec::Newton(_)) {
+            let text = "`newton` needs velocity and acceleration targets, which the client of a gateway does not send";
+            let finding = Finding::error(at.key("newton"), text)
+                .at_key()
+                .help("use `polynomial` with order = 2");
+            return Err(Box::new(finding));
+        }
+        let built = spec
+            .build(self.tick)
+            .map_err(|error| Box::new(Finding::error(at.key(error.key()), error.to_string())))?;
+        let gain = built.stands(1.0);
+        if usual_gain(gain) {
+            return Ok(());
+        }
+        let text = format!("a constant target of 1 mm gives a first command of {gain} mm");
+        let finding = Finding::error(at.clone(), text).label("from 0.5 mm to 2 mm is allowed");
+        Err(Box::new(finding.help(
+            "the first coefficient must be 1/A for an actuator whose static gain is A",
+        )))
+    }
+
+    /// A port with as many compensators as axes, whose units have these metres.
+    pub fn around(&self, port: Port, metres: Vec<f64>) -> Result<Port, String> {
+        let port = match &self.compensation {
+            Some(spec) => {
+                let built = metres.iter().map(|_| spec.build(self.tick));
+                let built: Result<Vec<Box<dyn Compensator>>, _> = built.collect();
+                let built = built.map_err(|error| error.to_string())?;
+                port.with_compensation(built, metres, self.tick, 1.0)
+            }
+            None => port,
+        };
+        let mut port = port.with_tracking(self.tick, 0.0);
+        let adapts = self
+            .compensation
+            .as_ref()
+            .filter(|spec| spec.uses_measured_disp());
+        *port.needs_measured_disp_mut() = NeedsMeasuredDisp {
+            own: adapts
+                .iter()
+                .map(|spec| format!("compensation.{}", spec.kind()))
+                .collect(),
+            of_the_test: Vec::new(),
+        };
+        Ok(port)
+    }
+}

@@ -1,0 +1,292 @@
+//! A gateway that paces and compensates a client of OpenFresco's protocols in front of a rig with a lag: what it records, and how
+//! it ends when either side does.
+
+use std::io::{Read, Write};
+use std::net::TcpStream;
+use std::path::{Path, PathBuf};
+
+use crate::link_common::{PATIENCE, Served};
+use gusset::record::Run;
+use gusset::record::summary::Status;
+
+/// Doubles of a vector.
+const N: usize = 16;
+
+const RIG: &str = "[[specimen]]\nname = \"column\"\nlaw = { linear = { stiffness_n_per_m = 4e5 } }\n\
+                   transfer.actuator.first_order = { time_constant_s = 0.015 }\n";
+
+/// The text of a gateway at twice the scale of its rig.
+fn gateway(rig: &Served, pace: &str, more: &str) -> String {
+    format!(
+        "[serve]\npace = {{ {pace} }}\n{more}\n[safety]\nunlimited = \"a formula\"\n[[specimen]]\nname = \"column\"\n\
+         stiffness_n_per_m = 4e5\nsimilitude = {{ length = 2, force = 2 }}\ncompensation.inverse = {{ delay_s = 0.015 }}\n\
+         limits = {{ command_vel_m_per_s = {{ trip = 10 }}, lag_s = {{ trip = 0.1 }} }}\n\
+         [specimen.link]\naddress = \"{}\"\nprobe = \"none\"\ncomputed = true\nreply_timeout_s = 1\n",
+        rig.address
+    )
+}
+
+struct Bench {
+    rig: Served,
+    gateway: Served,
+    out: PathBuf,
+    _folder: tempfile::TempDir,
+}
+
+impl Bench {
+    fn new(pace: &str, more: &str) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let rig = Served::start(folder.path(), RIG, &[]);
+        let out = folder.path().join("kept");
+        let text = gateway(&rig, pace, more);
+        let arguments = ["--protocol", "openfresco", "--out", out.to_str().unwrap()];
+        let gateway = Served::start(folder.path(), &text, &arguments);
+        Self {
+            rig,
+            gateway,
+            out,
+            _folder: folder,
+        }
+    }
+
+    /// The record of the first test, once the gateway has closed it.
+    fn kept(&self) -> Run {
+        let folder = self.out.join("test-0001");
+        while !folder.join("summary.json").exists() {
+            std::thread::yield_now();
+        }
+        Run::open(&folder).unwrap()
+    }
+}
+
+fn column(run: &Run, name: &str) -> Vec<f64> {
+    run.columns(&[name]).unwrap().remove(0)
+}
+
+/// A client of one displacement that sends the time.
+struct Client(TcpStream);
+
+impl Client {
+    fn new(address: &str) -> Self {
+        let mut stream = TcpStream::connect(address).unwrap();
+        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        let counts = [1, 0, 0, 0, 1, 0, 0, 0, 1, 0, N as i32];
+        let bytes: Vec<u8> = counts.into_iter().flat_map(i32::to_le_bytes).collect();
+        stream.write_all(&bytes).unwrap();
+        Self(stream)
+    }
+
+    fn says(&mut self, values: &[f64]) {
+        let mut vector = [0.0; N];
+        vector[..values.len()].copy_from_slice(values);
+        let bytes: Vec<u8> = vector.into_iter().flat_map(f64::to_le_bytes).collect();
+        self.0.write_all(&bytes).unwrap();
+    }
+
+    /// The force at a target; none if the gateway closes.
+    fn force(&mut self, disp: f64, time: f64) -> Option<f64> {
+        self.says(&[3.0, disp, time]);
+        self.says(&[10.0]);
+        let mut answer = [0; 8 * N];
+        self.0.read_exact(&mut answer).ok()?;
+        Some(f64::from_le_bytes(answer[..8].try_into().unwrap()))
+    }
+
+    fn commits(&mut self) {
+        self.says(&[5.0]);
+    }
+}
+
+#[test]
+fn a_client_that_dies_on_the_way_leaves_the_specimen_at_its_target_and_tracking_in_the_record() {
+    let bench = Bench::new("ticks_per_step = 40, rate_hz = 2000, settle_ticks = 90", "");
+    let mut client = Client::new(&bench.gateway.address);
+    for step in 1..=12_i32 {
+        let disp = 0.004 * (1.5 * f64::from(step)).sin();
+        let force = client.force(disp, 0.065 * f64::from(step)).unwrap();
+        // The spring of the rig is 4e5 N/m at half the scale: at the target within what 45 ms leave of a lag of 15 ms.
+        assert!(
+            (force - 4e5 * disp).abs() < 0.2 * 4e5 * 0.004,
+            "{force} {disp}"
+        );
+        client.commits();
+    }
+    client.says(&[3.0, 0.002, 0.065 * 13.0]);
+    drop(client);
+    let run = bench.kept();
+    let summary = run.summary().unwrap();
+    assert_eq!(summary.status, Status::Failed, "{}", summary.reason);
+    let trips = column(&run, "trip");
+    assert!(trips.iter().all(|code| *code == 0.0), "{}", summary.reason);
+    let (commands, velocities) = (column(&run, "cmd_1_1"), column(&run, "vel_1_1"));
+    // The compensator has forgotten the motion after 90 ticks.
+    assert!(
+        (commands.last().unwrap() - 0.001).abs() < 1e-9,
+        "{:?}",
+        commands.last()
+    );
+    assert!(velocities.last().unwrap().abs() < 1e-9);
+    let most = commands.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    assert!(most.fold(0.0, f64::max) < 0.002 * 31.0 / 40.0);
+    // 13 targets of 130 commands, and the reading at rest.
+    assert_eq!(commands.len(), 13 * 130 + 1);
+    let lags = column(&run, "lag_1_1");
+    assert!(lags.iter().any(|lag| lag.abs() < 0.01), "{:?}", lags.last());
+    let states = column(&run, "state");
+    assert_eq!(states.iter().filter(|state| **state == 5.0).count(), 130);
+}
+
+#[test]
+fn a_rig_that_dies_on_the_way_ends_the_test_as_lost() {
+    let mut bench = Bench::new("ticks_per_step = 20000, rate_hz = 1000", "");
+    let mut client = Client::new(&bench.gateway.address);
+    client.says(&[3.0, 0.004, 0.01]);
+    while std::fs::metadata(bench.out.join("test-0001/samples.bin")).map_or(0, |m| m.len()) < 20_000
+    {
+        std::thread::yield_now();
+    }
+    bench.rig.kill();
+    assert_eq!(client.force(0.005, 0.01), None);
+    let run = bench.kept();
+    let summary = run.summary().unwrap();
+    assert_eq!(summary.status, Status::Failed);
+    assert!(summary.reason.contains("lost"), "{}", summary.reason);
+    let commands = column(&run, "cmd_1_1");
+    assert!(*commands.last().unwrap() < 0.002, "nothing leads on");
+}
+
+#[test]
+fn a_server_that_is_stopped_on_the_way_slows_down_first() {
+    let bench = Bench::new("ticks_per_step = 1000, rate_hz = 1000", "");
+    let mut client = Client::new(&bench.gateway.address);
+    assert!(client.force(0.0, 0.0).is_some());
+    client.says(&[3.0, 0.004, 0.01]);
+    // On the second path.
+    let samples = bench.out.join("test-0001/samples.bin");
+    let first = std::fs::metadata(&samples).map_or(0, |m| m.len());
+    while std::fs::metadata(&samples).map_or(0, |m| m.len()) < first + 20_000 {
+        std::thread::yield_now();
+    }
+    bench.gateway.send("INT");
+    let run = bench.kept();
+    assert_eq!(run.summary().unwrap().status, Status::Interrupted);
+    let velocities = column(&run, "vel_1_1");
+    assert!(
+        velocities.last().unwrap().abs() < 1e-6,
+        "{:?}",
+        velocities.last()
+    );
+    assert!(velocities.iter().any(|vel| *vel > 1e-5));
+}
+
+#[test]
+fn a_second_target_of_a_step_trips_unless_the_file_allows_its_distance() {
+    let pace = "ticks_per_step = 10, rate_hz = 2000";
+    for (more, near) in [("", false), ("openfresco.iterates_within_m = 0.0005", true)] {
+        let bench = Bench::new(pace, more);
+        let mut client = Client::new(&bench.gateway.address);
+        assert!(client.force(0.001, 0.01).is_some());
+        assert!(client.force(0.001, 0.01).is_some(), "the same target again");
+        assert_eq!(client.force(0.0014, 0.01).is_some(), near);
+        if near {
+            assert_eq!(client.force(0.0016, 0.01), None);
+        }
+        let run = bench.kept();
+        let summary = run.summary().unwrap();
+        assert_eq!(summary.status, Status::Stopped, "{}", summary.reason);
+        let trips = column(&run, "trip");
+        assert_eq!(*trips.last().unwrap(), 54.0);
+        assert_eq!(*column(&run, "state").last().unwrap(), 8.0);
+        let commands = column(&run, "cmd_1_1");
+        let most = commands
+            .iter()
+            .copied()
+            .filter(|disp| disp.is_finite())
+            .fold(0.0, f64::max);
+        assert!(most < if near { 0.002 } else { 0.0015 }, "{most}");
+    }
+}
+
+#[test]
+fn six_displacements_command_four_coordinates_of_a_loading_unit() {
+    let folder = tempfile::tempdir().unwrap();
+    let laws = "[[specimen.laws]]\nlinear = { stiffness_n_per_m = 4e5 }\n".repeat(4);
+    let rig = Served::start(
+        folder.path(),
+        &format!("[[specimen]]\nname = \"platform\"\n{laws}"),
+        &[],
+    );
+    let row = |index: usize| {
+        let entries: Vec<String> = (0..6)
+            .map(|k| f64::from(u8::from(k == index)).to_string())
+            .collect();
+        format!("[{}]", entries.join(", "))
+    };
+    let matrix = |size: usize| {
+        let rows: Vec<String> = (0..4)
+            .map(|i| {
+                let row: Vec<String> = (0..size)
+                    .map(|j| if i == j { "4e5" } else { "0" }.to_owned())
+                    .collect();
+                format!("[{}]", row.join(", "))
+            })
+            .collect();
+        format!("[{}]", rows.join(", "))
+    };
+    let text = format!(
+        "[safety]\nunlimited = \"a formula\"\n[[specimen]]\nname = \"platform\"\nstiffness_n_per_m = {}\nrows = [{}]\n\
+         geometry.law_at = \"actuators\"\ngeometry.coordinates = [\"ux\", \"uy\", \"uz\", \"rz\"]\n\
+         geometry.space = [\n\
+         {{ base_m = [-1, 0.5, 0], joint_m = [0, 0.5, 0] }},\n{{ base_m = [-1, -0.5, 0], joint_m = [0, -0.5, 0] }},\n\
+         {{ base_m = [0, -1, 0], joint_m = [0, 0, 0] }},\n{{ base_m = [0, 0, -1], joint_m = [0, 0, 0] }},\n]\n\
+         [specimen.link]\naddress = \"{}\"\nprobe = \"none\"\ncomputed = true\n",
+        matrix(4),
+        [0, 1, 2, 5].map(row).join(", "),
+        rig.address
+    );
+    let served = Served::start(folder.path(), &text, &["--protocol", "openfresco"]);
+    let mut stream = TcpStream::connect(&served.address).unwrap();
+    stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    let counts = [6, 0, 0, 0, 1, 0, 0, 0, 6, 0, N as i32];
+    let bytes: Vec<u8> = counts.into_iter().flat_map(i32::to_le_bytes).collect();
+    stream.write_all(&bytes).unwrap();
+    let mut client = Client(stream);
+    let pose = [1e-4, -2e-4, 3e-4, 0.5, 0.6, 0.0];
+    client.says(&[&[3.0], &pose[..], &[0.01]].concat());
+    client.says(&[10.0]);
+    let mut answer = [0; 8 * N];
+    client.0.read_exact(&mut answer).unwrap();
+    let forces: Vec<f64> = answer
+        .chunks_exact(8)
+        .map(|word| f64::from_le_bytes(word.try_into().unwrap()))
+        .take(6)
+        .collect();
+    // Two actuators along x, one along y and one along z; small motions.
+    let wanted = [80.0, -80.0, 120.0, 0.0, 0.0, 0.0];
+    for (found, wanted) in forces.iter().zip(wanted) {
+        assert!((found - wanted).abs() < 0.5, "{forces:?}");
+    }
+    // The other two rotations have no coordinate, and no force.
+    assert_eq!(forces[3..5], [0.0, 0.0]);
+}
+
+#[test]
+fn a_client_with_six_forces_for_three_displacements_is_refused_at_its_sizes() {
+    let folder = tempfile::tempdir().unwrap();
+    let laws = "[[specimen.laws]]\nlinear = { stiffness_n_per_m = 4e5 }\n".repeat(3);
+    let text = format!("[[specimen]]\nname = \"brace\"\n{laws}");
+    let served = Served::start(
+        Path::new(folder.path()),
+        &text,
+        &["--protocol", "openfresco"],
+    );
+    let mut stream = TcpStream::connect(&served.address).unwrap();
+    stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    let counts = [3, 3, 3, 0, 1, 3, 3, 3, 6, 1, 32];
+    let bytes: Vec<u8> = counts.into_iter().flat_map(i32::to_le_bytes).collect();
+    stream.write_all(&bytes).unwrap();
+    served.hears("invertedVBrace");
+    let mut rest = Vec::new();
+    let _ = stream.read_to_end(&mut rest);
+    assert!(rest.is_empty());
+}
