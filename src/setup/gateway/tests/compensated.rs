@@ -112,6 +112,7 @@ fn by_gateway(compensation: &str) -> (Vec<[Vec<f64>; 2]>, [f64; 4]) {
     let client = Client {
         units: Some(SI),
         following: following(&table).unwrap(),
+        is_paced: true,
     };
     let told = Arc::clone(&rig.told);
     let host = host_of(&table, client, rig).paced(Some(PACED));
@@ -244,6 +245,7 @@ fn a_session_finds_its_compensators_as_new() {
     let client = Client {
         units: Some(SI),
         following: following(&table).unwrap(),
+        is_paced: true,
     };
     let told = Arc::clone(&rig.told);
     let host = host_of(&table, client, rig).paced(Some(PACED));
