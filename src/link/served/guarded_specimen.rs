@@ -149,6 +149,10 @@ impl GuardedSpecimen {
         self.port.set_guard(lent.guard);
         self.allowance = lent.allowance;
         self.port.begin_session(USUAL_TICK_S);
+        if let Some(path) = &self.path {
+            // The place of a controller depends on the static gain of new compensators.
+            self.port.restart_following(path.fresh.as_ref());
+        }
         self.allowance.announced(controller.rate);
         (self.tripped, self.commits) = (None, 0);
         self.announced = AnnouncedLimits::by(controller, &self.identity.units);
