@@ -164,6 +164,12 @@ impl Port {
         self.path.follow_target(&self.axes);
     }
 
+    /// The target that was sought last: deformations of the axes in m, of a loading unit the strokes of its actuators. Real-time: yes.
+    #[must_use]
+    pub fn goal(&self) -> &[f64] {
+        &self.path.goal().disp
+    }
+
     /// Writes the commands that hold the axes at the target that was sought last, in the specimen's unit. Real-time: yes.
     pub fn write_goal(&self, into: &mut [f64]) {
         let goal = self.axes.iter().zip(&self.path.goal().disp).enumerate();

@@ -1,6 +1,7 @@
 //! A gateway that converts: work, positions, limits, the wiring check, and the bits of a test in this process.
 
 mod compensated;
+mod recorded;
 mod schedules;
 mod simulated;
 
