@@ -399,8 +399,8 @@ kinds! {
     /// Test time since the command before.
     ELAPSED = "elapsed", Test, "s", Controller, ALWAYS, "test time since the command before, or since the last commit";
     /// Number of the command.
-    COMMAND_NUMBER = "command", Test, "1", Controller, ALWAYS, "number of the command from the controller",
-        "; on the way to a target of a gateway that paces the number of that target; where `state` is 2 the server's own number";
+    COMMAND_NUMBER = "command", Test, "1", Controller, ALWAYS, "the controller's number of the command; in a gateway that paces the number of the target; where `state` is 2 the server's own \
+         number";
     /// Commands that were accepted. Only a server has this column.
     COMMITS = "commits", Test, "1", Server, ALWAYS, "commands accepted so far";
     /// Cause of a trip.
