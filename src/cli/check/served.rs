@@ -68,7 +68,7 @@ pub(super) fn check(args: &CheckArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// A server has no test: nothing is rehearsed or drawn, and its file is served as it is.
+/// A server has no test: it rehearses and draws nothing, and no option overrides a key of its file.
 fn refuse_options_of_a_test(args: &CheckArgs) -> anyhow::Result<()> {
     let options = [
         ("--set", !args.sets.is_empty(), "change the key in the file"),

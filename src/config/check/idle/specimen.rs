@@ -150,7 +150,7 @@ fn check_reach(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) 
     }
 }
 
-/// What belongs to the controller's test file, in the file of a server. A gateway converts by its gear.
+/// What belongs to the controller's test file, in the file of a server. A gateway converts by those keys itself.
 fn check_served(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
     let why = "only for the controller's test file: a server uses the numbers of the axes";
     if specimen.link.is_none() {
