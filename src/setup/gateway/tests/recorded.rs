@@ -31,6 +31,7 @@ fn a_row_has_the_number_of_its_target_and_a_refused_target_has_a_row() {
     let refused = goes(&mut served, 12, &[0.0, 0.05, 0.0], &[0.0; 3]);
     assert!(matches!(refused, Err(Trip::Limit(_))), "{refused:?}");
     goes(&mut served, 13, &[f64::NAN, 0.0, 0.0], &[0.0; 3]).unwrap_err();
+    goes(&mut served, 14, &[0.0, 0.03, 0.0], &[0.0; 3]).unwrap_err();
     served.end(Cause::Protocol, "");
     let run = Run::open(&root.path().join("test-0001")).unwrap();
     let names = ["state", "command", "target_1_3", "cmd_1_3", "trip"];
@@ -43,11 +44,13 @@ fn a_row_has_the_number_of_its_target_and_a_refused_target_has_a_row() {
         .map(|row| number[row])
         .collect();
     let wanted = [[7.0; 20], [9.0; 20]].concat();
-    assert_eq!(of_targets, [wanted, vec![12.0, 13.0]].concat());
-    let last = state.len() - 2;
+    assert_eq!(of_targets, [wanted, vec![12.0, 13.0, 14.0]].concat());
+    let last = state.len() - 3;
     // 0.05 m of the structure is the target, although the third actuator never received it.
     assert!((target[last] - 0.05).abs() < 1e-3, "{}", target[last]);
     assert!((target[last - 1] - 0.02).abs() < 1e-3);
     assert!(command[last].is_nan() && target[last + 1].is_nan());
+    // After the trip, too.
+    assert!((target[last + 2] - 0.03).abs() < 1e-3);
     assert_eq!((state[last], trip[last]), (8.0, 1.0));
 }
