@@ -22,6 +22,8 @@ pub(super) struct Recording {
     pub away_from: Option<usize>,
     /// Counts of the controller's link for a specimen in this process, else counts of the specimen's own link at its goodbye.
     pub link: LinkStats,
+    /// The controller's number of the target whose path is commanded.
+    pub target_number: u64,
     open: Option<SessionRecord>,
 }
 

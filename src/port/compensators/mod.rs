@@ -247,6 +247,16 @@ impl Compensators {
         let _ = fresh.restore(|visit| self.visit_state(visit));
     }
 
+    /// Command at rest over the displacement at which the axis is to rest. Real-time: yes.
+    pub fn static_gain(&self, axis: usize) -> f64 {
+        let gain = self.axes.get(axis).map_or(1.0, |axis| axis.one.stands(1.0));
+        if (gain - 1.0).abs() > ROUNDOFF {
+            gain
+        } else {
+            1.0
+        }
+    }
+
     /// Makes the command of a target, which is a tick of the compensators' after the last. `is_published`: the target came with the
     /// integrator's velocity. Real-time: yes.
     #[inline]

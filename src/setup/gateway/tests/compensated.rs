@@ -112,6 +112,7 @@ fn by_gateway(compensation: &str) -> (Vec<[Vec<f64>; 2]>, [f64; 4]) {
     let client = Client {
         units: Some(SI),
         following: following(&table).unwrap(),
+        is_paced: true,
     };
     let told = Arc::clone(&rig.told);
     let host = host_of(&table, client, rig).paced(Some(PACED));
@@ -244,6 +245,7 @@ fn a_session_finds_its_compensators_as_new() {
     let client = Client {
         units: Some(SI),
         following: following(&table).unwrap(),
+        is_paced: true,
     };
     let told = Arc::clone(&rig.told);
     let host = host_of(&table, client, rig).paced(Some(PACED));
@@ -281,4 +283,55 @@ fn a_compensator_that_a_gateway_lacks_is_refused_by_its_key() {
     );
     let far = "model_inverse = { coefficients = [3.0, 0.02] }";
     assert_eq!(refused(far), "specimen[0].compensation");
+}
+
+#[test]
+fn a_controller_resumes_where_it_was_although_the_command_there_is_led_by_a_static_gain() {
+    let table = table_of("model_inverse = { coefficients = [1.25, 0.015] }");
+    let host = |standing: Vec<f64>| {
+        let rig = Rig {
+            law: Arc::new(|disp: &[f64]| vec![2.0 * disp[0]]),
+            standing,
+            told: Told::default(),
+            sequence: 0,
+        };
+        let client = Client {
+            units: Some(SI),
+            following: following(&table).unwrap(),
+            is_paced: true,
+        };
+        let told = Arc::clone(&rig.told);
+        (told, host_of(&table, client, rig).paced(Some(PACED)))
+    };
+    let begin = |host: &Host, start: Vec<f64>| {
+        let controller = Controller {
+            start,
+            ..Controller::unnamed(([127, 0, 0, 1], 1).into())
+        };
+        let mut served = host.specimen(false).unwrap();
+        let begun = served.begin(&controller, &mut || Ok(()));
+        begun.map(|_| served)
+    };
+    let (told, first) = host(vec![0.0]);
+    let mut served = begin(&first, Vec::new()).unwrap();
+    for (sequence, target) in [(0, 0.004), (1, 0.01)] {
+        goes(&mut served, sequence, &[target], &[0.0]).unwrap();
+        served.commit();
+    }
+    served.end(crate::catalog::ending::Cause::Done, "");
+    // 10 mm of the structure are −5 mm of the axis, and 1.25 times that the command.
+    let left = told.lock().unwrap().last().unwrap()[0][0];
+    assert!((left + 6.25).abs() < 1e-9, "{left}");
+    let stands = first.standing();
+    assert!((stands[0] - 0.01).abs() < 1e-12, "{stands:?}");
+    // The specimen says that this command holds it.
+    let (told, next) = host(vec![left]);
+    assert!(begin(&next, vec![0.0125]).is_err());
+    let mut served = begin(&next, vec![0.01]).unwrap();
+    goes(&mut served, 0, &[0.01], &[0.0]).unwrap();
+    let told = told.lock().unwrap().clone();
+    assert!(!told.is_empty());
+    for [disp, _] in told {
+        assert!((disp[0] - left).abs() < 1e-9, "{disp:?}: nothing moves");
+    }
 }
