@@ -211,7 +211,7 @@ impl GuardedSpecimen {
             let Identity { scale, units, .. } = &self.identity;
             let disp = scale.disp_at(&self.port, start, units);
             let disp = disp.map_err(|fault| TestEnd::failed(format_args!("not armed: {fault}")))?;
-            path.rests_at(sequence, &disp);
+            path.rests_at(sequence, &disp, start);
             self.port.restart_following(path.fresh.as_ref());
         }
         let mut unwanted = None;

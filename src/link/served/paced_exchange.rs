@@ -9,6 +9,7 @@ use super::first_command::beyond;
 use super::guarded_specimen::{GuardedSpecimen, Origin, in_metres, not_finite};
 use super::identity::Identity;
 use super::pacing::{PacedPath, PathTick};
+use super::path_limits::{allowed_accel, judge};
 use crate::substructure::{Command, Measurement};
 
 /// Share of the limits of speed that a ramp may use, as in a test.
@@ -65,9 +66,8 @@ impl GuardedSpecimen {
                 vel: &path.vel,
             };
             let share = elapsed * path.share_of_tick();
-            if !self.exchange_once(origin, &theirs, share, wanted, into)? {
-                return Ok(false);
-            }
+            // A stop lets the exchange under way end, within the time limit of its reply, and slows down from there.
+            self.exchange_once(origin, &theirs, share, &mut || true, into)?;
             path.count();
             is_owed = true;
         }
@@ -89,11 +89,19 @@ impl GuardedSpecimen {
         if let Some(fault) = self.port.geometry_fault() {
             return Err(Trip::Geometry(fault));
         }
-        self.port.write_goal(&mut path.place);
-        if let Some(hit) = beyond(&self.port, &path.place) {
+        let [last, next] = &mut path.places;
+        self.port.write_goal(next);
+        if let Some(hit) = beyond(&self.port, next) {
             return Err(Trip::Limit(hit));
         }
-        self.first.judge(command, &path.place, &self.port)
+        self.first.judge(command, next, &self.port)?;
+        let ends = [&last[..], &next[..]];
+        if !path.is_first {
+            judge(&self.port, ends, path.pacing)?;
+        }
+        path.allowed_accel = allowed_accel(&self.port, ends);
+        path.places.swap(0, 1);
+        Ok(())
     }
 
     /// The path to a target begins: a ramp of the port to the first one of a session.

@@ -197,7 +197,7 @@ impl SessionRecord {
     /// The specimen holds from here on.
     pub fn tripped(&self, trip: Trip, text: &str) {
         let limit = match trip {
-            Trip::Limit(hit) => Some(TripValue {
+            Trip::Limit(hit) | Trip::TooFast { hit, .. } => Some(TripValue {
                 axis: hit.axis as u32,
                 unit: hit.quantity.unit().into(),
                 value: hit.value,

@@ -3,6 +3,7 @@
 mod compensated;
 mod schedules;
 mod simulated;
+mod stops;
 
 use std::sync::{Arc, Mutex};
 
