@@ -119,8 +119,11 @@ impl GuardedSpecimen {
     }
 
     /// How targets are paced.
-    pub fn pacing(&self) -> Option<Pacing> {
-        self.path.as_ref().map(|path| path.pacing)
+    pub const fn pacing(&self) -> Option<Pacing> {
+        match &self.path {
+            Some(path) => Some(path.pacing),
+            None => None,
+        }
     }
 
     pub const fn tripped(&self) -> Option<Trip> {

@@ -136,7 +136,8 @@ pub(super) struct PacedPath {
 
 /// Share of the way, and its slope, at a share of the time.
 fn shape(x: f64) -> (f64, f64) {
-    let share = x * x * x * (10.0 + x * (6.0 * x - 15.0));
+    // Rounding leads not beyond the target.
+    let share = (x * x * x * (10.0 + x * (6.0 * x - 15.0))).min(1.0);
     let slope = 30.0 * x * x * (1.0 - x) * (1.0 - x);
     (share, slope)
 }
@@ -334,8 +335,9 @@ impl PacedPath {
         (self.pacing.clock.now_ns)() > self.edge_ns.saturating_add(self.pacing.period_ns)
     }
 
-    /// Waits for the edge of the next command: a command that came late moves those behind it.
-    pub fn wait(&mut self) {
+    /// Waits for the edge of the next command: a command that came late moves those behind it. True if it came late by more than half a
+    /// period.
+    pub fn wait(&mut self) -> bool {
         let PaceClock {
             now_ns,
             sleep_until_ns,
@@ -344,7 +346,9 @@ impl PacedPath {
         if now < self.edge_ns {
             sleep_until_ns(self.edge_ns);
         }
+        let is_missed = now > self.edge_ns.saturating_add(self.pacing.period_ns / 2);
         self.edge_ns = self.edge_ns.max(now) + self.pacing.period_ns;
+        is_missed
     }
 
     /// The last command has left. Real-time: yes.

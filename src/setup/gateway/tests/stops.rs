@@ -1,12 +1,15 @@
 //! Limits of speed and acceleration on the path of a paced client: before it begins, and when it is stopped on the way.
 
 use super::*;
+use crate::link::served::RecordSettings;
 
 /// A rig whose replies take two looks of the gateway.
 #[derive(Clone)]
 struct Slow {
     rig: Rig,
     looked: bool,
+    /// Time of each reply in ns.
+    takes_ns: u64,
 }
 
 impl Substructure for Slow {
@@ -30,6 +33,7 @@ impl Substructure for Slow {
         Ok(std::mem::replace(&mut self.looked, true))
     }
     fn collect(&mut self, limit: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        simulated::pass(self.takes_ns);
         self.rig.collect(limit, into)
     }
     fn retire(&mut self, how: Retirement) {
@@ -39,6 +43,19 @@ impl Substructure for Slow {
 
 /// A gateway of one axis with these limits and this pace, in a session.
 fn begun(limits: &str, pacing: Pacing) -> (ServedSpecimen, Told) {
+    let (mut served, told) = with_replies(limits, pacing, 0);
+    begin(&mut served);
+    told.lock().unwrap().clear();
+    (served, told)
+}
+
+fn begin(served: &mut ServedSpecimen) {
+    let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
+    served.begin(&controller, &mut || Ok(())).unwrap();
+}
+
+/// The same before any session, with replies that take this time.
+fn with_replies(limits: &str, pacing: Pacing, takes_ns: u64) -> (ServedSpecimen, Told) {
     let rig = Rig {
         law: Arc::new(|disp: &[f64]| vec![1e6 * disp[0]]),
         standing: vec![0.0],
@@ -54,15 +71,13 @@ fn begun(limits: &str, pacing: Pacing) -> (ServedSpecimen, Told) {
         units: Some(SI),
         following: None,
     };
-    let rig = Slow { rig, looked: false };
-    let mut served = host_of(&table, client, rig)
-        .paced(Some(pacing))
-        .specimen(false)
-        .unwrap();
-    let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
-    served.begin(&controller, &mut || Ok(())).unwrap();
-    told.lock().unwrap().clear();
-    (served, told)
+    let rig = Slow {
+        rig,
+        looked: false,
+        takes_ns,
+    };
+    let host = host_of(&table, client, rig).paced(Some(pacing));
+    (host.specimen(false).unwrap(), told)
 }
 
 const fn of(ticks: u32) -> Pacing {
@@ -172,5 +187,47 @@ fn a_stop_of_a_stretched_ramp_takes_no_longer_than_a_path() {
     for pair in made.windows(2) {
         let change = (pair[1][1] - pair[0][1]).abs();
         assert!(change < 0.05 / 190.0, "{change}");
+    }
+}
+
+#[test]
+fn a_first_ramp_without_a_limit_of_speed_takes_a_second() {
+    let (mut served, told) = begun("command_disp_m = { trip = [-1, 1] }", of(20));
+    for (target, commands) in [(0.01, 1000), (0.02, 20)] {
+        let (outcome, made) = leads(&mut served, &told, target, usize::MAX);
+        assert_eq!((outcome, made.len()), (Ok(true), commands));
+        served.commit();
+    }
+}
+
+#[test]
+fn replies_that_take_longer_than_a_period_are_counted_and_told_once() {
+    for (takes_ns, missed) in [(900_000, 0), (1_400_000, 0), (1_600_000, 38)] {
+        let folder = tempfile::tempdir().unwrap();
+        let (served, told) = with_replies("command_vel_m_per_s = { trip = 5 }", of(20), takes_ns);
+        let mut served = served.recorded(Some(RecordSettings {
+            root: folder.path().to_owned(),
+            file: Vec::new(),
+            resolved: String::new(),
+            inputs: Vec::new(),
+            queue_s: 1.0,
+            required: true,
+        }));
+        begin(&mut served);
+        for target in [0.001, 0.002] {
+            assert_eq!(leads(&mut served, &told, target, usize::MAX).0, Ok(true));
+            served.commit();
+            // A client that is late misses nothing.
+            simulated::pass(50_000_000);
+        }
+        served.end(crate::catalog::ending::Cause::Done, "");
+        let read = |name| std::fs::read_to_string(folder.path().join("test-0001").join(name));
+        let summary: serde_json::Value =
+            serde_json::from_str(&read("summary.json").unwrap()).unwrap();
+        assert_eq!(summary["deadline_misses"], missed, "{takes_ns}");
+        assert_eq!(summary["rate_hz"], 1000.0);
+        let events = read("events.jsonl").unwrap();
+        let warnings = events.matches("late_replies").count();
+        assert_eq!(warnings, usize::from(missed > 0), "{takes_ns}");
     }
 }
