@@ -204,6 +204,12 @@ impl Port {
         }
     }
 
+    /// Commands at rest after which [`Port::skips_commands`] is not needed: an adaptive compensator learns nothing wrong. Real-time: yes.
+    pub fn ticks_to_rest(&mut self) -> u32 {
+        let compensators = self.path.compensators_mut();
+        compensators.map_or(0, |compensators| compensators.ticks_to_rest())
+    }
+
     /// Velocities of the next command, in the specimen's unit. Real-time: yes.
     #[must_use]
     pub fn command_vel(&self) -> &[f64] {

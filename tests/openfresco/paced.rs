@@ -98,7 +98,7 @@ impl Client {
 }
 
 #[test]
-fn a_client_that_dies_on_the_way_leaves_the_specimen_at_its_target_and_tracking_in_the_record() {
+fn a_client_that_closes_leaves_the_specimen_at_rest_and_tracking_in_the_record() {
     let bench = Bench::new("ticks_per_step = 40, rate_hz = 2000, settle_ticks = 90", "");
     let mut client = Client::new(&bench.gateway.address);
     for step in 1..=12_i32 {
@@ -111,7 +111,7 @@ fn a_client_that_dies_on_the_way_leaves_the_specimen_at_its_target_and_tracking_
         );
         client.commits();
     }
-    client.says(&[3.0, 0.002, 0.065 * 13.0]);
+    assert!(client.force(0.002, 0.065 * 13.0).is_some());
     drop(client);
     let run = bench.kept();
     let summary = run.summary().unwrap();
@@ -134,6 +134,60 @@ fn a_client_that_dies_on_the_way_leaves_the_specimen_at_its_target_and_tracking_
     assert!(lags.iter().any(|lag| lag.abs() < 0.01), "{:?}", lags.last());
     let states = column(&run, "state");
     assert_eq!(states.iter().filter(|state| **state == 5.0).count(), 130);
+}
+
+/// Waits until more rows are there than after the last call.
+fn runs_on(bench: &Bench) {
+    let samples = bench.out.join("test-0001/samples.bin");
+    let length = || std::fs::metadata(&samples).map_or(0, |m| m.len());
+    let before = length();
+    while length() < before + 20_000 {
+        std::thread::yield_now();
+    }
+}
+
+#[test]
+fn a_client_that_dies_on_the_way_lets_the_specimen_slow_down_and_rest_there() {
+    let bench = Bench::new("ticks_per_step = 20000, rate_hz = 1000", "");
+    let mut client = Client::new(&bench.gateway.address);
+    client.says(&[3.0, 0.004, 0.01]);
+    runs_on(&bench);
+    drop(client);
+    let run = bench.kept();
+    let summary = run.summary().unwrap();
+    assert_eq!(summary.status, Status::Failed, "{}", summary.reason);
+    let (commands, velocities) = (column(&run, "cmd_1_1"), column(&run, "vel_1_1"));
+    assert!(*commands.last().unwrap() < 0.0019, "far from the target");
+    assert!(velocities.last().unwrap().abs() < 1e-9);
+    let fastest = velocities.iter().copied().fold(0.0, f64::max);
+    let hardest = velocities.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    assert!(fastest > 0.0 && hardest.fold(0.0, f64::max) < 0.1 * fastest);
+}
+
+#[test]
+fn what_a_client_sends_on_the_way_is_obeyed_afterwards_and_it_is_not_silent() {
+    let bench = Bench::new(
+        "ticks_per_step = 1500, rate_hz = 1000",
+        "openfresco.idle_timeout_s = 1",
+    );
+    let mut client = Client::new(&bench.gateway.address);
+    client.says(&[3.0, 0.001, 0.01]);
+    runs_on(&bench);
+    for (disp, time) in [(0.002, 0.02), (0.003, 0.03)] {
+        client.says(&[10.0]);
+        client.says(&[5.0]);
+        client.says(&[3.0, disp, time]);
+    }
+    client.says(&[10.0]);
+    let mut answers = [0; 3 * 8 * N];
+    client.0.read_exact(&mut answers).unwrap();
+    for (answer, disp) in answers.chunks_exact(8 * N).zip([0.001, 0.002, 0.003]) {
+        let force = f64::from_le_bytes(answer[..8].try_into().unwrap());
+        assert!((force - 4e5 * disp).abs() < 0.05 * 4e5 * disp, "{force}");
+    }
+    client.says(&[99.0]);
+    let run = bench.kept();
+    assert_eq!(run.summary().unwrap().status, Status::Completed);
 }
 
 #[test]

@@ -127,8 +127,11 @@ impl GuardedSpecimen {
     }
 
     /// How targets are paced.
-    pub fn pacing(&self) -> Option<Pacing> {
-        self.path.as_ref().map(|path| path.pacing)
+    pub const fn pacing(&self) -> Option<Pacing> {
+        match &self.path {
+            Some(path) => Some(path.pacing),
+            None => None,
+        }
     }
 
     pub const fn tripped(&self) -> Option<Trip> {
@@ -223,7 +226,7 @@ impl GuardedSpecimen {
             let Identity { scale, units, .. } = &self.identity;
             let disp = scale.disp_at(&self.port, start, units);
             let disp = disp.map_err(|fault| TestEnd::failed(format_args!("not armed: {fault}")))?;
-            path.rests_at(sequence, &disp);
+            path.rests_at(sequence, &disp, start);
             self.port.restart_following(path.fresh.as_ref());
         }
         let mut unwanted = None;

@@ -214,6 +214,12 @@ impl Compensators {
         self.keep();
     }
 
+    /// Ticks at rest after which ticks without a command teach nothing wrong. Real-time: yes.
+    pub fn ticks_to_rest(&self) -> u32 {
+        let axes = self.axes.iter().map(AxisCompensator::ticks_to_rest);
+        axes.max().unwrap_or(0)
+    }
+
     /// The state, for a test that is resumed later: before the next command, where a record was retraced.
     pub fn freeze(&mut self) -> Option<TestState> {
         let before = self.before.take().filter(|before| !before.is_empty());

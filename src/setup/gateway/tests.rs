@@ -4,6 +4,7 @@ mod compensated;
 mod recorded;
 mod schedules;
 mod simulated;
+mod stops;
 
 use std::sync::{Arc, Mutex};
 

@@ -102,7 +102,7 @@ pub fn following(table: &str) -> Result<Option<Following>, Box<crate::config::Fi
 }
 
 /// Targets in m at the structure: a swing of 0.3 s.
-fn targets() -> impl Iterator<Item = f64> {
+fn targets() -> impl Iterator<Item = f64> + Clone {
     (1..50).map(|step| 0.01 * (std::f64::consts::TAU * f64::from(step) / 15.0).sin())
 }
 
@@ -122,8 +122,8 @@ fn by_gateway(compensation: &str) -> (Vec<[Vec<f64>; 2]>, [f64; 4]) {
     // Before the first target the gateway reads the force at rest.
     told.lock().unwrap().clear();
     for (sequence, target) in (0..).zip(targets()) {
-        // The client is late by another time each time.
-        simulated::pass(sequence * 137_000);
+        // The client is late by another time each time, and by less than a tick: a longer gap may teach nothing.
+        simulated::pass(sequence * 137_000 % 1_000_000);
         goes(&mut served, sequence, &[target], &[0.0]).unwrap();
         served.commit();
     }
@@ -267,6 +267,45 @@ fn a_session_finds_its_compensators_as_new() {
     let first = go();
     assert!(first.0.len() > 40 * 24);
     assert_eq!(first, go());
+}
+
+/// The last commands of a swing, with an adaptive compensator and a client that is late or not.
+fn swings(settle_ticks: u32, late_ns: u64) -> Vec<f64> {
+    let (table, rig) = (table_of("ats = { delay_s = 0.005 }"), lagging());
+    let client = Client {
+        units: Some(SI),
+        following: following(&table).unwrap(),
+    };
+    let told = Arc::clone(&rig.told);
+    let pacing = Pacing {
+        settle_ticks,
+        ..PACED
+    };
+    let host = host_of(&table, client, rig).paced(Some(pacing));
+    let mut served = host.specimen(false).unwrap();
+    let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
+    served.begin(&controller, &mut || Ok(())).unwrap();
+    for (sequence, target) in (0..200).zip(targets().cycle()) {
+        if sequence == 198 {
+            told.lock().unwrap().clear();
+        }
+        simulated::pass(late_ns);
+        goes(&mut served, sequence, &[target], &[0.0]).unwrap();
+        served.commit();
+    }
+    let told = told.lock().unwrap();
+    told.iter().map(|[disp, _]| disp[0]).collect()
+}
+
+#[test]
+fn a_late_client_teaches_a_compensator_only_if_the_specimen_rests_long_enough() {
+    let late = 5_000_000;
+    for settle_ticks in [0, 1, 10, 64] {
+        let learns = swings(settle_ticks, late) != swings(settle_ticks, late + 7_000_000);
+        assert!(!learns, "{settle_ticks}: the time of the gap says nothing");
+        let is_as_without_gaps = swings(settle_ticks, late) == swings(settle_ticks, 0);
+        assert_eq!(is_as_without_gaps, settle_ticks == 64, "{settle_ticks}");
+    }
 }
 
 #[test]
