@@ -8,6 +8,12 @@ use std::path::{Path, PathBuf};
 use crate::link_common::{PATIENCE, Served};
 use gusset::record::Run;
 use gusset::record::summary::Status;
+use gusset::substructure::Command;
+use gusset::wire::handshake::{
+    self, Arm, Axis, Control, Hello, Limits, Sampling, Unit, Versions, layout_hash,
+};
+use gusset::wire::native::{Decoder, Encoder, Frame, LARGEST_FRAME, split};
+use gusset::wire::{Progress, Side};
 
 /// Doubles of a vector.
 const N: usize = 16;
@@ -35,11 +41,15 @@ struct Bench {
 
 impl Bench {
     fn new(pace: &str, more: &str) -> Self {
+        Self::speaking("openfresco", pace, more)
+    }
+
+    fn speaking(protocol: &str, pace: &str, more: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let rig = Served::start(folder.path(), RIG, &[]);
         let out = folder.path().join("kept");
         let text = gateway(&rig, pace, more);
-        let arguments = ["--protocol", "openfresco", "--out", out.to_str().unwrap()];
+        let arguments = ["--protocol", protocol, "--out", out.to_str().unwrap()];
         let gateway = Served::start(folder.path(), &text, &arguments);
         Self {
             rig,
@@ -153,11 +163,99 @@ fn a_client_that_dies_on_the_way_lets_the_specimen_slow_down_and_rest_there() {
     client.says(&[3.0, 0.004, 0.01]);
     runs_on(&bench);
     drop(client);
+    rests_on_the_way(&bench, 0.002);
+}
+
+/// A client of Gusset's own protocol, which has sent its first command.
+fn native(address: &str) -> TcpStream {
+    let mut stream = TcpStream::connect(address).unwrap();
+    stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    let axis = Axis {
+        name: "axis 1".to_owned(),
+        disp_unit: Unit::Metre,
+        force_unit: Unit::Newton,
+        limits: Limits::NONE,
+    };
+    let hello = Hello {
+        proof: [0; 32],
+        nonce: [7; 32],
+        layout: layout_hash(std::slice::from_ref(&axis)),
+        versions: Versions::OURS,
+        keyed: false,
+        rate_numerator: 1,
+        rate_denominator: 25,
+        watchdog_s: 25.0,
+        sampling: Sampling::Reply,
+        software: "test".to_owned(),
+        name: "test".to_owned(),
+        axes: vec![axis],
+    };
+    let (mut encoder, mut decoder) = (
+        Encoder::greeting(Side::Controller),
+        Decoder::greeting(Side::Specimen),
+    );
+    let mut out = vec![0; LARGEST_FRAME];
+    let mut ask = |encoder: &mut Encoder, decoder: &mut Decoder, control: &Control| {
+        let message = handshake::encode(control).unwrap();
+        let length = encoder.control(&message, &mut out).unwrap();
+        stream.write_all(&out[..length]).unwrap();
+        let mut bytes = Vec::new();
+        while !matches!(split(&bytes), Ok(Progress::Frame { .. })) {
+            let mut byte = [0];
+            stream.read_exact(&mut byte).unwrap();
+            bytes.push(byte[0]);
+        }
+        match decoder.open(&bytes).unwrap().frame {
+            Frame::Control(message) => handshake::decode(message).unwrap(),
+            other => panic!("{other:?}"),
+        }
+    };
+    let answer = ask(&mut encoder, &mut decoder, &Control::Hello(hello));
+    let Control::Welcome(welcome) = answer else {
+        panic!("not welcome: {answer:?}");
+    };
+    let session = welcome.session;
+    encoder = Encoder::new(Side::Controller, 1, session, None).unwrap();
+    decoder = Decoder::new(Side::Specimen, 1, session, None).unwrap();
+    let arm = Arm {
+        session,
+        first_sequence: 0,
+        disp: vec![0.0],
+    };
+    let answer = ask(&mut encoder, &mut decoder, &Control::Arm(arm));
+    assert!(matches!(answer, Control::Arm(_)), "{answer:?}");
+    let command = Command {
+        sequence: 0,
+        time: 0.0,
+        dt: 25.0,
+        // A controller begins within 1 mm of the place that it named.
+        disp: &[0.0009],
+        vel: &[0.0],
+    };
+    let mut out = vec![0; LARGEST_FRAME];
+    let length = encoder.command(&command, &mut out).unwrap();
+    stream.write_all(&out[..length]).unwrap();
+    stream
+}
+
+#[test]
+fn a_native_client_that_dies_on_the_way_lets_the_specimen_slow_down_and_rest_there() {
+    let pace = "ticks_per_step = 20000, rate_hz = 1000";
+    let bench = Bench::speaking("gusset", pace, "");
+    let stream = native(&bench.gateway.address);
+    runs_on(&bench);
+    drop(stream);
+    rests_on_the_way(&bench, 0.000_45);
+}
+
+/// `target` is that of the rig, in m.
+fn rests_on_the_way(bench: &Bench, target: f64) {
     let run = bench.kept();
     let summary = run.summary().unwrap();
     assert_eq!(summary.status, Status::Failed, "{}", summary.reason);
     let (commands, velocities) = (column(&run, "cmd_1_1"), column(&run, "vel_1_1"));
-    assert!(*commands.last().unwrap() < 0.0019, "far from the target");
+    assert!(*commands.last().unwrap() < 0.5 * target);
+    assert!(commands.len() < 15_000, "{}", commands.len());
     assert!(velocities.last().unwrap().abs() < 1e-9);
     let fastest = velocities.iter().copied().fold(0.0, f64::max);
     let hardest = velocities.windows(2).map(|pair| (pair[1] - pair[0]).abs());

@@ -1,4 +1,4 @@
-//! What the limits of the axes allow a path to a target, which is judged before anything moves.
+//! A path to a target is judged by the limits of the axes before anything moves.
 
 use super::Trip;
 use super::pacing::{FASTEST, HARDEST, Pacing};

@@ -54,7 +54,7 @@ fn begin(served: &mut ServedSpecimen) {
     served.begin(&controller, &mut || Ok(())).unwrap();
 }
 
-/// The same before any session, with replies that take this time.
+/// A gateway before any session, with replies that take this time.
 fn with_replies(limits: &str, pacing: Pacing, takes_ns: u64) -> (ServedSpecimen, Told) {
     let rig = Rig {
         law: Arc::new(|disp: &[f64]| vec![1e6 * disp[0]]),
@@ -89,7 +89,7 @@ const fn of(ticks: u32) -> Pacing {
     }
 }
 
-/// One target, which is wanted until so many commands have left for it. The places and velocities of its commands.
+/// One target, which is wanted until this number of commands has left for it. The places and velocities of its commands.
 fn leads(
     served: &mut ServedSpecimen,
     told: &Told,
