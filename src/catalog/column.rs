@@ -399,14 +399,15 @@ kinds! {
     /// Test time since the command before.
     ELAPSED = "elapsed", Test, "s", Controller, ALWAYS, "test time since the command before, or since the last commit";
     /// Number of the command.
-    COMMAND_NUMBER = "command", Test, "1", Controller, ALWAYS, "the controller's number of the command";
+    COMMAND_NUMBER = "command", Test, "1", Controller, ALWAYS, "the controller's number of the command; in a gateway that paces the number of the target; where `state` is 2 the server's own \
+         number";
     /// Commands that were accepted. Only a server has this column.
     COMMITS = "commits", Test, "1", Server, ALWAYS, "commands accepted so far";
     /// Cause of a trip.
     TRIP = "trip", Test, "1", Server, ALWAYS,
         "cause of a trip: 0 none; a limit: 1 command_disp, 2 command_step, 3 command_vel, 4 command_accel, 5 measured_disp, \
-         6 measured_force, 7 following_error, 8 force_step, 9 stuck_sensor, 10 sensor_disp, 11 sensor_force, \
-         12 alternating_ticks; 100 more for a limit that the controller announced; 50 command not finite, 51 measurement not finite, 52 first command not the armed position, 53 no such pose of the loading unit, 54 trial too far, 60 interlock open, \
+         6 measured_force, 7 following_error, 8 force_step, 9 stuck_ticks, 10 sensor_disp, 11 sensor_force, \
+         12 alternating_ticks, 13 stiffness_ratio, 14 damping_ratio, 15 added_energy, 16 lag, 17 gain_error; 100 more for a limit that the controller announced; 50 command not finite, 51 measurement not finite, 52 first command not the armed position, 53 no such pose of the loading unit, 54 trial too far, 60 interlock open, \
          61 a sensor or an actuator at the end of its range, 62 held by its own watchdog, 70 specimen lost";
     /// Arrival of the command.
     RECEIVED = "received_s", Test, "s", Clock, ALWAYS, "wall time from the start of the test to the command";
@@ -505,6 +506,16 @@ mod tests {
                 .contains(&state);
             let is_told = numbers.contains(&state.code.to_string().as_str());
             assert_eq!(is_told, !never, "{}", state.word);
+        }
+    }
+
+    #[test]
+    fn every_limit_of_an_axis_has_its_code_in_the_column_of_trips() {
+        use crate::catalog::limit::Limit;
+        let codes: Vec<&str> = TRIP.meaning.split([',', ';', ':']).map(str::trim).collect();
+        for limit in Limit::OF_AXIS {
+            let code = format!("{} {}", limit as u32 + 1, limit.row().name);
+            assert!(codes.contains(&code.as_str()), "{code}");
         }
     }
 

@@ -526,6 +526,9 @@ pub const EVENTS: &[EventRow] = &[
     row("client_reset", Warning, Limits, "{text}")
         .of(Writer::Server)
         .guide("An OpenFresco client reset its state.", TEXT),
+    row("late_replies", Warning, Misses, "{text}")
+        .of(Writer::Server)
+        .guide("A gateway with `pace`: the specimen does not reply within one period.", TEXT),
     row("counts", Info, Other, "{text}").of(Writer::Server).guide(
         "Counts of messages at the end of the controller's test.",
         TEXT,
@@ -580,6 +583,8 @@ pub enum Remark {
     ClientWithoutCommits,
     /// A server: an OpenFresco client reset its state.
     ClientReset,
+    /// A server that paces its client: the specimen does not reply within one period.
+    LateReplies,
     /// A server: counts of messages.
     Counts,
 }

@@ -9,7 +9,7 @@ mod verbose;
 
 use super::args::CheckArgs;
 use super::certificate;
-use super::exit::Exit;
+use super::exit::{Exit, WithExit};
 use super::rehearsed;
 use super::spectrum;
 use super::table::Table;
@@ -26,8 +26,13 @@ use crate::transfer::BetweenTicks;
 /// Checks one test.
 pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
     if crate::config::is_for_a_server(&args.test) {
-        served::check(&args.test, args.json)?;
+        served::check(args)?;
         return Ok(Exit::Done);
+    }
+    if args.specimen.is_some() {
+        let text =
+            "--specimen is for a file for `gusset serve`; a test is checked with all its specimens";
+        return Err(WithExit(Exit::Usage, text.to_owned()).into());
     }
     let loaded = load(&args.test, &args.sets)?;
     let test = setup::build(&loaded).map_err(refused)?;

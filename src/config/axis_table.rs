@@ -43,11 +43,11 @@ pub struct AxisTable {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub limits: Option<LimitsSpec>,
     /// Zero of the displacement. With "relative", the deformation is zero at the position before
-    /// the test, and `offset_m` is not needed.
+    /// the test, and `offset_m` is not needed. Only in a test file: a server takes no zero.
     #[schemars(example = &"relative")]
     pub zero_disp: ZeroChoice,
     /// Zero of the force. With "relative", the force is zero at the reading before the test, and
-    /// `offset_n` is not needed.
+    /// `offset_n` is not needed. Only in a test file: a server takes no zero.
     #[schemars(example = &"relative")]
     pub zero_force: ZeroChoice,
 }

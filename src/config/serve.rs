@@ -66,7 +66,7 @@ impl ServedFile {
             let text = "the protocol of Gusset serves axes without `rows`";
             let finding = Finding::error(self.place.key("rows"), text)
                 .at_key()
-                .label("only for `--protocol openfresco…`")
+                .label("only for OpenFresco's protocols: `protocol = \"openfresco\"` in [serve], or --protocol openfresco")
                 .help("`rows` of the controller's test file transform its displacements");
             return Err(self.locator.refusal(finding));
         }
@@ -80,7 +80,7 @@ impl ServedFile {
                 let text = format!("the protocol of Gusset does not support this `{key}`");
                 let finding = Finding::error(at, text)
                     .label(known)
-                    .help("`gusset serve --protocol openfresco` serves it in this unit");
+                    .help("`protocol = \"openfresco\"` in [serve], or --protocol openfresco, serves it in this unit");
                 return Err(self.locator.refusal(finding));
             }
         }
@@ -125,7 +125,7 @@ impl ServedFile {
         let text = format!("the protocol of Gusset does not support this `{key}`");
         let finding = Finding::error(at, text)
             .label(known)
-            .help("`gusset serve --protocol openfresco` serves it in this unit");
+            .help("`protocol = \"openfresco\"` in [serve], or --protocol openfresco, serves it in this unit");
         Err(self.locator.refusal(finding))
     }
 

@@ -4,7 +4,7 @@
 //! law is written without a choice: with v held within ±v_y as u, c₀ u − c_y (u − v) adds nothing below the yield
 //! velocity, and rounds beyond it what the law rounds.
 
-use crate::linalg::lanes::Isa;
+use crate::linalg::lanes::{Isa, Kernel};
 
 /// A force at a point.
 pub(super) trait PointForce: Copy {
@@ -76,12 +76,28 @@ impl PointForce for CubicForce {
     }
 }
 
+/// A loop over elements that waits for its law.
+pub(super) trait OfForce {
+    fn with<I: Isa, F: PointForce>(self, isa: I, force: F);
+}
+
+/// A loop with its law.
+pub(super) struct With<O, F>(pub O, pub F);
+
+impl<O: OfForce, F: PointForce> Kernel for With<O, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<I: Isa>(self, isa: I) {
+        self.0.with(isa, self.1);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::law::{LawSpec, Memoryless};
     use crate::linalg::Lanes;
-    use crate::linalg::lanes::Kernel;
 
     struct Probe<F>(F, [f64; 8], [f64; 8]);
 

@@ -2,8 +2,7 @@
 
 use std::ops::Range;
 
-use super::point::PointForce;
-use super::run::OfForce;
+use super::point::{OfForce, PointForce};
 use super::{Base, Motion};
 use crate::linalg::lanes::{Isa, Kernel};
 

@@ -4,12 +4,11 @@ use std::borrow::Cow;
 use std::ops::Range;
 
 use super::element::{Connection, Declared, Facts};
-use super::point::{BiviscousForce, CubicForce, LinearForce, PointForce, SquareRootForce};
+use super::point::{BiviscousForce, CubicForce, LinearForce, OfForce, SquareRootForce, With};
 use super::rows::{Anchored, Between, EvenChain};
 use super::{Base, End, Motion};
 use crate::law::{Law, Memoryless};
 use crate::linalg::Lanes;
-use crate::linalg::lanes::{Isa, Kernel};
 
 /// Elements with one law, from the base or from degrees of freedom `from`, `from` + 1, …, to `to`, `to` + 1, ….
 #[derive(Debug)]
@@ -324,21 +323,5 @@ impl Names {
         if let Names::Listed(names) = self {
             names.push(name.to_owned());
         }
-    }
-}
-
-/// A loop over elements that waits for its law.
-pub(super) trait OfForce {
-    fn with<I: Isa, F: PointForce>(self, isa: I, force: F);
-}
-
-struct With<O, F>(O, F);
-
-impl<O: OfForce, F: PointForce> Kernel for With<O, F> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<I: Isa>(self, isa: I) {
-        self.0.with(isa, self.1);
     }
 }

@@ -164,12 +164,24 @@ impl Port {
         self.path.follow_target(&self.axes);
     }
 
-    /// Writes the commands of the target that was sought last, in the specimen's unit, without any compensation. Real-time: yes.
+    /// The target that was sought last: deformations of the axes in m, of a loading unit the strokes of its actuators. Real-time: yes.
+    #[must_use]
+    pub fn goal(&self) -> &[f64] {
+        &self.path.goal().disp
+    }
+
+    /// Writes the commands that hold the axes at the target that was sought last, in the specimen's unit. Real-time: yes.
     pub fn write_goal(&self, into: &mut [f64]) {
-        let goal = self.axes.iter().zip(&self.path.goal().disp);
-        for (to, (axis, disp)) in into.iter_mut().zip(goal) {
-            *to = axis.command(*disp);
+        let goal = self.axes.iter().zip(&self.path.goal().disp).enumerate();
+        for (to, (index, (axis, disp))) in into.iter_mut().zip(goal) {
+            *to = axis.command(self.static_gain(index) * disp);
         }
+    }
+
+    /// Command at rest over the displacement at which the axis is to rest: 1 where no compensator has a static gain. Real-time: yes.
+    fn static_gain(&self, axis: usize) -> f64 {
+        let compensators = self.path.compensators();
+        compensators.map_or(1.0, |compensators| compensators.static_gain(axis))
     }
 
     /// Velocities that come with targets are the slope of a path, and no differences.
@@ -190,6 +202,12 @@ impl Port {
         if let Some(compensators) = self.path.compensators_mut() {
             compensators.hold();
         }
+    }
+
+    /// Commands at rest after which [`Port::skips_commands`] is not needed: an adaptive compensator learns nothing wrong. Real-time: yes.
+    pub fn ticks_to_rest(&mut self) -> u32 {
+        let compensators = self.path.compensators_mut();
+        compensators.map_or(0, |compensators| compensators.ticks_to_rest())
     }
 
     /// Velocities of the next command, in the specimen's unit. Real-time: yes.
@@ -222,7 +240,7 @@ impl Port {
         self.resolve_pose()
     }
 
-    /// Commands in the specimen's unit for signals in m or rad, without any compensation.
+    /// Commands in the specimen's unit that hold the axes at signals in m or rad.
     ///
     /// # Errors
     /// The actuators cannot have this pose.
@@ -231,16 +249,21 @@ impl Port {
             Some(unit) => unit.strokes_for(signals)?,
             None => signals.to_vec(),
         };
-        let axes = self.axes.iter().zip(strokes);
-        Ok(axes.map(|(axis, disp)| axis.command(disp)).collect())
+        let axes = self.axes.iter().zip(strokes).enumerate();
+        let commands =
+            axes.map(|(index, (axis, disp))| axis.command(self.static_gain(index) * disp));
+        Ok(commands.collect())
     }
 
-    /// Signals in m or rad at the position `disp` of the specimen, in its own unit.
+    /// Signals in m or rad of axes that the commands `disp` hold, in the specimen's own unit.
     ///
     /// # Errors
     /// The actuators cannot have these strokes.
     pub fn signals_at(&self, disp: &[f64]) -> Result<Vec<f64>, Fault> {
-        let strokes = self.deformations_at(disp);
+        let mut strokes = self.deformations_at(disp);
+        for (index, stroke) in strokes.iter_mut().enumerate() {
+            *stroke /= self.static_gain(index);
+        }
         match &self.loading_unit {
             Some(unit) => unit.pose_at(&strokes),
             None => Ok(strokes),

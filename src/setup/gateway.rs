@@ -62,6 +62,7 @@ pub(super) fn host(
         let client = Client {
             units: source.client_units(),
             following,
+            is_paced: source.file.serve.pace.is_some(),
         };
         conversion::host(table, link, at, client, build)?
     } else {

@@ -84,6 +84,26 @@ fn what_has_no_effect_or_is_missing_is_refused() {
 }
 
 #[test]
+fn a_gateway_that_would_take_no_zero_refuses_to_be_asked_for_one() {
+    for (key, offset) in [("zero_force", "offset_n"), ("zero_disp", "offset_m")] {
+        for more in ["", ", sign = -1", &format!(", {offset} = 0.5")] {
+            let axis = format!("{KNOWN}axis = [{{ {key} = \"relative\"{more} }}]\n");
+            let said = complaint(&axis, "");
+            shows(&said, &format!("axis = [{{ {key}"));
+            shows(&said, offset);
+            assert!(!said.contains("has no effect"), "{said}");
+        }
+    }
+    // The controller of a test file takes the zero itself.
+    let of_a_test = linked(10, "127.0.0.1:1", "").replace(
+        "[specimen.link]",
+        "axis = [{ zero_force = \"relative\" }]\n[specimen.link]",
+    );
+    let of_a_test = of_a_test.replace("zero_s = 0", "zero_s = 1");
+    assert_eq!(served(&of_a_test), Ok(()));
+}
+
+#[test]
 fn limits_that_contradict_each_other_are_shown_at_their_keys() {
     for (limits, words) in [
         ("command_step_m = { warn = 2, trip = 1 }", "warns at 2"),

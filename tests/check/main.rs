@@ -13,6 +13,7 @@ mod ground_motions;
 mod link_config;
 mod native_records;
 mod rehearsal;
+mod served_files;
 mod spectrum;
 mod unstable_lambda;
 mod verdict;

@@ -8,6 +8,12 @@ use std::path::{Path, PathBuf};
 use crate::link_common::{PATIENCE, Served};
 use gusset::record::Run;
 use gusset::record::summary::Status;
+use gusset::substructure::Command;
+use gusset::wire::handshake::{
+    self, Arm, Axis, Control, Hello, Limits, Sampling, Unit, Versions, layout_hash,
+};
+use gusset::wire::native::{Decoder, Encoder, Frame, LARGEST_FRAME, split};
+use gusset::wire::{Progress, Side};
 
 /// Doubles of a vector.
 const N: usize = 16;
@@ -35,11 +41,15 @@ struct Bench {
 
 impl Bench {
     fn new(pace: &str, more: &str) -> Self {
+        Self::speaking("openfresco", pace, more)
+    }
+
+    fn speaking(protocol: &str, pace: &str, more: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let rig = Served::start(folder.path(), RIG, &[]);
         let out = folder.path().join("kept");
         let text = gateway(&rig, pace, more);
-        let arguments = ["--protocol", "openfresco", "--out", out.to_str().unwrap()];
+        let arguments = ["--protocol", protocol, "--out", out.to_str().unwrap()];
         let gateway = Served::start(folder.path(), &text, &arguments);
         Self {
             rig,
@@ -98,7 +108,7 @@ impl Client {
 }
 
 #[test]
-fn a_client_that_dies_on_the_way_leaves_the_specimen_at_its_target_and_tracking_in_the_record() {
+fn a_client_that_closes_leaves_the_specimen_at_rest_and_tracking_in_the_record() {
     let bench = Bench::new("ticks_per_step = 40, rate_hz = 2000, settle_ticks = 90", "");
     let mut client = Client::new(&bench.gateway.address);
     for step in 1..=12_i32 {
@@ -111,7 +121,7 @@ fn a_client_that_dies_on_the_way_leaves_the_specimen_at_its_target_and_tracking_
         );
         client.commits();
     }
-    client.says(&[3.0, 0.002, 0.065 * 13.0]);
+    assert!(client.force(0.002, 0.065 * 13.0).is_some());
     drop(client);
     let run = bench.kept();
     let summary = run.summary().unwrap();
@@ -134,6 +144,148 @@ fn a_client_that_dies_on_the_way_leaves_the_specimen_at_its_target_and_tracking_
     assert!(lags.iter().any(|lag| lag.abs() < 0.01), "{:?}", lags.last());
     let states = column(&run, "state");
     assert_eq!(states.iter().filter(|state| **state == 5.0).count(), 130);
+}
+
+/// Waits until more rows are there than after the last call.
+fn runs_on(bench: &Bench) {
+    let samples = bench.out.join("test-0001/samples.bin");
+    let length = || std::fs::metadata(&samples).map_or(0, |m| m.len());
+    let before = length();
+    while length() < before + 20_000 {
+        std::thread::yield_now();
+    }
+}
+
+#[test]
+fn a_client_that_dies_on_the_way_lets_the_specimen_slow_down_and_rest_there() {
+    let bench = Bench::new("ticks_per_step = 20000, rate_hz = 1000", "");
+    let mut client = Client::new(&bench.gateway.address);
+    client.says(&[3.0, 0.004, 0.01]);
+    runs_on(&bench);
+    drop(client);
+    rests_on_the_way(&bench, 0.002);
+}
+
+/// A client of Gusset's own protocol, which has sent its first command.
+fn native(address: &str) -> TcpStream {
+    let mut stream = TcpStream::connect(address).unwrap();
+    stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    let axis = Axis {
+        name: "axis 1".to_owned(),
+        disp_unit: Unit::Metre,
+        force_unit: Unit::Newton,
+        limits: Limits::NONE,
+    };
+    let hello = Hello {
+        proof: [0; 32],
+        nonce: [7; 32],
+        layout: layout_hash(std::slice::from_ref(&axis)),
+        versions: Versions::OURS,
+        keyed: false,
+        rate_numerator: 1,
+        rate_denominator: 25,
+        watchdog_s: 25.0,
+        sampling: Sampling::Reply,
+        software: "test".to_owned(),
+        name: "test".to_owned(),
+        axes: vec![axis],
+    };
+    let (mut encoder, mut decoder) = (
+        Encoder::greeting(Side::Controller),
+        Decoder::greeting(Side::Specimen),
+    );
+    let mut out = vec![0; LARGEST_FRAME];
+    let mut ask = |encoder: &mut Encoder, decoder: &mut Decoder, control: &Control| {
+        let message = handshake::encode(control).unwrap();
+        let length = encoder.control(&message, &mut out).unwrap();
+        stream.write_all(&out[..length]).unwrap();
+        let mut bytes = Vec::new();
+        while !matches!(split(&bytes), Ok(Progress::Frame { .. })) {
+            let mut byte = [0];
+            stream.read_exact(&mut byte).unwrap();
+            bytes.push(byte[0]);
+        }
+        match decoder.open(&bytes).unwrap().frame {
+            Frame::Control(message) => handshake::decode(message).unwrap(),
+            other => panic!("{other:?}"),
+        }
+    };
+    let answer = ask(&mut encoder, &mut decoder, &Control::Hello(hello));
+    let Control::Welcome(welcome) = answer else {
+        panic!("not welcome: {answer:?}");
+    };
+    let session = welcome.session;
+    encoder = Encoder::new(Side::Controller, 1, session, None).unwrap();
+    decoder = Decoder::new(Side::Specimen, 1, session, None).unwrap();
+    let arm = Arm {
+        session,
+        first_sequence: 0,
+        disp: vec![0.0],
+    };
+    let answer = ask(&mut encoder, &mut decoder, &Control::Arm(arm));
+    assert!(matches!(answer, Control::Arm(_)), "{answer:?}");
+    let command = Command {
+        sequence: 0,
+        time: 0.0,
+        dt: 25.0,
+        // A controller begins within 1 mm of the place that it named.
+        disp: &[0.0009],
+        vel: &[0.0],
+    };
+    let mut out = vec![0; LARGEST_FRAME];
+    let length = encoder.command(&command, &mut out).unwrap();
+    stream.write_all(&out[..length]).unwrap();
+    stream
+}
+
+#[test]
+fn a_native_client_that_dies_on_the_way_lets_the_specimen_slow_down_and_rest_there() {
+    let pace = "ticks_per_step = 20000, rate_hz = 1000";
+    let bench = Bench::speaking("gusset", pace, "");
+    let stream = native(&bench.gateway.address);
+    runs_on(&bench);
+    drop(stream);
+    rests_on_the_way(&bench, 0.000_45);
+}
+
+/// `target` is that of the rig, in m.
+fn rests_on_the_way(bench: &Bench, target: f64) {
+    let run = bench.kept();
+    let summary = run.summary().unwrap();
+    assert_eq!(summary.status, Status::Failed, "{}", summary.reason);
+    let (commands, velocities) = (column(&run, "cmd_1_1"), column(&run, "vel_1_1"));
+    assert!(*commands.last().unwrap() < 0.5 * target);
+    assert!(commands.len() < 15_000, "{}", commands.len());
+    assert!(velocities.last().unwrap().abs() < 1e-9);
+    let fastest = velocities.iter().copied().fold(0.0, f64::max);
+    let hardest = velocities.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    assert!(fastest > 0.0 && hardest.fold(0.0, f64::max) < 0.1 * fastest);
+}
+
+#[test]
+fn what_a_client_sends_on_the_way_is_obeyed_afterwards_and_it_is_not_silent() {
+    let bench = Bench::new(
+        "ticks_per_step = 1500, rate_hz = 1000",
+        "openfresco.idle_timeout_s = 1",
+    );
+    let mut client = Client::new(&bench.gateway.address);
+    client.says(&[3.0, 0.001, 0.01]);
+    runs_on(&bench);
+    for (disp, time) in [(0.002, 0.02), (0.003, 0.03)] {
+        client.says(&[10.0]);
+        client.says(&[5.0]);
+        client.says(&[3.0, disp, time]);
+    }
+    client.says(&[10.0]);
+    let mut answers = [0; 3 * 8 * N];
+    client.0.read_exact(&mut answers).unwrap();
+    for (answer, disp) in answers.chunks_exact(8 * N).zip([0.001, 0.002, 0.003]) {
+        let force = f64::from_le_bytes(answer[..8].try_into().unwrap());
+        assert!((force - 4e5 * disp).abs() < 0.05 * 4e5 * disp, "{force}");
+    }
+    client.says(&[99.0]);
+    let run = bench.kept();
+    assert_eq!(run.summary().unwrap().status, Status::Completed);
 }
 
 #[test]

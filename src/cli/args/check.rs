@@ -13,8 +13,11 @@ use clap::Args;
     More: gusset guide first-test, gusset guide real-specimen (certificate)"
 )]
 pub(in crate::cli) struct CheckArgs {
-    /// The test file.
+    /// The test file, or a file for `gusset serve`.
     pub test: PathBuf,
+    /// For a file for `gusset serve`: which specimen of the file. Required if the file has several.
+    #[arg(long, value_name = "NAME")]
+    pub specimen: Option<String>,
     /// Override a key by its dotted path, for example --set integrator.lambda=4.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub sets: Vec<String>,

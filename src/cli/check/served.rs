@@ -1,9 +1,9 @@
 //! `gusset check` of a file for `gusset serve`: the specimen, its client, and its limits at both scales.
 
-use std::path::Path;
-
 use serde_json::json;
 
+use super::super::args::CheckArgs;
+use super::super::exit::{Exit, WithExit};
 use super::super::table::Table;
 use super::super::test_file::refused;
 use super::super::{answer, tell};
@@ -11,18 +11,30 @@ use crate::setup::{ServedLimit, load_served, served_limits};
 use crate::units::in_axis_unit;
 
 /// Checks a served file.
-pub(super) fn check(path: &Path, is_json: bool) -> anyhow::Result<()> {
-    let served = load_served(path, None).map_err(refused)?;
+///
+/// # Errors
+/// The server would refuse the file, or an option is for tests only.
+pub(super) fn check(args: &CheckArgs) -> anyhow::Result<()> {
+    refuse_options_of_a_test(args)?;
+    let served = load_served(&args.test, args.specimen.as_deref()).map_err(refused)?;
+    let protocol = served.source.file.serve.protocol.unwrap_or_default();
+    served.source.check_protocol(protocol).map_err(refused)?;
     for warning in &served.source.warnings {
         tell(format_args!("warning: {warning}"));
     }
     let [own, client] = served_limits(&served.source);
-    if is_json {
+    let has_rows = served.source.rows().is_some();
+    if args.json {
+        let of_signals = if has_rows {
+            "limits_behind_rows"
+        } else {
+            "limits_of_the_client"
+        };
         let found = json!({
             "file": "serve",
             "specimen": served.source.specimen().map(|table| table.name.clone()),
             "limits": own.iter().map(of_json).collect::<Vec<_>>(),
-            "limits_of_the_client": client.iter().map(of_json).collect::<Vec<_>>(),
+            of_signals: client.iter().map(of_json).collect::<Vec<_>>(),
         });
         answer(serde_json::to_string_pretty(&found)?)?;
         return Ok(());
@@ -44,14 +56,37 @@ pub(super) fn check(path: &Path, is_json: bool) -> anyhow::Result<()> {
     } else {
         ""
     };
+    let place = if has_rows {
+        "behind `rows`, in the client's units"
+    } else {
+        "for the client"
+    };
     for limit in &client {
-        table.row(
-            &limit.name,
-            &format!("for the client{note}: {}", words(limit)),
-        );
+        table.row(&limit.name, &format!("{place}{note}: {}", words(limit)));
     }
     answer(table)?;
     Ok(())
+}
+
+/// A server has no test: it rehearses and draws nothing, and no option overrides a key of its file.
+fn refuse_options_of_a_test(args: &CheckArgs) -> anyhow::Result<()> {
+    let options = [
+        ("--set", !args.sets.is_empty(), "change the key in the file"),
+        ("--plot", args.plot.is_some(), "give a test file"),
+        (
+            "--rehearse",
+            args.rehearse,
+            "rehearse the test of the controller",
+        ),
+    ];
+    let Some((option, _, instead)) = options.into_iter().find(|(_, given, _)| *given) else {
+        return Ok(());
+    };
+    let text = format!(
+        "{option} is for a test, but {} is a file for `gusset serve`: {instead}",
+        args.test.display()
+    );
+    Err(WithExit(Exit::Usage, text).into())
 }
 
 fn of_json(limit: &ServedLimit) -> serde_json::Value {

@@ -150,6 +150,12 @@ impl Host {
         self.nature
     }
 
+    /// True if each target of a client becomes a path of commands.
+    #[must_use]
+    pub const fn is_paced(&self) -> bool {
+        self.served.is_paced()
+    }
+
     /// What was done since [`Host::begin`].
     #[must_use]
     pub const fn tally(&self) -> Tally {

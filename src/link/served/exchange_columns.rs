@@ -11,6 +11,8 @@ use crate::units::AxisUnits;
 
 /// One recorded exchange.
 pub(super) struct Exchange<'a> {
+    /// The port was aimed at the command; else it only sought the target, if that is a number.
+    pub is_aimed: bool,
     pub state: f64,
     pub command: &'a Command<'a>,
     pub elapsed: f64,
@@ -72,9 +74,15 @@ impl Exchange<'_> {
         let axes = WIDTH * port.axes();
         let (row, coordinates) = row.split_at_mut(axes.min(row.len()));
         let raw = port.raw();
-        let commands = port
-            .target()
+        let is_number = self.command.disp.iter().all(|disp| disp.is_finite());
+        let targets = if self.is_aimed {
+            port.target()
+        } else {
+            port.goal()
+        };
+        let commands = targets
             .iter()
+            .map(|target| if is_number { *target } else { f64::NAN })
             .zip(port.command().iter().zip(port.command_vel()));
         let measured = port.measured().iter().zip(port.force());
         let measured = measured.zip(raw.disp.iter().zip(&raw.force));
@@ -82,7 +90,7 @@ impl Exchange<'_> {
             row.chunks_exact_mut(WIDTH).zip(commands.zip(measured))
         {
             slot.copy_from_slice(&[
-                *target,
+                target,
                 self.sent(*disp),
                 *meas,
                 *force,

@@ -43,6 +43,14 @@ impl Origin {
         }
     }
 
+    /// Number in the record of a command that the specimen knows by `own`, on the way to the target `target` of the controller.
+    const fn number(self, own: u64, target: u64) -> u64 {
+        match self {
+            Self::Controller | Self::Own { .. } => own,
+            Self::Paced { .. } | Self::Ramp { .. } => target,
+        }
+    }
+
     /// Time in s for its motion, if that is known.
     const fn period_s(self) -> Option<f64> {
         match self {
@@ -119,8 +127,11 @@ impl GuardedSpecimen {
     }
 
     /// How targets are paced.
-    pub fn pacing(&self) -> Option<Pacing> {
-        self.path.as_ref().map(|path| path.pacing)
+    pub const fn pacing(&self) -> Option<Pacing> {
+        match &self.path {
+            Some(path) => Some(path.pacing),
+            None => None,
+        }
     }
 
     pub const fn tripped(&self) -> Option<Trip> {
@@ -149,6 +160,10 @@ impl GuardedSpecimen {
         self.port.set_guard(lent.guard);
         self.allowance = lent.allowance;
         self.port.begin_session(USUAL_TICK_S);
+        if let Some(path) = &self.path {
+            // The place of a controller depends on the static gain of new compensators.
+            self.port.restart_following(path.fresh.as_ref());
+        }
         self.allowance.announced(controller.rate);
         (self.tripped, self.commits) = (None, 0);
         self.announced = AnnouncedLimits::by(controller, &self.identity.units);
@@ -211,7 +226,7 @@ impl GuardedSpecimen {
             let Identity { scale, units, .. } = &self.identity;
             let disp = scale.disp_at(&self.port, start, units);
             let disp = disp.map_err(|fault| TestEnd::failed(format_args!("not armed: {fault}")))?;
-            path.rests_at(sequence, &disp);
+            path.rests_at(sequence, &disp, start);
             self.port.restart_following(path.fresh.as_ref());
         }
         let mut unwanted = None;
@@ -262,6 +277,7 @@ impl GuardedSpecimen {
         let Some(mut path) = path else {
             return self.exchange_once(origin, command, elapsed, wanted, into);
         };
+        self.recording.target_number = command.sequence;
         let outcome = self.follow(&mut path, command, elapsed, wanted, into);
         self.path = Some(path);
         into.sequence = command.sequence;
@@ -280,6 +296,7 @@ impl GuardedSpecimen {
         let received_ns = self.recording.begins(command.time);
         let mut answered_ns = None;
         let mut is_answered = true;
+        let is_aimed = self.tripped.is_none() && not_finite(command.disp, command.vel).is_none();
         if self.tripped.is_none() {
             match self.attempt(command, elapsed, origin, wanted, &mut answered_ns) {
                 Ok(answered) => is_answered = answered,
@@ -300,9 +317,17 @@ impl GuardedSpecimen {
         if !is_answered {
             into.status.0 |= Status::OWED.0;
         }
+        if !is_aimed {
+            self.seek_for_the_record(command);
+        }
+        let sequence = origin.number(command.sequence, self.recording.target_number);
         self.recording.exchange(&Exchange {
+            is_aimed,
             state: answered_ns.map_or(Exchange::KEPT_BACK, |_| origin.state()),
-            command,
+            command: &Command {
+                sequence,
+                ..*command
+            },
             elapsed,
             port: (!self.identity.scale.is_of_axes()).then_some(&self.port),
             commits: self.commits,
@@ -312,6 +337,14 @@ impl GuardedSpecimen {
             answered_ns: answered_ns.unwrap_or(received_ns),
         });
         self.tripped.map_or(Ok(is_answered), Err)
+    }
+
+    /// A target that is not commanded is the goal of a port that converts, if it is a number. Real-time: yes.
+    fn seek_for_the_record(&mut self, command: &Command<'_>) {
+        let Identity { scale, units, .. } = &self.identity;
+        if self.is_converted() && command.disp.iter().all(|disp| disp.is_finite()) {
+            scale.seek(&mut self.port, command.disp, units);
+        }
     }
 
     /// `answered_ns` stays empty for a command that is not passed on. False if its answer is owed, and not

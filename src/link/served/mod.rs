@@ -19,6 +19,7 @@ mod latch;
 mod link_maker;
 mod paced_exchange;
 mod pacing;
+mod path_limits;
 mod readiness;
 mod recording;
 mod served_specimen;
@@ -106,6 +107,18 @@ pub enum Trip {
     /// A limit was passed.
     #[error("{} ({})", .0, .0.quantity.key())]
     Limit(Hit),
+    /// The path to a target must exceed a limit in so few commands.
+    #[error(
+        "the path to the target is too fast. {hit} ({key}): set `ticks_per_step` in `serve.pace` to at least {ticks}, or let the \
+         controller take smaller steps",
+        key = hit.quantity.key()
+    )]
+    TooFast {
+        /// The limit.
+        hit: Hit,
+        /// Commands on the path with which no limit is exceeded.
+        ticks: u32,
+    },
     /// More than the controller had announced that it would ask for, or a force at which it should long have acted.
     #[error("{} ({}, as the controller announced)", .0, .0.quantity.key())]
     Announced(Hit),
@@ -147,7 +160,7 @@ impl Trip {
     #[must_use]
     pub const fn cause(self) -> Cause {
         match self {
-            Self::Limit(_) | Self::Announced(_) => Cause::Limit,
+            Self::Limit(_) | Self::TooFast { .. } | Self::Announced(_) => Cause::Limit,
             Self::NotFinite { measured: true, .. } => Cause::MeasuredNotFinite,
             Self::NotFinite { .. } => Cause::CommandNotFinite,
             Self::Elsewhere(_) => Cause::FirstCommandElsewhere,
@@ -164,7 +177,9 @@ impl Trip {
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
-            Self::Limit(hit) | Self::Announced(hit) => hit.quantity.key(),
+            Self::Limit(hit) | Self::TooFast { hit, .. } | Self::Announced(hit) => {
+                hit.quantity.key()
+            }
             _ => self.cause().word(),
         }
     }
@@ -173,7 +188,7 @@ impl Trip {
     #[must_use]
     pub const fn code(self) -> u32 {
         match self {
-            Self::Limit(hit) => hit.quantity as u32 + 1,
+            Self::Limit(hit) | Self::TooFast { hit, .. } => hit.quantity as u32 + 1,
             Self::Announced(hit) => hit.quantity as u32 + 101,
             Self::NotFinite { measured, .. } => 50 + measured as u32,
             Self::Elsewhere(_) => 52,

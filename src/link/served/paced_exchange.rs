@@ -9,6 +9,8 @@ use super::first_command::beyond;
 use super::guarded_specimen::{GuardedSpecimen, Origin, in_metres, not_finite};
 use super::identity::Identity;
 use super::pacing::{PacedPath, PathTick};
+use super::path_limits::{allowed_accel, judge};
+use crate::catalog::event::Remark;
 use crate::substructure::{Command, Measurement};
 
 /// Share of the limits of speed that a ramp may use, as in a test.
@@ -50,7 +52,11 @@ impl GuardedSpecimen {
             if is_owed {
                 self.accept_on_the_way()?;
             }
-            path.wait();
+            let is_missed = path.wait();
+            // The first command of a path waits for the client.
+            if is_missed && is_owed {
+                self.misses_edge();
+            }
             let (origin, disp_is_made) = self.prepare(path, tick);
             let period_s = path.pacing.period_s();
             let theirs = Command {
@@ -65,9 +71,8 @@ impl GuardedSpecimen {
                 vel: &path.vel,
             };
             let share = elapsed * path.share_of_tick();
-            if !self.exchange_once(origin, &theirs, share, wanted, into)? {
-                return Ok(false);
-            }
+            // A stop lets the exchange under way end, within the time limit of its reply, and slows down from there.
+            self.exchange_once(origin, &theirs, share, &mut || true, into)?;
             path.count();
             is_owed = true;
         }
@@ -89,11 +94,19 @@ impl GuardedSpecimen {
         if let Some(fault) = self.port.geometry_fault() {
             return Err(Trip::Geometry(fault));
         }
-        self.port.write_goal(&mut path.place);
-        if let Some(hit) = beyond(&self.port, &path.place) {
+        let [last, next] = &mut path.places;
+        self.port.write_goal(next);
+        if let Some(hit) = beyond(&self.port, next) {
             return Err(Trip::Limit(hit));
         }
-        self.first.judge(command, &path.place, &self.port)
+        self.first.judge(command, next, &self.port)?;
+        let ends = [&last[..], &next[..]];
+        if !path.is_first {
+            judge(&self.port, ends, path.pacing)?;
+        }
+        path.allowed_accel = allowed_accel(&self.port, ends);
+        path.places.swap(0, 1);
+        Ok(())
     }
 
     /// The path to a target begins: a ramp of the port to the first one of a session.
@@ -108,7 +121,7 @@ impl GuardedSpecimen {
             let period_s = path.pacing.period_s();
             let needed = self.port.ramp_time(SHARE_OF_SPEED, period_s, seconds);
             seconds = path.takes(needed);
-        } else if path.pacing.settle_ticks == 0 && path.is_late() {
+        } else if path.is_late() && path.pacing.settle_ticks < self.port.ticks_to_rest() {
             // The specimen has moved on since its last answer.
             self.port.skips_commands();
         }
@@ -135,6 +148,16 @@ impl GuardedSpecimen {
         }
         let lands = tick.share >= 1.0;
         (Origin::Ramp { period_s, lands }, is_of_axes)
+    }
+
+    /// A command left late, because the specimen replied late.
+    fn misses_edge(&mut self) {
+        if !self.recording.misses_edge() {
+            return;
+        }
+        let text = "the specimen does not reply within one period of `serve.pace`, so commands leave late and the motion is slower: lower \
+                    `rate_hz`, or let the rig reply faster";
+        self.warn(Remark::LateReplies, text);
     }
 
     /// A command before the target is accepted: the controller accepts the target itself.

@@ -9,11 +9,23 @@
 //! Velocity and acceleration vanish at both ends. So a client that is late, pauses or is gone leaves the specimen at rest at its last
 //! target, whenever that happens. The lead of a compensator ends when its history of the motion has passed, which is what settle ticks are
 //! for. The largest speed is 15/8 of the mean, and the largest acceleration 10/√3 of way/time². A stop of the server during a path slows
-//! the specimen down linearly in N further ticks or less, with at most 7.7 of way/time²; a compensator then settles at rest. The path is one of the client's displacements: a loading unit follows the poses between two targets.
+//! the specimen down linearly, in N further ticks or in 1 s; a compensator then settles at rest. A declared acceleration is kept: the
+//! slowing lasts longer, or the path ends where that is as soon. The path is one of the client's displacements: a loading unit follows the poses between two targets.
 //! The first target of a session is reached by a ramp of the port. Limits: nothing is predicted.
+
+use std::f64::consts::{FRAC_PI_2, PI};
 
 use crate::rt::os;
 use crate::state::TestState;
+
+/// Largest speed of a path, of the mean speed.
+pub(super) const FASTEST: f64 = 1.875;
+/// Largest acceleration of a path, of way/time²: 10/√3.
+pub(super) const HARDEST: f64 = 5.773_502_691_896_258;
+/// Longest slowing after a stop in s, unless a limit of acceleration needs a longer one.
+const SLOWING_S: f64 = 1.0;
+/// Least ticks of that time.
+const LEAST_SLOWING: f64 = 10.0;
 
 /// The clock of paced commands.
 #[derive(Debug, Clone, Copy)]
@@ -81,8 +93,16 @@ pub(super) struct PathTick {
 enum Course {
     /// At full pace.
     Full,
-    /// It slows down: share of the time that is gone, and the ticks to rest.
-    Slows(f64, u32),
+    /// It slows down in a number of ticks, and then rests.
+    Slows {
+        /// Share of the time that is gone.
+        share: f64,
+        /// Ticks of the slowing, and those to come.
+        ticks: u32,
+        left: u32,
+        /// Ticks at rest to come.
+        rest: u32,
+    },
 }
 
 /// The path to the last target.
@@ -102,8 +122,10 @@ pub(super) struct PacedPath {
     pub vel: Vec<f64>,
     /// Number of the next command.
     pub sequence: u64,
-    /// Where the axes are at the target, in their units.
-    pub place: Vec<f64>,
+    /// Where the axes are at the last target and at the next one, in their units.
+    pub places: [Vec<f64>; 2],
+    /// Largest acceleration in 1/s² that the limits allow on a path of length 1.
+    pub allowed_accel: f64,
     /// The compensators before any command.
     pub fresh: Option<TestState>,
     /// Commits of the controller when its last target was answered; none before.
@@ -114,7 +136,8 @@ pub(super) struct PacedPath {
 
 /// Share of the way, and its slope, at a share of the time.
 fn shape(x: f64) -> (f64, f64) {
-    let share = x * x * x * (10.0 + x * (6.0 * x - 15.0));
+    // Rounding leads not beyond the target.
+    let share = (x * x * x * (10.0 + x * (6.0 * x - 15.0))).min(1.0);
     let slope = 30.0 * x * x * (1.0 - x) * (1.0 - x);
     (share, slope)
 }
@@ -134,18 +157,21 @@ impl PacedPath {
             disp: zeros(),
             vel: zeros(),
             sequence: 0,
-            place: vec![0.0; axes],
+            places: [vec![0.0; axes], vec![0.0; axes]],
+            allowed_accel: f64::INFINITY,
             fresh: None,
             answered: None,
             edge_ns: 0,
         }
     }
 
-    /// The specimen rests at these displacements of the client. The next command has this number.
-    pub fn rests_at(&mut self, sequence: u64, disp: &[f64]) {
+    /// The specimen rests at these displacements of the client, and its axes at this place. The next command has this number.
+    pub fn rests_at(&mut self, sequence: u64, disp: &[f64], place: &[f64]) {
         for (to, disp) in self.to.iter_mut().zip(disp) {
             *to = *disp;
         }
+        let [last, _] = &mut self.places;
+        last.copy_from_slice(place);
         self.ticks = self.pacing.ticks;
         (self.sequence, self.tick) = (sequence, self.all_ticks());
         (self.is_first, self.answered) = (true, None);
@@ -196,45 +222,91 @@ impl PacedPath {
 
     /// The specimen is to come to rest as soon as it smoothly can. A path that has not begun does not begin.
     pub fn stop(&mut self) {
-        if self.tick < self.ticks && self.course == Course::Full {
-            let gone = f64::from(self.tick) / f64::from(self.ticks);
-            let to_rest = if self.tick == 0 {
-                0
-            } else {
-                self.ticks.saturating_add(self.rest_ticks())
-            };
-            self.course = Course::Slows(gone, to_rest);
+        if self.tick >= self.ticks || self.course != Course::Full {
+            return;
+        }
+        let needed = self.ticks_to_slow();
+        if self.tick > 0 && needed >= f64::from(self.ticks - self.tick) {
+            // The end of the path is as near, and within the limits.
+            return;
+        }
+        let longest = (SLOWING_S / self.pacing.period_s()).max(LEAST_SLOWING);
+        let usual = f64::from(self.pacing.ticks).min(longest.ceil());
+        let ticks = usual.max(needed) as u32;
+        let (left, rest) = if self.tick == 0 {
+            (0, 0)
+        } else {
+            (ticks, self.rest_ticks())
+        };
+        self.course = Course::Slows {
+            share: f64::from(self.tick) / f64::from(self.ticks),
+            ticks,
+            left,
+            rest,
+        };
+    }
+
+    /// Ticks that a stop here needs at least, within the limits of acceleration: one half of a limit is for the slowing, and less
+    /// where the path itself slows down more.
+    fn ticks_to_slow(&self) -> f64 {
+        let x = f64::from(self.tick) / f64::from(self.ticks);
+        let [slope, bend] = if self.is_first {
+            [
+                FRAC_PI_2 * libm::sin(PI * x),
+                PI * FRAC_PI_2 * libm::cos(PI * x),
+            ]
+        } else {
+            [shape(x).1, 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x)]
+        };
+        let period = self.pacing.period_s();
+        let seconds = period * f64::from(self.ticks);
+        let slows = (-bend).max(0.0) / (seconds * seconds);
+        let allowed = (0.5 * self.allowed_accel).min(self.allowed_accel - slows);
+        if allowed > 0.0 {
+            (slope / seconds / allowed / period).ceil()
+        } else {
+            f64::INFINITY
         }
     }
 
     /// The next tick of the path; none at its end. Real-time: yes.
     pub fn next(&mut self) -> Option<PathTick> {
-        let ticks = f64::from(self.ticks);
+        let all_ticks = self.all_ticks();
+        let of_path = f64::from(self.ticks);
         let tick = match &mut self.course {
-            Course::Full if self.tick >= self.ticks.saturating_add(self.pacing.settle_ticks) => {
-                return None;
-            }
+            Course::Full if self.tick >= all_ticks => return None,
             Course::Full => {
                 self.tick += 1;
                 PathTick {
-                    share: f64::from(self.tick.min(self.ticks)) / ticks,
+                    share: f64::from(self.tick.min(self.ticks)) / of_path,
                     pace: 1.0,
-                    gone: f64::from(self.tick) / f64::from(self.all_ticks()),
+                    gone: f64::from(self.tick) / f64::from(all_ticks),
                 }
             }
-            Course::Slows(_, 0) => return None,
-            Course::Slows(share, to_rest) => {
-                *to_rest -= 1;
-                let rest = self.pacing.settle_ticks.saturating_add(1);
-                let pace = f64::from(to_rest.saturating_sub(rest)) / ticks;
-                *share = (*share + pace / ticks).min(1.0);
+            Course::Slows {
+                left: 0, rest: 0, ..
+            } => return None,
+            Course::Slows {
+                share,
+                ticks,
+                left,
+                rest,
+            } => {
+                let pace = if *left > 0 {
+                    *left -= 1;
+                    f64::from(*left) / f64::from(*ticks)
+                } else {
+                    *rest -= 1;
+                    0.0
+                };
+                *share = (*share + pace / of_path).min(1.0);
                 if *share >= 1.0 {
-                    *to_rest = rest.min(*to_rest);
+                    *left = 0;
                 }
                 PathTick {
                     share: *share,
                     pace,
-                    gone: *share * ticks / f64::from(self.all_ticks()),
+                    gone: *share * of_path / f64::from(all_ticks),
                 }
             }
         };
@@ -263,8 +335,9 @@ impl PacedPath {
         (self.pacing.clock.now_ns)() > self.edge_ns.saturating_add(self.pacing.period_ns)
     }
 
-    /// Waits for the edge of the next command: a command that came late moves those behind it.
-    pub fn wait(&mut self) {
+    /// Waits for the edge of the next command: a command that came late moves those behind it. True if it came late by more than half a
+    /// period.
+    pub fn wait(&mut self) -> bool {
         let PaceClock {
             now_ns,
             sleep_until_ns,
@@ -273,7 +346,9 @@ impl PacedPath {
         if now < self.edge_ns {
             sleep_until_ns(self.edge_ns);
         }
+        let is_missed = now > self.edge_ns.saturating_add(self.pacing.period_ns / 2);
         self.edge_ns = self.edge_ns.max(now) + self.pacing.period_ns;
+        is_missed
     }
 
     /// The last command has left. Real-time: yes.
@@ -363,6 +438,44 @@ mod tests {
                 let bend = (window[2] - 2.0 * window[1] + window[0]).abs();
                 prop_assert!(bend <= 7.7 / (n * n) + 1e-14, "{bend} {}", 7.7 / (n * n));
                 prop_assert!((window[1] - window[0]) * n <= 1.875 * (1.0 + 1e-9));
+            }
+        }
+
+        /// A stop of a path that lasts much longer than usual takes the usual time, or 1 s, or what a limit of acceleration needs.
+        #[test]
+        fn a_stop_of_a_long_path_is_short_and_keeps_its_acceleration(
+            ticks in 40u32..400,
+            longer in 1.0..50.0f64,
+            is_first in proptest::bool::ANY,
+            margin in 1.0..20.0f64,
+            share in 0.01..0.99f64,
+        ) {
+            let pacing = Pacing { ticks, settle_ticks: 0, period_ns: 10_000_000, clock: PaceClock::MACHINE };
+            let mut path = PacedPath::new(pacing, 1, 1);
+            path.is_first = is_first;
+            path.aim(&[1.0]);
+            let seconds = path.takes(longer * pacing.motion_s());
+            path.allowed_accel = margin * HARDEST / (seconds * seconds);
+            let stop = (share * f64::from(path.ticks)).max(1.0) as u32;
+            let (mut places, mut further) = (vec![0.0; 2], 0);
+            for gone in 0.. {
+                if gone == stop {
+                    path.stop();
+                }
+                let Some(tick) = path.next() else { break };
+                places.push(if is_first { 0.5 - 0.5 * libm::cos(PI * tick.share) } else { shape(tick.share).0 });
+                further += u32::from(gone >= stop);
+            }
+            places.extend([places[places.len() - 1]; 2]);
+            let all = f64::from(path.ticks);
+            let usual = f64::from(ticks.min(100));
+            // The slowing from the largest speed at half of the limit, or the rest of the path.
+            let needed = (1.875 * all * 2.0 / (HARDEST * margin)).max(0.5 * all / margin);
+            prop_assert!(f64::from(further) <= usual.max(needed) + 2.0, "{further} {usual} {needed}");
+            let bound = margin * HARDEST / (all * all);
+            for window in places.windows(3) {
+                let bend = (window[2] - 2.0 * window[1] + window[0]).abs();
+                prop_assert!(bend <= bound * 1.02, "{bend} {bound}");
             }
         }
     }

@@ -58,6 +58,10 @@ impl<'a> Readiness<'a> {
             self.check_wiring(&start, wanted)?;
             self.served.port.has_come_to_rest();
         }
+        if self.served.pacing().is_some() {
+            // The ramp to the first target takes its least time only if the place is known.
+            self.served.port.report_position(&start);
+        }
         let felt = self.feel(&start, &introduction, wanted)?;
         self.served
             .arm(self.controller.first_sequence, &start, wanted)?;

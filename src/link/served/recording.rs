@@ -22,25 +22,30 @@ pub(super) struct Recording {
     pub away_from: Option<usize>,
     /// Counts of the controller's link for a specimen in this process, else counts of the specimen's own link at its goodbye.
     pub link: LinkStats,
+    /// The controller's number of the target whose path is commanded.
+    pub target_number: u64,
+    /// Commands of this test that left late.
+    missed_edges: u64,
     open: Option<SessionRecord>,
 }
 
 impl Recording {
-    /// Opens the record of a controller's test, if there is to be one.
+    /// Opens the record of a controller's test, if there is to be one. A server that paces it makes `pace_hz` commands per second.
     ///
     /// # Errors
     /// It cannot be kept.
     pub fn open(
         &mut self,
-        identity: &Identity,
-        port: &Port,
+        specimen: (&Identity, &Port),
         controller: &Controller,
+        pace_hz: Option<f64>,
     ) -> Result<(), String> {
         self.link = LinkStats::default();
+        self.missed_edges = 0;
         let Some(settings) = &self.settings else {
             return Ok(());
         };
-        let record = SessionRecord::open(settings, (identity, port), controller, self.away_from);
+        let record = SessionRecord::open(settings, specimen, controller, (pace_hz, self.away_from));
         let mut record = record.map_err(|text| format!("the log cannot be kept: {text}"))?;
         if let Some(words) = &self.played {
             record.warn(Remark::Faults, words);
@@ -74,6 +79,15 @@ impl Recording {
         if let Some(record) = &mut self.open {
             record.exchange(exchange);
         }
+    }
+
+    /// A command left late. True of the first one. Real-time: yes.
+    pub fn misses_edge(&mut self) -> bool {
+        self.missed_edges += 1;
+        if let Some(record) = &mut self.open {
+            record.misses_edge();
+        }
+        self.missed_edges == 1
     }
 
     /// The specimen holds from here on.

@@ -233,6 +233,12 @@ impl ServedSpecimen {
         self.guarded.port.is_remote()
     }
 
+    /// True if each target of a controller becomes a path of commands.
+    #[must_use]
+    pub const fn is_paced(&self) -> bool {
+        self.guarded.pacing().is_some()
+    }
+
     /// Initial stiffness, n × n by columns.
     #[must_use]
     pub fn stiffness(&self) -> &[f64] {
@@ -332,13 +338,17 @@ impl ServedSpecimen {
     }
 
     fn open_record(&mut self, controller: &Controller) -> Result<(), String> {
+        let pace_hz = self
+            .guarded
+            .pacing()
+            .map(|pacing| pacing.period_s().recip());
         let GuardedSpecimen {
             recording,
             identity,
             port,
             ..
         } = &mut self.guarded;
-        recording.open(identity, port, controller)
+        recording.open((identity, port), controller, pace_hz)
     }
 
     /// The controller begins again after commands that only checked the wiring: a computed specimen forgets them. May block, for as

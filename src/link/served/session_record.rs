@@ -69,13 +69,12 @@ impl SessionRecord {
         settings: &RecordSettings,
         (identity, port): (&Identity, &Port),
         controller: &Controller,
-        away_from: Option<usize>,
+        (pace_hz, away_from): (Option<f64>, Option<usize>),
     ) -> Result<Self, String> {
         let mut folder = next_folder(&settings.root)?;
-        let rate_hz = controller
-            .rate
-            .map(|(above, below)| above as f64 / below as f64)
-            .filter(|rate| rate.is_finite());
+        let announced = controller.rate;
+        let announced = announced.map(|(above, below)| above as f64 / below as f64);
+        let rate_hz = pace_hz.or(announced.filter(|rate| rate.is_finite()));
         let (name, units) = (identity.name.as_str(), identity.axis_units());
         let columns = columns(units, identity.scale.coordinates(), port, name);
         let made = Self::make(settings, &mut folder, (name, columns), rate_hz, away_from);
@@ -197,7 +196,7 @@ impl SessionRecord {
     /// The specimen holds from here on.
     pub fn tripped(&self, trip: Trip, text: &str) {
         let limit = match trip {
-            Trip::Limit(hit) => Some(TripValue {
+            Trip::Limit(hit) | Trip::TooFast { hit, .. } => Some(TripValue {
                 axis: hit.axis as u32,
                 unit: hit.quantity.unit().into(),
                 value: hit.value,
@@ -214,6 +213,11 @@ impl SessionRecord {
             }
             .into(),
         );
+    }
+
+    /// A command left late. Real-time: yes.
+    pub const fn misses_edge(&mut self) {
+        self.counted.missed_edges += 1;
     }
 
     /// One row. Real-time: yes.

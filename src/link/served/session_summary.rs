@@ -18,6 +18,8 @@ pub(super) struct Counted {
     pub exchanges: u64,
     pub passed_on: u64,
     pub answered: u64,
+    /// Commands of a path that left late.
+    pub missed_edges: u64,
     /// First length of a step that is not zero.
     dt: f64,
     /// Largest |displacement| in m and |force| in N.
@@ -33,6 +35,7 @@ impl Counted {
             exchanges: 0,
             passed_on: 0,
             answered: 0,
+            missed_edges: 0,
             dt: 0.0,
             disp: vec![0.0; axes],
             force: vec![0.0; axes],
@@ -109,7 +112,7 @@ pub(super) fn summarise(
         clock: ClockKind::Real,
         wall_seconds: end.wall_seconds,
         rate_hz: counted.rate_hz.unwrap_or(0.0),
-        deadline_misses: 0,
+        deadline_misses: counted.missed_edges,
         stretched_ticks: 0,
         peak: Peak {
             force: BTreeMap::from([(name.to_owned(), some(&counted.force))]),

@@ -12,6 +12,7 @@ use super::ServerEvent;
 use super::backlog::{Backlog, WaitingCommand};
 use super::channel::Channel;
 use super::commanded::{CommandCount, CommandInForce, Effect};
+use super::connection::ClientLink;
 use super::farewell::Farewell;
 use super::native_codec::NativeCodec;
 use super::native_handshake::NativeOpening;
@@ -23,7 +24,7 @@ use crate::catalog::event::Remark;
 use crate::link::Transport;
 use crate::link::served::{ServedSpecimen, TestEnd, Trip};
 use crate::link::socket::LOOK;
-use crate::substructure::Status;
+use crate::substructure::{LinkFault, Status};
 use crate::time::Nanos;
 use crate::wire::WireError;
 use crate::wire::handshake::Arm;
@@ -307,7 +308,19 @@ impl NativeConversation {
     ) -> Result<(), TestEnd> {
         self.served.now_is(now);
         let was_tripped = self.served.tripped().is_some();
-        let mut wanted = || !shared.is_stopped();
+        let mut gone = None;
+        // Nothing shows that a client of datagrams has gone.
+        let looks = self.codec.is_stream() && self.served.is_paced();
+        let (link, codec) = (&mut channel.link, &mut self.codec);
+        let mut look_at = now;
+        let mut wanted = || {
+            let now = link.now();
+            if looks && gone.is_none() && now >= look_at {
+                look_at = now.plus(LOOK_NS);
+                gone = look(link, codec).err();
+            }
+            gone.is_none() && !shared.is_stopped()
+        };
         let (command, measured) = self.commanded.exchange();
         let sequence = command.sequence;
         let outcome = (self.served).exchange(&command, elapsed, &mut wanted, measured);
@@ -322,7 +335,12 @@ impl NativeConversation {
                     shared.tell(ServerEvent::Told { text });
                 }
             }
-            Ok(false) => return Err(self.told_to_stop(channel)),
+            Ok(false) => {
+                return Err(match gone {
+                    Some(fault) => channel.lost(true, fault),
+                    None => self.told_to_stop(channel),
+                });
+            }
             Err(_) | Ok(true) => {}
         }
         Ok(())
@@ -441,6 +459,23 @@ impl Conversation for NativeConversation {
             shared.part(farewell);
         }
         shared.tell(ended);
+    }
+}
+
+/// Keeps what has come on a stream, as far as there is room for it: behind that nothing is seen. Real-time: yes.
+///
+/// # Errors
+/// The client is gone.
+fn look(link: &mut ClientLink, codec: &mut NativeCodec) -> Result<(), LinkFault> {
+    loop {
+        let room = codec.space();
+        if room.is_empty() {
+            return Ok(());
+        }
+        match link.recv(room, LOOK)? {
+            Some(count) => codec.filled(count),
+            None => return Ok(()),
+        }
     }
 }
 

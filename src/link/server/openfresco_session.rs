@@ -26,7 +26,7 @@ use crate::wire::openfresco::{Course, Sizes, datagrams};
 const LINGER_NS: u64 = 500_000_000;
 /// Longest piece that is read at once; no datagram is longer.
 const CHUNK: usize = 65_536;
-/// The limits of time are checked this often.
+/// The limits of time are checked this often, and the connection while the specimen is on its way.
 const LOOK_NS: u64 = 50_000_000;
 
 /// The conversation with one client.
@@ -41,8 +41,39 @@ pub(super) struct OpenFrescoConversation<'a> {
     buffer: Vec<u8>,
     /// Bytes of the buffer that were received and not read.
     received: usize,
+    ahead: Ahead,
     heard_ns: u64,
     look_ns: u64,
+}
+
+/// Bytes of a stream that came while the specimen was on its way to a target.
+struct Ahead {
+    buffer: Vec<u8>,
+    received: usize,
+    look_ns: u64,
+}
+
+impl Ahead {
+    /// Looks at a stream from time to time, and keeps what has come: why the client is gone, if it is. Behind a full buffer nothing
+    /// is seen. Real-time: yes.
+    fn look(&mut self, link: &mut ClientLink) -> Option<End> {
+        let now = monotonic_ns();
+        if now < self.look_ns {
+            return None;
+        }
+        self.look_ns = now + LOOK_NS;
+        loop {
+            let room = self.buffer.get_mut(self.received..).unwrap_or_default();
+            if room.is_empty() {
+                return None;
+            }
+            match link.recv(room, LOOK) {
+                Ok(None) => return None,
+                Ok(Some(count)) => self.received += count,
+                Err(fault) => return Some(lost(link, fault)),
+            }
+        }
+    }
 }
 
 /// Serves a client whose handshake is complete.
@@ -68,6 +99,11 @@ pub(super) fn attend(
         early,
         buffer: vec![0; CHUNK],
         received: 0,
+        ahead: Ahead {
+            buffer: vec![0; CHUNK],
+            received: 0,
+            look_ns: 0,
+        },
         heard_ns: monotonic_ns(),
         look_ns: 0,
     };
@@ -131,8 +167,21 @@ impl OpenFrescoConversation<'_> {
             } else {
                 self.codec.piece()
             };
-            let mut wanted = || !shared.is_stopped();
-            let reply = obey(&mut self.codec, request, self.host, &mut wanted)?;
+            let mut gone = None;
+            // Nothing shows that a client of datagrams has gone.
+            let looks = self.is_stream && self.host.is_paced();
+            let (link, ahead) = (&mut channel.link, &mut self.ahead);
+            let mut wanted = || {
+                if looks && gone.is_none() {
+                    gone = ahead.look(link);
+                }
+                gone.is_none() && !shared.is_stopped()
+            };
+            let obeyed = obey(&mut self.codec, request, self.host, &mut wanted);
+            let reply = match (obeyed, gone) {
+                (Err(End::Stopped), Some(gone)) => return Err(gone),
+                (obeyed, _) => obeyed?,
+            };
             send(&mut channel.link, reply, piece)?;
             match request {
                 Request::Sizes(sizes) => shared.tell(ServerEvent::Sizes(channel.peer, sizes)),
@@ -181,6 +230,10 @@ impl Conversation for OpenFrescoConversation<'_> {
     type End = End;
 
     fn turn(&mut self, channel: &mut Channel, shared: &Shared) -> Result<Nanos, End> {
+        if self.received == 0 && self.ahead.received > 0 {
+            std::mem::swap(&mut self.buffer, &mut self.ahead.buffer);
+            self.received = std::mem::take(&mut self.ahead.received);
+        }
         let count = std::mem::take(&mut self.received);
         if count > 0 {
             self.heard_ns = monotonic_ns();
@@ -189,12 +242,17 @@ impl Conversation for OpenFrescoConversation<'_> {
             let taken = self.take(bytes, channel, shared);
             self.buffer = buffer;
             taken?;
+            // The client was not silent while it waited for the specimen.
+            self.heard_ns = monotonic_ns();
         }
         self.keep_time(shared)?;
         Ok(Nanos(self.look_ns))
     }
 
     fn listen(&mut self, channel: &mut Channel, until: Nanos) -> Result<(), End> {
+        if self.ahead.received > 0 {
+            return Ok(());
+        }
         match channel.link.recv(&mut self.buffer, until) {
             Ok(count) => {
                 self.received = count.unwrap_or(0);

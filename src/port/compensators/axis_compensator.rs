@@ -148,6 +148,11 @@ impl AxisCompensator {
         };
     }
 
+    /// Ticks at rest after which a gap teaches nothing wrong: what is shorter is filtered out. Real-time: yes.
+    pub const fn ticks_to_rest(&self) -> u32 {
+        self.gap.most()
+    }
+
     /// What is measured next does not follow what was measured last. Real-time: yes.
     pub fn misses(&mut self) {
         self.heard = 0;

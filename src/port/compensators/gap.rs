@@ -32,6 +32,11 @@ impl Gap {
         }
     }
 
+    /// Most commands without a measurement that are filled in. Real-time: yes.
+    pub const fn most(&self) -> u32 {
+        self.most as u32
+    }
+
     /// Visits every value. Real-time: yes.
     pub fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.option(&mut self.from);

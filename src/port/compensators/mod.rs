@@ -214,6 +214,12 @@ impl Compensators {
         self.keep();
     }
 
+    /// Ticks at rest after which ticks without a command teach nothing wrong. Real-time: yes.
+    pub fn ticks_to_rest(&self) -> u32 {
+        let axes = self.axes.iter().map(AxisCompensator::ticks_to_rest);
+        axes.max().unwrap_or(0)
+    }
+
     /// The state, for a test that is resumed later: before the next command, where a record was retraced.
     pub fn freeze(&mut self) -> Option<TestState> {
         let before = self.before.take().filter(|before| !before.is_empty());
@@ -245,6 +251,16 @@ impl Compensators {
     pub fn restart(&mut self, fresh: &TestState) {
         // It is that of these compensators.
         let _ = fresh.restore(|visit| self.visit_state(visit));
+    }
+
+    /// Command at rest over the displacement at which the axis is to rest. Real-time: yes.
+    pub fn static_gain(&self, axis: usize) -> f64 {
+        let gain = self.axes.get(axis).map_or(1.0, |axis| axis.one.stands(1.0));
+        if (gain - 1.0).abs() > ROUNDOFF {
+            gain
+        } else {
+            1.0
+        }
     }
 
     /// Makes the command of a target, which is a tick of the compensators' after the last. `is_published`: the target came with the

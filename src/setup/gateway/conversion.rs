@@ -36,6 +36,8 @@ pub(super) struct Client {
     /// Its units; none if it counts in those of the axes.
     pub units: Option<(DispUnit, ForceUnit)>,
     pub following: Option<Following>,
+    /// Its targets become paths of commands, whose velocities are slopes in wall time.
+    pub is_paced: bool,
 }
 
 /// The gateway, and how it checks the wiring.
@@ -43,10 +45,14 @@ pub(super) fn host(
     table: &SpecimenTable,
     link: &LinkSpec,
     at: &KeyPath,
-    Client { units, following }: Client,
+    Client {
+        units,
+        following,
+        is_paced,
+    }: Client,
     build: LinkBuild,
 ) -> Result<(Host, WiringCheck), Box<Finding>> {
-    let converted = Converted::of(table, at)?;
+    let converted = Converted::of(table, at, is_paced)?;
     let n = converted.axes.len();
     let client = units.map_or_else(|| table.units_of(n), |units| converted.client_units(units));
     let wire = match units {
@@ -81,14 +87,23 @@ pub(super) fn host(
 }
 
 impl<'a> Converted<'a> {
-    fn of(table: &'a SpecimenTable, at: &KeyPath) -> Result<Self, Box<Finding>> {
+    fn of(table: &'a SpecimenTable, at: &KeyPath, is_paced: bool) -> Result<Self, Box<Finding>> {
         let n = table.axes();
         let (_, loading) = loading_of(table, Vec::new()).map_err(|error| {
             let at = at.key("geometry").key(error.key());
             Box::new(Finding::error(at, error.to_string()))
         })?;
         let gears = (0..n).map(|index| table.axis.get(index).cloned().unwrap_or_default());
-        let axes = gears.map(|gear| gear::axis(table, &gear, Vec::new()).0);
+        let axes = gears.map(|gear| {
+            let axis = gear::axis(table, &gear, Vec::new()).0;
+            // Velocities of a client are slopes in its own time; those of a path are slopes in wall time already.
+            let vel_gain = if is_paced {
+                axis.disp_gain
+            } else {
+                axis.vel_gain
+            };
+            Axis { vel_gain, ..axis }
+        });
         let axes: Vec<Axis> = axes.collect();
         let estimate = table.stiffness_n_per_m.as_ref();
         let rows = estimate.map(|matrix| matrix.rows()).unwrap_or_default();

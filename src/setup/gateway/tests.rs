@@ -1,8 +1,10 @@
 //! A gateway that converts: work, positions, limits, the wiring check, and the bits of a test in this process.
 
 mod compensated;
+mod recorded;
 mod schedules;
 mod simulated;
+mod stops;
 
 use std::sync::{Arc, Mutex};
 
@@ -76,16 +78,34 @@ struct Behind {
 }
 
 fn behind(table: &str, units: (DispUnit, ForceUnit), standing: &[f64], law: Law) -> Behind {
+    let client = Client {
+        units: Some(units),
+        ..Client::default()
+    };
+    behind_for(client, table, standing, law)
+}
+
+/// A gateway whose targets become paths of commands.
+fn behind_paced(table: &str) -> Behind {
+    let client = Client {
+        units: Some(SI),
+        is_paced: true,
+        ..Client::default()
+    };
+    let Behind { told, host } = behind_for(client, table, &REST, springs());
+    Behind {
+        told,
+        host: host.paced(Some(PACING)),
+    }
+}
+
+fn behind_for(client: Client, table: &str, standing: &[f64], law: Law) -> Behind {
     let told = Told::default();
     let rig = Rig {
         law,
         standing: standing.to_vec(),
         told: Arc::clone(&told),
         sequence: 0,
-    };
-    let client = Client {
-        units: Some(units),
-        following: None,
     };
     Behind {
         told,
@@ -425,11 +445,7 @@ const PACING: Pacing = Pacing {
 
 #[test]
 fn a_paced_target_is_reached_from_rest_to_rest_along_the_poses_between() {
-    let Behind { told, host } = behind(PLATFORM, SI, &REST, springs());
-    let rig = Behind {
-        told,
-        host: host.paced(Some(PACING)),
-    };
+    let rig = behind_paced(PLATFORM);
     let mut served = rig.begun();
     let mut plain = behind(PLATFORM, SI, &REST, springs()).begun();
     for (sequence, pose) in (0..).zip([[0.01, -0.02, 0.03], [0.012, 0.0, 0.03], [-0.02, 0.01, 0.0]])
@@ -452,6 +468,26 @@ fn a_paced_target_is_reached_from_rest_to_rest_along_the_poses_between() {
     }
 }
 
+#[test]
+fn velocities_of_paced_commands_are_the_slopes_of_the_commands_whatever_the_scale_of_time() {
+    let table = PLATFORM.replace("time = 1.5", "time = 2.0");
+    assert_ne!(table, PLATFORM);
+    let rig = behind_paced(&table);
+    let mut served = rig.begun();
+    // The first target is reached by a ramp, the second by a path.
+    for (sequence, pose) in (0..).zip([[0.01, -0.02, 0.03], [-0.02, 0.01, 0.0]]) {
+        let before = rig.told.lock().unwrap().len();
+        goes(&mut served, sequence, &pose, &[0.0; 3]).unwrap();
+        let told = rig.told.lock().unwrap()[before - 1..].to_vec();
+        let tick = 200e-6;
+        for axis in 0..3 {
+            let way = told.last().unwrap()[0][axis] - told[0][0][axis];
+            let sum: f64 = told.iter().map(|[_, vel]| vel[axis] * tick).sum();
+            assert!((sum - way).abs() < 1e-2 * way.abs(), "{axis}: {sum} {way}");
+        }
+    }
+}
+
 /// The rotation of the target before this one.
 fn before_of(sequence: u64) -> f64 {
     if sequence == 0 { 0.0 } else { 0.03 }
@@ -470,11 +506,7 @@ fn port_of_platform() -> crate::port::Port {
 /// OpenSees sends each displacement twice: with the velocity that it predicts, and with that of the end of the step.
 #[test]
 fn a_target_that_is_sent_again_in_its_step_moves_nothing_and_has_its_answer() {
-    let Behind { told, host } = behind(PLATFORM, SI, &REST, springs());
-    let rig = Behind {
-        told,
-        host: host.paced(Some(PACING)),
-    };
+    let rig = behind_paced(PLATFORM);
     let mut served = rig.begun();
     let pose = [0.01, 0.0, 0.02];
     goes(&mut served, 0, &[0.0; 3], &[0.0; 3]).unwrap();
@@ -496,11 +528,7 @@ fn a_target_that_is_sent_again_in_its_step_moves_nothing_and_has_its_answer() {
 
 #[test]
 fn a_client_that_is_late_or_gone_finds_the_specimen_at_rest_at_its_last_target() {
-    let Behind { told, host } = behind(PLATFORM, SI, &REST, springs());
-    let rig = Behind {
-        told,
-        host: host.paced(Some(PACING)),
-    };
+    let rig = behind_paced(PLATFORM);
     let mut served = rig.begun();
     goes(&mut served, 0, &[0.01, 0.0, 0.0], &[0.0; 3]).unwrap();
     let told = rig.told.lock().unwrap().clone();
@@ -561,11 +589,7 @@ fn a_target_beyond_its_bound_is_refused_before_the_specimen_is_led_anywhere() {
         "limits = { command_step_m = { trip = 0.5 } }",
         "limits = { command_disp_m = { trip = [-0.02, 0.02] }, command_step_m = { trip = 0.5 } }",
     );
-    let Behind { told, host } = behind(&table, SI, &REST, springs());
-    let rig = Behind {
-        told,
-        host: host.paced(Some(PACING)),
-    };
+    let rig = behind_paced(&table);
     let mut served = rig.begun();
     let before = rig.told.lock().unwrap().len();
     // 0.05 m of the structure is 0.025 m of the third actuator.

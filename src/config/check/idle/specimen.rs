@@ -3,6 +3,7 @@
 use super::Findings;
 use crate::catalog::limit::Limit;
 use crate::compensation::CompensationSpec;
+use crate::config::diagnose::Finding;
 use crate::config::document::KeyPath;
 use crate::config::limit_table::LimitsSpec;
 use crate::config::link_table::{
@@ -38,8 +39,9 @@ pub(in crate::config::check) fn check_idle_specimen(
     if let Some(transfer) = &specimen.transfer {
         check_transfer(transfer, &at.key("transfer"), findings);
     }
+    // A server takes no zero.
     let own = specimen.axis.iter().enumerate();
-    for (index, axis) in own {
+    for (index, axis) in own.filter(|_| safety.is_some()) {
         let at = at.key("axis").index(index);
         for (key, zero, given, choice) in [
             ("offset_m", "zero_disp", axis.offset_m, axis.zero_disp),
@@ -148,7 +150,7 @@ fn check_reach(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) 
     }
 }
 
-/// What belongs to the controller's test file, in the file of a server. A gateway refuses its gear by itself.
+/// What belongs to the controller's test file, in the file of a server. A gateway converts by those keys itself.
 fn check_served(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
     let why = "only for the controller's test file: a server uses the numbers of the axes";
     if specimen.link.is_none() {
@@ -170,6 +172,7 @@ fn check_served(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings)
         }
     }
     if let Some(link) = &specimen.link {
+        refuse_relative_zeros(specimen, at, findings);
         let keys = [
             ("on_stale", link.on_stale != StaleChoice::default()),
             ("max_stale", link.max_stale.is_some()),
@@ -194,6 +197,28 @@ fn check_served(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings)
         ("drill", specimen.drill.is_some()),
     ] {
         findings.idle(at, key, given, why);
+    }
+}
+
+/// A gateway adds its offsets to every command and measurement, and reads no zero before a session: it would use another zero than
+/// the file says.
+fn refuse_relative_zeros(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
+    for (index, axis) in specimen.axis.iter().enumerate() {
+        let at = at.key("axis").index(index);
+        let of_disp = "`offset_m` is the position of the axis at zero deformation";
+        let of_force = "`offset_n` is the reading of the load cell at zero force";
+        for (key, zero, offset) in [
+            ("zero_disp", axis.zero_disp, of_disp),
+            ("zero_force", axis.zero_force, of_force),
+        ] {
+            if zero == ZeroChoice::Relative {
+                let text = format!("a gateway does not support `{key} = \"relative\"`");
+                let finding = Finding::error(at.key(key), text)
+                    .label("it takes no zero before a session")
+                    .help(format!("remove the key; {offset}"));
+                findings.0.push(finding);
+            }
+        }
     }
 }
 

@@ -92,6 +92,7 @@ fn examples() -> Vec<Value> {
         json!({"event": "left_aside", "text": "a commit"}),
         json!({"event": "client_without_commits", "text": "none"}),
         json!({"event": "client_reset", "text": "reset"}),
+        json!({"event": "late_replies", "text": "late"}),
         json!({"event": "counts", "text": "3 commands"}),
     ]
 }

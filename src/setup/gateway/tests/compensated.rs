@@ -102,7 +102,7 @@ pub fn following(table: &str) -> Result<Option<Following>, Box<crate::config::Fi
 }
 
 /// Targets in m at the structure: a swing of 0.3 s.
-fn targets() -> impl Iterator<Item = f64> {
+fn targets() -> impl Iterator<Item = f64> + Clone {
     (1..50).map(|step| 0.01 * (std::f64::consts::TAU * f64::from(step) / 15.0).sin())
 }
 
@@ -112,6 +112,7 @@ fn by_gateway(compensation: &str) -> (Vec<[Vec<f64>; 2]>, [f64; 4]) {
     let client = Client {
         units: Some(SI),
         following: following(&table).unwrap(),
+        is_paced: true,
     };
     let told = Arc::clone(&rig.told);
     let host = host_of(&table, client, rig).paced(Some(PACED));
@@ -121,8 +122,8 @@ fn by_gateway(compensation: &str) -> (Vec<[Vec<f64>; 2]>, [f64; 4]) {
     // Before the first target the gateway reads the force at rest.
     told.lock().unwrap().clear();
     for (sequence, target) in (0..).zip(targets()) {
-        // The client is late by another time each time.
-        simulated::pass(sequence * 137_000);
+        // The client is late by another time each time, and by less than a tick: a longer gap may teach nothing.
+        simulated::pass(sequence * 137_000 % 1_000_000);
         goes(&mut served, sequence, &[target], &[0.0]).unwrap();
         served.commit();
     }
@@ -244,6 +245,7 @@ fn a_session_finds_its_compensators_as_new() {
     let client = Client {
         units: Some(SI),
         following: following(&table).unwrap(),
+        is_paced: true,
     };
     let told = Arc::clone(&rig.told);
     let host = host_of(&table, client, rig).paced(Some(PACED));
@@ -267,6 +269,45 @@ fn a_session_finds_its_compensators_as_new() {
     assert_eq!(first, go());
 }
 
+/// The last commands of a swing, with an adaptive compensator and a client that is late or not.
+fn swings(settle_ticks: u32, late_ns: u64) -> Vec<f64> {
+    let (table, rig) = (table_of("ats = { delay_s = 0.005 }"), lagging());
+    let client = Client {
+        units: Some(SI),
+        following: following(&table).unwrap(),
+    };
+    let told = Arc::clone(&rig.told);
+    let pacing = Pacing {
+        settle_ticks,
+        ..PACED
+    };
+    let host = host_of(&table, client, rig).paced(Some(pacing));
+    let mut served = host.specimen(false).unwrap();
+    let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
+    served.begin(&controller, &mut || Ok(())).unwrap();
+    for (sequence, target) in (0..200).zip(targets().cycle()) {
+        if sequence == 198 {
+            told.lock().unwrap().clear();
+        }
+        simulated::pass(late_ns);
+        goes(&mut served, sequence, &[target], &[0.0]).unwrap();
+        served.commit();
+    }
+    let told = told.lock().unwrap();
+    told.iter().map(|[disp, _]| disp[0]).collect()
+}
+
+#[test]
+fn a_late_client_teaches_a_compensator_only_if_the_specimen_rests_long_enough() {
+    let late = 5_000_000;
+    for settle_ticks in [0, 1, 10, 64] {
+        let learns = swings(settle_ticks, late) != swings(settle_ticks, late + 7_000_000);
+        assert!(!learns, "{settle_ticks}: the time of the gap says nothing");
+        let is_as_without_gaps = swings(settle_ticks, late) == swings(settle_ticks, 0);
+        assert_eq!(is_as_without_gaps, settle_ticks == 64, "{settle_ticks}");
+    }
+}
+
 #[test]
 fn a_compensator_that_a_gateway_lacks_is_refused_by_its_key() {
     let refused = |compensation: &str| {
@@ -281,4 +322,55 @@ fn a_compensator_that_a_gateway_lacks_is_refused_by_its_key() {
     );
     let far = "model_inverse = { coefficients = [3.0, 0.02] }";
     assert_eq!(refused(far), "specimen[0].compensation");
+}
+
+#[test]
+fn a_controller_resumes_where_it_was_although_the_command_there_is_led_by_a_static_gain() {
+    let table = table_of("model_inverse = { coefficients = [1.25, 0.015] }");
+    let host = |standing: Vec<f64>| {
+        let rig = Rig {
+            law: Arc::new(|disp: &[f64]| vec![2.0 * disp[0]]),
+            standing,
+            told: Told::default(),
+            sequence: 0,
+        };
+        let client = Client {
+            units: Some(SI),
+            following: following(&table).unwrap(),
+            is_paced: true,
+        };
+        let told = Arc::clone(&rig.told);
+        (told, host_of(&table, client, rig).paced(Some(PACED)))
+    };
+    let begin = |host: &Host, start: Vec<f64>| {
+        let controller = Controller {
+            start,
+            ..Controller::unnamed(([127, 0, 0, 1], 1).into())
+        };
+        let mut served = host.specimen(false).unwrap();
+        let begun = served.begin(&controller, &mut || Ok(()));
+        begun.map(|_| served)
+    };
+    let (told, first) = host(vec![0.0]);
+    let mut served = begin(&first, Vec::new()).unwrap();
+    for (sequence, target) in [(0, 0.004), (1, 0.01)] {
+        goes(&mut served, sequence, &[target], &[0.0]).unwrap();
+        served.commit();
+    }
+    served.end(crate::catalog::ending::Cause::Done, "");
+    // 10 mm of the structure are −5 mm of the axis, and 1.25 times that the command.
+    let left = told.lock().unwrap().last().unwrap()[0][0];
+    assert!((left + 6.25).abs() < 1e-9, "{left}");
+    let stands = first.standing();
+    assert!((stands[0] - 0.01).abs() < 1e-12, "{stands:?}");
+    // The specimen says that this command holds it.
+    let (told, next) = host(vec![left]);
+    assert!(begin(&next, vec![0.0125]).is_err());
+    let mut served = begin(&next, vec![0.01]).unwrap();
+    goes(&mut served, 0, &[0.01], &[0.0]).unwrap();
+    let told = told.lock().unwrap().clone();
+    assert!(!told.is_empty());
+    for [disp, _] in told {
+        assert!((disp[0] - left).abs() < 1e-9, "{disp:?}: nothing moves");
+    }
 }

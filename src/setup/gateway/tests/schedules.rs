@@ -92,6 +92,7 @@ fn course(
     let client = Client {
         units: Some(SI),
         following,
+        is_paced: true,
     };
     let pacing = Pacing {
         ticks: TICKS,

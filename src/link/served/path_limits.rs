@@ -1,0 +1,67 @@
+//! A path to a target is judged by the limits of the axes before anything moves.
+
+use super::Trip;
+use super::pacing::{FASTEST, HARDEST, Pacing};
+use crate::catalog::limit::Limit;
+use crate::port::Port;
+use crate::port::limits::{AxisLimits, Hit, Level};
+
+/// The distance of each axis in m from one place to the other, with its limits. Places are in the units of the axes.
+fn distances<'a>(
+    port: &'a Port,
+    [from, to]: [&'a [f64]; 2],
+) -> impl Iterator<Item = (&'a AxisLimits, f64)> {
+    let ends = from.iter().zip(to).zip(port.units());
+    let distances = ends.map(|((from, to), (metres, _))| (to - from).abs() * metres);
+    port.limits().iter().zip(distances)
+}
+
+/// Largest acceleration in 1/s² of a motion over a distance of 1 that no axis forbids on its way between these places. Real-time: yes.
+pub(super) fn allowed_accel(port: &Port, ends: [&[f64]; 2]) -> f64 {
+    let axes = distances(port, ends).filter(|(_, distance)| *distance > 0.0);
+    axes.map(|(limits, distance)| limits.size(Limit::CommandAccel).trip / distance)
+        .fold(f64::INFINITY, f64::min)
+}
+
+/// Judges a path from rest to rest between two places of the axes, without any compensation. Real-time: yes.
+///
+/// # Errors
+/// It must exceed a limit of speed, step or acceleration.
+pub(super) fn judge(port: &Port, ends: [&[f64]; 2], pacing: Pacing) -> Result<(), Trip> {
+    let (seconds, period_s) = (pacing.motion_s(), pacing.period_s());
+    let mut first = None;
+    let mut ticks: f64 = 0.0;
+    for (axis, (limits, distance)) in distances(port, ends).enumerate() {
+        let speed = FASTEST * distance / seconds;
+        let accel = HARDEST * distance / (seconds * seconds);
+        for (quantity, value) in [
+            (Limit::CommandVel, speed),
+            (Limit::CommandStep, speed * period_s),
+            (Limit::CommandAccel, accel),
+        ] {
+            let bound = limits.size(quantity).trip;
+            let is_within = value <= bound;
+            if is_within {
+                continue;
+            }
+            let hit = Hit {
+                axis,
+                quantity,
+                level: Level::Trip,
+                value,
+                bound,
+            };
+            first.get_or_insert(hit);
+            let excess = value / bound;
+            let longer = match quantity {
+                Limit::CommandAccel => excess.sqrt(),
+                _ => excess,
+            };
+            ticks = ticks.max((f64::from(pacing.ticks) * longer).ceil());
+        }
+    }
+    first.map_or(Ok(()), |hit| {
+        let ticks = ticks as u32;
+        Err(Trip::TooFast { hit, ticks })
+    })
+}
