@@ -92,7 +92,7 @@ impl Lanes {
 }
 
 /// A calculation that is compiled once for each path. `run` must be `#[inline(always)]`, and all that it calls: what
-/// stays a call of its own is compiled for every processor. A closure may stay one: none uses an [`Isa`].
+/// stays a separate call is compiled for every processor. A closure may stay one: none uses an [`Isa`].
 pub(crate) trait Kernel {
     /// Its result.
     type Output;

@@ -151,7 +151,7 @@ impl Partitioned {
     }
 
     /// x ← A⁻¹ b, both wherever `vectors` has them: each right-hand side is requested once, tile by tile, and each
-    /// solution is handed over as soon as it is complete, one tile later or after all requests. Real-time: yes.
+    /// solution is handed over once it is complete, one tile later or after all requests. Real-time: yes.
     pub(super) fn solve(&mut self, vectors: &mut impl Rows) {
         let tiles = self.of_tile.len();
         if self.interfaces.multiplier.is_empty() {

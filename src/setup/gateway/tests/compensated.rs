@@ -275,6 +275,7 @@ fn swings(settle_ticks: u32, late_ns: u64) -> Vec<f64> {
     let client = Client {
         units: Some(SI),
         following: following(&table).unwrap(),
+        is_paced: true,
     };
     let told = Arc::clone(&rig.told);
     let pacing = Pacing {

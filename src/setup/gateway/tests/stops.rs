@@ -70,6 +70,7 @@ fn with_replies(limits: &str, pacing: Pacing, takes_ns: u64) -> (ServedSpecimen,
     let client = Client {
         units: Some(SI),
         following: None,
+        is_paced: true,
     };
     let rig = Slow {
         rig,
