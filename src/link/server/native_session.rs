@@ -7,12 +7,12 @@
 //! A specimen behind another link gets the newest of the commands that came while it was busy.
 
 mod ends;
+mod exchange;
 
 use super::ServerEvent;
 use super::backlog::{Backlog, WaitingCommand};
 use super::channel::Channel;
 use super::commanded::{CommandCount, CommandInForce, Effect};
-use super::connection::ClientLink;
 use super::farewell::Farewell;
 use super::native_codec::NativeCodec;
 use super::native_handshake::NativeOpening;
@@ -22,9 +22,9 @@ use super::shared::Shared;
 use super::silence::{Due, Silence};
 use crate::catalog::event::Remark;
 use crate::link::Transport;
-use crate::link::served::{ServedSpecimen, TestEnd, Trip};
+use crate::link::served::{ServedSpecimen, TestEnd};
 use crate::link::socket::LOOK;
-use crate::substructure::{LinkFault, Status};
+use crate::substructure::Status;
 use crate::time::Nanos;
 use crate::wire::WireError;
 use crate::wire::handshake::Arm;
@@ -298,54 +298,6 @@ impl NativeConversation {
         self.answer(now, channel)
     }
 
-    /// The exchange of the command in force with the specimen.
-    fn exchange(
-        &mut self,
-        elapsed: f64,
-        now: Nanos,
-        channel: &mut Channel,
-        shared: &Shared,
-    ) -> Result<(), TestEnd> {
-        self.served.now_is(now);
-        let was_tripped = self.served.tripped().is_some();
-        let mut gone = None;
-        // Nothing shows that a client of datagrams has gone.
-        let looks = self.codec.is_stream() && self.served.is_paced();
-        let (link, codec) = (&mut channel.link, &mut self.codec);
-        let mut look_at = now;
-        let mut wanted = || {
-            let now = link.now();
-            if looks && gone.is_none() && now >= look_at {
-                look_at = now.plus(LOOK_NS);
-                gone = look(link, codec).err();
-            }
-            gone.is_none() && !shared.is_stopped()
-        };
-        let (command, measured) = self.commanded.exchange();
-        let sequence = command.sequence;
-        let outcome = (self.served).exchange(&command, elapsed, &mut wanted, measured);
-        self.commanded.flags = self.commanded.measured.status;
-        self.count.commands += 1;
-        match outcome {
-            Err(trip @ Trip::Lost(_)) => return Err(self.lost_specimen(trip, channel)),
-            Err(trip) if !was_tripped => {
-                let text = self.served.whole(trip);
-                shared.tell(ServerEvent::Tripped { sequence, text });
-                if let Some(text) = self.served.next_step() {
-                    shared.tell(ServerEvent::Told { text });
-                }
-            }
-            Ok(false) => {
-                return Err(match gone {
-                    Some(fault) => channel.lost(true, fault),
-                    None => self.told_to_stop(channel),
-                });
-            }
-            Err(_) | Ok(true) => {}
-        }
-        Ok(())
-    }
-
     /// Sends the measurement of the command in force. Real-time: yes.
     fn answer(&mut self, now: Nanos, channel: &mut Channel) -> Result<(), TestEnd> {
         let status = self.status();
@@ -459,23 +411,6 @@ impl Conversation for NativeConversation {
             shared.part(farewell);
         }
         shared.tell(ended);
-    }
-}
-
-/// Keeps what has come on a stream, as far as there is room for it: behind that nothing is seen. Real-time: yes.
-///
-/// # Errors
-/// The client is gone.
-fn look(link: &mut ClientLink, codec: &mut NativeCodec) -> Result<(), LinkFault> {
-    loop {
-        let room = codec.space();
-        if room.is_empty() {
-            return Ok(());
-        }
-        match link.recv(room, LOOK)? {
-            Some(count) => codec.filled(count),
-            None => return Ok(()),
-        }
     }
 }
 
