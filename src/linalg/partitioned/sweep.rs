@@ -42,16 +42,8 @@ impl Down<'_> {
     /// Real-time: yes.
     #[inline]
     pub(super) fn run(self, lanes: Lanes) -> Received {
-        // The lengths that long chains have, and the one that most even chains have.
-        match (self.y.len(), self.coefficients.is_even()) {
-            (5, true) => lanes.run(Known::<_, 5, true>(self)),
-            (5, false) => lanes.run(Known::<_, 5, false>(self)),
-            (13, false) => lanes.run(Known::<_, 13, false>(self)),
-            (29, false) => lanes.run(Known::<_, 29, false>(self)),
-            (61, false) => lanes.run(Known::<_, 61, false>(self)),
-            (_, true) => lanes.run(Known::<_, 0, true>(self)),
-            (_, false) => lanes.run(Known::<_, 0, false>(self)),
-        }
+        let (blocks, even) = (self.y.len(), self.coefficients.is_even());
+        on_lanes(self, blocks, even, lanes)
     }
 }
 
@@ -59,31 +51,55 @@ impl Up<'_> {
     /// Real-time: yes.
     #[inline]
     pub(super) fn run(self, lanes: Lanes) {
-        match (self.y.len(), self.coefficients.is_even()) {
-            (5, true) => lanes.run(Known::<_, 5, true>(self)),
-            (5, false) => lanes.run(Known::<_, 5, false>(self)),
-            (13, false) => lanes.run(Known::<_, 13, false>(self)),
-            (29, false) => lanes.run(Known::<_, 29, false>(self)),
-            (61, false) => lanes.run(Known::<_, 61, false>(self)),
-            (_, true) => lanes.run(Known::<_, 0, true>(self)),
-            (_, false) => lanes.run(Known::<_, 0, false>(self)),
-        }
+        let (blocks, even) = (self.y.len(), self.coefficients.is_even());
+        on_lanes(self, blocks, even, lanes);
     }
 }
 
-/// A sweep over segments of `B` blocks, or of as many as it has, with coefficients that are alike in all segments if `EVEN`.
+/// A sweep over segments of `B` blocks, or of as many as it has if that is 0, with coefficients that are alike in all segments if
+/// `EVEN`. `sweep` must be `#[inline(always)]`, as what a [`Kernel`] runs.
+trait Sweep {
+    type Output;
+
+    fn sweep<I: Isa, const B: usize, const EVEN: bool>(self, isa: I) -> Self::Output;
+}
+
+/// Runs a sweep that knows its length, where it is one of those that long chains have, or the one that most even chains have.
+#[inline]
+fn on_lanes<S: Sweep>(sweep: S, blocks: usize, even: bool, lanes: Lanes) -> S::Output {
+    match (blocks, even) {
+        (5, true) => lanes.run(Known::<_, 5, true>(sweep)),
+        (5, false) => lanes.run(Known::<_, 5, false>(sweep)),
+        (13, false) => lanes.run(Known::<_, 13, false>(sweep)),
+        (29, false) => lanes.run(Known::<_, 29, false>(sweep)),
+        (61, false) => lanes.run(Known::<_, 61, false>(sweep)),
+        (_, true) => lanes.run(Known::<_, 0, true>(sweep)),
+        (_, false) => lanes.run(Known::<_, 0, false>(sweep)),
+    }
+}
+
+/// A [`Sweep`] as a kernel.
 struct Known<S, const B: usize, const EVEN: bool>(S);
 
-impl<const B: usize, const EVEN: bool> Kernel for Known<Down<'_>, B, EVEN> {
+impl<S: Sweep, const B: usize, const EVEN: bool> Kernel for Known<S, B, EVEN> {
+    type Output = S::Output;
+
+    #[inline(always)]
+    fn run<I: Isa>(self, isa: I) -> S::Output {
+        self.0.sweep::<I, B, EVEN>(isa)
+    }
+}
+
+impl Sweep for Down<'_> {
     type Output = Received;
 
     #[inline(always)]
-    fn run<I: Isa>(self, isa: I) -> Received {
+    fn sweep<I: Isa, const B: usize, const EVEN: bool>(self, isa: I) -> Received {
         let Down {
             coefficients,
             rhs,
             y,
-        } = self.0;
+        } = self;
         let blocks = if B == 0 { y.len() } else { B };
         let (Some(rhs), Some(y), Some(multiplier)) = (
             rhs.as_chunks::<8>().0.get(..SEGMENTS * blocks),
@@ -133,18 +149,18 @@ impl<const B: usize, const EVEN: bool> Kernel for Known<Down<'_>, B, EVEN> {
     }
 }
 
-impl<const B: usize, const EVEN: bool> Kernel for Known<Up<'_>, B, EVEN> {
+impl Sweep for Up<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<I: Isa>(self, isa: I) {
+    fn sweep<I: Isa, const B: usize, const EVEN: bool>(self, isa: I) {
         let Up {
             coefficients,
             y,
             interfaces,
             before,
             out,
-        } = self.0;
+        } = self;
         let blocks = if B == 0 { y.len() } else { B };
         let (Some(out), Some(y), Some(multipliers), Some(inverse)) = (
             out.as_chunks_mut::<8>().0.get_mut(..SEGMENTS * blocks),
