@@ -73,7 +73,7 @@ impl ClientMotion {
 }
 
 /// Copies the signals that the client sends; the others keep their value.
-fn copy(to: &mut [f64], from: &[f64]) {
+pub(super) fn copy(to: &mut [f64], from: &[f64]) {
     for (to, from) in to.iter_mut().zip(from) {
         *to = *from;
     }

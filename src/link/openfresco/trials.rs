@@ -3,6 +3,7 @@
 //! A client iterates if it commands another target before it commits the step. Where no commit has come yet, the same test time tells
 //! an iteration from a step. Limits: a client that never commits and sends no time cannot be recognised; each of its targets is a step.
 
+use super::motion::copy;
 use crate::link::served::{ROUNDING, TrialFault};
 use crate::units::AxisUnits;
 
@@ -53,12 +54,6 @@ impl Trials {
             distance,
             within: self.within,
         })
-    }
-}
-
-fn copy(to: &mut [f64], from: &[f64]) {
-    for (to, from) in to.iter_mut().zip(from) {
-        *to = *from;
     }
 }
 
