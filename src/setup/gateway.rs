@@ -11,7 +11,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use conversion::Client;
-pub(super) use conversion::moment;
+pub(super) use conversion::signal_units;
 use following::Following;
 
 use super::links::{beside, folder, native_setup, tls_client, wire_axes};

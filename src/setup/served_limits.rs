@@ -1,5 +1,6 @@
 //! Limits of a served specimen at its own scale and at that of its client.
 
+use super::gateway::signal_units;
 use super::gear;
 use super::specimens::loading::loading_of;
 use crate::catalog::limit::Limit;
@@ -21,6 +22,19 @@ pub struct ServedLimit {
     pub force_unit: &'static str,
 }
 
+impl ServedLimit {
+    /// Ranges of displacement and force in SI, as a client with these units counts them.
+    fn counted(name: &str, [disp, force]: [[f64; 2]; 2], units: AxisUnits) -> Self {
+        Self {
+            name: name.to_owned(),
+            disp: disp.map(|end| end / units.metres),
+            disp_unit: units.disp,
+            force: force.map(|end| end / units.newtons),
+            force_unit: units.force,
+        }
+    }
+}
+
 /// Limits of `command_disp_m` and `measured_force_n`: those of the axes in m and N, and the same as the client counts.
 #[must_use]
 pub fn served_limits(source: &ServedFile) -> [Vec<ServedLimit>; 2] {
@@ -31,24 +45,13 @@ pub fn served_limits(source: &ServedFile) -> [Vec<ServedLimit>; 2] {
     let client = match loading_of(table, Vec::new()) {
         Ok((_, Some(loading))) if source.converts() => {
             let reference = loading.geometry.reference();
-            let (disp, force) = source.client_units().unwrap_or_default();
+            let units = source.client_units().unwrap_or_default();
             let coordinates = loading.geometry.coordinates().iter().enumerate();
             let limits = coordinates.map(|(index, coordinate)| {
-                let turns = coordinate.is_rotation();
                 let slope = |axis: usize| reference.slope(axis, index);
-                let (metres, newtons) = if turns {
-                    (1.0, force.newtons() * disp.metres())
-                } else {
-                    (disp.metres(), force.newtons())
-                };
                 let alone = at_coordinate(table, &own, slope);
-                ServedLimit {
-                    name: coordinate.key().to_owned(),
-                    disp: alone[0].map(|end| end / metres),
-                    disp_unit: if turns { "rad" } else { disp.symbol() },
-                    force: alone[1].map(|end| end / newtons),
-                    force_unit: moment_or_force(turns, (disp, force)),
-                }
+                let units = signal_units(Some(coordinate), units);
+                ServedLimit::counted(coordinate.key(), alone, units)
             });
             limits.collect()
         }
@@ -59,17 +62,6 @@ pub fn served_limits(source: &ServedFile) -> [Vec<ServedLimit>; 2] {
             .collect(),
     };
     [own, client]
-}
-
-fn moment_or_force(
-    turns: bool,
-    (disp, force): (crate::config::DispUnit, crate::config::ForceUnit),
-) -> &'static str {
-    if turns {
-        super::gateway::moment(disp, force)
-    } else {
-        force.symbol()
-    }
 }
 
 /// Limits of the axes, in m and N at the specimen.
@@ -113,23 +105,9 @@ fn at_client(
     let units = axis_units.get(index).copied().unwrap_or(AxisUnits::SI);
     let (ends, units) = match source.client_units() {
         None => ([own.disp, own.force], units),
-        Some((disp, force)) => {
-            let units = AxisUnits {
-                metres: disp.metres(),
-                newtons: force.newtons(),
-                disp: disp.symbol(),
-                force: force.symbol(),
-            };
-            (at_structure(table, index, own), units)
-        }
+        Some(units) => (at_structure(table, index, own), signal_units(None, units)),
     };
-    ServedLimit {
-        name: own.name.clone(),
-        disp: ends[0].map(|end| end / units.metres),
-        disp_unit: units.disp,
-        force: ends[1].map(|end| end / units.newtons),
-        force_unit: units.force,
-    }
+    ServedLimit::counted(&own.name, ends, units)
 }
 
 /// Range of one coordinate in m or rad while all others are at the reference pose, and the range of its force, both for small

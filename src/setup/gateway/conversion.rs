@@ -126,28 +126,13 @@ impl<'a> Converted<'a> {
     }
 
     /// Units of the client, one entry per signal.
-    fn client_units(&self, (disp, force): (DispUnit, ForceUnit)) -> Vec<AxisUnits> {
-        let of_axis = AxisUnits {
-            metres: disp.metres(),
-            newtons: force.newtons(),
-            disp: disp.symbol(),
-            force: force.symbol(),
-        };
+    fn client_units(&self, units: (DispUnit, ForceUnit)) -> Vec<AxisUnits> {
         if self.loading.is_none() {
-            return vec![of_axis; self.axes.len()];
+            return vec![signal_units(None, units); self.axes.len()];
         }
-        let units = self.coordinates().iter().map(|coordinate| {
-            if !coordinate.is_rotation() {
-                return of_axis;
-            }
-            AxisUnits {
-                metres: 1.0,
-                newtons: force.newtons() * disp.metres(),
-                disp: "rad",
-                force: moment(disp, force),
-            }
-        });
-        units.collect()
+        let coordinates = self.coordinates().iter();
+        let of_signals = coordinates.map(|coordinate| signal_units(Some(coordinate), units));
+        of_signals.collect()
     }
 
     /// k̂ as the client sees it, n × n by columns, in its units.
@@ -274,8 +259,29 @@ fn at_client(own: &Limits, axis: &Axis, (metres, newtons): (f64, f64)) -> Limits
     }
 }
 
+/// Units of a client that counts in `disp` and `force`, for a coordinate of a loading unit or for an axis.
+pub(in crate::setup) fn signal_units(
+    coordinate: Option<&Coordinate>,
+    (disp, force): (DispUnit, ForceUnit),
+) -> AxisUnits {
+    if coordinate.is_some_and(|coordinate| coordinate.is_rotation()) {
+        return AxisUnits {
+            metres: 1.0,
+            newtons: force.newtons() * disp.metres(),
+            disp: "rad",
+            force: moment(disp, force),
+        };
+    }
+    AxisUnits {
+        metres: disp.metres(),
+        newtons: force.newtons(),
+        disp: disp.symbol(),
+        force: force.symbol(),
+    }
+}
+
 /// The unit of a moment.
-pub(in crate::setup) const fn moment(disp: DispUnit, force: ForceUnit) -> &'static str {
+const fn moment(disp: DispUnit, force: ForceUnit) -> &'static str {
     match (force, disp) {
         (ForceUnit::Newton, DispUnit::Metre) => "N m",
         (ForceUnit::Newton, DispUnit::Millimetre) => "N mm",
