@@ -7,11 +7,8 @@ use super::cycle::{Engine, Maneuver};
 use super::order::Order;
 use super::phase::Phase;
 use super::{Ending, Stop};
-use crate::port::Port;
+use crate::port::{Port, SHARE_OF_SPEED};
 use crate::rt::timing::TickStamps;
-
-/// Share of a speed limit that a ramp uses at its fastest.
-const SHARE_OF_SPEED: f64 = 0.5;
 
 /// The operator's hold over a motion: its pace falls from 1 to 0 and rises again.
 #[derive(Debug, Clone, Copy)]

@@ -54,7 +54,7 @@ pub use linear_stand_in::LinearStandIn;
 pub use loading_unit::{PoseRow, Poses};
 pub use motion_check::MotionCheck;
 pub use probe::{Found, Pace, Probe};
-pub use ramp::UNBOUNDED_RAMP_S;
+pub use ramp::{SHARE_OF_SPEED, UNBOUNDED_RAMP_S};
 pub use rest::Rest;
 pub use return_move::{Exit, Exits, ReturnMove};
 pub use sensor_zero::{DispZero, Reading, Reference, Zero};

@@ -8,6 +8,9 @@ use super::axis_motion::AxisMotion;
 /// Time of a ramp in s that nothing else bounds.
 pub const UNBOUNDED_RAMP_S: f64 = 1.0;
 
+/// Share of a speed limit that a ramp uses at its fastest.
+pub const SHARE_OF_SPEED: f64 = 0.5;
+
 /// Where the last ramp began, and where it goes, in the specimen's units.
 #[derive(Debug)]
 pub(super) struct Ramp {

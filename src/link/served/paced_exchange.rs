@@ -11,10 +11,8 @@ use super::identity::Identity;
 use super::pacing::{PacedPath, PathTick};
 use super::path_limits::{allowed_accel, judge};
 use crate::catalog::event::Remark;
+use crate::port::SHARE_OF_SPEED;
 use crate::substructure::{Command, Measurement};
-
-/// Share of the limits of speed that a ramp may use, as in a test.
-const SHARE_OF_SPEED: f64 = 0.5;
 
 impl GuardedSpecimen {
     /// Leads the specimen to a target of the controller, and returns the answer there. If that is not `wanted` any more, the specimen
