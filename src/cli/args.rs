@@ -128,7 +128,7 @@ pub(super) enum Command {
     Identify(IdentifyArgs),
     /// Serve a specimen to controllers on a network, until Ctrl-C.
     Serve(ServeArgs),
-    /// Clear the latched trip of a served specimen.
+    /// Clear the latched trip of a specimen, and confirm where it stands.
     Reset(ResetArgs),
     /// Report what this machine has and lacks for real-time tests.
     Doctor(DoctorArgs),

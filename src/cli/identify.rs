@@ -107,7 +107,10 @@ fn carry_out(args: &IdentifyArgs, test: Judged, facts: &Facts) -> anyhow::Result
     let folder = conduct::folder(args.test_run.out.as_deref(), &facts.title)?;
     let line = ProgressLine::new(facts, !args.quiet);
     let control = conduct::attended(&signals, facts, &folder, args.test_run.yes)?;
-    let watches = Watches::default();
+    let watches = Watches {
+        specimen_records: super::control::records(&test.test, "gusset identify"),
+        ..Watches::default()
+    };
     let finished = session::run(
         test,
         folder,

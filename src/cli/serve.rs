@@ -86,13 +86,15 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
     let openfresco = openfresco_role(protocol);
     let physical = served.host.is_gateway()
         || (openfresco.is_some() && served.source.file.serve.openfresco.physical);
-    let specimen = served.source.file.specimen.first();
-    let among = specimen.filter(|_| served.source.among_others);
-    let name = among.map(|specimen| specimen.name.as_str());
     if served.source.is_test && served.host.is_gateway() {
         judge(&args.file)?;
     }
-    let (host, _control) = latched(served.host, args, name, physical)?;
+    let (host, _control) = latched(
+        served.host,
+        args,
+        served.source.file.specimen.first(),
+        (physical, served.source.among_others),
+    )?;
     served.host = host;
     if let Some((role, _)) = openfresco {
         return serve_openfresco::serve(args, &served, role, &listen, carrier);

@@ -108,7 +108,7 @@ pub use schema::{
     GravityTable, IntegratorTable, Method, RecordTable, Start, StructureTable, TestFile, Weighting,
 };
 pub use script::{load_script, parse_script};
-pub use serve::{ServedFile, is_for_a_server, load_serve_file};
+pub use serve::{ServedFile, is_for_a_server, load_serve_file, specimens_of};
 pub use serve_table::{ServeFile, ServeTable};
 pub use specimen::{DrillTable, SimilitudeTable, SpecimenTable};
 pub use steps::Time;

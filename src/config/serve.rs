@@ -281,6 +281,28 @@ pub fn load_serve_file(path: &Path, name: Option<&str>) -> Result<ServedFile, Co
     })
 }
 
+/// The specimens of a file for `gusset serve`, or of a test file.
+///
+/// # Errors
+/// [`ConfigError`]: the file cannot be read, or everything that is wrong with it.
+pub fn specimens_of(path: &Path) -> Result<Vec<SpecimenTable>, ConfigError> {
+    let text = read_text(path)?;
+    let opened = open(Purpose::Run, path, text.clone(), &[])?;
+    if is_test(&opened.root) {
+        return Ok(super::parse(path, text, &[])?.file.specimen);
+    }
+    let (file, findings) = judge::<ServeFile>(&opened.root, check::check_served);
+    match file {
+        Some(file) => Ok(file.specimen),
+        None => {
+            let diagnostics = findings.into_iter().map(|f| opened.locator.diagnose(f));
+            Err(ConfigError::Invalid(super::Diagnostics(
+                diagnostics.collect(),
+            )))
+        }
+    }
+}
+
 /// Refuses a pace that no server keeps.
 fn check_pace(pace: &PaceTable) -> Result<(), Box<Finding>> {
     let at = KeyPath::root().key("serve").key("pace");

@@ -14,6 +14,8 @@ pub struct Outcome {
     pub unfinished: Option<IncompleteShutdown>,
     /// Where each specimen was left.
     pub left: Vec<EndPosition>,
+    /// The last command to each specimen, in its own unit; empty if no command has left.
+    pub last_commands: Vec<Vec<f64>>,
     /// Specimens, from 0, that owe an answer to the last message.
     pub unheard: Vec<usize>,
     /// Specimens, from 0, whose own ends were getting them ready when the operator ended the test.

@@ -261,6 +261,15 @@ impl Test {
             ending,
             unfinished: ends.unfinished,
             left: ends.left.clone(),
+            last_commands: (self.ports.iter())
+                .map(|port| {
+                    if port.has_begun() {
+                        port.sent().to_vec()
+                    } else {
+                        Vec::new()
+                    }
+                })
+                .collect(),
             unheard: ends.unheard.clone(),
             unarmed: ends.unarmed.clone(),
             holders: self.ports.iter().map(Port::left_to).collect(),

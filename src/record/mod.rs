@@ -14,6 +14,7 @@
 //! | `checksum` | the SHA-256 of a file |
 //! | [`checkpoint`], `buffers` | the state of the test in a file; buffers in which the loop hands it over |
 //! | [`folder`], [`run`], [`summary`] | the run folder, written; read; `summary.json` |
+//! | [`lasting`] | the lasting record of a physical specimen: its trip, and where a motion began |
 //! | `missing`, `intact` | what the rows lack at their end; what others did to a file |
 //! | [`export`] | CSV, NumPy, MATLAB, HDF5, a trace of the loop, a project folder |
 //! | [`atomic`], [`utc`] | files that appear whole; calendar text |
@@ -32,6 +33,7 @@ pub mod folder;
 pub mod image;
 mod intact;
 pub mod journal;
+pub mod lasting;
 pub mod layout;
 pub mod listing;
 pub mod memory;

@@ -64,6 +64,22 @@ pub(super) enum Unconnected {
     Stopped,
 }
 
+/// Specimens that are connected.
+pub(super) struct Connections {
+    /// What the user should know.
+    pub warnings: Vec<String>,
+    /// Specimens (from 0) that do not say that they are computed.
+    pub moving: Vec<usize>,
+}
+
+/// Lets connected specimens go: nothing will come.
+pub(super) fn let_go(experiment: &mut Experiment, why: String) -> Unconnected {
+    for port in &mut experiment.ports {
+        port.retire(Retirement::Orderly);
+    }
+    Unconnected::Unfit(why)
+}
+
 /// Connects every specimen and notes what each says of itself: N of them take as long as the slowest. Nothing moves
 /// yet. Returns what the user should know, or why the test cannot begin; an operator who asks for an end is heard.
 pub(super) fn connect(
@@ -71,7 +87,7 @@ pub(super) fn connect(
     clock: ClockChoice,
     writer: &Writer,
     mut line: Line,
-) -> Result<Vec<String>, Unconnected> {
+) -> Result<Connections, Unconnected> {
     let ports = std::mem::take(&mut experiment.ports);
     let names: Vec<String> = ports.iter().map(|port| port.name().to_owned()).collect();
     let all = connect_all(ports, &mut line);
@@ -83,7 +99,7 @@ pub(super) fn connect(
         return Err(Unconnected::Stopped);
     }
     line.put_back();
-    let mut warnings = Vec::new();
+    let (mut warnings, mut moving) = (Vec::new(), Vec::new());
     let (mut refusals, mut unfit, mut without_disp) = (Vec::new(), Vec::new(), Vec::new());
     let resumed = experiment.resume.as_ref();
     let must_keep_state = resumed.is_some_and(|resumed| !resumed.accepts_changed);
@@ -99,6 +115,9 @@ pub(super) fn connect(
             Ok(introduction) => {
                 for warning in &introduction.warnings {
                     writer.note(Event::said(Remark::Warning, warning.as_str()));
+                }
+                if port.is_remote() && !port.is_computed() && !introduction.simulated {
+                    moving.push(number as usize);
                 }
                 unfit.extend(port.lacks_measured_disp(&introduction));
                 if introduction.repeats_the_command {
@@ -143,7 +162,7 @@ pub(super) fn connect(
         None => {}
     }
     let why = match (refusals.as_slice(), unfit.as_slice()) {
-        ([], []) => return Ok(warnings),
+        ([], []) => return Ok(Connections { warnings, moving }),
         ([], _) => Unconnected::Unfit(unfit.join("; ")),
         _ => Unconnected::Refused(refusals.join("; ")),
     };

@@ -43,6 +43,7 @@ mod retrace;
 mod row_peaks;
 mod sampling;
 mod signals;
+mod specimen_records;
 mod summary;
 mod tape;
 pub mod unaware;
@@ -66,17 +67,21 @@ pub use ready::missing;
 pub use reason::ending;
 pub use replay::{Replay, replay, replay_rows};
 pub use replay_error::ReplayError;
-pub use reset::{ControlError, ControlPlace, ResetError, ServerControl, reset};
+pub use reset::{
+    ControlError, ControlPlace, RecordWords, ResetError, ServerControl, ServerRequest, ask_server,
+};
 pub use resume::{Allowed, ResumeError, resume, resume_allowed, resume_over};
 pub use signals::{Signal, Signals, Taken};
+pub use specimen_records::SpecimenRecords;
 pub use tape::Difference;
 pub use watches::{Attendance, Watches};
 
-use connect::Line;
+use connect::{Connections, Line};
 use continued::Word;
 use desk::Desk;
 use guarded::Ended;
 use ready::{Ready, prepare};
+use specimen_records::HeldRecords;
 
 use crate::catalog::ending::{Cause, Exit};
 use crate::catalog::event::Remark;
@@ -168,7 +173,7 @@ pub fn run(
     test: impl Into<Subject>,
     mut folder: RunFolder,
     control: impl Into<Control>,
-    watches: Watches,
+    mut watches: Watches,
     progress: &mut dyn FnMut(&Progress),
 ) -> Result<Finished, SessionError> {
     let (test, verdict) = match permitted(test.into()) {
@@ -202,6 +207,7 @@ pub fn run(
             return Err(error);
         }
     };
+    let records = watches.specimen_records.take();
     match prepare(experiment, &facts, &files, &mut folder, control, watches) {
         Ok(ready) => {
             let desk = desk.map(|(asks, phase)| Desk::open(folder.path(), asks, phase));
@@ -209,7 +215,7 @@ pub fn run(
                 let text = format!("other programs cannot reach this test: {error}");
                 ready.writer.note(Event::said(Remark::Warning, text));
             }
-            let mut finished = carry_out(ready, line, &facts, verdict, folder, progress);
+            let mut finished = carry_out(ready, (line, records), &facts, verdict, folder, progress);
             if let Err(error) = word.end(&finished.folder) {
                 finished.unwritten.push(error.to_string());
             }
@@ -238,7 +244,7 @@ fn permitted(test: Subject) -> Result<(Prepared, Option<RecordedVerdict>), Sessi
 /// From the first edge to the finished folder. Nothing here fails: what cannot be written is told.
 fn carry_out(
     ready: Ready,
-    line: Line,
+    (line, records): (Line, Option<SpecimenRecords>),
     facts: &Facts,
     verdict: Option<RecordedVerdict>,
     mut folder: RunFolder,
@@ -255,7 +261,16 @@ fn carry_out(
     } = ready;
     let mut facts = facts.clone();
     let began = Wall::now();
-    let mut ended = match connect::connect(&mut experiment, facts.clock, &writer, line) {
+    let mut held = HeldRecords::default();
+    let connected = connect::connect(&mut experiment, facts.clock, &writer, line);
+    let connected = connected.and_then(|Connections { warnings, moving }| {
+        if let Some(records) = &records {
+            let begun = records.begin(&experiment.ports, &moving, &facts, folder.path());
+            held = begun.map_err(|why| connect::let_go(&mut experiment, why))?;
+        }
+        Ok(warnings)
+    });
+    let mut ended = match connected {
         Ok(warnings) => {
             facts.warnings.extend(warnings);
             let _ = go.send(experiment);
@@ -283,7 +298,7 @@ fn carry_out(
         Recorded::default()
     });
     kept::look_over(&mut folder, &mut facts, &mut recorded);
-    let mut unwritten = Vec::new();
+    let mut unwritten = held.end(&ended);
     let span = summary::Span {
         began,
         seconds: ended.wall_ns as f64 * 1e-9,

@@ -1,7 +1,8 @@
 //! The control socket of a server: through it the operator of a specimen clears its latched trip.
 //!
 //! It is made as that of a running test is ([`super::desk`]): one line of JSON in, one out. `{"request": "reset"}` is answered
-//! with `{"trip": …}`, what was cleared in words, or `null` where nothing was latched.
+//! with `{"trip": …, "place": …}`, what was cleared in words, or `null` where nothing was recorded. `{"request": "show"}` clears
+//! nothing.
 
 use std::io::{self, ErrorKind};
 use std::os::unix::fs::FileTypeExt;
@@ -11,9 +12,6 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::desk::{Caller, Desk, SOCKET, in_a_line, reach, read_line, write_line};
-
-/// End of the name of the file that keeps a trip, after the whole name of the socket.
-const LATCH: &str = ".latch.json";
 
 /// Where a server is controlled: a folder and the name of the socket in it.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -52,10 +50,10 @@ impl ControlPlace {
         &self.path
     }
 
-    /// The file that keeps the trip of a physical specimen, beside the socket. Each socket has its own.
+    /// Where an earlier version kept the trip of a physical specimen.
     #[must_use]
-    pub fn latch_file(&self) -> PathBuf {
-        self.folder.join(format!("{}{LATCH}", self.name))
+    pub fn old_latch_file(&self) -> PathBuf {
+        self.folder.join(format!("{}.latch.json", self.name))
     }
 }
 
@@ -81,10 +79,24 @@ pub struct ServerControl {
     _desk: Desk,
 }
 
+/// What a server is asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-enum ServerRequest {
+pub enum ServerRequest {
+    /// What is recorded of the specimen.
+    Show,
+    /// The same, and it is cleared.
     Reset,
+}
+
+/// What is recorded of a specimen, in words.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RecordWords {
+    /// The latched trip.
+    pub trip: Option<String>,
+    /// The motion without a regular end, and where the specimen is now.
+    #[serde(default)]
+    pub place: Option<String>,
 }
 
 #[derive(Debug, Serialize, Deserialize)]
@@ -93,25 +105,25 @@ struct Asked {
     request: ServerRequest,
 }
 
-/// What `reset` is answered with.
+/// What a request is answered with.
 #[derive(Debug, Serialize, Deserialize)]
 struct ResetAnswer {
-    /// The trip that was cleared, in words.
-    trip: Option<String>,
+    #[serde(flatten)]
+    words: RecordWords,
     /// Why it is not cleared.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     error: Option<String>,
 }
 
 impl ServerControl {
-    /// Listens at `place`, and calls `clear` when asked to: it returns what was latched, in words. A socket that a killed server
-    /// has left is replaced.
+    /// Listens at `place`, and lets `carry_out` do what is asked for: it returns what was recorded, in words. A socket that a killed
+    /// server has left is replaced.
     ///
     /// # Errors
     /// [`ControlError`].
     pub fn open(
         place: &ControlPlace,
-        mut clear: impl FnMut() -> io::Result<Option<String>> + Send + 'static,
+        mut carry_out: impl FnMut(ServerRequest) -> io::Result<RecordWords> + Send + 'static,
     ) -> Result<Self, ControlError> {
         let path = || place.folder.join(&place.name);
         let wrong = |source| ControlError::Socket {
@@ -131,13 +143,11 @@ impl ServerControl {
             }
         }
         let serve = move |caller: &Caller| {
-            let Asked {
-                request: ServerRequest::Reset,
-            } = serde_json::from_slice(&caller.line)?;
-            in_a_line(&match clear() {
-                Ok(trip) => ResetAnswer { trip, error: None },
+            let Asked { request } = serde_json::from_slice(&caller.line)?;
+            in_a_line(&match carry_out(request) {
+                Ok(words) => ResetAnswer { words, error: None },
                 Err(error) => ResetAnswer {
-                    trip: None,
+                    words: RecordWords::default(),
                     error: Some(error.to_string()),
                 },
             })
@@ -154,7 +164,7 @@ impl ServerControl {
 pub enum ResetError {
     /// No server listens there.
     #[error(
-        "{}: no server is controlled there: {source} (a server that is not running clears its trip at a start with --reset)",
+        "{}: no server is controlled there: {source} (name the file of the server if none is running, or start one with --reset)",
         path.display()
     )]
     NoServer {
@@ -172,7 +182,7 @@ pub enum ResetError {
         source: io::Error,
     },
     /// The server cannot remove the file.
-    #[error("{}: the trip stays latched: {text}", path.display())]
+    #[error("{}: the record of the specimen stays: {text}", path.display())]
     Kept {
         /// Where.
         path: PathBuf,
@@ -181,11 +191,11 @@ pub enum ResetError {
     },
 }
 
-/// Clears the latched trip of the server that is controlled at `place`; what it was, if there was one.
+/// Asks the server that is controlled at `place`; what is recorded of its specimen.
 ///
 /// # Errors
 /// [`ResetError`].
-pub fn reset(place: &ControlPlace) -> Result<Option<String>, ResetError> {
+pub fn ask_server(place: &ControlPlace, request: ServerRequest) -> Result<RecordWords, ResetError> {
     let path = || place.path.clone();
     let silent = |source| ResetError::Silent {
         path: path(),
@@ -196,12 +206,11 @@ pub fn reset(place: &ControlPlace) -> Result<Option<String>, ResetError> {
         path: path(),
         source,
     })?;
-    let request = ServerRequest::Reset;
     write_line(&stream, &Asked { request }).map_err(silent)?;
     let answer: ResetAnswer = read_line(&stream).map_err(silent)?;
     match answer.error {
         Some(text) => Err(ResetError::Kept { path: path(), text }),
-        None => Ok(answer.trip),
+        None => Ok(answer.words),
     }
 }
 
@@ -209,8 +218,12 @@ pub fn reset(place: &ControlPlace) -> Result<Option<String>, ResetError> {
 mod tests {
     use super::*;
 
-    fn nothing() -> io::Result<Option<String>> {
-        Ok(None)
+    fn nothing(_: ServerRequest) -> io::Result<RecordWords> {
+        Ok(RecordWords::default())
+    }
+
+    fn reset(place: &ControlPlace) -> Result<RecordWords, ResetError> {
+        ask_server(place, ServerRequest::Reset)
     }
 
     #[test]
@@ -218,28 +231,28 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         for path in [folder.path().to_owned(), folder.path().join("rig.sock")] {
             let place = ControlPlace::at(&path);
-            assert_eq!(place.latch_file().parent(), Some(folder.path()));
             assert!(matches!(reset(&place), Err(ResetError::NoServer { .. })));
-            let mut latched = vec![Ok(Some("too much".to_owned()))];
+            let words = RecordWords {
+                trip: Some("too much".to_owned()),
+                place: Some("left elsewhere".to_owned()),
+            };
+            let mut latched = vec![Ok(words.clone())];
             latched.insert(0, Err(io::Error::from(ErrorKind::ReadOnlyFilesystem)));
-            let clear = move || latched.pop().unwrap_or(Ok(None));
-            let socket = ServerControl::open(&place, clear).unwrap();
+            let shown = words.clone();
+            let carry_out = move |request| match request {
+                ServerRequest::Show => Ok(shown.clone()),
+                ServerRequest::Reset => latched.pop().unwrap_or(Ok(RecordWords::default())),
+            };
+            let socket = ServerControl::open(&place, carry_out).unwrap();
             let taken = ServerControl::open(&place, nothing);
             assert!(matches!(taken, Err(ControlError::Taken(_))));
-            assert_eq!(reset(&place).unwrap().as_deref(), Some("too much"));
+            assert_eq!(ask_server(&place, ServerRequest::Show).unwrap(), words);
+            assert_eq!(reset(&place).unwrap(), words);
             assert!(matches!(reset(&place), Err(ResetError::Kept { .. })));
-            assert_eq!(reset(&place).unwrap(), None);
+            assert_eq!(reset(&place).unwrap(), RecordWords::default());
             drop(socket);
             assert!(matches!(reset(&place), Err(ResetError::NoServer { .. })));
         }
-    }
-
-    #[test]
-    fn each_socket_has_a_latch_file_of_its_own() {
-        let names = ["rig", "rig.1", "rig.2", "rig.sock"];
-        let files = names.map(|name| ControlPlace::at(&Path::new("ctl").join(name)).latch_file());
-        let wanted = names.map(|name| Path::new("ctl").join(format!("{name}.latch.json")));
-        assert_eq!(files, wanted);
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! What a caller adds to a session: guards round the ticks, who looks at the rows, who attends the test.
 
+use super::SpecimenRecords;
 use crate::engine::Watch;
 use crate::record::Onlooker;
 
@@ -15,6 +16,8 @@ pub struct Watches {
     /// Called when the caller's thread has been put off the loop's processor and before anything moves: a thread that is
     /// started here stays off it, too.
     pub when_placed: Option<Attendance>,
+    /// The lasting records of the specimens; without them nothing outlives the run folder.
+    pub specimen_records: Option<SpecimenRecords>,
 }
 
 /// Starts whoever attends a test.

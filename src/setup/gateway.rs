@@ -21,7 +21,7 @@ use crate::config::{Finding, KeyPath, LinkSpec, Protocol, ServedFile, SpecimenTa
 use crate::link::announce::narrower;
 use crate::link::openfresco::{Remote, RemoteSettings};
 use crate::link::secret::read_key;
-use crate::link::served::{Controller, LinkBuild, PaceClock, Pacing};
+use crate::link::served::{Controller, LinkBuild, LinkMaker, PaceClock, Pacing, Whereabouts};
 use crate::link::server::Host;
 use crate::link::tls::TlsClient;
 use crate::link::{NativeLink, NativeSetup};
@@ -88,6 +88,26 @@ pub(super) fn host(
         clock: PaceClock::MACHINE,
     });
     Ok(host.checked(check, link.computed).paced(pacing))
+}
+
+/// Reads the position of the specimen of `table`, a file at `path`; none where its protocol cannot report a position without a test.
+///
+/// # Errors
+/// Its key or its certificates cannot be read.
+pub fn position_reader(
+    table: &SpecimenTable,
+    path: &Path,
+) -> Result<Option<LinkMaker>, Box<Finding>> {
+    let Some(link) = table
+        .link
+        .as_ref()
+        .filter(|link| link.protocol == Protocol::Gusset)
+    else {
+        return Ok(None);
+    };
+    let build = native(table, link, &KeyPath::root(), path, (None, None, true))?;
+    let links = LinkMaker::new(build, Whereabouts::default(), reply_limit_ns(link));
+    Ok(Some(links))
 }
 
 /// A gateway that passes numbers unchanged, and how it checks the wiring.

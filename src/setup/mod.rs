@@ -40,6 +40,7 @@ use crate::link::{NativeSetup, Transport};
 use crate::rt;
 use crate::stability::{Analysis, AtRest, Kind, Matrices, Stability};
 pub use facts::{Facts, StructureFacts};
+pub use gateway::position_reader;
 use gear::Rows;
 pub use limits::{LimitFact, LimitFacts, SpecimenLimits};
 pub use pace::{rt_plan, set_divergence};

@@ -61,6 +61,7 @@ fn gusset(folder: &Path, command: &str, text: &str, more: &[&str]) -> Said {
     let file = folder.join("test.toml");
     std::fs::write(&file, text).unwrap();
     let mut process = Command::new(assert_cmd::cargo::cargo_bin!("gusset"));
+    process.env("GUSSET_STATE", folder.join("state"));
     process.arg(command).arg(&file).arg("--json").args(more);
     if command == "run" {
         process.arg("--quiet").arg("--out").arg(folder.join("out"));
@@ -405,6 +406,7 @@ fn gateway_obeys_the_verdict_of_a_test_file() {
     let file = folder.path().join("test.toml");
     std::fs::write(&file, linked(port, 0.015)).unwrap();
     let mut serve = Command::new(assert_cmd::cargo::cargo_bin!("gusset"));
+    serve.env("GUSSET_STATE", folder.path().join("state"));
     serve.arg("serve").arg(&file);
     serve.args(["--listen", "127.0.0.1:0"]);
     serve.timeout(std::time::Duration::from_secs(120));

@@ -65,7 +65,16 @@ pub const PATIENT: [&str; 6] = [
 pub fn gusset() -> Command {
     let mut command = Command::new(assert_cmd::cargo::cargo_bin!("gusset"));
     command.stdin(Stdio::null());
+    command.env("GUSSET_STATE", state_folder());
     command
+}
+
+/// A folder that does not exist yet, for the lasting records of specimens: no test sees those of another, or of this machine.
+pub fn state_folder() -> PathBuf {
+    static MADE: std::sync::atomic::AtomicU32 = std::sync::atomic::AtomicU32::new(0);
+    let number = MADE.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+    let name = format!("gusset-state-{}-{number}", std::process::id());
+    std::env::temp_dir().join(name)
 }
 
 /// What a command said and how it ended.

@@ -27,6 +27,7 @@ fn gusset_that_is(hang_up: &str) -> Command {
     command
         .arg(hang_up)
         .arg(assert_cmd::cargo::cargo_bin!("gusset"))
+        .env("GUSSET_STATE", crate::common::state_folder())
         .stdin(Stdio::null());
     command
 }

@@ -254,7 +254,8 @@ fn a_trip_refuses_every_test_until_the_operator_clears_it_also_after_a_kill() {
     let mut served = starts(&arguments);
     served.hears("warning: the specimen tripped at");
     refused(folder, "restarted", &served.address);
-    assert!(folder.join("gateway.control.latch.json").exists());
+    let state = std::fs::read_dir(folder.join("state")).unwrap();
+    assert_eq!(state.count(), 2, "the record and its lock");
     assert_eq!(commanded(), 1, "the specimen had one test");
 
     let (code, said) = served.reset();
@@ -297,21 +298,19 @@ fn two_servers_are_not_controlled_at_one_place() {
 }
 
 #[test]
-fn a_place_that_can_keep_no_trip_is_refused_with_the_way_to_name_another() {
+fn a_folder_that_keeps_no_record_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let file = crate::link_common::write(folder, "rig.toml", &gateway("127.0.0.1:1", KNOWN, ""));
-    std::fs::create_dir(folder.join("rig.control.latch.json")).unwrap();
+    let state = crate::link_common::write(folder, "state", "no folder");
     let mut command = gusset();
-    command.arg("serve").arg(&file);
+    command.arg("serve").arg(&file).env("GUSSET_STATE", &state);
     command.args(["--listen", "127.0.0.1:0", "--out"]);
     command.arg(folder.join("kept"));
     let output = finish(command);
     assert_eq!(output.status.code(), Some(2), "{output:?}");
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    for words in ["rig.control.latch.json", "--control"] {
-        assert!(said.contains(words), "{said}");
-    }
+    assert!(said.contains("GUSSET_STATE"), "{said}");
 }
 
 /// A sensor that says nonsense, and no limit of the measured displacement.

@@ -4,6 +4,7 @@
 mod link_common;
 
 mod faults;
+mod lasting;
 mod limits;
 mod records;
 mod same_bits;

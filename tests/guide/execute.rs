@@ -112,6 +112,7 @@ impl Place {
             .current_dir(self.folder.path())
             .env("PATH", std::env::join_paths(paths).unwrap())
             .env("PAGER", "cat")
+            .env("GUSSET_STATE", self.folder.path().join(".state"))
             // As if the Python package were installed.
             .env("PYTHONPATH", self.folder.path().join("tools/python"))
             .env("GUSSET_BINARY", self.programs.join("gusset"))

@@ -2,6 +2,7 @@
 
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
+use std::sync::{Arc, Mutex};
 
 use gusset::substructure::{Measurement, Status};
 use gusset::wire::handshake::{self, Capabilities, Control, Hello, Welcome, layout_hash};
@@ -56,6 +57,33 @@ impl Fake {
         Self::start_as(stiffness, before, |_| {}, answer, script)
     }
 
+    /// A machine of one axis, a spring of 4e5 N/m, for one controller after another: it reports where it stands, rests there without
+    /// a controller, and does not say that it is computed. Returns its address and its position.
+    pub fn machine() -> (String, Arc<Mutex<f64>>) {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = listener.local_addr().unwrap().to_string();
+        let position = Arc::new(Mutex::new(0.0));
+        let stands = Arc::clone(&position);
+        std::thread::spawn(move || {
+            for stream in listener.incoming() {
+                let standing = *stands.lock().unwrap();
+                let moving = |welcome: &mut Welcome| {
+                    welcome.capabilities = Capabilities::MEASURES_DISP;
+                    welcome.standing = vec![standing];
+                };
+                let greeted = Self::greet(stream.unwrap(), 4e5, &|_| {}, moving, |arm| arm);
+                if let Some(mut fake) = greeted {
+                    let follow = |disp| {
+                        *stands.lock().unwrap() = disp;
+                        (disp, 4e5 * disp)
+                    };
+                    fake.obey(follow, |_| {});
+                }
+            }
+        });
+        (address, position)
+    }
+
     fn start_as(
         stiffness: f64,
         before: impl Fn(&'static str) + Send + 'static,
@@ -98,7 +126,11 @@ impl Fake {
         fake.say(&Control::Welcome(welcome));
         fake.encoder = Encoder::new(Side::Specimen, 1, 7, None).unwrap();
         fake.decoder = Decoder::new(Side::Controller, 1, 7, None).unwrap();
+        // A controller may leave without arming.
         let arm = fake.control()?;
+        if matches!(arm, Control::Bye(_)) {
+            return None;
+        }
         if matches!(arm, Control::Arm(_)) {
             before("arm");
         }

@@ -109,7 +109,17 @@ pub fn linked(steps: u32, address: &str, keys: &str) -> String {
 }
 
 pub fn gusset() -> Command {
-    Command::new(assert_cmd::cargo::cargo_bin!("gusset"))
+    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("gusset"));
+    command.env("GUSSET_STATE", state_folder());
+    command
+}
+
+/// A folder that does not exist yet, for the lasting records of specimens: no test sees those of another, or of this machine.
+pub fn state_folder() -> PathBuf {
+    static MADE: std::sync::atomic::AtomicU32 = std::sync::atomic::AtomicU32::new(0);
+    let number = MADE.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+    let name = format!("gusset-state-{}-{number}", std::process::id());
+    std::env::temp_dir().join(name)
 }
 
 pub fn write(folder: &Path, name: &str, text: &str) -> PathBuf {
@@ -248,6 +258,7 @@ impl Served {
                 vec!["--listen", listen]
             })
             .args(arguments)
+            .env("GUSSET_STATE", file.with_file_name("state"))
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())

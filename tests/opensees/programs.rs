@@ -116,6 +116,7 @@ impl Peer {
     /// Our binary; all that it says is read.
     pub fn gusset(args: &[&str]) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_gusset"));
+        command.env("GUSSET_STATE", crate::link_common::state_folder());
         command.args(args);
         Self::spawn(command, true)
     }

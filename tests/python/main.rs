@@ -88,6 +88,7 @@ fn the_wheel_works_in_a_clean_environment() {
             .arg(&tests)
             .current_dir(at)
             .env("GUSSET_WHEEL_TEST", "1")
+            .env("GUSSET_STATE", at.join("state"))
             .env("PYTHONDONTWRITEBYTECODE", "1")
             .env_remove("GUSSET_BINARY")
             .env_remove("PYTHONPATH"),

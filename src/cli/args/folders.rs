@@ -25,13 +25,18 @@ pub(in crate::cli) struct OperateArgs {
 
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  gusset serve config/serve/gateway.toml --out runs/gateway\n  gusset reset runs/gateway\n\n\
-    After a trip the server refuses every test until this command. Inspect the specimen first.\n\n\
-    More: gusset guide network"
+    after_help = "Examples:\n  gusset serve config/serve/gateway.toml --out runs/gateway\n  gusset reset runs/gateway\n  \
+    gusset reset test.toml\n\n\
+    After a trip, or a motion without a regular end, every test is refused until this command. Inspect the specimen first.\n\n\
+    More: gusset guide network, gusset guide limits"
 )]
 pub(in crate::cli) struct ResetArgs {
-    /// Where the server listens for this command: its --control, the folder of its --out, or FILE.control.sock beside its file.
+    /// Where the server listens for this command: its --control, the folder of its --out, or its file. Without a server: the file
+    /// of the specimens, or a run folder.
     pub control: PathBuf,
+    /// Confirm without a question that the next test may begin where the specimen stands.
+    #[arg(long)]
+    pub yes: bool,
 }
 
 #[derive(Debug, Args)]

@@ -49,11 +49,10 @@ pub(in crate::cli) struct ServeArgs {
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Socket where `gusset reset` reaches this server, or a folder for it [default: the folder of --out, else
-    /// FILE.control.sock]. A latched trip is kept in PATH.latch.json, or without --control beside FILE. Always start a server with the
-    /// same --control.
+    /// FILE.control.sock].
     #[arg(long, value_name = "PATH")]
     pub control: Option<PathBuf>,
-    /// Clear a latched trip at the start.
+    /// Clear the record of the specimen at the start: a latched trip, and a motion without a regular end.
     #[arg(long)]
     pub reset: bool,
     /// Inject the faults of this script into every test. Only for computed specimens; config/faults has scripts.

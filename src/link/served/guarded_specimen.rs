@@ -180,7 +180,6 @@ impl GuardedSpecimen {
                 guard: self.port.guard().clone(),
                 allowance: self.allowance.clone(),
             });
-            self.latch.settle();
         }
     }
 

@@ -1,32 +1,16 @@
-//! The latch of a served specimen: a trip that lasts until the operator at this end clears it.
+//! The latch of a served specimen: a trip, or a motion without a regular end, that lasts until the operator at this end clears it.
 //!
-//! The trip stops its own session for good, and the latch refuses every later one. Of a physical specimen the latch is a file
-//! beside the served file, or where `--control` says, so that it outlives a crash and a new start. A computed specimen that
-//! remembers has its latch in memory, as it has its state. A lost link is not latched: the next session connects
-//! again, and the specimen reports its position.
+//! The trip stops its own session for good, and the latch refuses every later one. Of a physical specimen the latch is in the
+//! lasting record of the specimen, so that it outlives a crash and a new start. A computed specimen that
+//! remembers has its latch in memory, as it has its state. A lost link is no trip, but the motion that it ended stays recorded.
 
-use std::fs::File;
-use std::io::{self, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use serde::{Deserialize, Serialize};
-
+use crate::record::lasting::{Kept, LastingRecord, LatchedTrip, Place};
 use crate::record::utc::rfc3339;
 use crate::rt::wall::Wall;
-
-/// A latched trip.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct LatchedTrip {
-    /// Name of the specimen.
-    pub specimen: String,
-    /// Key of the limit, or another name ([`super::Trip::name`]).
-    pub what: String,
-    /// What happened, with axis, value and bound.
-    pub text: String,
-    /// When, UTC.
-    pub at: String,
-}
 
 /// The latch of one served specimen. Clones share it.
 #[derive(Debug, Clone, Default)]
@@ -34,10 +18,52 @@ pub struct Latch(Arc<Mutex<Latched>>);
 
 #[derive(Debug, Default)]
 struct Latched {
-    trip: Option<LatchedTrip>,
-    file: Option<PathBuf>,
+    kept: Kept,
+    record: Option<LastingRecord>,
     /// Argument of `gusset reset`.
     control: Option<PathBuf>,
+    /// A session moves the specimen from the recorded place.
+    is_moving: bool,
+    /// The record on the disk is an older one: it could not be written.
+    is_unwritten: bool,
+}
+
+impl Latched {
+    /// Brings what is kept to the disk.
+    fn write(&mut self) -> io::Result<()> {
+        let Some(record) = &self.record else {
+            return Ok(());
+        };
+        let written = record.write(&self.kept);
+        self.is_unwritten = written.is_err();
+        if let Err(error) = &written {
+            tracing::error!(
+                "{}: the record of the specimen is not kept there ({error}): no test begins until it can be written",
+                record.file().display()
+            );
+        }
+        written
+    }
+
+    /// The same for a record that could not be written before.
+    ///
+    /// # Errors
+    /// It still cannot.
+    fn retry(&mut self) -> Result<(), String> {
+        let Some(record) = &self.record else {
+            return Ok(());
+        };
+        let outcome = if self.is_unwritten {
+            record.write(&self.kept)
+        } else {
+            return Ok(());
+        };
+        self.is_unwritten = outcome.is_err();
+        outcome.map_err(|error| {
+            let file = record.file().display();
+            format!("{file}: the record of the specimen cannot be written: {error}; no test begins until it can")
+        })
+    }
 }
 
 impl Latch {
@@ -53,56 +79,52 @@ impl Latch {
         latch
     }
 
-    /// The latch that is kept in `file`, which `gusset reset CONTROL` clears. A file that cannot be understood counts as a
-    /// trip.
+    /// The latch that is kept in the lasting record of the specimen, which `gusset reset CONTROL` clears.
     ///
     /// # Errors
-    /// The file cannot be read, or its folder cannot be written to.
-    pub fn in_file(file: &Path, control: &Path) -> io::Result<Self> {
-        let trip = match std::fs::read(file) {
-            Ok(bytes) => Some(
-                serde_json::from_slice(&bytes).unwrap_or_else(|error| LatchedTrip {
-                    specimen: String::new(),
-                    what: "unreadable".to_owned(),
-                    text: format!("{} cannot be read ({error})", file.display()),
-                    at: String::new(),
-                }),
-            ),
-            Err(error) if error.kind() == io::ErrorKind::NotFound => None,
-            Err(error) => return Err(error),
-        };
-        // A trip must find the place writable: that shows now.
-        let draft = draft_of(file);
-        File::create(&draft)?;
-        std::fs::remove_file(&draft)?;
+    /// The record cannot be read.
+    pub fn in_record(record: LastingRecord, control: &Path) -> io::Result<Self> {
         Ok(Self(Arc::new(Mutex::new(Latched {
-            trip,
-            file: Some(file.to_owned()),
+            kept: record.read()?,
+            record: Some(record),
             control: Some(control.to_owned()),
+            ..Latched::default()
         }))))
     }
 
     /// The trip that is latched.
     #[must_use]
     pub fn trip(&self) -> Option<LatchedTrip> {
-        self.latched().trip.clone()
+        self.latched().kept.trip.clone()
     }
 
-    /// Why no session begins, if a trip is latched, and what its operator does about it.
+    /// What is recorded of the specimen.
+    #[must_use]
+    pub fn kept(&self) -> Kept {
+        self.latched().kept.clone()
+    }
+
+    /// Why no session begins, and what its operator does about it: a trip is latched, a motion has not ended regularly, or the record
+    /// cannot be written.
     #[must_use]
     pub fn refusal(&self) -> Option<String> {
-        let latched = self.latched();
-        let trip = latched.trip.as_ref()?;
-        // To the second.
-        let at = trip
-            .at
-            .get(..19)
-            .map_or_else(String::new, |at| format!(" at {at}Z"));
+        let mut latched = self.latched();
+        let unwritten = latched.retry().err();
         let next = next_step(latched.control.as_deref());
-        Some(format!(
-            "the specimen tripped{at}: {}; no test begins until {next}",
-            trip.text
-        ))
+        if let Some(trip) = &latched.kept.trip {
+            // To the second.
+            let at = trip
+                .at
+                .get(..19)
+                .map_or_else(String::new, |at| format!(" at {at}Z"));
+            return Some(format!(
+                "the specimen tripped{at}: {}; no test begins until {next}",
+                trip.text
+            ));
+        }
+        let place = latched.kept.place.as_ref().filter(|_| !latched.is_moving);
+        let place = place.map(|place| format!("{}; no test begins until {next}", place.words()));
+        place.or(unwritten)
     }
 
     /// The operator's next step after a trip of this specimen.
@@ -111,55 +133,76 @@ impl Latch {
         next_step(self.latched().control.as_deref())
     }
 
-    /// Latches a trip; the first one stays. The file is there when this returns, and on the disk after [`Latch::settle`].
+    /// Latches a trip; the first one stays. It is on the disk when this returns, if it can be written.
     pub fn set(&self, specimen: &str, what: &str, text: &str) {
         let mut latched = self.latched();
-        if latched.trip.is_some() {
+        if latched.kept.trip.is_some() {
             return;
         }
-        let trip = LatchedTrip {
+        latched.kept.trip = Some(LatchedTrip {
             specimen: specimen.to_owned(),
             what: what.to_owned(),
             text: text.to_owned(),
             at: rfc3339(Wall::now().0),
-        };
-        if let Some(file) = &latched.file
-            && let Err(error) = write(file, &trip)
-        {
-            tracing::error!(
-                "{}: the trip is not kept there ({error}): it is forgotten when this server ends",
-                file.display()
-            );
-        }
-        latched.trip = Some(trip);
+        });
+        // The log has the error, and every later session is refused.
+        let _ = latched.write();
     }
 
-    /// Brings a latched trip to the disk, for a power cut.
-    pub fn settle(&self) {
-        let latched = self.latched();
-        if let (Some(_), Some(file)) = (&latched.trip, &latched.file) {
-            let folder = file.parent().filter(|path| !path.as_os_str().is_empty());
-            let folder = folder.unwrap_or(Path::new("."));
-            for path in [file.as_path(), folder] {
-                // A failure was reported when the file was written.
-                let _ = File::open(path).and_then(|file| file.sync_all());
-            }
-        }
-    }
-
-    /// Clears it; what was latched.
+    /// A session is about to move the specimen from this place, which is on the disk when this returns. Without a lasting record
+    /// nothing is kept.
     ///
     /// # Errors
-    /// The file cannot be removed: the trip stays latched.
-    pub fn clear(&self) -> io::Result<Option<LatchedTrip>> {
+    /// It cannot be written: nothing may move.
+    pub fn begins(&self, place: Place) -> Result<(), String> {
         let mut latched = self.latched();
-        if let Some(file) = &latched.file {
-            match std::fs::remove_file(file) {
-                Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
-                Ok(()) | Err(_) => {}
-            }
+        if latched.record.is_none() {
+            return Ok(());
         }
-        Ok(latched.trip.take())
+        latched.kept.place = Some(place);
+        if let Err(error) = latched.write() {
+            latched.kept.place = None;
+            let text =
+                format!("where the specimen stands cannot be recorded before it moves: {error}");
+            return Err(text);
+        }
+        latched.is_moving = true;
+        Ok(())
+    }
+
+    /// The session does not move the specimen any more. The place is forgotten after a regular end, and where the last command
+    /// (empty without one) is the place where it began.
+    pub fn ends(&self, last: &[f64], is_regular: bool) {
+        let mut latched = self.latched();
+        if !std::mem::take(&mut latched.is_moving) {
+            return;
+        }
+        let Some(mut place) = latched.kept.place.take() else {
+            return;
+        };
+        if !(is_regular || last.is_empty() || place.is_back(last)) {
+            place.left = last.to_vec();
+            latched.kept.place = Some(place);
+        }
+        let _ = latched.write();
+    }
+
+    /// Clears it; what was recorded.
+    ///
+    /// # Errors
+    /// A session moves the specimen, or the file cannot be removed: all stays as it is.
+    pub fn clear(&self) -> io::Result<Kept> {
+        let mut latched = self.latched();
+        if latched.is_moving {
+            let text = "a test moves the specimen: end it first, or wait until the server has noticed its end";
+            return Err(io::Error::other(text));
+        }
+        let before = std::mem::take(&mut latched.kept);
+        if let Err(error) = latched.write() {
+            latched.kept = before;
+            return Err(error);
+        }
+        Ok(before)
     }
 }
 
@@ -173,60 +216,119 @@ fn next_step(control: Option<&Path>) -> String {
     }
 }
 
-/// Where the file is written before it takes its name.
-fn draft_of(file: &Path) -> PathBuf {
-    let mut name = file.file_name().unwrap_or_default().to_owned();
-    name.push(".new");
-    file.with_file_name(name)
-}
-
-/// Whole or not at all.
-fn write(file: &Path, trip: &LatchedTrip) -> io::Result<()> {
-    let draft = draft_of(file);
-    let mut text = serde_json::to_vec(trip)?;
-    text.push(b'\n');
-    File::create(&draft)?.write_all(&text)?;
-    std::fs::rename(&draft, file)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::record::lasting::SpecimenKey;
+
+    fn latch(folder: &Path) -> Latch {
+        let key = SpecimenKey::of_file(Path::new("/lab/rig.toml"), "rig");
+        let record = LastingRecord::hold(folder, &key).unwrap();
+        Latch::in_record(record, Path::new("runs/gateway")).unwrap()
+    }
+
+    fn place(began: f64) -> Place {
+        Place {
+            what: "a test".to_owned(),
+            runs: Vec::new(),
+            at: "2026-01-02T03:04:05Z".to_owned(),
+            units: vec!["mm".to_owned()],
+            began: vec![began],
+            left: Vec::new(),
+        }
+    }
+
+    fn file_in(folder: &Path) -> PathBuf {
+        let files = std::fs::read_dir(folder).unwrap();
+        let mut files = files.map(|entry| entry.unwrap().path());
+        files
+            .find(|path| path.extension().is_some_and(|end| end == "json"))
+            .unwrap()
+    }
 
     #[test]
-    fn a_latched_trip_outlives_the_server_until_it_is_cleared() {
+    fn a_latched_trip_outlives_the_server() {
         let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("control.latch.json");
-        let control = Path::new("runs/gateway");
-        let latch = || Latch::in_file(&file, control).unwrap();
-        assert_eq!(latch().refusal(), None);
-        let first = latch();
+        let folder = folder.path();
+        assert_eq!(latch(folder).refusal(), None);
+        let first = latch(folder);
         first.set(
             "rig",
             "command_vel_m_per_s",
             "axis 1: 0.5 m/s, allowed 0.1 m/s",
         );
         first.set("rig", "interlock", "later");
-        first.settle();
-        let refusal = latch().refusal().unwrap();
+        drop(first);
+        let again = latch(folder);
+        let refusal = again.refusal().unwrap();
         for words in ["0.5 m/s, allowed 0.1", "`gusset reset runs/gateway`"] {
             assert!(refusal.contains(words), "{refusal}");
         }
-        let again = latch();
-        assert_eq!(again.clear().unwrap().unwrap().what, "command_vel_m_per_s");
-        assert_eq!(again.clear().unwrap(), None);
-        assert_eq!(latch().trip(), None);
+        let cleared = again.clear().unwrap();
+        assert_eq!(cleared.trip.unwrap().what, "command_vel_m_per_s");
+        assert!(again.clear().unwrap().is_empty());
+        drop(again);
+        assert_eq!(latch(folder).trip(), None);
     }
 
     #[test]
-    fn a_latch_file_that_cannot_be_understood_is_a_trip() {
+    fn a_record_without_meaning_is_a_trip() {
         let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("control.latch.json");
+        let folder = folder.path();
+        latch(folder).set("rig", "interlock", "open");
+        let file = file_in(folder);
         for bytes in ["", "{\"specimen\":"] {
             std::fs::write(&file, bytes).unwrap();
-            let latch = Latch::in_file(&file, Path::new("x")).unwrap();
-            assert_eq!(latch.trip().unwrap().what, "unreadable");
+            assert_eq!(latch(folder).trip().unwrap().what, "unreadable");
         }
-        assert!(Latch::in_file(&folder.path().join("no/such"), Path::new("x")).is_err());
+    }
+
+    #[test]
+    fn a_motion_without_a_regular_end_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        // Last command, whether the end is regular, and whether the place stays.
+        for (last, is_regular, stays) in [
+            (Some(3.0), true, false),
+            (Some(3.0), false, true),
+            (Some(1.0 + 1e-12), false, false),
+            (None, false, false),
+        ] {
+            let session = latch(folder);
+            session.begins(place(1.0)).unwrap();
+            assert_eq!(session.refusal(), None);
+            assert!(session.clear().is_err(), "it moves");
+            let last: Vec<f64> = last.into_iter().collect();
+            session.ends(&last, is_regular);
+            drop(session);
+            let after = latch(folder);
+            assert_eq!(after.refusal().is_some(), stays);
+            let kept = after.clear().unwrap();
+            assert_eq!(kept.place.map(|place| place.left), stays.then_some(last));
+        }
+        // Killed: where it was left is unknown.
+        latch(folder).begins(place(1.0)).unwrap();
+        assert_eq!(latch(folder).kept().place, Some(place(1.0)));
+    }
+
+    #[test]
+    fn a_trip_that_cannot_be_written_is_kept() {
+        let parent = tempfile::tempdir().unwrap();
+        let folder = parent.path().join("state");
+        std::fs::create_dir(&folder).unwrap();
+        let latch = latch(&folder);
+        // Also for the superuser.
+        std::fs::rename(&folder, parent.path().join("away")).unwrap();
+        std::fs::write(&folder, "").unwrap();
+        latch.set("rig", "interlock", "open");
+        assert!(latch.refusal().unwrap().contains("open"));
+        assert!(latch.clear().is_err());
+        assert!(latch.begins(place(1.0)).is_err());
+        std::fs::remove_file(&folder).unwrap();
+        std::fs::rename(parent.path().join("away"), &folder).unwrap();
+        // The next look writes what could not be written.
+        assert!(latch.refusal().unwrap().contains("open"));
+        let text = std::fs::read_to_string(file_in(&folder)).unwrap();
+        assert!(text.contains("interlock"), "{text}");
     }
 }

@@ -8,6 +8,7 @@ use std::sync::{Arc, mpsc};
 use std::time::Duration;
 
 use super::{Controller, TestEnd, Wanted, Whereabouts};
+use crate::rt::os;
 use crate::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
 };
@@ -85,6 +86,29 @@ impl LinkMaker {
         }
         self.whereabouts.begins(&introduction);
         Ok(introduction)
+    }
+
+    /// True if somebody says that a computation answers.
+    pub(super) fn is_of_a_computation(&self) -> bool {
+        self.whereabouts.is_of_a_computation()
+    }
+
+    /// The position that the specimen reports now, in the units of its axes; empty if it does not. Nothing is armed, so nothing moves.
+    ///
+    /// # Errors
+    /// The specimen cannot be connected within `limit`.
+    pub fn report(&self, limit: Duration) -> Result<Vec<f64>, String> {
+        let nobody = Controller::unnamed((std::net::Ipv4Addr::LOCALHOST, 0).into());
+        let link = (self.build)(&nobody)?;
+        let until = os::monotonic_ns().saturating_add(limit.as_nanos() as u64);
+        let mut wanted = || {
+            let is_late = os::monotonic_ns() > until;
+            let late = || TestEnd::failed("it cannot be connected in time");
+            if is_late { Err(late()) } else { Ok(()) }
+        };
+        let (mut link, introduction) = connected(link, &mut wanted).map_err(|end| end.text)?;
+        link.retire(Retirement::Orderly);
+        Ok(introduction.standing)
     }
 
     /// The test is over. The last command to the specimen was this one.

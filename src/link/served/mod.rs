@@ -39,7 +39,7 @@ pub(in crate::link) use client_scale::ClientScale;
 pub use computed::{Computed, Memory};
 pub(in crate::link) use first_command::words as first_words;
 pub use guard_store::GuardStore;
-pub use latch::{Latch, LatchedTrip};
+pub use latch::Latch;
 pub(in crate::link) use link_maker::Unconnected;
 pub use link_maker::{LinkBuild, LinkMaker};
 pub use pacing::{PaceClock, Pacing};

@@ -7,7 +7,10 @@ use super::pacing::Pacing;
 use super::{Controller, ROUNDING, TestEnd, USUAL_TICK_S, Wanted, apart, elsewhere_by};
 use crate::catalog::event::Remark;
 use crate::port::{Opinion, Probe, WiringCheck, compare_stiffness};
+use crate::record::lasting::Place;
+use crate::record::utc::rfc3339;
 use crate::rt::os;
+use crate::rt::wall::Wall;
 use crate::substructure::{Command, Introduction, Measurement, Retirement};
 use crate::units::{AxisUnits, signed_in_axis_unit};
 
@@ -54,6 +57,7 @@ impl<'a> Readiness<'a> {
                 self.served.identity.in_words(&start)
             ));
         }
+        self.record_place(&introduction, &start)?;
         if matches!(self.served.port.wiring_check(), WiringCheck::Probe { .. }) {
             self.check_wiring(&start, wanted)?;
             self.served.port.has_come_to_rest();
@@ -214,6 +218,32 @@ impl<'a> Readiness<'a> {
         posed
             .map_err(|fault| TestEnd::failed(format_args!("where the specimen stands: {fault}")))?;
         Ok(start)
+    }
+
+    /// Records where a specimen that moves stands before its first motion.
+    ///
+    /// # Errors
+    /// It cannot be recorded.
+    fn record_place(&self, introduction: &Introduction, start: &[f64]) -> Result<(), TestEnd> {
+        let is_computed = self.links.is_some_and(LinkMaker::is_of_a_computation);
+        if introduction.simulated || is_computed || !self.served.port.is_remote() {
+            return Ok(());
+        }
+        let Controller { test, peer, .. } = self.controller;
+        let what = match test.as_str() {
+            "" => format!("a client at {peer}"),
+            test => format!("\"{test}\" of {peer}"),
+        };
+        let units = self.served.identity.axis_units();
+        let place = Place {
+            what,
+            runs: Vec::new(),
+            at: rfc3339(Wall::now().0),
+            units: units.iter().map(|unit| unit.disp.to_owned()).collect(),
+            began: start.to_vec(),
+            left: Vec::new(),
+        };
+        self.served.latch.begins(place).map_err(TestEnd::failed)
     }
 
     /// A small motion shows which way round each axis is wired. An unwanted test ends the motion at once,

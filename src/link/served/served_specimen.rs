@@ -40,6 +40,8 @@ pub struct ServedSpecimen {
     /// Links of a gateway.
     pub(super) links: Option<LinkMaker>,
     stage: Stage,
+    /// The specimen was ready for the commands of the controller.
+    is_ready: bool,
 }
 
 impl std::fmt::Debug for ServedSpecimen {
@@ -84,6 +86,7 @@ impl ServedSpecimen {
             guarded: GuardedSpecimen::new(identity, port),
             links: None,
             stage: Stage::Closed,
+            is_ready: false,
         };
         served.limited(&[])
     }
@@ -134,6 +137,7 @@ impl ServedSpecimen {
             guarded,
             links: Some(links),
             stage: Stage::Closed,
+            is_ready: false,
         }
         .limited(&[])
     }
@@ -317,7 +321,7 @@ impl ServedSpecimen {
         }
         self.guarded.begin_session(controller)?;
         // The specimen is not connected yet.
-        self.stage = Stage::Dismissed;
+        (self.stage, self.is_ready) = (Stage::Dismissed, false);
         if let Err(text) = self.open_record(controller) {
             self.end(Cause::Protocol, &text);
             return Err(text.into());
@@ -325,6 +329,7 @@ impl ServedSpecimen {
         self.stage = Stage::Open;
         let ready =
             Readiness::new(&mut self.guarded, self.links.as_ref(), controller).reach(wanted);
+        self.is_ready = ready.is_ok();
         ready.map_err(|TestEnd { cause, text }| {
             // Its own reason is one for its controller, too.
             let said = self.dismiss(cause);
@@ -532,6 +537,8 @@ impl ServedSpecimen {
         };
         self.dismiss(cause);
         self.stage = Stage::Closed;
+        let is_regular = self.is_ready && matches!(cause, Cause::Done | Cause::Operator);
+        self.guarded.latch.ends(&self.guarded.told, is_regular);
         self.guarded.end_session();
         self.guarded
             .recording

@@ -568,7 +568,7 @@ fn a_trip_is_the_specimens_until_its_operator_clears_it_and_a_lost_link_is_none(
         let told = over.text.contains("command_step_m") && over.text.contains("allowed 1 mm");
         assert!(told, "{}", over.text);
     }
-    let cleared = led.served.latch().clear().unwrap().unwrap();
+    let cleared = led.served.latch().clear().unwrap().trip.unwrap();
     assert_eq!(cleared.what, "command_step_m");
     led.connects();
     led.served.guarded.trip(Trip::Lost(LinkFault::Closed));

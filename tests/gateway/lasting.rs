@@ -1,0 +1,318 @@
+//! One lasting record for each physical specimen: where a motion began stays on the disk until its regular end, and one process holds it.
+
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::{Arc, Mutex};
+
+use crate::link_common::{
+    Fake, ONE_AXIS, ONE_AXIS_LAW, PATIENCE, Served, UNLIMITED, finish, gusset, moving, signal,
+    summary, write,
+};
+use gusset::record::lasting::{Kept, LastingError, LastingRecord, SpecimenKey};
+use gusset::record::summary::Status as Ended;
+
+/// A slow wiring check: 5 s there and back.
+const SLOW: &str = "probe_m = 1e-3\nprobe_ramp_s = 5.0\n";
+const NO_CHECK: &str = "probe = \"none\"\n";
+
+/// A test on the real clock, whose specimen is the machine at `address`.
+fn test_of(address: &str, steps: u32, link: &str) -> String {
+    let duration = f64::from(steps) * 1e-3;
+    format!(
+        "title = \"machine\"\n[time]\nrate_hz = 1000\nduration_s = {duration}\nclock = \"real\"\n[structure.shear_building]\n\
+         mass_kg = [1000]\nstiffness_n_per_m = [1e5]\n[excitation.ground_acceleration.signal.sine]\nfrequency_hz = 2.0\n\
+         amplitude = 3.0\n[timing]\nwarmup_ticks = 5\nmisses = {{ in_total = {{ trip = 1000000 }}, in_a_row = {{ trip = 1000000 }}, \
+         in_window = {{ trip = 1000000 }} }}\n[safety]\nzero_s = 0\n{UNLIMITED}[[specimen]]\nname = \"column\"\n{ONE_AXIS}\
+         [specimen.link]\naddress = \"{address}\"\ncoupling = \"lockstep\"\n{link}"
+    )
+}
+
+fn gateway_to(address: &str, link: &str) -> String {
+    format!(
+        "[safety]\n{UNLIMITED}[[specimen]]\nname = \"column\"\nstiffness_n_per_m = 4e5\n[specimen.link]\naddress = \"{address}\"\n\
+         {link}"
+    )
+}
+
+fn command(state: &Path) -> Command {
+    let mut command = gusset();
+    command.env("GUSSET_STATE", state);
+    command
+}
+
+/// Exit code and words of a command that ends.
+fn said(mut command: Command) -> (i32, String) {
+    command.stdin(Stdio::null());
+    let output = finish(command);
+    let said = [output.stdout, output.stderr].concat();
+    (
+        output.status.code().unwrap_or(-1),
+        String::from_utf8_lossy(&said).into_owned(),
+    )
+}
+
+fn run_test(state: &Path, test: &Path, out: &str) -> (i32, String) {
+    let mut command = command(state);
+    let out = test.with_file_name(out);
+    command.arg("run").arg(test).arg("--out").arg(out);
+    said(command)
+}
+
+fn reset(state: &Path, path: &Path, more: &[&str]) -> (i32, String) {
+    let mut command = command(state);
+    command.arg("reset").arg(path).args(more);
+    said(command)
+}
+
+/// The records in a folder of states.
+fn records(state: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(state).into_iter().flatten();
+    let paths = entries.map(|entry| entry.unwrap().path());
+    paths
+        .filter(|path| path.extension().is_some_and(|end| end == "json"))
+        .collect()
+}
+
+fn kept(state: &Path) -> Kept {
+    let files = records(state);
+    assert_eq!(files.len(), 1, "{files:?}");
+    serde_json::from_slice(&std::fs::read(&files[0]).unwrap()).unwrap()
+}
+
+/// Waits until the specimen has left 0.
+fn moves(position: &Arc<Mutex<f64>>) {
+    let until = std::time::Instant::now() + PATIENCE;
+    while *position.lock().unwrap() < 1e-5 {
+        assert!(std::time::Instant::now() < until, "it never moved");
+        std::thread::yield_now();
+    }
+}
+
+fn in_background(mut command: Command) -> Child {
+    command
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap()
+}
+
+#[test]
+fn a_run_killed_in_its_check_needs_a_reset() {
+    let folder = tempfile::tempdir().unwrap();
+    let (folder, state) = (folder.path(), folder.path().join("state"));
+    let (address, position) = Fake::machine();
+    let slow = write(folder, "slow.toml", &test_of(&address, 20, SLOW));
+    let mut first = command(&state);
+    first
+        .arg("run")
+        .arg(&slow)
+        .arg("--out")
+        .arg(folder.join("first"));
+    let mut first = in_background(first);
+    moves(&position);
+    let recorded = kept(&state).place.unwrap();
+    assert_eq!((recorded.began, recorded.left), (vec![0.0], vec![]));
+    first.kill().unwrap();
+    first.wait().unwrap();
+    let stands = *position.lock().unwrap();
+    assert!(stands > 0.0);
+
+    let quick = write(folder, "quick.toml", &test_of(&address, 20, NO_CHECK));
+    let (code, words) = run_test(&state, &quick, "refused");
+    assert_eq!(code, 2, "{words}");
+    assert!(words.contains("gusset reset"), "{words}");
+    assert_eq!(summary(folder, "refused").status, Ended::Stopped);
+    assert_eq!(*position.lock().unwrap(), stands, "nothing moved");
+
+    let (code, words) = reset(&state, &quick, &[]);
+    assert_eq!(code, 2, "nobody confirms: {words}");
+    let (code, words) = reset(&state, &folder.join("refused"), &["--yes"]);
+    assert_eq!(code, 0, "{words}");
+    assert!(words.contains("reports the position"), "{words}");
+    assert_eq!(records(&state).len(), 0);
+    let (code, words) = run_test(&state, &quick, "second");
+    assert_eq!(code, 0, "{words}");
+    assert_eq!(records(&state).len(), 0, "removed at the regular end");
+}
+
+#[test]
+fn a_gateway_killed_in_its_check_needs_a_reset() {
+    let folder = tempfile::tempdir().unwrap();
+    let (folder, state) = (folder.path(), folder.path().join("state"));
+    let (address, position) = Fake::machine();
+    let file = write(folder, "gateway.toml", &gateway_to(&address, SLOW));
+    let mut first = Served::serves(&file, "127.0.0.1:0", &[]);
+    let own = folder.join("of the client");
+    let test = write(folder, "test.toml", &test_of(&first.address, 20, NO_CHECK));
+    let mut client = command(&own);
+    client
+        .arg("run")
+        .arg(&test)
+        .arg("--out")
+        .arg(folder.join("client"));
+    let mut client = in_background(client);
+    moves(&position);
+    assert_eq!(kept(&state).place.unwrap().began, [0.0]);
+    first.kill();
+    client.wait().unwrap();
+    drop(first);
+
+    let file = write(folder, "again.toml", &gateway_to(&address, NO_CHECK));
+    let next = Served::serves(&file, "127.0.0.1:0", &[]);
+    next.hears("has not ended regularly");
+    let test = write(folder, "test.toml", &test_of(&next.address, 20, NO_CHECK));
+    let (code, words) = run_test(&folder.join("own"), &test, "refused");
+    assert_eq!(code, 3, "{words}");
+    // The same record refuses a test that connects directly.
+    let direct = write(folder, "direct.toml", &test_of(&address, 20, NO_CHECK));
+    let (code, words) = run_test(&state, &direct, "direct");
+    assert_eq!(code, 2, "{words}");
+    assert!(words.contains("is held by process"), "{words}");
+    let (code, words) = reset(&state, &file, &["--yes"]);
+    assert_eq!(code, 0, "{words}");
+    assert!(words.contains("reports the position"), "{words}");
+    let (code, words) = run_test(&folder.join("own"), &test, "second");
+    assert_eq!(code, 0, "{words}");
+    next.hears("test over");
+    assert_eq!(records(&state).len(), 0);
+}
+
+#[test]
+fn an_operator_who_stops_a_run_leaves_a_record() {
+    let folder = tempfile::tempdir().unwrap();
+    let (folder, state) = (folder.path(), folder.path().join("state"));
+    let (address, position) = Fake::machine();
+    let test = write(folder, "test.toml", &test_of(&address, 60_000, NO_CHECK));
+    let mut first = command(&state);
+    first
+        .arg("run")
+        .arg(&test)
+        .arg("--out")
+        .arg(folder.join("first"));
+    let mut first = in_background(first);
+    moves(&position);
+    signal(first.id(), "INT");
+    assert_eq!(first.wait().unwrap().code(), Some(130));
+    let place = kept(&state).place.unwrap();
+    assert_eq!(place.left, [*position.lock().unwrap()]);
+    assert_eq!(place.units, ["m"]);
+    let (code, words) = run_test(&state, &test, "refused");
+    assert_eq!(code, 2, "{words}");
+    // The interrupted test knows where it left the specimen.
+    let mut resumed = command(&state);
+    resumed.arg("run").arg("--resume").arg(folder.join("first"));
+    resumed.arg("--out").arg(folder.join("resumed"));
+    let child = in_background(resumed);
+    let until = std::time::Instant::now() + PATIENCE;
+    while kept(&state).place.unwrap().runs.len() < 2 {
+        assert!(std::time::Instant::now() < until, "it was not taken over");
+        std::thread::yield_now();
+    }
+    assert_eq!(kept(&state).place.unwrap().began, [0.0]);
+    signal(child.id(), "KILL");
+}
+
+#[test]
+fn one_specimen_has_one_record_and_one_holder() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let (address, _) = Fake::machine();
+    let file = write(folder, "one.toml", &gateway_to(&address, NO_CHECK));
+    let port = address.rsplit(':').next().unwrap();
+    let by_name = gateway_to(&format!("localhost:{port}"), NO_CHECK);
+    let other = write(folder, "other.toml", &by_name);
+    let control = |name: &str| folder.join(name).display().to_string();
+    let one = control("one.sock");
+    let _first = Served::serves(&file, "127.0.0.1:0", &["--control", &one]);
+    let mut second = command(&folder.join("state"));
+    second
+        .arg("serve")
+        .arg(&other)
+        .args(["--listen", "127.0.0.1:0"]);
+    second.args(["--control", &control("two.sock")]);
+    let (code, words) = said(second);
+    assert_eq!(code, 2, "{words}");
+    assert!(words.contains("is held by process"), "{words}");
+}
+
+#[test]
+fn what_is_no_plain_file_is_no_record() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let key = SpecimenKey::of_link("gusset", "127.0.0.1:4823");
+    assert_eq!(key, SpecimenKey::of_link("gusset", "localhost:4823"));
+    assert_ne!(key, SpecimenKey::of_link("gusset", "127.0.0.1:4824"));
+    let file = LastingRecord::hold(folder, &key).unwrap().file().to_owned();
+    let precious = folder.join("precious");
+    std::fs::write(&precious, "precious").unwrap();
+    for place in [file.clone(), file.with_extension("lock")] {
+        let _ = std::fs::remove_file(&place);
+        std::os::unix::fs::symlink(&precious, &place).unwrap();
+        let refused = LastingRecord::hold(folder, &key);
+        assert!(matches!(refused, Err(LastingError::File { .. })));
+        std::fs::remove_file(&place).unwrap();
+        assert!(
+            Command::new("mkfifo")
+                .arg(&place)
+                .status()
+                .unwrap()
+                .success()
+        );
+        let refused = LastingRecord::hold(folder, &key);
+        assert!(matches!(refused, Err(LastingError::File { .. })));
+        std::fs::remove_file(&place).unwrap();
+    }
+    assert_eq!(std::fs::read(&precious).unwrap(), b"precious");
+    let held = LastingRecord::hold(folder, &key).unwrap();
+    let second = LastingRecord::hold(folder, &key);
+    let ours = Some(std::process::id());
+    assert!(matches!(second, Err(LastingError::Held { pid, .. }) if pid == ours));
+    drop(held);
+    LastingRecord::hold(folder, &key).unwrap();
+}
+
+#[test]
+fn a_latch_of_an_earlier_version_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let file = write(folder, "rig.toml", &moving());
+    write(folder, "rig.control.latch.json", "{}");
+    let mut serve = command(&folder.join("state"));
+    serve
+        .arg("serve")
+        .arg(&file)
+        .args(["--protocol", "openfresco"]);
+    let (code, words) = said(serve);
+    assert_eq!(code, 2, "{words}");
+    assert!(words.contains("rig.control.latch.json"), "{words}");
+}
+
+#[test]
+fn a_simulated_specimen_has_no_record() {
+    let folder = tempfile::tempdir().unwrap();
+    let (folder, state) = (folder.path(), folder.path().join("own"));
+    let law = format!("[[specimen]]\nname = \"column\"\n{ONE_AXIS_LAW}");
+    let served = Served::start(folder, &law, &[]);
+    let test = write(
+        folder,
+        "test.toml",
+        &test_of(&served.address, 60_000, NO_CHECK),
+    );
+    let mut first = command(&state);
+    first
+        .arg("run")
+        .arg(&test)
+        .arg("--out")
+        .arg(folder.join("first"));
+    let mut first = in_background(first);
+    let until = std::time::Instant::now() + PATIENCE;
+    let samples = folder.join("first/samples.bin");
+    while std::fs::metadata(&samples).map_or(0, |found| found.len()) < 50_000 {
+        assert!(std::time::Instant::now() < until, "it records nothing");
+        std::thread::yield_now();
+    }
+    first.kill().unwrap();
+    first.wait().unwrap();
+    assert!(!state.exists() && !folder.join("state").exists());
+}
