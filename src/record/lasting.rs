@@ -87,7 +87,7 @@ impl Place {
         is_same(&self.began, last)
     }
 
-    /// The same, with the position that the specimen reports now.
+    /// The words of this place, with the position that the specimen reports now.
     #[must_use]
     pub fn compared(&self, now: &[f64]) -> String {
         let now = match now {
@@ -180,7 +180,7 @@ impl SpecimenKey {
     }
 }
 
-/// Stands for every address of this machine.
+/// One name for all addresses of this machine.
 const LOCAL: &str = "localhost";
 
 fn host(ip: IpAddr) -> String {
@@ -281,7 +281,7 @@ impl LastingRecord {
     /// Holds the record of the specimen `key` in `folder`. The record need not exist.
     ///
     /// # Errors
-    /// Another process holds it, the folder cannot be written to, or what stands there is no plain file.
+    /// Another process holds it, the folder cannot be written to, or a file of this name is no plain file.
     pub fn hold(folder: &Path, key: &SpecimenKey) -> Result<Self, LastingError> {
         let stem = key.stem();
         let file = folder.join(format!("{stem}.json"));
@@ -321,7 +321,7 @@ impl LastingRecord {
         &self.file
     }
 
-    /// What is recorded. Text that cannot be understood counts as a trip.
+    /// The content of the record. Text that cannot be understood counts as a trip.
     ///
     /// # Errors
     /// It cannot be read, or is no plain file.

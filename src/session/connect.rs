@@ -66,7 +66,7 @@ pub(super) enum Unconnected {
 
 /// Specimens that are connected.
 pub(super) struct Connections {
-    /// What the user should know.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
     /// Specimens (from 0) that do not say that they are computed.
     pub moving: Vec<usize>,

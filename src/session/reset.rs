@@ -79,17 +79,17 @@ pub struct ServerControl {
     _desk: Desk,
 }
 
-/// What a server is asked for.
+/// A request to a server.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ServerRequest {
-    /// What is recorded of the specimen.
+    /// Show the record of the specimen.
     Show,
-    /// The same, and it is cleared.
+    /// Clear the record of the specimen.
     Reset,
 }
 
-/// What is recorded of a specimen, in words.
+/// The record of a specimen, in words.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RecordWords {
     /// The latched trip.
@@ -105,7 +105,7 @@ struct Asked {
     request: ServerRequest,
 }
 
-/// What a request is answered with.
+/// The answer to a request.
 #[derive(Debug, Serialize, Deserialize)]
 struct ResetAnswer {
     #[serde(flatten)]
@@ -116,7 +116,7 @@ struct ResetAnswer {
 }
 
 impl ServerControl {
-    /// Listens at `place`, and lets `carry_out` do what is asked for: it returns what was recorded, in words. A socket that a killed
+    /// Listens at `place`, and calls `carry_out` for each request: it returns the record in words. A socket that a killed
     /// server has left is replaced.
     ///
     /// # Errors

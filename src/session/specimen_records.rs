@@ -16,7 +16,7 @@ use crate::record::utc::rfc3339;
 use crate::rt::wall::Wall;
 use crate::setup::Facts;
 
-/// What a caller knows of the lasting records of a test.
+/// The lasting records of a test that its caller knows.
 #[derive(Debug, Clone)]
 pub struct SpecimenRecords {
     /// Of each specimen, in order; none of one that is computed.
@@ -30,7 +30,7 @@ pub struct SpecimenRecords {
 struct HeldRecord {
     port: usize,
     record: LastingRecord,
-    /// What stood there before.
+    /// Its content before the test.
     before: Kept,
     place: Place,
 }
@@ -43,7 +43,7 @@ impl SpecimenRecords {
     /// Holds the record of each specimen in `moving`, and writes where it stands. Nothing has moved yet.
     ///
     /// # Errors
-    /// Why a specimen may not be moved, in words.
+    /// A specimen must not be moved; the reason in words.
     pub(super) fn begin(
         &self,
         ports: &[Port],
@@ -146,7 +146,7 @@ impl HeldRecords {
             });
             let kept = match last {
                 _ if is_regular => Kept::default(),
-                // No command has left: all is as it was.
+                // Nothing moved: no command has left.
                 Some(last) if last.is_empty() => before,
                 Some(last) if !is_lost && place.is_back(last) => Kept::default(),
                 Some(last) if !is_lost && is_left(&before, last) => before,
@@ -172,7 +172,7 @@ fn is_left(before: &Kept, last: &[f64]) -> bool {
     place.is_some_and(|place| is_same(&place.left, last))
 }
 
-/// The same for every way to name it.
+/// One path for every name of a folder.
 fn absolute(folder: &Path) -> PathBuf {
     folder
         .canonicalize()

@@ -126,7 +126,7 @@ fn a_run_killed_in_its_check_needs_a_reset() {
     assert_eq!(*position.lock().unwrap(), stands, "nothing moved");
 
     let (code, words) = reset(&state, &quick, &[]);
-    assert_eq!(code, 2, "nobody confirms: {words}");
+    assert_eq!(code, 2, "it needs a confirmation: {words}");
     let (code, words) = reset(&state, &folder.join("refused"), &["--yes"]);
     assert_eq!(code, 0, "{words}");
     assert!(words.contains("reports the position"), "{words}");
@@ -164,7 +164,7 @@ fn a_gateway_killed_in_its_check_needs_a_reset() {
     let test = write(folder, "test.toml", &test_of(&next.address, 20, NO_CHECK));
     let (code, words) = run_test(&folder.join("own"), &test, "refused");
     assert_eq!(code, 3, "{words}");
-    // The same record refuses a test that connects directly.
+    // The record also refuses a test that connects directly.
     let direct = write(folder, "direct.toml", &test_of(&address, 20, NO_CHECK));
     let (code, words) = run_test(&state, &direct, "direct");
     assert_eq!(code, 2, "{words}");

@@ -45,7 +45,7 @@ impl Latched {
         written
     }
 
-    /// The same for a record that could not be written before.
+    /// Writes again what could not be written before.
     ///
     /// # Errors
     /// It still cannot.
@@ -98,7 +98,7 @@ impl Latch {
         self.latched().kept.trip.clone()
     }
 
-    /// What is recorded of the specimen.
+    /// The content of the record.
     #[must_use]
     pub fn kept(&self) -> Kept {
         self.latched().kept.clone()
@@ -190,7 +190,7 @@ impl Latch {
     /// Clears it; what was recorded.
     ///
     /// # Errors
-    /// A session moves the specimen, or the file cannot be removed: all stays as it is.
+    /// A session moves the specimen, or the file cannot be removed. Nothing changes then.
     pub fn clear(&self) -> io::Result<Kept> {
         let mut latched = self.latched();
         if latched.is_moving {
