@@ -220,7 +220,7 @@ pub fn latched(
         None => Latch::in_memory(place.path()),
     };
     let for_reset = latch.clone();
-    let carry_out = move |request| {
+    let carry_out = move |request: ServerRequest| -> io::Result<RecordWords> {
         let kept = for_reset.kept();
         if request == ServerRequest::Reset {
             for_reset.clear()?;

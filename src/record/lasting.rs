@@ -309,9 +309,8 @@ impl LastingRecord {
         say(&mut lock).map_err(wrong(&lock_file))?;
         let record = Self { file, _lock: lock };
         // What cannot be read or written shows now.
-        let kept = record.read().map_err(wrong(&record.file))?;
-        record.probe().map_err(wrong(&record.file))?;
-        drop(kept);
+        let usable = record.read().and_then(|_| record.probe());
+        usable.map_err(wrong(&record.file))?;
         Ok(record)
     }
 

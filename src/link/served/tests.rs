@@ -2,12 +2,13 @@
 
 use std::sync::{Arc, Mutex};
 
-use super::ServedSpecimen;
+use super::{GuardStore, Latch, ServedSpecimen};
 use crate::catalog::ending::Cause;
 use crate::catalog::limit::Limit;
 use crate::config::LimitsSpec;
 use crate::link::served::{Controller, LinkMaker, TestEnd, Trip, Whereabouts};
 use crate::port::{Pace, WiringCheck};
+use crate::record::lasting::{LastingRecord, SpecimenKey};
 use crate::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Status,
     Substructure, Unavailable,
@@ -724,4 +725,70 @@ fn the_first_step_of_a_test_that_goes_on_is_judged_by_its_announced_speed_and_no
     assert_eq!(goes_on(2.0, 10.0, &[0.1, 0.2]), Some(4));
     // The first command repeats its position.
     assert_eq!(goes_on(2.0, 10.0, &[0.0, 0.1, 0.1]), None);
+}
+
+/// After each of 50 sessions with random endings the specimen is where the session began, the session had a regular end, or the next
+/// session is refused before it commands anything.
+#[test]
+fn no_ending_leaves_a_specimen_unseen() {
+    let folder = tempfile::tempdir().unwrap();
+    let key = SpecimenKey::of_link("gusset", "127.0.0.1:4823");
+    let record = LastingRecord::hold(folder.path(), &key).unwrap();
+    let latch = Latch::in_record(record, std::path::Path::new("x")).unwrap();
+    let mut seed = 1_u64;
+    let mut random = |below: u64| {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        (seed >> 33) % below
+    };
+    let (mut stands, mut refusals) = (0.0, 0);
+    for session in 0..50 {
+        let spring = Spring {
+            tells: vec![stands],
+            loses: (random(5) == 0).then(|| random(60)),
+            ..Spring::default()
+        };
+        let serve = || {
+            let probe = check(1e-3, Pace::of(2e-3, 2e-4));
+            served(&spring, &Whereabouts::default())
+                .checked(probe, false)
+                .guarded(GuardStore::default(), latch.clone())
+        };
+        let mut one = serve();
+        let mut patience = if random(2) == 0 { random(80) } else { 1 << 40 };
+        let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
+        let begun = one.begin(&controller, &mut || {
+            patience = patience.saturating_sub(1);
+            let gone = || TestEnd::vanished("gone");
+            if patience == 0 { Err(gone()) } else { Ok(()) }
+        });
+        let mut is_regular = begun.is_ok();
+        for sequence in 0..random(4) {
+            let disp = stands + 1e-4 * (sequence as f64 + 1.0);
+            is_regular &= is_regular && goes_to(&mut one, sequence, disp).is_ok();
+        }
+        let cause = [
+            Cause::Done,
+            Cause::Operator,
+            Cause::ControllerVanished,
+            Cause::Shutdown,
+            Cause::ControllerTripped,
+        ][random(5) as usize];
+        one.end(cause, "over");
+        is_regular &= matches!(cause, Cause::Done | Cause::Operator);
+        let began = stands;
+        stands = spring.told.lock().unwrap().last().copied().unwrap_or(began);
+        let is_back = (stands - began).abs() < 1e-9;
+        let is_refused = latch.refusal().is_some();
+        assert!(is_regular || is_back || is_refused, "session {session}");
+        assert!(!(is_regular || is_back) || !is_refused, "session {session}");
+        if is_refused {
+            refusals += 1;
+            let before = spring.told.lock().unwrap().len();
+            assert!(begin(&mut serve()).is_err());
+            assert_eq!(spring.told.lock().unwrap().len(), before);
+            let place = latch.clear().unwrap().place.unwrap();
+            assert_eq!((place.began, place.left), (vec![began], vec![stands]));
+        }
+    }
+    assert!((5..45).contains(&refusals), "{refusals}");
 }
