@@ -296,7 +296,7 @@ impl Served {
     /// Clears its latched trip, as its operator does; the exit code and what was said.
     pub fn reset(&self) -> (i32, String) {
         let mut command = gusset();
-        command.arg("reset").arg(&self.control);
+        command.arg("reset").arg(&self.control).arg("--yes");
         let output = finish(command);
         let said = [output.stdout, output.stderr].concat();
         let said = String::from_utf8_lossy(&said).into_owned();
