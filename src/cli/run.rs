@@ -6,7 +6,6 @@ use super::args::{RunArgs, StatusArg};
 use super::attend;
 use super::closing::closing;
 use super::conduct;
-use super::control;
 use super::exit::{Exit, WithExit};
 use super::live;
 use super::status::Status;
@@ -33,12 +32,12 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     let folder = conduct::folder(args.test_run.out.as_deref(), &test.facts.title)?;
     let facts = test.facts.clone();
     let mut status = Status::new(&facts, args);
-    let operator_control = conduct::attended(&signals, &facts, &folder, args.test_run.yes)?;
+    let control = conduct::attended(&signals, &facts, &folder, args.test_run.yes)?;
     // Who is not looked at is not tapped.
     let mut looked = (asked.is_wanted() || status.is_shown())
-        .then(|| live::Looked::at(&judged.test, folder.path(), operator_control.phase.clone()));
+        .then(|| live::Looked::at(&judged.test, folder.path(), control.phase.clone()));
     let mut watches = Watches {
-        specimen_records: control::records(&judged.test, "gusset run"),
+        specimen_records: super::control::records(&judged.test, "gusset run"),
         ..Watches::default()
     };
     #[cfg(feature = "monitor")]
@@ -51,15 +50,9 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
         }
         status.look_at(&looked.board);
     }
-    let finished = session::run(
-        judged,
-        folder,
-        operator_control,
-        watches,
-        &mut |_: &Progress| {
-            status.show();
-        },
-    );
+    let finished = session::run(judged, folder, control, watches, &mut |_: &Progress| {
+        status.show();
+    });
     status.clear();
     let mut finished = conduct::finished(finished)?;
     let report = session::conclude(&mut finished);
