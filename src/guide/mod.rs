@@ -99,6 +99,7 @@ pages! {
     opensees_rig = "opensees-rig", "opensees-rig.md", Work, false;
     actuators = "actuators", "actuators.md", Work, false;
     limits = "limits", "limits.md", Work, false;
+    specimen_record = "specimen-record", "specimen-record.md", Work, false;
     operation = "operation", "operation.md", Work, false;
     run_folder = "run-folder", "run-folder.md", Work, false;
     reading_data = "reading-data", "reading-data.md", Work, false;

@@ -28,7 +28,7 @@ pub(in crate::cli) struct OperateArgs {
     after_help = "Examples:\n  gusset serve config/serve/gateway.toml --out runs/gateway\n  gusset reset runs/gateway\n  \
     gusset reset test.toml\n\n\
     After a trip, or a motion without a regular end, every test is refused until this command. Inspect the specimen first.\n\n\
-    More: gusset guide network, gusset guide limits"
+    More: gusset guide specimen-record"
 )]
 pub(in crate::cli) struct ResetArgs {
     /// Where the server listens for this command: its --control, the folder of its --out, or its file. Without a server: the file
