@@ -14,6 +14,8 @@ pub struct Outcome {
     pub unfinished: Option<IncompleteShutdown>,
     /// Where each specimen was left.
     pub left: Vec<EndPosition>,
+    /// The reason of the user for a difference that the wiring check found, if it found one.
+    pub accepted_wiring: Option<String>,
     /// Specimens, from 0, that owe an answer to the last message.
     pub unheard: Vec<usize>,
     /// Specimens, from 0, whose own ends were getting them ready when the operator ended the test.
