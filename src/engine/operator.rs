@@ -10,9 +10,9 @@ use super::phase::PhaseCell;
 /// What an operator can ask of a running test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Operator {
-    /// End in an orderly way: every specimen rests where it is.
+    /// End cleanly: every specimen rests where it is.
     Stop,
-    /// The same, by a signal: the wiring check and the motion of an identification go back to where they began.
+    /// End cleanly, by a signal: the wiring check and the motion of an identification go back to where they began.
     Interrupt,
     /// Let test time stand still.
     Hold,
@@ -215,7 +215,7 @@ impl Requests {
         }
     }
 
-    /// Whether an end was asked for: then it is heard, and what was said before it is over. `first_waits`: the first interrupt does
+    /// True if an end was asked for. It leaves the queue with everything before it. `first_waits`: the first interrupt does
     /// not count, and stays. Real-time: yes.
     pub fn takes_an_end(&mut self, control: &Control, first_waits: bool) -> bool {
         while self.0.len() < MOST_ASKED

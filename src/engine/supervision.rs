@@ -260,7 +260,7 @@ impl Supervision {
         self.hearing == Hearing::On && self.requests.takes_an_end(&self.control, false)
     }
 
-    /// The same while a reply is awaited: a specimen that is to go back replies first. Real-time: yes.
+    /// True if a stop was asked for while a reply is awaited: a specimen that is to go back replies first. Real-time: yes.
     pub fn takes_a_stop_in_wait(&mut self) -> bool {
         let first_waits = self.can_go_back();
         self.hearing == Hearing::On && self.requests.takes_an_end(&self.control, first_waits)

@@ -86,7 +86,7 @@ impl WiringCheck {
         Ok(())
     }
 
-    /// Retraces the motion of a check that a signal has ended. Returns why the test ends: a trip on the way back comes first.
+    /// Retraces the motion of a check that a signal has ended. Returns why the test ends: a trip on the return comes first.
     fn go_back(mut self, stop: Stop, engine: &mut Engine<'_>) -> Stop {
         let port = engine.ports.get(self.port);
         let turns = stop == Stop::Operator

@@ -791,7 +791,7 @@ impl Port {
         Some(ReturnMove::ramp(seconds, tick))
     }
 
-    /// How the way back of a motion ended; none if it was not retraced.
+    /// How the return of a motion ended; none if it was not retraced.
     #[must_use]
     pub fn way_back(&self) -> Option<WayBack> {
         self.retrace.as_ref().and_then(Retrace::ended)

@@ -23,7 +23,7 @@ impl Passed {
         self.most = self.most.max(force);
     }
 
-    /// False for a force beyond these, with this `noise`; also for what is no number. Real-time: yes.
+    /// False for a force beyond these, with this `noise`; also for NaN. Real-time: yes.
     pub fn has(self, force: f64, noise: f64) -> bool {
         let slack = noise + RESOLUTION * (self.most - self.least);
         (self.least - slack..=self.most + slack).contains(&force)

@@ -8,7 +8,7 @@
 //! [`super::stiffness_check`] compares it with the estimate.
 //!
 //! An interrupted probe can turn back: its command comes to rest, rests, and returns to the start along half a cosine, never faster
-//! than the probe itself. A force beyond those that were passed ends the way back.
+//! than the probe itself. A force beyond those that were passed ends the return.
 
 use super::passed::Passed;
 use super::stiffness_check::{Column, compare};
@@ -116,9 +116,9 @@ struct AxisProbe {
 enum Back {
     /// The displacement of a command changes by `change`, and by `brake` less in each exchange.
     Brakes { change: f64, brake: f64 },
-    /// At rest, for so many exchanges.
+    /// At rest, for this number of exchanges.
     Rests(u32),
-    /// So many exchanges after it was at `from`.
+    /// After `gone` exchanges from `from`.
     Returns { from: f64, gone: f64 },
     /// A force was beyond those that were passed.
     Ended { axis: usize },
@@ -136,7 +136,7 @@ pub enum WayBack {
 }
 
 impl WayBack {
-    /// As it stands in events.
+    /// Its word in events.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
@@ -171,15 +171,15 @@ pub struct Probe {
 /// The result of a probe.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Wiring {
-    /// What was found on each axis.
+    /// The changes of each axis.
     pub found: Vec<Found>,
-    /// What the user accepts.
+    /// The differences that the user accepts.
     pub accepted: Vec<WiringFault>,
 }
 
 impl Probe {
-    /// A probe from `start`, by `amplitude` along each axis (0: this axis is left alone), of a specimen whose stiffness is believed
-    /// to be `stiffness`, n × n by rows; all in `units`. `accepts`: a wrong amount of stiffness is accepted.
+    /// A probe from `start`, by `amplitude` along each axis (0: this axis is left alone), of a specimen whose estimated stiffness
+    /// is `stiffness`, n × n by rows; all in `units`. `accepts`: a wrong amount of stiffness is accepted.
     #[must_use]
     pub fn new(
         start: &[f64],
@@ -273,14 +273,14 @@ impl Probe {
         Some((amplitude * part, amplitude * slope * share))
     }
 
-    /// The same of the way back; none at its end.
+    /// Displacement and velocity of the next command of the return; none at its end.
     fn go_back(&mut self, back: Back, share: f64) -> Option<(f64, f64)> {
         let [last, ..] = self.made;
         let (next, motion) = match back {
             Back::Brakes { change, brake } => {
                 let change = change.signum() * (change.abs() - brake).max(0.0);
                 let amplitude = self.axes.get(self.axis).map_or(0.0, |axis| axis.amplitude);
-                // The amplitude is the end of what was judged.
+                // No command leaves the range of the check.
                 let way = (last + change).clamp(amplitude.min(0.0), amplitude.max(0.0));
                 let next = if way == last {
                     Back::Rests(self.pace.hold / 2)
@@ -321,7 +321,7 @@ impl Probe {
         Some(motion)
     }
 
-    /// Exchanges of the way back from a displacement: the largest velocity and acceleration are at most those of the probe.
+    /// Exchanges of the return from a displacement: the largest velocity and acceleration are at most those of the probe.
     fn ramp_from(&self, from: f64) -> f64 {
         let amplitude = self.axes.get(self.axis).map_or(1.0, |axis| axis.amplitude);
         let ramp = f64::from(self.pace.ramp) * (from / amplitude).abs().sqrt();
@@ -332,7 +332,7 @@ impl Probe {
         self.pace.period_ns.max(1) as f64 * 1e-9
     }
 
-    /// Turns an interrupted probe back to its start: from here on its commands are those of the way back. `sent` is the last command
+    /// Turns an interrupted probe back to its start: from here on its commands are those of the return. `sent` is the last command
     /// that left, and `brake` the change of velocity in one exchange times its duration that an axis allows. False if there is
     /// nothing to undo. Real-time: yes.
     pub fn turn_back(&mut self, sent: impl Fn(usize) -> f64, brake: impl Fn(usize) -> f64) -> bool {
@@ -356,7 +356,7 @@ impl Probe {
         true
     }
 
-    /// How the way back ended.
+    /// How the return ended.
     #[must_use]
     pub fn way_back(&self) -> WayBack {
         match self.back {
@@ -440,7 +440,7 @@ impl Probe {
         }
     }
 
-    /// A force beyond those that were passed ends the way back.
+    /// A force beyond those that were passed ends the return.
     fn judge_way_back(&mut self, force: &[f64]) {
         let noise = |axis: usize| {
             let probed = self.axes.get(self.axis);
@@ -729,7 +729,7 @@ mod tests {
         }
     }
 
-    /// A probe of one axis from 0.5 m that is turned back after so many commands, with the change of a command in one exchange that its
+    /// A probe of one axis from 0.5 m that is turned back after this number of commands, with the change of a command in one exchange that its
     /// brake allows: commands, and how it ended. `force` is that of the specimen.
     fn turned_back(
         after: usize,

@@ -7,16 +7,16 @@ use super::passed::Passed;
 use super::probe::WayBack;
 use crate::substructure::Measurement;
 
-/// Rest before the way back, in s, and in ticks at least.
+/// Rest before the return, in s, and in ticks at least.
 const REST_S: f64 = 0.1;
 const REST_TICKS: u64 = 8;
 
-/// Where the way back is.
+/// Where the return is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Stage {
     /// The motion runs.
     Forth,
-    /// The specimen rests for so many ticks.
+    /// The specimen rests for this number of ticks.
     Rests(u64),
     Returns,
     Ended(WayBack),
@@ -86,7 +86,7 @@ impl Retrace {
         self.stage != Stage::Forth
     }
 
-    /// One tick of the way back, with the last measurement if that is a fresh one: whether the specimen goes on, rests, or has ended it.
+    /// One tick of the return, with the last measurement if that is a fresh one: whether the specimen moves, rests, or has ended it.
     /// Real-time: yes.
     pub fn go_on(&mut self, measured: Option<&Measurement>) -> Tick {
         match self.stage {
@@ -116,7 +116,7 @@ impl Retrace {
         self.stage = Stage::Ended(WayBack::Complete);
     }
 
-    /// How the way back ended; none if there was none.
+    /// How the return ended; none before it.
     pub fn ended(&self) -> Option<WayBack> {
         match self.stage {
             Stage::Forth => None,

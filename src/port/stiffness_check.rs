@@ -6,7 +6,7 @@
 use super::wiring_fault::WiringFault;
 use crate::units::AxisUnits;
 
-/// An amount of so many standard deviations is no noise.
+/// A larger amount, in standard deviations, is not noise.
 const SIGMAS: f64 = 3.0;
 /// A term of this share of √(kᵢᵢ kⱼⱼ) at least has a sign that counts: no estimate knows a smaller coupling.
 const HAS_SIGN: f64 = 0.05;
@@ -37,7 +37,7 @@ pub(super) fn compare(
 ) -> Vec<WiringFault> {
     let n = units.len();
     let estimate = |i: usize, j: usize| stiffness.get(i * n + j).copied().unwrap_or(0.0);
-    let (mut reversed, mut others) = (Vec::new(), Vec::new());
+    let (mut reversed, mut amounts, mut couplings) = (Vec::new(), Vec::new(), Vec::new());
     for column in columns {
         let j = column.axis;
         for (i, (force, deviation)) in column.forces.iter().enumerate() {
@@ -50,7 +50,7 @@ pub(super) fn compare(
                 let ratio = found / expected;
                 let is_near = (1.0 / RATIO - ROUNDING..=RATIO + ROUNDING).contains(&ratio);
                 if !is_near {
-                    others.push(WiringFault::Stiffness {
+                    amounts.push(WiringFault::Stiffness {
                         axis: i,
                         found,
                         expected,
@@ -75,9 +75,9 @@ pub(super) fn compare(
             }
             let is_near = (found - expected).abs() <= (COUPLING + ROUNDING) * size;
             if !is_near {
-                others.push(coupling(false));
+                couplings.push(coupling(false));
             } else if noise > COUPLING * size {
-                others.push(WiringFault::HiddenCoupling {
+                couplings.push(WiringFault::HiddenCoupling {
                     axis: i,
                     moved: j,
                     times: noise / (COUPLING * size),
@@ -85,7 +85,8 @@ pub(super) fn compare(
             }
         }
     }
-    reversed.append(&mut others);
+    reversed.append(&mut amounts);
+    reversed.append(&mut couplings);
     reversed
 }
 
@@ -186,7 +187,7 @@ mod tests {
         let mut other = K;
         other[0][1] = f64::NAN;
         other[2][2] = f64::NAN;
-        assert_eq!(names(other), ["coupling_differs", "stiffness_differs"]);
+        assert_eq!(names(other), ["stiffness_differs", "coupling_differs"]);
     }
 
     /// Noise of a twentieth of √(k₁₁ k₂₂) per metre changes no verdict; noise of a fifth of it hides the couplings of a right

@@ -87,7 +87,7 @@ pub enum WiringFault {
         axis: usize,
         /// Axis that moved, from 0.
         moved: usize,
-        /// A motion so many times as large would show it.
+        /// Factor of the motion that would show it.
         times: f64,
     },
 }
@@ -156,11 +156,11 @@ impl WiringFault {
 /// What makes another stiffness than the estimate.
 const MISTAKES: &str = "exchanged connections, a forgotten `similitude` or `scale`, another unit, or a wrong \
                         `stiffness_n_per_m`";
-/// What a user does who knows that the specimen is in order.
+/// The next step of a user whose specimen is in order.
 const ACCEPT: &str =
     "If the specimen is in order, correct the estimate or give a reason in `safety.accept_wiring`";
 
-/// The motion that noise would not hide: so many times the present one, rounded up.
+/// The factor of a motion that noise would not hide, rounded up.
 struct Larger(f64);
 
 impl std::fmt::Display for Larger {

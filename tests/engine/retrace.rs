@@ -295,7 +295,7 @@ fn each_maneuver_ends_at_each_tick() {
                 continue;
             };
             goes_back(&first, at, start);
-            // A second one ends the way back.
+            // A second one ends the return.
             let freezes = at + 12;
             let twice = ended(
                 kind,

@@ -7,3 +7,4 @@ mod faults;
 mod limits;
 mod records;
 mod same_bits;
+mod whole_matrix;

@@ -20,7 +20,7 @@ const HOLDS: [[&str; 2]; 4] = [
     ],
 ];
 
-const COMMANDS: [[&str; 2]; 6] = [
+const COMMANDS: [[&str; 2]; 7] = [
     ["1", "hold"],
     [
         "2",

@@ -58,7 +58,7 @@ pub(super) struct SessionRecord {
     counted: Counted,
     /// What the summary warns of.
     warnings: Vec<String>,
-    /// What the user accepts: key and reason.
+    /// Accepted findings: key and reason.
     accepted: BTreeMap<String, String>,
     /// Where the newest exchange stands.
     position: Position,

@@ -274,7 +274,7 @@ fn a_specimen_that_says_once_that_its_interlock_is_open_or_a_sensor_at_its_end_e
     assert_eq!(says(Status::INTERLOCK), Some((4, Trip::Interlock)));
 }
 
-/// A client that is not there any more after so many questions, in the middle of a wiring check from 4 mm; `at_once`: the server is stopped
+/// A client that is gone after this number of questions, in the middle of a wiring check from 4 mm; `at_once`: the server is stopped
 /// for the second time. Returns the commands, and the end.
 fn leaves_the_check(asked: usize, at_once: bool, stands: f64) -> (Vec<f64>, Option<TestEnd>) {
     let spring = Spring {

@@ -59,7 +59,7 @@ impl Shared {
         self.stop.store(true, Ordering::Release);
     }
 
-    /// Ends the server, and the way back of a wiring check.
+    /// Ends the server, and the return of a wiring check.
     pub(super) fn stop_at_once(&self) {
         self.stop_at_once.store(true, Ordering::Release);
         self.stop();
