@@ -96,7 +96,7 @@ mod tests {
     use rand::{RngExt as _, SeedableRng as _};
 
     /// A specimen of three coupled axes, by rows.
-    const K: [[f64; 3]; 3] = [[4e6, -1e6, 5e5], [-1e6, 3e6, -6e5], [5e5, -6e5, 2e6]];
+    const K: [[f64; 3]; 3] = [[4e6, -1e6, 5e5], [-1e6, 3e6, -6e5], [5e5, -6e5, 1.5e6]];
     const UNITS: [AxisUnits; 3] = [AxisUnits::SI; 3];
     /// Amplitude of the motion.
     const WAY: f64 = 1e-3;
@@ -211,8 +211,8 @@ mod tests {
                 _ => None,
             });
             for times in times {
-                // Between √(3e6 · 2e6) and √(4e6 · 3e6): 3 · 0.3 · 2e6 / (0.3 · those).
-                assert!((1.7..2.5).contains(&times), "seed {seed}: {times}");
+                // Between √(3e6 · 1.5e6) and √(4e6 · 3e6): 3 · 0.3 · 2e6 / (0.3 · those).
+                assert!((1.7..2.9).contains(&times), "seed {seed}: {times}");
             }
             assert!(!hidden.is_empty(), "seed {seed}");
             assert!(

@@ -171,7 +171,7 @@ fn a_reason_must_say_something() {
     let folder = tempfile::tempdir().unwrap();
     let link = format!("[specimen.link]\naddress = \"127.0.0.1:1\"\n{PROBE}");
     let text = test_file(20, &format!("storey = 1\nstiffness_n_per_m = 4e6\n{link}"));
-    for reason in ["", " ", "\\u200b"] {
+    for reason in ["", " ", "\\u200b", "1"] {
         let said = format!("[safety]\naccept_wiring = \"{reason}\"\n");
         let text = text.replacen("[safety]\n", &said, 1);
         let (code, said) = run(folder.path(), "refused", &text);
