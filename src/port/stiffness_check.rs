@@ -190,8 +190,8 @@ mod tests {
         assert_eq!(names(other), ["stiffness_differs", "coupling_differs"]);
     }
 
-    /// Noise of a twentieth of √(k₁₁ k₂₂) per metre changes no verdict; noise of a fifth of it hides the couplings of a right
-    /// specimen, and says how large a motion would show them: 3 · 0.2 / 0.3 = 2 at the average coupling.
+    /// A standard deviation of 4e4 N/m changes no verdict. One of 6e5 N/m hides the couplings of a right specimen: three of them are
+    /// more than 0.3 √(kᵢᵢ kⱼⱼ), and their ratio is the factor of a motion that shows the coupling.
     #[test]
     fn noise_hides_a_coupling_and_says_so() {
         for seed in 0..200 {
