@@ -39,6 +39,9 @@ const LONGEST: f64 = 1e6;
 const SHORTEST_RAMP: u32 = 4;
 /// Shortest hold, in exchanges: half of it is averaged.
 const SHORTEST_HOLD: f64 = 16.0;
+/// Longest rest before a return, in s, and shortest, in exchanges.
+const REST_S: f64 = 0.2;
+const SHORTEST_REST: u32 = 8;
 /// A hold takes this part of the time of a ramp.
 const HOLD: f64 = 0.4;
 
@@ -283,7 +286,7 @@ impl Probe {
                 // No command leaves the range of the check.
                 let way = (last + change).clamp(amplitude.min(0.0), amplitude.max(0.0));
                 let next = if way == last {
-                    Back::Rests(self.pace.hold / 2)
+                    Back::Rests(self.rest())
                 } else {
                     Back::Brakes { change, brake }
                 };
@@ -326,6 +329,12 @@ impl Probe {
         let amplitude = self.axes.get(self.axis).map_or(1.0, |axis| axis.amplitude);
         let ramp = f64::from(self.pace.ramp) * (from / amplitude).abs().sqrt();
         ramp.ceil().max(f64::from(SHORTEST_RAMP))
+    }
+
+    /// Exchanges at rest before the return: an actuator arrives where it was sent, and the forces there are passed.
+    fn rest(&self) -> u32 {
+        let longest = (REST_S / self.period_s()).min(LONGEST) as u32;
+        (self.pace.hold / 2).min(longest.max(SHORTEST_REST))
     }
 
     fn period_s(&self) -> f64 {

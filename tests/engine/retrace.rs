@@ -39,7 +39,7 @@ const LOADED: &str = "timing.warmup_ticks = 3\nsafety.zero_s = 0.005\nsafety.ram
     [structure]\nstatic_load_n = [500.0]\n[structure.shear_building]\nmass_kg = [2e3]\nstiffness_n_per_m = [3e5]\n\
     [excitation.ground_acceleration.signal.sine]\namplitude = 5\nfrequency_hz = 2\n";
 /// The motion of an identification.
-const DRIVE: &str = "timing.warmup_ticks = 3\nsafety.zero_s = 0.005\nsafety.ramp_s = 0.02\n\
+const DRIVE: &str = "timing.warmup_ticks = 3\nsafety.zero_s = 0.005\nsafety.ramp_s = 0.02\nsafety.ease_s = 0.005\n\
     [time]\nrate_hz = 1000\nduration_s = 0.3\n[[specimen]]\nname = \"rig\"\nlaw.linear = { stiffness_n_per_m = 2e5 }\n\
     [[excitation.prescribed_displacement]]\nspecimen = \"rig\"\nease_in_s = 0.05\n\
     signal.sine = { amplitude = 0.004, frequency_hz = 5 }\n";

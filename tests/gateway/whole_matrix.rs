@@ -7,8 +7,7 @@ use crate::link_common::{Served, gateway, run, summary, test_file};
 use gusset::record::Run;
 
 /// A specimen of two coupled axes, N/m.
-const LAW: &str =
-    "[specimen.law]\ncoupled = { stiffness_n_per_m = [[4e6, -1.5e6], [-1.5e6, 1.5e6]] }\n";
+const LAW: &str = "coupled = { stiffness_n_per_m = [[4e6, -1.5e6], [-1.5e6, 1.5e6]] }\n";
 const PROBE: &str = "probe_m = 1e-4\nprobe_ramp_s = 0.05\n";
 
 /// A file that describes the specimen: name of the fault (none: it is right), its keys, and whether `accept_wiring` accepts it.
