@@ -253,7 +253,8 @@ kinds! {
     /// Commands of the operator.
     OPERATOR = "operator", Test, "1", Operator, ALWAYS, "commands of the operator since the row before",
         ", as a sum: 1 hold, 2 continue, 4 confirm, 8 stop, 16 end because a tick was too late, 32 stop while a reply was \
-     awaited; `continue` takes effect before a `hold` in the same row";
+     awaited, 64 stop after which the specimens go back to where their motion began; `continue` takes effect before a `hold` in \
+     the same row";
     /// Cause of the ending, see [`super::ending::Cause`].
     CAUSE = "cause", Test, "1", Loop, ALWAYS, "code of the cause that ended the test or its shutdown; 0 in the rows before";
     /// Displacement of a DOF.

@@ -217,6 +217,26 @@ pub const EVENTS: &[EventRow] = &[
         "`specimen`, `name`, `axis`; `disp` in m, `force` in N: changes of the measured values",
     ),
     row(
+        "wiring_accepted",
+        Warning,
+        Limits,
+        "{place}: the wiring check found {what}, which `safety.accept_wiring` accepts",
+    )
+    .guide(
+        "A difference between the measured stiffness and the estimate that the user accepts.",
+        "`specimen`, `name`, `axis`; `what`: the fault in one word",
+    ),
+    row(
+        "retraced",
+        Warning,
+        Other,
+        "{specimen}: it went back along its own motion: {what}",
+    )
+    .guide(
+        "The wiring check, or the motion of `identify`, was ended and went back to where it began.",
+        "`specimen`, `name`; `what`: `complete`, `beyond_passed_force` or `incomplete`; a server: `text`",
+    ),
+    row(
         "direction_unknown",
         Warning,
         Other,
@@ -559,6 +579,10 @@ pub enum Remark {
     Probing,
     /// A server: what the wiring check found.
     Direction,
+    /// A server: the wiring check was ended and went back.
+    Retraced,
+    /// A server: the user accepts what the wiring check found.
+    WiringAccepted,
     /// A server: the specimen reports that its own watchdog holds it.
     SpecimenHolds,
     /// A server: what the specimen reported after the test.

@@ -59,6 +59,7 @@ pub fn identify(args: &IdentifyArgs) -> anyhow::Result<Exit> {
     for text in &test.facts.announced {
         tell(format_args!("note: {text}"));
     }
+    test.experiment.retraces = true;
     for axis in &plan.axes {
         if let Some(port) = test.experiment.ports.get_mut(axis.place) {
             port.needs_measured_disp_mut().own = vec!["`gusset identify`".to_owned()];

@@ -59,7 +59,9 @@ pub(super) fn run_until_signal(server: Server, quiet: bool) -> anyhow::Result<Ex
         tell(format_args!("warning: not granted: {text}"));
     }
     say_ready(address)?;
-    running.watch(&|| !requests.is_empty(), &mut |event| {
+    // The requests stay in the queue: two of them end a wiring check where it is.
+    let (stop, at_once) = (|| !requests.is_empty(), || requests.len() > 1);
+    running.watch_twice(&stop, &at_once, &mut |event| {
         if !quiet {
             remark(event);
         }

@@ -111,6 +111,13 @@ pub struct SafetyTable {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"The rehearsal trips only at the end, where the specimen may fail")]
     pub accept_trip: Option<String>,
+    /// Reason why a test may move a specimen whose stiffness in the wiring check is not near
+    /// `stiffness_n_per_m`: a ratio outside 1/2 to 2, or another coupling of its axes. Without a
+    /// reason, such a specimen is not armed. Opposite signs are always refused. The reason is
+    /// written to the summary and the report.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"The specimen is cracked; its stiffness is a third of the estimate")]
+    pub accept_wiring: Option<String>,
 }
 
 impl Default for SafetyTable {
@@ -134,6 +141,7 @@ impl Default for SafetyTable {
             unlimited: None,
             accept_unstable: None,
             accept_trip: None,
+            accept_wiring: None,
         }
     }
 }
@@ -149,11 +157,12 @@ impl SafetyTable {
         .filter_map(|(key, is_given)| is_given.then_some(key))
     }
 
-    /// True if it says more than why a specimen is without limits.
+    /// True if it says more than what a server needs: why a specimen is without limits, or with another stiffness.
     #[must_use]
     pub fn bounds_a_test(&self) -> bool {
         let rest = Self {
             unlimited: None,
+            accept_wiring: None,
             ..self.clone()
         };
         rest != Self::default()

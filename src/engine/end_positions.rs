@@ -50,6 +50,8 @@ pub(super) struct Ends {
     pub unarmed: Vec<usize>,
     /// What stopped the shutdown.
     pub unfinished: Option<IncompleteShutdown>,
+    /// The wiring check found what the user accepts.
+    pub wiring_is_accepted: bool,
     /// How the test ended whose shutdown is performed.
     after: Option<Ending>,
 }
@@ -62,8 +64,14 @@ impl Ends {
             unheard: Vec::new(),
             unarmed: Vec::new(),
             unfinished: None,
+            wiring_is_accepted: false,
             after: None,
         }
+    }
+
+    /// The wiring check found what the user accepts.
+    pub const fn accept_wiring(&mut self) {
+        self.wiring_is_accepted = true;
     }
 
     /// The shutdown of a test that ended so begins.

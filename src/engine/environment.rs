@@ -163,6 +163,16 @@ impl Environment {
                 self.journal.row.commands.add(OperatorCommands::STOP);
                 return Err(Stop::Operator);
             }
+            Operator::Interrupt => {
+                let commands = if self.supervision.can_go_back() {
+                    self.supervision.begin_going_back();
+                    OperatorCommands::RETRACE
+                } else {
+                    OperatorCommands::STOP
+                };
+                self.journal.row.commands.add(commands);
+                return Err(Stop::Operator);
+            }
             Operator::GiveUp => {
                 return Err(Stop::Late {
                     total: self.deadlines.total(),

@@ -312,7 +312,7 @@ impl Engine<'_> {
                 return Ok(());
             }
             // A recording replies unless the operator did not wait.
-            if port.is_recorded() || !waits || supervision.takes_a_stop() {
+            if port.is_recorded() || !waits || supervision.takes_a_stop_in_wait() {
                 port.leave_owing();
                 return Err(Stop::Operator);
             }

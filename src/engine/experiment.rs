@@ -33,6 +33,8 @@ pub struct Experiment {
     pub pacing: Pacing,
     /// The state of an interrupted test that this one continues.
     pub resume: Option<Resumption>,
+    /// A first signal makes the specimens go back to where the test began: that of an identification.
+    pub retraces: bool,
 }
 
 impl Experiment {

@@ -93,7 +93,9 @@ impl Connected {
 
     /// The replay of a recorded test, whose histograms stay empty.
     #[must_use]
-    pub fn for_a_replay(experiment: Experiment, recorder: Box<dyn Recorder>) -> Self {
+    pub fn for_a_replay(mut experiment: Experiment, recorder: Box<dyn Recorder>) -> Self {
+        // The record says whether they went back.
+        experiment.retraces = true;
         let clock = Box::new(SimClock::new());
         Self(Test::new(Timing::counting(), experiment, clock, recorder))
     }
@@ -267,6 +269,9 @@ fn run_steps(engine: &mut Engine<'_>, watches: &mut Watches) -> Result<(), Stop>
     engine.environment.enter(Phase::Running, Ending::Completed);
     engine.ports.iter_mut().for_each(Port::begin_compensation);
     engine.environment.report_now(Event::Started);
+    if engine.environment.supervision.retraces() {
+        engine.ports.iter_mut().for_each(Port::begin_retraceable);
+    }
     let mut steps = Stepping::new(engine.side);
     if let Some(watch) = &mut watches.before_first_tick {
         watch();

@@ -10,8 +10,10 @@ use super::phase::PhaseCell;
 /// What an operator can ask of a running test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Operator {
-    /// End in an orderly way.
+    /// End cleanly: every specimen rests where it is.
     Stop,
+    /// End cleanly, by a signal: the wiring check and the motion of an identification go back to where they began.
+    Interrupt,
     /// Let test time stand still.
     Hold,
     /// Go on after the hold of this number ([`super::Glimpse::hold_number`]); dropped if another hold stands by now. Nothing
@@ -26,13 +28,19 @@ pub enum Operator {
 }
 
 impl Operator {
+    /// True if it ends the test.
+    #[must_use]
+    pub const fn is_end(self) -> bool {
+        matches!(self, Self::Stop | Self::Interrupt)
+    }
+
     /// Into the operator's line (with room for two words at least). Half of the room is kept for ends: none is lost behind
     /// other words. One more end than there is room for would mean nothing that those before it do not.
     ///
     /// # Errors
     /// There is no room, or nobody listens any more.
     pub fn say_into(self, line: &Sender<Self>) -> Result<(), TrySendError<Self>> {
-        let is_end = self == Self::Stop;
+        let is_end = self.is_end();
         if !is_end
             && line
                 .capacity()
@@ -66,6 +74,8 @@ impl OperatorCommands {
     pub const GIVE_UP: Self = Self(16);
     /// A stop that ended the wait for a reply.
     pub const STOP_IN_WAIT: Self = Self(32);
+    /// An orderly stop after which the specimens go back to where their motion began.
+    pub const RETRACE: Self = Self(64);
 
     /// In the column `operator`.
     #[inline]
@@ -78,7 +88,7 @@ impl OperatorCommands {
     #[must_use]
     pub fn of(code: f64) -> Self {
         let bits = code as u8;
-        let is_code = f64::from(bits) == code && bits < 64;
+        let is_code = f64::from(bits) == code && bits < 128;
         Self(if is_code { bits } else { 0 })
     }
 
@@ -97,7 +107,7 @@ impl OperatorCommands {
     /// Commands of a tick without a row lead nothing; a stop stays for the next row. Real-time: yes.
     #[inline]
     pub(super) const fn begin_tick(&mut self) {
-        self.0 &= Self::STOP.0 | Self::GIVE_UP.0;
+        self.0 &= Self::STOP.0 | Self::GIVE_UP.0 | Self::RETRACE.0;
     }
 
     /// Whether all of these are in the set.
@@ -205,14 +215,19 @@ impl Requests {
         }
     }
 
-    /// Whether an end was asked for: then it is heard, and what was said before it is over. Real-time: yes.
-    pub fn takes_an_end(&mut self, control: &Control) -> bool {
+    /// True if an end was asked for. It leaves the queue with everything before it. `first_waits`: the first interrupt does
+    /// not count, and stays. Real-time: yes.
+    pub fn takes_an_end(&mut self, control: &Control, first_waits: bool) -> bool {
         while self.0.len() < MOST_ASKED
             && let Ok(word) = control.requests.try_recv()
         {
             self.0.push_back(word);
         }
-        let end = self.0.iter().position(|word| *word == Operator::Stop);
+        let mut waits = first_waits;
+        let end = self.0.iter().position(|word| match word {
+            Operator::Interrupt => !std::mem::take(&mut waits),
+            word => word.is_end(),
+        });
         if let Some(end) = end {
             self.0.drain(..=end);
         }

@@ -16,6 +16,8 @@ pub struct Outcome {
     pub left: Vec<EndPosition>,
     /// The last command to each specimen, in its own unit; empty if no command has left.
     pub last_commands: Vec<Vec<f64>>,
+    /// The reason of the user for a difference that the wiring check found, if it found one.
+    pub accepted_wiring: Option<String>,
     /// Specimens, from 0, that owe an answer to the last message.
     pub unheard: Vec<usize>,
     /// Specimens, from 0, whose own ends were getting them ready when the operator ended the test.

@@ -91,6 +91,7 @@ impl Test {
             limits,
             pacing,
             resume,
+            retraces,
         } = experiment;
         let (row, columns) = Row::new((&record_dofs, &rotations), &side, &ports);
         let dofs = match &side {
@@ -98,13 +99,14 @@ impl Test {
             Side::Prescribed(_) => 0,
         };
         let per_step = ports.iter().any(Port::is_per_step);
-        let environment = Environment {
+        let mut environment = Environment {
             pace: Pace::new(clock, period, limits.on_miss),
             deadlines: Deadlines::new(timing, &limits.test, per_step),
             supervision: Supervision::new(Control::unattended()),
             journal: Journal::new(row, columns.len(), recorder),
             place: Place::start(dt),
         };
+        environment.supervision.set_retraces(retraces);
         let earlier = resume.as_ref().map(|resume| resume.earlier.forces.clone());
         let parts = Parts {
             side,
@@ -257,7 +259,10 @@ impl Test {
         } = &self.parts.environment;
         let (rows_lost, events_lost) = journal.lost();
         let ends = &self.parts.ends;
+        let reasons = self.ports.iter().filter(|_| ends.wiring_is_accepted);
+        let mut reasons = reasons.filter_map(|port| port.wiring_check().accepted());
         Outcome {
+            accepted_wiring: reasons.next().map(str::to_owned),
             ending,
             unfinished: ends.unfinished,
             left: ends.left.clone(),

@@ -16,6 +16,7 @@ use super::{Ending, Stop};
 use crate::catalog::ending::Cause;
 use crate::catalog::phase::GIVEN_UP;
 use crate::port::{Port, ReturnMove, UnloadFailure};
+use crate::record::Event;
 use crate::rt::timing::TickStamps;
 
 /// The shutdown of one specimen.
@@ -32,6 +33,8 @@ struct Exit {
 /// The motion of all specimens to where they are left. One may unload while another is lost.
 pub(super) struct Shutdown {
     tripped: bool,
+    /// The motion of an identification was interrupted: specimens go back to where it began.
+    retraces: bool,
     exits: Vec<Exit>,
     /// The first link that was lost before its specimen could be commanded: it stops no other.
     lost: Option<Stop>,
@@ -45,7 +48,16 @@ impl Shutdown {
             engine.environment.report_stop(stop);
         }
         engine.environment.journal.row.cause = Some(ending.cause());
-        let Err(stop) = Self::lead_out(ending, engine) else {
+        let led = Self::lead_out(ending, engine);
+        for (index, port) in (0..).zip(&*engine.ports) {
+            if let Some(way) = port.way_back() {
+                engine.environment.report_now(Event::Retraced {
+                    port: index,
+                    what: way.word().into(),
+                });
+            }
+        }
+        let Err(stop) = led else {
             return ending;
         };
         let is_gone = |port: usize| engine.ports.get(port).is_some_and(|port| port.is_gone());
@@ -122,11 +134,17 @@ impl Shutdown {
     /// Which specimens are moved.
     fn new(tripped: bool, is_known: bool, engine: &mut Engine<'_>) -> Self {
         let mut exits = Vec::with_capacity(engine.ports.len());
+        let retraces = !tripped && engine.environment.supervision.goes_back();
         for (left, port) in engine.ends.left.iter_mut().zip(&*engine.ports) {
             // The position of one that never replied is unknown.
             let replies = port.has_answered() || port.owes_the_last();
-            let is_wanted = is_known && port.has_begun() && replies && port.exits().moves(tripped);
-            let unfelt = (!port.can_be_led(tripped)).then_some(UnloadFailure::Unfelt);
+            let is_wanted = is_known
+                && port.has_begun()
+                && replies
+                && (port.can_retrace() || !retraces)
+                && (retraces || port.exits().moves(tripped));
+            let is_felt = retraces || port.can_be_led(tripped);
+            let unfelt = (!is_felt).then_some(UnloadFailure::Unfelt);
             *left = if port.is_gone() {
                 EndPosition::Lost
             } else if is_wanted {
@@ -141,6 +159,7 @@ impl Shutdown {
         }
         Self {
             tripped,
+            retraces,
             exits,
             lost: None,
         }
@@ -164,7 +183,11 @@ impl Shutdown {
                 port.halt();
             }
             if exit.is_led && exit.departure.is_none() {
-                exit.departure = port.begin_return_move(self.tripped, period);
+                exit.departure = if self.retraces {
+                    port.begin_retrace(period)
+                } else {
+                    port.begin_return_move(self.tripped, period)
+                };
                 port.leave_number(sequence);
             }
         }

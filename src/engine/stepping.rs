@@ -227,6 +227,7 @@ impl Maneuver for Stepping {
             return Ok(());
         }
         self.course = Course::MayHold(order.tick);
+        engine.ports.iter_mut().for_each(Port::pass);
         let place = &order.place;
         engine.progress.count_tick();
         let Some(advanced) = self.closed else {

@@ -55,6 +55,10 @@ pub(super) struct Supervision {
     continues: bool,
     confirmation: Confirmation,
     motion: Motion,
+    /// The test is a motion that goes back to its start when it is interrupted.
+    retraces: bool,
+    /// It was interrupted, and goes back.
+    goes_back: bool,
 }
 
 impl Supervision {
@@ -70,7 +74,36 @@ impl Supervision {
             continues: false,
             confirmation: Confirmation::NotAsked,
             motion: Motion::Moves,
+            retraces: false,
+            goes_back: false,
         }
+    }
+
+    /// The test is a motion that goes back to its start when it is interrupted.
+    pub const fn set_retraces(&mut self, retraces: bool) {
+        self.retraces = retraces;
+    }
+
+    /// True of a test that goes back to its start when it is interrupted.
+    pub const fn retraces(&self) -> bool {
+        self.retraces
+    }
+
+    /// True if the motion of this phase goes back to its start when it is interrupted. Real-time: yes.
+    pub fn can_go_back(&self) -> bool {
+        let is_drive = self.retraces && matches!(self.phase, Phase::Running | Phase::Holding);
+        !self.goes_back && (is_drive || self.phase == Phase::Probing)
+    }
+
+    /// The motion goes back to its start. No hold is left. Real-time: yes.
+    pub fn begin_going_back(&mut self) {
+        self.goes_back = true;
+        self.drop_hold();
+    }
+
+    /// True if the motion was interrupted and goes back to its start. Real-time: yes.
+    pub const fn goes_back(&self) -> bool {
+        self.goes_back
     }
 
     /// Visits the hold. A state is taken in the running test, where nothing is to be confirmed. Real-time: yes.
@@ -224,7 +257,13 @@ impl Supervision {
 
     /// True if a stop was asked for; it leaves the queue, and what was asked before it. Real-time: yes.
     pub fn takes_a_stop(&mut self) -> bool {
-        self.hearing == Hearing::On && self.requests.takes_an_end(&self.control)
+        self.hearing == Hearing::On && self.requests.takes_an_end(&self.control, false)
+    }
+
+    /// True if a stop was asked for while a reply is awaited: a specimen that is to go back replies first. Real-time: yes.
+    pub fn takes_a_stop_in_wait(&mut self) -> bool {
+        let first_waits = self.can_go_back();
+        self.hearing == Hearing::On && self.requests.takes_an_end(&self.control, first_waits)
     }
 
     /// On simulated time a test that stands until the operator speaks would make millions of rows: it waits for him a while.

@@ -59,13 +59,23 @@ impl WiringCheck {
             probe,
             hold: HoldRamp::new(engine),
         };
-        engine.perform(&mut check)?;
+        if let Err(stop) = engine.perform(&mut check) {
+            return Err(check.go_back(stop, engine));
+        }
         let verdict = check.probe.verdict();
-        let found = verdict.map_err(|misfit| Stop::Misfit {
+        let wiring = verdict.map_err(|misfit| Stop::Misfit {
             port: index,
             misfit,
         })?;
-        for axis in found {
+        for fault in &wiring.accepted {
+            engine.ends.accept_wiring();
+            engine.environment.report_now(Event::WiringAccepted {
+                port,
+                axis: fault.axis() as u32,
+                what: fault.name().into(),
+            });
+        }
+        for axis in wiring.found {
             engine.environment.report_now(Event::Direction {
                 port,
                 axis: axis.axis as u32,
@@ -74,6 +84,24 @@ impl WiringCheck {
             });
         }
         Ok(())
+    }
+
+    /// Retraces the motion of a check that a signal has ended. Returns why the test ends: a trip on the return comes first.
+    fn go_back(mut self, stop: Stop, engine: &mut Engine<'_>) -> Stop {
+        let port = engine.ports.get(self.port);
+        let turns = stop == Stop::Operator
+            && engine.environment.supervision.goes_back()
+            && port.is_some_and(|port| port.turn_back(&mut self.probe));
+        if !turns {
+            return stop;
+        }
+        self.hold = HoldRamp::new(engine);
+        let ended = engine.perform(&mut self);
+        engine.environment.report_now(Event::Retraced {
+            port: self.port as u32,
+            what: self.probe.way_back().word().into(),
+        });
+        ended.err().unwrap_or(stop)
     }
 
     /// Where specimens that do not report it stand before the test: where nothing is deformed, if it begins gently or brings

@@ -3,6 +3,8 @@
 //! Everything here happens beside the running test, or once in it. The operations of a tick are in [`super`].
 
 use super::compensators::Compensators;
+use super::probe::SIGMAS;
+use super::retrace::Tick;
 use super::*;
 use crate::compensation::Compensator;
 use crate::geometry::LawPlace;
@@ -57,6 +59,7 @@ impl Port {
             tracking: Tracking::new(n),
             startup: Startup::absolute(n),
             exits: Exits::default(),
+            retrace: None,
             axes,
         }
     }
@@ -375,7 +378,7 @@ impl Port {
             deformed.collect::<Vec<f64>>()
         });
         let start = reported.as_deref().unwrap_or_else(|| self.target());
-        self.startup.wiring().probe(start, self.stiffness.own())
+        self.startup.wiring().probe(start)
     }
 
     /// Makes the next command of a probe, `share` of an exchange after the last; false at its end. Real-time: yes.
@@ -393,6 +396,22 @@ impl Port {
         } else {
             probe.give_again();
         }
+    }
+
+    /// Turns a probe that was interrupted back to its start, after the last command that left; false if there is nothing to undo.
+    /// Real-time: yes.
+    pub fn turn_back(&self, probe: &mut Probe) -> bool {
+        let period_s = probe.period_ns() as f64 * 1e-9;
+        let sent = |index: usize| {
+            let axis = self.axes.get(index).zip(self.sent().get(index));
+            axis.map_or(f64::NAN, |(axis, sent)| axis.deformation(*sent))
+        };
+        let brake = |index: usize| {
+            let gain = self.axes.get(index).map_or(1.0, |axis| axis.disp_gain);
+            let metres = (self.metres_of(index) * gain).abs();
+            self.guard.brake_accel(index) * period_s * period_s / metres
+        };
+        probe.turn_back(sent, brake)
     }
 
     /// Accepts the exchange of a probe, unless a computation answers. Over OpenFresco's protocols a specimen that received no step
@@ -730,8 +749,69 @@ impl Port {
         Some(ReturnMove::ramp(seconds, tick))
     }
 
+    /// The motion that begins here is retraced when it is interrupted.
+    pub fn begin_retraceable(&mut self) {
+        let axes = 0..self.axes.len();
+        let noise = axes.map(|axis| SIGMAS * self.startup.reading(axis).force_noise);
+        self.retrace = Some(Retrace::new(self.path.sent(), noise.collect()));
+    }
+
+    /// A command of a motion that can be retraced has left, and was answered. Real-time: yes.
+    pub fn pass(&mut self) {
+        if let Some(retrace) = &mut self.retrace {
+            let fresh = self.feedback.is_fresh().then(|| self.feedback.raw());
+            retrace.pass(self.path.sent(), fresh);
+        }
+    }
+
+    /// True if there is a motion to retrace, and the specimen is not at its start.
+    #[must_use]
+    pub fn can_retrace(&self) -> bool {
+        let retrace = self.retrace.as_ref();
+        retrace.is_some_and(|retrace| retrace.start() != self.path.sent())
+    }
+
+    /// Begins to retrace the motion, with ticks of `tick` seconds of wall time; none where there is nothing to retrace.
+    pub fn begin_retrace(&mut self, tick: f64) -> Option<ReturnMove> {
+        self.leave_pose();
+        let retrace = self.retrace.as_mut()?;
+        retrace.turn_back(tick);
+        self.path.command_place(retrace.start());
+        self.path.begin_ramp(&self.axes, None);
+        let retrace = self.retrace.as_ref()?;
+        let ends = self.sent().iter().zip(retrace.start()).enumerate();
+        let times = ends.filter(|(_, (from, to))| from != to);
+        let times = times.map(|(axis, (from, to))| {
+            let metres = self.metres_of(axis);
+            let speed = retrace.step(axis) * metres / tick;
+            self.guard
+                .cosine_time(axis, (to - from).abs() * metres, speed)
+        });
+        let seconds = times.fold(0.0, f64::max);
+        Some(ReturnMove::ramp(seconds, tick))
+    }
+
+    /// How the return of a motion ended; none if it was not retraced.
+    #[must_use]
+    pub fn way_back(&self) -> Option<WayBack> {
+        self.retrace.as_ref().and_then(Retrace::ended)
+    }
+
     /// Makes the next command of the return move; false when there is no further to go.
     pub fn go_on(&mut self, way: &mut ReturnMove) -> bool {
+        if let Some(retrace) = self.retrace.as_mut().filter(|retrace| retrace.goes_back()) {
+            let fresh = self.feedback.is_fresh().then(|| self.feedback.raw());
+            let tick = retrace.go_on(fresh);
+            if tick != Tick::Goes {
+                self.path.stand_still();
+                return tick == Tick::Rests;
+            }
+            let goes_on = way.go_on(&self.axes, &mut self.path, &self.feedback, None);
+            if !goes_on {
+                retrace.arrive();
+            }
+            return goes_on;
+        }
         let unit = self.loading_unit.as_deref_mut();
         way.go_on(&self.axes, &mut self.path, &self.feedback, unit)
     }

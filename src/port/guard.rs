@@ -14,6 +14,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Share of an acceleration limit that a ramp or a return move uses at most.
 const SHARE_OF_ACCEL: f64 = 0.5;
+/// Share of a limit of acceleration that stops an axis.
+const BRAKE_SHARE: f64 = 0.9;
 
 /// The limits of a port.
 #[derive(Debug, Clone)]
@@ -304,6 +306,11 @@ impl Guard {
         limit.map_or(f64::INFINITY, |limits| {
             SHARE_OF_ACCEL * limits.size(Limit::CommandAccel).lower()
         })
+    }
+
+    /// Acceleration in m/s² that an axis may be stopped with.
+    pub(super) fn brake_accel(&self, axis: usize) -> f64 {
+        BRAKE_SHARE / SHARE_OF_ACCEL * self.way_accel(axis)
     }
 
     /// Time in s of a way of `distance` m along half a cosine, at most at `speed` in m/s and with the acceleration that an axis

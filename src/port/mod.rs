@@ -26,16 +26,19 @@ mod linear_stand_in;
 mod link_numbers;
 mod loading_unit;
 mod motion_check;
+mod passed;
 mod probe;
 mod ramp;
 mod received;
 mod rest;
+mod retrace;
 mod return_move;
 mod row_product;
 mod sensor_zero;
 mod startup;
 mod step_pacer;
 mod stiffness;
+mod stiffness_check;
 mod tangent;
 mod target_path;
 mod tracking;
@@ -53,7 +56,7 @@ pub use interpolation::{Order, PathPoint, shares};
 pub use linear_stand_in::LinearStandIn;
 pub use loading_unit::{PoseRow, Poses};
 pub use motion_check::MotionCheck;
-pub use probe::{Found, Pace, Probe};
+pub use probe::{Found, Pace, Probe, WayBack, Wiring};
 pub use ramp::{SHARE_OF_SPEED, UNBOUNDED_RAMP_S};
 pub use rest::Rest;
 pub use return_move::{Exit, Exits, ReturnMove};
@@ -87,6 +90,7 @@ use feedback::Feedback;
 use initial_stiffness::InitialStiffness;
 use introduction::Expectation;
 use loading_unit::LoadingUnit;
+use retrace::Retrace;
 use return_move::ReturnStart;
 use startup::Startup;
 use tracking::Tracking;
@@ -106,6 +110,8 @@ pub struct Port {
     tracking: Tracking,
     startup: Startup,
     exits: Exits,
+    /// The motion that is retraced when it is interrupted.
+    retrace: Option<Retrace>,
 }
 
 impl std::fmt::Debug for Port {

@@ -4,8 +4,14 @@
 //! Each axis holds, goes by its amplitude in the positive direction along half a period of a cosine, holds, comes back
 //! the same way and holds: the last command is the first one to the last bit. Readings of the second half of each hold
 //! are averaged; their scatter says what is noise. Quasi-static: a specimen without stiffness (a damper, an open gap) has
-//! no direction that this could show.
+//! no direction that this could show. The forces of all axes beside the motion of one are a column of the stiffness:
+//! [`super::stiffness_check`] compares it with the estimate.
+//!
+//! An interrupted probe can turn back: its command comes to rest, rests, and returns to the start along half a cosine, never faster
+//! than the probe itself. A force beyond those that were passed ends the return.
 
+use super::passed::Passed;
+use super::stiffness_check::{Column, compare};
 use super::wiring_fault::{Channel, WiringFault};
 use crate::units::AxisUnits;
 
@@ -33,6 +39,9 @@ const LONGEST: f64 = 1e6;
 const SHORTEST_RAMP: u32 = 4;
 /// Shortest hold, in exchanges: half of it is averaged.
 const SHORTEST_HOLD: f64 = 16.0;
+/// Longest rest before a return, in s, and shortest, in exchanges.
+const REST_S: f64 = 0.2;
+const SHORTEST_REST: u32 = 8;
 /// A hold takes this part of the time of a ramp.
 const HOLD: f64 = 0.4;
 
@@ -96,13 +105,49 @@ impl Average {
 }
 
 /// Displacement and force at the bottom, at the top, and at the bottom again.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 struct AxisProbe {
     amplitude: f64,
-    stiffness: f64,
     units: AxisUnits,
     disp: [Average; 3],
-    force: [Average; 3],
+    /// Forces of all axes.
+    forces: Vec<[Average; 3]>,
+}
+
+/// The way of an interrupted probe back to its start.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Back {
+    /// The displacement of a command changes by `change`, and by `brake` less in each exchange.
+    Brakes { change: f64, brake: f64 },
+    /// At rest, for this number of exchanges.
+    Rests(u32),
+    /// After `gone` exchanges from `from`.
+    Returns { from: f64, gone: f64 },
+    /// A force was beyond those that were passed.
+    Ended { axis: usize },
+}
+
+/// How an interrupted probe ended its way back.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum WayBack {
+    /// At the start.
+    Complete,
+    /// Where it is: it was interrupted, or lost.
+    Incomplete,
+    /// Where the force of this axis (from 0) was beyond the forces that were passed.
+    Force(usize),
+}
+
+impl WayBack {
+    /// Its word in events.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Complete => "complete",
+            Self::Incomplete => "incomplete",
+            Self::Force(_) => "beyond_passed_force",
+        }
+    }
 }
 
 /// A probe of one specimen. Real-time: yes, after its making.
@@ -110,40 +155,62 @@ struct AxisProbe {
 pub struct Probe {
     start: Vec<f64>,
     axes: Vec<AxisProbe>,
+    /// The estimate, n × n by rows.
+    stiffness: Vec<f64>,
+    /// A wrong amount of stiffness is accepted.
+    accepts: bool,
     pace: Pace,
     axis: usize,
     /// Exchanges of this axis that were begun.
     exchanges: u32,
     /// What is missing to the end of the last of them, 0 … 1: more than 0 only after one that went slower.
     missing: f64,
+    /// Displacements of this axis from the start in the last commands, the newest first.
+    made: [f64; 3],
+    passed: Vec<Passed>,
+    back: Option<Back>,
+}
+
+/// The result of a probe.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Wiring {
+    /// The changes of each axis.
+    pub found: Vec<Found>,
+    /// The differences that the user accepts.
+    pub accepted: Vec<WiringFault>,
 }
 
 impl Probe {
-    /// A probe from `start`, by `amplitude` along each axis (0: this axis is left alone), of a specimen whose diagonal
-    /// stiffness is believed to be `stiffness`; all in `units`.
+    /// A probe from `start`, by `amplitude` along each axis (0: this axis is left alone), of a specimen whose estimated stiffness
+    /// is `stiffness`, n × n by rows; all in `units`. `accepts`: a wrong amount of stiffness is accepted.
     #[must_use]
     pub fn new(
         start: &[f64],
         amplitude: &[f64],
-        stiffness: &[f64],
+        (stiffness, accepts): (&[f64], bool),
         units: &[AxisUnits],
         pace: Pace,
     ) -> Self {
-        let axes = amplitude.iter().zip(stiffness).zip(units);
-        let axes = axes.map(|((amplitude, stiffness), units)| AxisProbe {
+        let n = amplitude.len();
+        let axes = amplitude.iter().zip(units);
+        let axes = axes.map(|(amplitude, units)| AxisProbe {
             amplitude: *amplitude,
-            stiffness: *stiffness,
             units: *units,
             disp: Default::default(),
-            force: Default::default(),
+            forces: vec![Default::default(); n],
         });
         Self {
             start: start.to_vec(),
             axes: axes.collect(),
+            stiffness: stiffness.to_vec(),
+            accepts,
             pace,
             axis: 0,
             exchanges: 0,
             missing: 0.0,
+            made: [0.0; 3],
+            passed: vec![Passed::NOTHING; n],
+            back: None,
         }
     }
 
@@ -151,6 +218,12 @@ impl Probe {
     #[must_use]
     pub const fn period_ns(&self) -> u64 {
         self.pace.period_ns
+    }
+
+    /// Axis that moves, from 0.
+    #[must_use]
+    pub const fn axis(&self) -> usize {
+        self.axis
     }
 
     /// The next command, one entry per axis; false if there is none. Real-time: yes.
@@ -161,6 +234,28 @@ impl Probe {
     /// The same by `share` (more than 0, at most 1) of an exchange: a probe that is being held, or goes on after that.
     /// Real-time: yes.
     pub fn go_on(&mut self, share: f64, disp: &mut [f64], vel: &mut [f64]) -> bool {
+        let motion = match self.back {
+            Some(back) => self.go_back(back, share),
+            None => self.go_forth(share),
+        };
+        let Some((way, speed)) = motion else {
+            return false;
+        };
+        let [last, before, _] = self.made;
+        self.made = [way, last, before];
+        for (to, start) in disp.iter_mut().zip(&self.start) {
+            *to = *start;
+        }
+        vel.fill(0.0);
+        if let (Some(disp), Some(vel)) = (disp.get_mut(self.axis), vel.get_mut(self.axis)) {
+            *disp += way;
+            *vel = speed;
+        }
+        true
+    }
+
+    /// Displacement from the start and velocity of the next command of the check.
+    fn go_forth(&mut self, share: f64) -> Option<(f64, f64)> {
         if self.gone() >= f64::from(self.pace.whole()) {
             (self.exchanges, self.missing) = (0, 0.0);
             self.axis += 1;
@@ -168,9 +263,7 @@ impl Probe {
         while self.axes.get(self.axis).is_some_and(|a| a.amplitude == 0.0) {
             self.axis += 1;
         }
-        let Some(amplitude) = self.axes.get(self.axis).map(|axis| axis.amplitude) else {
-            return false;
-        };
+        let amplitude = self.axes.get(self.axis).map(|axis| axis.amplitude)?;
         self.missing -= share;
         if self.missing < 0.0 {
             self.missing += 1.0;
@@ -180,15 +273,106 @@ impl Probe {
             (self.exchanges, self.missing) = (self.pace.whole(), 0.0);
         }
         let (part, slope) = self.shape(self.gone());
-        for (to, start) in disp.iter_mut().zip(&self.start) {
-            *to = *start;
+        Some((amplitude * part, amplitude * slope * share))
+    }
+
+    /// Displacement and velocity of the next command of the return; none at its end.
+    fn go_back(&mut self, back: Back, share: f64) -> Option<(f64, f64)> {
+        let [last, ..] = self.made;
+        let (next, motion) = match back {
+            Back::Brakes { change, brake } => {
+                let change = change.signum() * (change.abs() - brake).max(0.0);
+                let amplitude = self.axes.get(self.axis).map_or(0.0, |axis| axis.amplitude);
+                // No command leaves the range of the check.
+                let way = (last + change).clamp(amplitude.min(0.0), amplitude.max(0.0));
+                let next = if way == last {
+                    Back::Rests(self.rest())
+                } else {
+                    Back::Brakes { change, brake }
+                };
+                (next, (way, change / self.period_s()))
+            }
+            Back::Rests(exchanges) => {
+                let next = match exchanges.checked_sub(1) {
+                    Some(rest) => Back::Rests(rest),
+                    None => Back::Returns {
+                        from: last,
+                        gone: 0.0,
+                    },
+                };
+                (next, (last, 0.0))
+            }
+            Back::Returns { from, gone } => {
+                let ramp = self.ramp_from(from);
+                if gone >= ramp {
+                    return None;
+                }
+                let gone = (gone + share).min(ramp);
+                let angle = std::f64::consts::PI * gone / ramp;
+                let motion = if gone >= ramp {
+                    (0.0, 0.0)
+                } else {
+                    let peak = 0.5 * std::f64::consts::PI * from / (ramp * self.period_s());
+                    let speed = -peak * libm::sin(angle) * share;
+                    (0.5 * from * (1.0 + libm::cos(angle)), speed)
+                };
+                (Back::Returns { from, gone }, motion)
+            }
+            Back::Ended { .. } => return None,
+        };
+        self.back = Some(next);
+        Some(motion)
+    }
+
+    /// Exchanges of the return from a displacement: the largest velocity and acceleration are at most those of the probe.
+    fn ramp_from(&self, from: f64) -> f64 {
+        let amplitude = self.axes.get(self.axis).map_or(1.0, |axis| axis.amplitude);
+        let ramp = f64::from(self.pace.ramp) * (from / amplitude).abs().sqrt();
+        ramp.ceil().max(f64::from(SHORTEST_RAMP))
+    }
+
+    /// Exchanges at rest before the return: an actuator arrives where it was sent, and the forces there are passed.
+    fn rest(&self) -> u32 {
+        let longest = (REST_S / self.period_s()).min(LONGEST) as u32;
+        (self.pace.hold / 2).min(longest.max(SHORTEST_REST))
+    }
+
+    fn period_s(&self) -> f64 {
+        self.pace.period_ns.max(1) as f64 * 1e-9
+    }
+
+    /// Turns an interrupted probe back to its start: from here on its commands are those of the return. `sent` is the last command
+    /// that left, and `brake` the change of velocity in one exchange times its duration that an axis allows. False if there is
+    /// nothing to undo. Real-time: yes.
+    pub fn turn_back(&mut self, sent: impl Fn(usize) -> f64, brake: impl Fn(usize) -> f64) -> bool {
+        let Some(start) = self.start.get(self.axis) else {
+            return false;
+        };
+        let way = sent(self.axis) - start;
+        let [newest, last, before] = self.made;
+        // A command that was made and not sent is forgotten.
+        if (way - last).abs() < (way - newest).abs() {
+            self.made = [last, before, before];
         }
-        vel.fill(0.0);
-        if let (Some(disp), Some(vel)) = (disp.get_mut(self.axis), vel.get_mut(self.axis)) {
-            *disp += amplitude * part;
-            *vel = amplitude * slope * share;
+        let [last, before, _] = self.made;
+        if last == 0.0 && before == 0.0 {
+            return false;
         }
+        self.back = Some(Back::Brakes {
+            change: last - before,
+            brake: brake(self.axis),
+        });
         true
+    }
+
+    /// How the return ended.
+    #[must_use]
+    pub fn way_back(&self) -> WayBack {
+        match self.back {
+            Some(Back::Ended { axis }) => WayBack::Force(axis),
+            Some(Back::Returns { from, gone }) if gone >= self.ramp_from(from) => WayBack::Complete,
+            _ => WayBack::Incomplete,
+        }
     }
 
     /// Exchanges of this axis that lie behind.
@@ -237,59 +421,121 @@ impl Probe {
 
     /// What the last command gave is not known: one that counts is the next command once more. Real-time: yes.
     pub fn give_again(&mut self) {
-        self.exchanges -= u32::from(self.counts_for().is_some());
+        if self.back.is_none() {
+            self.exchanges -= u32::from(self.counts_for().is_some());
+        }
     }
 
     /// What the last command gave. Real-time: yes.
     pub fn take(&mut self, disp: &[f64], force: &[f64]) {
-        let Some(part) = self.counts_for() else {
+        if let Some(Back::Returns { .. }) = self.back {
+            self.judge_way_back(force);
             return;
-        };
-        let Some(axis) = self.axes.get_mut(self.axis) else {
+        }
+        for (passed, force) in self.passed.iter_mut().zip(force) {
+            passed.take(*force);
+        }
+        let part = self.counts_for().filter(|_| self.back.is_none());
+        let (Some(part), Some(axis)) = (part, self.axes.get_mut(self.axis)) else {
             return;
         };
         if let (Some(to), Some(value)) = (axis.disp.get_mut(part), disp.get(self.axis)) {
             to.add(*value);
         }
-        if let (Some(to), Some(value)) = (axis.force.get_mut(part), force.get(self.axis)) {
-            to.add(*value);
+        for (to, value) in axis.forces.iter_mut().zip(force) {
+            if let Some(to) = to.get_mut(part) {
+                to.add(*value);
+            }
         }
     }
 
-    /// The judgement, when there is no next command: what was found on each axis.
+    /// A force beyond those that were passed ends the return.
+    fn judge_way_back(&mut self, force: &[f64]) {
+        let noise = |axis: usize| {
+            let probed = self.axes.get(self.axis);
+            let forces = probed.and_then(|probed| probed.forces.get(axis));
+            SIGMAS * forces.map_or(0.0, |holds| scatter(holds).sqrt())
+        };
+        let mut forces = self.passed.iter().zip(force).enumerate();
+        let beyond = forces.find(|(axis, (passed, force))| !passed.has(**force, noise(*axis)));
+        if let Some((axis, _)) = beyond {
+            self.back = Some(Back::Ended { axis });
+        }
+    }
+
+    /// The judgement, when there is no next command: what was found on each axis, and what the user accepts of it.
     ///
     /// # Errors
-    /// The first axis that must not be armed.
-    pub fn verdict(&self) -> Result<Vec<Found>, WiringFault> {
-        let probed = self.axes.iter().enumerate();
-        let probed = probed.filter(|(_, axis)| axis.amplitude != 0.0);
-        probed.map(|(index, axis)| axis.verdict(index)).collect()
+    /// The first fault for which the specimen must not be armed.
+    pub fn verdict(&self) -> Result<Wiring, WiringFault> {
+        let mut wiring = Wiring::default();
+        let mut columns = Vec::new();
+        for (index, axis) in self.axes.iter().enumerate() {
+            if axis.amplitude == 0.0 {
+                continue;
+            }
+            wiring.found.push(self.verdict_of(index, axis)?);
+            columns.push(axis.column(index));
+        }
+        let units: Vec<AxisUnits> = self.axes.iter().map(|axis| axis.units).collect();
+        for fault in compare(&columns, &self.stiffness, &units) {
+            if !(self.accepts && fault.is_acceptable()) {
+                return Err(fault);
+            }
+            wiring.accepted.push(fault);
+        }
+        Ok(wiring)
     }
 }
 
-/// Change from the bottom to the top, and what of it may be noise.
-fn change([bottom, top, again]: &[Average; 3]) -> (f64, f64) {
+/// Variance of the readings in the holds so far.
+fn scatter([bottom, top, again]: &[Average; 3]) -> f64 {
+    let holds = [bottom, top, again];
+    let read = holds.iter().filter(|hold| hold.count > 0.0);
+    let (count, squares) = read.fold((0.0, 0.0), |(count, squares), hold| {
+        (count + hold.count - 1.0, squares + hold.squares)
+    });
+    squares / f64::max(count, 1.0)
+}
+
+/// Change from the bottom to the top, and its standard deviation.
+fn change(holds: &[Average; 3]) -> (f64, f64) {
+    let [bottom, top, again] = holds;
     let change = top.mean - 0.5 * (bottom.mean + again.mean);
-    let count = bottom.count + top.count + again.count;
-    let squares = bottom.squares + top.squares + again.squares;
-    let variance = squares / (count - 3.0).max(1.0);
     let spread = 1.0 / top.count + 0.25 / bottom.count + 0.25 / again.count;
-    (change, SIGMAS * (variance * spread).sqrt())
+    (change, (scatter(holds) * spread).sqrt())
 }
 
 impl AxisProbe {
-    fn verdict(&self, axis: usize) -> Result<Found, WiringFault> {
-        let (disp, disp_noise) = change(&self.disp);
-        let (force, force_noise) = change(&self.force);
-        let force_expected = self.stiffness * self.amplitude;
-        for (channel, found, noise, expected, part, unit) in [
+    /// The column of the stiffness that the motion of this axis shows.
+    fn column(&self, axis: usize) -> Column {
+        Column {
+            axis,
+            disp: change(&self.disp).0,
+            forces: self.forces.iter().map(change).collect(),
+        }
+    }
+}
+
+impl Probe {
+    /// Direction and reaction of one axis.
+    fn verdict_of(&self, axis: usize, probed: &AxisProbe) -> Result<Found, WiringFault> {
+        let n = self.axes.len();
+        let stiffness = self.stiffness.get(axis * (n + 1)).copied().unwrap_or(0.0);
+        let AxisProbe {
+            amplitude, units, ..
+        } = probed;
+        let (disp, disp_noise) = change(&probed.disp);
+        let (force, force_noise) = probed.forces.get(axis).map_or((0.0, 0.0), change);
+        let force_expected = stiffness * amplitude;
+        for (channel, found, deviation, expected, part, unit) in [
             (
                 Channel::Disp,
                 disp,
                 disp_noise,
-                self.amplitude,
+                *amplitude,
                 FOLLOWS,
-                self.units.disp,
+                units.disp,
             ),
             (
                 Channel::Force,
@@ -297,9 +543,10 @@ impl AxisProbe {
                 force_noise,
                 force_expected,
                 ANSWERS,
-                self.units.force,
+                units.force,
             ),
         ] {
+            let noise = SIGMAS * deviation;
             // Written so that what is no number fails.
             let is_told_from_noise = found.abs() > noise;
             let is_large_enough = found.abs() >= part * expected.abs();
@@ -323,7 +570,7 @@ impl AxisProbe {
                 unit,
             });
         }
-        let follows = disp * self.amplitude > 0.0;
+        let follows = disp * amplitude > 0.0;
         let resists = force * force_expected > 0.0;
         let channel = match (follows, resists) {
             (true, true) => return Ok(Found { axis, disp, force }),
@@ -336,7 +583,7 @@ impl AxisProbe {
             channel,
             disp,
             force,
-            units: (self.units.disp, self.units.force),
+            units: (units.disp, units.force),
         })
     }
 }
@@ -359,7 +606,7 @@ mod tests {
         let mut probe = Probe::new(
             &[0.5, -0.25],
             &[AMPLITUDE, AMPLITUDE],
-            &[STIFFNESS, STIFFNESS],
+            (&[STIFFNESS, 0.0, 0.0, STIFFNESS], false),
             &[AxisUnits::SI; 2],
             PACE,
         );
@@ -372,7 +619,7 @@ mod tests {
             last = disp;
         }
         assert_eq!(last, [0.5, -0.25], "back to the last bit");
-        probe.verdict()
+        probe.verdict().map(|wiring| wiring.found)
     }
 
     #[test]
@@ -380,7 +627,7 @@ mod tests {
         let mut probe = Probe::new(
             &[0.0, 1.0],
             &[0.0, 2.0],
-            &[1.0, 1.0],
+            (&[1.0, 0.0, 0.0, 1.0], false),
             &[AxisUnits::SI; 2],
             PACE,
         );
@@ -489,5 +736,95 @@ mod tests {
                 "seed {seed}: {nothing:?}"
             );
         }
+    }
+
+    /// A probe of one axis from 0.5 m that is turned back after this number of commands, with the change of a command in one exchange that its
+    /// brake allows: commands, and how it ended. `force` is that of the specimen.
+    fn turned_back(
+        after: usize,
+        brake: f64,
+        mut force: impl FnMut(f64) -> f64,
+    ) -> (Vec<f64>, Option<WayBack>) {
+        let estimate = (&[STIFFNESS][..], false);
+        let mut probe = Probe::new(&[0.5], &[AMPLITUDE], estimate, &[AxisUnits::SI], PACE);
+        let (mut disp, mut vel) = ([0.5], [0.0]);
+        let mut way = vec![0.5];
+        for _ in 0..after {
+            probe.next(&mut disp, &mut vel);
+            probe.take(&disp, &[force(disp[0] - 0.5)]);
+            way.push(disp[0]);
+        }
+        // The command after that is made, and does not leave.
+        let goes_on = probe.next(&mut disp, &mut vel);
+        let sent = *way.last().unwrap();
+        if !goes_on || !probe.turn_back(|_| sent, |_| brake) {
+            return (way, None);
+        }
+        while probe.next(&mut disp, &mut vel) {
+            probe.take(&disp, &[force(disp[0] - 0.5)]);
+            way.push(disp[0]);
+        }
+        (way, Some(probe.way_back()))
+    }
+
+    /// From each of its commands a probe comes back to the start, to the last bit, within the range that it passed, no faster than it
+    /// went, and without a change of velocity beyond its brake.
+    #[test]
+    fn a_probe_turns_back_from_each_command() {
+        let fastest = std::f64::consts::FRAC_PI_2 * AMPLITUDE / f64::from(PACE.ramp);
+        // The bell itself needs π²/2 · A/ramp².
+        let bell = 0.5 * std::f64::consts::PI.powi(2) * AMPLITUDE / f64::from(PACE.ramp).powi(2);
+        for brake in [f64::INFINITY, 1.5 * bell] {
+            for after in 0..(2 * PACE.ramp + 3 * PACE.hold) as usize {
+                let (way, ended) = turned_back(after, brake, |d| STIFFNESS * d);
+                let (passed, back) = way.split_at(after + 1);
+                let is_displaced = passed.last() != Some(&0.5);
+                assert!(
+                    ended == Some(WayBack::Complete) || !is_displaced,
+                    "{after}: {ended:?}"
+                );
+                assert_eq!(way.last().unwrap().to_bits(), 0.5f64.to_bits(), "{after}");
+                let most = passed.iter().fold(0.5, |m: f64, d| m.max(*d));
+                let slack = if brake.is_finite() {
+                    fastest * fastest / brake
+                } else {
+                    0.0
+                };
+                for disp in back {
+                    assert!((0.5..=most + slack).contains(disp), "{after}: {disp}");
+                    assert!(*disp <= 0.5 + AMPLITUDE);
+                }
+                for pair in way.windows(2) {
+                    assert!(
+                        (pair[1] - pair[0]).abs() <= fastest * (1.0 + 1e-9),
+                        "{after}"
+                    );
+                }
+                if brake.is_finite() {
+                    for three in way.windows(3) {
+                        let bend = three[2] - 2.0 * three[1] + three[0];
+                        assert!(bend.abs() <= brake * (1.0 + 1e-6), "{after}: {bend}");
+                    }
+                }
+            }
+        }
+    }
+
+    /// A specimen that has yielded pulls back before it is at its start: it rests there.
+    #[test]
+    fn a_force_that_was_not_passed_ends_it() {
+        let mut plastic = 0.0;
+        let yields = move |disp: f64| {
+            let limit = 0.5 * STIFFNESS * AMPLITUDE;
+            let force = STIFFNESS * (disp - plastic);
+            plastic += (force.abs() - limit).max(0.0) / STIFFNESS * force.signum();
+            STIFFNESS * (disp - plastic)
+        };
+        let top = (PACE.hold + PACE.ramp + 5) as usize;
+        let (way, ended) = turned_back(top, f64::INFINITY, yields);
+        assert_eq!(ended, Some(WayBack::Force(0)));
+        let last = way.last().unwrap() - 0.5;
+        // Its force is zero at half of the amplitude.
+        assert!((0.45..0.5).contains(&(last / AMPLITUDE)), "{last}");
     }
 }

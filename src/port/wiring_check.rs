@@ -19,6 +19,10 @@ pub enum WiringCheck {
     Probe {
         /// Along each axis, in m of the structure.
         amplitude: Vec<f64>,
+        /// The estimate, n × n by rows, in N/m of the structure.
+        stiffness: Vec<f64>,
+        /// The reason of the user to accept a measured stiffness that is not near the estimate.
+        accepted: Option<String>,
         /// How fast.
         pace: Pace,
         /// Units of the axes, for messages; empty where all is in m and N of the structure.
@@ -28,9 +32,11 @@ pub enum WiringCheck {
 
 impl WiringCheck {
     /// The small motion, from `start` in m of the structure, if that is the check.
-    pub(super) fn probe(&self, start: &[f64], stiffness: &[f64]) -> Option<Probe> {
+    pub(super) fn probe(&self, start: &[f64]) -> Option<Probe> {
         let Self::Probe {
             amplitude,
+            stiffness,
+            accepted,
             pace,
             units,
         } = self
@@ -42,7 +48,17 @@ impl WiringCheck {
         } else {
             units
         };
-        Some(Probe::new(start, amplitude, stiffness, units, *pace))
+        let estimate = (stiffness.as_slice(), accepted.is_some());
+        Some(Probe::new(start, amplitude, estimate, units, *pace))
+    }
+
+    /// The reason of the user to accept a measured stiffness that is not near the estimate.
+    #[must_use]
+    pub fn accepted(&self) -> Option<&str> {
+        match self {
+            Self::Probe { accepted, .. } => accepted.as_deref(),
+            _ => None,
+        }
     }
 
     /// True if the motion that brings the static load on is the check.

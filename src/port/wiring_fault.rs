@@ -55,6 +55,41 @@ pub enum WiringFault {
         /// Their unit.
         unit: &'static str,
     },
+    /// The measured stiffness of an axis is not near the estimate.
+    Stiffness {
+        /// Axis, from 0.
+        axis: usize,
+        /// Measured stiffness.
+        found: f64,
+        /// The estimate.
+        expected: f64,
+        /// Units of force and displacement.
+        units: (&'static str, &'static str),
+    },
+    /// The force of an axis beside the motion of another one does not agree with the estimate.
+    Coupling {
+        /// Axis of the force, from 0.
+        axis: usize,
+        /// Axis that moved, from 0.
+        moved: usize,
+        /// Measured stiffness.
+        found: f64,
+        /// The estimate.
+        expected: f64,
+        /// Units of force and displacement.
+        units: (&'static str, &'static str),
+        /// They have opposite signs.
+        is_reversed: bool,
+    },
+    /// Noise hides the force of an axis beside the motion of another one.
+    HiddenCoupling {
+        /// Axis of the force, from 0.
+        axis: usize,
+        /// Axis that moved, from 0.
+        moved: usize,
+        /// Factor of the motion that would show it.
+        times: f64,
+    },
 }
 
 impl WiringFault {
@@ -62,10 +97,28 @@ impl WiringFault {
     #[must_use]
     pub const fn axis(&self) -> usize {
         match self {
-            Self::Reversed { axis, .. } | Self::Dead { axis, .. } | Self::Noise { axis, .. } => {
-                *axis
-            }
+            Self::Reversed { axis, .. }
+            | Self::Dead { axis, .. }
+            | Self::Noise { axis, .. }
+            | Self::Stiffness { axis, .. }
+            | Self::Coupling { axis, .. }
+            | Self::HiddenCoupling { axis, .. } => *axis,
         }
+    }
+
+    /// True if the user may accept it with `safety.accept_wiring`: the specimen may be another than the estimate, but its wiring is not
+    /// shown to be wrong.
+    #[must_use]
+    pub const fn is_acceptable(&self) -> bool {
+        matches!(
+            self,
+            Self::Stiffness { .. }
+                | Self::Coupling {
+                    is_reversed: false,
+                    ..
+                }
+                | Self::HiddenCoupling { .. }
+        )
     }
 
     /// As it stands in events.
@@ -90,6 +143,36 @@ impl WiringFault {
             } => "force_dead",
             Self::Dead { .. } => "displacement_dead",
             Self::Noise { .. } => "probe_below_noise",
+            Self::Stiffness { .. } => "stiffness_differs",
+            Self::Coupling {
+                is_reversed: true, ..
+            } => "coupling_reversed",
+            Self::Coupling { .. } => "coupling_differs",
+            Self::HiddenCoupling { .. } => "coupling_below_noise",
+        }
+    }
+}
+
+/// What makes another stiffness than the estimate.
+const MISTAKES: &str = "exchanged connections, a forgotten `similitude` or `scale`, another unit, or a wrong \
+                        `stiffness_n_per_m`";
+/// The next step of a user whose specimen is in order.
+const ACCEPT: &str =
+    "If the specimen is in order, correct the estimate or give a reason in `safety.accept_wiring`";
+
+/// The factor of a motion that noise would not hide, rounded up.
+struct Larger(f64);
+
+impl std::fmt::Display for Larger {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if self.0.is_finite() {
+            let times = (10.0 * self.0).ceil() / 10.0;
+            write!(
+                f,
+                "a larger `probe_m` is needed, at least {times} times as large, or less noise"
+            )
+        } else {
+            f.write_str("a larger `probe_m` is needed, or less noise")
         }
     }
 }
@@ -164,10 +247,55 @@ impl std::fmt::Display for WiringFault {
                 };
                 write!(
                     f,
-                    "axis {axis}: noise of {} hides the change of {what}, {}, that shows its direction: a larger `probe_m` \
-                     is needed, or less noise",
+                    "axis {axis}: noise of {} hides the change of {what}, {}, that shows its direction: {}",
                     in_axis_unit(noise, unit),
-                    in_axis_unit(expected, unit)
+                    in_axis_unit(expected, unit),
+                    Larger(noise / expected.abs())
+                )
+            }
+            Self::Stiffness {
+                axis,
+                found,
+                expected,
+                units: (force, disp),
+            } => {
+                let axis = axis + 1;
+                write!(
+                    f,
+                    "axis {axis}: its measured stiffness is {found:.4e} {force}/{disp}, and the estimate is {expected:.4e} \
+                     {force}/{disp}: look for {MISTAKES}. {ACCEPT}"
+                )
+            }
+            Self::Coupling {
+                axis,
+                moved,
+                found,
+                expected,
+                units: (force, disp),
+                is_reversed,
+            } => {
+                let (axis, moved) = (axis + 1, moved + 1);
+                write!(
+                    f,
+                    "axis {axis}: for each {disp} of axis {moved} its force changes by {found:.4e} {force}, and the estimate says \
+                     {expected:.4e} {force}: "
+                )?;
+                if is_reversed {
+                    write!(
+                        f,
+                        "one of the two axes counts the other way (look at `sign`, at the loading unit and at the wiring), or \
+                         the estimate has a wrong sign there"
+                    )
+                } else {
+                    write!(f, "look for {MISTAKES}. {ACCEPT}")
+                }
+            }
+            Self::HiddenCoupling { axis, moved, times } => {
+                let (axis, moved) = (axis + 1, moved + 1);
+                write!(
+                    f,
+                    "axis {axis}: noise hides its force beside the motion of axis {moved}: {}. {ACCEPT}",
+                    Larger(times)
                 )
             }
         }

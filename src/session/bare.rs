@@ -62,6 +62,7 @@ pub fn loop_round(
         },
         pacing: Pacing::default(),
         resume: None,
+        retraces: false,
     };
     let facts = Facts {
         title,

@@ -240,7 +240,7 @@ impl Line {
         if self.desk.is_some() {
             self.heard.extend(self.requests.try_iter());
         }
-        self.heard.contains(&Operator::Stop)
+        self.heard.iter().any(|word| word.is_end())
     }
 
     /// The loop hears all of it.

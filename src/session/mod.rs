@@ -304,6 +304,9 @@ fn carry_out(
         seconds: ended.wall_ns as f64 * 1e-9,
     };
     if let Some(outcome) = &ended.outcome {
+        let accepted = outcome.accepted_wiring.clone();
+        let accepted = accepted.map(|reason| ("accept_wiring".to_owned(), reason));
+        facts.accepted.extend(accepted);
         summary::write_timing(&folder, &outcome.pace.timing, span, &mut unwritten);
     }
     let (mut cause, mut summary) = summary::summarise(

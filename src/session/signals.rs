@@ -128,7 +128,7 @@ impl Signals {
                         // The first signal names the cause.
                         let _ =
                             noted.compare_exchange(0, which, Ordering::Relaxed, Ordering::Relaxed);
-                        let _ = Operator::Stop.say_into(&requests);
+                        let _ = Operator::Interrupt.say_into(&requests);
                     }
                 });
             })?;

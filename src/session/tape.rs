@@ -285,6 +285,7 @@ impl Tape {
             (OperatorCommands::CONTINUE, Operator::Continue),
             (OperatorCommands::HOLD, Operator::Hold),
             (OperatorCommands::STOP, Operator::Stop),
+            (OperatorCommands::RETRACE, Operator::Interrupt),
             (OperatorCommands::GIVE_UP, Operator::GiveUp),
         ] {
             if commands.has(command) {

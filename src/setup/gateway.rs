@@ -58,15 +58,18 @@ pub(super) fn host(
             openfresco(link, at, path, table.axes())?
         }
     };
+    let safety = source.file.safety.as_ref();
+    let accepted = safety.and_then(|safety| safety.accept_wiring.clone());
     let (host, check) = if converts {
         let client = Client {
             units: source.client_units(),
             following,
             is_paced: source.file.serve.pace.is_some(),
+            accepted,
         };
         conversion::host(table, link, at, client, build)?
     } else {
-        passing(table, link, at, build)?
+        passing(table, link, at, accepted, build)?
     };
     let host = match &link.stands_at_m {
         Some(stands) => {
@@ -115,6 +118,7 @@ fn passing(
     table: &SpecimenTable,
     link: &LinkSpec,
     at: &KeyPath,
+    accepted: Option<String>,
     build: LinkBuild,
 ) -> Result<(Host, WiringCheck), Box<Finding>> {
     let n = table.axes();
@@ -143,7 +147,12 @@ fn passing(
             .map(|unit| metres / unit.metres)
             .collect::<Vec<f64>>()
     };
-    let check = wiring_check(link, amplitude, units.clone());
+    let by_rows = rows.iter().zip(&units).flat_map(|(row, of_force)| {
+        let row = row.iter().zip(&units);
+        row.map(|(value, of_disp)| value * of_disp.metres / of_force.newtons)
+    });
+    let estimate = (by_rows.collect(), accepted);
+    let check = wiring_check(link, amplitude, estimate, units.clone());
     let wire = wire_axes(table, n, None);
     let host = Host::gateway(
         table.name.clone(),
@@ -164,15 +173,19 @@ fn check_estimate(rows: &[Vec<f64>], n: usize, at: &KeyPath) -> Result<(), Box<F
     Err(Box::new(Finding::error(at, text)))
 }
 
-/// How the wiring is checked; `amplitude` brings the metres of a small motion to each axis, and `units` are those of messages.
+/// How the wiring is checked; `amplitude` brings the metres of a small motion to each axis, the estimate is by rows with the reason to
+/// accept another one, and `units` are those of messages.
 fn wiring_check(
     link: &LinkSpec,
     amplitude: impl Fn(f64) -> Vec<f64>,
+    (stiffness, accepted): (Vec<f64>, Option<String>),
     units: Vec<AxisUnits>,
 ) -> WiringCheck {
     match (link.probe_m, link.probe) {
         (Some(metres), _) => WiringCheck::Probe {
             amplitude: amplitude(metres),
+            stiffness,
+            accepted,
             pace: Pace::of(link.probe_ramp_s, PROBE_PERIOD_S),
             units,
         },

@@ -266,6 +266,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         limits: of_loop,
         pacing: pace::pacing(file, time),
         resume: None,
+        retraces: false,
     };
     Ok(Prepared {
         experiment,

@@ -137,20 +137,28 @@ impl Entry {
     }
 
     /// How the direction of a specimen behind a link is found out: as the file says, else by the static load.
-    fn direction(&self, link: &LinkSpec, period_s: f64, settles: bool) -> WiringCheck {
+    fn direction(
+        &self,
+        link: &LinkSpec,
+        period_s: f64,
+        settles: bool,
+        accepted: Option<String>,
+    ) -> WiringCheck {
+        let stiffness = self.stiffness.iter().flatten().copied().collect();
         match (link.probe_m, link.probe) {
             (Some(metres), _) => {
                 let gears = self.axes.iter().zip(&self.units);
                 let way = gears.map(|(axis, (unit, _))| metres / (axis.disp_gain * unit).abs());
                 WiringCheck::Probe {
                     amplitude: way.collect(),
+                    stiffness,
+                    accepted,
                     pace: Pace::of(link.probe_ramp_s, period_s),
                     units: Vec::new(),
                 }
             }
             (None, Some(ProbeChoice::None)) => WiringCheck::Known,
             (None, None) if settles => {
-                let stiffness = self.stiffness.iter().flatten().copied().collect();
                 WiringCheck::Settling(Trend::new(self.axes.len(), stiffness))
             }
             (None, None) => WiringCheck::Unchecked,
@@ -264,7 +272,10 @@ impl Specimens {
             let stiffness = entry.stiffness.clone();
             let link = site.loaded.file.specimen.get(index);
             let direction = match link.and_then(|table| table.link.as_ref()) {
-                Some(link) => entry.direction(link, site.loaded.time.period.value(), settles),
+                Some(link) => {
+                    let accepted = site.loaded.file.safety.accept_wiring.clone();
+                    entry.direction(link, site.loaded.time.period.value(), settles, accepted)
+                }
                 None => WiringCheck::Known,
             };
             let is_simulated = matches!(entry.stand, Stand::Law(_));

@@ -188,6 +188,8 @@ fn run(at: Option<(Phase, Call)>) -> (Ending, bool, [usize; 2], usize, Vec<Phase
         .map(|(index, (mut port, goodbyes))| {
             *port.wiring_check_mut() = WiringCheck::Probe {
                 amplitude: vec![1e-4],
+                stiffness: vec![2e6],
+                accepted: None,
                 pace: Pace::of(0.05, 0.005),
                 units: Vec::new(),
             };

@@ -10,6 +10,7 @@ mod every_exit_retires;
 mod lateness;
 mod life_cycle;
 mod pace;
+mod retrace;
 mod safety_limits;
 mod shutdown;
 mod slower_time;

@@ -398,6 +398,8 @@ fn a_direction_is_told_from_answers_to_the_commands_that_count() {
         );
         *experiment.ports[0].wiring_check_mut() = WiringCheck::Probe {
             amplitude: vec![amplitude],
+            stiffness: vec![STIFFNESS],
+            accepted: None,
             pace,
             units: Vec::new(),
         };

@@ -83,6 +83,8 @@ fn a_specimen_that_stands_elsewhere_is_tried_there_and_led_to_the_test_from_ther
             port.report_position(&[stands]);
             *port.wiring_check_mut() = WiringCheck::Probe {
                 amplitude: vec![0.001],
+                stiffness: vec![STIFFNESS],
+                accepted: None,
                 pace: Pace::of(0.05, PERIOD),
                 units: Vec::new(),
             };
@@ -267,6 +269,8 @@ fn a_hold_while_it_is_tried_how_a_specimen_is_wired_stands_there() {
         let ready = |mut port: Port| {
             *port.wiring_check_mut() = WiringCheck::Probe {
                 amplitude: vec![AMPLITUDE],
+                stiffness: vec![STIFFNESS],
+                accepted: None,
                 pace: Pace::of(1.0, PERIOD),
                 units: Vec::new(),
             };
@@ -351,6 +355,8 @@ fn what_is_told_once_a_step_is_judged_by_the_tick_where_it_is_told_every_tick() 
         let mut port = port.told_every(PERIOD, 10.0 * PERIOD);
         *port.wiring_check_mut() = WiringCheck::Probe {
             amplitude: vec![0.01],
+            stiffness: vec![STIFFNESS],
+            accepted: None,
             pace: Pace::of(0.05, PERIOD),
             units: Vec::new(),
         };

@@ -8,3 +8,4 @@ mod lasting;
 mod limits;
 mod records;
 mod same_bits;
+mod whole_matrix;

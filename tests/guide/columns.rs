@@ -20,7 +20,7 @@ const HOLDS: [[&str; 2]; 4] = [
     ],
 ];
 
-const COMMANDS: [[&str; 2]; 6] = [
+const COMMANDS: [[&str; 2]; 7] = [
     ["1", "hold"],
     [
         "2",
@@ -33,6 +33,10 @@ const COMMANDS: [[&str; 2]; 6] = [
         "no command: the test ended because a tick was too late",
     ],
     ["32", "stop while a reply was awaited"],
+    [
+        "64",
+        "stop after which the specimens go back to where their motion began",
+    ],
 ];
 
 const FLAGS: [[&str; 3]; 9] = [

@@ -73,6 +73,7 @@ pub(crate) fn check(file: &TestFile, clock_is_chosen: bool) -> Vec<Finding> {
     let reasons = [
         ("accept_unstable", &file.safety.accept_unstable),
         ("accept_trip", &file.safety.accept_trip),
+        ("accept_wiring", &file.safety.accept_wiring),
     ];
     for (key, reason) in reasons {
         findings.reason(root.key("safety").key(key), reason.as_deref());
@@ -172,7 +173,7 @@ impl Findings {
     /// A reason that the user gives says something, in characters that can be printed.
     fn reason(&mut self, at: KeyPath, reason: Option<&str>) {
         self.printable(&at, reason);
-        if reason.is_some_and(|reason| !crate::text::is_visible(reason)) {
+        if reason.is_some_and(|reason| !reason.chars().any(char::is_alphabetic)) {
             let headline = format!("`{at}` gives no reason");
             self.0.push(
                 Finding::error(at, headline).label("write a reason, which the summary repeats"),
@@ -248,6 +249,8 @@ pub(crate) fn check_served(file: &ServeFile) -> Vec<Finding> {
     let unlimited = safety.and_then(|safety| safety.unlimited.as_deref());
     findings.printable(&root.key("title"), Some(&file.title));
     findings.printable(&root.key("safety").key("unlimited"), unlimited);
+    let accepted = safety.and_then(|safety| safety.accept_wiring.as_deref());
+    findings.reason(root.key("safety").key("accept_wiring"), accepted);
     if let Some(record) = &file.record {
         findings.positive(root.key("record").key("queue_s"), Some(record.queue_s));
         check_record(record, &mut findings);

@@ -243,33 +243,45 @@ pub struct TestEnd {
     pub cause: Cause,
     /// In words.
     pub text: String,
+    /// Nothing moves any more, not even back from a wiring check.
+    pub is_at_once: bool,
 }
 
 impl TestEnd {
+    /// For a row of the table of causes.
+    #[must_use]
+    pub const fn of(cause: Cause, text: String) -> Self {
+        Self {
+            cause,
+            text,
+            is_at_once: false,
+        }
+    }
+
     /// The specimen was lost, or the test cannot be served.
     #[must_use]
     pub fn failed(text: impl ToString) -> Self {
-        Self {
-            cause: Cause::Protocol,
-            text: text.to_string(),
-        }
+        Self::of(Cause::Protocol, text.to_string())
     }
 
     /// The controller is lost without a goodbye.
     #[must_use]
     pub fn vanished(text: impl ToString) -> Self {
-        Self {
-            cause: Cause::ControllerVanished,
-            text: text.to_string(),
-        }
+        Self::of(Cause::ControllerVanished, text.to_string())
     }
 
     /// The operator of this server ends it.
     #[must_use]
     pub fn told_to_stop() -> Self {
+        Self::of(Cause::Shutdown, "the server was stopped".to_owned())
+    }
+
+    /// The operator of this server ends it for the second time.
+    #[must_use]
+    pub fn told_to_stop_at_once() -> Self {
         Self {
-            cause: Cause::Shutdown,
-            text: "the server was stopped".to_owned(),
+            is_at_once: true,
+            ..Self::told_to_stop()
         }
     }
 }

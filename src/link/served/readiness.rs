@@ -6,7 +6,7 @@ use super::link_maker::LinkMaker;
 use super::pacing::Pacing;
 use super::{Controller, ROUNDING, TestEnd, USUAL_TICK_S, Wanted, apart, elsewhere_by};
 use crate::catalog::event::Remark;
-use crate::port::{Opinion, Probe, WiringCheck, compare_stiffness};
+use crate::port::{Opinion, Probe, WayBack, WiringCheck, compare_stiffness};
 use crate::record::lasting::Place;
 use crate::record::utc::rfc3339;
 use crate::rt::os;
@@ -246,15 +246,15 @@ impl<'a> Readiness<'a> {
         self.served.latch.begins(place).map_err(TestEnd::failed)
     }
 
-    /// A small motion shows which way round each axis is wired. An unwanted test ends the motion at once,
-    /// and the message gives that position.
+    /// A small motion shows which way round each axis is wired. An unwanted test ends the motion, which goes back to its start; the
+    /// message gives the position if it does not reach it.
     fn check_wiring(&mut self, start: &[f64], wanted: &mut Wanted<'_>) -> Result<(), TestEnd> {
         let checked = self.move_a_little(start, wanted);
         let rounding = self.rounding();
-        let text = checked.map_err(|TestEnd { cause, text }| {
+        let text = checked.map_err(|TestEnd { cause, text, .. }| {
             let served = &mut *self.served;
             if apart(&served.told, start, rounding).is_none() {
-                return TestEnd { cause, text };
+                return TestEnd::of(cause, text);
             }
             let left = format!(
                 "it was led to {}, from {}",
@@ -263,7 +263,7 @@ impl<'a> Readiness<'a> {
             );
             served.warn(Remark::LeftAside, &format!("{WHILE}: {left}"));
             let text = format!("{text}; {left}");
-            TestEnd { cause, text }
+            TestEnd::of(cause, text)
         })?;
         self.served.note(Remark::Direction, &text);
         self.told.push(text);
@@ -278,35 +278,89 @@ impl<'a> Readiness<'a> {
             return Ok(String::new());
         };
         self.served.arm(0, start, wanted)?;
+        let mut sequence = 0;
+        let mut unwanted = None;
+        let mut asks = || wanted().inspect_err(|over| unwanted = Some(over.clone()));
+        if let Err(end) = self.follow(&mut probe, &mut sequence, &mut asks) {
+            // Only a specimen that still answers, and has not tripped, goes back.
+            if unwanted.is_none() || self.served.tripped().is_some() {
+                return Err(end);
+            }
+            self.go_back(&mut probe, &mut sequence, wanted);
+            return Err(end);
+        }
+        self.verdict(&probe)
+    }
+
+    /// Commands the motion of the check, or its way back, to its end.
+    fn follow(
+        &mut self,
+        probe: &mut Probe,
+        sequence: &mut u64,
+        wanted: &mut Wanted<'_>,
+    ) -> Result<(), TestEnd> {
         let period_ns = probe.period_ns();
         let period_s = period_ns as f64 * 1e-9;
-        let n = start.len();
-        let (mut disp, mut vel) = (start.to_vec(), vec![0.0; n]);
+        let n = self.served.port.axes();
+        let (mut disp, mut vel) = (vec![0.0; n], vec![0.0; n]);
         let mut edge = os::monotonic_ns();
-        let mut sequence = 0;
         while probe.next(&mut disp, &mut vel) {
             let command = Command {
-                sequence,
+                sequence: *sequence,
                 time: 0.0,
                 dt: period_s,
                 disp: &disp,
                 vel: &vel,
             };
-            self.send_one(WHILE, (&command, period_s), wanted)?;
-            self.served.port.take_probe(&mut probe);
-            let accepted = self.served.port.accept_probe(sequence);
+            self.send_one(WHILE, true, (&command, period_s), wanted)?;
+            self.served.port.take_probe(probe);
+            let accepted = self.served.port.accept_probe(*sequence);
             accepted.map_err(|fault| format!("{WHILE}: {fault}"))?;
-            sequence += 1;
+            *sequence += 1;
             // An answer that came late is no reason to go faster.
             edge = (edge + period_ns).max(os::monotonic_ns());
             os::sleep_until_ns(edge);
         }
-        self.verdict(&probe)
+        Ok(())
     }
 
-    fn verdict(&self, probe: &Probe) -> Result<String, TestEnd> {
-        let found = probe.verdict().map_err(|misfit| misfit.to_string())?;
-        let axes = found.iter().map(|axis| {
+    /// Retraces a check whose test is not wanted any more.
+    fn go_back(&mut self, probe: &mut Probe, sequence: &mut u64, wanted: &mut Wanted<'_>) {
+        if !self.served.port.turn_back(probe) {
+            return;
+        }
+        let mut goes_on = || match wanted() {
+            Err(end) if end.is_at_once => Err(end),
+            _ => Ok(()),
+        };
+        let ended = self.follow(probe, sequence, &mut goes_on);
+        let axis = probe.axis() + 1;
+        let text = match (ended, probe.way_back()) {
+            (Ok(()), WayBack::Complete) => {
+                format!("{WHILE}: axis {axis} went back to where it began")
+            }
+            (Ok(()), WayBack::Force(other)) => format!(
+                "{WHILE}: axis {axis} rests on its way back: the force of axis {} left the range that it had passed",
+                other + 1
+            ),
+            (Ok(()), WayBack::Incomplete) => format!("{WHILE}: axis {axis} rests on its way back"),
+            (Err(end), _) => format!("{WHILE}: axis {axis} rests on its way back: {}", end.text),
+        };
+        self.served.warn(Remark::Retraced, &text);
+    }
+
+    fn verdict(&mut self, probe: &Probe) -> Result<String, TestEnd> {
+        let wiring = probe.verdict().map_err(|misfit| misfit.to_string())?;
+        if !wiring.accepted.is_empty()
+            && let Some(reason) = self.served.port.wiring_check().accepted()
+        {
+            self.served.recording.accept_wiring(reason);
+        }
+        for fault in &wiring.accepted {
+            let text = format!("`safety.accept_wiring` accepts: {fault}");
+            self.served.warn(Remark::WiringAccepted, &text);
+        }
+        let axes = wiring.found.iter().map(|axis| {
             let units = self.served.identity.units.get(axis.axis);
             // A port that converts measures in m and N of the structure.
             let units = units.filter(|_| self.served.identity.scale.is_of_axes());
@@ -348,20 +402,30 @@ impl<'a> Readiness<'a> {
             disp: &self.deformations(stands),
             vel: &vec![0.0; n],
         };
-        let measured = self.send_one("where it stands", (&command, USUAL_TICK_S), wanted)?;
+        let when = "where it stands";
+        let measured = self.send_one(when, false, (&command, USUAL_TICK_S), wanted)?;
         Ok(Some(measured.force))
     }
 
-    /// One own exchange before the test, with the seconds that its motion takes.
+    /// One own exchange before the test, with the seconds that its motion takes. `awaits_answer`: a test that is not wanted any more
+    /// ends after the answer, so that the specimen can go back.
     fn send_one(
         &mut self,
         when: &str,
+        awaits_answer: bool,
         (command, period_s): (&Command<'_>, f64),
         wanted: &mut Wanted<'_>,
     ) -> Result<Measurement, TestEnd> {
         wanted()?;
         let mut unwanted = None;
-        let mut is_wanted = || wanted().map_err(|over| unwanted = Some(over)).is_ok();
+        let mut is_wanted = || {
+            let Err(over) = wanted() else {
+                return true;
+            };
+            let waits = awaits_answer && !over.is_at_once;
+            unwanted = Some(over);
+            waits
+        };
         let mut measured = Measurement::zeros(self.served.port.axes());
         let origin = Origin::Own { period_s };
         let outcome = self

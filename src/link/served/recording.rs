@@ -54,6 +54,13 @@ impl Recording {
         Ok(())
     }
 
+    /// The reason of the user for what the wiring check found.
+    pub fn accept_wiring(&mut self, reason: &str) {
+        if let Some(record) = &mut self.open {
+            record.accept_wiring(reason);
+        }
+    }
+
     /// Folder of the record, as a message for the operator of the server.
     pub fn place(&self) -> Option<String> {
         let record = self.open.as_ref()?;

@@ -330,7 +330,7 @@ impl ServedSpecimen {
         let ready =
             Readiness::new(&mut self.guarded, self.links.as_ref(), controller).reach(wanted);
         self.is_ready = ready.is_ok();
-        ready.map_err(|TestEnd { cause, text }| {
+        ready.map_err(|TestEnd { cause, text, .. }| {
             // Its own reason is one for its controller, too.
             let said = self.dismiss(cause);
             let text = with_last_words(text, said);
@@ -338,7 +338,7 @@ impl ServedSpecimen {
                 self.note(Remark::Link, &text);
             }
             self.end(cause, &text);
-            TestEnd { cause, text }
+            TestEnd::of(cause, text)
         })
     }
 

@@ -3,6 +3,7 @@
 //! The format is that of every run folder ([`crate::record`]), so `gusset export` and `gusset report` read it, finished or
 //! not: after a kill −9 the rows of the last moments are missing, and nothing else.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::exchange_columns::{Exchange, HEAD, columns};
@@ -57,6 +58,8 @@ pub(super) struct SessionRecord {
     counted: Counted,
     /// What the summary warns of.
     warnings: Vec<String>,
+    /// Accepted findings: key and reason.
+    accepted: BTreeMap<String, String>,
     /// Where the newest exchange stands.
     position: Position,
     began_ns: u64,
@@ -94,6 +97,7 @@ impl SessionRecord {
             timing: Timing::new(&[name], true, 0),
             counted: Counted::new(units.len(), rate_hz, Wall::now()),
             warnings: Vec::new(),
+            accepted: BTreeMap::new(),
             position: Position::default(),
             began_ns: os::monotonic_ns(),
             required: settings.required,
@@ -193,6 +197,12 @@ impl SessionRecord {
         self.warnings.iter().any(|warning| warning == text)
     }
 
+    /// The reason of the user for what the wiring check found.
+    pub fn accept_wiring(&mut self, reason: &str) {
+        let key = "accept_wiring".to_owned();
+        self.accepted.insert(key, reason.to_owned());
+    }
+
     /// The specimen holds from here on.
     pub fn tripped(&self, trip: Trip, text: &str) {
         let limit = match trip {
@@ -269,6 +279,7 @@ impl SessionRecord {
             timing,
             counted,
             warnings,
+            accepted,
             began_ns,
             required,
             ..
@@ -283,6 +294,7 @@ impl SessionRecord {
                 required,
                 commits,
                 warnings,
+                accepted,
                 inputs: folder.inputs().to_vec(),
             },
             &name,

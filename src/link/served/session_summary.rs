@@ -70,6 +70,7 @@ pub(super) struct End<'a> {
     pub required: bool,
     pub commits: u64,
     pub warnings: Vec<String>,
+    pub accepted: BTreeMap<String, String>,
     pub inputs: Vec<InputFile>,
 }
 
@@ -138,7 +139,7 @@ pub(super) fn summarise(
         falsified: serde_json::Value::Null,
         left: BTreeMap::new(),
         force_on_the_way_in: BTreeMap::new(),
-        accepted: BTreeMap::new(),
+        accepted: end.accepted,
         verdict: None,
     }
 }

@@ -97,6 +97,8 @@ fn served(spring: &Spring, whereabouts: &Whereabouts) -> ServedSpecimen {
 fn check(amplitude: f64, pace: Pace) -> WiringCheck {
     WiringCheck::Probe {
         amplitude: vec![amplitude],
+        stiffness: vec![K],
+        accepted: None,
         pace,
         units: vec![AxisUnits::SI],
     }
@@ -273,32 +275,76 @@ fn a_specimen_that_says_once_that_its_interlock_is_open_or_a_sensor_at_its_end_e
     assert_eq!(says(Status::INTERLOCK), Some((4, Trip::Interlock)));
 }
 
-#[test]
-fn a_small_motion_that_is_broken_off_is_told_with_the_place_where_it_ends() {
+/// A client that is gone after this number of questions, in the middle of a wiring check from 4 mm; `at_once`: the server is stopped
+/// for the second time. Returns the commands, and the end.
+fn leaves_the_check(asked: usize, at_once: bool, stands: f64) -> (Vec<f64>, Option<TestEnd>) {
     let spring = Spring {
-        tells: vec![0.004],
+        tells: vec![stands],
         ..Spring::default()
     };
     let motion = check(1e-3, Pace::of(0.001, 0.0005));
-    // Before it has begun, and in the midst of it.
-    for moves in [false, true] {
-        let told = Arc::clone(&spring.told);
-        told.lock().unwrap().clear();
-        let mut served = served(&spring, &Whereabouts::default()).checked(motion.clone(), false);
-        let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
-        let mut wanted = || {
-            let told = told.lock().unwrap();
-            if !moves || told.last().is_some_and(|at| *at != 0.004) {
-                return Err(TestEnd::told_to_stop());
-            }
-            Ok(())
+    let mut served = served(&spring, &Whereabouts::default()).checked(motion, false);
+    let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
+    let mut questions = 0;
+    let mut wanted = || {
+        questions += 1;
+        match (questions > asked, at_once) {
+            (false, _) => Ok(()),
+            (true, false) => Err(TestEnd::vanished("it is gone")),
+            (true, true) => Err(TestEnd::told_to_stop_at_once()),
+        }
+    };
+    let over = served.begin(&controller, &mut wanted).err();
+    let told = spring.told.lock().unwrap().clone();
+    (told, over)
+}
+
+#[test]
+fn a_check_that_is_not_wanted_goes_back() {
+    const STANDS: f64 = 0.004;
+    let (whole, ended) = leaves_the_check(usize::MAX, false, STANDS);
+    assert_eq!(ended, None);
+    let mut displaced = 0;
+    for asked in 0..2 * whole.len() {
+        let (told, over) = leaves_the_check(asked, false, STANDS);
+        let Some(over) = over else {
+            break;
         };
-        let over = served.begin(&controller, &mut wanted).unwrap_err();
-        let left = spring.told.lock().unwrap().last().copied();
-        let left = left.unwrap_or(0.004);
-        assert_eq!(left != 0.004, moves);
-        let words = format!("it was led to {}, from 4 mm", position(left, "m"));
-        assert_eq!(over.text.contains(&words), moves, "{}", over.text);
+        assert_eq!(over.cause, Cause::ControllerVanished);
+        let last = told.last().copied().unwrap_or(STANDS);
+        assert_eq!(last.to_bits(), STANDS.to_bits(), "{asked}: {told:?}");
+        assert!(told.iter().all(|at| (STANDS..=STANDS + 1e-3).contains(at)));
+        assert!(!over.text.contains("it was led to"), "{}", over.text);
+        displaced += usize::from(told.iter().any(|at| *at != STANDS));
+    }
+    assert!(displaced > 10, "{displaced} were ended away from the start");
+}
+
+#[test]
+fn a_check_that_is_stopped_twice_rests() {
+    let (whole, _) = leaves_the_check(usize::MAX, false, 0.004);
+    let top = whole.iter().position(|at| *at > 0.0049).unwrap();
+    let (told, over) = leaves_the_check(top + 4, true, 0.004);
+    let left = *told.last().unwrap();
+    assert!(left > 0.004);
+    let words = format!("it was led to {}, from 4 mm", position(left, "m"));
+    let text = over.unwrap().text;
+    assert!(text.contains(&words), "{text}");
+}
+
+/// Each client leaves at another place of the check, and the next one finds the specimen where the last one left it.
+#[test]
+fn clients_that_leave_do_not_walk_a_specimen() {
+    let mut stands = 0.0;
+    for session in 0..27 {
+        let (told, over) = leaves_the_check(20 + session, false, stands);
+        assert!(over.is_some());
+        assert!(
+            told.iter().any(|at| *at != stands) || session < 8,
+            "{session}"
+        );
+        stands = told.last().copied().unwrap_or(stands);
+        assert_eq!(stands.to_bits(), 0.0_f64.to_bits(), "{session}");
     }
 }
 

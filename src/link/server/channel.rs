@@ -56,9 +56,9 @@ pub(super) fn said_goodbye(cause: u32, text: &str) -> TestEnd {
         Some(cause) => &format!(": {}", cause.why()),
         None => ": for an unknown reason",
     };
-    TestEnd {
+    TestEnd::of(
         // A cause of a later version is unknown here. It counts as a trip.
-        cause: cause.map_or(Cause::ControllerTripped, native::Cause::ending),
-        text: with_words(format!("the controller said goodbye{why}"), text.trim()),
-    }
+        cause.map_or(Cause::ControllerTripped, native::Cause::ending),
+        with_words(format!("the controller said goodbye{why}"), text.trim()),
+    )
 }

@@ -341,13 +341,36 @@ impl RunningServer {
     ///
     /// # Panics
     /// With the panic of a thread of the server: then it ends at once.
-    pub fn watch(mut self, stop: &dyn Fn() -> bool, tell: &mut dyn FnMut(&ServerEvent)) {
+    pub fn watch(self, stop: &dyn Fn() -> bool, tell: &mut dyn FnMut(&ServerEvent)) {
+        self.watch_twice(stop, &|| false, tell);
+    }
+
+    /// Reports events until `stop` returns true, and ends the server. A wiring check goes back to its start meanwhile, unless
+    /// `at_once` returns true.
+    ///
+    /// # Panics
+    /// With the panic of a thread of the server: then it ends at once.
+    pub fn watch_twice(
+        mut self,
+        stop: &dyn Fn() -> bool,
+        at_once: &dyn Fn() -> bool,
+        tell: &mut dyn FnMut(&ServerEvent),
+    ) {
         while !stop() && !self.threads.iter().any(JoinHandle::is_finished) {
             match self.events.recv_timeout(LOOK) {
                 Ok(event) => tell(&event),
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => break,
             }
+        }
+        self.shared.stop();
+        while !self.threads.iter().all(JoinHandle::is_finished) && !at_once() {
+            if let Ok(event) = self.events.recv_timeout(LOOK) {
+                tell(&event);
+            }
+        }
+        if at_once() {
+            self.shared.stop_at_once();
         }
         let panic = self.end();
         while let Ok(event) = self.events.try_recv() {

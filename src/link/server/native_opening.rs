@@ -133,6 +133,9 @@ fn is_wanted(
     heard_at: &mut Nanos,
     shared: &Shared,
 ) -> Result<(), TestEnd> {
+    if shared.is_stopped_at_once() {
+        return Err(TestEnd::told_to_stop_at_once());
+    }
     if shared.is_stopped() {
         return Err(TestEnd::told_to_stop());
     }

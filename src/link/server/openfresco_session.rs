@@ -134,7 +134,10 @@ impl OpenFrescoConversation<'_> {
             };
             unwanted = Some(end);
             let (cause, text) = (end.cause(), end.to_string());
-            Err(TestEnd { cause, text })
+            Err(TestEnd {
+                is_at_once: shared.is_stopped_at_once(),
+                ..TestEnd::of(cause, text)
+            })
         };
         let begun = self.host.begin(&Controller::unnamed(peer), &mut wanted);
         let told = begun.map_err(|over| {

@@ -31,6 +31,7 @@ pub(super) enum Occupancy {
 /// The shared state of one server.
 pub(super) struct Shared {
     stop: AtomicBool,
+    stop_at_once: AtomicBool,
     occupancy: Mutex<Occupancy>,
     /// Time at which a client of the same machine last asked for the specimen, ns.
     successor_ns: AtomicU64,
@@ -44,6 +45,7 @@ impl Shared {
     pub(super) fn new(events: Sender<ServerEvent>) -> Self {
         Self {
             stop: AtomicBool::new(false),
+            stop_at_once: AtomicBool::new(false),
             occupancy: Mutex::default(),
             successor_ns: AtomicU64::new(0),
             events,
@@ -55,6 +57,17 @@ impl Shared {
     /// Ends the server.
     pub(super) fn stop(&self) {
         self.stop.store(true, Ordering::Release);
+    }
+
+    /// Ends the server, and the return of a wiring check.
+    pub(super) fn stop_at_once(&self) {
+        self.stop_at_once.store(true, Ordering::Release);
+        self.stop();
+    }
+
+    /// True once nothing may move any more. Real-time: yes.
+    pub(super) fn is_stopped_at_once(&self) -> bool {
+        self.stop_at_once.load(Ordering::Acquire)
     }
 
     /// True once the server must end. Real-time: yes.

@@ -176,6 +176,25 @@ pub enum Event {
         #[serde(with = "real")]
         force: f64,
     },
+    /// The wiring check found a difference that the user accepts.
+    WiringAccepted {
+        /// Specimen.
+        #[serde(rename = "specimen", with = "from_one")]
+        port: u32,
+        /// Axis.
+        #[serde(with = "from_one")]
+        axis: u32,
+        /// The fault in one word.
+        what: Word,
+    },
+    /// An interrupted motion went back to where it began.
+    Retraced {
+        /// Specimen.
+        #[serde(rename = "specimen", with = "from_one")]
+        port: u32,
+        /// How it ended.
+        what: Word,
+    },
     /// Nothing showed which way round an axis is wired.
     DirectionUnknown {
         /// Specimen.

@@ -38,6 +38,8 @@ pub(super) struct Client {
     pub following: Option<Following>,
     /// Its targets become paths of commands, whose velocities are slopes in wall time.
     pub is_paced: bool,
+    /// The reason to accept a specimen whose stiffness is not near the estimate.
+    pub accepted: Option<String>,
 }
 
 /// The gateway, and how it checks the wiring.
@@ -49,6 +51,7 @@ pub(super) fn host(
         units,
         following,
         is_paced,
+        accepted,
     }: Client,
     build: LinkBuild,
 ) -> Result<(Host, WiringCheck), Box<Finding>> {
@@ -68,7 +71,8 @@ pub(super) fn host(
             .collect::<Vec<f64>>()
     };
     // The port measures in m and N of the structure.
-    let check = wiring_check(link, amplitude, Vec::new());
+    let by_rows = converted.stiffness.iter().flatten().copied().collect();
+    let check = wiring_check(link, amplitude, (by_rows, accepted), Vec::new());
     let host = Host::gateway(
         table.name.clone(),
         wire,

@@ -388,6 +388,17 @@ fn a_pose_that_cannot_be_trips_and_moves_nothing() {
 #[test]
 fn the_wiring_check_moves_one_actuator_after_the_other() {
     let probed = PLATFORM.replace(r#"probe = "none""#, "probe_m = 0.001, probe_ramp_s = 0.05");
+    let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
+    // The estimate is that of the machine, and not of the structure.
+    let rig = behind(&probed, SI, &REST, springs());
+    let mut forgotten = rig.host.specimen(false).unwrap();
+    let refused = forgotten.begin(&controller, &mut || Ok(())).unwrap_err();
+    assert!(refused.text.contains("accept_wiring"), "{}", refused.text);
+    // Forces by 4 over lengths by 2, and the lever of the second axis twice.
+    let probed = probed.replace(
+        "[[4e6, 0.0, 0.0], [0.0, 5e6, 0.0], [0.0, 0.0, 6e6]]",
+        "[[8e6, 0.0, 0.0], [0.0, 2.5e6, 0.0], [0.0, 0.0, 12e6]]",
+    );
     let rig = behind(&probed, SI, &REST, springs());
     drop(rig.begun());
     let told = rig.told.lock().unwrap().clone();
@@ -413,7 +424,6 @@ fn the_wiring_check_moves_one_actuator_after_the_other() {
     });
     let rig = behind(&probed, SI, &REST, reversed);
     let mut served = rig.host.specimen(false).unwrap();
-    let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
     let refused = served.begin(&controller, &mut || Ok(())).unwrap_err();
     assert!(refused.text.contains("axis 2"), "{}", refused.text);
 }

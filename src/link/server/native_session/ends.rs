@@ -66,10 +66,7 @@ impl NativeConversation {
                 self.say_goodbye(Cause::Orderly, channel);
             }
         }
-        TestEnd {
-            cause,
-            text: format!("retired {how}"),
-        }
+        TestEnd::of(cause, format!("retired {how}"))
     }
 
     /// The client leaves without a retire.
@@ -198,7 +195,9 @@ impl NativeConversation {
 
     /// Closes the records of the session, and says what there is to report.
     pub(super) fn close(mut self, end: TestEnd, channel: &Channel) -> ServerEvent {
-        let TestEnd { cause, mut text } = end;
+        let TestEnd {
+            cause, mut text, ..
+        } = end;
         let unreachable = channel.link.unreachable();
         if unreachable > 0 {
             text = format!("{text}; the network said {unreachable} times that it was unreachable");

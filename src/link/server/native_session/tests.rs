@@ -626,6 +626,8 @@ fn why_the_specimen_tripped_while_it_was_tried_stands_in_the_refusal() {
     let (host, _) = gateway(Some(FORCE));
     let check = WiringCheck::Probe {
         amplitude: vec![0.005],
+        stiffness: vec![1e6],
+        accepted: None,
         pace: Pace::of(0.001, 0.0001),
         units: Vec::new(),
     };

@@ -110,6 +110,7 @@ fn targets() -> impl Iterator<Item = f64> + Clone {
 fn by_gateway(compensation: &str) -> (Vec<[Vec<f64>; 2]>, [f64; 4]) {
     let (table, rig) = (table_of(compensation), lagging());
     let client = Client {
+        accepted: None,
         units: Some(SI),
         following: following(&table).unwrap(),
         is_paced: true,
@@ -243,6 +244,7 @@ fn each_compensator_gives_the_commands_and_the_tracking_of_a_test() {
 fn a_session_finds_its_compensators_as_new() {
     let (table, rig) = (table_of("ats = { delay_s = 0.015 }"), lagging());
     let client = Client {
+        accepted: None,
         units: Some(SI),
         following: following(&table).unwrap(),
         is_paced: true,
@@ -273,6 +275,7 @@ fn a_session_finds_its_compensators_as_new() {
 fn swings(settle_ticks: u32, late_ns: u64) -> Vec<f64> {
     let (table, rig) = (table_of("ats = { delay_s = 0.005 }"), lagging());
     let client = Client {
+        accepted: None,
         units: Some(SI),
         following: following(&table).unwrap(),
         is_paced: true,
@@ -336,6 +339,7 @@ fn a_controller_resumes_where_it_was_although_the_command_there_is_led_by_a_stat
             sequence: 0,
         };
         let client = Client {
+            accepted: None,
             units: Some(SI),
             following: following(&table).unwrap(),
             is_paced: true,

@@ -90,6 +90,7 @@ fn course(
     };
     let (told, times) = (Arc::clone(&rig.rig.told), Arc::clone(&rig.times));
     let client = Client {
+        accepted: None,
         units: Some(SI),
         following,
         is_paced: true,

@@ -68,6 +68,7 @@ fn with_replies(limits: &str, pacing: Pacing, takes_ns: u64) -> (ServedSpecimen,
          link = {{ address = \"127.0.0.1:1\", probe = \"none\" }}"
     );
     let client = Client {
+        accepted: None,
         units: Some(SI),
         following: None,
         is_paced: true,
