@@ -33,7 +33,9 @@ pub struct AxisTable {
     #[schemars(example = 150.0)]
     pub offset_n: f64,
     /// Unit of the displacements on a link. Velocities, stiffnesses, dampings and masses on the
-    /// link use it too. "in" needs an OpenFresco protocol. Limits stay in SI units.
+    /// link use it too. "in" needs an OpenFresco protocol. Limits stay in SI units. An axis whose
+    /// `rows` have only `structure.rotations` is in rad: only "m" is allowed for it, and its moment
+    /// is in `unit_force` times m.
     pub unit_disp: DispUnit,
     /// Unit of the forces on a link. Stiffnesses, dampings and masses on the link use it too. "lbf"
     /// and "kip" need an OpenFresco protocol. Limits stay in SI units.

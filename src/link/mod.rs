@@ -43,6 +43,11 @@ pub trait Transport: Send {
     /// The link is lost.
     fn recv(&mut self, buffer: &mut [u8], deadline: Nanos) -> Result<Option<usize>, LinkFault>;
 
+    /// True if the other end has closed its side of a connection, also while bytes of it have not been read. Real-time: yes.
+    fn has_hung_up(&self) -> bool {
+        false
+    }
+
     /// Every frame is signed from here on. ICMP errors are not signed, so an attacker can forge them: the transport counts them
     /// and stays open.
     fn trust_only_frames(&mut self) {}

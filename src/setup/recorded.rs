@@ -2,7 +2,7 @@
 
 use super::specimens::Specimens;
 use super::{Refused, Site, path};
-use crate::config::{DofChoice, Finding};
+use crate::config::{DispUnit, DofChoice, Finding};
 
 /// Largest model whose DOFs are all recorded unless the test says otherwise.
 const RECORD_ALL: usize = 64;
@@ -61,5 +61,34 @@ pub(super) fn rotations(site: &mut Site<'_>, dofs: usize) -> Result<Vec<usize>, 
     }
     let mut rotations: Vec<usize> = given.iter().map(|dof| dof - 1).collect();
     rotations.sort_unstable();
+    refuse_lengths(site, &rotations)?;
     Ok(rotations)
+}
+
+/// Refuses a unit other than m for the displacement of an axis that is a rotation: it is in rad, and no unit of length converts it.
+fn refuse_lengths(site: &mut Site<'_>, rotations: &[usize]) -> Result<(), Refused> {
+    // A row with a lever arm is a length.
+    let turns = |row: &[f64]| {
+        let mut entries = row.iter().enumerate().filter(|(_, entry)| **entry != 0.0);
+        let turns = |(dof, entry): (usize, &f64)| entry.abs() == 1.0 && rotations.contains(&dof);
+        row.iter().any(|entry| *entry != 0.0) && entries.all(turns)
+    };
+    let found = site.loaded.file.specimen.iter().enumerate();
+    let found = found.filter(|(_, table)| table.geometry.is_none());
+    let found = found.into_iter().find_map(|(specimen, table)| {
+        let mut axes = table.axis.iter().zip(table.rows.as_ref()?).enumerate();
+        let (axis, (gear, _)) =
+            axes.find(|(_, (gear, row))| gear.unit_disp != DispUnit::Metre && turns(row))?;
+        Some((specimen, axis, gear.unit_disp.symbol()))
+    });
+    let Some((specimen, axis, unit)) = found else {
+        return Ok(());
+    };
+    let at = path("specimen").index(specimen).key("axis").index(axis);
+    let text = format!(
+        "axis {} is a rotation, because its row has only DOFs of `structure.rotations`: its displacement is in rad, and `unit_disp = \"{unit}\"` would \
+         convert it as a length. Remove `unit_disp` for this axis; its moment is in `unit_force` times m",
+        axis + 1
+    );
+    site.refuse(Finding::error(at.key("unit_disp"), text))
 }

@@ -318,6 +318,34 @@ fn a_structure_that_nothing_moves_is_a_warning() {
     accepted(&text, &["structure.initial_displacement_m=[0.1, 0, 0]"]);
 }
 
+/// A row of ±1 at rotations alone is a rotation; one with a lever arm is a length.
+#[test]
+fn a_rotation_has_no_unit_of_length() {
+    let built = |row: &str, unit: &str| {
+        let text = format!(
+            "title = \"turns\"\ntime = {{ rate_hz = 1000, duration_s = 1.0 }}\n\
+             structure.rotations = [2]\n\
+             structure.matrices = {{ mass = [[10, 0], [0, 10]], stiffness = [[4e4, 0], [0, 4e4]], damping = [[1, 0], [0, 1]] }}\n\
+             structure.initial_displacement_m = [0.001, 0]\n\
+             [[specimen]]\nname = \"joint\"\nrows = [{row}]\n\
+             law.linear.stiffness_n_per_m = 1000.0\naxis = [{{ unit_disp = \"{unit}\" }}]\n"
+        );
+        let loaded = read(&text, &[]).expect("a file that can be read");
+        crate::setup::build(&loaded).map(|_| ())
+    };
+    for row in ["[0, 1]", "[0, -1]"] {
+        assert!(built(row, "m").is_ok(), "{row}");
+        for unit in ["mm", "in"] {
+            let error = built(row, unit).unwrap_err().to_string();
+            shows(&error, "axis 1 is a rotation");
+            shows(&error, "unit_disp");
+        }
+    }
+    for row in ["[1, 0]", "[1, 1]", "[0, 2.5]"] {
+        assert!(built(row, "mm").is_ok(), "{row}");
+    }
+}
+
 #[test]
 fn rotations_are_named_once_and_recorded_in_radians() {
     let node = include_str!("../../../config/three-actuators.toml");

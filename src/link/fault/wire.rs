@@ -276,6 +276,10 @@ impl<T: Transport> FaultyWire<T> {
 }
 
 impl<T: Transport> Transport for FaultyWire<T> {
+    fn has_hung_up(&self) -> bool {
+        self.inner.has_hung_up()
+    }
+
     fn trust_only_frames(&mut self) {
         self.inner.trust_only_frames();
     }

@@ -15,6 +15,12 @@ pub enum ExchangeFault {
     /// Bytes that the dialect does not allow.
     #[error(transparent)]
     Wire(#[from] WireError),
+    /// More targets than one client may send at a time.
+    #[error(
+        "it sent further targets while the specimen was on its way, and did not wait for the answer: with `serve.pace` a client waits for \
+         each answer"
+    )]
+    TooFarAhead,
     /// The specimen refuses.
     #[error(transparent)]
     Host(#[from] HostFault),

@@ -121,6 +121,15 @@ impl Codec {
         }
     }
 
+    /// Length of a message in bytes, after the sizes. Real-time: yes.
+    pub(in crate::link) const fn message_len(&self) -> usize {
+        match &self.dialect {
+            Dialect::Vectors(machine) => machine.message_len(),
+            Dialect::Actor(machine) => machine.message_len(),
+            Dialect::Simulink { machine, .. } => machine.message_len(),
+        }
+    }
+
     /// Reads at most one request. Returns it with the number of bytes that it used. Real-time: yes, after the sizes.
     pub(in crate::link) fn feed(&mut self, bytes: &[u8]) -> Result<(usize, Request), WireError> {
         match &mut self.dialect {

@@ -75,7 +75,8 @@ impl ClientScale {
         }
     }
 
-    /// Writes what the port measured last as the controller counts it; displacements and forces are finite. Real-time: yes.
+    /// Writes what the port measured last as the controller counts it, where displacements and forces are finite. Returns the first signal
+    /// where they are not, in the units of the controller or in m and N. Real-time: yes.
     ///
     /// # Errors
     /// The actuators cannot have the strokes that were measured.
@@ -84,22 +85,30 @@ impl ClientScale {
         port: &mut Port,
         client: &[AxisUnits],
         into: &mut Measurement,
-    ) -> Result<(), Fault> {
+    ) -> Result<Option<usize>, Fault> {
         if self.is_of_axes() {
             copy(port.raw(), into);
-            return Ok(());
+            let values = into.disp.iter().zip(&into.force).zip(client);
+            let mut values = values.map(|((disp, force), unit)| {
+                (disp * unit.metres).is_finite() && (force * unit.newtons).is_finite()
+            });
+            return Ok(values.position(|is_finite| !is_finite));
         }
         port.resolve_pose()?;
+        let mut not_finite = None;
         port.read_signals(|index, disp, force| {
             let places = into.disp.get_mut(index).zip(into.force.get_mut(index));
-            if let (Some((to_disp, to_force)), Some(unit)) = (places, client.get(index))
-                && disp.is_finite()
-                && force.is_finite()
-            {
-                (*to_disp, *to_force) = (disp / unit.metres, force / unit.newtons);
+            let (Some((to_disp, to_force)), Some(unit)) = (places, client.get(index)) else {
+                return;
+            };
+            let (disp, force) = (disp / unit.metres, force / unit.newtons);
+            if disp.is_finite() && force.is_finite() {
+                (*to_disp, *to_force) = (disp, force);
+            } else {
+                not_finite.get_or_insert(index);
             }
         });
-        Ok(())
+        Ok(not_finite)
     }
 
     /// Where the axes are to be, in their units, for displacements of the controller.

@@ -134,6 +134,14 @@ impl GuardedSpecimen {
         }
     }
 
+    /// True after a hold on the way to a target, until the next one.
+    pub const fn rests_on_the_way(&self) -> bool {
+        match &self.path {
+            Some(path) => path.is_on_the_way,
+            None => false,
+        }
+    }
+
     pub const fn tripped(&self) -> Option<Trip> {
         self.tripped
     }
@@ -367,17 +375,17 @@ impl GuardedSpecimen {
             Ok(true) => None,
             Ok(false) => return Ok(false),
             Err(LinkFault::NotFinite) => Some(LinkFault::NotFinite),
-            Err(fault) => return Err(Trip::Lost(fault)),
+            Err(fault) => return Err(fault.into()),
         };
         let raw = self.port.raw();
         let not_finite = not_finite(&raw.disp, &raw.force);
         if let (Some(fault), None) = (fault, not_finite) {
-            // The link itself refused the answer: nothing was read.
-            return Err(Trip::Lost(fault));
+            // The link itself refused the answer, or it is too large to be converted.
+            return Err(fault.into());
         }
         (self.answer.time, self.answer.status) = (raw.time, raw.status);
         let posed = if self.is_by_axes(origin) || (self.is_converted() && not_finite.is_some()) {
-            Ok(())
+            Ok(None)
         } else {
             let Identity { scale, units, .. } = &self.identity;
             scale.answer(&mut self.port, units, &mut self.answer)
@@ -385,10 +393,12 @@ impl GuardedSpecimen {
         if self.answer.status.has(Status::UNSETTLED) {
             self.port.count_unsettled();
         }
-        if let Some(axis) = not_finite {
+        // A signal that the controller counts may be too large where the number of the axis is not.
+        let not_finite = not_finite.or(posed.unwrap_or_default());
+        if not_finite.is_some() {
             // A sensor is at its end. What it read before is the answer.
             self.answer.status.0 |= Status::SATURATED.0;
-            let measured = true;
+            let (axis, measured) = (not_finite, true);
             return Err(Trip::NotFinite { axis, measured });
         }
         self.judge_answer(is_theirs)?;
@@ -408,7 +418,7 @@ impl GuardedSpecimen {
         origin: Origin,
     ) -> Result<(), Trip> {
         if let Some(axis) = not_finite(command.disp, command.vel) {
-            let measured = false;
+            let (axis, measured) = (Some(axis), false);
             return Err(Trip::NotFinite { axis, measured });
         }
         self.aim(command, origin);
@@ -582,7 +592,7 @@ impl GuardedSpecimen {
         if self.port.has_begun()
             && let Err(fault) = self.port.accepted(0)
         {
-            self.trip(Trip::Lost(fault));
+            self.trip(fault.into());
         }
     }
 

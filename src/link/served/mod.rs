@@ -123,10 +123,10 @@ pub enum Trip {
     #[error("{} ({}, as the controller announced)", .0, .0.quantity.key())]
     Announced(Hit),
     /// A number that is none.
-    #[error("axis {}: the {} is not a finite number", axis + 1, if *measured { "measurement" } else { "command" })]
+    #[error("{}the {} is not a finite number", of_axis(*axis), if *measured { "measurement" } else { "command" })]
     NotFinite {
-        /// Axis, from 0.
-        axis: usize,
+        /// Axis, from 0, if it is known.
+        axis: Option<usize>,
         /// Whether it was measured, or commanded.
         measured: bool,
     },
@@ -200,6 +200,24 @@ impl Trip {
             Self::Lost(_) => 70,
         }
     }
+}
+
+impl From<LinkFault> for Trip {
+    fn from(fault: LinkFault) -> Self {
+        match fault {
+            // The link is there: it is the specimen that cannot be trusted.
+            LinkFault::NotFinite => Self::NotFinite {
+                axis: None,
+                measured: true,
+            },
+            fault => Self::Lost(fault),
+        }
+    }
+}
+
+/// The beginning of a message about an axis, if it is known.
+fn of_axis(axis: Option<usize>) -> String {
+    axis.map_or_else(String::new, |axis| format!("axis {}: ", axis + 1))
 }
 
 /// A trial of an iterating client that a specimen does not follow.

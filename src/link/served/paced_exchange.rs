@@ -44,7 +44,7 @@ impl GuardedSpecimen {
         loop {
             if is_wanted && !wanted() {
                 is_wanted = false;
-                path.stop();
+                path.stop(self.port.ticks_to_rest());
             }
             let Some(tick) = path.next() else { break };
             if is_owed {
@@ -74,7 +74,9 @@ impl GuardedSpecimen {
             path.count();
             is_owed = true;
         }
-        if is_wanted && std::mem::take(&mut path.is_first) {
+        if !is_wanted {
+            path.rests_on_the_way(&self.told);
+        } else if std::mem::take(&mut path.is_first) {
             self.port.begin_compensation();
         }
         path.answered = is_wanted.then_some(self.commits());
@@ -84,7 +86,7 @@ impl GuardedSpecimen {
     /// Everything that is judged of a target before the specimen is led there: its commands are judged one by one.
     fn judge_target(&mut self, path: &mut PacedPath, command: &Command<'_>) -> Result<(), Trip> {
         if let Some(axis) = not_finite(command.disp, command.vel) {
-            let measured = false;
+            let (axis, measured) = (Some(axis), false);
             return Err(Trip::NotFinite { axis, measured });
         }
         let Identity { scale, units, .. } = &self.identity;
@@ -102,7 +104,7 @@ impl GuardedSpecimen {
         if !path.is_first {
             judge(&self.port, ends, path.pacing)?;
         }
-        path.allowed_accel = allowed_accel(&self.port, ends);
+        path.allowed = allowed_accel(&self.port, ends);
         path.places.swap(0, 1);
         Ok(())
     }
@@ -161,7 +163,7 @@ impl GuardedSpecimen {
     /// A command before the target is accepted: the controller accepts the target itself.
     fn accept_on_the_way(&mut self) -> Result<(), Trip> {
         self.port.accepted(0).map_err(|fault| {
-            let trip = Trip::Lost(fault);
+            let trip = fault.into();
             self.trip(trip);
             trip
         })

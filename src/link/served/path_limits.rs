@@ -1,7 +1,7 @@
 //! A path to a target is judged by the limits of the axes before anything moves.
 
 use super::Trip;
-use super::pacing::{FASTEST, HARDEST, Pacing};
+use super::pacing::{AllowedAccel, FASTEST, HARDEST, Pacing};
 use crate::catalog::limit::Limit;
 use crate::port::Port;
 use crate::port::limits::{AxisLimits, Hit, Level};
@@ -16,11 +16,19 @@ fn distances<'a>(
     port.limits().iter().zip(distances)
 }
 
-/// Largest acceleration in 1/s² of a motion over a distance of 1 that no axis forbids on its way between these places. Real-time: yes.
-pub(super) fn allowed_accel(port: &Port, ends: [&[f64]; 2]) -> f64 {
+/// The acceleration in 1/s² of a motion over a distance of 1 that the axes allow on their way between these places. Real-time: yes.
+pub(super) fn allowed_accel(port: &Port, ends: [&[f64]; 2]) -> AllowedAccel {
     let axes = distances(port, ends).filter(|(_, distance)| *distance > 0.0);
-    axes.map(|(limits, distance)| limits.size(Limit::CommandAccel).trip / distance)
-        .fold(f64::INFINITY, f64::min)
+    let mut allowed = AllowedAccel {
+        largest: f64::INFINITY,
+        is_declared: true,
+    };
+    for (limits, distance) in axes {
+        let declared = limits.size(Limit::CommandAccel).trip;
+        allowed.largest = allowed.largest.min(declared / distance);
+        allowed.is_declared &= declared < f64::INFINITY;
+    }
+    allowed
 }
 
 /// Judges a path from rest to rest between two places of the axes, without any compensation. Real-time: yes.

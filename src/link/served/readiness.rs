@@ -482,7 +482,14 @@ impl<'a> Readiness<'a> {
             let mut answer = Measurement::zeros(units.len());
             let posed = served.port.take_at_rest(&rest);
             let posed = posed.and_then(|()| scale.answer(&mut served.port, units, &mut answer));
-            posed.map_err(|fault| format!("where the specimen stands: {fault}"))?;
+            let posed = posed.map_err(|fault| format!("where the specimen stands: {fault}"))?;
+            if let Some(signal) = posed {
+                return Err(format!(
+                    "displacement {}: the force at rest is no number",
+                    signal + 1
+                )
+                .into());
+            }
             rest = answer;
         }
         (rest.time, rest.status) = (served.answer.time, served.answer.status);

@@ -367,6 +367,10 @@ impl ServedSpecimen {
         start: &[f64],
         wanted: &mut Wanted<'_>,
     ) -> Result<(), TestEnd> {
+        if self.guarded.rests_on_the_way() {
+            let text = "the specimen was held on the way to a target, so the test cannot begin again: connect again";
+            return Err(TestEnd::failed(text));
+        }
         self.note(Remark::ArmedAgain, "the controller begins again");
         let start = self.guarded.place_for(start)?;
         self.guarded.arm(sequence, &start, wanted)?;
@@ -430,8 +434,8 @@ impl ServedSpecimen {
             && self.guarded.tripped().is_none()
             && let Err(fault) = self.guarded.port.attend()
         {
-            self.guarded.trip(Trip::Lost(fault));
-            return Err(Trip::Lost(fault));
+            self.guarded.trip(fault.into());
+            return Err(fault.into());
         }
         Ok(())
     }

@@ -32,6 +32,8 @@ struct Spring {
     loses: Option<u64>,
     /// The link refuses the answer to the command with this number: a number in it is not finite.
     refuses: Option<u64>,
+    /// Its stiffness in the unit of the axis, if it is not the usual one.
+    stiffness: Option<f64>,
     goodbyes: Arc<Mutex<Vec<Retirement>>>,
 }
 
@@ -73,7 +75,7 @@ impl Substructure for Spring {
         } else {
             Status::default()
         };
-        (into.disp[0], into.force[0]) = (disp, K * disp);
+        (into.disp[0], into.force[0]) = (disp, self.stiffness.unwrap_or(K) * disp);
         Ok(Freshness::Fresh)
     }
     fn retire(&mut self, how: Retirement) {
@@ -82,13 +84,17 @@ impl Substructure for Spring {
 }
 
 fn served(spring: &Spring, whereabouts: &Whereabouts) -> ServedSpecimen {
+    served_in(AxisUnits::SI, spring, whereabouts)
+}
+
+fn served_in(unit: AxisUnits, spring: &Spring, whereabouts: &Whereabouts) -> ServedSpecimen {
     let spring = spring.clone();
     let build = Arc::new(move |_: &Controller| {
         let link: Box<dyn Substructure> = Box::new(spring.clone());
         Ok(link)
     });
     let links = LinkMaker::new(build, whereabouts.clone(), 1_000_000_000);
-    let units = vec![AxisUnits::SI];
+    let units = vec![unit];
     ServedSpecimen::linked("rig".into(), links, units, vec![K], vec![0.0])
         .checked(WiringCheck::Known, false)
 }
@@ -198,9 +204,63 @@ fn an_answer_that_the_link_refuses_changes_nothing_that_was_measured() {
         ..Controller::unnamed(([127, 0, 0, 1], 1).into())
     };
     served.begin(&controller, &mut || Ok(())).unwrap();
-    let lost = goes_to(&mut served, 0, 0.0045);
-    assert_eq!(lost, Err(Trip::Lost(LinkFault::NotFinite)));
+    let refused = goes_to(&mut served, 0, 0.0045).unwrap_err();
+    let (axis, measured) = (None, true);
+    assert_eq!(refused, Trip::NotFinite { axis, measured });
     assert_eq!(served.measured().disp, [0.004]);
+    assert_eq!(latched(&served), Some("measured_not_finite".to_owned()));
+}
+
+/// The trip that is latched.
+fn latched(served: &ServedSpecimen) -> Option<String> {
+    served.latch().trip().map(|trip| trip.what)
+}
+
+#[test]
+fn a_number_too_large_to_convert_is_latched() {
+    for (stiffness, trips) in [
+        (K, false),
+        (f64::NAN, true),
+        (f64::INFINITY, true),
+        (1e308, true),
+    ] {
+        let spring = Spring {
+            tells: vec![0.004],
+            stiffness: Some(stiffness),
+            ..Spring::default()
+        };
+        let kilonewtons = AxisUnits {
+            newtons: 1e3,
+            force: "kN",
+            ..AxisUnits::SI
+        };
+        let mut served = served_in(kilonewtons, &spring, &Whereabouts::default());
+        let controller = Controller {
+            start: vec![0.004],
+            ..Controller::unnamed(([127, 0, 0, 1], 1).into())
+        };
+        served.begin(&controller, &mut || Ok(())).unwrap();
+        let outcome = goes_to(&mut served, 0, 0.0045);
+        assert_eq!(outcome.is_err(), trips, "{stiffness}: {outcome:?}");
+        let what = trips.then(|| "measured_not_finite".to_owned());
+        assert_eq!(latched(&served), what);
+        served.end(Cause::Done, "");
+        assert_eq!(served.begin(&controller, &mut || Ok(())).is_err(), trips);
+    }
+}
+
+#[test]
+fn a_lost_link_is_not_latched() {
+    let spring = Spring {
+        tells: vec![0.004],
+        loses: Some(1),
+        ..Spring::default()
+    };
+    let mut served = served(&spring, &Whereabouts::default());
+    begin(&mut served).unwrap();
+    let lost = goes_to(&mut served, 0, 0.0045);
+    assert_eq!(lost, Err(Trip::Lost(LinkFault::Closed)));
+    assert_eq!(latched(&served), None);
 }
 
 #[test]
@@ -717,7 +777,10 @@ fn a_sensor_without_a_number_is_answered_with_what_it_read_last_and_marked() {
         assert_eq!(exchange(sequence).0, None);
     }
     let (axis, measured) = (1, true);
-    let is_none = Some(Trip::NotFinite { axis, measured });
+    let is_none = Some(Trip::NotFinite {
+        axis: Some(axis),
+        measured,
+    });
     // And so it stays.
     for sequence in 3..=4 {
         let (trip, into) = exchange(sequence);

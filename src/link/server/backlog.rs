@@ -15,10 +15,16 @@ pub(super) struct WaitingCommand {
     pub dt: f64,
 }
 
+/// Commands that a client of paced targets may have sent after the last answer: the one under way, and one more, because a client in
+/// real time does not wait for a late answer.
+const MOST_UNANSWERED: u32 = 2;
+
 /// The newest waiting command.
 #[derive(Debug, Default)]
 pub(super) struct Backlog {
     command: Option<WaitingCommand>,
+    /// Commands that came after the last answer.
+    unanswered: u32,
     /// A hold or a stop that came after that command.
     hold_follows: Option<Cause>,
     /// A stop came between that command and the one before, which was never passed on.
@@ -38,8 +44,19 @@ impl Backlog {
     /// A newer command takes the place of the one that waits.
     pub fn put(&mut self, command: WaitingCommand) {
         self.command = Some(command);
+        self.unanswered = self.unanswered.saturating_add(1);
         let followed = self.hold_follows.take();
         self.halt_precedes |= followed.is_some_and(|cause| cause != Cause::Operator);
+    }
+
+    /// The command in force was answered.
+    pub fn answered(&mut self) {
+        self.unanswered = u32::from(self.command.is_some());
+    }
+
+    /// True if the client is more than one command ahead of the one that it must wait for.
+    pub const fn is_too_far_ahead(&self) -> bool {
+        self.unanswered > MOST_UNANSWERED
     }
 
     /// A notice of a hold or a stop. A stop stays one, whatever comes late.

@@ -18,6 +18,13 @@ pub(super) enum Effect {
     New,
 }
 
+/// The vectors of the next command.
+#[derive(Debug)]
+pub(super) struct NextMotion {
+    disp: Vec<f64>,
+    vel: Vec<f64>,
+}
+
 /// The command in force, and the vectors of the next one.
 #[derive(Debug)]
 pub(super) struct CommandInForce {
@@ -26,8 +33,7 @@ pub(super) struct CommandInForce {
     dt: f64,
     disp: Vec<f64>,
     vel: Vec<f64>,
-    next_disp: Vec<f64>,
-    next_vel: Vec<f64>,
+    pub next: NextMotion,
     pub measured: Measurement,
     /// Flags of the specimen itself.
     pub flags: Status,
@@ -43,8 +49,10 @@ impl CommandInForce {
             dt: 0.0,
             disp: disp.to_vec(),
             vel: vec![0.0; axes],
-            next_disp: vec![0.0; axes],
-            next_vel: vec![0.0; axes],
+            next: NextMotion {
+                disp: vec![0.0; axes],
+                vel: vec![0.0; axes],
+            },
             measured: Measurement::zeros(axes),
             flags: Status::default(),
         }
@@ -61,6 +69,36 @@ impl CommandInForce {
         (self.time, self.dt) = (0.0, 0.0);
     }
 
+    /// True if the next command only repeats the position at the same test time. Real-time: yes.
+    pub fn stays(&self, dt: f64) -> bool {
+        self.sequence.is_some()
+            && dt == 0.0
+            && self.dt == 0.0
+            && self.next.disp == self.disp
+            && self.next.vel == self.vel
+    }
+
+    /// The next command is in force. Real-time: yes.
+    pub fn advance(&mut self, sequence: u64, time: f64, dt: f64) {
+        std::mem::swap(&mut self.disp, &mut self.next.disp);
+        std::mem::swap(&mut self.vel, &mut self.next.vel);
+        (self.sequence, self.time, self.dt) = (Some(sequence), time, dt);
+    }
+
+    /// The command for the specimen, the place of its measurement, and that of the next command. Real-time: yes.
+    pub fn exchange(&mut self) -> (Command<'_>, &mut Measurement, &mut NextMotion) {
+        let command = Command {
+            sequence: self.sequence.unwrap_or_default(),
+            time: self.time,
+            dt: self.dt,
+            disp: &self.disp,
+            vel: &self.vel,
+        };
+        (command, &mut self.measured, &mut self.next)
+    }
+}
+
+impl NextMotion {
     /// Judges a command by its number, and reads the vectors of a new one. `first` is the first number of the test; `newest` is
     /// that of the newest command. Real-time: yes.
     pub fn read(
@@ -75,37 +113,9 @@ impl CommandInForce {
             Some(newest) if command.sequence() < newest => Ok(Effect::Overtaken),
             Some(newest) if command.sequence() == newest => Ok(Effect::Repeated),
             _ => command
-                .read(&mut self.next_disp, &mut self.next_vel)
+                .read(&mut self.disp, &mut self.vel)
                 .map(|()| Effect::New),
         }
-    }
-
-    /// True if the next command only repeats the position at the same test time. Real-time: yes.
-    pub fn stays(&self, dt: f64) -> bool {
-        self.sequence.is_some()
-            && dt == 0.0
-            && self.dt == 0.0
-            && self.next_disp == self.disp
-            && self.next_vel == self.vel
-    }
-
-    /// The next command is in force. Real-time: yes.
-    pub fn advance(&mut self, sequence: u64, time: f64, dt: f64) {
-        std::mem::swap(&mut self.disp, &mut self.next_disp);
-        std::mem::swap(&mut self.vel, &mut self.next_vel);
-        (self.sequence, self.time, self.dt) = (Some(sequence), time, dt);
-    }
-
-    /// The command for the specimen, and the place of its measurement. Real-time: yes.
-    pub fn exchange(&mut self) -> (Command<'_>, &mut Measurement) {
-        let command = Command {
-            sequence: self.sequence.unwrap_or_default(),
-            time: self.time,
-            dt: self.dt,
-            disp: &self.disp,
-            vel: &self.vel,
-        };
-        (command, &mut self.measured)
     }
 }
 

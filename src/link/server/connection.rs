@@ -108,6 +108,14 @@ impl From<Connection> for ClientLink {
 }
 
 impl Transport for Connection {
+    fn has_hung_up(&self) -> bool {
+        match self {
+            Connection::Tcp(tcp) => tcp.has_hung_up(),
+            Connection::Tls(tls) => tls.has_hung_up(),
+            Connection::Udp(_) | Connection::Simulated(_) => false,
+        }
+    }
+
     fn trust_only_frames(&mut self) {
         if let Connection::Udp(udp) = self {
             udp.trust_only_frames();
@@ -157,6 +165,13 @@ impl Transport for Connection {
 }
 
 impl Transport for ClientLink {
+    fn has_hung_up(&self) -> bool {
+        match self {
+            ClientLink::Plain(connection) => connection.has_hung_up(),
+            ClientLink::Faulty(faulty) => faulty.has_hung_up(),
+        }
+    }
+
     fn trust_only_frames(&mut self) {
         match self {
             ClientLink::Plain(connection) => connection.trust_only_frames(),

@@ -63,12 +63,13 @@ use greeter::Greeter;
 use listener::{Access, Listener};
 use native_handshake::Offer;
 use reception::Reception;
-use shared::Shared;
+use shared::{Occupancy, Shared};
 
 /// The address of a server of the native protocol, unless the user gives another one.
 pub const USUAL_LISTEN: &str = "127.0.0.1:4823";
-/// The stop request of the caller is checked this often.
+/// The stop request of the caller is checked this often while there is no client, and while there is one.
 const LOOK: Duration = Duration::from_millis(20);
+const LOOK_WHILE_SERVED: Duration = Duration::from_millis(1);
 
 /// How a server listens.
 #[derive(Debug, Clone)]
@@ -357,7 +358,11 @@ impl RunningServer {
         tell: &mut dyn FnMut(&ServerEvent),
     ) {
         while !stop() && !self.threads.iter().any(JoinHandle::is_finished) {
-            match self.events.recv_timeout(LOOK) {
+            let look = match self.shared.occupancy() {
+                Occupancy::Free => LOOK,
+                Occupancy::Served(_) | Occupancy::Closing => LOOK_WHILE_SERVED,
+            };
+            match self.events.recv_timeout(look) {
                 Ok(event) => tell(&event),
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => break,

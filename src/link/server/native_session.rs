@@ -12,7 +12,7 @@ mod exchange;
 use super::ServerEvent;
 use super::backlog::{Backlog, WaitingCommand};
 use super::channel::Channel;
-use super::commanded::{CommandCount, CommandInForce, Effect};
+use super::commanded::{CommandCount, CommandInForce, Effect, NextMotion};
 use super::farewell::Farewell;
 use super::native_codec::NativeCodec;
 use super::native_handshake::NativeOpening;
@@ -24,7 +24,7 @@ use crate::catalog::event::Remark;
 use crate::link::Transport;
 use crate::link::served::{ServedSpecimen, TestEnd};
 use crate::link::socket::LOOK;
-use crate::substructure::Status;
+use crate::substructure::{LinkFault, Status};
 use crate::time::Nanos;
 use crate::wire::WireError;
 use crate::wire::handshake::Arm;
@@ -65,6 +65,45 @@ enum Message {
     Goodbye(Notice),
     Control(Vec<u8>),
     Nothing,
+}
+
+/// What reads the frames of a client.
+struct Reader<'a> {
+    codec: &'a mut NativeCodec,
+    silence: &'a mut Silence,
+    next: &'a mut NextMotion,
+    count: &'a CommandCount,
+    /// Number of the first command of the test, and of the newest one.
+    first: u64,
+    newest: Option<u64>,
+}
+
+impl Reader<'_> {
+    /// Reads one frame. Nothing of a command is read before its test time is checked, because the command that waits goes where
+    /// the next vectors say.
+    fn read(&mut self, place: std::ops::Range<usize>, now: Nanos) -> Result<Message, WireError> {
+        let received = self.codec.open(place)?;
+        self.silence.heard(now);
+        Ok(match received.frame {
+            Frame::Command(command) => {
+                let (sequence, time, dt) = (command.sequence(), command.time(), command.dt());
+                if !(0.0..=self.count.longest(sequence)).contains(&dt) {
+                    return Err(WireError::Range {
+                        field: "command dt",
+                        index: 0,
+                        found: dt,
+                    });
+                }
+                let effect = self.next.read(&command, self.first, self.newest)?;
+                Message::Command(WaitingCommand { sequence, time, dt }, effect)
+            }
+            Frame::Hold(notice) => Message::Hold(notice),
+            Frame::Heartbeat(_) | Frame::Measurement(_) => Message::Nothing,
+            Frame::Retire(notice) => Message::Retire(notice),
+            Frame::Goodbye(notice) => Message::Goodbye(notice),
+            Frame::Control(message) => Message::Control(message.to_vec()),
+        })
+    }
 }
 
 impl NativeConversation {
@@ -128,7 +167,8 @@ impl NativeConversation {
         shared: &Shared,
     ) -> Result<(), Wrong> {
         let now = channel.now();
-        match self.read(place, now)? {
+        let newest = self.newest();
+        match self.reader(newest).read(place, now)? {
             Message::Command(command, effect) => {
                 self.obey(command, effect, now, channel, shared)?
             }
@@ -143,32 +183,15 @@ impl NativeConversation {
         Ok(())
     }
 
-    /// Reads one frame. Nothing of a command is read before its test time is checked, because the command that waits goes where
-    /// the next vectors say.
-    fn read(&mut self, place: std::ops::Range<usize>, now: Nanos) -> Result<Message, WireError> {
-        let newest = self.newest();
-        let received = self.codec.open(place)?;
-        self.silence.heard(now);
-        Ok(match received.frame {
-            Frame::Command(command) => {
-                let (sequence, time, dt) = (command.sequence(), command.time(), command.dt());
-                if !(0.0..=self.count.longest(sequence)).contains(&dt) {
-                    return Err(WireError::Range {
-                        field: "command dt",
-                        index: 0,
-                        found: dt,
-                    });
-                }
-                let first = self.armed.first_sequence;
-                let effect = self.commanded.read(&command, first, newest)?;
-                Message::Command(WaitingCommand { sequence, time, dt }, effect)
-            }
-            Frame::Hold(notice) => Message::Hold(notice),
-            Frame::Heartbeat(_) | Frame::Measurement(_) => Message::Nothing,
-            Frame::Retire(notice) => Message::Retire(notice),
-            Frame::Goodbye(notice) => Message::Goodbye(notice),
-            Frame::Control(message) => Message::Control(message.to_vec()),
-        })
+    fn reader(&mut self, newest: Option<u64>) -> Reader<'_> {
+        Reader {
+            codec: &mut self.codec,
+            silence: &mut self.silence,
+            next: &mut self.commanded.next,
+            count: &self.count,
+            first: self.armed.first_sequence,
+            newest,
+        }
     }
 
     /// Real-time: yes.
@@ -187,6 +210,9 @@ impl NativeConversation {
             Effect::Repeated => self.answer(now, channel),
             Effect::New if self.served.is_remote() => {
                 self.backlog.put(command);
+                if self.served.is_paced() && self.backlog.is_too_far_ahead() {
+                    return Err(self.too_far_ahead(command.sequence, channel));
+                }
                 Ok(())
             }
             Effect::New => self.command(command, now, channel, shared),
@@ -212,11 +238,16 @@ impl NativeConversation {
         if self.backlog.is_empty() {
             return Ok(());
         }
+        // Its last frames came before it closed, and are read first.
+        let has_hung_up = channel.link.has_hung_up();
         for _ in 0..MOST_READS {
             if !self.receive(channel, LOOK)? {
                 break;
             }
             self.take_frames(channel, shared)?;
+        }
+        if has_hung_up {
+            return Err(channel.lost(true, LinkFault::Closed));
         }
         let Some((command, halt_precedes)) = self.backlog.take() else {
             return Ok(());
@@ -311,6 +342,7 @@ impl NativeConversation {
         measured.status = status;
         let is_stream = self.codec.is_stream();
         let frame = self.codec.measurement(measured, moment);
+        self.backlog.answered();
         send(channel, is_stream, frame)
     }
 

@@ -13,20 +13,21 @@ use super::session::{Conversation, Session};
 use super::shared::Shared;
 use crate::link::Transport;
 use crate::link::openfresco::{
-    Codec, End, ExchangeFault, Host, HostFault, Remarks, Request, ServeSettings, Tally, lost,
+    Codec, End, ExchangeFault, Host, HostFault, Nature, Remarks, Request, ServeSettings, Tally,
+    lost,
 };
 use crate::link::served::{Controller, TestEnd};
 use crate::link::socket::LOOK;
 use crate::rt::os::monotonic_ns;
 use crate::substructure::LinkFault;
 use crate::time::Nanos;
-use crate::wire::openfresco::{Course, Sizes, datagrams};
+use crate::wire::openfresco::{Action, Course, Sizes, datagrams};
 
 /// After its goodbye the client has this time to close first.
 const LINGER_NS: u64 = 500_000_000;
 /// Longest piece that is read at once; no datagram is longer.
 const CHUNK: usize = 65_536;
-/// The limits of time are checked this often, and the connection while the specimen is on its way.
+/// The limits of time are checked this often.
 const LOOK_NS: u64 = 50_000_000;
 
 /// The conversation with one client.
@@ -50,30 +51,88 @@ pub(super) struct OpenFrescoConversation<'a> {
 struct Ahead {
     buffer: Vec<u8>,
     received: usize,
-    look_ns: u64,
 }
 
+/// Why a specimen comes to rest on its way to a target.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Interruption {
+    /// The client is gone, or does not wait for answers.
+    Ended(End),
+    /// The goodbye of the client has come.
+    Goodbye,
+}
+
+/// Targets that may wait behind the one under way. AlphaOS sends two at the end of a step and one of the next step without a request.
+const MOST_WAITING: usize = 3;
+
 impl Ahead {
-    /// Looks at a stream from time to time, and keeps what has come: why the client is gone, if it is. Behind a full buffer nothing
-    /// is seen. Real-time: yes.
-    fn look(&mut self, link: &mut ClientLink) -> Option<End> {
-        let now = monotonic_ns();
-        if now < self.look_ns {
-            return None;
-        }
-        self.look_ns = now + LOOK_NS;
+    /// Keeps what has come on a stream, as far as there is room for it. `rest` came with the target, and each message has `length`
+    /// bytes. Real-time: yes.
+    ///
+    /// # Errors
+    /// The specimen is to come to rest.
+    fn look(
+        &mut self,
+        link: &mut ClientLink,
+        rest: &[u8],
+        length: usize,
+    ) -> Result<(), Interruption> {
+        // Its last bytes came before it closed, and are read first.
+        let mut gone = link.has_hung_up().then(|| lost(link, LinkFault::Closed));
         loop {
             let room = self.buffer.get_mut(self.received..).unwrap_or_default();
             if room.is_empty() {
-                return None;
+                break;
             }
             match link.recv(room, LOOK) {
-                Ok(None) => return None,
+                Ok(None) => break,
                 Ok(Some(count)) => self.received += count,
-                Err(fault) => return Some(lost(link, fault)),
+                Err(fault) => {
+                    gone = Some(lost(link, fault));
+                    break;
+                }
             }
         }
+        let came = self.buffer.get(..self.received).unwrap_or_default();
+        let (mut waiting, mut has_asked) = (0, false);
+        for action in actions([rest, came], length) {
+            match action {
+                Some(Action::Die) => return Err(Interruption::Goodbye),
+                Some(Action::Trial) => waiting += 1,
+                Some(Action::Read(_) | Action::Give(_)) => has_asked = true,
+                _ => {}
+            }
+            // A client waits for the answer to each request.
+            let is_behind = has_asked && action == Some(Action::Trial);
+            if is_behind || waiting > MOST_WAITING {
+                let fault = ExchangeFault::TooFarAhead;
+                return Err(Interruption::Ended(End::Refused(fault)));
+            }
+        }
+        gone.map_or(Ok(()), |end| Err(Interruption::Ended(end)))
     }
+}
+
+/// The actions of messages of `length` bytes in two pieces of a stream. Real-time: yes.
+fn actions(pieces: [&[u8]; 2], length: usize) -> impl Iterator<Item = Option<Action>> {
+    let [first, second] = pieces;
+    let byte = move |at: usize| {
+        let behind = at.checked_sub(first.len());
+        behind
+            .map_or_else(|| first.get(at), |at| second.get(at))
+            .copied()
+    };
+    let lead = move |message: usize| {
+        let at = message.checked_mul(length)?;
+        let mut word = [0; 8];
+        for (to, at) in word.iter_mut().zip(at..) {
+            *to = byte(at)?;
+        }
+        Some(f64::from_le_bytes(word))
+    };
+    (0..)
+        .map_while(lead)
+        .map(|code| Action::exact(code).ok().flatten())
 }
 
 /// Serves a client whose handshake is complete.
@@ -102,7 +161,6 @@ pub(super) fn attend(
         ahead: Ahead {
             buffer: vec![0; CHUNK],
             received: 0,
-            look_ns: 0,
         },
         heard_ns: monotonic_ns(),
         look_ns: 0,
@@ -170,19 +228,33 @@ impl OpenFrescoConversation<'_> {
             } else {
                 self.codec.piece()
             };
-            let mut gone = None;
+            rest = rest.get(used..).unwrap_or_default();
+            let mut interruption = None;
+            let length = self.codec.message_len();
             // Nothing shows that a client of datagrams has gone.
             let looks = self.is_stream && self.host.is_paced();
+            let moves = self.is_stream && self.host.nature() == Nature::Physical;
             let (link, ahead) = (&mut channel.link, &mut self.ahead);
+            if moves
+                && !looks
+                && matches!(request, Request::Command(_))
+                && link.has_hung_up()
+                && let Err(Interruption::Ended(end)) = ahead.look(link, rest, length)
+            {
+                return Err(end);
+            }
             let mut wanted = || {
-                if looks && gone.is_none() {
-                    gone = ahead.look(link);
+                if looks && interruption.is_none() {
+                    interruption = ahead.look(link, rest, length).err();
                 }
-                gone.is_none() && !shared.is_stopped()
+                interruption.is_none() && !shared.is_stopped()
             };
             let obeyed = obey(&mut self.codec, request, self.host, &mut wanted);
-            let reply = match (obeyed, gone) {
-                (Err(End::Stopped), Some(gone)) => return Err(gone),
+            let reply = match (obeyed, interruption) {
+                (Err(End::Stopped), Some(Interruption::Ended(end))) => return Err(end),
+                (Err(End::Stopped), Some(Interruption::Goodbye)) => {
+                    return Err(self.leave(rest, channel));
+                }
                 (obeyed, _) => obeyed?,
             };
             send(&mut channel.link, reply, piece)?;
@@ -204,9 +276,25 @@ impl OpenFrescoConversation<'_> {
             if used == 0 {
                 break;
             }
-            rest = rest.get(used..).unwrap_or_default();
         }
         Ok(())
+    }
+
+    /// The client said goodbye while the specimen was on its way, which rests now. `rest` and what was read ahead are passed over up to
+    /// the goodbye, which may have an answer.
+    fn leave(&mut self, rest: &[u8], channel: &mut Channel) -> End {
+        let came = self.ahead.buffer.get(..self.ahead.received);
+        for mut bytes in [rest, came.unwrap_or_default()] {
+            while let Ok((used @ 1.., request)) = self.codec.feed(bytes) {
+                if request == Request::Goodbye {
+                    // A client that does not take the answer is gone all the same.
+                    let _ = send(&mut channel.link, self.codec.goodbye(), usize::MAX);
+                    return End::Finished;
+                }
+                bytes = bytes.get(used..).unwrap_or_default();
+            }
+        }
+        End::Finished
     }
 
     /// Everything that happens because time passes.
@@ -310,7 +398,8 @@ fn obey<'a>(
     Ok(match request {
         Request::Reply => codec.reply(),
         Request::Command(course) => {
-            if codec.commits_implicitly() && course != Course::Repeat && host.tally().commands > 0 {
+            let is_same_step = matches!(course, Course::Repeat | Course::Iteration);
+            if codec.commits_implicitly() && !is_same_step && host.tally().commands > 0 {
                 host.commit();
             }
             if let Some(target) = codec.target() {

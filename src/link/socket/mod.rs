@@ -228,6 +228,15 @@ impl Pause {
     }
 }
 
+/// True if the other end of a stream has closed its side. What it sent before may still be unread. Real-time: yes.
+pub(in crate::link) fn has_hung_up(fd: BorrowedFd<'_>) -> bool {
+    let gone = PollFlags::RDHUP | PollFlags::HUP | PollFlags::ERR;
+    let mut polled = [PollFd::from_borrowed_fd(fd, PollFlags::RDHUP)];
+    // An error of poll shows again in the read that follows.
+    let found = rustix::event::poll(&mut polled, Some(&Timespec::default()));
+    matches!(found, Ok(1..)) && polled.iter().any(|one| one.revents().intersects(gone))
+}
+
 fn ask_busy_poll(fd: BorrowedFd<'_>, options: SocketOptions) {
     if let Some(us) = options.busy_poll_us {
         // Beyond the system's own setting this is a privilege; without it reads poll from here all the same.

@@ -14,7 +14,8 @@ use std::time::Duration;
 use rustix::net::sockopt;
 
 use super::{
-    ConnectError, Kept, LOOK, Pause, SocketOptions, Verdict, Wait, ask_busy_poll, resolve, verdict,
+    ConnectError, Kept, LOOK, Pause, SocketOptions, Verdict, Wait, ask_busy_poll, has_hung_up,
+    resolve, verdict,
 };
 use crate::link::Transport;
 use crate::substructure::LinkFault;
@@ -135,6 +136,10 @@ pub(in crate::link) fn discard(mut stream: &TcpStream) {
 }
 
 impl Transport for TcpTransport {
+    fn has_hung_up(&self) -> bool {
+        has_hung_up(self.stream.as_fd())
+    }
+
     fn send(&mut self, frame: &[u8]) -> Result<(), LinkFault> {
         self.flush()?;
         if !self.kept.is_empty() {

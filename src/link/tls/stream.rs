@@ -10,7 +10,7 @@ use rustls::Connection;
 
 use super::RECORD_LIMIT_NS;
 use super::session::Session;
-use crate::link::socket::{Pause, SocketOptions, Wait, discard};
+use crate::link::socket::{Pause, SocketOptions, Wait, discard, has_hung_up};
 use crate::link::tls_fault::TlsFault;
 use crate::link::{TcpTransport, Transport};
 use crate::rt::os;
@@ -176,6 +176,10 @@ impl Drop for TlsStream {
 }
 
 impl Transport for TlsStream {
+    fn has_hung_up(&self) -> bool {
+        has_hung_up(self.stream.as_fd())
+    }
+
     /// Real-time: no.
     fn send(&mut self, frame: &[u8]) -> Result<(), LinkFault> {
         self.push().map_err(TlsFault::link)?;

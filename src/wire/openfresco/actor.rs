@@ -151,6 +151,12 @@ impl Actor {
         self.served.as_mut().ok_or(NOT_READY)?.answer(response)
     }
 
+    /// Length of a message in bytes, after the sizes.
+    #[must_use]
+    pub const fn message_len(&self) -> usize {
+        self.inbox.message().len()
+    }
+
     /// Bytes of a message that has not come whole.
     #[must_use]
     pub const fn partial(&self) -> usize {

@@ -33,7 +33,7 @@ const UNSENT: f64 = f64::EPSILON;
 /// Follows commands and commits of one connection.
 #[derive(Debug)]
 pub(super) struct Tracker {
-    /// In dialect D nobody commits: a new target accepts the one before.
+    /// Dialect D has no commits: a new target of another time accepts the one before.
     implicit: bool,
     /// Commands since the set-up.
     commands: u64,
@@ -90,7 +90,9 @@ impl Tracker {
             }
             return Course::Repeat;
         }
-        if self.implicit && self.trials > 0 {
+        // A command of the same test time is another try.
+        let is_same_time = new.time().is_some_and(|time| time != 0.0) && new.time() == last.time();
+        if self.implicit && self.trials > 0 && !is_same_time {
             self.commit(last, last.time());
         }
         let home = self.is_home(new);

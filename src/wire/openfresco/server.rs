@@ -148,6 +148,12 @@ impl Server {
         self.served.as_mut().ok_or(NOT_READY)?.answer_matrix(rows)
     }
 
+    /// Length of a message in bytes, after the sizes.
+    #[must_use]
+    pub const fn message_len(&self) -> usize {
+        self.opening.vector().len()
+    }
+
     /// Bytes of a message that has not come whole.
     #[must_use]
     pub const fn partial(&self) -> usize {

@@ -161,6 +161,12 @@ impl Simulink {
         Ok(&self.outbox)
     }
 
+    /// Length of a message in bytes, after the sizes.
+    #[must_use]
+    pub const fn message_len(&self) -> usize {
+        self.opening.vector().len()
+    }
+
     /// Bytes of a message that has not come whole.
     #[must_use]
     pub const fn partial(&self) -> usize {

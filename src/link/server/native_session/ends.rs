@@ -104,16 +104,29 @@ impl NativeConversation {
                 }
                 self.begin_again(arm, channel, shared)?;
             }
-            Control::Bye(bye) => return Err(Wrong::End(self.left(bye.cause, &bye.text))),
-            other => {
-                return Err(Wrong::End(TestEnd::failed(format_args!(
-                    "the controller sent {}",
-                    other.name()
-                ))));
-            }
+            _ => return Err(Wrong::End(self.take_bye(message)?)),
         }
         let is_stream = self.codec.is_stream();
         Ok(send(channel, is_stream, self.codec.control(message))?)
+    }
+
+    /// A control message that ends the session, as each one but an Arm does.
+    pub(super) fn take_bye(&mut self, message: &[u8]) -> Result<TestEnd, WireError> {
+        Ok(match handshake::decode(message)? {
+            Control::Bye(bye) => self.left(bye.cause, &bye.text),
+            other => TestEnd::failed(format_args!("the controller sent {}", other.name())),
+        })
+    }
+
+    /// The client does not wait for answers: tells it, and that the session ends.
+    pub(super) fn too_far_ahead(&mut self, sequence: u64, channel: &mut Channel) -> TestEnd {
+        let text = format!(
+            "command {sequence} came before the two commands ahead of it were answered: with `serve.pace` a controller waits for the answer to \
+             each target"
+        );
+        self.say(Cause::Tripped, &text, channel);
+        self.say_goodbye(Cause::Tripped, channel);
+        TestEnd::failed(text)
     }
 
     fn begin_again(

@@ -1,16 +1,38 @@
 //! The exchange of a native client's command with the specimen.
+//!
+//! The specimen may be on its way to a paced target for long. Meanwhile each tick reads the frames of the client, so that a hold, a
+//! retire or a goodbye is obeyed within a tick, and a client that is gone is noticed.
 
-use super::{LOOK_NS, NativeConversation};
+use super::ends::Wrong;
+use super::{MOST_READS, Message, NativeConversation, Reader};
 use crate::link::Transport;
-use crate::link::served::{TestEnd, Trip};
+use crate::link::served::TestEnd;
+use crate::link::served::Trip;
 use crate::link::server::ServerEvent;
+use crate::link::server::backlog::Backlog;
 use crate::link::server::channel::Channel;
+use crate::link::server::commanded::Effect;
 use crate::link::server::connection::ClientLink;
-use crate::link::server::native_codec::NativeCodec;
 use crate::link::server::shared::Shared;
 use crate::link::socket::LOOK;
-use crate::substructure::LinkFault;
+use crate::substructure::{LinkFault, Status};
 use crate::time::Nanos;
+use crate::wire::handshake::{self, Arm, Control};
+use crate::wire::native::Notice;
+
+/// Why a specimen comes to rest on its way to a target.
+enum Interruption {
+    /// The client is gone.
+    Gone(LinkFault),
+    /// A frame failed a check.
+    Wrong(Wrong),
+    /// The client is further ahead than it may be, with this command.
+    TooFarAhead(u64),
+    /// The client armed again before its command was answered.
+    ArmedAgain,
+    /// A hold, a retire or a goodbye.
+    Message(Message),
+}
 
 impl NativeConversation {
     /// The exchange of the command in force with the specimen.
@@ -23,21 +45,32 @@ impl NativeConversation {
     ) -> Result<(), TestEnd> {
         self.served.now_is(now);
         let was_tripped = self.served.tripped().is_some();
-        let mut gone = None;
-        // Nothing shows that a client of datagrams has gone.
-        let looks = self.codec.is_stream() && self.served.is_paced();
-        let (link, codec) = (&mut channel.link, &mut self.codec);
-        let mut look_at = now;
-        let mut wanted = || {
-            let now = link.now();
-            if looks && gone.is_none() && now >= look_at {
-                look_at = now.plus(LOOK_NS);
-                gone = look(link, codec).err();
-            }
-            gone.is_none() && !shared.is_stopped()
-        };
-        let (command, measured) = self.commanded.exchange();
+        let looks = self.served.is_paced();
+        // A hold that came with the target: its path does not begin.
+        let notice = looks.then(|| self.backlog.take_notice()).flatten();
+        let (command, measured, next) = self.commanded.exchange();
         let sequence = command.sequence;
+        let hold = notice.map(|cause| Message::Hold(Notice { sequence, cause }));
+        let mut interruption = hold.map(Interruption::Message);
+        let mut ahead = Ahead {
+            link: &mut channel.link,
+            armed: &self.armed,
+            backlog: &mut self.backlog,
+            reader: Reader {
+                codec: &mut self.codec,
+                silence: &mut self.silence,
+                next,
+                count: &self.count,
+                first: self.armed.first_sequence,
+                newest: Some(sequence),
+            },
+        };
+        let mut wanted = || {
+            if looks && interruption.is_none() {
+                interruption = ahead.look().err();
+            }
+            interruption.is_none() && !shared.is_stopped()
+        };
         let outcome = (self.served).exchange(&command, elapsed, &mut wanted, measured);
         self.commanded.flags = self.commanded.measured.status;
         self.count.commands += 1;
@@ -50,31 +83,120 @@ impl NativeConversation {
                     shared.tell(ServerEvent::Told { text });
                 }
             }
-            Ok(false) => {
-                return Err(match gone {
-                    Some(fault) => channel.lost(true, fault),
-                    None => self.told_to_stop(channel),
-                });
-            }
-            Err(_) | Ok(true) => {}
+            Ok(false) if interruption.is_none() => return Err(self.told_to_stop(channel)),
+            Err(_) | Ok(_) => {}
         }
-        Ok(())
+        interruption.map_or(Ok(()), |why| self.interrupted(why, channel))
+    }
+
+    /// The specimen rests where it was on its way: ends the test, or holds until the next command.
+    fn interrupted(&mut self, why: Interruption, channel: &mut Channel) -> Result<(), TestEnd> {
+        Err(match why {
+            Interruption::Gone(fault) => channel.lost(self.codec.is_stream(), fault),
+            Interruption::Wrong(Wrong::End(end)) => end,
+            Interruption::Wrong(Wrong::Wire(error)) => TestEnd::failed(error),
+            Interruption::TooFarAhead(sequence) => self.too_far_ahead(sequence, channel),
+            Interruption::ArmedAgain => {
+                TestEnd::failed("the controller armed again before its last command was answered")
+            }
+            Interruption::Message(Message::Retire(notice)) => self.retired(notice, channel),
+            Interruption::Message(Message::Goodbye(notice)) => self.left(notice.cause.code(), ""),
+            Interruption::Message(Message::Control(bye)) => {
+                return match self.take_bye(&bye) {
+                    Ok(end) => Err(end),
+                    Err(error) => Err(TestEnd::failed(error)),
+                };
+            }
+            Interruption::Message(Message::Hold(notice)) => {
+                // The measurement does not belong to the command.
+                self.commanded.flags.0 |= Status::HOLDING.0;
+                self.take_notice(notice);
+                return Ok(());
+            }
+            Interruption::Message(Message::Command(..) | Message::Nothing) => return Ok(()),
+        })
     }
 }
 
-/// Keeps what has come on a stream, as far as there is room for it: behind that nothing is seen. Real-time: yes.
-///
-/// # Errors
-/// The client is gone.
-fn look(link: &mut ClientLink, codec: &mut NativeCodec) -> Result<(), LinkFault> {
-    loop {
-        let room = codec.space();
-        if room.is_empty() {
-            return Ok(());
+/// The frames of a client that come while its command is obeyed.
+struct Ahead<'a> {
+    link: &'a mut ClientLink,
+    armed: &'a Arm,
+    backlog: &'a mut Backlog,
+    reader: Reader<'a>,
+}
+
+impl Ahead<'_> {
+    /// Reads the frames that have come. Real-time: yes, but for the end of a session.
+    ///
+    /// # Errors
+    /// The specimen is to come to rest.
+    fn look(&mut self) -> Result<(), Interruption> {
+        // Its last frames came before it closed, and are read first.
+        let has_hung_up = self.link.has_hung_up();
+        for _ in 0..MOST_READS {
+            let now = self.link.now();
+            self.take_frames(now)?;
+            let room = self.reader.codec.space();
+            match self.link.recv(room, LOOK).map_err(Interruption::Gone)? {
+                Some(count) => self.reader.codec.filled(count),
+                None => break,
+            }
         }
-        match link.recv(room, LOOK)? {
-            Some(count) => codec.filled(count),
-            None => return Ok(()),
+        if has_hung_up {
+            return Err(Interruption::Gone(LinkFault::Closed));
+        }
+        Ok(())
+    }
+
+    fn take_frames(&mut self, now: Nanos) -> Result<(), Interruption> {
+        loop {
+            let read = match self.reader.codec.next() {
+                Ok(None) => return Ok(()),
+                Ok(Some(place)) => self.reader.read(place, now),
+                Err(error) => Err(error),
+            };
+            let taken = match read {
+                Ok(message) => self.take(message),
+                Err(error) => Err(Interruption::Wrong(Wrong::Wire(error))),
+            };
+            match taken {
+                Err(Interruption::Wrong(Wrong::Wire(error))) => {
+                    // Over datagrams it is counted and dropped.
+                    let failed = self.reader.codec.failed(error);
+                    failed.map_err(|error| Interruption::Wrong(Wrong::Wire(error)))?;
+                }
+                taken => taken?,
+            }
+        }
+    }
+
+    fn take(&mut self, message: Message) -> Result<(), Interruption> {
+        match message {
+            Message::Command(command, Effect::New) => {
+                self.reader.newest = Some(command.sequence);
+                self.backlog.put(command);
+                if self.backlog.is_too_far_ahead() {
+                    return Err(Interruption::TooFarAhead(command.sequence));
+                }
+                Ok(())
+            }
+            // Its answer is on its way.
+            Message::Command(..) | Message::Nothing => Ok(()),
+            Message::Control(message) => match handshake::decode(&message) {
+                // Its answer was lost, and a command has come since.
+                Ok(Control::Arm(arm)) if arm == *self.armed => Ok(()),
+                Ok(Control::Arm(_)) => Err(Interruption::ArmedAgain),
+                Ok(_) => Err(Interruption::Message(Message::Control(message))),
+                Err(error) => Err(Interruption::Wrong(Wrong::Wire(error))),
+            },
+            // A notice that was overtaken by a command has no effect.
+            Message::Hold(notice)
+                if (self.reader.newest).is_some_and(|newest| notice.sequence < newest) =>
+            {
+                Ok(())
+            }
+            message => Err(Interruption::Message(message)),
         }
     }
 }

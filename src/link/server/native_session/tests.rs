@@ -1,3 +1,4 @@
+mod on_the_way;
 mod records;
 
 use std::sync::{Arc, Mutex};
@@ -16,7 +17,7 @@ use crate::wire::Side;
 use crate::wire::handshake::{
     self, Arm, Axis, Control, Hello, Limits, RefuseCode, Sampling, Unit, Versions, layout_hash,
 };
-use crate::wire::native::{Cause, Decoder, Encoder, Frame, LARGEST_FRAME, Notice};
+use crate::wire::native::{Cause, Decoder, Encoder, Frame, Heartbeat, LARGEST_FRAME, Notice};
 
 /// A controller of 1000 commands a second, armed at zero for command 0, of a spring of 8 N/mm.
 struct Controller {

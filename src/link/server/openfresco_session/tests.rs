@@ -1,10 +1,12 @@
+mod on_the_way;
+
 use super::*;
 use std::sync::Arc;
 
 use crossbeam_channel::unbounded;
 
 use crate::link::openfresco::{Nature, Role};
-use crate::link::served::{Computed, ServedSpecimen};
+use crate::link::served::{Computed, ServedSpecimen, Trip};
 use crate::link::server::connection::Connection;
 use crate::link::server::wire_end::WireEnd;
 use crate::specimen::SpecimenLaw;
@@ -13,6 +15,7 @@ use crate::substructure::{
     Unavailable,
 };
 use crate::units::AxisUnits;
+use crate::wire::WireError;
 use crate::wire::openfresco::Carrier;
 
 const LINEAR: &str = "law = { linear = { stiffness_n_per_m = 8000.0 } }";
@@ -139,6 +142,41 @@ fn what_moves_follows_a_client_without_commits_through_zero() {
     }
 }
 
+/// Two targets of one test time are trials in each protocol. A repeated target is allowed.
+#[test]
+fn a_client_that_iterates_is_recognised_by_its_time() {
+    for role in [Role::Application, Role::Controller, Role::Simulink] {
+        for timed in [false, true] {
+            let mut client = Client::new(role, LINEAR, Nature::Physical, timed);
+            for (disp, time) in [(0.0, 0.0), (0.0004, 0.01), (0.0004, 0.01), (0.0008, 0.02)] {
+                client.send(3.0, disp, time).unwrap();
+            }
+            let again = client.send(3.0, 0.0009, 0.02);
+            let is_trial = matches!(
+                again,
+                Err(End::Refused(ExchangeFault::Host(HostFault::Tripped(
+                    Trip::Trial(_)
+                ))))
+            );
+            assert_eq!(is_trial, timed, "{role:?}: {again:?}");
+        }
+    }
+}
+
+/// Each target has the force of the last committed one behind it, also where a step is tried twice.
+#[test]
+fn a_trial_of_a_controller_is_not_accepted() {
+    const BILINEAR: &str = "law = { bilinear = { stiffness_n_per_m = 8000.0, yield_force_n = 60.0, post_yield_ratio = 0.05 } }";
+    let mut client = Client::new(Role::Controller, BILINEAR, Nature::Simulated, true);
+    for (disp, time) in [(0.0, 0.0), (0.005, 0.01), (0.0275, 0.02)] {
+        client.send(3.0, disp, time).unwrap();
+    }
+    // Back from a trial at 27.5 mm, beyond the yield at 7.5 mm: still elastic.
+    client.send(3.0, 0.006, 0.02).unwrap();
+    let force = client.send(10.0, 0.0, 0.0).unwrap()[0];
+    assert!((force - 48.0).abs() < 1e-9, "{force}");
+}
+
 #[test]
 fn a_commit_with_zeros_behind_it_leaves_the_steps_their_length() {
     let mut client = Client::new(Role::Application, VISCOUS, Nature::Simulated, true);
@@ -248,4 +286,30 @@ fn a_stop_request_ends_the_commands_of_one_piece() {
         _ => None,
     });
     assert_eq!(left, Some((End::Stopped, 10)));
+}
+
+/// SimFEAdapter announces the largest DOF of each quantity in its control points.
+#[test]
+fn sizes_of_another_specimen_are_refused() {
+    for (signals, field, found) in [
+        ([1, 0, 0, 0, 0, 2, 0, 0, 2, 0], "commanded displacements", 1),
+        ([2, 0, 0, 0, 0, 1, 0, 0, 2, 0], "measured displacements", 1),
+        ([2, 0, 0, 0, 0, 3, 0, 0, 2, 0], "measured displacements", 3),
+    ] {
+        let mut codec = Codec::new(Role::Controller, None, Carrier::Stream, 2);
+        let mut bytes: Vec<u8> = signals.into_iter().flat_map(i32::to_le_bytes).collect();
+        bytes.extend(256_i32.to_le_bytes());
+        let expected = 2;
+        let error = WireError::Count {
+            field,
+            expected,
+            found,
+        };
+        assert_eq!(codec.feed(&bytes), Err(error));
+        let text = error.to_string();
+        assert!(
+            text.contains('2') && text.contains(&found.to_string()),
+            "{text}"
+        );
+    }
 }

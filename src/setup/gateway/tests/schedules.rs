@@ -101,7 +101,11 @@ fn course(
         period_ns: 1_000_000,
         clock: simulated::CLOCK,
     };
-    let host = host_of(TABLE, client, rig).paced(Some(pacing));
+    let table = match client.following {
+        Some(_) => TABLE.to_owned(),
+        None => TABLE.replace("5000.0", "700.0"),
+    };
+    let host = host_of(&table, client, rig).paced(Some(pacing));
     let mut served = host.specimen(false).unwrap();
     let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
     served.begin(&controller, &mut || Ok(())).unwrap();
@@ -188,7 +192,7 @@ static LED: LazyLock<Option<Following>> = LazyLock::new(|| compensated::followin
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(1000))]
 
-    /// Speed and acceleration of the commands stay within those that the path promises, for every schedule. Commands are never
+    /// Speed and acceleration of the commands stay within those that the path and its limits promise, for every schedule. Commands are never
     /// closer than a tick, and the last one is at rest.
     #[test]
     fn every_schedule_of_late_targets_moves_within_the_bounds_of_the_path(
@@ -203,7 +207,11 @@ proptest! {
         let n = f64::from(TICKS);
         // The ramp to the first target is half a cosine: π/2 of the mean speed, π²/2 of way/time². Its acceleration does not vanish
         // at its ends, which a path of 10 ticks spreads over one tick.
-        let (speed, accel) = (1.875 * STEP_M / n, 7.7 * STEP_M / (n * n));
+        let (speed, mut accel) = (1.875 * STEP_M / n, 7.7 * STEP_M / (n * n));
+        if targets.iter().any(|(_, next)| matches!(next, Next::Dies(_))) {
+            // A stop uses the declared acceleration of 700 m/s².
+            accel = accel.max(700.0 * PERIOD_S * PERIOD_S);
+        }
         let places = tick_by_tick(&course);
         for (index, window) in places.windows(3).enumerate() {
             let step = (window[1] - window[0]).abs();

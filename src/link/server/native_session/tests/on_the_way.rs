@@ -1,0 +1,377 @@
+//! A client leaves, holds or runs ahead while the specimen is on its way to a paced target: the specimen comes to rest at once.
+//!
+//! The rig acts for the client when a command reaches it. So nothing depends on the time that passes.
+
+use std::cell::Cell;
+use std::io::{Read, Write};
+use std::net::{Shutdown, TcpStream};
+use std::time::Duration;
+
+use super::*;
+use crate::config::Carrier;
+use crate::link::inbox::Inbox;
+use crate::link::served::{PaceClock, Pacing};
+use crate::link::server::{RunningServer, ServeOptions, Server};
+
+thread_local! {
+    static NOW_NS: Cell<u64> = const { Cell::new(1_000_000_000) };
+}
+
+/// Time passes only where a paced command waits for it.
+const CLOCK: PaceClock = PaceClock {
+    now_ns: || NOW_NS.get(),
+    sleep_until_ns: |until| NOW_NS.set(NOW_NS.get().max(until)),
+};
+
+/// Commands of a path of 4 s.
+const TICKS: u32 = 4000;
+/// The path is interrupted at this one.
+const AT: usize = 1000;
+/// Ticks that 0.1 m/s² allow to slow down from the speed there: half of it slows down 10 mm in 4 s, at x = 1/4.
+const SLOWS: usize = 53;
+
+type Act = Box<dyn FnOnce() + Send>;
+
+/// A rig that is at its command at once. It notes displacements, and does something at one of them.
+#[derive(Clone, Default)]
+struct Acting {
+    told: Arc<Mutex<Vec<f64>>>,
+    act: Arc<Mutex<Option<(usize, Act)>>>,
+    sequence: u64,
+}
+
+impl Substructure for Acting {
+    fn axes(&self) -> usize {
+        1
+    }
+    fn coupling(&self) -> Coupling {
+        Coupling::Lockstep
+    }
+    fn is_remote(&self) -> bool {
+        true
+    }
+    fn connect(&mut self) -> Result<Introduction, Unavailable> {
+        Ok(Introduction {
+            standing: vec![0.0],
+            ..Introduction::default()
+        })
+    }
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        self.sequence = command.sequence;
+        let mut told = self.told.lock().unwrap();
+        told.push(command.disp[0]);
+        let mut act = self.act.lock().unwrap();
+        if act.as_ref().is_some_and(|(at, _)| *at == told.len()) {
+            let (_, act) = act.take().unwrap();
+            act();
+        }
+        Ok(())
+    }
+    fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        let disp = *self.told.lock().unwrap().last().unwrap();
+        into.sequence = self.sequence;
+        (into.disp[0], into.force[0]) = (disp, 8000.0 * disp);
+        Ok(Freshness::Fresh)
+    }
+    fn retire(&mut self, _: Retirement) {}
+}
+
+/// A client over TCP, armed at zero.
+struct Caller {
+    stream: TcpStream,
+    inbox: Inbox,
+    encoder: Encoder,
+    decoder: Decoder,
+    session: u64,
+    out: Vec<u8>,
+    server: RunningServer,
+    rig: Acting,
+}
+
+impl Caller {
+    fn armed() -> Self {
+        let rig = Acting::default();
+        let behind = rig.clone();
+        let build: LinkBuild = Arc::new(move |_| Ok(Box::new(behind.clone())));
+        let limits =
+            "command_vel_m_per_s = { trip = 0.1 }, command_accel_m_per_s2 = { trip = 0.1 }";
+        let limits = toml::from_str(&limits.replace(", ", "\n")).unwrap();
+        let host = Host::gateway("far".into(), vec![axis()], vec![8e3], build, 1_000_000_000);
+        let host = host.limited(vec![limits]).paced(Some(Pacing {
+            ticks: TICKS,
+            settle_ticks: 0,
+            period_ns: 1_000_000,
+            clock: CLOCK,
+        }));
+        let options = ServeOptions {
+            listen: "127.0.0.1:0".into(),
+            carrier: Carrier::Tcp,
+            key: None,
+            plan: None,
+            spin_ns: 0,
+        };
+        let server = Server::bind(host, options).unwrap();
+        let stream = TcpStream::connect(server.local_addr()).unwrap();
+        let limit = Some(Duration::from_secs(60));
+        stream.set_read_timeout(limit).unwrap();
+        let mut one = Self {
+            stream,
+            inbox: Inbox::new(true),
+            encoder: Encoder::greeting(Side::Controller),
+            decoder: Decoder::greeting(Side::Specimen),
+            session: 0,
+            out: vec![0; LARGEST_FRAME],
+            server: server.start().unwrap(),
+            rig,
+        };
+        let Control::Welcome(welcome) = one.ask(&Control::Hello(hello(axis(), (1, 10)))) else {
+            panic!("not welcome");
+        };
+        one.session = welcome.session;
+        one.encoder = Encoder::new(Side::Controller, 1, welcome.session, None).unwrap();
+        one.decoder = Decoder::new(Side::Specimen, 1, welcome.session, None).unwrap();
+        let arm = Control::Arm(Arm {
+            session: one.session,
+            first_sequence: 0,
+            disp: vec![0.0],
+        });
+        assert!(matches!(one.ask(&arm), Control::Arm(_)));
+        // The ramp to the first target.
+        let first = one.command(0, 0.0);
+        one.stream.write_all(&first).unwrap();
+        assert_eq!(one.answer(), (0, 0.0, Status(0)));
+        one.rig.told.lock().unwrap().clear();
+        one
+    }
+
+    fn ask(&mut self, control: &Control) -> Control {
+        let message = handshake::encode(control).unwrap();
+        let length = self.encoder.control(&message, &mut self.out).unwrap();
+        self.stream.write_all(&self.out[..length]).unwrap();
+        let place = self.frame().unwrap();
+        match self.decoder.open(self.inbox.frame(place)).unwrap().frame {
+            Frame::Control(message) => handshake::decode(message).unwrap(),
+            other => panic!("{other:?}"),
+        }
+    }
+
+    /// The place of the next frame; none once the server has closed the connection.
+    fn frame(&mut self) -> Option<std::ops::Range<usize>> {
+        loop {
+            if let Some(place) = self.inbox.next().unwrap() {
+                return Some(place);
+            }
+            match self.stream.read(self.inbox.space()) {
+                Ok(0) | Err(_) => return None,
+                Ok(count) => self.inbox.filled(count),
+            }
+        }
+    }
+
+    /// Number, displacement and status of the next measurement.
+    fn answer(&mut self) -> (u64, f64, Status) {
+        let place = self.frame().unwrap();
+        let mut into = Measurement::zeros(1);
+        match self.decoder.open(self.inbox.frame(place)).unwrap().frame {
+            Frame::Measurement(measurement) => measurement.read(&mut into).unwrap(),
+            other => panic!("{other:?}"),
+        }
+        (into.sequence, into.disp[0], into.status)
+    }
+
+    fn command(&mut self, sequence: u64, disp: f64) -> Vec<u8> {
+        let command = Command {
+            sequence,
+            time: 10.0 * sequence as f64,
+            dt: 10.0,
+            disp: &[disp],
+            vel: &[0.0],
+        };
+        let length = self.encoder.command(&command, &mut self.out).unwrap();
+        self.out[..length].to_vec()
+    }
+
+    fn notice(&mut self, kind: &str, sequence: u64) -> Vec<u8> {
+        let cause = Cause::Operator;
+        let notice = Notice { sequence, cause };
+        let out = &mut self.out;
+        let written = match kind {
+            "hold" => self.encoder.hold(notice, out),
+            "retire" => self.encoder.retire(notice, out),
+            _ => self.encoder.goodbye(notice, out),
+        };
+        let length = written.unwrap();
+        self.out[..length].to_vec()
+    }
+
+    /// Sends a target of 10 mm with the number 1, and acts at a command of its path.
+    fn goes(&mut self, target: &[u8], act: Act) {
+        *self.rig.act.lock().unwrap() = Some((AT, act));
+        self.stream.write_all(target).unwrap();
+    }
+
+    /// The reason of the end of the session.
+    fn ended(&self) -> String {
+        loop {
+            match self.server.events.recv_timeout(Duration::from_secs(60)) {
+                Ok(ServerEvent::Ended { text, .. }) => return text,
+                Ok(_) => {}
+                Err(error) => panic!("{error}"),
+            }
+        }
+    }
+
+    /// Asserts that the rig slowed down from the next command on, and rests.
+    fn rests(&self) -> f64 {
+        let told = self.rig.told.lock().unwrap();
+        assert!(
+            (AT..=AT + SLOWS).contains(&told.len()),
+            "{} commands",
+            told.len()
+        );
+        let steps: Vec<f64> = told[AT - 2..]
+            .windows(2)
+            .map(|two| two[1] - two[0])
+            .collect();
+        for step in steps.windows(2) {
+            // 0.1 m/s² in ticks of 1 ms.
+            let change = step[1] - step[0];
+            assert!(change < 0.0 && change > -1e-7, "{change}");
+        }
+        *told.last().unwrap()
+    }
+}
+
+#[test]
+fn a_client_that_leaves_on_the_way_is_obeyed() {
+    for kind in ["retire", "goodbye", "close"] {
+        let mut caller = Caller::armed();
+        let target = caller.command(1, 0.01);
+        let frame = caller.notice(kind, 1);
+        let mut stream = caller.stream.try_clone().unwrap();
+        caller.goes(
+            &target,
+            Box::new(move || match kind {
+                "close" => stream.shutdown(Shutdown::Write).unwrap(),
+                _ => stream.write_all(&frame).unwrap(),
+            }),
+        );
+        let text = caller.ended();
+        let said = match kind {
+            "retire" => "retired",
+            "goodbye" => "said goodbye",
+            _ => "without a goodbye",
+        };
+        assert!(text.contains(said), "{kind}: {text}");
+        caller.rests();
+    }
+}
+
+#[test]
+fn a_hold_on_the_way_is_obeyed_and_the_next_target_goes_on() {
+    let mut caller = Caller::armed();
+    let target = caller.command(1, 0.01);
+    let frame = caller.notice("hold", 1);
+    let mut stream = caller.stream.try_clone().unwrap();
+    caller.goes(&target, Box::new(move || stream.write_all(&frame).unwrap()));
+    let (sequence, disp, status) = caller.answer();
+    assert_eq!((sequence, status), (1, Status::HOLDING));
+    assert_eq!(disp, caller.rests());
+    let left = caller.rig.told.lock().unwrap().len();
+    // A repeated target does not end a hold.
+    for (number, target) in [(1, 0.01), (2, 0.01)] {
+        let next = caller.command(number, target);
+        caller.stream.write_all(&next).unwrap();
+        let answer = caller.answer();
+        if number == 1 {
+            assert_eq!(answer, (1, disp, Status::HOLDING));
+            assert_eq!(caller.rig.told.lock().unwrap().len(), left);
+        } else {
+            assert_eq!(answer, (2, 0.01, Status(0)));
+        }
+    }
+    let told = caller.rig.told.lock().unwrap();
+    assert_eq!(told.len(), left + TICKS as usize);
+    let steps = told[left - 1..].windows(2).map(|two| two[1] - two[0]);
+    let largest = steps.fold(0.0, f64::max);
+    // 15/8 of the mean speed.
+    assert!(
+        largest <= 1.876 * (0.01 - disp) / f64::from(TICKS),
+        "{largest}"
+    );
+}
+
+#[test]
+fn a_hold_that_comes_with_a_target_keeps_it_back() {
+    let mut caller = Caller::armed();
+    let mut both = caller.command(1, 0.01);
+    both.extend(caller.notice("hold", 1));
+    caller.stream.write_all(&both).unwrap();
+    assert_eq!(caller.answer(), (1, 0.0, Status::HOLDING));
+    assert!(caller.rig.told.lock().unwrap().is_empty());
+}
+
+#[test]
+fn one_target_may_wait_and_two_are_refused() {
+    for further in [1, 2] {
+        let mut caller = Caller::armed();
+        let target = caller.command(1, 0.01);
+        let mut frames = Vec::new();
+        for number in 2..2 + further {
+            frames.extend(caller.command(number, 0.0));
+        }
+        let mut stream = caller.stream.try_clone().unwrap();
+        caller.goes(
+            &target,
+            Box::new(move || stream.write_all(&frames).unwrap()),
+        );
+        if further == 1 {
+            assert_eq!(caller.answer(), (1, 0.01, Status(0)));
+            assert_eq!(caller.answer(), (2, 0.0, Status(0)));
+            continue;
+        }
+        let text = caller.ended();
+        assert!(text.contains("serve.pace"), "{text}");
+        caller.rests();
+    }
+}
+
+/// As many targets as the connection takes, and its end behind them.
+#[test]
+fn a_client_that_is_gone_is_seen_before_its_queue() {
+    for heartbeats in [false, true] {
+        let mut caller = Caller::armed();
+        let target = caller.command(1, 0.01);
+        let mut frames = Vec::new();
+        for number in 2..20_000 {
+            if heartbeats {
+                let beat = Heartbeat {
+                    sequence: 1,
+                    time: 0.0,
+                    status: Status(0),
+                };
+                let length = caller.encoder.heartbeat(beat, &mut caller.out).unwrap();
+                frames.extend_from_slice(&caller.out[..length]);
+            } else {
+                frames.extend(caller.command(number, 0.0));
+            }
+        }
+        let mut stream = caller.stream.try_clone().unwrap();
+        caller.goes(
+            &target,
+            Box::new(move || {
+                stream.set_nonblocking(true).unwrap();
+                let _ = stream.write(&frames).unwrap();
+                stream.shutdown(Shutdown::Write).unwrap();
+            }),
+        );
+        let text = caller.ended();
+        let said = if heartbeats {
+            "without a goodbye"
+        } else {
+            "serve.pace"
+        };
+        assert!(text.contains(said), "{text}");
+        caller.rests();
+    }
+}

@@ -1,0 +1,205 @@
+//! An OpenFresco client leaves or runs ahead while the specimen is on its way to a paced target: the specimen comes to rest at once.
+
+use std::cell::Cell;
+use std::io::{Read, Write};
+use std::net::{Shutdown, TcpListener, TcpStream};
+use std::sync::Mutex;
+
+use super::*;
+use crate::link::openfresco::Host as OpenFrescoHost;
+use crate::link::served::{LinkMaker, PaceClock, Pacing, Whereabouts};
+use crate::link::{SocketOptions, TcpTransport};
+use crate::port::WiringCheck;
+
+thread_local! {
+    static NOW_NS: Cell<u64> = const { Cell::new(1_000_000_000) };
+}
+
+/// Time passes only where a paced command waits for it.
+const CLOCK: PaceClock = PaceClock {
+    now_ns: || NOW_NS.get(),
+    sleep_until_ns: |until| NOW_NS.set(NOW_NS.get().max(until)),
+};
+
+const TICKS: u32 = 4000;
+/// The path to the second target is interrupted here; the first one is at the place of the specimen.
+const AT: usize = TICKS as usize + 1000;
+/// A quarter of a second, because no acceleration is declared.
+const SLOWS: usize = 250;
+
+type Act = Box<dyn FnOnce() + Send>;
+
+/// A rig that is at its command at once, and does something at one of them.
+#[derive(Clone, Default)]
+struct Acting {
+    told: Arc<Mutex<Vec<f64>>>,
+    act: Arc<Mutex<Option<Act>>>,
+}
+
+impl Substructure for Acting {
+    fn axes(&self) -> usize {
+        1
+    }
+    fn coupling(&self) -> Coupling {
+        Coupling::Lockstep
+    }
+    fn is_remote(&self) -> bool {
+        true
+    }
+    fn connect(&mut self) -> Result<Introduction, Unavailable> {
+        Ok(Introduction {
+            standing: vec![0.0],
+            force: vec![0.0],
+            ..Introduction::default()
+        })
+    }
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        let mut told = self.told.lock().unwrap();
+        told.push(command.disp[0]);
+        if told.len() == AT
+            && let Some(act) = self.act.lock().unwrap().take()
+        {
+            act();
+        }
+        Ok(())
+    }
+    fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        into.sequence += 1;
+        into.disp[0] = *self.told.lock().unwrap().last().unwrap();
+        into.force[0] = 8e3 * into.disp[0];
+        Ok(Freshness::Fresh)
+    }
+    fn retire(&mut self, _: Retirement) {}
+}
+
+fn doubles(values: &[f64]) -> Vec<u8> {
+    values
+        .iter()
+        .flat_map(|value| value.to_le_bytes())
+        .collect()
+}
+
+/// Serves a client that commands 0 and 10 mm, and sends `early` with that. On the way to 10 mm it does `act`. It
+/// closes after this number of answers. Returns how its test ended, and the commands of the rig.
+fn served(
+    role: Role,
+    early: &[u8],
+    answers: usize,
+    act: impl FnOnce(TcpStream) + Send + 'static,
+) -> (End, Vec<f64>) {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let mut client = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+    let stream = listener.accept().unwrap().0;
+    let rig = Acting::default();
+    let acting = client.try_clone().unwrap();
+    *rig.act.lock().unwrap() = Some(Box::new(move || act(acting)));
+    let behind = rig.clone();
+    let links = LinkMaker::new(
+        Arc::new(move |_: &Controller| Ok(Box::new(behind.clone()) as Box<dyn Substructure>)),
+        Whereabouts::default(),
+        1_000_000_000,
+    );
+    let units = vec![AxisUnits::SI];
+    let specimen = ServedSpecimen::linked("rig".into(), links, units, vec![8e3], vec![0.0]);
+    let limits = toml::from_str("command_disp_m = { trip = [-1, 1] }").unwrap();
+    let specimen = specimen
+        .checked(WiringCheck::Known, false)
+        .limited(&[limits]);
+    let specimen = specimen.paced(Some(Pacing {
+        ticks: TICKS,
+        settle_ticks: 0,
+        period_ns: 1_000_000,
+        clock: CLOCK,
+    }));
+    let mut host = OpenFrescoHost::of(specimen, Nature::Physical, Some(0.01));
+    let mut codec = Codec::new(role, None, Carrier::Stream, 1);
+    let sizes = [1, 0, 0, 0, 0, 0, 0, 0, 1, 0, 2_i32].map(i32::to_le_bytes);
+    let (_, Request::Sizes(sizes)) = codec.feed(sizes.as_flattened()).unwrap() else {
+        panic!("these are the sizes");
+    };
+    let mut first = doubles(&[3.0, 0.0, 5.0, 0.0, 3.0, 0.01]);
+    first.extend_from_slice(early);
+    client.write_all(&first).unwrap();
+    let opening = OpenFrescoOpening {
+        codec,
+        sizes,
+        early: Vec::new(),
+    };
+    let transport = TcpTransport::from_stream(stream, SocketOptions::default()).unwrap();
+    let channel = Channel {
+        link: ClientLink::from(Connection::Tcp(transport)),
+        peer: ([127, 0, 0, 1], 1).into(),
+    };
+    let (events_in, events) = unbounded();
+    let shared = Arc::new(Shared::new(events_in));
+    // A client that is served to the end closes behind its answer.
+    let reader = std::thread::spawn({
+        let mut client = client.try_clone().unwrap();
+        move || {
+            let mut answer = vec![0; 16 * answers];
+            if client.read_exact(&mut answer).is_ok() {
+                let _ = client.shutdown(Shutdown::Both);
+            }
+        }
+    });
+    let settings = ServeSettings::new(role, None);
+    attend(channel, opening, &mut host, &settings, true, &shared);
+    reader.join().unwrap();
+    let end = events.try_iter().find_map(|event| match event {
+        ServerEvent::ClientLeft(_, end, _) => Some(end),
+        _ => None,
+    });
+    let told = rig.told.lock().unwrap().clone();
+    (end.unwrap(), told)
+}
+
+#[test]
+fn a_client_that_leaves_or_hurries_on_the_way_is_obeyed() {
+    let too_far = End::Refused(ExchangeFault::TooFarAhead);
+    for role in [Role::Application, Role::Controller] {
+        for (kind, expected) in [
+            ("goodbye", End::Finished),
+            ("close", End::Vanished),
+            ("queue", too_far),
+            ("target", too_far),
+            ("targets", too_far),
+        ] {
+            let early = match kind {
+                "targets" => Vec::new(),
+                _ => doubles(&[10.0, 0.0]),
+            };
+            let (end, told) = served(role, &early, 1, move |mut stream| match kind {
+                "goodbye" => stream.write_all(&doubles(&[99.0, 0.0])).unwrap(),
+                "close" => stream.shutdown(Shutdown::Write).unwrap(),
+                "target" => stream.write_all(&doubles(&[3.0, 0.0])).unwrap(),
+                "targets" => {
+                    let four = doubles(&[3.0, 0.0]).repeat(4);
+                    stream.write_all(&four).unwrap();
+                }
+                _ => {
+                    stream.set_nonblocking(true).unwrap();
+                    let targets = doubles(&[3.0, 0.0]).repeat(250_000);
+                    let _ = stream.write(&targets).unwrap();
+                    stream.shutdown(Shutdown::Write).unwrap();
+                }
+            });
+            assert_eq!(end, expected, "{role:?} {kind}");
+            assert_eq!(told.len(), AT + SLOWS, "{role:?} {kind}");
+            let last: Vec<f64> = told[AT - 2..]
+                .windows(2)
+                .map(|two| two[1] - two[0])
+                .collect();
+            let is_slower = last.windows(2).all(|steps| steps[1] < steps[0]);
+            assert!(is_slower, "{role:?} {kind}");
+        }
+    }
+}
+
+/// OpenSees commits a step and sends the next target before it asks for an answer.
+#[test]
+fn a_further_target_before_a_request_may_wait() {
+    let early = doubles(&[5.0, 0.0, 3.0, 0.011, 10.0, 0.0]);
+    let (end, told) = served(Role::Application, &early, 1, |_| {});
+    assert_eq!(end, End::Vanished);
+    assert!(told.contains(&0.01) && *told.last().unwrap() == 0.011);
+}
