@@ -111,6 +111,13 @@ pub struct SafetyTable {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"The rehearsal trips only at the end, where the specimen may fail")]
     pub accept_trip: Option<String>,
+    /// Reason why a specimen with `link` that resists velocity may move at other velocities than
+    /// the test intends: `time.scale` is not 1 / `similitude.time`, or a gateway rests at each
+    /// target. Without a reason, `run` and `serve` refuse such a specimen. The reason is written to
+    /// the summary and the report.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"The damping of the specimen is below 0.5 % of critical")]
+    pub accept_speed: Option<String>,
 }
 
 impl Default for SafetyTable {
@@ -134,6 +141,7 @@ impl Default for SafetyTable {
             unlimited: None,
             accept_unstable: None,
             accept_trip: None,
+            accept_speed: None,
         }
     }
 }
@@ -149,11 +157,12 @@ impl SafetyTable {
         .filter_map(|(key, is_given)| is_given.then_some(key))
     }
 
-    /// True if it says more than why a specimen is without limits.
+    /// True if it says more than the reasons that a server knows, too.
     #[must_use]
     pub fn bounds_a_test(&self) -> bool {
         let rest = Self {
             unlimited: None,
+            accept_speed: None,
             ..self.clone()
         };
         rest != Self::default()

@@ -73,6 +73,7 @@ pub(crate) fn check(file: &TestFile, clock_is_chosen: bool) -> Vec<Finding> {
     let reasons = [
         ("accept_unstable", &file.safety.accept_unstable),
         ("accept_trip", &file.safety.accept_trip),
+        ("accept_speed", &file.safety.accept_speed),
     ];
     for (key, reason) in reasons {
         findings.reason(root.key("safety").key(key), reason.as_deref());
@@ -248,6 +249,8 @@ pub(crate) fn check_served(file: &ServeFile) -> Vec<Finding> {
     let unlimited = safety.and_then(|safety| safety.unlimited.as_deref());
     findings.printable(&root.key("title"), Some(&file.title));
     findings.printable(&root.key("safety").key("unlimited"), unlimited);
+    let accepts = safety.and_then(|safety| safety.accept_speed.as_deref());
+    findings.reason(root.key("safety").key("accept_speed"), accepts);
     if let Some(record) = &file.record {
         findings.positive(root.key("record").key("queue_s"), Some(record.queue_s));
         check_record(record, &mut findings);
