@@ -108,7 +108,11 @@ pub fn build_rehearsal(loaded: &Loaded) -> Result<Prepared, ConfigError> {
 pub fn build_at_test_speed(loaded: &Loaded) -> Result<Option<Prepared>, ConfigError> {
     let tables = &loaded.file.specimen;
     let is_slowed = |table| speed_ratio(loaded, table).is_some();
-    let built = || build_trial(loaded, &trial::AT_TEST_SPEED);
+    let trial = Trial {
+        at_test_speed: true,
+        ..Trial::default()
+    };
+    let built = || build_trial(loaded, &trial);
     tables.iter().any(is_slowed).then(built).transpose()
 }
 

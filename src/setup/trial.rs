@@ -46,8 +46,3 @@ pub(super) static NOMINAL: Trial = Trial {
     ideal: false,
     at_test_speed: false,
 };
-/// Nothing is drawn, and specimens behind links move at the velocities of the test.
-pub(super) static AT_TEST_SPEED: Trial = Trial {
-    at_test_speed: true,
-    ..NOMINAL
-};

@@ -353,6 +353,7 @@ mod tests {
             accepts: Accepts {
                 unstable: Some("a study".to_owned()),
                 trip: None,
+                speed: None,
             },
             ..case(&analysis, Some(1.05 * critical))
         };
