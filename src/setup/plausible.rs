@@ -16,8 +16,10 @@ const PERIODS_S: [f64; 2] = [0.02, 10.0];
 const USUAL_PERIODS_S: [f64; 2] = [0.1, 5.0];
 /// Frequencies below this share of the highest are those of a rigid motion, found with rounding.
 const RIGID: f64 = 1e-7;
-/// Peak ground accelerations whose unit is not doubted, g.
+/// Peak ground accelerations of records whose unit is not doubted, g.
 const PEAKS_G: [f64; 2] = [0.003, 2.0];
+/// Largest peak of a signal that the file itself describes, g.
+const MOST_DESCRIBED_G: f64 = 5.0;
 /// The usual ones among them, g.
 const USUAL_PEAKS_G: [f64; 2] = [0.05, 1.0];
 /// Largest ratio of two stiffnesses whose unit is the same.
@@ -174,16 +176,17 @@ fn unusual_peak(site: &Site<'_>, peak: Option<f64>) -> Option<Finding> {
     let mut records = site.records.iter();
     let record = records.find(|record| record.quantity == Quantity::Acceleration);
     let record = record.filter(|_| matches!(ground.signal, Signal::File(_)));
-    let is_weak = in_g < PEAKS_G[0] && record.is_some();
-    if !(in_g > PEAKS_G[1] || is_weak) {
+    let [least, most] = match record {
+        Some(_) => PEAKS_G,
+        None => [0.0, MOST_DESCRIBED_G],
+    };
+    if is_within(in_g, [least, most]) {
         return None;
     }
     let at = path("excitation").key("ground_acceleration");
     let text = format!(
-        "the peak ground acceleration is {} g: between {} g and {} g is usual",
-        number(in_g),
-        PEAKS_G[0],
-        PEAKS_G[1]
+        "the peak ground acceleration is {} g: between {least} g and {most} g is usual",
+        number(in_g)
     );
     let finding = Finding::warning(at.clone(), text).number("peak_g", in_g);
     let scaled = ground.processing.target_peak.is_some() || ground.processing.target_sa.is_some();

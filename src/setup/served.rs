@@ -43,7 +43,7 @@ impl Served {
             speed: safety.and_then(|safety| safety.accept_speed.clone()),
             ..Accepts::default()
         });
-        for finding in speed::of_gateway(&self.source, protocol) {
+        if let Some(finding) = speed::of_gateway(&self.source, protocol) {
             verdict.add(Kind::Speed, finding);
         }
         Some(verdict)

@@ -510,7 +510,7 @@ fn numbers_in_another_unit_are_findings() {
                 [structure.shear_building]\nmass_kg = [30, 30, 30, 25]\n\
                 stiffness_n_per_m = [0, 35e6, 30e6, 25e6]\n\
                 [excitation.ground_acceleration]\n\
-                signal.file = { path = \"motion.txt\", step_s = 0.02, unit = \"g\" }\n\
+                signal.file = { path = \"motion.txt\", dt_s = 0.02, unit = \"g\" }\n\
                 processing = { zero_tail = true }\n\
                 [[specimen]]\nname = \"storey1\"\nstorey = 1\n\
                 law.bilinear = { stiffness_n_per_m = 40, yield_force_n = 320e3, post_yield_ratio = 0.05 }\n";

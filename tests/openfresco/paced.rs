@@ -462,8 +462,9 @@ fn accepted_speed_stands_in_the_summary() {
     let mut client = Client::new(&bench.gateway.address);
     assert!(client.force(1e-4, 0.01).is_some());
     drop(client);
-    let summary = bench.kept().summary().unwrap();
+    let run = bench.kept();
+    let summary = run.summary().unwrap();
     assert_eq!(summary.accepted["accept_speed"], "hardly damped");
-    let verdict = summary.verdict.unwrap();
+    let verdict = summary.verdict.as_ref().unwrap();
     assert_eq!(verdict.findings[0].severity, "accepted");
 }
