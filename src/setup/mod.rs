@@ -101,7 +101,7 @@ pub fn build_rehearsal(loaded: &Loaded) -> Result<Prepared, ConfigError> {
     build_trial(loaded, &trial::NOMINAL)
 }
 
-/// The same with specimens behind links that move at the velocities of the test; none if all of them do anyway, or resist none.
+/// Makes the rehearsal with specimens behind links that move at the velocities of the test. None if no force differs by that.
 ///
 /// # Errors
 /// As [`build`].

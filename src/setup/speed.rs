@@ -1,4 +1,4 @@
-//! The velocities of a specimen behind a link: those of the laboratory, which may not be those of the test.
+//! Velocities of a specimen behind a link: they are those of the laboratory, and can differ from those of the test.
 
 use super::Site;
 use crate::config::{Finding, KeyPath, Loaded, Offer, ServedFile, SpecimenTable};
@@ -23,7 +23,8 @@ fn ratio(loaded: &Loaded, table: &SpecimenTable) -> f64 {
     }
 }
 
-/// The same ratio where it matters: the specimen is behind a link, resists velocity, and is slower or faster than the test.
+/// Velocity in the laboratory over that of the test, for a specimen behind a link that resists velocity and is slower or faster
+/// than the test.
 #[must_use]
 pub fn speed_ratio(loaded: &Loaded, table: &SpecimenTable) -> Option<f64> {
     let ratio = ratio(loaded, table);

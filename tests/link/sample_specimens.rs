@@ -130,9 +130,11 @@ fn the_c_specimen_is_a_spring_over_udp_even_over_a_bad_network() {
     );
     let link = summary(folder.path(), "bad").link["column"];
     assert!(link.corrupt > 0, "{link:?}");
+    let peer = start(&mut Command::new(&program));
+    holds_beyond_the_force(folder.path(), &peer.1, "udp");
 }
 
-/// The controller announces 1 N, and the first measurement that is not zero is far beyond: its status says so.
+/// The controller announces 1 mN. The first measurement that is not zero is far beyond, so its status is an interlock.
 fn holds_beyond_the_force(folder: &Path, address: &str, transport: &str) {
     let keys = format!("transport = \"{transport}\"\nwatchdog_s = 20");
     let limits = "[specimen.limits]\nmeasured_force_n = { trip = [-1e-3, 1e-3] }\n";

@@ -1,5 +1,5 @@
-//! Specimens behind links that resist velocity and do not move at the velocities of the test: their forces in the laboratory beside
-//! those of the test as it was meant.
+//! Forces of specimens behind links that resist velocity and do not move at the velocities of the test: in the laboratory and at
+//! the velocities of the test.
 
 use super::{AxisNeed, Budget, Rehearsal, carry_out};
 use crate::config::{ConfigError, Loaded};
@@ -54,7 +54,7 @@ pub fn compare_speeds(
     Ok(speeds.collect())
 }
 
-/// Of an axis whose velocities over the wall time are `ratio` of its own.
+/// Peaks of an axis; its velocities over the wall time are `ratio` times those of the test.
 fn peak(need: &AxisNeed, ratio: f64) -> Peak {
     Peak {
         vel: need.vel.high / ratio,
