@@ -112,9 +112,9 @@ pub struct SafetyTable {
     #[schemars(example = &"The rehearsal trips only at the end, where the specimen may fail")]
     pub accept_trip: Option<String>,
     /// Reason why a specimen with `link` that resists velocity may move at other velocities than
-    /// the test intends: `time.scale` is not 1 / `similitude.time`, or a gateway rests at each
-    /// target. Without a reason, `run` and `serve` refuse such a specimen. The reason is written to
-    /// the summary and the report.
+    /// those of the test. They differ if `time.scale` is not 1 / `similitude.time`, or if a gateway
+    /// rests at each target. Without a reason, `run` and `serve` refuse such a specimen. The reason
+    /// is written to the summary and the report.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"The damping of the specimen is below 0.5 % of critical")]
     pub accept_speed: Option<String>,
