@@ -35,7 +35,7 @@ static uint64_t sequence = NONE, expected;              /* the command in force,
 static struct { uint64_t sequence; double force; } past[5];             /* measurements, newest first */
 static double stiffness = 4e5, disp, force;
 static double watchdog, received_at, reported_at;       /* times of the last good frame, of the last report of a hold */
-static double lowest, highest, largest_step, period;    /* limits of the controller */
+static double lowest, highest, largest_step, largest_force, period;   /* limits of the controller */
 static double moved;                                    /* arrival of the command in force */
 static uint32_t status, missed, tripped;
 static uint8_t in[LARGEST + 1], out[LARGEST], hello[MESSAGE];
@@ -128,6 +128,7 @@ static int announced(size_t end)
     highest += slack;
     period = (double)u64(32 + 113) / (double)u64(32 + 105);
     largest_step = f64(at + 16) * period * (1 + 1e-9);
+    largest_force = 1.25 * f64(at + 24);                 /* the controller judges forces first */
     return 1;
 }
 
@@ -225,8 +226,9 @@ static void command(double came)
         expected = number + 1;
         sequence = number;
         moved = came;
-        status = tripped;
         measure();
+        if (!(fabs(force) <= largest_force)) tripped = 1;    /* the next command finds the specimen holding */
+        status = tripped;
         memmove(past + 1, past, 4 * sizeof *past);
         past[0].sequence = number;
         past[0].force = force;

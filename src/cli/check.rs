@@ -26,8 +26,7 @@ use crate::transfer::BetweenTicks;
 /// Checks one test.
 pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
     if crate::config::is_for_a_server(&args.test) {
-        served::check(args)?;
-        return Ok(Exit::Done);
+        return served::check(args);
     }
     if args.specimen.is_some() {
         let text =
@@ -150,7 +149,8 @@ fn commands(loaded: &Loaded) -> impl Iterator<Item = (&str, BetweenTicks)> {
 /// The verdict in a few words.
 fn in_words(verdict: &RecordedVerdict) -> &'static str {
     match (verdict.outcome, verdict.unstable) {
-        (Outcome::Clear, _) => "valid",
+        (Outcome::Clear, _) if verdict.findings.is_empty() => "valid",
+        (Outcome::Clear, _) => "valid, with findings",
         (Outcome::Accepted, true) => "valid, UNSTABLE and accepted",
         (Outcome::Accepted, false) => "valid, with accepted findings",
         (Outcome::Simulated, true) => {

@@ -9,29 +9,36 @@ use super::attend::Attendant;
 use super::exit::{Exit, WithExit};
 use super::screen::in_colour;
 use super::{tell, warn};
+use crate::config::Locator;
 use crate::engine::{Control, PhaseCell};
 use crate::record::RunFolder;
 use crate::rt::wall::Wall;
 use crate::session::{Finished, Judged, SessionError, Signals};
 use crate::setup::Facts;
+use crate::stability::Verdict;
 
 /// Notices of the loop that may wait to be read.
 const NOTICES: usize = 1024;
 
 /// Shows the findings of the verdict, and refuses the test if it forbids it.
 pub(super) fn obey(judged: &Judged) -> anyhow::Result<()> {
-    let Some(loaded) = &judged.test.loaded else {
-        return Ok(());
-    };
-    let found = loaded.diagnose(judged.verdict.shown(false));
-    if !judged.verdict.forbids() {
+    match &judged.test.loaded {
+        Some(loaded) => obey_verdict(&judged.verdict, &loaded.locator, "test"),
+        None => Ok(()),
+    }
+}
+
+/// Shows the findings of a verdict, and refuses what it judges (a "test" or a "gateway") if it forbids it.
+pub(super) fn obey_verdict(verdict: &Verdict, locator: &Locator, what: &str) -> anyhow::Result<()> {
+    let found = locator.diagnose_all(verdict.shown(false));
+    if !verdict.forbids() {
         warn(&found);
         return Ok(());
     }
     tell(found.render(in_colour()));
-    let keys = judged.verdict.open_keys();
+    let keys = verdict.open_keys();
     let text = format!(
-        "the verdict forbids this test, because it moves a specimen behind a link; nothing was moved\n\
+        "the verdict forbids this {what}, because it moves a specimen behind a link; nothing was moved\n\
          mend it, or give a reason in [safety]: {}",
         keys.map(|key| format!("{key} = \"…\""))
             .collect::<Vec<_>>()

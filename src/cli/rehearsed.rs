@@ -5,8 +5,8 @@ use serde_json::{Value, json};
 use super::table::Table;
 use crate::engine::{Ending, Stop};
 use crate::port::Poses;
-use crate::session::rehearsal::{FullRehearsal, Held, Need, Rehearsal, StandIn, Used};
-use crate::units::{duration, quantity};
+use crate::session::rehearsal::{FullRehearsal, Held, Need, Rehearsal, Speeds, StandIn, Used};
+use crate::units::{duration, number, quantity};
 
 /// The needs of each axis beside its limits: one line per quantity.
 pub fn tabulate(full: &FullRehearsal, table: &mut Table) {
@@ -58,9 +58,44 @@ pub fn tabulate(full: &FullRehearsal, table: &mut Table) {
             table.row(&format!("  {word} {} needs", axis + 1), &text);
         }
     }
+    tabulate_speeds(full, table);
     if let Some(text) = full.held.as_ref().and_then(held) {
         table.row("a hold", &text);
     }
+}
+
+/// A row for each specimen that does not move at the velocities of the test.
+pub fn tabulate_speeds(full: &FullRehearsal, table: &mut Table) {
+    for speeds in &full.speeds {
+        let name = full.rehearsal.specimens.get(speeds.specimen);
+        let name = name.map_or("", |needs| needs.name.as_str());
+        for (axis, [here, meant]) in speeds.axes.iter().enumerate() {
+            let text = format!(
+                "{name}, axis {}: {} times the velocity of the test: up to {} and {} in the laboratory, {} and {} in the test",
+                axis + 1,
+                number(speeds.ratio),
+                quantity(here.vel, "m/s"),
+                quantity(here.force, "N"),
+                quantity(meant.vel, "m/s"),
+                quantity(meant.force, "N"),
+            );
+            table.row("speed", &text);
+        }
+    }
+}
+
+fn speeds_json(speeds: &Speeds) -> Value {
+    let peaks = |of: usize| -> Vec<Value> {
+        let axes = speeds.axes.iter().map(|axis| &axis[of]);
+        axes.map(|peak| json!({"velocity_m_per_s": peak.vel, "force_n": peak.force}))
+            .collect()
+    };
+    json!({
+        "specimen": speeds.specimen + 1,
+        "ratio": speeds.ratio,
+        "laboratory": peaks(0),
+        "test": peaks(1),
+    })
 }
 
 /// `rehearsal` of `check --json`.
@@ -72,6 +107,7 @@ pub fn as_json(full: &FullRehearsal) -> Value {
         tick_s,
         specimens,
         peak_disp,
+        ..
     } = &full.rehearsal;
     let level = |value: f64| value.is_finite().then_some(value);
     let need = |need: &Need| {
@@ -130,6 +166,7 @@ pub fn as_json(full: &FullRehearsal) -> Value {
             Ending::Completed => None,
         },
         "specimens": specimens,
+        "speeds": full.speeds.iter().map(speeds_json).collect::<Vec<_>>(),
         "hold": hold,
         "findings": findings.collect::<Vec<_>>(),
     })

@@ -16,6 +16,7 @@ use crate::link::served::RecordSettings;
 use crate::link::server::{Host, ServeOptions, Server, USUAL_LISTEN};
 use crate::session::Judged;
 use crate::setup::{self, Served, load_served, openfresco_role, rt_plan};
+use crate::stability::Verdict;
 use anyhow::Context;
 
 /// The budget of the data thread's busy loop is judged for this period; the true one is the controller's.
@@ -53,6 +54,10 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
         None => served.source.file.serve.transport.unwrap_or_default(),
     };
     let listen = listen_address(args, &served, protocol, carrier)?;
+    let verdict = served.verdict(protocol);
+    if let Some(verdict) = &verdict {
+        conduct::obey_verdict(verdict, &served.source.locator, "gateway")?;
+    }
     let mut inputs = Vec::new();
     if let Some(path) = &args.fault {
         let text = config::read_text(path).map_err(refused)?;
@@ -78,6 +83,8 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
             inputs,
             queue_s: record.queue_s,
             required: record.required,
+            accepted: verdict.as_ref().map(Verdict::accepted).unwrap_or_default(),
+            verdict: verdict.as_ref().map(Verdict::record),
         });
         // A folder that cannot be had is known now, and not when a controller comes.
         std::fs::create_dir_all(root)

@@ -100,6 +100,7 @@ impl Loaded {
         file.safety.divergence_m = None;
         file.safety.accept_unstable = None;
         file.safety.accept_trip = None;
+        file.safety.accept_speed = None;
         file.safety.stability_used = None;
         file.safety.delay_used = None;
         file.safety.step_audit = None;

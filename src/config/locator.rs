@@ -86,6 +86,13 @@ impl Locator {
             .unwrap_or_else(|| path.clone())
     }
 
+    /// Findings with their places.
+    #[must_use]
+    pub fn diagnose_all(&self, findings: impl IntoIterator<Item = Finding>) -> Diagnostics {
+        let findings = findings.into_iter();
+        Diagnostics(findings.map(|finding| self.diagnose(finding)).collect())
+    }
+
     /// A finding with its places.
     #[must_use]
     pub fn diagnose(&self, finding: Finding) -> Diagnostic {

@@ -182,8 +182,7 @@ impl Loaded {
     /// Findings with their places in the file.
     #[must_use]
     pub fn diagnose(&self, findings: impl IntoIterator<Item = Finding>) -> Diagnostics {
-        let findings = findings.into_iter();
-        Diagnostics(findings.map(|f| self.locator.diagnose(f)).collect())
+        self.locator.diagnose_all(findings)
     }
 }
 

@@ -118,6 +118,13 @@ pub struct SafetyTable {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"The specimen is cracked; its stiffness is a third of the estimate")]
     pub accept_wiring: Option<String>,
+    /// Reason why a specimen with `link` that resists velocity may move at other velocities than
+    /// those of the test. They differ if `time.scale` is not 1 / `similitude.time`, or if a gateway
+    /// rests at each target. Without a reason, `run` and `serve` refuse such a specimen. The reason
+    /// is written to the summary and the report.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"The damping of the specimen is below 0.5 % of critical")]
+    pub accept_speed: Option<String>,
 }
 
 impl Default for SafetyTable {
@@ -142,6 +149,7 @@ impl Default for SafetyTable {
             accept_unstable: None,
             accept_trip: None,
             accept_wiring: None,
+            accept_speed: None,
         }
     }
 }
@@ -158,11 +166,13 @@ impl SafetyTable {
     }
 
     /// True if it says more than what a server needs: why a specimen is without limits, or with another stiffness.
+    /// True if it says more than the reasons that a server knows, too.
     #[must_use]
     pub fn bounds_a_test(&self) -> bool {
         let rest = Self {
             unlimited: None,
             accept_wiring: None,
+            accept_speed: None,
             ..self.clone()
         };
         rest != Self::default()

@@ -177,11 +177,15 @@ pub fn load_serve_file(path: &Path, name: Option<&str>) -> Result<ServedFile, Co
     let of_a_test = is_test(&opened.root);
     let (mut file, warnings) = if of_a_test {
         let test = super::parse(path, text.clone(), &[])?.file;
+        let accepts_speed = test.safety.accept_speed;
         let file = ServeFile {
             title: test.title,
             specimen: test.specimen,
             serve: ServeTable::default(),
-            safety: None,
+            safety: accepts_speed.map(|reason| SafetyTable {
+                accept_speed: Some(reason),
+                ..SafetyTable::default()
+            }),
             timing: None,
             record: None,
         };

@@ -44,8 +44,8 @@ pub struct SpecimenTable {
     /// the law. Required with `link`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stiffness_n_per_m: Option<MatrixValue>,
-    /// Estimate of the initial damping at the structure's scale: a number or a matrix. Default: the
-    /// initial damping of the law; zero with `link`.
+    /// Estimate of the initial damping at the structure's scale and the velocities of the test: a
+    /// number or a matrix. Default: the initial damping of the law; zero with `link`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub damping_n_s_per_m: Option<MatrixValue>,
     /// Upper bound of the tangent stiffness of a specimen with `link`, divided by
@@ -260,6 +260,14 @@ impl SpecimenTable {
         let is_geared = |axis: &AxisTable| axis.gear().iter().any(|(_, given)| *given);
         let is_scaled = self.similitude != SimilitudeTable::default();
         self.geometry.is_some() || is_scaled || self.axis.iter().any(is_geared)
+    }
+
+    /// True if its force depends on its velocity, by its declared damping or by a law.
+    #[must_use]
+    pub fn resists_velocity(&self) -> bool {
+        let damping = self.damping_n_s_per_m.iter().flat_map(MatrixValue::rows);
+        let is_damped = damping.flatten().any(|entry| entry != 0.0);
+        is_damped || self.sources().iter().any(|(_, law)| law.resists_velocity())
     }
 
     /// Units of each of `axes` axes.

@@ -38,7 +38,8 @@ pub struct TimeTable {
     #[serde(default)]
     pub clock: ClockChoice,
     /// Seconds of wall time for each second of test time. 10 runs the test ten times slower than
-    /// real time. On the real clock a tick must not exceed one hour.
+    /// real time. On the real clock a tick must not exceed one hour. A specimen behind a link has
+    /// the velocities of the test if this is 1 / `similitude.time`.
     #[serde(default = "one")]
     #[schemars(default = "one")]
     #[schemars(example = 10)]

@@ -204,6 +204,15 @@ pub trait Law: Send + std::fmt::Debug {
     /// with an exponent below 1 and no linear part).
     fn bound(&self, reach: Reach) -> (Option<f64>, Option<f64>);
 
+    /// True if the force depends on the velocity, at whatever speed.
+    fn resists_velocity(&self) -> bool {
+        let reach = Reach {
+            disp: Some(1.0),
+            vel: Some(1.0),
+        };
+        self.bound(reach).1 != Some(0.0)
+    }
+
     /// The law as plain numbers, if its force follows from the moment alone and takes no transcendental function:
     /// equal ones can then be evaluated side by side. `None` by default.
     fn memoryless(&self) -> Option<Memoryless> {

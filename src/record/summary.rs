@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use super::MissClasses;
 pub use crate::catalog::ending::Status;
-use crate::stability::RecordedVerdict;
+pub use crate::stability::RecordedVerdict;
 
 /// Which clock a run used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

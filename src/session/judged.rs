@@ -80,7 +80,8 @@ impl Judged {
     pub fn with(mut self, full: FullRehearsal) -> Self {
         let found = full.findings.iter().map(|found| (Kind::Rehearsal, found));
         let unknown = full.unknown.iter().map(|found| (Kind::Unknown, found));
-        for (kind, finding) in found.chain(unknown) {
+        let units = full.units.iter().map(|found| (Kind::Units, found));
+        for (kind, finding) in found.chain(unknown).chain(units) {
             self.test.facts.warnings.push(finding.headline.clone());
             self.verdict.add(kind, finding.clone());
         }

@@ -63,5 +63,6 @@ fn accepts(safety: &SafetyTable, integrator: &IntegratorTable) -> Accepts {
     Accepts {
         unstable: unstable.or_else(|| integrator.allow_unstable_lambda.then(older)),
         trip: safety.accept_trip.clone(),
+        speed: safety.accept_speed.clone(),
     }
 }

@@ -28,6 +28,7 @@ mod served_limits;
 mod settle;
 mod site;
 mod specimens;
+mod speed;
 mod structure;
 mod trial;
 
@@ -51,6 +52,7 @@ use settle::settle;
 use site::{Refused, Site, path};
 use specimens::Specimens;
 pub use specimens::loading::{ActuatorFacts, LoadingFacts};
+pub use speed::speed_ratio;
 pub use trial::{Drawn, Trial};
 
 /// A test that is ready to run.
@@ -98,6 +100,21 @@ pub fn build(loaded: &Loaded) -> Result<Prepared, ConfigError> {
 /// As [`build`].
 pub fn build_rehearsal(loaded: &Loaded) -> Result<Prepared, ConfigError> {
     build_trial(loaded, &trial::NOMINAL)
+}
+
+/// Makes the rehearsal with specimens behind links that move at the velocities of the test. None if no force differs by that.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_at_test_speed(loaded: &Loaded) -> Result<Option<Prepared>, ConfigError> {
+    let tables = &loaded.file.specimen;
+    let is_slowed = |table| speed_ratio(loaded, table).is_some();
+    let trial = Trial {
+        at_test_speed: true,
+        ..Trial::default()
+    };
+    let built = || build_trial(loaded, &trial);
+    tables.iter().any(is_slowed).then(built).transpose()
 }
 
 /// The same with what was drawn for one rehearsal.
@@ -330,7 +347,7 @@ fn numerical(
         Some(late) => structure::frequencies(&at_rest, &structure.mass().plus(1.0, &late)),
         None => structure::frequencies(&at_rest, structure.mass()),
     };
-    plausible::check(site, specimens, &frequencies);
+    plausible::check(site, specimens);
     let method = site.loaded.file.integrator.method;
     let initial = method::Initial {
         damping: &initial_damping,
@@ -408,6 +425,7 @@ fn numerical(
         peak_nodal_force: excitation.peak_of_table(),
         peak_ground_accel: ground.map(|a| a.iter().fold(0.0, |m: f64, v| m.max(v.abs()))),
     };
+    plausible::units(site, specimens, &facts);
     let accel = match crate::model::Acceleration::new(structure.mass()) {
         Ok(accel) => accel,
         Err(error) => {

@@ -3,20 +3,49 @@
 use std::f64::consts::TAU;
 
 use super::specimens::Specimens;
-use super::{Site, path};
-use crate::config::Finding;
+use super::{Site, StructureFacts, path};
+use crate::config::{Finding, KeyPath};
 use crate::model::StructureSpec;
-use crate::units::duration;
+use crate::motion::{Quantity, STANDARD_GRAVITY, Signal, Unit};
+use crate::stability::Kind;
+use crate::units::{duration, number, quantity};
 
 /// First periods of structures that are tested, s.
-const PERIODS_S: [f64; 2] = [0.02, 20.0];
+const PERIODS_S: [f64; 2] = [0.02, 10.0];
+/// The usual ones among them, s.
+const USUAL_PERIODS_S: [f64; 2] = [0.1, 5.0];
+/// Frequencies below this share of the highest are those of a rigid motion, found with rounding.
+const RIGID: f64 = 1e-7;
+/// Peak ground accelerations of records whose unit is not doubted, g.
+const PEAKS_G: [f64; 2] = [0.003, 2.0];
+/// Largest peak of a signal that the file itself describes, g.
+const MOST_DESCRIBED_G: f64 = 5.0;
+/// The usual ones among them, g.
+const USUAL_PEAKS_G: [f64; 2] = [0.05, 1.0];
+/// Largest ratio of two stiffnesses whose unit is the same.
+const MOST_APART: f64 = 1e5;
+/// Units that are mistaken for N/m, and N/m in one of each.
+const STIFFNESSES: [(&str, f64); 4] = [
+    ("kN/mm", 1e6),
+    ("kip/in", 175_126.835_246_5),
+    ("kN/m or N/mm", 1e3),
+    ("lbf/in", 175.126_835_246_5),
+];
 
-/// Warns of a storey that is stiff in the structure and in a specimen, and of an unusual first period.
-/// `frequencies` in rad/s, ascending.
-pub(super) fn check(site: &mut Site<'_>, specimens: &Specimens, frequencies: &[f64]) {
+/// Warns of a storey that is stiff in the structure and in a specimen.
+pub(super) fn check(site: &mut Site<'_>, specimens: &Specimens) {
     let doubled = doubled_storeys(site, specimens);
     site.warnings.extend(doubled);
-    site.warnings.extend(unusual_period(frequencies));
+}
+
+/// Numbers that look like those of another unit, for the verdict.
+pub(super) fn units(site: &mut Site<'_>, specimens: &Specimens, facts: &StructureFacts) {
+    let found = unusual_period(&facts.frequencies)
+        .into_iter()
+        .chain(mixed_stiffnesses(site, specimens, &facts.rotations))
+        .chain(unusual_peak(site, facts.peak_ground_accel));
+    let found: Vec<_> = found.map(|finding| (Kind::Units, finding)).collect();
+    site.doubts.extend(found);
 }
 
 fn doubled_storeys(site: &Site<'_>, specimens: &Specimens) -> Vec<Finding> {
@@ -48,17 +77,150 @@ fn doubled_storeys(site: &Site<'_>, specimens: &Specimens) -> Vec<Finding> {
     doubled.collect()
 }
 
+/// `frequencies` in rad/s, ascending.
 fn unusual_period(frequencies: &[f64]) -> Option<Finding> {
+    let rigid = RIGID * frequencies.last().copied()?;
+    let period = TAU / frequencies.iter().copied().find(|omega| *omega > rigid)?;
     let [shortest, longest] = PERIODS_S;
-    let period = TAU / frequencies.iter().copied().find(|omega| *omega > 0.0)?;
-    (!(shortest..=longest).contains(&period)).then(|| {
-        let text = format!(
-            "the first period is {}, which is unusual for a tested structure ({shortest} s to {longest} s)",
-            duration(period)
-        );
+    if (shortest..=longest).contains(&period) {
+        return None;
+    }
+    let text = format!(
+        "the first period is {}, which is unusual for a tested structure ({shortest} s to {longest} s)",
+        duration(period)
+    );
+    let usual = |factor: f64| is_within(period * factor.sqrt(), USUAL_PERIODS_S);
+    let likely = if period > longest {
+        let mut units = STIFFNESSES.iter();
+        let unit = units.find(|(_, factor)| usual(1.0 / factor));
+        unit.map(|(unit, _)| format!("stiffnesses in {unit}?"))
+    } else {
+        let units = [("t", 1e3), ("kip s²/in", 175_126.835_246_5)];
+        let unit = units.into_iter().find(|(_, factor)| usual(*factor));
+        unit.map(|(unit, _)| format!("masses in {unit}?"))
+    };
+    Some(
         Finding::warning(path("structure"), text)
             .at_key()
+            .label(likely.unwrap_or_else(|| "masses in kg, stiffnesses in N/m?".to_owned()))
             .number("period_s", period)
-            .help("check the units: masses in kg, stiffnesses in N/m")
-    })
+            .help("check the units: masses in kg, stiffnesses in N/m"),
+    )
+}
+
+/// Stiffnesses of storeys and specimens that belong to different units. Those of rotations are left out.
+fn mixed_stiffnesses(
+    site: &Site<'_>,
+    specimens: &Specimens,
+    rotations: &[usize],
+) -> Option<Finding> {
+    let file = &site.loaded.file;
+    let mut all: Vec<(f64, KeyPath)> = Vec::new();
+    let kinds = file.structure.iter().flat_map(|table| table.kinds());
+    for (key, spec) in kinds {
+        let at = path("structure").key(key).key("stiffness_n_per_m");
+        match spec {
+            StructureSpec::ShearBuilding(building) => {
+                let storeys = building.stiffness_n_per_m.iter().enumerate();
+                all.extend(storeys.map(|(storey, value)| (*value, at.index(storey))));
+            }
+            StructureSpec::Chain(chain) => all.push((chain.stiffness_n_per_m, at)),
+            StructureSpec::Matrices(_) => {}
+        }
+    }
+    let tables = file.specimen.iter().zip(specimens.attached());
+    for (index, (table, one)) in tables.enumerate() {
+        let mut dofs = one.rows.iter().flatten();
+        let turns = dofs.any(|(dof, _)| rotations.contains(dof));
+        if turns || table.geometry.is_some() {
+            continue;
+        }
+        let axes = one.stiffness.iter().enumerate();
+        let at = path("specimen").index(index);
+        all.extend(axes.map(|(axis, row)| (row[axis], at.clone())));
+    }
+    all.retain(|(value, _)| *value > 0.0);
+    all.sort_by(|one, other| one.0.total_cmp(&other.0));
+    let ((softest, at), (stiffest, _)) = (all.first()?, all.last()?);
+    if stiffest / softest <= MOST_APART {
+        return None;
+    }
+    // The lone one is the mistake, as a rule.
+    let middle = all[all.len() / 2].0;
+    let usual = |(_, factor): &&(&str, f64)| is_within(softest * factor / middle, [0.03, 30.0]);
+    let likely = STIFFNESSES.iter().find(usual);
+    let text = format!(
+        "stiffnesses of storeys and specimens differ by a factor of {}: {} to {}",
+        number(stiffest / softest),
+        quantity(*softest, "N/m"),
+        quantity(*stiffest, "N/m")
+    );
+    let label = match likely {
+        Some((unit, _)) => format!("{} in {unit}?", number(*softest)),
+        None => "one of them in another unit?".to_owned(),
+    };
+    Some(
+        Finding::warning(at.clone(), text)
+            .label(label)
+            .number("least_n_per_m", *softest)
+            .number("most_n_per_m", *stiffest)
+            .help("all stiffnesses are in N/m"),
+    )
+}
+
+/// A peak ground acceleration, in m/s², that belongs to another unit of its record.
+fn unusual_peak(site: &Site<'_>, peak: Option<f64>) -> Option<Finding> {
+    let peak = peak.filter(|peak| *peak > 0.0)?;
+    let in_g = peak / STANDARD_GRAVITY;
+    let ground = site.loaded.file.excitation.ground_acceleration.as_ref()?;
+    let mut records = site.records.iter();
+    let record = records.find(|record| record.quantity == Quantity::Acceleration);
+    let record = record.filter(|_| matches!(ground.signal, Signal::File(_)));
+    let [least, most] = match record {
+        Some(_) => PEAKS_G,
+        None => [0.0, MOST_DESCRIBED_G],
+    };
+    if is_within(in_g, [least, most]) {
+        return None;
+    }
+    let at = path("excitation").key("ground_acceleration");
+    let text = format!(
+        "the peak ground acceleration is {} g: between {least} g and {most} g is usual",
+        number(in_g)
+    );
+    let finding = Finding::warning(at.clone(), text).number("peak_g", in_g);
+    let scaled = ground.processing.target_peak.is_some() || ground.processing.target_sa.is_some();
+    let Some(record) = record.filter(|_| !scaled) else {
+        return Some(finding.at_key().label("in m/s²?"));
+    };
+    let units = [
+        Unit::MetrePerSecond2,
+        Unit::Gravity,
+        Unit::CentimetrePerSecond2,
+        Unit::InchPerSecond2,
+    ];
+    let as_unit = |unit: &Unit| in_g * unit.to_si() / record.unit.to_si();
+    let likely = units.into_iter().filter(|unit| *unit != record.unit);
+    let likely = likely
+        .into_iter()
+        .find(|unit| is_within(as_unit(unit), USUAL_PEAKS_G));
+    let finding = match likely {
+        Some(unit) => finding
+            .label(format!(
+                "in {}? The peak would be {} g",
+                unit.name(),
+                number(as_unit(&unit))
+            ))
+            .number("peak_g_in_likely_unit", as_unit(&unit)),
+        None => finding.label("another unit?"),
+    };
+    Some(finding.at_key().help(format!(
+        "{} is read in {}: check `unit` and `scale_factor`",
+        record.file,
+        record.unit.name()
+    )))
+}
+
+fn is_within(value: f64, [least, most]: [f64; 2]) -> bool {
+    (least..=most).contains(&value)
 }

@@ -5,6 +5,7 @@ use std::path::Path;
 use super::gateway;
 use super::links::{beside, wire_axes};
 use super::specimens::loading::{behind_actuators, own_offsets};
+use super::speed;
 use crate::config::{
     ConfigError, Finding, KeyPath, Offer, ServedFile, SpecimenTable, load_serve_file,
 };
@@ -12,6 +13,7 @@ use crate::link::openfresco::{Role, Transformation};
 use crate::link::secret::read_key;
 use crate::link::server::Host;
 use crate::specimen::{InUnits, Mounted, Specimen};
+use crate::stability::{Accepts, Kind, Verdict};
 use crate::transfer::Transfer;
 use crate::wire::key::PreSharedKey;
 use crate::wire::openfresco::{APPLICATION_PORT, CONTROLLER_PORT, SITE_PORT};
@@ -27,6 +29,25 @@ pub struct Served {
     pub key: Option<PreSharedKey>,
     /// The `rows` of a served file.
     pub transformation: Option<Transformation>,
+}
+
+impl Served {
+    /// May this gateway move its specimen for clients of `protocol`? None for a specimen that is computed here.
+    #[must_use]
+    pub fn verdict(&self, protocol: Offer) -> Option<Verdict> {
+        if !self.host.is_gateway() {
+            return None;
+        }
+        let safety = self.source.file.safety.as_ref();
+        let mut verdict = Verdict::of_gateway(Accepts {
+            speed: safety.and_then(|safety| safety.accept_speed.clone()),
+            ..Accepts::default()
+        });
+        if let Some(finding) = speed::of_gateway(&self.source, protocol) {
+            verdict.add(Kind::Speed, finding);
+        }
+        Some(verdict)
+    }
 }
 
 /// The role of a server with an OpenFresco protocol, and its usual port; none for the protocol of Gusset.

@@ -11,6 +11,8 @@ pub struct Trial {
     pub believed: Vec<Estimate>,
     /// The masses whose inertia is inside measured forces are counted in M instead: for ideal actuators, which have none.
     pub ideal: bool,
+    /// Specimens behind links move at the velocities of the test, whatever `time.scale` is.
+    pub at_test_speed: bool,
 }
 
 /// What is drawn for one specimen.
@@ -42,4 +44,5 @@ pub(super) static NOMINAL: Trial = Trial {
     specimens: Vec::new(),
     believed: Vec::new(),
     ideal: false,
+    at_test_speed: false,
 };

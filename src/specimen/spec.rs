@@ -29,6 +29,20 @@ impl SpecimenLaw {
         }
     }
 
+    /// True if the force of an axis depends on the velocity.
+    #[must_use]
+    pub fn resists_velocity(&self) -> bool {
+        let resists = |law: &LawSpec| law.build().is_ok_and(|law| law.resists_velocity());
+        match self {
+            Self::Law(law) => resists(law),
+            Self::Laws(laws) => laws.iter().any(resists),
+            Self::Coupled(coupled) => {
+                let damping = coupled.damping_n_s_per_m.iter().flatten();
+                damping.flatten().any(|entry| *entry != 0.0)
+            }
+        }
+    }
+
     /// The behaviour from the three keys of a specimen's table, which exclude each other; none of them is `None`.
     ///
     /// # Errors

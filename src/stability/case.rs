@@ -35,4 +35,6 @@ pub struct Accepts {
     pub unstable: Option<String>,
     /// For a trip of the rehearsal: `safety.accept_trip`.
     pub trip: Option<String>,
+    /// For velocities that are not those of the test: `safety.accept_speed`.
+    pub speed: Option<String>,
 }

@@ -16,6 +16,10 @@ pub enum Kind {
     Unknown,
     /// The rehearsal diverges, stops early, trips, warns or exceeds a capacity.
     Rehearsal,
+    /// A specimen that resists velocity moves at other velocities than those of the test.
+    Speed,
+    /// Numbers look like those of another unit.
+    Units,
 }
 
 /// What follows from a verdict.

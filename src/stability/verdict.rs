@@ -15,7 +15,8 @@ const fn accepted_by(kind: Kind) -> Option<&'static str> {
     match kind {
         Kind::Unstable | Kind::Unproven => Some("accept_unstable"),
         Kind::Rehearsal => Some("accept_trip"),
-        Kind::Unknown => None,
+        Kind::Speed => Some("accept_speed"),
+        Kind::Unknown | Kind::Units => None,
     }
 }
 
@@ -101,10 +102,21 @@ impl Verdict {
         verdict
     }
 
+    /// The verdict on a specimen that a gateway serves: its findings are [added](Self::add).
+    #[must_use]
+    pub fn of_gateway(accepts: Accepts) -> Self {
+        Self {
+            behind_link: true,
+            findings: Vec::new(),
+            accepts,
+        }
+    }
+
     /// One more finding; an error is accepted where the file accepts its kind.
     pub fn add(&mut self, kind: Kind, finding: Finding) {
         let reason = match accepted_by(kind) {
             Some("accept_unstable") => self.accepts.unstable.clone(),
+            Some("accept_speed") => self.accepts.speed.clone(),
             Some(_) => self.accepts.trip.clone(),
             None => None,
         };
@@ -173,7 +185,9 @@ impl Verdict {
             let mut findings = self.findings.iter().filter(|one| one.is_open());
             findings.any(|one| accepted_by(one.kind) == Some(key))
         };
-        ["accept_unstable", "accept_trip"].into_iter().filter(open)
+        ["accept_unstable", "accept_trip", "accept_speed"]
+            .into_iter()
+            .filter(open)
     }
 
     /// Every finding in one line, for summaries and logs.
@@ -339,6 +353,7 @@ mod tests {
             accepts: Accepts {
                 unstable: Some("a study".to_owned()),
                 trip: None,
+                speed: None,
             },
             ..case(&analysis, Some(1.05 * critical))
         };

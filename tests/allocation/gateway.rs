@@ -30,6 +30,8 @@ fn an_exchange_with_its_limits_and_its_row_allocates_nothing() {
             inputs: Vec::new(),
             queue_s: 4.0,
             required: false,
+            accepted: Default::default(),
+            verdict: None,
         }));
     served
         .begin(

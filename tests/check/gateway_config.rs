@@ -1,6 +1,6 @@
 //! Mistakes in the file of a gateway are shown where they stand, before anything is connected.
 
-use crate::link_common::{gateway, linked, write};
+use crate::link_common::{COMPUTED, finish, gateway, gusset, linked, write};
 use gusset::catalog::limit::Limit;
 use gusset::config;
 use gusset::setup;
@@ -150,4 +150,60 @@ fn limits_of_a_test_are_kept_by_its_loop() {
     let built = config::parse(path, text, &[]).and_then(|loaded| setup::build(&loaded));
     let limits = built.unwrap().experiment.ports[0].limits()[0];
     assert_eq!(limits.size(Limit::CommandStep).trip, 1.0);
+}
+
+/// A gateway with these keys of `[serve]`, to a specimen with these of its table; its verdict and the exit codes of `check` and
+/// `serve`, which is not asked where it would serve.
+fn judged(serve: &str, table: &str, link: &str) -> (serde_json::Value, i32, Option<i32>) {
+    let folder = tempfile::tempdir().unwrap();
+    let text = gateway("127.0.0.1:1", &format!("{KNOWN}{table}"), "");
+    let text = text.replace(COMPUTED, link);
+    let path = write(
+        folder.path(),
+        "serve.toml",
+        &format!("[serve]\n{serve}\n{text}"),
+    );
+    let mut check = gusset();
+    check.arg("check").arg(&path).arg("--json");
+    let check = finish(check);
+    let found: serde_json::Value = serde_json::from_slice(&check.stdout).unwrap();
+    let code = check.status.code().unwrap();
+    let served = (code != 0).then(|| {
+        let mut serve = gusset();
+        serve.arg("serve").arg(&path);
+        serve.args(["--listen", "127.0.0.1:0"]);
+        finish(serve).status.code().unwrap()
+    });
+    (found["verdict"].clone(), code, served)
+}
+
+#[test]
+fn gateway_that_rests_refuses_a_damper() {
+    const PACED: &str = "pace = { ticks_per_step = 20, rate_hz = 1000 }";
+    const ELEMENT: &str = "protocol = \"openfresco\"";
+    const DAMPED: &str = "damping_n_s_per_m = 4e3\n";
+    const FRICTION: &str =
+        "law.smooth_friction = { slip_force_n = 1e3, reference_velocity_m_per_s = 0.01 }\n";
+    for (serve, table, link, key) in [
+        (PACED, DAMPED, COMPUTED, "serve.pace"),
+        (PACED, FRICTION, COMPUTED, "serve.pace"),
+        (ELEMENT, DAMPED, "", "specimen[0].link"),
+    ] {
+        let (verdict, check, serve) = judged(serve, table, link);
+        assert_eq!((check, serve), (1, Some(2)), "{verdict}");
+        let finding = &verdict["findings"][0];
+        assert_eq!(finding["kind"], "speed");
+        assert_eq!(finding["severity"], "error");
+        assert_eq!(finding["key"], key);
+    }
+    // A computed specimen takes the velocity of each target, and the protocol of Gusset has ticks.
+    for (serve, table, link) in [
+        (ELEMENT, DAMPED, COMPUTED),
+        ("", DAMPED, ""),
+        (PACED, "", COMPUTED),
+    ] {
+        let (verdict, check, _) = judged(serve, table, link);
+        assert_eq!(check, 0);
+        assert_eq!(verdict["outcome"], "clear");
+    }
 }

@@ -417,3 +417,131 @@ fn gateway_obeys_the_verdict_of_a_test_file() {
     assert!(output.stdout.is_empty(), "it listened");
     assert!(listener.accept().is_err(), "it connected");
 }
+
+/// A damper behind a link under a mass on a spring; `keys` end its table.
+fn damper(scale: f64, keys: &str) -> String {
+    format!(
+        "title = \"damper\"\n[time]\nrate_hz = 200\nduration_s = 5\nscale = {scale}\n\
+         [structure.matrices]\nmass = [[40e3]]\nstiffness = [[5e6]]\ndamping = [[8e3]]\n\
+         [excitation.ground_acceleration.signal.sine]\namplitude = 1.0\nfrequency_hz = 1.3\n\
+         [[specimen]]\nname = \"damper\"\nrows = [[1]]\nstiffness_n_per_m = 0\n{keys}\n{LIMITS}\
+         [specimen.link]\naddress = \"127.0.0.1:1\"\ncomputed = true\nconnect_timeout_s = 0.5\n"
+    )
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap()
+}
+
+#[test]
+fn damper_at_another_speed_is_refused() {
+    const DAMPING: &str = "damping_n_s_per_m = 6e4";
+    let folder = TempDir::new().unwrap();
+    let slow = damper(10.0, DAMPING);
+    let check = gusset(folder.path(), "check", &slow, &[]);
+    assert_eq!(check.code, 1, "{}", check.stderr);
+    let verdict = &check.json["verdict"];
+    assert_eq!(verdict["outcome"], "refused");
+    assert_eq!(kinds(verdict), [is("speed", "error", "time.scale")]);
+    let numbers = &verdict["findings"][0]["numbers"];
+    assert_eq!(numbers["speed_ratio"], 0.1);
+    assert_eq!(numbers["consistent_scale"], 1.0);
+    // A damper alone: c times the largest velocity, at both speeds.
+    let speeds = &check.json["rehearsal"]["speeds"][0];
+    for place in ["laboratory", "test"] {
+        let peak = &speeds[place][0];
+        let (force, vel) = (number(&peak["force_n"]), number(&peak["velocity_m_per_s"]));
+        assert!((force / (6e4 * vel) - 1.0).abs() < 1e-6, "{place}: {peak}");
+    }
+    // The structure is 5 times less damped by the specimen, but its velocity is a tenth.
+    let force = |place: &str| number(&speeds[place][0]["force_n"]);
+    let share = force("laboratory") / force("test");
+    assert!((0.1..0.2).contains(&share), "{share}");
+    let run = gusset(folder.path(), "run", &slow, &[]);
+    assert_eq!(run.code, 2, "{}", run.stderr);
+    assert!(run.stderr.contains("accept_speed"));
+
+    let accepted = format!("{slow}[safety]\naccept_speed = \"its force is small\"\n");
+    let check = gusset(folder.path(), "check", &accepted, &[]);
+    assert_eq!(check.code, 0);
+    let verdict = &check.json["verdict"];
+    assert_eq!(kinds(verdict), [is("speed", "accepted", "time.scale")]);
+}
+
+#[test]
+fn specimens_without_a_wrong_speed_are_clear() {
+    let folder = TempDir::new().unwrap();
+    let outcome = |text: &str| {
+        let check = gusset(folder.path(), "check", text, &[]);
+        assert_eq!(check.json["rehearsal"]["speeds"], serde_json::json!([]));
+        kinds(&check.json["verdict"])
+    };
+    let damped = "damping_n_s_per_m = 6e4";
+    assert_eq!(outcome(&damper(1.0, damped)), []);
+    let similar = format!("{damped}\nsimilitude.time = 0.1");
+    assert_eq!(outcome(&damper(10.0, &similar)), []);
+    assert_eq!(outcome(&damper(10.0, "")), []);
+    let elastic =
+        "law.bilinear = { stiffness_n_per_m = 1e6, yield_force_n = 1e4, post_yield_ratio = 0.1 }";
+    assert_eq!(outcome(&damper(10.0, elastic)), []);
+    // A law alone counts, and so does a damper that is only faster than meant.
+    let law = "law.smooth_friction = { slip_force_n = 1e3, reference_velocity_m_per_s = 0.01 }";
+    for (scale, keys) in [(10.0, law), (0.5, damped)] {
+        let check = gusset(
+            folder.path(),
+            "check",
+            &damper(scale, keys),
+            &["--no-rehearsal"],
+        );
+        assert_eq!(
+            kinds(&check.json["verdict"]),
+            [is("speed", "error", "time.scale")]
+        );
+    }
+}
+
+/// A file whose masses are in t, one stiffness in kN/mm and the record in another unit than it says.
+#[test]
+fn numbers_in_another_unit_are_findings() {
+    let folder = TempDir::new().unwrap();
+    let values: String = (0..400)
+        .map(|k| format!("{}\n", 3.2 * (0.11 * f64::from(k)).sin()))
+        .collect();
+    std::fs::write(folder.path().join("motion.txt"), values).unwrap();
+    let text = "[time]\nrate_hz = 1024\nduration_s = 20\nclock = \"simulated\"\n\
+                [structure.shear_building]\nmass_kg = [30, 30, 30, 25]\n\
+                stiffness_n_per_m = [0, 35e6, 30e6, 25e6]\n\
+                [excitation.ground_acceleration]\n\
+                signal.file = { path = \"motion.txt\", dt_s = 0.02, unit = \"g\" }\n\
+                processing = { zero_tail = true }\n\
+                [[specimen]]\nname = \"storey1\"\nstorey = 1\n\
+                law.bilinear = { stiffness_n_per_m = 40, yield_force_n = 320e3, post_yield_ratio = 0.05 }\n";
+    let check = gusset(folder.path(), "check", text, &[]);
+    assert_eq!(check.code, 0, "{}", check.stderr);
+    let verdict = &check.json["verdict"];
+    let drift = is("units", "warning", "structure.shear_building");
+    let findings = verdict["findings"].as_array().unwrap();
+    assert_eq!(
+        kinds(verdict).iter().filter(|one| one.0 == "units").count(),
+        4
+    );
+    let of = |key: &str| {
+        let mut found = findings.iter();
+        found.find_map(|one| one["numbers"][key].as_f64()).unwrap()
+    };
+    // sqrt(115 kg / 40 N/m) · 2π, for the building above hardly bends.
+    assert!((of("period_s") - 10.654).abs() < 0.01);
+    assert_eq!(of("least_n_per_m"), 40.0);
+    assert_eq!(of("most_n_per_m"), 35e6);
+    assert!((of("peak_g") - 3.2).abs() < 0.01);
+    assert!((of("peak_g_in_likely_unit") - 3.2 / 9.80665).abs() < 0.001);
+    assert!(of("drift_m") > 1.0);
+    assert!(kinds(verdict).contains(&drift) || check.stderr.contains("storey1"));
+
+    let right = text
+        .replace("[30, 30, 30, 25]", "[30e3, 30e3, 30e3, 25e3]")
+        .replace("_per_m = 40,", "_per_m = 40e6,")
+        .replace("unit = \"g\"", "unit = \"m/s2\"");
+    let check = gusset(folder.path(), "check", &right, &[]);
+    assert_eq!(kinds(&check.json["verdict"]), []);
+}

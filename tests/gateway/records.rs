@@ -279,6 +279,8 @@ fn an_event_stands_at_the_exchange_it_is_about_and_a_command_that_is_refused_is_
                 inputs: Vec::new(),
                 queue_s: 4.0,
                 required: true,
+                accepted: Default::default(),
+                verdict: None,
             }));
         let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
         served.begin(&controller, &mut || Ok(())).unwrap();

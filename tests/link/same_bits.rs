@@ -5,7 +5,8 @@ use std::path::Path;
 
 use crate::link_common::relay::{Fates, Relay};
 use crate::link_common::{
-    ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, columns, run, summary, test_file,
+    ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, columns, finish, gusset, run, summary,
+    test_file,
 };
 use gusset::engine::Phase;
 use gusset::record::Run;
@@ -184,4 +185,41 @@ fn a_partner_that_is_commanded_once_a_step_takes_the_same_course_in_real_time() 
         let sent = summary(folder, transport).link["column"].sent;
         assert_eq!(sent, 101 + 5, "{transport}");
     }
+}
+
+/// A damper behind a link moves at a tenth of the velocity of the test: `check` and `run` find the force of that.
+#[test]
+fn slow_damper_has_its_force_in_check_and_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let law = "law.linear = { stiffness_n_per_m = 0, damping_n_s_per_m = 3e4 }\n";
+    let served = Served::start(
+        folder,
+        &format!("[[specimen]]\nname = \"column\"\n{law}"),
+        &[],
+    );
+    let seen = "storey = 1\nstiffness_n_per_m = 0\ndamping_n_s_per_m = 3e4\n";
+    let slow = |clock: &str| {
+        linked(seen, &served.address, "tcp", "")
+            .replace("[0, 1e5]", "[4e5, 1e5]")
+            .replace("[time]", &format!("[time]\nscale = {clock}"))
+    };
+    let force = |scale: &str| {
+        let text = slow(scale);
+        let (code, said) = run(folder, scale, &text);
+        assert_eq!(code, 0, "{said}");
+        let file = folder.join(format!("{scale}.toml"));
+        let mut check = gusset();
+        check.arg("check").arg(file).arg("--json");
+        let check: serde_json::Value = serde_json::from_slice(&finish(check).stdout).unwrap();
+        let needs = check["rehearsal"]["specimens"][0]["axes"][0].as_array();
+        let mut needs = needs.unwrap().iter();
+        let need = needs.find(|need| need["quantity"] == "measured_force_n");
+        let [low, high] = ["low", "high"].map(|end| need.unwrap()[end].as_f64().unwrap().abs());
+        let measured = summary(folder, scale).peak.force["column"][0].unwrap();
+        assert!((measured / low.max(high) - 1.0).abs() < 1e-12);
+        measured
+    };
+    let share = force("10") / force("1");
+    assert!((0.1..0.2).contains(&share), "{share}");
 }

@@ -130,4 +130,31 @@ fn the_c_specimen_is_a_spring_over_udp_even_over_a_bad_network() {
     );
     let link = summary(folder.path(), "bad").link["column"];
     assert!(link.corrupt > 0, "{link:?}");
+    let peer = start(&mut Command::new(&program));
+    holds_beyond_the_force(folder.path(), &peer.1, "udp");
+}
+
+/// The controller announces 1 mN. The first measurement that is not zero is far beyond, so its status is an interlock.
+fn holds_beyond_the_force(folder: &Path, address: &str, transport: &str) {
+    let keys = format!("transport = \"{transport}\"\nwatchdog_s = 20");
+    let limits = "[specimen.limits]\nmeasured_force_n = { trip = [-1e-3, 1e-3] }\n";
+    let text = linked(STEPS, address, &keys)
+        .replace("[specimen.link]", &format!("{limits}[specimen.link]"));
+    let (code, said) = run(folder, "limited", &text);
+    assert_eq!(code, 1, "{said}");
+    let all = columns(folder, "limited", "");
+    let status = all.iter().find(|(name, _)| name == "status_1").unwrap();
+    let interlock = f64::from(gusset::substructure::Status::INTERLOCK.0);
+    let last = f64::from_bits(*status.1.last().unwrap());
+    assert_eq!(last % (2.0 * interlock), interlock, "{last}");
+}
+
+#[test]
+fn python_specimen_holds_beyond_the_force() {
+    if !is_there("python3") {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let peer = start(Command::new("python3").arg(tool("specimen.py")));
+    holds_beyond_the_force(folder.path(), &peer.1, "tcp");
 }

@@ -442,3 +442,29 @@ fn a_client_with_six_forces_for_three_displacements_is_refused_at_its_sizes() {
     let _ = stream.read_to_end(&mut rest);
     assert!(rest.is_empty());
 }
+
+#[test]
+fn accepted_speed_stands_in_the_summary() {
+    let folder = tempfile::tempdir().unwrap();
+    let rig = Served::start(folder.path(), RIG, &[]);
+    let out = folder.path().join("kept");
+    let text = gateway(&rig, "ticks_per_step = 20, rate_hz = 2000", "")
+        .replace("similitude", "damping_n_s_per_m = 100\nsimilitude")
+        .replace("[safety]", "[safety]\naccept_speed = \"hardly damped\"");
+    let arguments = ["--protocol", "openfresco", "--out", out.to_str().unwrap()];
+    let gateway = Served::start(folder.path(), &text, &arguments);
+    let bench = Bench {
+        rig,
+        gateway,
+        out,
+        _folder: folder,
+    };
+    let mut client = Client::new(&bench.gateway.address);
+    assert!(client.force(1e-4, 0.01).is_some());
+    drop(client);
+    let run = bench.kept();
+    let summary = run.summary().unwrap();
+    assert_eq!(summary.accepted["accept_speed"], "hardly damped");
+    let verdict = summary.verdict.as_ref().unwrap();
+    assert_eq!(verdict.findings[0].severity, "accepted");
+}

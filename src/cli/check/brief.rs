@@ -1,5 +1,6 @@
 //! The short page of `gusset check`: the test, its model, its stability and its needs in a few lines.
 
+use super::super::rehearsed::tabulate_speeds;
 use super::super::spectrum;
 use super::super::table::Table;
 use super::{Checked, needs};
@@ -48,6 +49,7 @@ pub(super) fn tabulate(checked: &Checked<'_>, table: &mut Table) {
     match &checked.judged.rehearsed {
         Some(full) => {
             table.row("rehearsal", &of_rehearsal(full));
+            tabulate_speeds(full, table);
             needs::tabulate(&full.rehearsal, table);
         }
         None => table.row("rehearsal", "none: needs and limits are not compared"),

@@ -6,15 +6,16 @@ use super::super::args::CheckArgs;
 use super::super::exit::{Exit, WithExit};
 use super::super::table::Table;
 use super::super::test_file::refused;
-use super::super::{answer, tell};
+use super::super::{answer, tell, warn};
+use super::in_words;
 use crate::setup::{ServedLimit, load_served, served_limits};
 use crate::units::in_axis_unit;
 
-/// Checks a served file.
+/// Checks a served file. The exit code says whether its verdict is clear.
 ///
 /// # Errors
 /// The server would refuse the file, or an option is for tests only.
-pub(super) fn check(args: &CheckArgs) -> anyhow::Result<()> {
+pub(super) fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
     refuse_options_of_a_test(args)?;
     let served = load_served(&args.test, args.specimen.as_deref()).map_err(refused)?;
     let protocol = served.source.file.serve.protocol.unwrap_or_default();
@@ -22,6 +23,13 @@ pub(super) fn check(args: &CheckArgs) -> anyhow::Result<()> {
     for warning in &served.source.warnings {
         tell(format_args!("warning: {warning}"));
     }
+    let verdict = served.verdict(protocol).unwrap_or_default();
+    let exit = match verdict.is_clear() {
+        true => Exit::Done,
+        false => Exit::Stopped,
+    };
+    warn(&served.source.locator.diagnose_all(verdict.shown(true)));
+    let verdict = verdict.record();
     let [own, client] = served_limits(&served.source);
     let has_rows = served.source.rows().is_some();
     if args.json {
@@ -35,15 +43,22 @@ pub(super) fn check(args: &CheckArgs) -> anyhow::Result<()> {
             "specimen": served.source.specimen().map(|table| table.name.clone()),
             "limits": own.iter().map(of_json).collect::<Vec<_>>(),
             of_signals: client.iter().map(of_json).collect::<Vec<_>>(),
+            "verdict": verdict,
         });
         answer(serde_json::to_string_pretty(&found)?)?;
-        return Ok(());
+        return Ok(exit);
     }
     let name = served
         .source
         .specimen()
         .map_or("", |table| table.name.as_str());
-    let mut table = Table::wrapped(&format!("specimen \"{name}\" for `gusset serve`"));
+    let mut table = Table::wrapped(&format!(
+        "specimen \"{name}\" for `gusset serve` — {}",
+        in_words(&verdict)
+    ));
+    for one in &verdict.findings {
+        table.row(&one.severity, &format!("{} ({})", one.text, one.key));
+    }
     for limit in &own {
         table.row(&limit.name, &format!("at the specimen: {}", words(limit)));
     }
@@ -65,7 +80,7 @@ pub(super) fn check(args: &CheckArgs) -> anyhow::Result<()> {
         table.row(&limit.name, &format!("{place}{note}: {}", words(limit)));
     }
     answer(table)?;
-    Ok(())
+    Ok(exit)
 }
 
 /// A server has no test: it rehearses and draws nothing, and no option overrides a key of its file.

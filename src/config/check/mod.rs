@@ -74,6 +74,7 @@ pub(crate) fn check(file: &TestFile, clock_is_chosen: bool) -> Vec<Finding> {
         ("accept_unstable", &file.safety.accept_unstable),
         ("accept_trip", &file.safety.accept_trip),
         ("accept_wiring", &file.safety.accept_wiring),
+        ("accept_speed", &file.safety.accept_speed),
     ];
     for (key, reason) in reasons {
         findings.reason(root.key("safety").key(key), reason.as_deref());
@@ -251,6 +252,8 @@ pub(crate) fn check_served(file: &ServeFile) -> Vec<Finding> {
     findings.printable(&root.key("safety").key("unlimited"), unlimited);
     let accepted = safety.and_then(|safety| safety.accept_wiring.as_deref());
     findings.reason(root.key("safety").key("accept_wiring"), accepted);
+    let accepts = safety.and_then(|safety| safety.accept_speed.as_deref());
+    findings.reason(root.key("safety").key("accept_speed"), accepts);
     if let Some(record) = &file.record {
         findings.positive(root.key("record").key("queue_s"), Some(record.queue_s));
         check_record(record, &mut findings);

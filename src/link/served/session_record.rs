@@ -13,6 +13,8 @@ use super::{Controller, Trip};
 use crate::catalog::ending::{Cause, Status as Ended};
 use crate::catalog::event::{Remark, Severity};
 use crate::port::Port;
+use crate::record::Summary;
+use crate::record::summary::RecordedVerdict;
 use crate::record::writer::Clocks;
 use crate::record::{
     Column, Event, FolderError, Layout, Note, Position, Recorder, RingRecorder, RingSize,
@@ -39,6 +41,10 @@ pub struct RecordSettings {
     pub queue_s: f64,
     /// A lost row makes the test a failed one.
     pub required: bool,
+    /// Reasons of the user for findings that would refuse the gateway, by key.
+    pub accepted: BTreeMap<String, String>,
+    /// The verdict on a gateway.
+    pub verdict: Option<RecordedVerdict>,
 }
 
 /// Exchanges per second that the queue is made for where the protocol does not say.
@@ -64,6 +70,7 @@ pub(super) struct SessionRecord {
     position: Position,
     began_ns: u64,
     required: bool,
+    verdict: Option<RecordedVerdict>,
 }
 
 impl SessionRecord {
@@ -97,10 +104,11 @@ impl SessionRecord {
             timing: Timing::new(&[name], true, 0),
             counted: Counted::new(units.len(), rate_hz, Wall::now()),
             warnings: Vec::new(),
-            accepted: BTreeMap::new(),
             position: Position::default(),
             began_ns: os::monotonic_ns(),
             required: settings.required,
+            accepted: settings.accepted.clone(),
+            verdict: settings.verdict.clone(),
             folder,
         };
         log.note(
@@ -282,27 +290,31 @@ impl SessionRecord {
             accepted,
             began_ns,
             required,
+            verdict,
             ..
         } = self;
         let wall_seconds = os::monotonic_ns().saturating_sub(began_ns) as f64 * 1e-9;
         let recorded = writer.finish().unwrap_or_default();
-        let summary = session_summary::summarise(
-            session_summary::End {
-                cause,
-                text,
-                wall_seconds,
-                required,
-                commits,
-                warnings,
-                accepted,
-                inputs: folder.inputs().to_vec(),
-            },
-            &name,
-            &counted,
-            stats,
-            &timing,
-            &recorded,
-        );
+        let summary = Summary {
+            verdict,
+            ..session_summary::summarise(
+                session_summary::End {
+                    cause,
+                    text,
+                    wall_seconds,
+                    required,
+                    commits,
+                    warnings,
+                    accepted,
+                    inputs: folder.inputs().to_vec(),
+                },
+                &name,
+                &counted,
+                stats,
+                &timing,
+                &recorded,
+            )
+        };
         for result in [
             folder.write_timing(&timing.to_json_with_bins()),
             folder.write_summary(&summary),

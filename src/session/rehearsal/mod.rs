@@ -15,10 +15,12 @@
 
 mod budget;
 mod capacity;
+mod drift;
 mod findings;
 mod hold;
 mod meter;
 mod prompter;
+mod speeds;
 mod tried;
 mod whole;
 
@@ -26,8 +28,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 pub use budget::Budget;
 pub use capacity::{Most, NEEDS, Used};
+pub use drift::large_drift;
 pub use hold::{Held, rehearse_hold};
 pub use meter::{AxisNeed, Extreme};
+pub use speeds::{Speeds, compare_speeds};
 pub use tried::{Tried, try_limits};
 pub use whole::FullRehearsal;
 
@@ -185,6 +189,8 @@ pub struct Rehearsal {
     pub ending: Ending,
     /// Largest displacement of any DOF of the structure, m or rad; 0 without a structure.
     pub peak_disp: f64,
+    /// Largest displacement of each DOF, m or rad.
+    pub peaks: Vec<f64>,
     /// Wall time that it took, s.
     pub wall_s: f64,
     /// What one tick took on the average, s; nothing where there were too few to tell.
@@ -355,6 +361,7 @@ fn carry_out_with(
             .disp
             .iter()
             .fold(0.0, |most, value| value.abs().max(most)),
+        peaks: outcome.peaks.disp,
         wall_s: os::monotonic_ns().saturating_sub(began) as f64 * 1e-9,
         tick_s: None,
     }

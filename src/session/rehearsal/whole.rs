@@ -1,6 +1,9 @@
 //! Everything that is rehearsed of a test: the test itself, a hold, and the limits that only the loop knows.
 
-use super::{AxisNeed, Budget, Held, Rehearsal, Tried, rehearse, rehearse_hold, try_limits};
+use super::{
+    AxisNeed, Budget, Held, Rehearsal, Speeds, Tried, compare_speeds, large_drift, rehearse,
+    rehearse_hold, try_limits,
+};
 use crate::config::{ConfigError, Finding, Loaded, Severity};
 use crate::engine::Ending;
 
@@ -11,10 +14,14 @@ pub struct FullRehearsal {
     pub rehearsal: Rehearsal,
     /// An operator's hold where the test is fastest; none where nothing depends on it.
     pub held: Option<Held>,
+    /// Forces and velocities of specimens that do not move at the velocities of the test.
+    pub speeds: Vec<Speeds>,
     /// Findings on limits, an early end and capacities. A trip and an exceeded capacity are errors.
     pub findings: Vec<Finding>,
     /// Findings on parts that the budget did not cover.
     pub unknown: Vec<Finding>,
+    /// A response that looks like that of another unit.
+    pub units: Vec<Finding>,
 }
 
 impl FullRehearsal {
@@ -37,9 +44,13 @@ impl FullRehearsal {
             Tried::BeyondBudget(finding) => unknown.push(finding),
         }
         findings.extend(rehearsal.beyond_capacity());
+        let speeds = compare_speeds(loaded, &rehearsal, &mut budget)?;
+        let units = Vec::from_iter(large_drift(loaded, &rehearsal));
         Ok(Self {
+            units,
             rehearsal,
             held,
+            speeds,
             findings,
             unknown,
         })

@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 
 use super::super::gear::{Rows, axis, scaled};
-use super::super::{Refused, Site, links, path};
+use super::super::{Refused, Site, links, path, speed};
 use super::loading::{Loading, at_actuators, behind_actuators, loading, offsets, own_offsets};
 use super::{Entry, Stand, order, rest, stand_in};
 use crate::config::echo::number;
@@ -14,6 +14,7 @@ use crate::model::BuildError;
 use crate::port::{Axis, shares};
 use crate::specimen::{Specimen, SpecimenLaw};
 use crate::spectral::delay::Weights;
+use crate::stability::Kind;
 use crate::units::{compared, quantity};
 
 /// A ratio of an estimate to what is known, or its inverse, that nobody means.
@@ -51,6 +52,11 @@ pub(super) fn entry(
             return site.refuse(Finding::error(at.clone(), text));
         }
     };
+    let pace = speed::pace(site, table);
+    if site.trial.is_none() {
+        site.doubts
+            .extend(speed::of_test(site.loaded, table, at).map(|found| (Kind::Speed, found)));
+    }
     let mut axes = Vec::with_capacity(n);
     let mut units = Vec::with_capacity(n);
     let mut reach = Vec::with_capacity(n);
@@ -65,7 +71,10 @@ pub(super) fn entry(
                 .reach_vel_m_per_s
                 .map(|reach| reach * scale * table.similitude.time),
         });
-        axes.push(axis);
+        axes.push(Axis {
+            vel_gain: pace * axis.vel_gain,
+            ..axis
+        });
         units.push(to_si);
     }
     let (mut k, mut c, mut m) = (vec![0.0; n * n], vec![0.0; n * n], vec![0.0; n * n]);
@@ -88,7 +97,10 @@ pub(super) fn entry(
     };
     let said_damping = match &table.damping_n_s_per_m {
         Some(given) => {
-            let given = estimate(site, &at.key("damping_n_s_per_m"), given, laws)?;
+            let mut given = estimate(site, &at.key("damping_n_s_per_m"), given, laws)?;
+            for value in given.iter_mut().flatten() {
+                *value *= pace;
+            }
             seen(table, &loading, given)
         }
         None => scaled(&c, |axis| axis.vel_gain),

@@ -31,6 +31,7 @@ HELLO, WELCOME, REFUSE, ARM, BYE = 0, 1, 2, 3, 4
 ORDERLY, TRIPPED, WATCHDOG = 0, 1, 3  # causes
 HELLO_LIMIT_S, ARM_LIMIT_S, SEND_LIMIT_S, CONNECTION_LIMIT = 10, 60, 10, 16
 TEXT_LIMIT, AXIS_LIMIT = 256, 64
+FORCE_SLACK = 1.25  # the controller judges forces first; beyond this multiple of its limit the specimen holds by itself
 FLAG_SPECIMEN, INTERLOCK, HOLDING, NONE = 2, 1, 2, 2**64 - 1
 SIMULATED, USES_VELOCITY, KEEPS_STATE = 1, 8, 16  # capabilities
 UNITS = ("m", "mm", "rad", "N", "kN", "N*m", "kN*m")
@@ -241,6 +242,7 @@ class Session:
         self.inbox = bytearray(65536)
         self.inbox_view = memoryview(self.inbox)
         self.limits: list[tuple[float, float, float]] = []
+        self.force_limits: list[float] = []
 
     def send(self, kind: int, body: bytes) -> None:
         self.sent += 1
@@ -298,7 +300,7 @@ class Session:
         raise Broken(text)
 
     def announced(self, hello: bytes) -> None:
-        """Takes the axes of the controller, and its limits: smallest and largest displacement, largest step between commands."""
+        """Takes the axes of the controller, and its limits: displacements, largest step between commands, largest force."""
         at = 133
         for _ in ("program", "test"):
             at += 8 + struct.unpack_from("<Q", hello, at)[0]
@@ -309,7 +311,8 @@ class Session:
         if not commands or not seconds:
             self.refuse(12, "the rate of the commands must not be 0")
         self.period = seconds / commands
-        layout, self.axes_text, self.limits = f"gusset frames 1 axes {axes} history 4\n", b"", []
+        layout, self.axes_text = f"gusset frames 1 axes {axes} history 4\n", b""
+        self.limits, self.force_limits = [], []
         for _ in range(axes):
             (size,) = struct.unpack_from("<Q", hello, at)
             name, at = hello[at + 8 : at + 8 + size], at + 8 + size
@@ -324,6 +327,7 @@ class Session:
                 self.refuse(12, "an axis has limits that contradict each other")
             slack = 1e-9 * (high - low) if high - low < float("inf") else 0.0
             self.limits.append((low - slack, high + slack, speed * self.period * (1 + 1e-9)))
+            self.force_limits.append(FORCE_SLACK * force)
             layout += f"{name.decode()}|{units[0]}|{units[1]}\n"
             self.axes_text += struct.pack("<Q", size) + name + struct.pack("<II", disp_unit, force_unit) + UNLIMITED
         if at != len(hello):
@@ -417,10 +421,14 @@ class Session:
                 measured, force = self.move(test_time, dt, disp[0], fields[5] if not self.tripped else 0.0)
                 self.values = (measured, force)
                 entry = (sequence, force)
+                is_beyond = not abs(force) <= self.force_limits[0]
             else:
                 measured, force = self.move(test_time, dt, disp, fields[4 + n : 4 + 2 * n] if not self.tripped else (0.0,) * n)
                 self.values = (*measured, *force)
                 entry = (sequence, *force)
+                is_beyond = not all(abs(one) <= most for one, most in zip(force, self.force_limits))
+            if is_beyond:
+                self.tripped = self.status = INTERLOCK  # the next command finds the specimen holding
             self.tail = self.values + self.history
             self.history = entry + self.history[: 3 * (n + 1)]
         self.sent += 1

@@ -20,6 +20,8 @@ fn a_row_has_the_number_of_its_target_and_a_refused_target_has_a_row() {
         inputs: Vec::new(),
         queue_s: 4.0,
         required: true,
+        accepted: Default::default(),
+        verdict: None,
     });
     let rig = Behind { told, host };
     let mut served = rig.begun();

@@ -240,6 +240,8 @@ fn replies_that_take_longer_than_a_period_are_counted_and_told_once() {
             inputs: Vec::new(),
             queue_s: 1.0,
             required: true,
+            accepted: Default::default(),
+            verdict: None,
         }));
         begin(&mut served);
         for target in [0.001, 0.002] {

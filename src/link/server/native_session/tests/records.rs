@@ -28,6 +28,8 @@ pub(super) fn kept(root: &Path) -> RecordSettings {
         inputs: vec![("scripts/wrong.toml".into(), BYTES.into())],
         queue_s: 4.0,
         required: true,
+        accepted: Default::default(),
+        verdict: None,
     }
 }
 
