@@ -27,7 +27,7 @@ def test_arrays_are_read_once_and_cannot_be_written(first):
 
 
 def test_record_cut_under_an_open_run_is_an_error(first, place):
-    """A mapped file that becomes shorter ends the process; the program that reads the run goes on."""
+    """A file that becomes shorter raises an error; a mapped one would end the process."""
     shutil.copytree(first.folder, "cut")
     run = gusset.open("cut")
     time_before = run.time
