@@ -51,14 +51,10 @@ pub fn printable(text: &str) -> String {
     shown
 }
 
-/// True if a reader sees anything: a text of blanks and hidden characters says nothing.
+/// True if a text can be a reason that a user gives: it has at least one letter, in any script.
 #[must_use]
-pub fn is_visible(text: &str) -> bool {
-    // The Braille pattern without dots is as blank as a space.
-    // A variation selector alone shows nothing.
-    let blank = |c: char| c == '\u{2800}' || ('\u{fe00}'..='\u{fe0f}').contains(&c);
-    let shows = |c: char| !c.is_whitespace() && !is_hidden(c) && !blank(c);
-    text.chars().any(shows)
+pub fn is_reason(text: &str) -> bool {
+    text.chars().any(|c| c.is_alphabetic() && !is_hidden(c))
 }
 
 #[cfg(test)]
@@ -85,16 +81,22 @@ mod tests {
     }
 
     #[test]
-    fn blanks_and_hidden_characters_say_nothing() {
+    fn a_reason_has_a_letter() {
         for nothing in [
             "",
             " \t\n",
             "\u{200b}",
             "\u{2800}\u{a0}",
             "\u{3164} \u{202e}",
+            ".",
+            "1",
+            "-- 2026-04-01 !",
+            "\u{fe0f}",
         ] {
-            assert!(!is_visible(nothing), "{nothing:?}");
+            assert!(!is_reason(nothing), "{nothing:?}");
         }
-        assert!(is_visible(" a\u{200b}"));
+        for reason in [" a\u{200b}", "№ 3 geprüft", "試験"] {
+            assert!(is_reason(reason), "{reason:?}");
+        }
     }
 }

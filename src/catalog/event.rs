@@ -262,7 +262,7 @@ pub const EVENTS: &[EventRow] = &[
     )
     .guide(
         "Resume: an axis is at the position in which the interrupted test left it.",
-        "`specimen`, `name`, `axis`; `found`, `left`, `within`: position, earlier position, allowed difference, in the axis' unit",
+        "`specimen`, `name`, `axis`; `found`, `left`, `within`: position, earlier position, allowed difference, in the axis' unit; `differs` true: by more than the noise",
     ),
     row(
         "moved",

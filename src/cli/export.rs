@@ -66,7 +66,11 @@ pub fn export(args: &ExportArgs) -> anyhow::Result<Exit> {
         exported.rows,
         args.out.display()
     ));
-    Ok(Exit::Done)
+    Ok(if exported.is_of_damaged_rows() {
+        Exit::Stopped
+    } else {
+        Exit::Done
+    })
 }
 
 /// The columns and lines that were asked for beside those of every export.

@@ -46,7 +46,7 @@ pub fn report(args: &ReportArgs) -> anyhow::Result<Exit> {
     }
     // Earlier versions counted otherwise.
     let is_contradicted = !page.contradicted.is_empty() && !page.is_of_an_earlier_version;
-    Ok(if is_contradicted {
+    Ok(if is_contradicted || page.has_damaged_rows {
         Exit::Stopped
     } else {
         Exit::Done

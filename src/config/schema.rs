@@ -304,8 +304,8 @@ pub struct RecordTable {
     /// a changed file, or a summary that cannot be written.
     pub required: bool,
     /// Wall time between two checkpoints, at most 3600 s. A checkpoint keeps the state of the test
-    /// and a digest of it; above 10 000 DOFs the digest only. `gusset run --resume` continues from
-    /// the newest state.
+    /// and a digest of it; above 10 000 DOFs the digest only. Without a `link`, `gusset run
+    /// --resume` continues from the newest state. With one it compares every checkpoint.
     #[schemars(example = 2.0)]
     pub checkpoint_s: f64,
 }

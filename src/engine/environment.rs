@@ -257,6 +257,7 @@ fn event_of(stop: &Stop) -> Option<Event> {
             found: *found,
             left: *left,
             within: *within,
+            differs: true,
         }),
         Stop::Diverged { dof, .. } | Stop::Step(StepError::NotConverged { dof, .. }) => {
             Event::Diverged { dof: *dof as u32 }

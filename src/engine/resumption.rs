@@ -1,6 +1,6 @@
 //! A test that continues where an interrupted one stood.
 //!
-//! The state of the interrupted test is that of its last checkpoint, from which its rows are retraced through the same loop. The
+//! The state of the interrupted test is that after its last row, which its rows come to when the same loop retraces them. The
 //! resumed test reads every sensor before it moves a specimen. Position and force must be those of the record: a specimen that differs by
 //! more than its tolerance has changed, and the test is refused unless the user has accepted that. A relative displacement
 //! sensor takes its drift for its zero, a load cell only if `resume_takes_force_drift` is set. The pace is that after a hold.
@@ -17,8 +17,17 @@ use super::{Peaks, Stop};
 use crate::port::{Port, Reading};
 use crate::record::{Event, GridOf, Standing};
 
-/// Multiple of the noise of a force beyond which it differs.
+/// Multiple of the noise of a reading beyond which it differs, and share of it up to which a difference is roundoff.
 const NOISE: f64 = 5.0;
+const ROUNDOFF: f64 = 1e-9;
+
+/// True if a reading is not `left`: it differs by more than `within`, or by more than its noise and roundoff.
+fn differs(found: f64, left: f64, within: f64, noise: f64) -> bool {
+    let roundoff = ROUNDOFF * found.abs().max(left.abs());
+    let most = (NOISE * noise).max(roundoff).min(within);
+    let difference = (found - left).abs();
+    difference.is_nan() || difference > most
+}
 
 /// Where one axis was left, in its own units.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -233,7 +242,8 @@ impl Resumption {
         let mut moved = None;
         for (index, (port, places)) in engine.ports.iter().zip(&self.left).enumerate() {
             for (axis, place) in places.iter().enumerate() {
-                let found = port.reading(axis).disp;
+                let reading = port.reading(axis);
+                let found = reading.disp;
                 let (left, within) = (place.disp, place.within);
                 if !place.stands_at(found) && moved.is_none() {
                     moved = Some(Stop::Moved {
@@ -251,6 +261,7 @@ impl Resumption {
                     found,
                     left,
                     within,
+                    differs: within.is_finite() && differs(found, left, within, reading.disp_noise),
                 }));
             }
         }
@@ -273,8 +284,7 @@ impl Resumption {
                 let reading = port.reading(axis);
                 let [left, within] = expected_force(port, axis, place, &ways, &reading);
                 let difference = (reading.force - left).abs();
-                let is_the_same = difference <= within;
-                if !is_the_same && changed.is_none() {
+                if (difference.is_nan() || difference > within) && changed.is_none() {
                     changed = Some(Stop::ForceChanged {
                         port: index,
                         axis,
@@ -283,7 +293,7 @@ impl Resumption {
                         within,
                     });
                 }
-                if !is_the_same || difference > NOISE * reading.force_noise {
+                if differs(reading.force, left, within, reading.force_noise) {
                     engine.environment.report_now(Event::ForceChanged {
                         port: index as u32,
                         axis: axis as u32,

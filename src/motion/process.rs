@@ -143,8 +143,11 @@ impl Motion {
     ) -> Result<Series, MotionError> {
         let mut warnings = Vec::new();
         let (points, record) = self.points(quantity, grid, files, &mut warnings)?;
+        let mut values: Vec<f64> = points.into_iter().map(|(value, _)| value).collect();
+        // They are collected in the memory of the points, which is three times as large.
+        values.shrink_to_fit();
         Ok(Series {
-            values: points.into_iter().map(|(value, _)| value).collect(),
+            values,
             warnings,
             record,
         })
@@ -195,8 +198,8 @@ impl Motion {
             Source::Curve(curve) => {
                 self.processing.only_scales()?;
                 let points: Vec<(f64, f64)> = grid.times().map(|t| (curve.at)(t)).collect();
-                let values: Vec<f64> = points.iter().map(|p| p.0).collect();
-                let target = self.processing.target(quantity, grid.dt(), || Ok(values))?;
+                let values = || Ok(points.iter().map(|p| p.0).collect());
+                let target = self.processing.target(quantity, grid.dt(), values)?;
                 let scale = scale_factor * target;
                 above_nyquist(curve.top_hz, grid, warnings);
                 curve.cut_warning(grid.duration(), warnings);

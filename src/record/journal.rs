@@ -132,6 +132,14 @@ pub enum End {
     },
 }
 
+impl End {
+    /// True if a row is damaged. A kill or a test that still runs leaves a torn row, and no damaged one.
+    #[must_use]
+    pub const fn is_damage(self) -> bool {
+        matches!(self, Self::Damaged { .. } | Self::Disordered { .. })
+    }
+}
+
 impl std::fmt::Display for End {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {

@@ -65,7 +65,7 @@ pub use missing::{MissingEnd, ToldBy};
 pub use note::{Note, Position};
 pub use onlooker::Onlooker;
 pub use ring::{RingReader, RingRecorder, RingSize, WhenFull, ring};
-pub use run::{EventLines, Events, Run, keeps_waiting};
+pub use run::{EventLines, Events, MOST_OF_A_KIND, Run, keeps_waiting};
 pub use summary::Summary;
 pub(crate) use warned::times;
 pub use whereabouts::{Whereabouts, is_claimed};

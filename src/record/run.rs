@@ -1,5 +1,6 @@
 //! A run folder read: finished or not, on any machine, from the folder alone.
 
+use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{self, BufRead as _, BufReader, Read as _, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -17,6 +18,8 @@ use crate::work::Work;
 
 /// Bytes of the longest line of `events.jsonl` that is read.
 const LONGEST_LINE: u64 = 1 << 20;
+/// Events of one kind that [`Run::events`] holds: more than a reader looks at.
+pub const MOST_OF_A_KIND: u64 = 10_000;
 
 /// A recorded run, finished or not.
 #[derive(Debug, Clone)]
@@ -27,11 +30,13 @@ pub struct Run {
     summary_fault: Option<String>,
 }
 
-/// The lines of `events.jsonl`.
+/// The lines of `events.jsonl`, in bounded memory.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Events {
-    /// The events, in order.
+    /// The events, in order: the first [`MOST_OF_A_KIND`] of each kind.
     pub events: Vec<EventLine>,
+    /// Number of further events by kind. Events of another version are of one kind, without a name.
+    pub left_out: BTreeMap<&'static str, u64>,
     /// Lines that could not be read; one at the end is normal after a kill.
     pub unreadable: usize,
     /// The last line is one of those, and was never finished.
@@ -200,11 +205,15 @@ impl Run {
         if found.is_empty() {
             return Ok((None, faults));
         }
-        let checksums = self.checksums()?;
+        let wanted: Vec<_> = found
+            .iter()
+            .map(|(_, (state, checksum))| (state.step, *checksum))
+            .collect();
+        let confirmed = self.confirmed(&wanted)?;
         let made = self.rows_made()?;
-        for (name, (state, checksum)) in found {
+        for ((name, (state, _)), is_confirmed) in found.into_iter().zip(confirmed) {
             let (step, rows) = (state.step, state.rows);
-            if !checksums.contains(&(step, checksum)) {
+            if !is_confirmed {
                 faults.push((name, CheckpointFault::Unmatched { step }));
             } else if rows > made {
                 faults.push((name, CheckpointFault::Ahead { rows, made }));
@@ -215,17 +224,19 @@ impl Run {
         Ok((None, faults))
     }
 
-    /// Step and SHA-256 of every checkpoint that has a state.
-    fn checksums(&self) -> Result<Vec<(u64, Checksum)>, FolderError> {
-        let mut checksums = Vec::new();
+    /// Whether there is a checkpoint event of each step with this SHA-256. Its memory does not grow with the number of events.
+    fn confirmed(&self, wanted: &[(u64, Checksum)]) -> Result<Vec<bool>, FolderError> {
+        let mut confirmed = vec![false; wanted.len()];
         for line in self.event_lines()? {
             let of = line?.and_then(|line| match line.event {
                 Event::Checkpoint { sha256, .. } => line.tick.zip(sha256),
                 _ => None,
             });
-            checksums.extend(of);
+            for (wanted, confirmed) in wanted.iter().zip(&mut confirmed) {
+                *confirmed |= of == Some(*wanted);
+            }
         }
-        Ok(checksums)
+        Ok(confirmed)
     }
 
     /// Whole columns by name, in the order asked for.
@@ -242,18 +253,30 @@ impl Run {
         self.journal()?.columns(&places).map_err(at(&path))
     }
 
-    /// Its events; none if there is no file of them.
+    /// Its events, the first ones of each kind; none if there is no file of them.
     ///
     /// # Errors
     /// The system refuses.
     pub fn events(&self) -> Result<Events, FolderError> {
         let mut lines = self.event_lines()?;
         let mut events = Vec::new();
+        let mut counts: BTreeMap<&'static str, u64> = BTreeMap::new();
         for event in &mut lines {
-            events.extend(event?);
+            let Some(event) = event? else {
+                continue;
+            };
+            let kind = event.row().map_or("", |row| row.name);
+            let count = counts.entry(kind).or_default();
+            *count += 1;
+            if *count <= MOST_OF_A_KIND {
+                events.push(event);
+            }
         }
+        let more = |(kind, count): (_, u64)| Some((kind, count.checked_sub(MOST_OF_A_KIND)?));
+        let left_out = counts.into_iter().filter_map(more);
         Ok(Events {
             events,
+            left_out: left_out.filter(|(_, count)| *count > 0).collect(),
             unreadable: lines.unreadable,
             is_torn: lines.is_torn,
             is_there: lines.is_there(),

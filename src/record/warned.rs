@@ -1,7 +1,7 @@
 //! Limits that were warned of while a test ran: how often, and what was found when they were first passed. Axes with a force
-//! before the test moved them.
+//! before the test moved them. Axes of a resumed test whose position or force differs from the record.
 
-use super::events::{Event, EventLine, LimitReached, Word};
+use super::events::{Event, EventLine, LimitReached, Standing, Word};
 use crate::units::{compared, unit_of_key};
 
 /// All of them, in the order in which they were first met.
@@ -33,6 +33,26 @@ impl Warned {
                 self.initial.push(format!(
                     "{sentence}; it may have yielded in an earlier test"
                 ));
+                return;
+            }
+            Event::Stands(Standing {
+                found,
+                left,
+                within,
+                differs: true,
+                ..
+            })
+            | Event::ForceChanged {
+                found,
+                left,
+                within,
+                ..
+            } => {
+                let is_allowed = (found - left).abs() <= *within;
+                let allowed = if is_allowed { "within" } else { "BEYOND" };
+                let sentence = line.sentence();
+                self.initial
+                    .push(format!("{sentence}; {allowed} its tolerance"));
                 return;
             }
             _ => return,

@@ -388,7 +388,11 @@ impl Events {
             };
             match &event.event {
                 Event::Ended => last_step = event.tick,
-                Event::LimitTrip(reached) => limits.push(reached.limit.to_string()),
+                Event::LimitTrip(reached)
+                    if limits.iter().all(|known: &String| *known != *reached.limit) =>
+                {
+                    limits.push(reached.limit.to_string());
+                }
                 Event::Link { fault, .. } => of_link = fault.map_or(Cause::Link, LinkFault::cause),
                 Event::Phase {
                     from, to, cause, ..

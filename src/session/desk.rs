@@ -30,7 +30,8 @@ const PATIENCE: Duration = Duration::from_secs(2);
 /// Longest request, and longest answer.
 const LONGEST: usize = 256;
 const LONGEST_ANSWER: u64 = 16_384;
-/// Callers that are listened to at once; others wait for one of them.
+/// Callers that are listened to at once. If one more comes, the one that has been here longest without a request is closed: no
+/// caller waits for a silent one.
 const MOST_CALLERS: usize = 64;
 /// Until what cannot be done just now is tried again.
 const BREATH: Duration = Duration::from_millis(10);
@@ -197,9 +198,7 @@ impl Counter {
     /// Waits until there is something to do; false if the desk closes.
     fn waits(&self) -> bool {
         let mut ends = vec![PollFd::new(&self.closed, PollFlags::IN)];
-        if self.callers.len() < MOST_CALLERS {
-            ends.push(PollFd::new(&self.socket, PollFlags::IN));
-        }
+        ends.push(PollFd::new(&self.socket, PollFlags::IN));
         let streams = self.callers.iter();
         ends.extend(streams.map(|caller| PollFd::new(&caller.stream, PollFlags::IN)));
         let now_ns = monotonic_ns();
@@ -218,9 +217,7 @@ impl Counter {
 
     /// Whatever can be done without waiting.
     fn turn(&mut self) {
-        if self.callers.len() < MOST_CALLERS {
-            self.accept();
-        }
+        self.accept();
         let callers = std::mem::take(&mut self.callers);
         for mut caller in callers {
             match caller.hear() {
@@ -233,6 +230,9 @@ impl Counter {
                 }
             }
         }
+        // Only now: a caller whose request came with its connection has its answer.
+        let more = self.callers.len().saturating_sub(MOST_CALLERS);
+        self.callers.drain(..more);
     }
 
     fn accept(&mut self) {
@@ -619,6 +619,11 @@ mod tests {
         for mut silent in silent {
             assert_eq!(silent.read(&mut [0]).unwrap(), 0);
         }
+        // More than are listened to at once. Each gives up its place to the next one, so that the last is answered.
+        let crowd: Vec<UnixStream> = (0..189).map(|_| call()).collect();
+        assert!(ask(folder.path(), Request::Stop).unwrap().accepted);
+        assert_eq!(receiver.try_recv(), Ok(Operator::Stop));
+        drop(crowd);
         let mut last = call();
         drop(desk);
         assert!(matches!(last.read(&mut [0]), Ok(0) | Err(_)));

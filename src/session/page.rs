@@ -50,6 +50,8 @@ pub struct Page {
     pub followed: Vec<String>,
     /// What of the record is not there any more, in words.
     pub damaged: Vec<String>,
+    /// One of that is a damaged row.
+    pub has_damaged_rows: bool,
     /// Keys of the summary that the rows and events contradict, and a run that names itself as an ancestor, in words.
     pub contradicted: Vec<String>,
     /// The summary is of an earlier version.
@@ -95,6 +97,7 @@ fn page(path: PathBuf, run: &RunView) -> Page {
         identified: identified(run),
         followed: followed(run),
         damaged: run.flaws.damaged.clone(),
+        has_damaged_rows: run.flaws.has_damaged_rows,
         contradicted: run.flaws.contradicted.clone(),
         is_of_an_earlier_version: is_of_an_earlier_version(run.events.iter()),
     }
@@ -272,9 +275,11 @@ pub(super) fn read(folder: &Path) -> Result<RunView, PageError> {
         flaws: Flaws {
             unfinished,
             damaged,
+            has_damaged_rows: rows.is_some_and(|rows| rows.end.is_some_and(End::is_damage)),
             contradicted: circle(folder).into_iter().chain(contradicted).collect(),
             missing_rows: rows.map_or(0, |rows| rows.lost),
             unreadable_events: told.unreadable,
+            events_left_out: told.left_out,
         },
         test,
     })

@@ -163,13 +163,26 @@ pub(super) struct Retraced {
     pub restored: Option<(u64, u64)>,
 }
 
-/// Follows a run to its end, or through so many rows.
+/// True if a specimen of the test is behind a link.
+fn has_link(run: &Run) -> Result<bool, ReplayError> {
+    if run.layout().is_served() {
+        return Ok(false);
+    }
+    let loaded = config::load(&run.path().join("resolved.toml"), &[])?;
+    let mut specimens = loaded.file.specimen.iter();
+    Ok(specimens.any(|specimen| specimen.link.is_some()))
+}
+
+/// Follows a run to its end, or through its first `until` rows. A specimen behind a link remembers everything that happened to it, so all
+/// rows of its test are followed. Otherwise the newest kept state replaces the rows before it.
 pub(super) fn retrace(
     run: &Run,
     until: Option<u64>,
     replaced: Replaced,
 ) -> Result<Retraced, ReplayError> {
-    if let Some(traced) = retrace_from_state(run, until, replaced)? {
+    if !has_link(run)?
+        && let Some(traced) = retrace_from_state(run, until, replaced)?
+    {
         return Ok(traced);
     }
     let experiment = prepared(run, replaced, false)?.experiment;

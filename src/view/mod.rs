@@ -27,6 +27,8 @@ pub use test_file::{
 };
 pub use timing::{Percentiles, TimingEntry, Timings};
 
+use std::collections::BTreeMap;
+
 use crate::metrics::falsified::Mode;
 use crate::record::{Column, EventLine};
 use report::Digest;
@@ -38,12 +40,16 @@ pub struct Flaws {
     pub unfinished: Option<String>,
     /// Rows that are damaged or missing. Empty for a complete record.
     pub damaged: Vec<String>,
+    /// A row is damaged, and the rows after it are not read.
+    pub has_damaged_rows: bool,
     /// Keys of the summary that the rows and events contradict, and a run that names itself as an ancestor.
     pub contradicted: Vec<String>,
     /// Rows that are missing between the others.
     pub missing_rows: u64,
     /// Lines of `events.jsonl` that cannot be read.
     pub unreadable_events: usize,
+    /// Number of events by kind that are in `events.jsonl` only, because there are too many of their kind.
+    pub events_left_out: BTreeMap<&'static str, u64>,
 }
 
 /// A recorded run: the files of its folder, each read once.

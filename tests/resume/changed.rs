@@ -142,7 +142,7 @@ fn resume_refuses_a_changed_force() {
     );
     let found = replay(&at("refused")).unwrap();
     assert!(found.is_exact(), "{found:?}");
-    for empty in ["", "  "] {
+    for empty in ["", "  ", ".", "1"] {
         let said = go_on_with(&first, &at("empty"), &["--accept-changed", empty]);
         assert_eq!(said.code, Some(2), "{}", said.stderr);
         assert!(!at("empty").exists());
@@ -153,6 +153,14 @@ fn resume_refuses_a_changed_force() {
         &["--accept-changed", "unloaded by hand"],
     );
     assert_eq!(said.code, Some(0), "{}", said.stderr);
+    // What differs stands where people look, and not in the events alone.
+    let summary = common::json(&at("second"), "summary.json");
+    let page = std::fs::read_to_string(at("second/report.html")).unwrap();
+    let warnings = summary["warnings"].as_array().unwrap().iter();
+    let mut warnings = warnings.map(|text| text.as_str().unwrap());
+    let told = warnings.find(|text| text.contains("the load cell reads"));
+    assert!(told.unwrap().contains("BEYOND its tolerance"), "{told:?}");
+    assert!(page.contains("BEYOND its tolerance"));
     drop(served);
 }
 

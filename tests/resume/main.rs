@@ -29,7 +29,7 @@ use gusset::catalog::ending::Cause;
 use gusset::engine::{Operator, Phase};
 use gusset::port::{Axis, Port};
 use gusset::record::{Run, RunFolder};
-use gusset::session::{self, ResumeError, Watches, replay, resume};
+use gusset::session::{self, Allowed, ResumeError, Watches, replay, resume, resume_allowed};
 use gusset::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
     Unavailable,

@@ -1,5 +1,7 @@
 //! What cannot be gone on with, or only by who says so.
 
+use gusset::record::{Checkpoint, STATE_FILES};
+
 use super::lineage::sha256;
 use super::rigs::{Rig, built, run_rigs, two_rigs};
 use super::*;
@@ -111,6 +113,21 @@ fn a_record_without_a_summary_that_ends_before_its_events_is_refused_and_told_of
     refused(&ended("closing", 0), "this test is complete", &[]);
 }
 
+/// Changes one value of a row, with a new checksum of the row.
+fn edited_row(run: &Path, row: usize, column: &str, change: impl Fn(f64) -> f64) {
+    let path = run.join("samples.bin");
+    let layout = Run::open(run).unwrap().layout().clone();
+    let mut bytes = std::fs::read(&path).unwrap();
+    let record = &mut bytes[row * layout.stride()..(row + 1) * layout.stride()];
+    let at = 8 + 8 * layout.index_of(column).unwrap();
+    let value = f64::from_le_bytes(record[at..at + 8].try_into().unwrap());
+    record[at..at + 8].copy_from_slice(&change(value).to_le_bytes());
+    let end = layout.stride() - 8;
+    let checksum = crc32fast::hash(&record[..end]);
+    record[end..end + 4].copy_from_slice(&checksum.to_le_bytes());
+    std::fs::write(path, bytes).unwrap();
+}
+
 /// Where rows are missing between others, a simulated specimen restarts from the checkpoint before them. A real one remembers.
 #[test]
 fn a_gap_in_the_record_is_refused_for_a_specimen_behind_a_link() {
@@ -148,6 +165,35 @@ fn a_gap_in_the_record_is_refused_for_a_specimen_behind_a_link() {
     ]);
     assert_eq!(said.code, Some(2), "{}", said.stderr);
     assert!(said.stderr.contains("cannot be resumed"), "{}", said.stderr);
+
+    // The newest kept state follows the damage. It replaces no row of a specimen that remembers.
+    let made = column(&at("whole"), "step").len();
+    let states = STATE_FILES.map(|name| Checkpoint::read(&at("whole").join(name)).unwrap());
+    let mut states = states.into_iter().flatten();
+    let rows =
+        states.find_map(|(state, _)| Some(state.rows as usize).filter(|rows| rows + 2 < made));
+    let rows = rows.unwrap();
+    for name in ["kept", "kept-gap", "kept-force"] {
+        killed(&at("whole"), &at(name), rows + 2);
+    }
+    let kept = Run::open(&at("kept")).unwrap().usable_state(u64::MAX);
+    assert!(kept.unwrap().0.is_some());
+    assert!(again("kept").is_ok());
+    let row = rows - 35;
+    without_rows(&at("kept-gap"), row..row + 30);
+    edited_row(&at("kept-force"), row, "raw_force_2_1", |force| force + 1.0);
+    for (name, damage) in [
+        ("kept-gap", format!("row {row} was lost")),
+        ("kept-force", format!("of row {row} ")),
+    ] {
+        let refusal = again(name).err();
+        let Some(ResumeError::Back { trouble, .. } | ResumeError::Damaged { trouble, .. }) =
+            &refusal
+        else {
+            panic!("{name}: {refusal:?}");
+        };
+        assert!(trouble.contains(&damage), "{name}: {trouble}");
+    }
 
     let test = test_in(home.path(), &frame(200, 1, 2.0, 0.0));
     completed(&test, &at("formula"), &[]);

@@ -96,6 +96,32 @@ fn a_specimen_that_does_not_stand_where_it_was_left_is_refused_and_nothing_moves
 
     killed(&at("whole"), &at("other"), 400);
     let again = || resume(&at("other"), None, false).unwrap_or_else(|e| panic!("{e}"));
+    let is_told = |ended: &session::Finished, how: &str| {
+        let mut warnings = ended.summary.warnings.iter();
+        warnings.any(|text| text.contains("the interrupted test left it at") && text.contains(how))
+    };
+    assert!(!is_told(&ended, ""), "{:?}", ended.summary.warnings);
+    let ended = conclude(again(), 1e-5, "near");
+    assert_eq!(ended.cause, Cause::Done, "{}", ended.summary.reason);
+    assert!(
+        is_told(&ended, "within its tolerance"),
+        "{:?}",
+        ended.summary.warnings
+    );
+    killed(&at("whole"), &at("third"), 400);
+    let allowed = Allowed {
+        changed: Some("it was moved by hand"),
+        ..Allowed::default()
+    };
+    let accepted = resume_allowed(&at("third"), None, allowed).unwrap_or_else(|e| panic!("{e}"));
+    let ended = conclude(accepted, 0.05, "accepted");
+    assert!(
+        is_told(&ended, "BEYOND its tolerance"),
+        "{:?}",
+        ended.summary.warnings
+    );
+    killed(&at("whole"), &at("other-again"), 400);
+    let again = || resume(&at("other-again"), None, false).unwrap_or_else(|e| panic!("{e}"));
     let ended = conclude(again(), 0.05, "moved");
     assert_eq!(ended.cause, Cause::Moved);
     assert!(

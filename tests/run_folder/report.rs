@@ -344,10 +344,78 @@ fn a_record_that_was_cut_off_is_bad_news_and_never_the_same_as_another() {
     let middle = flipped.len() / 2;
     flipped[middle] ^= 4;
     fs::write(&samples, flipped).unwrap();
-    say(["report".as_ref(), second.as_os_str()]);
+    let csv = folder.path().join("damaged.csv");
+    for line in [
+        vec!["report".as_ref(), second.as_os_str()],
+        vec![
+            "export".as_ref(),
+            second.as_os_str(),
+            "--out".as_ref(),
+            csv.as_os_str(),
+        ],
+    ] {
+        let said = say(line);
+        assert_eq!(said.code, Some(1), "{}", said.stderr);
+        assert!(
+            said.stderr.contains("of the samples is damaged"),
+            "{}",
+            said.stderr
+        );
+    }
+    assert!(
+        fs::read_to_string(csv).unwrap().lines().count() > 10,
+        "whole rows are exported"
+    );
     let page = fs::read_to_string(second.join("report.html")).unwrap();
     assert!(page.contains("Damaged: this record") && !page.contains("Unfinished"));
     assert!(page.contains("is damaged; nothing behind it is read"));
+}
+
+/// 30 GB of zeros behind the rows, and more events of a kind than any reader looks at.
+#[test]
+fn a_report_of_endless_files_is_bounded() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = made(folder.path(), "endless", FRAME);
+    let run = gusset::record::Run::open(&out).unwrap();
+    let rows = run.places().unwrap();
+    let before = run.events().unwrap().events.len();
+    let samples = fs::File::options()
+        .write(true)
+        .open(out.join("samples.bin"))
+        .unwrap();
+    samples.set_len(30_000_000_000).unwrap();
+    let line = "{\"tick\": 1, \"time\": 0.1, \"event\": \"limit_warning\", \"specimen\": 1, \"axis\": 1, \
+        \"limit\": \"command_disp_m\", \"value\": 1.0, \"bound\": 0.5}\n";
+    let events = out.join("events.jsonl");
+    let text = fs::read_to_string(&events).unwrap();
+    fs::write(&events, text + &line.repeat(10_250)).unwrap();
+    let told = run.events().unwrap();
+    assert_eq!(told.events.len(), before + 10_000);
+    assert_eq!(
+        told.left_out.into_iter().collect::<Vec<_>>(),
+        [("limit_warning", 250)]
+    );
+    let csv = folder.path().join("endless.csv");
+    for line in [
+        vec!["report".as_ref(), out.as_os_str()],
+        vec![
+            "export".as_ref(),
+            out.as_os_str(),
+            "--out".as_ref(),
+            csv.as_os_str(),
+        ],
+    ] {
+        let said = say(line);
+        assert_eq!(said.code, Some(1), "{}", said.stderr);
+        assert!(
+            said.stderr
+                .contains(&format!("row {rows} of the samples is damaged")),
+            "{}",
+            said.stderr
+        );
+    }
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(page.contains("events.jsonl has 250 more"));
 }
 
 #[test]

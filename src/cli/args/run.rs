@@ -6,12 +6,14 @@ use clap::{Args, ValueEnum};
 
 use crate::cli::test_file::load;
 use crate::config::Loaded;
+use crate::text::is_reason;
 
-/// A reason that says something.
+/// A reason in words.
 fn reason(text: &str) -> Result<String, String> {
-    match text.trim() {
-        "" => Err("it is empty: say why the test may go on".to_owned()),
-        reason => Ok(reason.to_owned()),
+    if is_reason(text) {
+        Ok(text.trim().to_owned())
+    } else {
+        Err("a reason needs at least one letter: say why the test may continue".to_owned())
     }
 }
 

@@ -8,7 +8,7 @@ use crate::config::document::KeyPath;
 use crate::config::limit_table::LimitsSpec;
 use crate::config::safety::{ExitChoice, SafetyTable};
 use crate::config::specimen::SpecimenTable;
-use crate::text::is_visible;
+use crate::text::is_reason;
 
 /// A range, the place of its key, why a position outside it is impossible, and its label.
 type PlaceBound = ([f64; 2], KeyPath, &'static str, &'static str);
@@ -317,7 +317,7 @@ pub(super) fn check_required(
     findings: &mut Findings,
 ) {
     let why = KeyPath::root().key("safety").key("unlimited");
-    if unlimited.is_some_and(|reason| !is_visible(reason)) {
+    if unlimited.is_some_and(|reason| !is_reason(reason)) {
         findings.0.push(
             Finding::error(why, "`unlimited` gives no reason")
                 .label("a reason why the specimen may run without limits is needed")

@@ -174,10 +174,11 @@ impl Findings {
     /// A reason that the user gives says something, in characters that can be printed.
     fn reason(&mut self, at: KeyPath, reason: Option<&str>) {
         self.printable(&at, reason);
-        if reason.is_some_and(|reason| !reason.chars().any(char::is_alphabetic)) {
+        if reason.is_some_and(|reason| !crate::text::is_reason(reason)) {
             let headline = format!("`{at}` gives no reason");
             self.0.push(
-                Finding::error(at, headline).label("write a reason, which the summary repeats"),
+                Finding::error(at, headline)
+                    .label("write a reason in words, which the summary repeats"),
             );
         }
     }

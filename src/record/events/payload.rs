@@ -66,6 +66,9 @@ pub struct Standing {
     /// How far off it may be.
     #[serde(with = "real")]
     pub within: f64,
+    /// True if it differs by more than the noise of its sensor, also within what is allowed.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub differs: bool,
 }
 
 /// How well the warm-up kept its ticks.

@@ -32,7 +32,7 @@ use thiserror::Error;
 use super::folder::FolderError;
 use super::journal::{End, Journal};
 use super::missing::MissingEnd;
-use super::run::Run;
+use super::run::{MOST_OF_A_KIND, Run};
 
 use plan::Plan;
 pub use plan::{Choice, Rows, Sum};
@@ -166,6 +166,8 @@ impl ExportError {
 /// What a reader of the export should know.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Notice {
+    /// Number of events that the trace lacks, because there are too many of their kind.
+    EventsLeftOut(u64),
     /// The run has no summary: it is still running or was killed.
     Unfinished,
     /// The run has a summary that cannot be read.
@@ -210,6 +212,10 @@ impl std::fmt::Display for Notice {
             }
             Self::Ended(end) => write!(f, "{end}"),
             Self::MissingEnd(end) => write!(f, "the samples are cut short: {end}"),
+            Self::EventsLeftOut(events) => write!(
+                f,
+                "the trace lacks {events} events of `events.jsonl`: it has the first {MOST_OF_A_KIND} of each kind"
+            ),
             Self::Empty => write!(f, "there is no row to export: the file has columns only"),
             Self::NotRecorded(columns) => write!(
                 f,
@@ -229,6 +235,13 @@ pub struct Exported {
 }
 
 impl Exported {
+    /// True if a row of the record is damaged: the export has the rows before it.
+    #[must_use]
+    pub fn is_of_damaged_rows(&self) -> bool {
+        let is_damage = |notice: &Notice| matches!(notice, Notice::Ended(end) if end.is_damage());
+        self.notices.iter().any(is_damage)
+    }
+
     /// After `journal` has been read to its end, or to the last row that was wanted.
     fn new(run: &Run, rows: u64, journal: &Journal<impl io::Read>) -> Self {
         let unfinished = Notice::without_summary(run);

@@ -7,7 +7,7 @@ use super::html::{beside, details, note, paragraph, section, table};
 use super::text::{NOTHING, count, plural, quantity, shortened, trimmed};
 use super::timeline::loop_seconds;
 use crate::catalog::event::Group;
-use crate::record::EventLine;
+use crate::record::{EventLine, MOST_OF_A_KIND};
 
 /// Events that are listed one by one.
 const MOST_EVENTS: usize = 200;
@@ -21,7 +21,7 @@ pub(super) fn events(run: &RunView, timeline: &str) -> String {
     if told.is_empty() {
         return section(
             heading,
-            &(paragraph("No events were recorded.") + &unreadable(run)),
+            &(paragraph("No events were recorded.") + &incomplete(run)),
         );
     }
     let start = run.events.iter().find_map(loop_seconds).unwrap_or_default();
@@ -51,8 +51,23 @@ pub(super) fn events(run: &RunView, timeline: &str) -> String {
         ));
     }
     markup += &details(&title, &beside("events", &list));
-    markup += &unreadable(run);
+    markup += &incomplete(run);
     section(heading, &markup)
+}
+
+/// That events are not in this page.
+fn incomplete(run: &RunView) -> String {
+    let left_out = run.flaws.events_left_out.iter();
+    let left_out = left_out.map(|(kind, more)| {
+        let kind = if kind.is_empty() { "other" } else { kind };
+        note(&format!(
+            "This page uses the first {} events of the kind \u{201c}{}\u{201d}; events.jsonl has {} more.",
+            count(MOST_OF_A_KIND),
+            kind.replace('_', " "),
+            count(*more)
+        ))
+    });
+    left_out.collect::<String>() + &unreadable(run)
 }
 
 /// That lines of events.jsonl are damaged.

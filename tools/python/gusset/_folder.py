@@ -1,15 +1,17 @@
-"""Reads run folders. Arrays are views into the mapped file `samples.bin`; nothing is copied."""
+"""Reads run folders. A column is read from `samples.bin` when it is first used: the file is never mapped, so that a file that
+becomes shorter is an error and not a crash."""
 
 from __future__ import annotations
 
+import collections
 import difflib
 import functools
 import json
-import mmap
 import os
+import re
 import struct
 import zlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,6 +29,10 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 MARK = int.from_bytes(b"ROW\n", "little")
+BLOCK = 1 << 22  # bytes of the file that are read at a time
+MOST_EVENTS = 10_000  # of each kind in `Run.events`
+LONGEST_LINE = 1 << 20  # bytes of a line of `events.jsonl`
+KIND = re.compile(rb'"event": ?"([a-z_]{1,64})"')
 STEP, TRIPPED = 3.0, 8.0  # states of ticks: a step ends here, a limit ended the test
 RUNNING = (STEP, 11.0, 12.0, 13.0)  # a step, and ticks between two steps
 QUANTITIES = {
@@ -56,12 +62,29 @@ class Column:
     """Place in a row, from 0."""
 
 
+@dataclass(frozen=True)
+class Found:
+    """The sound rows of a file."""
+
+    count: int
+    """Number of rows."""
+    made: int
+    """Number of rows that were made, with those that are missing between the others."""
+    begin: int
+    """The first row of the test, from 0."""
+    end: int
+    """The row after the last one of the test; 0 without any."""
+
+
 class Run:
     """A run folder.
 
-    All arrays are read-only views into the file `samples.bin`, one value per tick; change a copy, `numpy.array(run.time)`. They
-    cover the ticks from t = 0 to the end of the test, holds included. `all_rows` also has the ticks before and after. For n
-    ticks, a column has the shape (n,). A tick is a step of the integration, or a part of one in a multi-rate test.
+    All arrays are read-only, with one value per tick; change a copy, `numpy.array(run.time)`. They cover the ticks from t = 0 to
+    the end of the test, holds included. `all_rows` also has the ticks before and after. For n ticks, a column has the shape
+    (n,). A tick is a step of the integration, or a part of one in a multi-rate test.
+
+    A column is read from `samples.bin` when it is first used, and then stays in memory. If the file has become shorter since
+    the folder was opened, this raises `FolderError`.
 
     Attributes:
         folder: The run folder.
@@ -76,14 +99,20 @@ class Run:
         self.columns: dict[str, Column] = {
             c["name"]: Column(c["name"], c["unit"], c["meaning"], c["timing"], place) for place, c in enumerate(layout["columns"])
         }
-        rows = self._map(layout, verify)
-        self._rows: npt.NDArray[Any] = rows
-        shape = (len(rows), len(self.columns))
-        self._matrix: Array = np.ndarray(shape, "<f8", rows, 8, (layout["stride"], 8)) if len(rows) else np.empty(shape)
-        sequence = rows["sequence"]
-        self.rows_lost = int(sequence[-1]) + 1 - len(rows) if len(rows) else 0
-        self._span = self._test_rows()
-        release(rows)
+        self._stride: int = layout["stride"]
+        self._dtype = np.dtype(layout["numpy_dtype"])
+        self._read: dict[tuple[str, ...], Array] = {}
+        path = self.folder / "samples.bin"
+        try:
+            places = path.stat().st_size // self._stride
+        except FileNotFoundError:
+            raise FolderError(f"{self.folder} has no samples.bin") from None
+        found = self._sound_rows(places, verify)
+        if found.count and not verify and not has_checksum(self._bytes(found.count - 1, found.count)):
+            found = self._sound_rows(found.count - 1, False)
+        self._count = found.count
+        self.rows_lost = found.made - found.count
+        self._span = self._test_rows(found)
         self.is_complete = (self.folder / "summary.json").exists()
 
     def _layout(self) -> dict[str, Any]:
@@ -103,38 +132,66 @@ class Run:
             raise FolderError(f"{path}: {len(layout['columns'])} columns do not have the stride {layout['stride']}")
         return layout
 
-    def _map(self, layout: dict[str, Any], verify: bool) -> npt.NDArray[Any]:
-        """Maps the rows up to the last whole one that has its mark, its checksum and a higher number than the row before."""
-        path, stride = self.folder / "samples.bin", layout["stride"]
-        dtype = np.dtype(layout["numpy_dtype"])
-        try:
-            count = path.stat().st_size // stride
-        except FileNotFoundError:
-            raise FolderError(f"{self.folder} has no samples.bin") from None
-        if not count:
-            return np.empty(0, dtype)
-        rows = np.memmap(path, dtype, "r", shape=(count,))
-        sound = rows["marker"] == MARK
-        sound[1:] &= rows["sequence"][1:] > rows["sequence"][:-1]
-        count = count if sound.all() else int(sound.argmin())
-        data = memoryview(rows.view(np.ndarray).view(np.uint8))  # type: ignore[arg-type]
-        checked = range(count) if verify else range(max(0, count - 1), count)
-        for row in checked:
-            if not has_checksum(data[row * stride : (row + 1) * stride]):
-                count = row
-                break
-        return rows[:count]
+    def _blocks(self, start: int, stop: int) -> Iterator[npt.NDArray[np.uint64]]:
+        """The rows from `start` to `stop` in blocks of some megabytes, as words: number, values, checksum and mark."""
+        path = self.folder / "samples.bin"
+        most = max(1, BLOCK // self._stride)
+        with path.open("rb", buffering=0) as file:
+            file.seek(start * self._stride)
+            for first in range(start, stop, most):
+                block = np.empty((min(most, stop - first), self._stride // 8), "<u8")
+                room = block.data.cast("B")
+                while room:
+                    read = file.readinto(room)
+                    if not read:
+                        size = path.stat().st_size
+                        raise FolderError(
+                            f"{path} has become shorter since it was opened: it has {size} bytes, but row {stop - 1} ends at "
+                            f"{stop * self._stride}. Open the folder again"
+                        )
+                    room = room[read:]
+                yield block
 
-    def _test_rows(self) -> slice:
+    def _bytes(self, start: int, stop: int) -> memoryview:
+        """The bytes of some rows."""
+        blocks = list(self._blocks(start, stop))
+        return np.concatenate(blocks).data.cast("B") if blocks else memoryview(b"")
+
+    def _sound_rows(self, places: int, verify: bool) -> Found:
+        """Finds the last whole row that has its mark and a higher number than the row before; `verify`: also its checksum.
+
+        The file is read up to the first damaged row, whatever its length.
+        """
+        state = 1 + self.columns["state"].place
+        count, made, begin, end = 0, 0, 0, 0
+        for block in self._blocks(0, places):
+            numbers = block[:, 0]
+            sound = block.view("<u4")[:, -1] == MARK
+            sound[0] &= numbers[0] >= made
+            sound[1:] &= numbers[1:] > numbers[:-1]
+            whole = len(block) if sound.all() else int(sound.argmin())
+            if verify:
+                right = (has_checksum(memoryview(block[row]).cast("B")) for row in range(whole))
+                whole = next((row for row, is_right in enumerate(right) if not is_right), whole)
+            running = np.flatnonzero(np.isin(block[:whole, state].view("<f8"), RUNNING))
+            if len(running):
+                begin = begin if end else count + int(running[0])
+                end = count + int(running[-1]) + 1
+            count += whole
+            if whole:
+                made = int(numbers[whole - 1]) + 1
+            if whole < len(block):
+                break
+        return Found(count, made, begin, end)
+
+    def _test_rows(self, found: Found) -> slice:
         """The rows from t = 0 to the end of the test. The row of a trip is the last one, if its step is a new one."""
-        state, step = (self._matrix[:, self.columns[name].place] for name in ("state", "step"))
-        running = np.isin(state, RUNNING)
-        if not running.any():
-            return slice(0, 0)
-        end = len(running) - int(running[::-1].argmax())
-        if end < len(state) and state[end] == TRIPPED and step[end] != step[end - 1]:
-            end += 1
-        return slice(int(running.argmax()), end)
+        begin, end = found.begin, found.end
+        if 0 < end < found.count:
+            values = np.frombuffer(self._bytes(end - 1, end + 1), "<f8").reshape(2, -1)
+            state, step = (values[:, 1 + self.columns[name].place] for name in ("state", "step"))
+            end += bool(state[1] == TRIPPED and step[1] != step[0])
+        return slice(begin, end)
 
     def __repr__(self) -> str:
         status = self.summary.get("status") if self.is_complete else "without summary"
@@ -150,7 +207,7 @@ class Run:
 
     def __len__(self) -> int:
         """Number of ticks."""
-        return len(range(*self._span.indices(len(self._rows))))
+        return len(range(self._span.start, self._span.stop))
 
     def __getitem__(self, key: str | tuple[str, int]) -> Array:
         """One column, or the response of degrees of freedom.
@@ -172,21 +229,29 @@ class Run:
         return self._column(key)
 
     def _column(self, name: str) -> Array:
-        column = self.columns.get(name)
-        if column is None:
-            near = difflib.get_close_matches(str(name), self.columns, 3)
-            help = f"; did you mean {', '.join(near)}?" if near else "; run.columns has all names"
-            raise KeyError(f"{self.folder} has no column {name!r}{help}")
-        return self._matrix[self._span, column.place]
+        return self._block([self._known(name)])[:, 0]
 
-    def _block(self, names: list[str]) -> Array:
-        """Several columns side by side, as one view: their distance in a row is constant."""
-        places = [self.columns[name].place for name in names]
-        steps = set(np.diff(places).tolist()) or {1}
-        if len(steps) > 1:
-            raise FolderError(f"the columns {', '.join(names)} have no constant distance; read them one by one")
-        step = steps.pop()
-        return self._matrix[self._span, places[0] : places[-1] + 1 : step] if places else self._matrix[self._span, :0]
+    def _known(self, name: str) -> str:
+        """The name, if there is such a column."""
+        if name in self.columns:
+            return name
+        near = difflib.get_close_matches(str(name), self.columns, 3)
+        help = f"; did you mean {', '.join(near)}?" if near else "; run.columns has all names"
+        raise KeyError(f"{self.folder} has no column {name!r}{help}")
+
+    def _block(self, names: Sequence[str]) -> Array:
+        """Several columns side by side."""
+        key = tuple(names)
+        if key not in self._read:
+            places = [1 + self.columns[name].place for name in names]
+            values = np.empty((len(places), self._count)).T  # each column without gaps
+            done = 0
+            for block in self._blocks(0, self._count if places else 0):
+                values[done : done + len(block)] = block.view("<f8")[:, places]
+                done += len(block)
+            values.flags.writeable = False
+            self._read[key] = values
+        return self._read[key][self._span]
 
     def __contains__(self, name: object) -> bool:
         return name in self.columns
@@ -203,15 +268,20 @@ class Run:
 
     @property
     def rows(self) -> npt.NDArray[Any]:
-        """The rows as a structured array of shape (n,), with the fields `sequence` and one for each column."""
-        return self._rows[self._span]
+        """The rows as a structured array of shape (n,), with the fields `sequence` and one for each column.
+
+        All of them are read into memory.
+        """
+        rows: npt.NDArray[Any] = np.frombuffer(self._bytes(self._span.start, self._span.stop), self._dtype)
+        rows.flags.writeable = False
+        return rows
 
     @property
     def all_rows(self) -> Run:
         """This run with all recorded ticks, also those before t = 0 and after the end of the test."""
         other = Run.__new__(Run)  # not `copy`, which would open the folder again
         other.__dict__.update(self.__dict__)
-        other._span = slice(0, len(self._rows))
+        other._span = slice(0, self._count)
         return other
 
     @functools.cached_property
@@ -245,14 +315,47 @@ class Run:
         summary: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
         return summary
 
-    @functools.cached_property
+    @property
     def events(self) -> list[dict[str, Any]]:
-        """The events of `events.jsonl`, in their order. A line that a crash cut short is left out."""
+        """The events of `events.jsonl`, in their order: the first 10 000 of each kind. A line that a crash cut short is left out.
+
+        `event_lines` reads all of them, one after the other.
+        """
+        return self._events[0]
+
+    @property
+    def events_left_out(self) -> dict[str, int]:
+        """Number of events of each kind that are in `events.jsonl`, but not in `events`."""
+        return self._events[1]
+
+    @functools.cached_property
+    def _events(self) -> tuple[list[dict[str, Any]], dict[str, int]]:
+        events, counts = [], collections.Counter[bytes]()
+        for line in self._event_texts():
+            found = KIND.search(line)
+            kind = found[1] if found else b""
+            counts[kind] += 1
+            if counts[kind] <= MOST_EVENTS:
+                events.append(json.loads(line))
+        return events, {kind.decode(): count - MOST_EVENTS for kind, count in counts.items() if count > MOST_EVENTS}
+
+    def event_lines(self) -> Iterator[dict[str, Any]]:
+        """Reads the events of `events.jsonl` one after the other, however many there are."""
+        for line in self._event_texts():
+            yield json.loads(line)
+
+    def _event_texts(self) -> Iterator[bytes]:
+        """The whole lines of `events.jsonl`; none that is longer than any event."""
         path = self.folder / "events.jsonl"
         if not path.exists():
-            return []
-        lines = path.read_text(encoding="utf-8").split("\n")
-        return [json.loads(line) for line in lines[:-1] if line]
+            return
+        with path.open("rb") as file:
+            while line := file.readline(LONGEST_LINE):
+                is_whole = line.endswith(b"\n")
+                if is_whole and line.strip():
+                    yield line
+                while not is_whole and (rest := file.readline(LONGEST_LINE)):
+                    is_whole = rest.endswith(b"\n")
 
     @property
     def status(self) -> str | None:
@@ -282,7 +385,8 @@ class Run:
         pandas = need("pandas")
         names = list(self.columns) if columns is None else list(columns)
         rows = self.step_rows() if rate == "step" else slice(None)
-        data = {name: self._column(name)[rows] for name in names if name != "time"}
+        block = self._block([self._known(name) for name in names])
+        data = {name: block[rows, place] for place, name in enumerate(names) if name != "time"}
         return pandas.DataFrame(data, index=pandas.Index(self.time[rows], name="time"), copy=True)
 
     def plot(self, file: str | os.PathLike[str] | None = None) -> matplotlib.figure.Figure:
@@ -298,7 +402,7 @@ class Run:
 
 
 class RunSpecimen:
-    """The response of one specimen. Arrays are views of shape (n,) for one axis, else of shape (n, axes)."""
+    """The response of one specimen. Arrays have the shape (n,) for one axis, else (n, axes)."""
 
     def __init__(self, run: Run, name: str, number: int) -> None:
         self.run, self.name, self.number = run, name, number
@@ -352,15 +456,6 @@ def open(folder: str | os.PathLike[str], *, verify: bool = False) -> Run:
         verify: Checks the checksums of all rows, about 1 s per million rows.
     """
     return Run(folder, verify=verify)
-
-
-def release(rows: npt.NDArray[Any]) -> None:
-    """Returns the memory of a mapped file to the system. The next use of a row maps it again."""
-    base: Any = rows
-    while isinstance(base, np.ndarray):
-        base = base.base
-    if isinstance(base, mmap.mmap):
-        base.madvise(mmap.MADV_DONTNEED)
 
 
 def has_checksum(row: Any) -> bool:

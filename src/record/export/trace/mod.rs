@@ -29,7 +29,7 @@ use slices::{Loop, Tick};
 use stamps::{Stamped, Stamps};
 
 use super::plan::{Choice, Plan, Rows, WARMING_UP};
-use super::{ExportError, Exported};
+use super::{ExportError, Exported, Notice};
 use crate::record::atomic::AtomicFile;
 use crate::record::run::Run;
 
@@ -50,7 +50,9 @@ pub(super) fn export(run: &Run, choice: &Choice, out: &Path) -> Result<Exported,
         rows: Rows::Tick,
         ..*choice
     };
-    let told = run.events()?.events;
+    let told = run.events()?;
+    let left_out = told.left_out.values().sum();
+    let told = told.events;
     let mut places = Places::wanted(&told, &choice);
     let (mut first, mut last) = (f64::NAN, f64::NAN);
     let mut ticks = 0;
@@ -76,7 +78,10 @@ pub(super) fn export(run: &Run, choice: &Choice, out: &Path) -> Result<Exported,
             last,
         });
     }
-    let exported = Exported::new(run, ticks, &counting);
+    let mut exported = Exported::new(run, ticks, &counting);
+    if left_out > 0 {
+        exported.notices.push(Notice::EventsLeftOut(left_out));
+    }
     let period_us = places.period_us(run);
     let origin_us = grid
         .zero_us()

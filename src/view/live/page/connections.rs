@@ -53,6 +53,11 @@ impl WebListener {
             places: Arc::default(),
         }
     }
+
+    /// Its open connections.
+    pub fn connections(&self) -> Arc<OpenConnections> {
+        Arc::clone(&self.places)
+    }
 }
 
 impl Listener for WebListener {
@@ -85,11 +90,19 @@ impl Listener for WebListener {
 
 /// Open connections, the oldest first.
 #[derive(Debug, Default)]
-struct OpenConnections(Mutex<Vec<Arc<Connection>>>);
+pub(super) struct OpenConnections {
+    open: Mutex<Vec<Arc<Connection>>>,
+    written: AtomicU64,
+}
 
 impl OpenConnections {
     fn all(&self) -> MutexGuard<'_, Vec<Arc<Connection>>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.open.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Bytes that clients took so far: a client that does not read takes none once its buffers are full.
+    pub fn bytes_written(&self) -> u64 {
+        self.written.load(Ordering::Relaxed)
     }
 
     /// Registers a connection until the returned slot is dropped.
@@ -226,7 +239,11 @@ impl ClientStream {
 
     /// Restarts the timeout after a write.
     fn note(&mut self, written: &Poll<io::Result<usize>>) {
-        if matches!(written, Poll::Ready(Ok(count)) if *count > 0) {
+        if let Poll::Ready(Ok(count)) = written
+            && *count > 0
+        {
+            let bytes = &self.place.places.written;
+            bytes.fetch_add(*count as u64, Ordering::Relaxed);
             self.no_progress
                 .as_mut()
                 .reset(Instant::now() + NOTHING_WRITTEN);

@@ -1,7 +1,8 @@
 //! The live page: one server on a thread of its own, off the loop's processor.
 //!
 //! Bound before anything moves, so that a port in use is a mistake of usage; served from the moment at which the other threads
-//! have been put on their processors; open until every viewer has received the end and fetched the report, five seconds at most.
+//! have been put on their processors; open until every viewer has received the end and fetched the report. It closes after 0.9 s in
+//! which no viewer reads anything, and after five seconds at the latest.
 //!
 //! | client | may |
 //! |---|---|
@@ -42,6 +43,9 @@ use routes::{Refusals, Site};
 pub const USUAL_PORT: u16 = 4824;
 /// Longest time for which the server stays for viewers that have not yet received the end or fetched the report.
 const GRACE: Duration = Duration::from_secs(5);
+/// Time after which it stays no longer if none of them reads anything, and time between two looks.
+const NOTHING_READ: Duration = Duration::from_millis(900);
+const LOOK: Duration = Duration::from_millis(20);
 
 /// Why there is no live page. Nothing was moved.
 #[derive(Debug, Error)]
@@ -258,13 +262,22 @@ async fn serve(listener: WebListener, site: Site, stop: Arc<Notify>) {
             board.margin(monotonic_ns());
         }
     };
+    let connections = listener.connections();
     let server = routes::serve(listener, site, async move {
         drop(seen.wait_for(|ended| *ended).await);
         feed.is_done().await;
     });
     let patience = async {
         let _gone = overdue.wait_for(|ended| *ended).await;
-        tokio::time::sleep(GRACE).await;
+        let ended = tokio::time::Instant::now();
+        let mut progress = (connections.bytes_written(), ended);
+        while ended.elapsed() < GRACE && progress.1.elapsed() < NOTHING_READ {
+            tokio::time::sleep(LOOK).await;
+            let written = connections.bytes_written();
+            if written != progress.0 {
+                progress = (written, tokio::time::Instant::now());
+            }
+        }
     };
     tokio::select! {
         // A listener that fails is tried again inside; the server ends only when it was asked to.
@@ -284,7 +297,8 @@ pub struct Serving {
 }
 
 impl Serving {
-    /// Tells every viewer how the test ended, and closes when they have received it and fetched the report, within five seconds.
+    /// Tells every viewer how the test ended, and closes when they have received it and fetched the report, within five
+    /// seconds. Viewers that do not read delay this by less than a second.
     pub fn end(mut self, ended: Ended) {
         self.board.end(ended);
         self.stop.notify_one();
@@ -430,6 +444,33 @@ mod tests {
         assert_eq!(heard.len(), 3);
         assert!(heard.contains(&Operator::EndHold(3)));
         drop(serving);
+    }
+
+    /// It has received the address of the report, and never fetches it.
+    #[test]
+    fn a_viewer_that_does_not_read_delays_no_end() {
+        use std::io::{Read, Write};
+        use std::net::TcpStream;
+
+        let (board, _) = board(crate::engine::PhaseCell::default());
+        let (operator, _asked) = crossbeam_channel::bounded(1);
+        let (notes, _written) = crossbeam_channel::bounded(4);
+        let page = LivePage::bind("127.0.0.1:0", None).unwrap();
+        let mut viewer = TcpStream::connect(page.address()).unwrap();
+        let serving = page.serve(board, operator, notes).unwrap();
+        let request = b"GET /stream HTTP/1.1\r\nHost: localhost\r\n\r\n";
+        viewer.write_all(request).unwrap();
+        assert_eq!(viewer.read(&mut [0]).unwrap(), 1, "it is a viewer");
+        let began_ns = monotonic_ns();
+        let ended = Ended {
+            status: "completed".to_owned(),
+            reason: String::new(),
+            report: Some("report.html".to_owned()),
+            data: String::new(),
+        };
+        serving.end(ended);
+        let waited = Duration::from_nanos(monotonic_ns() - began_ns);
+        assert!(waited < GRACE, "{waited:?}");
     }
 
     #[test]
