@@ -10,6 +10,7 @@ use super::perform::{INVALID, perform, why_invalid};
 use super::study::Study;
 use super::task::Task;
 use super::{CampaignError, at};
+use crate::config::read_text;
 use crate::record::{atomic, make_free};
 use crate::rt::os;
 
@@ -190,7 +191,7 @@ pub(super) fn read(path: &Path, folder: &Path) -> Result<Plan, CampaignError> {
     if !path.exists() {
         return Err(CampaignError::NoPlan(folder.to_owned()));
     }
-    let text = fs::read_to_string(path).map_err(at(path))?;
+    let text = read_text(path)?;
     let damaged = || {
         CampaignError::Other(format!(
             "{} is damaged: plan the campaign again",

@@ -133,6 +133,7 @@ class Campaign:
             )
         path = self.folder / ("table.csv" if self.complete else "table.partial.csv")
         try:
+            need_file(path)
             with path.open(encoding="utf-8", newline="") as file:
                 names, *rows = csv.reader(file)
         except FileNotFoundError:
@@ -205,8 +206,15 @@ def values(name: str, cells: list[str]) -> npt.NDArray[Any]:
         return np.array(cells, dtype=np.str_)
 
 
+def need_file(path: Path) -> None:
+    """Refuses what is no plain file: a pipe could block for ever."""
+    if path.exists() and not path.is_file():
+        raise FolderError(f"{path} is no plain file")
+
+
 def read_json(path: Path) -> dict[str, Any]:
     """The object in a JSON file."""
+    need_file(path)
     try:
         document: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     except ValueError as reason:
