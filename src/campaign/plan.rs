@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::perform::{INVALID, perform, why_invalid};
-use super::study::Study;
+use super::study::{MOST_TASKS, Study};
 use super::task::Task;
 use super::{CampaignError, at};
 use crate::config::read_text;
@@ -82,6 +82,11 @@ pub fn plan(
     tasks_per_chunk: Option<u64>,
 ) -> Result<Campaign, CampaignError> {
     let path = fs::canonicalize(study).map_err(at(study))?;
+    if let Some(tasks) = tasks_per_chunk.filter(|tasks| *tasks > MOST_PER_CHUNK) {
+        return Err(CampaignError::Other(format!(
+            "--tasks-per-chunk {tasks}: a chunk has at most {MOST_PER_CHUNK} tasks"
+        )));
+    }
     let expanded = Study::load(study)?;
     make_free(out)?;
     let task_s = timed(&expanded)?;
@@ -209,6 +214,7 @@ pub(super) fn read(path: &Path, folder: &Path) -> Result<Plan, CampaignError> {
         });
     }
     let plan: Plan = serde_json::from_value(value).map_err(|_| damaged())?;
-    let is_sound = plan.tasks > 0 && plan.tasks_per_chunk > 0;
+    let is_sound = (1..=MOST_TASKS).contains(&plan.tasks)
+        && (1..=MOST_PER_CHUNK).contains(&plan.tasks_per_chunk);
     if is_sound { Ok(plan) } else { Err(damaged()) }
 }

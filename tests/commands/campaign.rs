@@ -398,6 +398,38 @@ fn bad_studies_are_refused_with_the_key() {
             "max_draft",
         ),
         ("replicates = 2", "replicates = 0", "replicates"),
+        // Counts that no memory has room for, with the most that is allowed.
+        (
+            "values = [0.02, 0.05]",
+            "linear = { from = 1, to = 2, count = 1000000000000000 }",
+            "1 to 100000",
+        ),
+        (
+            "values = [0.5, 1.0, 2.0]",
+            "log = { from = 1, to = 2, count = 1000000000000000 }",
+            "1 to 100000",
+        ),
+        (
+            "folder = \"records\"",
+            "synthetic = { count = 1000000000000000 }",
+            "1 to 100000",
+        ),
+        (
+            "replicates = 2",
+            "replicates = 1000000000000000",
+            "100000000 tasks",
+        ),
+        (
+            "[campaign]\n",
+            "[campaign]\nsampling = \"sobol\"\nreplicates = 1000000000000000\n#",
+            "65536",
+        ),
+        (
+            "values = [0.02, 0.05]",
+            "linear = { from = 0.01, to = 0.02, count = 100000 }\n[[vary]]\nkey = \"integrator.lambda\"\n\
+             linear = { from = 2, to = 4, count = 100000 }",
+            "100000000 tasks",
+        ),
         ("unit = \"m/s2\"\n[measure]", "[measure]", "unit"),
     ] {
         assert!(good.contains(old), "{old}");
