@@ -1,6 +1,7 @@
 //! Merging of the result parts: the table, the summary and the report.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use serde_json::{Value, json};
 
@@ -24,6 +25,8 @@ use super::{CampaignError, at};
 use crate::catalog::ending::Cause;
 use crate::record::atomic;
 
+const SUMMARY: &str = "summary.json";
+const REPORT: &str = "report.html";
 /// Most chunks with missing tasks that a summary names.
 const MOST_NAMED: usize = 100;
 /// Most tests in the pictures. More tasks do not need more memory: pictures then show a random choice of this number.
@@ -75,7 +78,7 @@ pub fn collect(
     )?;
     let table = tables.finish(sheet.done == campaign.plan.tasks)?;
     let mut collected = Collected {
-        report: campaign.folder.join("report.html"),
+        report: campaign.folder.join(REPORT),
         tasks: campaign.plan.tasks,
         done: sheet.done,
         stopped: sheet.stopped,
@@ -90,12 +93,25 @@ pub fn collect(
         table,
     };
     collected.summary = summary(campaign, &collected, &columns, sheet.parts);
-    let path = campaign.folder.join("summary.json");
+    let path = campaign.folder.join(SUMMARY);
     let text = serde_json::to_string_pretty(&collected.summary).unwrap_or_default();
     atomic::write(&path, (text + "\n").as_bytes()).map_err(at(&path))?;
     let page = render(campaign, &collected, &sheet.shown);
     atomic::write(&collected.report, page.as_bytes()).map_err(at(&collected.report))?;
     Ok(collected)
+}
+
+/// Removes what killed collections and workers left. Files of those that run stay.
+fn remove_drafts(folder: &Path) -> Result<(), CampaignError> {
+    let parts = folder.join(super::part::FOLDER);
+    let is_table = |name: &str| name.starts_with("table.");
+    let is_result = |name: &str| is_table(name) || [SUMMARY, REPORT].contains(&name);
+    atomic::remove_abandoned(folder, is_result).map_err(at(folder))?;
+    if parts.exists() {
+        let is_part = |name: &str| name.ends_with(".part");
+        atomic::remove_abandoned(&parts, is_part).map_err(at(&parts))?;
+    }
+    Ok(())
 }
 
 /// Computes the chosen tasks of a chunk again, and returns their number.

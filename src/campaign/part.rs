@@ -15,7 +15,7 @@ use crate::record::atomic;
 /// First line of a part.
 const HEAD: &str = "gusset campaign part 1";
 /// Folder of the parts.
-const FOLDER: &str = "parts";
+pub(super) const FOLDER: &str = "parts";
 
 /// One line of a part.
 #[derive(Debug, Clone, PartialEq)]
