@@ -16,7 +16,7 @@ use super::part::{Lines, Parts, merge, names};
 use super::perform::{INVALID, Performed, why_invalid};
 use super::plan::Campaign;
 pub use super::prove::Prove;
-use super::prove::prove;
+use super::prove::{Choice, prove};
 use super::study::Study;
 use super::table::{Tables, cells, columns};
 use super::task::Task;
@@ -66,13 +66,15 @@ pub fn collect(
 ) -> Result<Collected, CampaignError> {
     let study = &campaign.study;
     let columns = columns(study);
+    remove_drafts(&campaign.folder)?;
+    let choice = wanted.drawn()?;
     let mut tables = Tables::create(&campaign.folder, &columns)?;
     let sheet = merged(
         campaign,
         &mut tables,
         &|lines| match stop() {
             true => Err(CampaignError::Stopped),
-            false => prove_some(campaign, wanted, lines, jobs, stop),
+            false => prove_some(campaign, choice, lines, jobs, stop),
         },
         progress,
     )?;
@@ -87,6 +89,7 @@ pub fn collect(
         open: sheet.open,
         damaged: sheet.damaged,
         proved: sheet.proved,
+        proof_seed: choice.seed,
         fragility: fragility(study, sheet.levels),
         largest: sheet.largest.into_iter().map(Leaders::into_all).collect(),
         summary: Value::Null,
@@ -117,14 +120,14 @@ fn remove_drafts(folder: &Path) -> Result<(), CampaignError> {
 /// Computes the chosen tasks of a chunk again, and returns their number.
 fn prove_some(
     campaign: &Campaign,
-    wanted: Prove,
+    choice: Choice,
     lines: &Lines,
     jobs: usize,
     stop: &Stop<'_>,
 ) -> Result<u64, CampaignError> {
     let chosen = lines
         .values()
-        .filter(|(line, _)| wanted.chooses(campaign, line.index));
+        .filter(|(line, _)| choice.has(line.index, campaign.plan.tasks));
     let chosen: Vec<_> = chosen.cloned().collect();
     prove(campaign, &chosen, jobs, stop)?;
     if stop() {
@@ -298,6 +301,7 @@ fn summary(
             "parts": parts,
             "damaged_parts": collected.damaged,
             "tasks_computed_again_with_equal_bits": collected.proved,
+            "prove_seed": collected.proof_seed,
         },
     })
 }

@@ -30,6 +30,8 @@ pub struct Collected {
     pub damaged: Vec<String>,
     /// Tasks that were computed again, with equal bits.
     pub proved: u64,
+    /// Seed of their choice.
+    pub proof_seed: u64,
     /// Counts of collapses with their curves, for the first points of the design.
     pub fragility: Vec<Collapses>,
     /// Tests with the largest values of each measure with pictures.

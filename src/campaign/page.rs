@@ -204,7 +204,10 @@ fn provenance(campaign: &Campaign, collected: &Collected) -> String {
         ),
         pair(
             "computed again with equal bits",
-            format!("{} tasks", collected.proved),
+            format!(
+                "{} tasks, chosen by --prove-seed {}",
+                collected.proved, collected.proof_seed
+            ),
         ),
     ];
     let files = plan.files.iter().take(MOST_FILES);

@@ -55,7 +55,7 @@ fn in_words(campaign: &Campaign) -> String {
 }
 
 fn run(args: &RunCampaignArgs) -> anyhow::Result<Exit> {
-    let prove = proof(&args.prove)?;
+    let prove = proof(&args.prove, args.prove_seed)?;
     let campaign = if args.study.is_dir() {
         if args.out.is_some() {
             let text = "--out is for a study, and this is a campaign folder";
@@ -194,13 +194,13 @@ fn submit(args: &SubmitArgs) -> anyhow::Result<Exit> {
 }
 
 fn collect(args: &CollectArgs) -> anyhow::Result<Exit> {
-    let prove = proof(&args.prove)?;
+    let prove = proof(&args.prove, args.prove_seed)?;
     let campaign = Campaign::open(&args.folder).map_err(told)?;
     conclude(&campaign, prove, processors(), args.json, &listen()?)
 }
 
-fn proof(text: &str) -> anyhow::Result<Prove> {
-    Prove::parse(text).ok_or_else(|| {
+fn proof(text: &str, seed: Option<u64>) -> anyhow::Result<Prove> {
+    Prove::parse(text, seed).ok_or_else(|| {
         let text =
             format!("--prove {text:?}: expected a number of tasks, or a share from 0% to 100%");
         WithExit(Exit::Usage, text).into()
@@ -260,8 +260,8 @@ fn found(collected: &Collected) -> String {
             collected.done, collected.tasks, collected.stopped, collected.invalid
         ),
         format!(
-            "proved   {} tasks computed again with equal bits",
-            collected.proved
+            "proved   {} tasks computed again with equal bits, chosen by --prove-seed {}",
+            collected.proved, collected.proof_seed
         ),
     ];
     if let Some(why) = &collected.invalid_example {

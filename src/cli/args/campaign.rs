@@ -71,6 +71,9 @@ pub(in crate::cli) struct RunCampaignArgs {
     /// Tasks that are computed again to prove the results: a number, or a share such as 1%.
     #[arg(long, value_name = "N|P%", default_value = "20")]
     pub prove: String,
+    /// Seed of the choice of these tasks, to repeat a proof [default: a new random number].
+    #[arg(long, value_name = "N")]
+    pub prove_seed: Option<u64>,
     /// Print the summary as JSON on stdout.
     #[arg(long)]
     pub json: bool,
@@ -141,6 +144,9 @@ pub(in crate::cli) struct CollectArgs {
     /// Tasks that are computed again to prove the results: a number, or a share such as 1%.
     #[arg(long, value_name = "N|P%", default_value = "20")]
     pub prove: String,
+    /// Seed of the choice of these tasks, to repeat a proof [default: a new random number].
+    #[arg(long, value_name = "N")]
+    pub prove_seed: Option<u64>,
     /// Print the summary as JSON on stdout.
     #[arg(long)]
     pub json: bool,
