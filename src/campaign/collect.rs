@@ -145,6 +145,7 @@ fn merged(
 ) -> Result<Sheet, CampaignError> {
     let (study, plan) = (&campaign.study, &campaign.plan);
     let mut found = names(&campaign.folder)?;
+    let own = plan.digest();
     let mut sheet = Sheet {
         largest: study
             .reported()
@@ -156,7 +157,8 @@ fn merged(
     for chunk in 1..=plan.chunks() {
         let paths = found.remove(&chunk).unwrap_or_default();
         sheet.parts += paths.len() as u64;
-        let Parts { lines, damaged } = merge(&paths, |index| campaign.identity(chunk, index))?;
+        let Parts { lines, damaged, .. } =
+            merge(&paths, &own, |index| campaign.identity(chunk, index))?;
         sheet.damaged.extend(damaged);
         let tasks = plan.chunk(chunk);
         if (lines.len() as u64) < tasks.end - tasks.start && sheet.open.len() < MOST_NAMED {

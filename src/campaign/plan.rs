@@ -52,6 +52,20 @@ impl Plan {
         self.tasks.div_ceil(self.tasks_per_chunk)
     }
 
+    /// Identity of the campaign: a digest of its files, its executable and its chunks. Each part repeats it.
+    #[must_use]
+    pub fn digest(&self) -> String {
+        let mut hasher = blake3::Hasher::new();
+        let files = self.files.iter().flat_map(|(name, digest)| [name, digest]);
+        for text in files.chain([&self.executable]) {
+            hasher.update(&(text.len() as u64).to_le_bytes());
+            hasher.update(text.as_bytes());
+        }
+        hasher.update(&self.tasks.to_le_bytes());
+        hasher.update(&self.tasks_per_chunk.to_le_bytes());
+        hasher.finalize().to_hex()[..32].to_owned()
+    }
+
     /// Tasks of chunk `chunk`, which counts from 1.
     #[must_use]
     pub fn chunk(&self, chunk: u64) -> std::ops::Range<u64> {

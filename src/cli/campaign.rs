@@ -297,6 +297,7 @@ fn status(args: &FolderArgs) -> anyhow::Result<Exit> {
             "chunks_done": status.chunks_done,
             "chunks_with_missing_tasks": status.open,
             "damaged_parts": status.damaged,
+            "foreign_parts": status.foreign,
             "task_s": status.plan.task_s,
         });
         answer(format_args!("{document:#}"))?;
@@ -310,6 +311,12 @@ fn status(args: &FolderArgs) -> anyhow::Result<Exit> {
         for name in &status.damaged {
             tell(format_args!(
                 "warning: {name} was cut short and does not count"
+            ));
+        }
+        for path in &status.foreign {
+            let path = path.display();
+            tell(format_args!(
+                "warning: {path} belongs to another campaign and does not count: remove it from the folder"
             ));
         }
     }
