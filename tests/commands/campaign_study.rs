@@ -139,6 +139,26 @@ mod parquet_table {
         assert_eq!(summary["columns"], columns);
     }
 
+    /// A spreadsheet would run a text that begins as a formula does.
+    #[test]
+    fn only_the_csv_table_marks_a_formula() {
+        let folder = folder(
+            "test = \"frame.toml\"\n[[records]]\nfolder = \"empty\"\nrecord_unit = \"m/s2\"\n",
+        );
+        for name in ["=1+2.csv", "@a.csv", "'b.csv", "c.csv"] {
+            fs::write(folder.path().join("empty").join(name), RECORD).unwrap();
+        }
+        let out = folder.path().join("out");
+        let more = ["--out", out.to_str().unwrap(), "--prove", "1"];
+        let said = command("run", folder.path(), &more);
+        assert_eq!(said.code, Some(0), "{}", said.stderr);
+        let names = column(&csv(&out.join("table.csv")), "record");
+        assert_eq!(names, ["''b.csv", "'=1+2.csv", "'@a.csv", "c.csv"]);
+        let (rows, _) = read(&out.join("table.parquet"));
+        let names = column(&rows, "record");
+        assert_eq!(names, ["'b.csv", "=1+2.csv", "@a.csv", "c.csv"]);
+    }
+
     #[test]
     fn equal_results_give_equal_bytes_and_missing_results_a_partial_file() {
         let folder = computed(EVERY_TYPE);

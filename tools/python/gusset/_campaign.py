@@ -142,7 +142,12 @@ class Campaign:
             raise FolderError(f"{path} is empty: `gusset campaign collect {self.folder}` writes it again") from None
         if any(len(row) != len(names) for row in rows):
             raise FolderError(f"{path} has rows with missing cells: `gusset campaign collect {self.folder}` writes it again")
-        series = [values(name, [row[place] for row in rows]) for place, name in enumerate(names)]
+        texts = {column["name"] for column in self.summary.get("columns", []) if column.get("type") == "text"}
+        series = []
+        for place, name in enumerate(names):
+            cells = [row[place] for row in rows]
+            # A text that a spreadsheet could run begins with an apostrophe that does not belong to it.
+            series.append(values(name, [cell.removeprefix("'") for cell in cells] if name in texts else cells))
         table = np.empty(len(rows), [(name, one.dtype) for name, one in zip(names, series)])
         for name, one in zip(names, series):
             table[name] = one
