@@ -11,9 +11,10 @@ pub use super::found::Collected;
 use super::found::Shown;
 use super::fragility::{Collapses, Fragility, Level};
 use super::largest::Leaders;
+use super::measure::End;
 use super::page::render;
 use super::part::{Lines, Parts, merge, names};
-use super::perform::{INVALID, Performed, why_invalid};
+use super::perform::{Performed, why_invalid};
 use super::plan::Campaign;
 pub use super::prove::Prove;
 use super::prove::{Choice, prove};
@@ -22,7 +23,6 @@ use super::table::{Tables, cells, columns};
 use super::task::Task;
 use super::work::Stop;
 use super::{CampaignError, at};
-use crate::catalog::ending::Cause;
 use crate::record::atomic;
 
 const SUMMARY: &str = "summary.json";
@@ -39,6 +39,9 @@ const MOST_POINTS: u64 = 20;
 struct Sheet {
     done: u64,
     stopped: u64,
+    collapsed: u64,
+    censored: u64,
+    redrawn: u64,
     invalid: u64,
     first_invalid: Option<u64>,
     open: Vec<u64>,
@@ -84,6 +87,9 @@ pub fn collect(
         tasks: campaign.plan.tasks,
         done: sheet.done,
         stopped: sheet.stopped,
+        collapsed: sheet.collapsed,
+        censored: sheet.censored,
+        redrawn: sheet.redrawn,
         invalid: sheet.invalid,
         invalid_example: sheet.first_invalid.and_then(|index| example(study, index)),
         open: sheet.open,
@@ -166,7 +172,7 @@ fn merged(
         }
         sheet.proved += prove(&lines)?;
         for (index, (line, _)) in &lines {
-            let task = Task::of(study, *index);
+            let task = Task::of(study, *index).attempted(study, line.result.attempt);
             tables.row(cells(study, &task, &line.result))?;
             sheet.count(campaign, &task, &line.result);
         }
@@ -180,16 +186,23 @@ impl Sheet {
     fn count(&mut self, campaign: &Campaign, task: &Task, result: &Performed) {
         let study = &campaign.study;
         let value = |place: usize| result.values.get(place).copied();
-        let is_done = result.ended == Cause::Done.word();
+        let end = result.end();
         self.done += 1;
-        if result.ended == INVALID {
+        if end == End::Invalid {
             self.invalid += 1;
             self.first_invalid.get_or_insert(task.index);
             return;
         }
-        self.stopped += u64::from(!is_done);
+        self.stopped += u64::from(end != End::Whole);
         let criterion = study.measure_at("collapse");
-        let collapsed = !is_done || criterion.and_then(value) == Some(1.0);
+        let collapsed = match (criterion.and_then(value), end) {
+            (Some(value), _) => (!value.is_nan()).then_some(value > 0.5),
+            (None, End::Stopped) => None,
+            (None, end) => Some(end == End::Diverged),
+        };
+        self.redrawn += u64::from(result.attempt > 0);
+        self.collapsed += u64::from(collapsed == Some(true));
+        self.censored += u64::from(collapsed.is_none());
         let level = task.motion.as_ref().and_then(|(_, level)| *level);
         if let (Some(level), Some(_)) = (level, criterion) {
             let point = study.point_of(task.index);
@@ -203,7 +216,7 @@ impl Sheet {
             .map(|place| value(place).unwrap_or(f64::NAN))
             .collect();
         for (leaders, value) in self.largest.iter_mut().zip(&values) {
-            leaders.take(task.index + 1, *value);
+            leaders.take(task.index + 1, result.attempt, *value);
         }
         let seed = study.loaded.study.campaign.seed;
         if is_among(seed, "shown", task.index, MOST_SHOWN, campaign.plan.tasks) {
@@ -211,25 +224,34 @@ impl Sheet {
                 index: task.index,
                 level,
                 collapsed,
+                end,
+                attempt: result.attempt,
                 values,
             });
         }
     }
 }
 
-fn count_at(levels: &mut Vec<Level>, level: f64, collapsed: bool) {
+fn count_at(levels: &mut Vec<Level>, level: f64, collapsed: Option<bool>) {
     let place = levels.binary_search_by(|known| known.level.total_cmp(&level));
     let place = place.unwrap_or_else(|place| {
         let new = Level {
             level,
             tests: 0.0,
             collapses: 0.0,
+            censored: 0.0,
         };
         levels.insert(place, new);
         place
     });
-    levels[place].tests += 1.0;
-    levels[place].collapses += f64::from(u8::from(collapsed));
+    let level = &mut levels[place];
+    match collapsed {
+        Some(collapsed) => {
+            level.tests += 1.0;
+            level.collapses += f64::from(u8::from(collapsed));
+        }
+        None => level.censored += 1.0,
+    }
 }
 
 /// Why the task `index` has no valid test.
@@ -288,6 +310,9 @@ fn summary(
         "missing": collected.tasks - collected.done,
         "chunks_with_missing_tasks": collected.open,
         "stopped": collected.stopped,
+        "collapsed": collected.collapsed,
+        "censored": collected.censored,
+        "redrawn": collected.redrawn,
         "invalid": collected.invalid,
         "invalid_example": collected.invalid_example,
         "table": table,

@@ -12,10 +12,12 @@ use serde::Serialize;
 pub struct Level {
     /// Intensity.
     pub level: f64,
-    /// Number of tests.
+    /// Number of tests that collapsed or came to their end.
     pub tests: f64,
     /// Number of collapses among them.
     pub collapses: f64,
+    /// Further tests that a limit or a fault stopped: whether the structure would have collapsed is not known.
+    pub censored: f64,
 }
 
 /// Counts of collapses at one point of the design, and the curve through them.
@@ -180,6 +182,7 @@ mod tests {
                     level,
                     tests: 20.0,
                     collapses: 20.0 * p,
+                    censored: 0.0,
                 }
             })
             .collect();
@@ -201,6 +204,7 @@ mod tests {
                 level: 0.2 * f64::from(i),
                 tests: 20.0,
                 collapses,
+                censored: 0.0,
             })
             .collect();
         let fit = Fragility::fit(&levels).unwrap();
@@ -219,6 +223,7 @@ mod tests {
             level,
             tests: 20.0,
             collapses,
+            censored: 0.0,
         };
         assert_eq!(Fragility::fit(&[level(0.5, 0.0), level(1.0, 20.0)]), None);
         assert_eq!(Fragility::fit(&[level(0.5, 0.0), level(1.0, 0.0)]), None);

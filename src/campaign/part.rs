@@ -58,9 +58,14 @@ pub(super) fn write(
             .iter()
             .map(|v| format!("{:016x}", v.to_bits()));
         let bits: Vec<String> = bits.collect();
-        let (index, identity, ended) = (line.index, &line.identity, &line.result.ended);
+        let (index, identity) = (line.index, &line.identity);
+        let (ended, attempt) = (&line.result.ended, line.result.attempt);
         // Writing to a string does not fail.
-        let _ = writeln!(text, "{index}\t{identity}\t{ended}\t{}", bits.join(","));
+        let _ = writeln!(
+            text,
+            "{index}\t{identity}\t{ended}\t{attempt}\t{}",
+            bits.join(",")
+        );
     }
     let digest = blake3::hash(text.as_bytes()).to_hex();
     let _ = writeln!(text, "end\t{digest}");
@@ -86,7 +91,8 @@ fn read(text: &str) -> Option<(&str, Vec<Line>)> {
 fn line(text: &str) -> Option<Line> {
     let mut cells = text.split('\t');
     let mut next = || cells.next();
-    let (index, identity, ended, bits) = (next()?, next()?, next()?, next()?);
+    let (index, identity, ended) = (next()?, next()?, next()?);
+    let (attempt, bits) = (next()?.parse().ok()?, next()?);
     let values = bits.split(',').filter(|bits| !bits.is_empty());
     let values: Option<Vec<f64>> = values
         .map(|bits| Some(f64::from_bits(u64::from_str_radix(bits, 16).ok()?)))
@@ -96,6 +102,7 @@ fn line(text: &str) -> Option<Line> {
         identity: identity.to_owned(),
         result: Performed {
             ended: ended.to_owned(),
+            attempt,
             values: values?,
         },
     })
@@ -203,6 +210,7 @@ mod tests {
             identity: "ab".to_owned(),
             result: Performed {
                 ended: "done".to_owned(),
+                attempt: 2,
                 values: vec![value, f64::NAN, -0.0],
             },
         }

@@ -256,8 +256,12 @@ fn found(collected: &Collected) -> String {
         format!("table    {}", collected.table.display()),
         format!("report   {}", collected.report.display()),
         format!(
-            "tests    {} of {}; stopped before the end: {}; without a valid test: {}",
-            collected.done, collected.tasks, collected.stopped, collected.invalid
+            "tests    {} of {}; collapsed: {}; stopped by a limit or fault: {}; without a valid test: {}",
+            collected.done,
+            collected.tasks,
+            collected.collapsed,
+            collected.censored,
+            collected.invalid
         ),
         format!(
             "proved   {} tasks computed again with equal bits, chosen by --prove-seed {}",
@@ -266,6 +270,12 @@ fn found(collected: &Collected) -> String {
     ];
     if let Some(why) = &collected.invalid_example {
         lines.push(format!("invalid  {why}"));
+    }
+    if collected.redrawn > 0 {
+        lines.push(format!(
+            "drawn    numbers of {} tests were drawn again: the test file must not have the first ones",
+            collected.redrawn
+        ));
     }
     for one in &collected.fragility {
         let of = match one.point.as_str() {

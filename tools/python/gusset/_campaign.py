@@ -51,7 +51,8 @@ class Fragility:
         intensity: The measure of intensity in words.
         unit: Unit of the intensity.
         levels: Levels of intensity, shape (k,), in `unit`.
-        tests: Number of tests at each level, shape (k,).
+        tests: Number of tests at each level that collapsed or came to their end, shape (k,). A test that a limit or a fault
+            stopped before is not counted.
         collapses: Number of collapses among them, shape (k,).
     """
 
