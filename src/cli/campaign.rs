@@ -287,7 +287,9 @@ fn found(collected: &Collected) -> String {
                 "collapse median {:.4}, dispersion {:.4}{of}",
                 fit.median, fit.dispersion
             ),
-            None => format!("collapse the counts do not determine a fragility curve{of}"),
+            None => format!(
+                "collapse median not determined: use more levels between no collapse and all{of}"
+            ),
         });
     }
     lines.join("\n")
