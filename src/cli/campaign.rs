@@ -243,8 +243,19 @@ fn conclude(
         let missing = collected.tasks - collected.done;
         let folder = campaign.folder.display();
         tell(format_args!(
-            "PARTIAL: {missing} of {} tasks have no result. `gusset campaign run {folder}` computes them",
-            collected.tasks
+            "PARTIAL: {missing} of {} tasks have no result{}. `gusset campaign run {folder}` computes them",
+            collected.tasks,
+            match collected.invalid {
+                0 => String::new(),
+                invalid => format!(", and {invalid} have no valid test"),
+            }
+        ));
+        return Ok(Exit::Stopped);
+    }
+    if collected.invalid > 0 {
+        tell(format_args!(
+            "INVALID: {} of {} tasks have no valid test. The table has `invalid` in their column `ended`",
+            collected.invalid, collected.tasks
         ));
         return Ok(Exit::Stopped);
     }
@@ -315,8 +326,9 @@ fn status(args: &FolderArgs) -> anyhow::Result<Exit> {
         answer(format_args!("{document:#}"))?;
     } else {
         answer(format_args!(
-            "{} of {tasks} tasks are done, {} of {chunks} chunks; about {} of one core left",
+            "{} of {tasks} tasks are done, {} of them without a valid test, {} of {chunks} chunks; about {} of one core left",
             status.done,
+            status.invalid,
             status.chunks_done,
             duration(missing as f64 * status.plan.task_s)
         ))?;
