@@ -234,6 +234,10 @@ fn check_records(at: &KeyPath, records: &RecordsTable, findings: &mut Vec<Findin
         let text = "`records` needs exactly one of `folder`, `files` and `synthetic`";
         findings.push(Finding::error(at.clone(), text));
     }
+    if records.pattern.is_some() && records.folder.is_none() {
+        let finding = Finding::error(at.key("pattern"), "`pattern` needs `folder`");
+        findings.push(finding.at_key());
+    }
     if records.files.as_ref().is_some_and(Vec::is_empty) {
         findings.push(Finding::error(at.key("files"), "`files` names no record"));
     }

@@ -187,6 +187,9 @@ pub struct RecordsTable {
     /// Folder of records, relative to the study. All files that are not hidden are read, in the order of their names.
     #[schemars(example = &"records")]
     pub folder: Option<String>,
+    /// Names of the files of `folder` that are read: `*` fits any letters, `?` one letter. Upper and lower case are alike.
+    #[schemars(example = &"*.AT2")]
+    pub pattern: Option<String>,
     /// Records, relative to the study.
     #[schemars(example = ["elcentro.at2", "kobe.at2"])]
     pub files: Option<Vec<String>>,
