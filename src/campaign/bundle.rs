@@ -81,9 +81,10 @@ impl FromStr for Chunks {
 pub(super) fn open(campaign: &Campaign) -> Result<Vec<u64>, CampaignError> {
     let mut found = names(&campaign.folder)?;
     let mut open = Vec::new();
+    let own = campaign.plan.digest();
     for chunk in 1..=campaign.plan.chunks() {
         let paths = found.remove(&chunk).unwrap_or_default();
-        let parts = merge(&paths, |index| campaign.identity(chunk, index))?;
+        let parts = merge(&paths, &own, |index| campaign.identity(chunk, index))?;
         let mut tasks = campaign.plan.chunk(chunk);
         if tasks.any(|index| !parts.lines.contains_key(&index)) {
             open.push(chunk);

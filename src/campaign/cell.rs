@@ -1,5 +1,7 @@
 //! Columns and values of the table, each with its kind.
 
+use std::borrow::Cow;
+
 use serde::Serialize;
 
 use crate::config::Scalar;
@@ -71,8 +73,17 @@ impl Cell {
             Self::Missing => String::new(),
             Self::Integer(value) => value.to_string(),
             Self::Number(value) => format!("{value:?}"),
-            Self::Text(text) => quoted(text),
+            Self::Text(text) => quoted(&inert(text)),
         }
+    }
+}
+
+/// A text that a spreadsheet does not run. One that begins as a formula does gets an apostrophe, and so does one with an
+/// apostrophe: a reader removes the first apostrophe of each text.
+fn inert(text: &str) -> Cow<'_, str> {
+    match text.starts_with(['=', '+', '-', '@', '\t', '\r', '\'']) {
+        true => Cow::Owned(format!("'{text}")),
+        false => Cow::Borrowed(text),
     }
 }
 
@@ -82,5 +93,31 @@ pub(super) fn quoted(text: &str) -> String {
         format!("\"{}\"", text.replace('"', "\"\""))
     } else {
         text.to_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_text_is_no_formula_of_a_spreadsheet() {
+        let csv = |text: &str| Cell::Text(text.to_owned()).csv();
+        for (text, written) in [
+            ("=1+2", "'=1+2"),
+            ("+1", "'+1"),
+            ("-1", "'-1"),
+            ("@a", "'@a"),
+            ("'a", "''a"),
+            ("\t=a", "'\t=a"),
+            ("=a,\"b\"", "\"'=a,\"\"b\"\"\""),
+            ("a=b", "a=b"),
+            ("", ""),
+        ] {
+            assert_eq!(csv(text), written);
+        }
+        // Numbers stay numbers.
+        assert_eq!(Cell::Integer(-1).csv(), "-1");
+        assert_eq!(Cell::Number(-0.5).csv(), "-0.5");
     }
 }

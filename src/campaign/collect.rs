@@ -1,6 +1,7 @@
 //! Merging of the result parts: the table, the summary and the report.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use serde_json::{Value, json};
 
@@ -10,20 +11,22 @@ pub use super::found::Collected;
 use super::found::Shown;
 use super::fragility::{Collapses, Fragility, Level};
 use super::largest::Leaders;
+use super::measure::End;
 use super::page::render;
 use super::part::{Lines, Parts, merge, names};
-use super::perform::{INVALID, Performed, why_invalid};
+use super::perform::{Performed, why_invalid};
 use super::plan::Campaign;
 pub use super::prove::Prove;
-use super::prove::prove;
+use super::prove::{Choice, prove};
 use super::study::Study;
 use super::table::{Tables, cells, columns};
 use super::task::Task;
 use super::work::Stop;
 use super::{CampaignError, at};
-use crate::catalog::ending::Cause;
 use crate::record::atomic;
 
+const SUMMARY: &str = "summary.json";
+const REPORT: &str = "report.html";
 /// Most chunks with missing tasks that a summary names.
 const MOST_NAMED: usize = 100;
 /// Most tests in the pictures. More tasks do not need more memory: pictures then show a random choice of this number.
@@ -36,6 +39,9 @@ const MOST_POINTS: u64 = 20;
 struct Sheet {
     done: u64,
     stopped: u64,
+    collapsed: u64,
+    censored: u64,
+    redrawn: u64,
     invalid: u64,
     first_invalid: Option<u64>,
     open: Vec<u64>,
@@ -63,34 +69,40 @@ pub fn collect(
 ) -> Result<Collected, CampaignError> {
     let study = &campaign.study;
     let columns = columns(study);
+    remove_drafts(&campaign.folder)?;
+    let choice = wanted.drawn()?;
     let mut tables = Tables::create(&campaign.folder, &columns)?;
     let sheet = merged(
         campaign,
         &mut tables,
         &|lines| match stop() {
             true => Err(CampaignError::Stopped),
-            false => prove_some(campaign, wanted, lines, jobs, stop),
+            false => prove_some(campaign, choice, lines, jobs, stop),
         },
         progress,
     )?;
     let table = tables.finish(sheet.done == campaign.plan.tasks)?;
     let mut collected = Collected {
-        report: campaign.folder.join("report.html"),
+        report: campaign.folder.join(REPORT),
         tasks: campaign.plan.tasks,
         done: sheet.done,
         stopped: sheet.stopped,
+        collapsed: sheet.collapsed,
+        censored: sheet.censored,
+        redrawn: sheet.redrawn,
         invalid: sheet.invalid,
         invalid_example: sheet.first_invalid.and_then(|index| example(study, index)),
         open: sheet.open,
         damaged: sheet.damaged,
         proved: sheet.proved,
+        proof_seed: choice.seed,
         fragility: fragility(study, sheet.levels),
         largest: sheet.largest.into_iter().map(Leaders::into_all).collect(),
         summary: Value::Null,
         table,
     };
     collected.summary = summary(campaign, &collected, &columns, sheet.parts);
-    let path = campaign.folder.join("summary.json");
+    let path = campaign.folder.join(SUMMARY);
     let text = serde_json::to_string_pretty(&collected.summary).unwrap_or_default();
     atomic::write(&path, (text + "\n").as_bytes()).map_err(at(&path))?;
     let page = render(campaign, &collected, &sheet.shown);
@@ -98,17 +110,30 @@ pub fn collect(
     Ok(collected)
 }
 
+/// Removes what killed collections and workers left. Files of those that run stay.
+fn remove_drafts(folder: &Path) -> Result<(), CampaignError> {
+    let parts = folder.join(super::part::FOLDER);
+    let is_table = |name: &str| name.starts_with("table.");
+    let is_result = |name: &str| is_table(name) || [SUMMARY, REPORT].contains(&name);
+    atomic::remove_abandoned(folder, is_result).map_err(at(folder))?;
+    if parts.exists() {
+        let is_part = |name: &str| name.ends_with(".part");
+        atomic::remove_abandoned(&parts, is_part).map_err(at(&parts))?;
+    }
+    Ok(())
+}
+
 /// Computes the chosen tasks of a chunk again, and returns their number.
 fn prove_some(
     campaign: &Campaign,
-    wanted: Prove,
+    choice: Choice,
     lines: &Lines,
     jobs: usize,
     stop: &Stop<'_>,
 ) -> Result<u64, CampaignError> {
     let chosen = lines
         .values()
-        .filter(|(line, _)| wanted.chooses(campaign, line.index));
+        .filter(|(line, _)| choice.has(line.index, campaign.plan.tasks));
     let chosen: Vec<_> = chosen.cloned().collect();
     prove(campaign, &chosen, jobs, stop)?;
     if stop() {
@@ -126,6 +151,7 @@ fn merged(
 ) -> Result<Sheet, CampaignError> {
     let (study, plan) = (&campaign.study, &campaign.plan);
     let mut found = names(&campaign.folder)?;
+    let own = plan.digest();
     let mut sheet = Sheet {
         largest: study
             .reported()
@@ -137,7 +163,8 @@ fn merged(
     for chunk in 1..=plan.chunks() {
         let paths = found.remove(&chunk).unwrap_or_default();
         sheet.parts += paths.len() as u64;
-        let Parts { lines, damaged } = merge(&paths, |index| campaign.identity(chunk, index))?;
+        let Parts { lines, damaged, .. } =
+            merge(&paths, &own, |index| campaign.identity(chunk, index))?;
         sheet.damaged.extend(damaged);
         let tasks = plan.chunk(chunk);
         if (lines.len() as u64) < tasks.end - tasks.start && sheet.open.len() < MOST_NAMED {
@@ -145,7 +172,7 @@ fn merged(
         }
         sheet.proved += prove(&lines)?;
         for (index, (line, _)) in &lines {
-            let task = Task::of(study, *index);
+            let task = Task::of(study, *index).attempted(study, line.result.attempt);
             tables.row(cells(study, &task, &line.result))?;
             sheet.count(campaign, &task, &line.result);
         }
@@ -159,16 +186,23 @@ impl Sheet {
     fn count(&mut self, campaign: &Campaign, task: &Task, result: &Performed) {
         let study = &campaign.study;
         let value = |place: usize| result.values.get(place).copied();
-        let is_done = result.ended == Cause::Done.word();
+        let end = result.end();
         self.done += 1;
-        if result.ended == INVALID {
+        if end == End::Invalid {
             self.invalid += 1;
             self.first_invalid.get_or_insert(task.index);
             return;
         }
-        self.stopped += u64::from(!is_done);
+        self.stopped += u64::from(end != End::Whole);
         let criterion = study.measure_at("collapse");
-        let collapsed = !is_done || criterion.and_then(value) == Some(1.0);
+        let collapsed = match (criterion.and_then(value), end) {
+            (Some(value), _) => (!value.is_nan()).then_some(value > 0.5),
+            (None, End::Stopped) => None,
+            (None, end) => Some(end == End::Diverged),
+        };
+        self.redrawn += u64::from(result.attempt > 0);
+        self.collapsed += u64::from(collapsed == Some(true));
+        self.censored += u64::from(collapsed.is_none());
         let level = task.motion.as_ref().and_then(|(_, level)| *level);
         if let (Some(level), Some(_)) = (level, criterion) {
             let point = study.point_of(task.index);
@@ -182,7 +216,7 @@ impl Sheet {
             .map(|place| value(place).unwrap_or(f64::NAN))
             .collect();
         for (leaders, value) in self.largest.iter_mut().zip(&values) {
-            leaders.take(task.index + 1, *value);
+            leaders.take(task.index + 1, result.attempt, *value);
         }
         let seed = study.loaded.study.campaign.seed;
         if is_among(seed, "shown", task.index, MOST_SHOWN, campaign.plan.tasks) {
@@ -190,25 +224,34 @@ impl Sheet {
                 index: task.index,
                 level,
                 collapsed,
+                end,
+                attempt: result.attempt,
                 values,
             });
         }
     }
 }
 
-fn count_at(levels: &mut Vec<Level>, level: f64, collapsed: bool) {
+fn count_at(levels: &mut Vec<Level>, level: f64, collapsed: Option<bool>) {
     let place = levels.binary_search_by(|known| known.level.total_cmp(&level));
     let place = place.unwrap_or_else(|place| {
         let new = Level {
             level,
             tests: 0.0,
             collapses: 0.0,
+            censored: 0.0,
         };
         levels.insert(place, new);
         place
     });
-    levels[place].tests += 1.0;
-    levels[place].collapses += f64::from(u8::from(collapsed));
+    let level = &mut levels[place];
+    match collapsed {
+        Some(collapsed) => {
+            level.tests += 1.0;
+            level.collapses += f64::from(u8::from(collapsed));
+        }
+        None => level.censored += 1.0,
+    }
 }
 
 /// Why the task `index` has no valid test.
@@ -267,6 +310,9 @@ fn summary(
         "missing": collected.tasks - collected.done,
         "chunks_with_missing_tasks": collected.open,
         "stopped": collected.stopped,
+        "collapsed": collected.collapsed,
+        "censored": collected.censored,
+        "redrawn": collected.redrawn,
         "invalid": collected.invalid,
         "invalid_example": collected.invalid_example,
         "table": table,
@@ -282,6 +328,7 @@ fn summary(
             "parts": parts,
             "damaged_parts": collected.damaged,
             "tasks_computed_again_with_equal_bits": collected.proved,
+            "prove_seed": collected.proof_seed,
         },
     })
 }

@@ -89,6 +89,11 @@ impl Draws {
     }
 }
 
+/// Draw `number` of the standard normal distribution for `key` that replaces an impossible one; independent of the sampling.
+pub(super) fn again(seed: u64, key: &str, number: u64, attempt: u64) -> f64 {
+    quantile(uniform(seed, &format!("{key} again {attempt}"), number))
+}
+
 /// Rounds of the permutation. A small range has few bits, and needs more rounds than a large one.
 const ROUNDS: u64 = 12;
 

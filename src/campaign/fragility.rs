@@ -12,10 +12,12 @@ use serde::Serialize;
 pub struct Level {
     /// Intensity.
     pub level: f64,
-    /// Number of tests.
+    /// Number of tests that collapsed or came to their end.
     pub tests: f64,
     /// Number of collapses among them.
     pub collapses: f64,
+    /// Further tests that a limit or a fault stopped: whether the structure would have collapsed is not known.
+    pub censored: f64,
 }
 
 /// Counts of collapses at one point of the design, and the curve through them.
@@ -58,12 +60,13 @@ impl Fragility {
             .copied()
             .filter(|one| one.level > 0.0 && one.tests > 0.0)
             .collect();
-        let is_mixed = |one: &&Level| one.collapses > 0.0 && one.collapses < one.tests;
-        let has = |of: &dyn Fn(&Level) -> bool| levels.iter().any(of);
-        if !has(&|one| one.collapses > 0.0) || !has(&|one| one.collapses < one.tests) {
-            return None;
-        }
-        if levels.iter().filter(is_mixed).count() == 0 || levels.len() < 2 {
+        // A maximum exists only if some structure collapsed at a lower level than another one survived. Otherwise the likelihood
+        // rises with the slope without end (Albert and Anderson 1984, Biometrika 71, 1–10).
+        let collapsed = levels.iter().filter(|one| one.collapses > 0.0);
+        let survived = levels.iter().filter(|one| one.collapses < one.tests);
+        let first = collapsed.map(|one| one.level).fold(f64::INFINITY, f64::min);
+        let last = survived.map(|one| one.level).fold(0.0, f64::max);
+        if first >= last {
             return None;
         }
         let middle =
@@ -93,6 +96,10 @@ impl Fragility {
         }
         let (_, [aa, ab, bb]) = scoring(&levels, at)?;
         let (da, db) = (-1.0 / b, a / (b * b));
+        // The counts do not tell such a slope from zero.
+        if bb.sqrt() >= b {
+            return None;
+        }
         Some(Self {
             median: libm::exp(-a / b),
             dispersion: 1.0 / b,
@@ -180,6 +187,7 @@ mod tests {
                     level,
                     tests: 20.0,
                     collapses: 20.0 * p,
+                    censored: 0.0,
                 }
             })
             .collect();
@@ -201,6 +209,7 @@ mod tests {
                 level: 0.2 * f64::from(i),
                 tests: 20.0,
                 collapses,
+                censored: 0.0,
             })
             .collect();
         let fit = Fragility::fit(&levels).unwrap();
@@ -219,9 +228,20 @@ mod tests {
             level,
             tests: 20.0,
             collapses,
+            censored: 0.0,
         };
         assert_eq!(Fragility::fit(&[level(0.5, 0.0), level(1.0, 20.0)]), None);
         assert_eq!(Fragility::fit(&[level(0.5, 0.0), level(1.0, 0.0)]), None);
         assert_eq!(Fragility::fit(&[]), None);
+        // One mixed level is fitted by every slope.
+        let one_mixed = [level(0.5, 0.0), level(1.0, 7.0), level(1.5, 20.0)];
+        assert_eq!(Fragility::fit(&one_mixed), None);
+        assert_eq!(Fragility::fit(&one_mixed[..2]), None);
+        // As many collapses at each level: there is a maximum, but it determines nothing.
+        let flat = [level(0.5, 7.0), level(1.0, 6.0), level(1.5, 7.0)];
+        assert_eq!(Fragility::fit(&flat), None);
+        // Two mixed levels have a curve.
+        let two = [level(0.5, 3.0), level(1.0, 12.0), level(1.5, 20.0)];
+        assert!(Fragility::fit(&two).is_some_and(|fit| fit.dispersion_error < fit.dispersion));
     }
 }

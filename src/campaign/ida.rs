@@ -5,10 +5,14 @@ use std::collections::BTreeMap;
 use super::drawing::{curve, headed, of, picture, scale, short};
 use super::found::Shown;
 use super::fractile::{SHARES, fractile};
-use super::measure::Measure;
+use super::measure::{End, Measure};
 use super::study::Study;
 use crate::view::report::{Look, Scale, note, table};
 
+/// Edge of a picture with a criterion of collapse, as a multiple of its value.
+const FARTHEST: f64 = 4.0;
+/// Below every value, and finite: differences of it and of values are finite, too.
+const LEAST: f64 = -1e300;
 /// Most tests whose single curves are drawn.
 const MOST_SINGLE: usize = 5000;
 
@@ -26,9 +30,11 @@ pub(super) fn ida(study: &Study, measure: &Measure, place: usize, shown: &[Shown
     let finite: Vec<f64> = finite.chain(criterion.map(|one| one.above)).collect();
     let low = finite.iter().copied().fold(0.0, f64::min);
     let high = finite.iter().copied().fold(0.0, f64::max);
-    let edge = high + 0.08 * (high - low);
+    // Values near a collapse may be many times the others. A curve ends at the edge.
+    let most = criterion.map_or(f64::INFINITY, |one| FARTHEST * one.above.abs());
+    let edge = (high + 0.08 * (high - low)).min(most);
     let (x, y) = single(study, place, shown, edge);
-    let rows = at_levels(&levels, place, shown);
+    let rows = at_levels(&levels, place, measure.grows(), shown);
     let lines = [0, 1, 2].map(|share| flat(&levels, &rows, share, edge));
     let mut curves = vec![curve("single motions", &x, &y, Look::Faint)];
     let names = SHARES.map(|share| format!("{:.0} % fractile", 100.0 * share));
@@ -62,15 +68,19 @@ struct Row {
     level: f64,
     fractiles: [f64; SHARES.len()],
     collapsed: usize,
+    /// Tests that a limit or a fault stopped.
+    stopped: usize,
     tests: usize,
 }
 
 fn explained(rows: &[Row]) -> String {
     let mut text =
-        "The fractiles are those of the measure at each intensity, over all tests.".to_owned();
-    if rows.iter().any(|row| row.collapsed > 0) {
-        text += " A collapsed structure counts as an infinite value. A curve becomes flat at its highest intensity without \
-                 collapse.";
+        "The fractiles are those of the measure at each intensity, over all tests. A test that diverged counts as an infinite value: \
+         a curve becomes flat at its highest intensity with a finite value."
+            .to_owned();
+    if rows.iter().any(|row| row.stopped > 0) {
+        text += " A limit or a fault stopped some tests: their values are not known. Their curves end before, and a fractile that \
+                 depends on them is not shown.";
     }
     note(&text)
 }
@@ -80,23 +90,42 @@ fn listed(measure: &Measure, unit: &str, rows: &[Row]) -> String {
         let mut cells = vec![short(row.level)];
         cells.extend(row.fractiles.map(short));
         cells.push(format!("{} of {}", row.collapsed, row.tests));
+        cells.push(format!("{} of {}", row.stopped, row.tests));
         cells
     });
     let cells: Vec<Vec<String>> = cells.collect();
     let mut heads = vec![headed("intensity", unit)];
     heads.extend(SHARES.map(|share| headed(&format!("{:.0} %", 100.0 * share), &measure.unit)));
-    heads.push("collapsed".to_owned());
+    heads.extend(["collapsed", "stopped"].map(str::to_owned));
     let heads: Vec<&str> = heads.iter().map(String::as_str).collect();
     table(&heads, &cells)
 }
 
-/// The value of a test: infinite if the structure has collapsed.
+/// The value of a test: infinite if the response diverged, and no number if something else stopped the test.
 fn value(one: &Shown, place: usize) -> f64 {
-    if one.collapsed {
-        f64::INFINITY
-    } else {
-        one.values[place]
+    match one.end {
+        End::Diverged => f64::INFINITY,
+        End::Whole => one.values[place],
+        End::Stopped | End::Invalid => f64::NAN,
     }
+}
+
+/// The fractiles of a level. One that depends on the values of stopped tests is not a number: they are between the value at their end
+/// (if the measure `grows`) and infinity.
+fn fractiles(tests: &[&Shown], place: usize, grows: bool) -> [f64; SHARES.len()] {
+    let values = |of_stopped: &dyn Fn(&Shown) -> f64| -> Vec<f64> {
+        let one = |test: &&Shown| match test.end {
+            End::Stopped => of_stopped(test),
+            _ => value(test, place),
+        };
+        tests.iter().map(one).collect()
+    };
+    let least = values(&|test| if grows { test.values[place] } else { LEAST });
+    let most = values(&|_| f64::INFINITY);
+    SHARES.map(|share| {
+        let [least, most] = [&least, &most].map(|all| fractile(all, share).unwrap_or(f64::NAN));
+        if least == most { least } else { f64::NAN }
+    })
 }
 
 /// The point of the design, the motion and the draw of a test: tests that differ in their level only are one curve.
@@ -145,7 +174,8 @@ fn flat(levels: &[f64], rows: &[Row], share: usize, edge: f64) -> (Vec<f64>, Vec
     flattened(levels, &values, edge)
 }
 
-/// Points of a curve over rising levels. It goes flat to `edge` where the values become infinite, and ends there.
+/// Points of a curve over rising levels. It goes flat to `edge` where the values become infinite, and ends there. A value that is not
+/// known leaves a gap.
 fn flattened(levels: &[f64], values: &[f64], edge: f64) -> (Vec<f64>, Vec<f64>) {
     let (mut x, mut y) = (Vec::new(), Vec::new());
     for (level, value) in levels.iter().zip(values) {
@@ -163,21 +193,22 @@ fn flattened(levels: &[f64], values: &[f64], edge: f64) -> (Vec<f64>, Vec<f64>) 
 }
 
 /// The fractiles at each of the levels.
-fn at_levels(levels: &[f64], place: usize, shown: &[Shown]) -> Vec<Row> {
-    let mut values: BTreeMap<u64, Vec<f64>> = BTreeMap::new();
+fn at_levels(levels: &[f64], place: usize, grows: bool, shown: &[Shown]) -> Vec<Row> {
+    let mut tests: BTreeMap<u64, Vec<&Shown>> = BTreeMap::new();
     for one in shown {
         if let Some(level) = one.level {
-            let of_level = values.entry(level.to_bits()).or_default();
-            of_level.push(value(one, place));
+            tests.entry(level.to_bits()).or_default().push(one);
         }
     }
     let row = |level: &f64| {
-        let values = values.remove(&level.to_bits()).unwrap_or_default();
+        let tests = tests.remove(&level.to_bits()).unwrap_or_default();
+        let count = |of: &dyn Fn(&Shown) -> bool| tests.iter().filter(|one| of(one)).count();
         Row {
             level: *level,
-            fractiles: SHARES.map(|share| fractile(&values, share).unwrap_or(f64::NAN)),
-            collapsed: values.iter().filter(|value| value.is_infinite()).count(),
-            tests: values.len(),
+            fractiles: fractiles(&tests, place, grows),
+            collapsed: count(&|one| one.collapsed == Some(true)),
+            stopped: count(&|one| one.end == End::Stopped),
+            tests: tests.len(),
         }
     };
     levels.iter().map(row).collect()
@@ -197,20 +228,48 @@ mod tests {
         assert_eq!(flattened(&[1.0], &[0.2], 0.5), (vec![0.2], vec![1.0]));
     }
 
-    #[test]
-    fn fractiles_of_a_level_count_a_collapse_as_infinite() {
-        let shown: Vec<Shown> = (0..10)
-            .map(|index| Shown {
+    /// Ten tests at each of two levels; `end` of the last ones.
+    fn tests(last: usize, end: End) -> Vec<Shown> {
+        let all = 0..20;
+        all.map(|index: u64| {
+            let is_last = index as usize >= 20 - last;
+            Shown {
                 index,
-                level: Some(if index < 5 { 0.5 } else { 1.0 }),
-                collapsed: index >= 7,
+                level: Some(if index < 10 { 0.5 } else { 1.0 }),
+                collapsed: Some(index >= 15),
+                end: if is_last { end } else { End::Whole },
+                attempt: 0,
                 values: vec![index as f64],
-            })
-            .collect();
-        let rows = at_levels(&[0.5, 1.0], 0, &shown);
-        assert_eq!(rows[0].fractiles[1], 2.0);
-        assert_eq!((rows[0].collapsed, rows[0].tests), (0, 5));
-        assert_eq!(rows[1].fractiles[1], f64::INFINITY);
-        assert_eq!((rows[1].collapsed, rows[1].tests), (3, 5));
+            }
+        })
+        .collect()
+    }
+
+    #[test]
+    fn values_above_the_criterion_stay_finite() {
+        let rows = at_levels(&[0.5, 1.0], 0, true, &tests(0, End::Whole));
+        assert_eq!((rows[0].fractiles[1], rows[0].collapsed), (4.5, 0));
+        // Half of them are above the criterion, and the median is still that of the values.
+        assert_eq!((rows[1].fractiles[1], rows[1].collapsed), (14.5, 5));
+        let diverged = at_levels(&[1.0], 0, true, &tests(6, End::Diverged));
+        assert_eq!(diverged[0].fractiles[1], f64::INFINITY);
+        assert_eq!(diverged[0].stopped, 0);
+    }
+
+    #[test]
+    fn a_stopped_test_leaves_what_it_cannot_change() {
+        // The last two values are 18 and 19, or more.
+        let rows = at_levels(&[1.0], 0, true, &tests(2, End::Stopped));
+        let [low, middle, high] = rows[0].fractiles;
+        assert!((low - 11.44).abs() < 1e-12 && middle == 14.5 && high.is_nan());
+        assert_eq!(rows[0].stopped, 2);
+        let rows = at_levels(&[1.0], 0, true, &tests(6, End::Stopped));
+        assert!(rows[0].fractiles[1].is_nan() && rows[0].fractiles[0] == low);
+        // A residual says nothing about its later value.
+        let rows = at_levels(&[1.0], 0, false, &tests(2, End::Stopped));
+        assert!(rows[0].fractiles.iter().all(|value| value.is_nan()));
+        let value = f64::NAN;
+        let (x, y) = flattened(&[1.0, 2.0], &[0.1, value], 0.5);
+        assert!(x[1].is_nan() && y == [1.0, 2.0]);
     }
 }

@@ -16,6 +16,9 @@ const NAMED: usize = 5;
 pub struct Largest {
     /// Number of the task, from 1.
     pub task: u64,
+    /// Draws before that of the test.
+    #[serde(skip)]
+    pub attempt: u64,
     /// The value, SI.
     pub value: f64,
 }
@@ -26,7 +29,7 @@ pub(super) struct Leaders(Vec<Largest>);
 
 impl Leaders {
     /// Keeps a value if it is among the largest. Of equal values the earlier task stays before the later one.
-    pub fn take(&mut self, task: u64, value: f64) {
+    pub fn take(&mut self, task: u64, attempt: u64, value: f64) {
         if !value.is_finite() {
             return;
         }
@@ -35,7 +38,12 @@ impl Leaders {
             .partition_point(|known| known.value.abs() >= value.abs());
         if place < NAMED {
             self.0.truncate(NAMED - 1);
-            self.0.insert(place, Largest { task, value });
+            let largest = Largest {
+                task,
+                attempt,
+                value,
+            };
+            self.0.insert(place, largest);
         }
     }
 
@@ -52,7 +60,8 @@ pub(super) fn largest(campaign: &Campaign, measure: &Measure, all: &[Largest]) -
     };
     let value = format!("{}{unit}", measure.name);
     let rows = all.iter().map(|one| {
-        let task = Task::of(&campaign.study, one.task - 1);
+        let study = &campaign.study;
+        let task = Task::of(study, one.task - 1).attempted(study, one.attempt);
         let sets: Vec<&str> = task
             .sets
             .iter()
@@ -75,7 +84,7 @@ mod tests {
             .into_iter()
             .enumerate()
         {
-            leaders.take(task as u64 + 1, value);
+            leaders.take(task as u64 + 1, 0, value);
         }
         let found: Vec<(u64, f64)> = leaders
             .into_all()

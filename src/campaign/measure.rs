@@ -14,6 +14,19 @@ const RESIDUAL_S: f64 = 1.0;
 /// Most storeys with a drift.
 const MOST_STOREYS: usize = 1000;
 
+/// How the test of a task ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum End {
+    /// At its last step.
+    Whole,
+    /// The response left the finite numbers or the bound of divergence: a collapse.
+    Diverged,
+    /// A limit or a fault stopped it: the later response is not known.
+    Stopped,
+    /// There is no such test.
+    Invalid,
+}
+
 /// One column of the table that is measured.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Measure {
@@ -44,6 +57,16 @@ enum Kind {
     Tracking(String, String),
     /// 1 if the structure has collapsed.
     Collapse { of: usize, above: f64 },
+}
+
+impl Measure {
+    /// True if the value cannot become smaller in the rest of the test.
+    pub(super) const fn grows(&self) -> bool {
+        matches!(
+            self.kind,
+            Kind::Time | Kind::Peak(_) | Kind::Drift(..) | Kind::LargestDrift
+        )
+    }
 }
 
 /// The measures of a study, for a test with the columns of `experiment`.
@@ -189,7 +212,7 @@ fn collapse(loaded: &LoadedStudy, all: &[Measure]) -> Result<Option<Measure>, Ca
         name: "collapse".to_owned(),
         unit: "1".to_owned(),
         meaning: format!(
-            "1 if {} is above {} or the test stopped before its end",
+            "1 if {} is above {} or the response diverged; empty if something else stopped the test before",
             wanted.measure, wanted.above
         ),
         kind: Kind::Collapse {
@@ -282,8 +305,8 @@ impl Taker {
         })))
     }
 
-    /// The values of a test that ended at `end_s`; `completed` is false if it stopped before its end.
-    pub fn values(&self, end_s: f64, completed: bool) -> Vec<f64> {
+    /// The values of a test that ended at `end_s`.
+    pub fn values(&self, end_s: f64, end: End) -> Vec<f64> {
         let sheet = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let all = sheet.measures.iter().zip(&sheet.places).zip(&sheet.sums);
         let mut values: Vec<f64> = all
@@ -310,9 +333,13 @@ impl Taker {
             match sheet.measures[index].kind {
                 Kind::LargestDrift => values[index] = largest,
                 Kind::Collapse { of, above } => {
-                    let is_above = values[of] > above || values[of].is_nan();
-                    let has_collapsed = !completed || is_above;
-                    values[index] = f64::from(u8::from(has_collapsed));
+                    let grows = sheet.measures[of].grows();
+                    values[index] = match end {
+                        End::Diverged => 1.0,
+                        // The test cannot tell, unless the measure was above already.
+                        End::Stopped if !(grows && values[of] > above) => f64::NAN,
+                        _ => f64::from(u8::from(values[of] > above || values[of].is_nan())),
+                    };
                 }
                 _ => {}
             }

@@ -6,9 +6,12 @@ use std::{fs, io};
 
 use super::CampaignError;
 use crate::config::{Finding, InputStore, Inputs, Intensity, KeyPath, LoadedStudy, RecordsTable};
-use crate::motion::{FileSignal, ReadOptions, Resample, Signal, Unit, parse_record};
+use crate::motion::{FileSignal, Quantity, ReadOptions, Resample, Signal, Unit, parse_record};
 
 const GROUND: &str = "excitation.ground_acceleration";
+/// What helps with a file that is no acceleration.
+const LEAVE_OUT: &str = "convert it, or leave it out: list the records as `files`, or choose those of a folder with \
+                         `pattern`, for example pattern = \"*.AT2\"";
 
 /// One motion: its name, its file, the overrides that choose it, and the digest of its file.
 #[derive(Debug, Clone)]
@@ -188,8 +191,17 @@ fn files(
                     Finding::error(at.clone(), text).label("a folder of records is wanted");
                 loaded.refuse(finding.help("the path is relative to the folder of the study"))
             })?;
+            let pattern = table.pattern.as_deref().unwrap_or("*");
+            let found: Vec<String> = found
+                .into_iter()
+                .filter(|file| fits(pattern, file))
+                .collect();
             if found.is_empty() {
-                let text = format!("the folder {name} contains no records");
+                let of = match &table.pattern {
+                    Some(pattern) => format!(" with a name like {pattern}"),
+                    None => String::new(),
+                };
+                let text = format!("the folder {name} contains no records{of}");
                 return Err(loaded.refuse(Finding::error(at, text)).into());
             }
             let path = |file: String| format!("{name}/{file}");
@@ -249,8 +261,12 @@ fn motion(
     let digest = blake3::hash(bytes).to_hex().to_string();
     let record = parse_record(name, bytes, &ReadOptions::default()).map_err(|error| {
         let finding = Finding::error(at.clone(), format!("{name} is no record: {error}"));
-        loaded.refuse(finding.help("remove it from the study, or convert it"))
+        loaded.refuse(finding.help(LEAVE_OUT))
     })?;
+    if let Some(what) = other_quantity(name, record.unit) {
+        let finding = Finding::error(at, format!("{name} is no acceleration: {what}"));
+        return Err(loaded.refuse(finding.help(LEAVE_OUT)).into());
+    }
     if table.record_unit.or(record.unit).is_none() {
         let finding = Finding::error(at, format!("the record {name} has no unit"));
         return Err(loaded
@@ -271,6 +287,48 @@ fn motion(
     })
 }
 
+/// What tells that a record is no acceleration: the unit that it states, or the ending of a PEER file.
+fn other_quantity(name: &str, unit: Option<Unit>) -> Option<String> {
+    if let Some(unit) = unit {
+        let is_other = unit.quantity() != Quantity::Acceleration;
+        return is_other.then(|| format!("the file states the unit {unit}"));
+    }
+    let ending = Path::new(name).extension()?.to_ascii_lowercase();
+    match ending.to_str()? {
+        "vt2" => Some("a VT2 file has velocities".to_owned()),
+        "dt2" => Some("a DT2 file has displacements".to_owned()),
+        _ => None,
+    }
+}
+
+/// True if a name fits a pattern: `*` fits any letters, `?` one letter. Upper and lower case are alike.
+fn fits(pattern: &str, name: &str) -> bool {
+    let [pattern, name] =
+        [pattern, name].map(|text| text.to_lowercase().chars().collect::<Vec<char>>());
+    let (mut at, mut place) = (0, 0);
+    // The last `*`, and how far its letters reach.
+    let mut star: Option<(usize, usize)> = None;
+    while place < name.len() {
+        match pattern.get(at) {
+            Some('*') => {
+                star = Some((at, place));
+                at += 1;
+            }
+            Some(letter) if *letter == '?' || *letter == name[place] => {
+                (at, place) = (at + 1, place + 1);
+            }
+            _ => {
+                let Some((last, reached)) = star else {
+                    return false;
+                };
+                star = Some((last, reached + 1));
+                (at, place) = (last + 1, reached + 1);
+            }
+        }
+    }
+    pattern[at..].iter().all(|letter| *letter == '*')
+}
+
 /// Names of the files of a folder that are not hidden, sorted.
 fn listed(folder: &Path) -> io::Result<Vec<String>> {
     let mut found = Vec::new();
@@ -284,4 +342,28 @@ fn listed(folder: &Path) -> io::Result<Vec<String>> {
     }
     found.sort();
     Ok(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pattern_chooses_names() {
+        for (pattern, name, expected) in [
+            ("*.AT2", "RSN1_A-000.AT2", true),
+            ("*.AT2", "rsn1.at2", true),
+            ("*.AT2", "RSN1.VT2", false),
+            ("*.AT2", "a.AT2.txt", false),
+            ("a?.csv", "ab.csv", true),
+            ("a?.csv", "a.csv", false),
+            ("*a*b*", "xxaxxabx", true),
+            ("*ab", "aab", true),
+            ("*", "", true),
+            ("", "a", false),
+            ("*é?", "É1", true),
+        ] {
+            assert_eq!(fits(pattern, name), expected, "{pattern} {name}");
+        }
+    }
 }

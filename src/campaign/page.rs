@@ -45,16 +45,23 @@ pub(super) fn render(campaign: &Campaign, collected: &Collected, shown: &[Shown]
     };
     let mut body = format!(
         "<header>\n<p class=\"brand\">gusset {} · campaign</p>\n<h1>{}</h1>\n\
-         <div class=\"verdict {class}\">\n<p class=\"headline\">{}</p>\n<p>Tests that stopped before their end: {}. \
-         Tasks without a valid test: {}.</p>\n</div>\n</header>\n<main>\n",
+         <div class=\"verdict {class}\">\n<p class=\"headline\">{}</p>\n<p>Collapsed: {}. Stopped by a limit or a fault \
+         before a collapse: {}. Tasks without a valid test: {}.</p>\n</div>\n</header>\n<main>\n",
         escape(&campaign.plan.gusset),
         escape(&title),
         escape(&headline),
-        collected.stopped,
+        collected.collapsed,
+        collected.censored,
         collected.invalid,
     );
     if let Some(why) = &collected.invalid_example {
         body += &details("A task without a valid test", &note(why));
+    }
+    if collected.redrawn > 0 {
+        body += &note(&format!(
+            "The numbers of {} tests were drawn again, because the test file must not have the first ones.",
+            count(collected.redrawn)
+        ));
     }
     let valid = collected.done - collected.invalid;
     if (shown.len() as u64) < valid {
@@ -142,8 +149,10 @@ fn fragility(study: &Study, found: &Collapses) -> String {
     let first = study.levelled();
     let words = first.map(|one| one.words()).unwrap_or_default();
     let unit = first.map(|one| one.unit()).unwrap_or_default();
-    let x: Vec<f64> = levels.iter().map(|one| one.level).collect();
-    let y: Vec<f64> = levels.iter().map(|one| one.collapses / one.tests).collect();
+    let counted = levels.iter().filter(|one| one.tests > 0.0);
+    let (x, y): (Vec<f64>, Vec<f64>) = counted
+        .map(|one| (one.level, one.collapses / one.tests))
+        .unzip();
     let most = 1.05 * x.iter().copied().fold(0.0, f64::max);
     let fine: Vec<f64> = (1..=200).map(|i| most * f64::from(i) / 200.0).collect();
     let fitted: Vec<f64> = fit.as_ref().map_or_else(Vec::new, |fit| {
@@ -161,7 +170,7 @@ fn fragility(study: &Study, found: &Collapses) -> String {
     if let Some((x, y)) = &median {
         curves.push(curve("median θ", x, y, Look::Reference));
     }
-    let text = match fit {
+    let mut text = match fit {
         Some(fit) => format!(
             "Median θ = {} {unit} (standard error of ln θ: {}), dispersion β = {} (standard error {}). Binomial maximum \
              likelihood over {} levels.",
@@ -174,6 +183,12 @@ fn fragility(study: &Study, found: &Collapses) -> String {
         None => "The counts do not determine a curve: use more levels between no collapse and all."
             .to_owned(),
     };
+    let censored: f64 = levels.iter().map(|one| one.censored).sum();
+    if censored > 0.0 {
+        text += &format!(
+            " {censored} further tests are not counted: a limit or a fault stopped them before a collapse."
+        );
+    }
     let across = Scale {
         range: (most > 0.0).then_some((0.0, most)),
         ..scale(&words, &unit)
@@ -204,7 +219,10 @@ fn provenance(campaign: &Campaign, collected: &Collected) -> String {
         ),
         pair(
             "computed again with equal bits",
-            format!("{} tasks", collected.proved),
+            format!(
+                "{} tasks, chosen by --prove-seed {}",
+                collected.proved, collected.proof_seed
+            ),
         ),
     ];
     let files = plan.files.iter().take(MOST_FILES);

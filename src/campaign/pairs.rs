@@ -36,7 +36,8 @@ pub(super) fn pairs(study: &Study, measures: &[&Measure], shown: &[Shown]) -> St
     }
     let draws: Vec<Vec<f64>> = chosen
         .iter()
-        .map(|one| Task::of(study, one.index).draws)
+        .map(|one| Task::of(study, one.index).attempted(study, one.attempt))
+        .map(|task| task.draws)
         .collect();
     let keys = study.samples.iter().enumerate().map(|(place, one)| {
         let name = one.key.to_string();
@@ -67,7 +68,10 @@ pub(super) fn pairs(study: &Study, measures: &[&Measure], shown: &[Shown]) -> St
     columns.truncate(MOST_VARIABLES - results.len());
     let kept = columns.len();
     columns.extend(results);
-    let collapsed: Vec<bool> = chosen.iter().map(|one| one.collapsed).collect();
+    let collapsed: Vec<bool> = chosen
+        .iter()
+        .map(|one| one.collapsed != Some(false))
+        .collect();
     let mut text = "Above the diagonal: rank correlation (Spearman) of each pair. ".to_owned();
     if kept < all {
         text += &format!(
@@ -230,6 +234,7 @@ fn ranks(values: &[f64]) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::measure::End;
     use super::*;
 
     #[test]
@@ -289,7 +294,9 @@ mod tests {
             .map(|index| Shown {
                 index,
                 level: None,
-                collapsed: false,
+                collapsed: Some(false),
+                end: End::Whole,
+                attempt: 0,
                 values: Vec::new(),
             })
             .collect();

@@ -10,12 +10,13 @@ use std::path::{Path, PathBuf};
 
 use super::perform::Performed;
 use super::{CampaignError, at};
+use crate::config::read_input;
 use crate::record::atomic;
 
-/// First line of a part.
-const HEAD: &str = "gusset campaign part 1";
+/// First words of a part, before the identity of its campaign.
+const HEAD: &str = "gusset campaign part 2 ";
 /// Folder of the parts.
-const FOLDER: &str = "parts";
+pub(super) const FOLDER: &str = "parts";
 
 /// One line of a part.
 #[derive(Debug, Clone, PartialEq)]
@@ -38,11 +39,18 @@ pub(super) struct Parts {
     pub lines: Lines,
     /// Names of parts that were cut short.
     pub damaged: Vec<String>,
+    /// Parts of another campaign.
+    pub foreign: Vec<PathBuf>,
 }
 
-/// Writes the lines of a part of chunk `chunk`: first under a temporary name, then renamed.
-pub(super) fn write(folder: &Path, chunk: u64, lines: &[Line]) -> Result<(), CampaignError> {
-    let mut text = format!("{HEAD}\n");
+/// Writes the lines of a part of chunk `chunk` of the campaign `own`: first under a temporary name, then renamed.
+pub(super) fn write(
+    folder: &Path,
+    own: &str,
+    chunk: u64,
+    lines: &[Line],
+) -> Result<(), CampaignError> {
+    let mut text = format!("{HEAD}{own}\n");
     for line in lines {
         let bits = line
             .result
@@ -50,9 +58,14 @@ pub(super) fn write(folder: &Path, chunk: u64, lines: &[Line]) -> Result<(), Cam
             .iter()
             .map(|v| format!("{:016x}", v.to_bits()));
         let bits: Vec<String> = bits.collect();
-        let (index, identity, ended) = (line.index, &line.identity, &line.result.ended);
+        let (index, identity) = (line.index, &line.identity);
+        let (ended, attempt) = (&line.result.ended, line.result.attempt);
         // Writing to a string does not fail.
-        let _ = writeln!(text, "{index}\t{identity}\t{ended}\t{}", bits.join(","));
+        let _ = writeln!(
+            text,
+            "{index}\t{identity}\t{ended}\t{attempt}\t{}",
+            bits.join(",")
+        );
     }
     let digest = blake3::hash(text.as_bytes()).to_hex();
     let _ = writeln!(text, "end\t{digest}");
@@ -62,25 +75,24 @@ pub(super) fn write(folder: &Path, chunk: u64, lines: &[Line]) -> Result<(), Cam
     atomic::write(&path, text.as_bytes()).map_err(at(&path))
 }
 
-/// The lines of a part; none if it was cut short.
-fn read(text: &str) -> Option<Vec<Line>> {
+/// The identity of the campaign of a part and its lines; none if it was cut short.
+fn read(text: &str) -> Option<(&str, Vec<Line>)> {
     let (body, last) = text.trim_end_matches('\n').rsplit_once('\n')?;
-    let body = format!("{body}\n");
     let digest = last.strip_prefix("end\t")?;
-    if blake3::hash(body.as_bytes()).to_hex().as_str() != digest {
+    let whole = &text[..=body.len()];
+    if blake3::hash(whole.as_bytes()).to_hex().as_str() != digest {
         return None;
     }
     let mut lines = body.lines();
-    if lines.next()? != HEAD {
-        return None;
-    }
-    lines.map(line).collect()
+    let campaign = lines.next()?.strip_prefix(HEAD)?;
+    Some((campaign, lines.map(line).collect::<Option<_>>()?))
 }
 
 fn line(text: &str) -> Option<Line> {
     let mut cells = text.split('\t');
     let mut next = || cells.next();
-    let (index, identity, ended, bits) = (next()?, next()?, next()?, next()?);
+    let (index, identity, ended) = (next()?, next()?, next()?);
+    let (attempt, bits) = (next()?.parse().ok()?, next()?);
     let values = bits.split(',').filter(|bits| !bits.is_empty());
     let values: Option<Vec<f64>> = values
         .map(|bits| Some(f64::from_bits(u64::from_str_radix(bits, 16).ok()?)))
@@ -90,6 +102,7 @@ fn line(text: &str) -> Option<Line> {
         identity: identity.to_owned(),
         result: Performed {
             ended: ended.to_owned(),
+            attempt,
             values: values?,
         },
     })
@@ -126,40 +139,49 @@ pub(super) fn set_aside(folder: &Path, part: &str) -> Result<(), CampaignError> 
     fs::rename(&path, path.with_extension("refuted")).map_err(at(&path))
 }
 
-/// Merges parts of one chunk. `expected` gives the identity of a task.
+/// Merges parts of one chunk of the campaign `own`. `expected` gives the identity of a task.
 ///
 /// # Errors
 /// [`CampaignError::Conflict`], [`CampaignError::Foreign`], or the system refuses.
 pub(super) fn merge(
     paths: &[PathBuf],
+    own: &str,
     expected: impl Fn(u64) -> Option<String>,
 ) -> Result<Parts, CampaignError> {
-    merge_if(paths, |line| {
+    let parts = merge_if(paths, own, |line| {
         expected(line.index).as_ref() == Some(&line.identity)
-    })
+    })?;
+    match parts.foreign.first() {
+        Some(path) => Err(CampaignError::Foreign(path.display().to_string())),
+        None => Ok(parts),
+    }
 }
 
-/// Merges parts of one chunk without a check of identities, for a status.
-pub(super) fn unchecked(paths: &[PathBuf]) -> Result<Parts, CampaignError> {
-    merge_if(paths, |_| true)
-}
-
-fn merge_if(paths: &[PathBuf], is_own: impl Fn(&Line) -> bool) -> Result<Parts, CampaignError> {
+/// Merges parts of one chunk of the campaign `own`. A part with another identity, or with a line that is not its own, is foreign.
+///
+/// # Errors
+/// [`CampaignError::Conflict`], or the system refuses.
+pub(super) fn merge_if(
+    paths: &[PathBuf],
+    own: &str,
+    is_own: impl Fn(&Line) -> bool,
+) -> Result<Parts, CampaignError> {
     let mut parts = Parts::default();
     for path in paths {
         let name = path
             .file_name()
             .map(|name| name.to_string_lossy().into_owned());
         let name = name.unwrap_or_default();
-        let text = String::from_utf8_lossy(&fs::read(path).map_err(at(path))?).into_owned();
-        let Some(lines) = read(&text) else {
+        let text = String::from_utf8_lossy(&read_input(path).map_err(at(path))?).into_owned();
+        let Some((campaign, lines)) = read(&text) else {
             parts.damaged.push(name);
             continue;
         };
+        if campaign != own || !lines.iter().all(&is_own) {
+            parts.foreign.push(path.clone());
+            continue;
+        }
         for line in lines {
-            if !is_own(&line) {
-                return Err(CampaignError::Foreign(path.display().to_string()));
-            }
             match parts.lines.get(&line.index) {
                 Some((known, _)) if known.result.is_same(&line.result) => {}
                 Some((_, other)) => {
@@ -188,6 +210,7 @@ mod tests {
             identity: "ab".to_owned(),
             result: Performed {
                 ended: "done".to_owned(),
+                attempt: 2,
                 values: vec![value, f64::NAN, -0.0],
             },
         }
@@ -195,13 +218,13 @@ mod tests {
 
     fn all(folder: &Path) -> Result<Parts, CampaignError> {
         let names = names(folder).unwrap();
-        merge(&names[&7], |_| Some("ab".to_owned()))
+        merge(&names[&7], "own", |_| Some("ab".to_owned()))
     }
 
     #[test]
     fn a_part_returns_every_bit_and_a_cut_part_does_not_count() {
         let folder = tempfile::tempdir().unwrap();
-        write(folder.path(), 7, &[sample(0.1)]).unwrap();
+        write(folder.path(), "own", 7, &[sample(0.1)]).unwrap();
         let parts = all(folder.path()).unwrap();
         assert!(parts.lines[&3].0.result.is_same(&sample(0.1).result));
         let path = &names(folder.path()).unwrap()[&7][0];
@@ -217,14 +240,14 @@ mod tests {
     #[test]
     fn equal_results_merge_and_different_bits_are_refused() {
         let folder = tempfile::tempdir().unwrap();
-        write(folder.path(), 7, &[sample(0.1)]).unwrap();
+        write(folder.path(), "own", 7, &[sample(0.1)]).unwrap();
         let more = Line {
             index: 4,
             ..sample(0.2)
         };
-        write(folder.path(), 7, &[sample(0.1), more]).unwrap();
+        write(folder.path(), "own", 7, &[sample(0.1), more]).unwrap();
         assert_eq!(all(folder.path()).unwrap().lines.len(), 2);
-        write(folder.path(), 7, &[sample(0.1_f64.next_up())]).unwrap();
+        write(folder.path(), "own", 7, &[sample(0.1_f64.next_up())]).unwrap();
         let error = all(folder.path()).unwrap_err();
         assert!(matches!(error, CampaignError::Conflict { task: 4, .. }));
     }
@@ -232,9 +255,11 @@ mod tests {
     #[test]
     fn a_part_of_another_campaign_is_refused() {
         let folder = tempfile::tempdir().unwrap();
-        write(folder.path(), 7, &[sample(0.1)]).unwrap();
+        write(folder.path(), "own", 7, &[sample(0.1)]).unwrap();
         let names = names(folder.path()).unwrap();
-        let error = merge(&names[&7], |_| Some("cd".to_owned())).unwrap_err();
-        assert!(matches!(error, CampaignError::Foreign(_)));
+        for (own, identity) in [("own", "cd"), ("other", "ab")] {
+            let error = merge(&names[&7], own, |_| Some(identity.to_owned())).unwrap_err();
+            assert!(matches!(error, CampaignError::Foreign(_)));
+        }
     }
 }

@@ -1,10 +1,12 @@
 //! One task: a simulated test in this process, without a run folder.
 
-use super::measure::{Taker, storeys};
+use super::measure::{End, Taker, storeys};
 use super::study::Study;
 use super::task::Task;
+use crate::catalog::ending::Cause;
 use crate::config::ConfigError;
 use crate::engine::{Ending, Experiment};
+use crate::session::certificate::MOST_ATTEMPTS;
 use crate::session::rehearsal::{Staging, staged};
 use crate::session::unaware::Unaware;
 use crate::setup::{self, Drawn, Trial};
@@ -14,15 +16,32 @@ use crate::setup::{self, Drawn, Trial};
 pub(super) struct Performed {
     /// `done`, the cause that stopped the test, or why there is no such test.
     pub ended: String,
+    /// Draws before that of this test, which the test file must not have.
+    pub attempt: u64,
     /// One value for each measure.
     pub values: Vec<f64>,
 }
 
 impl Performed {
+    /// How the test ended.
+    pub fn end(&self) -> End {
+        let is = |cause: Cause| self.ended == cause.word();
+        if is(Cause::Done) {
+            End::Whole
+        } else if is(Cause::Diverged) || is(Cause::NotFinite) {
+            End::Diverged
+        } else if self.ended == INVALID {
+            End::Invalid
+        } else {
+            End::Stopped
+        }
+    }
+
     /// True if both have equal words and equal bits.
     pub fn is_same(&self, other: &Self) -> bool {
         let bits = |one: &Self| one.values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
-        self.ended == other.ended && bits(self) == bits(other)
+        let is_alike = self.ended == other.ended && self.attempt == other.attempt;
+        is_alike && bits(self) == bits(other)
     }
 }
 
@@ -32,21 +51,33 @@ pub(super) const INVALID: &str = "invalid";
 /// Runs a task. Overrides that give no valid test are a result, too.
 pub(super) fn perform(study: &Study, task: &Task) -> Performed {
     match experiment(study, task) {
-        Ok(experiment) => {
+        Ok((experiment, attempt)) => {
             let taker = Taker::new(&study.measures, &experiment);
             let dt = experiment.dt;
             let recorder = Box::new(taker.clone());
             let (outcome, _) = staged(experiment, recorder, Staging::AsItIs);
-            let completed = outcome.ending == Ending::Completed;
-            Performed {
-                ended: outcome.ending.word().to_owned(),
-                values: taker.values(outcome.steps as f64 * dt, completed),
-            }
+            let mut result = Performed {
+                ended: word(&outcome.ending).to_owned(),
+                attempt,
+                values: Vec::new(),
+            };
+            result.values = taker.values(outcome.steps as f64 * dt, result.end());
+            result
         }
         Err(_) => Performed {
             ended: INVALID.to_owned(),
+            attempt: 0,
             values: vec![f64::NAN; study.measures.len()],
         },
+    }
+}
+
+/// The word of an ending. A computed specimen whose numbers are not finite is no fault of a link.
+fn word(ending: &Ending) -> &'static str {
+    match ending.cause() {
+        Cause::LinkDiverged => Cause::Diverged.word(),
+        Cause::LinkNotFinite => Cause::NotFinite.word(),
+        _ => ending.word(),
     }
 }
 
@@ -55,20 +86,13 @@ pub(super) fn why_invalid(study: &Study, task: &Task) -> Option<String> {
     experiment(study, task).err().map(|error| error.to_string())
 }
 
-fn experiment(study: &Study, task: &Task) -> Result<Experiment, ConfigError> {
+/// The test of a task, and the number of impossible draws before it.
+fn experiment(study: &Study, task: &Task) -> Result<(Experiment, u64), ConfigError> {
     let test = &study.loaded.test;
     let design = test.varied(&task.sets)?;
     let mut trial = Trial::default();
-    let drawn = if task.drawn.is_empty() {
-        design
-    } else {
-        let lambda = setup::build_rehearsal(&design)?.facts.lambda();
-        let controller = Unaware::of(&design, lambda)?;
-        trial = controller.trial(trial);
-        controller.with(&task.drawn)?
-    };
     if let Some(seed) = task.noise_seed {
-        let specimens = 0..drawn.file.specimen.len() as u64;
+        let specimens = 0..design.file.specimen.len() as u64;
         trial.specimens = specimens
             .map(|index| Drawn {
                 seed: Some(seed + index),
@@ -76,11 +100,28 @@ fn experiment(study: &Study, task: &Task) -> Result<Experiment, ConfigError> {
             })
             .collect();
     }
-    let mut experiment = setup::build_trial(&drawn, &trial)?.experiment;
+    let (prepared, attempt) = if task.drawn.is_empty() {
+        (setup::build_trial(&design, &trial)?, 0)
+    } else {
+        let lambda = setup::build_rehearsal(&design)?.facts.lambda();
+        let controller = Unaware::of(&design, lambda)?;
+        let trial = controller.trial(trial);
+        let mut attempt = 0;
+        loop {
+            let drawn = task.clone().attempted(study, attempt).drawn;
+            let built = controller.with(&drawn);
+            match built.and_then(|drawn| setup::build_trial(&drawn, &trial)) {
+                Ok(prepared) => break (prepared, attempt),
+                Err(error) if attempt + 1 == MOST_ATTEMPTS => return Err(error),
+                Err(_) => attempt += 1,
+            }
+        }
+    };
+    let mut experiment = prepared.experiment;
     experiment.opening.confirm = false;
     let storeys = storeys(&study.loaded);
     if storeys > 0 {
         experiment.record_dofs = (0..storeys).collect();
     }
-    Ok(experiment)
+    Ok((experiment, attempt))
 }

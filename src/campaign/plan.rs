@@ -7,9 +7,10 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::perform::{INVALID, perform, why_invalid};
-use super::study::Study;
+use super::study::{MOST_TASKS, Study};
 use super::task::Task;
 use super::{CampaignError, at};
+use crate::config::read_text;
 use crate::record::{atomic, make_free};
 use crate::rt::os;
 
@@ -51,6 +52,20 @@ impl Plan {
         self.tasks.div_ceil(self.tasks_per_chunk)
     }
 
+    /// Identity of the campaign: a digest of its files, its executable and its chunks. Each part repeats it.
+    #[must_use]
+    pub fn digest(&self) -> String {
+        let mut hasher = blake3::Hasher::new();
+        let files = self.files.iter().flat_map(|(name, digest)| [name, digest]);
+        for text in files.chain([&self.executable]) {
+            hasher.update(&(text.len() as u64).to_le_bytes());
+            hasher.update(text.as_bytes());
+        }
+        hasher.update(&self.tasks.to_le_bytes());
+        hasher.update(&self.tasks_per_chunk.to_le_bytes());
+        hasher.finalize().to_hex()[..32].to_owned()
+    }
+
     /// Tasks of chunk `chunk`, which counts from 1.
     #[must_use]
     pub fn chunk(&self, chunk: u64) -> std::ops::Range<u64> {
@@ -81,6 +96,11 @@ pub fn plan(
     tasks_per_chunk: Option<u64>,
 ) -> Result<Campaign, CampaignError> {
     let path = fs::canonicalize(study).map_err(at(study))?;
+    if let Some(tasks) = tasks_per_chunk.filter(|tasks| *tasks > MOST_PER_CHUNK) {
+        return Err(CampaignError::Other(format!(
+            "--tasks-per-chunk {tasks}: a chunk has at most {MOST_PER_CHUNK} tasks"
+        )));
+    }
     let expanded = Study::load(study)?;
     make_free(out)?;
     let task_s = timed(&expanded)?;
@@ -190,7 +210,7 @@ pub(super) fn read(path: &Path, folder: &Path) -> Result<Plan, CampaignError> {
     if !path.exists() {
         return Err(CampaignError::NoPlan(folder.to_owned()));
     }
-    let text = fs::read_to_string(path).map_err(at(path))?;
+    let text = read_text(path)?;
     let damaged = || {
         CampaignError::Other(format!(
             "{} is damaged: plan the campaign again",
@@ -208,6 +228,7 @@ pub(super) fn read(path: &Path, folder: &Path) -> Result<Plan, CampaignError> {
         });
     }
     let plan: Plan = serde_json::from_value(value).map_err(|_| damaged())?;
-    let is_sound = plan.tasks > 0 && plan.tasks_per_chunk > 0;
+    let is_sound = (1..=MOST_TASKS).contains(&plan.tasks)
+        && (1..=MOST_PER_CHUNK).contains(&plan.tasks_per_chunk);
     if is_sound { Ok(plan) } else { Err(damaged()) }
 }

@@ -1,17 +1,27 @@
 //! Tasks that are computed again, to prove that results of other machines have the bits of this one.
 
-use super::CampaignError;
+use std::path::Path;
+
 use super::design::is_among;
 use super::part::{Line, set_aside};
 use super::perform::perform;
 use super::plan::Campaign;
 use super::task::Task;
 use super::work::Stop;
+use super::{CampaignError, at};
+use crate::record::atomic::random_number;
 use crate::work::each;
 
-/// How many tasks are computed again.
+/// How many tasks are computed again, and the seed of their choice.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Prove {
+pub struct Prove {
+    amount: Amount,
+    /// A given seed repeats a choice.
+    seed: Option<u64>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Amount {
     /// This number of tasks.
     Tasks(u64),
     /// This share of all tasks.
@@ -19,32 +29,50 @@ pub enum Prove {
 }
 
 impl Prove {
-    /// Reads `20` or `1%`.
+    /// Reads `20` or `1%`. Without a seed each collection draws its own.
     #[must_use]
-    pub fn parse(text: &str) -> Option<Self> {
-        match text.strip_suffix('%') {
+    pub fn parse(text: &str, seed: Option<u64>) -> Option<Self> {
+        let amount = match text.strip_suffix('%') {
             Some(percent) => {
                 let percent: f64 = percent.trim().parse().ok()?;
                 let is_share = (0.0..=100.0).contains(&percent);
-                is_share.then_some(Self::Share(percent / 100.0))
+                is_share.then_some(Amount::Share(percent / 100.0))?
             }
-            None => text.parse().ok().map(Self::Tasks),
-        }
+            None => Amount::Tasks(text.parse().ok()?),
+        };
+        Some(Self { amount, seed })
     }
 
+    /// Draws the choice. No file of the campaign has the seed, so a person who changes a row cannot know whether it is chosen.
+    pub(super) fn drawn(self) -> Result<Choice, CampaignError> {
+        let seed = self.seed.map_or_else(random_number, Ok);
+        let seed = seed.map_err(at(Path::new("/dev/urandom")))?;
+        Ok(Choice {
+            amount: self.amount,
+            seed,
+        })
+    }
+}
+
+/// A drawn choice of tasks.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Choice {
+    amount: Amount,
+    pub seed: u64,
+}
+
+impl Choice {
     /// Number of chosen tasks.
-    pub(super) fn count(self, tasks: u64) -> u64 {
-        match self {
-            Self::Tasks(count) => count.min(tasks),
-            Self::Share(share) => ((share * tasks as f64).ceil() as u64).min(tasks),
+    fn count(self, tasks: u64) -> u64 {
+        match self.amount {
+            Amount::Tasks(count) => count.min(tasks),
+            Amount::Share(share) => ((share * tasks as f64).ceil() as u64).min(tasks),
         }
     }
 
-    /// True if the task `index` is chosen: a function of the seed of the study.
-    pub(super) fn chooses(self, campaign: &Campaign, index: u64) -> bool {
-        let tasks = campaign.plan.tasks;
-        let seed = campaign.study.loaded.study.campaign.seed;
-        is_among(seed, "prove", index, self.count(tasks), tasks)
+    /// True if the task `index` of `tasks` is chosen.
+    pub fn has(self, index: u64, tasks: u64) -> bool {
+        is_among(self.seed, "prove", index, self.count(tasks), tasks)
     }
 }
 

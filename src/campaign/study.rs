@@ -15,7 +15,7 @@ use crate::config::{
 use crate::setup;
 
 /// Most tasks of a campaign.
-const MOST_TASKS: u64 = 100_000_000;
+pub(super) const MOST_TASKS: u64 = 100_000_000;
 
 /// A study with everything that its tasks are made of.
 #[derive(Debug)]
@@ -94,8 +94,8 @@ impl Study {
 
     /// Motions, each level counted; 1 without motions.
     pub(super) fn shots(&self) -> u64 {
-        let all: u64 = self.motions.iter().map(Motions::count).sum();
-        all.max(1)
+        let all = self.motions.iter().map(Motions::count);
+        all.fold(0_u64, u64::saturating_add).max(1)
     }
 
     /// Point of the design of a task.
@@ -128,8 +128,15 @@ impl Study {
             .and_then(|tasks| tasks.checked_mul(campaign.replicates))
             .filter(|tasks| *tasks <= MOST_TASKS);
         tasks.ok_or_else(|| {
-            let text = format!("this study has more than {MOST_TASKS} tasks: use fewer values");
-            CampaignError::Other(text)
+            let text = format!("this study has more than {MOST_TASKS} tasks, which is the most");
+            let at = match campaign.replicates > MOST_TASKS {
+                true => KeyPath::root().key("campaign").key("replicates"),
+                false => KeyPath::root(),
+            };
+            let help = "use fewer values, motions, levels or replicates";
+            self.loaded
+                .refuse(Finding::error(at, text).help(help))
+                .into()
         })
     }
 

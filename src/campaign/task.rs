@@ -1,6 +1,6 @@
 //! A task: the overrides of one simulated test, and its identity.
 
-use super::design::{Draws, point};
+use super::design::{Draws, again, point};
 use super::random::bits;
 use super::study::Study;
 use crate::config::Scalar;
@@ -80,6 +80,21 @@ impl Task {
             noise_seed: redraws_noise.then(|| bits(campaign.seed, "noise", replicate) >> 2),
             motion_digest,
         }
+    }
+
+    /// The task with numbers that are drawn again; attempt 0 has the first ones. All points of the design have equal draws.
+    #[must_use]
+    pub fn attempted(mut self, study: &Study, attempt: u64) -> Self {
+        if attempt > 0 {
+            let seed = study.loaded.study.campaign.seed;
+            let samples = study.samples.iter();
+            let normal = samples.map(|one| {
+                let draw = again(seed, &one.key.to_string(), self.replicate, attempt);
+                (one.set(draw), one.value(draw))
+            });
+            (self.drawn, self.draws) = normal.unzip();
+        }
+        self
     }
 
     /// Identity of a task: a digest of the files, the overrides, the seed and the executable.

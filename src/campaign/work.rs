@@ -1,8 +1,8 @@
 //! Chunks of tasks on the threads of this process.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use super::part::{Line, Parts, merge, names, write};
+use super::part::{Line, Parts, merge, merge_if, names, write};
 use super::perform::perform;
 use super::plan::{Campaign, Plan, read};
 use super::task::Task;
@@ -42,6 +42,8 @@ pub struct Status {
     pub open: Vec<u64>,
     /// Names of parts that were cut short.
     pub damaged: Vec<String>,
+    /// Parts of another campaign. They do not count.
+    pub foreign: Vec<PathBuf>,
 }
 
 /// Most chunks that a status names.
@@ -50,6 +52,8 @@ const MOST_OPEN: usize = 20;
 /// Results of a chunk that no part contains yet.
 struct Kept<'a> {
     campaign: &'a Campaign,
+    /// Identity of the campaign.
+    own: &'a str,
     chunk: u64,
     lines: Vec<Line>,
     /// Time of the last part, ns.
@@ -70,6 +74,7 @@ pub fn work(
 ) -> Result<Worked, CampaignError> {
     let mut worked = Worked::default();
     let mut found = names(&campaign.folder)?;
+    let own = campaign.plan.digest();
     for chunk in chunks {
         if chunk == 0 || chunk > campaign.plan.chunks() {
             return Err(CampaignError::NoChunk {
@@ -78,7 +83,7 @@ pub fn work(
             });
         }
         let paths = found.remove(&chunk).unwrap_or_default();
-        let Parts { lines, .. } = merge(&paths, |index| campaign.identity(chunk, index))?;
+        let Parts { lines, .. } = merge(&paths, &own, |index| campaign.identity(chunk, index))?;
         let tasks = campaign.plan.chunk(chunk);
         let pending: Vec<u64> = tasks.filter(|index| !lines.contains_key(index)).collect();
         worked.known += lines.len() as u64;
@@ -86,6 +91,7 @@ pub fn work(
         let before = worked.known + worked.computed;
         let mut kept = Kept {
             campaign,
+            own: &own,
             chunk,
             lines: Vec::new(),
             written: os::monotonic_ns(),
@@ -139,13 +145,13 @@ impl Kept<'_> {
             return Ok(());
         }
         self.lines.sort_by_key(|line| line.index);
-        write(&self.campaign.folder, self.chunk, &self.lines)?;
+        write(&self.campaign.folder, self.own, self.chunk, &self.lines)?;
         self.lines.clear();
         Ok(())
     }
 }
 
-/// Progress of the campaign in `folder`. Identities are not checked.
+/// Progress of the campaign in `folder`, without its study: parts are compared with the plan, and tasks with their chunk.
 ///
 /// # Errors
 /// [`CampaignError`]: there is no plan, or the system refuses a file.
@@ -157,26 +163,30 @@ pub fn status(folder: &Path) -> Result<Status, CampaignError> {
         chunks_done: 0,
         open: Vec::new(),
         damaged: Vec::new(),
+        foreign: Vec::new(),
         plan,
     };
+    let own = status.plan.digest();
     std::fs::read_dir(folder).map_err(at(folder))?;
     let mut found = names(folder)?;
     for chunk in 1..=status.plan.chunks() {
         let paths = found.remove(&chunk).unwrap_or_default();
-        let parts = super::part::unchecked(&paths)?;
         let tasks = status.plan.chunk(chunk);
-        let done = parts.lines.keys().filter(|index| tasks.contains(index));
-        let done = done.count() as u64;
+        let parts = merge_if(&paths, &own, |line| tasks.contains(&line.index))?;
+        let done = parts.lines.len() as u64;
         let lines = parts.lines.values();
         let invalid = lines.filter(|(line, _)| line.result.ended == super::perform::INVALID);
         status.invalid += invalid.count() as u64;
         status.done += done;
         status.damaged.extend(parts.damaged);
+        status.foreign.extend(parts.foreign);
         if done == tasks.end - tasks.start {
             status.chunks_done += 1;
         } else if status.open.len() < MOST_OPEN {
             status.open.push(chunk);
         }
     }
+    // Parts of chunks that the plan does not have.
+    status.foreign.extend(found.into_values().flatten());
     Ok(status)
 }

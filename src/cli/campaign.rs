@@ -55,7 +55,7 @@ fn in_words(campaign: &Campaign) -> String {
 }
 
 fn run(args: &RunCampaignArgs) -> anyhow::Result<Exit> {
-    let prove = proof(&args.prove)?;
+    let prove = proof(&args.prove, args.prove_seed)?;
     let campaign = if args.study.is_dir() {
         if args.out.is_some() {
             let text = "--out is for a study, and this is a campaign folder";
@@ -194,13 +194,13 @@ fn submit(args: &SubmitArgs) -> anyhow::Result<Exit> {
 }
 
 fn collect(args: &CollectArgs) -> anyhow::Result<Exit> {
-    let prove = proof(&args.prove)?;
+    let prove = proof(&args.prove, args.prove_seed)?;
     let campaign = Campaign::open(&args.folder).map_err(told)?;
     conclude(&campaign, prove, processors(), args.json, &listen()?)
 }
 
-fn proof(text: &str) -> anyhow::Result<Prove> {
-    Prove::parse(text).ok_or_else(|| {
+fn proof(text: &str, seed: Option<u64>) -> anyhow::Result<Prove> {
+    Prove::parse(text, seed).ok_or_else(|| {
         let text =
             format!("--prove {text:?}: expected a number of tasks, or a share from 0% to 100%");
         WithExit(Exit::Usage, text).into()
@@ -243,8 +243,19 @@ fn conclude(
         let missing = collected.tasks - collected.done;
         let folder = campaign.folder.display();
         tell(format_args!(
-            "PARTIAL: {missing} of {} tasks have no result. `gusset campaign run {folder}` computes them",
-            collected.tasks
+            "PARTIAL: {missing} of {} tasks have no result{}. `gusset campaign run {folder}` computes them",
+            collected.tasks,
+            match collected.invalid {
+                0 => String::new(),
+                invalid => format!(", and {invalid} have no valid test"),
+            }
+        ));
+        return Ok(Exit::Stopped);
+    }
+    if collected.invalid > 0 {
+        tell(format_args!(
+            "INVALID: {} of {} tasks have no valid test. The table has `invalid` in their column `ended`",
+            collected.invalid, collected.tasks
         ));
         return Ok(Exit::Stopped);
     }
@@ -256,16 +267,26 @@ fn found(collected: &Collected) -> String {
         format!("table    {}", collected.table.display()),
         format!("report   {}", collected.report.display()),
         format!(
-            "tests    {} of {}; stopped before the end: {}; without a valid test: {}",
-            collected.done, collected.tasks, collected.stopped, collected.invalid
+            "tests    {} of {}; collapsed: {}; stopped by a limit or fault: {}; without a valid test: {}",
+            collected.done,
+            collected.tasks,
+            collected.collapsed,
+            collected.censored,
+            collected.invalid
         ),
         format!(
-            "proved   {} tasks computed again with equal bits",
-            collected.proved
+            "proved   {} tasks computed again with equal bits, chosen by --prove-seed {}",
+            collected.proved, collected.proof_seed
         ),
     ];
     if let Some(why) = &collected.invalid_example {
         lines.push(format!("invalid  {why}"));
+    }
+    if collected.redrawn > 0 {
+        lines.push(format!(
+            "drawn    numbers of {} tests were drawn again: the test file must not have the first ones",
+            collected.redrawn
+        ));
     }
     for one in &collected.fragility {
         let of = match one.point.as_str() {
@@ -277,7 +298,9 @@ fn found(collected: &Collected) -> String {
                 "collapse median {:.4}, dispersion {:.4}{of}",
                 fit.median, fit.dispersion
             ),
-            None => format!("collapse the counts do not determine a fragility curve{of}"),
+            None => format!(
+                "collapse median not determined: use more levels between no collapse and all{of}"
+            ),
         });
     }
     lines.join("\n")
@@ -297,19 +320,27 @@ fn status(args: &FolderArgs) -> anyhow::Result<Exit> {
             "chunks_done": status.chunks_done,
             "chunks_with_missing_tasks": status.open,
             "damaged_parts": status.damaged,
+            "foreign_parts": status.foreign,
             "task_s": status.plan.task_s,
         });
         answer(format_args!("{document:#}"))?;
     } else {
         answer(format_args!(
-            "{} of {tasks} tasks are done, {} of {chunks} chunks; about {} of one core left",
+            "{} of {tasks} tasks are done, {} of them without a valid test, {} of {chunks} chunks; about {} of one core left",
             status.done,
+            status.invalid,
             status.chunks_done,
             duration(missing as f64 * status.plan.task_s)
         ))?;
         for name in &status.damaged {
             tell(format_args!(
                 "warning: {name} was cut short and does not count"
+            ));
+        }
+        for path in &status.foreign {
+            let path = path.display();
+            tell(format_args!(
+                "warning: {path} belongs to another campaign and does not count: remove it from the folder"
             ));
         }
     }

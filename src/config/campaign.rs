@@ -5,15 +5,12 @@
 use std::path::{Path, PathBuf};
 
 use super::campaign_table::OWN;
-use super::campaign_table::{Intensity, RecordsTable, SpanTable, StudyFile};
+use super::campaign_table::{Intensity, MOST_VALUES, RecordsTable, SpanTable, StudyFile};
 use super::check::check_samples;
 use super::document::{Datum, KeyPath, Node};
 use super::{ConfigError, Diagnostics, Finding, Loaded, Locator, Purpose, Severity};
 use super::{judge, open, parse, read_text};
 use crate::motion::Quantity;
-
-/// Most values of one range.
-const MOST_VALUES: usize = 100_000;
 
 /// A study that has been read and checked.
 #[derive(Debug, Clone)]
@@ -237,12 +234,21 @@ fn check_records(at: &KeyPath, records: &RecordsTable, findings: &mut Vec<Findin
         let text = "`records` needs exactly one of `folder`, `files` and `synthetic`";
         findings.push(Finding::error(at.clone(), text));
     }
+    if records.pattern.is_some() && records.folder.is_none() {
+        let finding = Finding::error(at.key("pattern"), "`pattern` needs `folder`");
+        findings.push(finding.at_key());
+    }
     if records.files.as_ref().is_some_and(Vec::is_empty) {
         findings.push(Finding::error(at.key("files"), "`files` names no record"));
     }
-    if records.synthetic.is_some_and(|table| table.count == 0) {
+    let most = 1..=MOST_VALUES as u64;
+    if let Some(table) = records
+        .synthetic
+        .filter(|table| !most.contains(&table.count))
+    {
         let at = at.key("synthetic").key("count");
-        findings.push(Finding::error(at, "`count` must be 1 or greater"));
+        let text = format!("`{at}` is {}, but must be 1 to {MOST_VALUES}", table.count);
+        findings.push(Finding::error(at, text));
     }
     let units = [("record_unit", records.record_unit), ("unit", records.unit)];
     for (key, unit) in units {
@@ -331,8 +337,11 @@ fn check_range(
         let Some(span) = span else { continue };
         let at = at.key(key);
         if span.count == 0 || span.count > MOST_VALUES {
-            let text = format!("`{at}.count` must be 1 to {MOST_VALUES}");
-            findings.push(Finding::error(at.key("count"), text).label("an empty range"));
+            let text = format!(
+                "`{at}.count` is {}, but must be 1 to {MOST_VALUES}",
+                span.count
+            );
+            findings.push(Finding::error(at.key("count"), text));
         }
         if span.count > 1 && span.from == span.to {
             let text = format!("`{at}` is empty: `from` and `to` are equal");

@@ -6,6 +6,9 @@ use serde::{Deserialize, Serialize};
 use super::certificate::UncertaintyTable;
 use crate::motion::Unit;
 
+/// Most values of one range, and most motions of one table.
+pub(super) const MOST_VALUES: usize = 100_000;
+
 /// Names of the tables that a study has beside those of its test.
 pub(super) const OWN: [&str; 6] = ["test", "campaign", "vary", "sample", "records", "measure"];
 
@@ -43,7 +46,7 @@ pub struct CampaignTable {
     /// How `sample` is drawn.
     pub sampling: Sampling,
     /// Draws for each combination of values and ground motions. Equal draws are used for all
-    /// combinations.
+    /// combinations. A study has at most 100 000 000 tests.
     pub replicates: u64,
     /// Seed of all draws.
     pub seed: u64,
@@ -172,7 +175,7 @@ pub struct SpanTable {
     pub from: f64,
     /// Last value.
     pub to: f64,
-    /// Number of values.
+    /// Number of values, at most 100 000.
     pub count: usize,
 }
 
@@ -184,6 +187,9 @@ pub struct RecordsTable {
     /// Folder of records, relative to the study. All files that are not hidden are read, in the order of their names.
     #[schemars(example = &"records")]
     pub folder: Option<String>,
+    /// Names of the files of `folder` that are read: `*` fits any letters, `?` one letter. Upper and lower case are alike.
+    #[schemars(example = &"*.AT2")]
+    pub pattern: Option<String>,
     /// Records, relative to the study.
     #[schemars(example = ["elcentro.at2", "kobe.at2"])]
     pub files: Option<Vec<String>>,
@@ -215,7 +221,7 @@ pub struct RecordsTable {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SyntheticTable {
-    /// Number of motions.
+    /// Number of motions, at most 100 000.
     pub count: u64,
     /// Seed of the first motion. Each further motion has the next seed.
     #[serde(default = "one")]
@@ -299,13 +305,15 @@ impl SpanTable {
         self.each(|share| self.from * libm::pow(self.to / self.from, share))
     }
 
+    /// At most [`MOST_VALUES`] values: a check refuses more, and no memory is taken for them before.
     fn each(self, of: impl Fn(f64) -> f64) -> Vec<f64> {
-        let last = self.count.saturating_sub(1);
+        let count = self.count.min(MOST_VALUES);
+        let last = count.saturating_sub(1);
         let value = |i: usize| match i {
             _ if i == last && last > 0 => self.to,
             _ => rounded(of(i as f64 / last.max(1) as f64)),
         };
-        (0..self.count).map(value).collect()
+        (0..count).map(value).collect()
     }
 }
 

@@ -3,26 +3,50 @@
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, Read};
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
+use rustix::fs::OFlags;
+
 /// MiB of the longest file that a test may name: 12 hours of a record at 1 kHz, with 20 bytes to a sample, have room.
 const LONGEST_MIB: u64 = 1024;
 
-/// The bytes of the file at `path`, or of a pipe; a device that never ends is given up.
+/// The bytes of the plain file at `path`. A pipe or a device is refused: one may never answer, another never ends.
 ///
 /// # Errors
-/// The system refuses, or there are more than `longest_mib` MiB.
+/// The system refuses, it is no plain file, or it has more than `longest_mib` MiB.
 pub(super) fn read_at_most(longest_mib: u64, path: &Path) -> io::Result<Vec<u8>> {
     let longest = longest_mib << 20;
-    let mut bytes = Vec::new();
-    File::open(path)?
-        .take(longest + 1)
-        .read_to_end(&mut bytes)?;
-    if bytes.len() as u64 > longest {
+    let too_long = || {
         let reason = format!("more than the {longest_mib} MiB that it may have");
-        return Err(io::Error::new(io::ErrorKind::FileTooLarge, reason));
+        io::Error::new(io::ErrorKind::FileTooLarge, reason)
+    };
+    // A pipe without a writer would block the opening.
+    let flags = OFlags::NONBLOCK | OFlags::NOCTTY;
+    let file = File::options()
+        .read(true)
+        .custom_flags(flags.bits().cast_signed())
+        .open(path)?;
+    // The open file, because another one may have the name by now.
+    let found = file.metadata()?;
+    if !found.is_file() {
+        let kind = if found.is_dir() {
+            io::ErrorKind::IsADirectory
+        } else {
+            io::ErrorKind::InvalidInput
+        };
+        let reason = "it is no plain file: a folder, a pipe or a device cannot be read here";
+        return Err(io::Error::new(kind, reason));
+    }
+    if found.len() > longest {
+        return Err(too_long());
+    }
+    let mut bytes = Vec::new();
+    file.take(longest + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > longest {
+        return Err(too_long());
     }
     Ok(bytes)
 }

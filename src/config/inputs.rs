@@ -291,12 +291,23 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_never_ends_is_given_up() {
-        let error = read_at_most(1, Path::new("/dev/zero")).unwrap_err();
-        assert_eq!(error.to_string(), "more than the 1 MiB that it may have");
+    fn only_a_plain_short_file_is_read() {
         let folder = tempfile::tempdir().unwrap();
+        let kind = |path: &Path| read_at_most(1, path).unwrap_err().kind();
+        assert_eq!(kind(Path::new("/dev/zero")), io::ErrorKind::InvalidInput);
+        assert_eq!(kind(folder.path()), io::ErrorKind::IsADirectory);
+        // A pipe without a writer would block for ever.
+        let pipe = folder.path().join("pipe");
+        let mode = rustix::fs::Mode::RUSR | rustix::fs::Mode::WUSR;
+        rustix::fs::mkfifoat(rustix::fs::CWD, &pipe, mode).unwrap();
+        assert_eq!(kind(&pipe), io::ErrorKind::InvalidInput);
         let full = folder.path().join("full");
         std::fs::write(&full, vec![b'1'; 1 << 20]).unwrap();
         assert_eq!(read_at_most(1, &full).unwrap().len(), 1 << 20);
+        // A file of holes is refused by its length.
+        let long = std::fs::File::create(folder.path().join("long")).unwrap();
+        long.set_len(1 << 40).unwrap();
+        let long = folder.path().join("long");
+        assert_eq!(kind(&long), io::ErrorKind::FileTooLarge);
     }
 }

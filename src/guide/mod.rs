@@ -105,6 +105,7 @@ pages! {
     reading_data = "reading-data", "reading-data.md", Work, false;
     python = "python", "python.md", Work, false;
     campaigns = "campaigns", "campaigns.md", Work, false;
+    launchers = "launchers", "launchers.md", Work, false;
     real_time = "real-time", "real-time.md", Work, false;
     configuration = "configuration", "configuration.md", LookUp, true;
     troubleshooting = "troubleshooting", "troubleshooting.md", LookUp, false;

@@ -2,9 +2,13 @@
 //!
 //! The temporary name is random and must be new, so a planted symbolic link is never followed.
 
-use std::fs::File;
+use std::fs::{File, TryLockError};
 use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
+
+/// Text between the name of a file and the number of its temporary file.
+const MARK: &str = ".partial-";
 
 /// A file under way. Dropped without [`AtomicFile::commit`], it leaves nothing.
 #[derive(Debug)]
@@ -22,10 +26,11 @@ impl AtomicFile {
     /// The system refuses; the folder of `path` must exist.
     pub fn create(path: &Path) -> io::Result<Self> {
         let special = path.metadata().is_ok_and(|found| !found.is_file());
-        let partial = (!special).then(|| partial_of(path)).transpose()?;
-        let file = match &partial {
-            Some(partial) => File::create_new(partial)?,
-            None => File::options().write(true).open(path)?,
+        let (file, partial) = if special {
+            (File::options().write(true).open(path)?, None)
+        } else {
+            let (file, partial) = begun(path)?;
+            (file, Some(partial))
         };
         Ok(Self {
             file,
@@ -38,6 +43,12 @@ impl AtomicFile {
     #[must_use]
     pub fn path(&self) -> &Path {
         self.partial.as_deref().unwrap_or(&self.path)
+    }
+
+    /// Gives up the lock of the temporary file.
+    pub fn unlock(&self) {
+        // A file system may have no locks.
+        let _there_may_be_none = self.file.unlock();
     }
 
     /// Syncs the bytes and moves them to their place.
@@ -82,17 +93,69 @@ impl Drop for AtomicFile {
     }
 }
 
+/// A new temporary file for `path`, locked: [`remove_abandoned`] leaves it.
+fn begun(path: &Path) -> io::Result<(File, PathBuf)> {
+    loop {
+        let partial = partial_of(path)?;
+        let file = File::create_new(&partial)?;
+        // A file system may have no locks; then nothing removes the file either.
+        let is_removed = matches!(file.try_lock(), Err(TryLockError::WouldBlock));
+        // It may have been removed before it was locked.
+        if !is_removed && file.metadata()?.nlink() > 0 {
+            return Ok((file, partial));
+        }
+    }
+}
+
 /// A temporary path in the folder of `path`, with a random name.
 ///
 /// # Errors
 /// `path` has no name, or the system no random numbers.
 pub(super) fn partial_of(path: &Path) -> io::Result<PathBuf> {
     let name = path.file_name().ok_or(io::ErrorKind::InvalidInput)?;
+    let number = random_number()?;
+    let partial = format!(".{}{MARK}{number:016x}", name.to_string_lossy());
+    Ok(path.with_file_name(partial))
+}
+
+/// A random number of the operating system.
+///
+/// # Errors
+/// The system has none.
+pub fn random_number() -> io::Result<u64> {
     let mut bytes = [0; 8];
     File::open("/dev/urandom")?.read_exact(&mut bytes)?;
-    let number = u64::from_le_bytes(bytes);
-    let partial = format!(".{}.partial-{number:016x}", name.to_string_lossy());
-    Ok(path.with_file_name(partial))
+    Ok(u64::from_le_bytes(bytes))
+}
+
+/// Removes the temporary files of `folder` whose process was killed. A process that still writes its file holds a lock on it.
+/// `is_own` judges the name of the file that the temporary one would have become.
+///
+/// # Errors
+/// The folder cannot be read.
+pub fn remove_abandoned(folder: &Path, is_own: impl Fn(&str) -> bool) -> io::Result<()> {
+    for entry in std::fs::read_dir(folder)? {
+        let entry = entry?;
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        let becomes = name.strip_prefix('.').and_then(|name| {
+            let (name, number) = name.rsplit_once(MARK)?;
+            let is_number = number.len() == 16 && number.bytes().all(|b| b.is_ascii_hexdigit());
+            is_number.then_some(name)
+        });
+        let is_file = entry.file_type().is_ok_and(|kind| kind.is_file());
+        if !is_file || !becomes.is_some_and(&is_own) {
+            continue;
+        }
+        // A file system without locks, or a file of another user: it stays.
+        let Ok(file) = File::options().write(true).open(entry.path()) else {
+            continue;
+        };
+        if file.try_lock().is_ok() {
+            let _it_may_be_gone = std::fs::remove_file(entry.path());
+        }
+    }
+    Ok(())
 }
 
 /// Writes `bytes` to `path`, whole or not at all.
@@ -122,6 +185,23 @@ mod tests {
         write(&path, b"new").unwrap();
         assert_eq!(std::fs::read(&path).unwrap(), b"new");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_killed_draft_is_removed_and_a_live_one_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.csv");
+        let mut live = AtomicFile::create(&path).unwrap();
+        live.write_all(b"new").unwrap();
+        // The file of a killed process has no lock.
+        let killed = partial_of(&path).unwrap();
+        let other = partial_of(&folder.path().join("b.csv")).unwrap();
+        std::fs::write(&killed, b"half").unwrap();
+        std::fs::write(&other, b"half").unwrap();
+        remove_abandoned(folder.path(), |name| name == "a.csv").unwrap();
+        assert!(!killed.exists() && other.exists() && live.path().exists());
+        live.commit().unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"new");
     }
 
     /// Another user of the same folder, `/tmp` for example, must not choose where our bytes go.

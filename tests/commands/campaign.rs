@@ -292,13 +292,7 @@ fn a_result_with_other_bits_is_refused() {
     complete(&campaign("run", &out, &[]), &out);
     let part = &parts(&out)[0];
     let text = fs::read_to_string(part).unwrap();
-    let (body, _) = text.trim_end().rsplit_once('\n').unwrap();
-    let mut lines: Vec<String> = body.lines().map(str::to_owned).collect();
-    let last = lines[1].pop().unwrap();
-    lines[1].push(if last == '0' { '1' } else { '0' });
-    let body = lines.join("\n") + "\n";
-    let digest = blake3::hash(body.as_bytes()).to_hex();
-    let forged = format!("{body}end\t{digest}\n");
+    let forged = with_other_bits(&text);
     // Alone, only a proof finds it.
     fs::write(part, &forged).unwrap();
     let said = campaign("collect", &out, &["--prove", "100%"]);
@@ -311,6 +305,46 @@ fn a_result_with_other_bits_is_refused() {
     fs::write(part.with_file_name("chunk-000001-other.part"), &forged).unwrap();
     let said = campaign("collect", &out, &["--prove", "0"]);
     assert_eq!(said.code, Some(1), "{}", said.stderr);
+}
+
+/// The choice of the proven tasks is in no file before the collection, and a given seed repeats it.
+#[test]
+fn each_collection_draws_its_own_proof() {
+    let (_folder, out) = planned();
+    let table = complete(&campaign("run", &out, &[]), &out);
+    let collected = |more: &[&str]| {
+        let said = campaign("collect", &out, &[&["--json"], more].concat());
+        assert!(complete(&said, &out) == table);
+        let summary: Value = serde_json::from_str(&said.stdout).unwrap();
+        summary["provenance"]["prove_seed"].as_u64().unwrap()
+    };
+    let one = ["--prove", "1"];
+    assert_ne!(collected(&one), collected(&one));
+    assert_eq!(collected(&["--prove", "1", "--prove-seed", "7"]), 7);
+    // A changed row is found by some choices of half of the tasks, and not by others.
+    let part = &parts(&out)[0];
+    let text = fs::read_to_string(part).unwrap();
+    let forged = with_other_bits(&text);
+    let mut found = 0;
+    for seed in 0..12 {
+        fs::write(part, &forged).unwrap();
+        let seed = seed.to_string();
+        let said = campaign("collect", &out, &["--prove", "12", "--prove-seed", &seed]);
+        assert!(matches!(said.code, Some(0 | 1)), "{}", said.stderr);
+        found += u32::from(said.code == Some(1));
+    }
+    assert!((1..12).contains(&found), "{found} of 12");
+}
+
+/// A part with a valid digest and other bits in its first row.
+fn with_other_bits(text: &str) -> String {
+    let (body, _) = text.trim_end().rsplit_once('\n').unwrap();
+    let mut lines: Vec<String> = body.lines().map(str::to_owned).collect();
+    let last = lines[1].pop().unwrap();
+    lines[1].push(if last == '0' { '1' } else { '0' });
+    let body = lines.join("\n") + "\n";
+    let digest = blake3::hash(body.as_bytes()).to_hex();
+    format!("{body}end\t{digest}\n")
 }
 
 #[test]
@@ -398,6 +432,38 @@ fn bad_studies_are_refused_with_the_key() {
             "max_draft",
         ),
         ("replicates = 2", "replicates = 0", "replicates"),
+        // Counts that no memory has room for, with the most that is allowed.
+        (
+            "values = [0.02, 0.05]",
+            "linear = { from = 1, to = 2, count = 1000000000000000 }",
+            "1 to 100000",
+        ),
+        (
+            "values = [0.5, 1.0, 2.0]",
+            "log = { from = 1, to = 2, count = 1000000000000000 }",
+            "1 to 100000",
+        ),
+        (
+            "folder = \"records\"",
+            "synthetic = { count = 1000000000000000 }",
+            "1 to 100000",
+        ),
+        (
+            "replicates = 2",
+            "replicates = 1000000000000000",
+            "100000000 tasks",
+        ),
+        (
+            "[campaign]\n",
+            "[campaign]\nsampling = \"sobol\"\nreplicates = 1000000000000000\n#",
+            "65536",
+        ),
+        (
+            "values = [0.02, 0.05]",
+            "linear = { from = 0.01, to = 0.02, count = 100000 }\n[[vary]]\nkey = \"integrator.lambda\"\n\
+             linear = { from = 2, to = 4, count = 100000 }",
+            "100000000 tasks",
+        ),
         ("unit = \"m/s2\"\n[measure]", "[measure]", "unit"),
     ] {
         assert!(good.contains(old), "{old}");

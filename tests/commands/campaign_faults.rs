@@ -338,3 +338,106 @@ fn the_same_command_continues_a_campaign() {
     assert_eq!(said.code, Some(2), "{}", said.stderr);
     assert!(said.stderr.contains("--out"), "{}", said.stderr);
 }
+
+/// The program, killed after a minute: one that hangs has no exit code 2.
+fn soon(arguments: &[&str]) -> Said {
+    let mut command = Command::new("timeout");
+    command
+        .args(["--signal=KILL", "60"])
+        .arg(assert_cmd::cargo::cargo_bin!("gusset"))
+        .args(arguments);
+    command.output().unwrap().into()
+}
+
+/// Plan, parts, study, test and records are plain files: a pipe would block, and a device never ends.
+#[test]
+fn what_is_no_plain_file_is_refused() {
+    type Put = fn(&Path);
+    let pipe: Put = |path| {
+        let mode = rustix::fs::Mode::RUSR | rustix::fs::Mode::WUSR;
+        rustix::fs::mkfifoat(rustix::fs::CWD, path, mode).unwrap();
+    };
+    let device: Put = |path| std::os::unix::fs::symlink("/dev/zero", path).unwrap();
+    let (folder, out) = planned();
+    complete(&campaign("run", &out, &[]), &out);
+    let there = out.to_str().unwrap();
+    let part = parts(&out)[0].clone();
+    let of_study = |name: &str| folder.path().join(name);
+    for (path, commands) in [
+        (out.join("plan.json"), &["status", "collect"][..]),
+        (part, &["status", "collect"]),
+        (of_study("study.toml"), &["collect"]),
+        (of_study("frame.toml"), &["collect"]),
+        (of_study("records/a.csv"), &["collect"]),
+    ] {
+        let bytes = fs::read(&path).unwrap();
+        for put in [pipe, device] {
+            fs::remove_file(&path).unwrap();
+            put(&path);
+            for command in commands {
+                let said = soon(&["campaign", command, there]);
+                // A record that is no file is left out of its folder: the study has changed.
+                assert_eq!(said.code, Some(2), "{}: {}", path.display(), said.stderr);
+            }
+        }
+        fs::remove_file(&path).unwrap();
+        fs::write(&path, bytes).unwrap();
+    }
+    assert!(complete(&campaign("collect", &out, &[]), &out) == undisturbed());
+}
+
+/// A status names a part of another campaign, and does not count its tasks.
+#[test]
+fn a_status_counts_only_its_own_parts() {
+    let (folder, out) = planned();
+    let study = folder.path().join("study.toml");
+    let text = fs::read_to_string(&study).unwrap();
+    let other = folder.path().join("other.toml");
+    fs::write(
+        &other,
+        text.replace("replicates = 2", "replicates = 2\nseed = 9"),
+    )
+    .unwrap();
+    let elsewhere = folder.path().join("elsewhere");
+    plan(&other, &elsewhere, "5");
+    assert!(worker(&elsewhere, 1).wait().unwrap().success());
+    assert!(worker(&out, 2).wait().unwrap().success());
+    let foreign = &parts(&elsewhere)[0];
+    let planted = out.join("parts").join(foreign.file_name().unwrap());
+    fs::copy(foreign, &planted).unwrap();
+    let said = campaign("status", &out, &["--json"]);
+    let status: Value = serde_json::from_str(&said.stdout).unwrap();
+    assert_eq!((said.code, &status["done"]), (Some(1), &5.into()));
+    assert_eq!(status["foreign_parts"], serde_json::json!([planted]));
+    assert!(
+        campaign("status", &out, &[])
+            .stderr
+            .contains(planted.to_str().unwrap())
+    );
+}
+
+/// A killed program leaves its temporary file. The next collection removes it, but not that of a program that still runs.
+#[test]
+fn leftovers_of_killed_collections_are_removed() {
+    let (_folder, out) = planned();
+    let table = complete(&campaign("run", &out, &[]), &out);
+    let draft = |name: &str| out.join(format!("{name}.partial-0123456789abcdef"));
+    let left = [
+        draft(".table.partial.csv"),
+        draft(".table.partial.parquet"),
+        draft(".summary.json"),
+        draft(".report.html"),
+        draft("parts/.chunk-000001-0123456789abcdef.part"),
+    ];
+    for path in &left {
+        fs::write(path, "half").unwrap();
+    }
+    let running = out.join(".table.partial.csv.partial-fedcba9876543210");
+    let held = fs::File::create(&running).unwrap();
+    held.lock().unwrap();
+    let own = draft(".notes.txt");
+    fs::write(&own, "of the user").unwrap();
+    assert!(complete(&campaign("collect", &out, &[]), &out) == table);
+    assert!(left.iter().all(|path| !path.exists()));
+    assert!(running.exists() && own.exists());
+}

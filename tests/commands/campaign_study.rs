@@ -139,6 +139,26 @@ mod parquet_table {
         assert_eq!(summary["columns"], columns);
     }
 
+    /// A spreadsheet would run a text that begins as a formula does.
+    #[test]
+    fn only_the_csv_table_marks_a_formula() {
+        let folder = folder(
+            "test = \"frame.toml\"\n[[records]]\nfolder = \"empty\"\nrecord_unit = \"m/s2\"\n",
+        );
+        for name in ["=1+2.csv", "@a.csv", "'b.csv", "c.csv"] {
+            fs::write(folder.path().join("empty").join(name), RECORD).unwrap();
+        }
+        let out = folder.path().join("out");
+        let more = ["--out", out.to_str().unwrap(), "--prove", "1"];
+        let said = command("run", folder.path(), &more);
+        assert_eq!(said.code, Some(0), "{}", said.stderr);
+        let names = column(&csv(&out.join("table.csv")), "record");
+        assert_eq!(names, ["''b.csv", "'=1+2.csv", "'@a.csv", "c.csv"]);
+        let (rows, _) = read(&out.join("table.parquet"));
+        let names = column(&rows, "record");
+        assert_eq!(names, ["'b.csv", "=1+2.csv", "@a.csv", "c.csv"]);
+    }
+
     #[test]
     fn equal_results_give_equal_bytes_and_missing_results_a_partial_file() {
         let folder = computed(EVERY_TYPE);
@@ -221,6 +241,11 @@ collapse = { measure = "max_drift", above = 0.006 }
     assert!(!scaled.contains("Tornado") && !scaled.contains("All pairs"));
     for page in [alone, scaled] {
         assert!(!page.contains("NaN") && !page.contains("<script"));
+        // A line whose class has no colour is invisible.
+        for piece in page.split("class=\"l-").skip(1) {
+            let class = piece.split('"').next().unwrap();
+            assert!(page.contains(&format!(".l-{class} {{ stroke:")), "{class}");
+        }
     }
 }
 
@@ -374,6 +399,153 @@ fn wrong_studies_are_refused_at_their_line() {
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n\n"));
+}
+
+/// Velocities and displacements beside a record are named and refused, and a pattern leaves them out.
+#[test]
+fn a_folder_of_records_takes_a_pattern() {
+    let records = "test = \"frame.toml\"\n[[records]]\nfolder = \"empty\"\nrecord_unit = \"g\"\n";
+    let folder = folder(records);
+    let peer = |title: &str| format!("PEER\nSOMEWHERE\n{title}\nNPTS= 4, DT= .1 SEC\n0 1 -1 0\n");
+    let write = |name: &str, title: &str| {
+        fs::write(folder.path().join("empty").join(name), peer(title)).unwrap();
+    };
+    write("a.AT2", "ACCELERATION TIME SERIES IN UNITS OF G");
+    let planned = |text: String, out: &str| {
+        fs::write(folder.path().join("study.toml"), text).unwrap();
+        let out = folder.path().join(out);
+        command("plan", folder.path(), &["--out", out.to_str().unwrap()])
+    };
+    for (name, title) in [
+        ("b.VT2", "VELOCITY TIME SERIES IN UNITS OF CM/S"),
+        ("b.DT2", "DISPLACEMENT"),
+        ("README.txt", ""),
+    ] {
+        match title {
+            "" => fs::write(folder.path().join("empty").join(name), "not a record\n").unwrap(),
+            title => write(name, title),
+        }
+        let said = planned(records.to_owned(), "refused");
+        assert_eq!(said.code, Some(2), "{}", said.stderr);
+        assert!(
+            said.stderr.contains(name) && said.stderr.contains("pattern"),
+            "{}",
+            said.stderr
+        );
+        if name != "README.txt" {
+            fs::remove_file(folder.path().join("empty").join(name)).unwrap();
+        }
+    }
+    let none = planned(format!("{records}pattern = \"*.V2\"\n"), "refused");
+    assert!(
+        none.code == Some(2) && none.stderr.contains("*.V2"),
+        "{}",
+        none.stderr
+    );
+    let said = planned(format!("{records}pattern = \"*.at2\"\n"), "chosen");
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert!(said.stdout.contains("1 tasks"), "{}", said.stdout);
+}
+
+/// A limit of the specimen stops the stronger tests: that is no collapse. What is above the criterion before is one.
+#[test]
+fn a_trip_of_a_specimen_is_no_collapse() {
+    let summary = |above: f64| {
+        let folder = folder(&format!(
+            "test = \"frame.toml\"\n[[records]]\nfolder = \"records\"\nrecord_unit = \"m/s2\"\nvalues = [0.5, 4.0, 8.0]\n\
+             unit = \"m/s2\"\n[measure]\ncollapse = {{ measure = \"max_drift\", above = {above} }}\n"
+        ));
+        let limits =
+            "[specimen.limits]\ncommand_disp_m = { trip = [-0.003, 0.003] }\n[specimen.law";
+        let frame = FRAME.replace("[specimen.law", limits);
+        fs::write(folder.path().join("frame.toml"), frame).unwrap();
+        let out = folder.path().join("out");
+        let said = command("run", folder.path(), &["--out", out.to_str().unwrap()]);
+        assert_eq!(said.code, Some(0), "{}", said.stderr);
+        let rows = csv(&out.join("table.csv"));
+        let summary = fs::read_to_string(out.join("summary.json")).unwrap();
+        (rows, serde_json::from_str::<Value>(&summary).unwrap())
+    };
+    let (rows, high) = summary(1.0);
+    let ended = column(&rows, "ended");
+    let tripped = ended.iter().filter(|word| *word != "done").count();
+    assert!(tripped > 0 && tripped < ended.len(), "{ended:?}");
+    let collapse = column(&rows, "collapse");
+    for (word, cell) in ended.iter().zip(&collapse) {
+        assert_eq!(cell, if word == "done" { "0.0" } else { "" }, "{word}");
+    }
+    assert_eq!(
+        (&high["collapsed"], &high["censored"]),
+        (&0.into(), &tripped.into())
+    );
+    let levels = high["fragility"]["points"][0]["levels"].as_array().unwrap();
+    let sum = |key: &str| -> f64 { levels.iter().filter_map(|one| one[key].as_f64()).sum() };
+    assert_eq!((sum("collapses"), sum("censored")), (0.0, tripped as f64));
+    assert_eq!(sum("tests") + sum("censored"), ended.len() as f64);
+    // A criterion that is met before the trip is a collapse.
+    let (_, low) = summary(1e-6);
+    assert_eq!(
+        (&low["censored"], &low["collapsed"]),
+        (&0.into(), &ended.len().into())
+    );
+}
+
+/// Draws that the test file must not have are replaced, whatever the sampling, and counted.
+#[test]
+fn impossible_draws_are_drawn_again() {
+    for sampling in ["random", "latin_hypercube", "sobol"] {
+        let text = format!(
+            "test = \"frame.toml\"\n[campaign]\nsampling = \"{sampling}\"\nreplicates = 16\n\
+             [[sample]]\nkey = \"{FORCE}\"\nrange = [-1000.0, 3000.0]\n"
+        );
+        let folder = folder(&text);
+        let out = folder.path().join("out");
+        let more = ["--out", out.to_str().unwrap(), "--prove", "100%", "--json"];
+        let said = command("run", folder.path(), &more);
+        assert_eq!(said.code, Some(0), "{}", said.stderr);
+        let rows = csv(&out.join("table.csv"));
+        let name = rows[0]
+            .iter()
+            .find(|name| name.ends_with("yield_force_n"))
+            .unwrap();
+        let values: Vec<f64> = column(&rows, name)
+            .iter()
+            .map(|one| one.parse().unwrap())
+            .collect();
+        assert!(
+            values.len() == 16 && values.iter().all(|value| *value > 0.0),
+            "{values:?}"
+        );
+        let mut other = values.clone();
+        other.sort_by(f64::total_cmp);
+        other.dedup();
+        assert_eq!(other.len(), 16, "{sampling}");
+        let summary: Value = serde_json::from_str(&said.stdout).unwrap();
+        // A quarter of the range is impossible: each stratum of the evenly filled ones.
+        let redrawn = summary["redrawn"].as_u64().unwrap();
+        match sampling {
+            "random" => assert!((1..12).contains(&redrawn), "{redrawn}"),
+            _ => assert_eq!(redrawn, 4, "{sampling}"),
+        }
+    }
+}
+
+/// Tasks whose values give no test are in the last line, and the exit code tells.
+#[test]
+fn invalid_tasks_are_in_the_last_line() {
+    let folder = folder(&format!(
+        "test = \"frame.toml\"\n[[vary]]\nkey = \"{DAMPING}\"\nvalues = [0.02, -0.5, 0.05]\n"
+    ));
+    let out = folder.path().join("out");
+    let said = command("run", folder.path(), &["--out", out.to_str().unwrap()]);
+    assert_eq!(said.code, Some(1), "{}{}", said.stdout, said.stderr);
+    let last = said.stderr.trim_end().lines().last().unwrap();
+    assert!(last.contains("INVALID: 1 of 3"), "{}", said.stderr);
+    assert!(said.stdout.contains("task 2"), "{}", said.stdout);
+    assert_eq!(
+        column(&csv(&out.join("table.csv")), "ended"),
+        ["done", "invalid", "done"]
+    );
 }
 
 #[test]

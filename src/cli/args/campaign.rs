@@ -56,7 +56,7 @@ pub(in crate::cli) struct PlanArgs {
     after_help = "Examples:\n  gusset campaign run config/campaigns/ida-frame.toml --out ida\n  \
     gusset campaign run ida --jobs 2\n\n\
     Ctrl-C stops after the current tests. The command with the folder continues there.\n\n\
-    Exits with 1 if results are missing or different.\n\nMore: gusset guide campaigns"
+    Exits with 1 if results are missing or different, or if a task has no valid test.\n\nMore: gusset guide campaigns"
 )]
 pub(in crate::cli) struct RunCampaignArgs {
     /// A study file or a campaign folder.
@@ -71,6 +71,9 @@ pub(in crate::cli) struct RunCampaignArgs {
     /// Tasks that are computed again to prove the results: a number, or a share such as 1%.
     #[arg(long, value_name = "N|P%", default_value = "20")]
     pub prove: String,
+    /// Seed of the choice of these tasks, to repeat a proof [default: a new random number].
+    #[arg(long, value_name = "N")]
+    pub prove_seed: Option<u64>,
     /// Print the summary as JSON on stdout.
     #[arg(long)]
     pub json: bool,
@@ -131,7 +134,7 @@ pub(in crate::cli) struct WorkArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  gusset campaign collect ida --prove 1%\n\n\
-    Exits with 1 if results are missing or different. The tables of an incomplete campaign are table.partial.csv and \
+    Exits with 1 if results are missing or different, or if a task has no valid test. The tables of an incomplete campaign are table.partial.csv and \
     table.partial.parquet.\n\n\
     More: gusset guide campaigns")]
 pub(in crate::cli) struct CollectArgs {
@@ -141,6 +144,9 @@ pub(in crate::cli) struct CollectArgs {
     /// Tasks that are computed again to prove the results: a number, or a share such as 1%.
     #[arg(long, value_name = "N|P%", default_value = "20")]
     pub prove: String,
+    /// Seed of the choice of these tasks, to repeat a proof [default: a new random number].
+    #[arg(long, value_name = "N")]
+    pub prove_seed: Option<u64>,
     /// Print the summary as JSON on stdout.
     #[arg(long)]
     pub json: bool,

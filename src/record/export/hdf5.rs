@@ -31,6 +31,8 @@ pub(super) fn export(
     let (mut columns, exported) = Columns::new(run, choice, &extra.sums)?;
     let mut file = AtomicFile::create(out).map_err(failed)?;
     groups(&columns).finish_to(&mut file).map_err(refused)?;
+    // The library opens the file again and locks it itself.
+    file.unlock();
 
     let access = FileAccessProperties::new()
         .with_memory_strategy(MemoryStrategy::Bounded)

@@ -29,7 +29,7 @@ use crate::setup::{self, Trial};
 use crate::work::{each, processors};
 
 /// Draws of one trial that the file could not be with, before that is an error.
-const MOST_ATTEMPTS: u64 = 50;
+pub const MOST_ATTEMPTS: u64 = 50;
 
 /// What one trial came to.
 #[derive(Debug, Clone, PartialEq)]

@@ -242,7 +242,7 @@ impl Curves<'_> {
             let plain = |ink, dashed, width| Style { ink, dashed, width };
             match curve.look {
                 Look::Reference => return plain(Ink::Text, true, 1.5),
-                Look::Faint => return plain(Ink::Frame, false, 0.6),
+                Look::Faint => return plain(Ink::Frame, false, 1.2),
                 _ => {}
             }
             let index = taken;

@@ -51,7 +51,8 @@ class Fragility:
         intensity: The measure of intensity in words.
         unit: Unit of the intensity.
         levels: Levels of intensity, shape (k,), in `unit`.
-        tests: Number of tests at each level, shape (k,).
+        tests: Number of tests at each level that collapsed or came to their end, shape (k,). A test that a limit or a fault
+            stopped before is not counted.
         collapses: Number of collapses among them, shape (k,).
     """
 
@@ -133,6 +134,7 @@ class Campaign:
             )
         path = self.folder / ("table.csv" if self.complete else "table.partial.csv")
         try:
+            need_file(path)
             with path.open(encoding="utf-8", newline="") as file:
                 names, *rows = csv.reader(file)
         except FileNotFoundError:
@@ -141,7 +143,12 @@ class Campaign:
             raise FolderError(f"{path} is empty: `gusset campaign collect {self.folder}` writes it again") from None
         if any(len(row) != len(names) for row in rows):
             raise FolderError(f"{path} has rows with missing cells: `gusset campaign collect {self.folder}` writes it again")
-        series = [values(name, [row[place] for row in rows]) for place, name in enumerate(names)]
+        texts = {column["name"] for column in self.summary.get("columns", []) if column.get("type") == "text"}
+        series = []
+        for place, name in enumerate(names):
+            cells = [row[place] for row in rows]
+            # A text that a spreadsheet could run begins with an apostrophe that does not belong to it.
+            series.append(values(name, [cell.removeprefix("'") for cell in cells] if name in texts else cells))
         table = np.empty(len(rows), [(name, one.dtype) for name, one in zip(names, series)])
         for name, one in zip(names, series):
             table[name] = one
@@ -205,8 +212,15 @@ def values(name: str, cells: list[str]) -> npt.NDArray[Any]:
         return np.array(cells, dtype=np.str_)
 
 
+def need_file(path: Path) -> None:
+    """Refuses what is no plain file: a pipe could block for ever."""
+    if path.exists() and not path.is_file():
+        raise FolderError(f"{path} is no plain file")
+
+
 def read_json(path: Path) -> dict[str, Any]:
     """The object in a JSON file."""
+    need_file(path)
     try:
         document: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     except ValueError as reason:

@@ -165,6 +165,23 @@ values = ["a, b", "c"]
     assert {row["integrator.lambda"] for row in campaign.table if row["title"] == ""} >= {1.0, 4.0}
 
 
+def test_texts_come_back_without_the_mark_of_a_formula(frame, place):
+    titles = ["=1+2", "-a", "@a", "'b", "c"]
+    listed = ", ".join(f'"{title}"' for title in titles)
+    (place / "titles.toml").write_text(f'test = "frame.toml"\n[[vary]]\nkey = "title"\nvalues = [{listed}]\n')
+    campaign = gusset.campaign("titles.toml", quiet=True)
+    assert campaign["title"].tolist() == titles
+    assert ",'=1+2," in (campaign.folder / "table.csv").read_text()
+
+
+def test_a_pipe_is_no_table(study, place):
+    campaign = gusset.campaign(study, out="piped", quiet=True)
+    (campaign.folder / "table.csv").unlink()
+    os.mkfifo(campaign.folder / "table.csv")
+    with pytest.raises(gusset.FolderError, match="no plain file"):
+        _ = gusset.open_campaign("piped").table
+
+
 def test_unknown_column_is_named(done):
     with pytest.raises(KeyError, match="did you mean max_drift"):
         done["max_drif"]
