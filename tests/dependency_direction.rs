@@ -551,6 +551,10 @@ const COMPOSED: &[&str] = &[
     "is in mm",
     "in m",
     "Address already in use",
+    "in kN/mm?",
+    "in t?",
+    "in m/s2?",
+    "is held by process",
 ];
 
 /// The text of all sources, with strings that go over several lines joined.

@@ -226,8 +226,10 @@ pub fn latched(
             for_reset.clear()?;
         }
         // Only a request that clears nothing connects, and only while no test moves the specimen.
-        let now = match (&kept.place, request, for_reset.refusal()) {
-            (Some(_), ServerRequest::Show, Some(_)) => reported(reader.as_ref(), SERVER_READS),
+        let now = match (&kept.place, request) {
+            (Some(_), ServerRequest::Show) if !for_reset.is_moving() => {
+                reported(reader.as_ref(), SERVER_READS)
+            }
             _ => Vec::new(),
         };
         Ok(RecordWords {

@@ -111,10 +111,9 @@ pub struct SafetyTable {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"The rehearsal trips only at the end, where the specimen may fail")]
     pub accept_trip: Option<String>,
-    /// Reason why a test may move a specimen whose stiffness in the wiring check is not near
-    /// `stiffness_n_per_m`: a ratio outside 1/2 to 2, or another coupling of its axes. Without a
-    /// reason, such a specimen is not armed. Opposite signs are always refused. The reason is
-    /// written to the summary and the report.
+    /// Reason why a test may move a specimen whose stiffness in the wiring check differs from
+    /// `stiffness_n_per_m`. It differs by a ratio outside 1/2 to 2, or by another coupling. Opposite
+    /// signs are always refused. The reason is written to the summary and the report.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"The specimen is cracked; its stiffness is a third of the estimate")]
     pub accept_wiring: Option<String>,
@@ -165,7 +164,6 @@ impl SafetyTable {
         .filter_map(|(key, is_given)| is_given.then_some(key))
     }
 
-    /// True if it says more than what a server needs: why a specimen is without limits, or with another stiffness.
     /// True if it says more than the reasons that a server knows, too.
     #[must_use]
     pub fn bounds_a_test(&self) -> bool {

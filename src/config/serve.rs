@@ -177,15 +177,17 @@ pub fn load_serve_file(path: &Path, name: Option<&str>) -> Result<ServedFile, Co
     let of_a_test = is_test(&opened.root);
     let (mut file, warnings) = if of_a_test {
         let test = super::parse(path, text.clone(), &[])?.file;
-        let accepts_speed = test.safety.accept_speed;
+        // The reasons that a server knows, too.
+        let safety = SafetyTable {
+            accept_speed: test.safety.accept_speed,
+            accept_wiring: test.safety.accept_wiring,
+            ..SafetyTable::default()
+        };
         let file = ServeFile {
             title: test.title,
             specimen: test.specimen,
             serve: ServeTable::default(),
-            safety: accepts_speed.map(|reason| SafetyTable {
-                accept_speed: Some(reason),
-                ..SafetyTable::default()
-            }),
+            safety: (safety != SafetyTable::default()).then_some(safety),
             timing: None,
             record: None,
         };

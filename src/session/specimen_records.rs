@@ -142,7 +142,9 @@ impl HeldRecords {
             });
             let last = outcome.and_then(|outcome| outcome.last_commands.get(port));
             let is_lost = outcome.is_none_or(|outcome| {
+                // Nobody knows where a specimen is that is lost, or has not answered the last command.
                 matches!(outcome.left.get(port), Some(EndPosition::Lost) | None)
+                    || outcome.unheard.contains(&port)
             });
             let kept = match last {
                 _ if is_regular => Kept::default(),

@@ -256,7 +256,7 @@ impl Client {
                 Err(_) => break true,
             }
         };
-        let tripped = self.first.latch().clear().unwrap().is_some();
+        let tripped = self.first.latch().clear().unwrap().trip.is_some();
         if tripped || is_lost {
             self.connect();
         }

@@ -79,13 +79,21 @@ fn kept(state: &Path) -> Kept {
     serde_json::from_slice(&std::fs::read(&files[0]).unwrap()).unwrap()
 }
 
+/// Waits until something is so; `else_what` it is after the patience of a test.
+fn waits_for(else_what: &str, is_so: impl Fn() -> bool) {
+    let pause = std::time::Duration::from_millis(2);
+    for _ in 0..PATIENCE.as_millis() / pause.as_millis() {
+        if is_so() {
+            return;
+        }
+        gusset::session::pause(pause);
+    }
+    panic!("{else_what}");
+}
+
 /// Waits until the specimen has left 0.
 fn moves(position: &Arc<Mutex<f64>>) {
-    let until = std::time::Instant::now() + PATIENCE;
-    while *position.lock().unwrap() < 1e-5 {
-        assert!(std::time::Instant::now() < until, "it never moved");
-        std::thread::yield_now();
-    }
+    waits_for("it never moved", || *position.lock().unwrap() >= 1e-5);
 }
 
 fn in_background(mut command: Command) -> Child {
@@ -205,14 +213,13 @@ fn an_operator_who_stops_a_run_leaves_a_record() {
     let mut resumed = command(&state);
     resumed.arg("run").arg("--resume").arg(folder.join("first"));
     resumed.arg("--out").arg(folder.join("resumed"));
-    let child = in_background(resumed);
-    let until = std::time::Instant::now() + PATIENCE;
-    while kept(&state).place.unwrap().runs.len() < 2 {
-        assert!(std::time::Instant::now() < until, "it was not taken over");
-        std::thread::yield_now();
-    }
+    let mut child = in_background(resumed);
+    waits_for("it was not taken over", || {
+        kept(&state).place.unwrap().runs.len() >= 2
+    });
     assert_eq!(kept(&state).place.unwrap().began, [0.0]);
     signal(child.id(), "KILL");
+    child.wait().unwrap();
 }
 
 #[test]
@@ -308,12 +315,10 @@ fn a_simulated_specimen_has_no_record() {
         .arg("--out")
         .arg(folder.join("first"));
     let mut first = in_background(first);
-    let until = std::time::Instant::now() + PATIENCE;
     let samples = folder.join("first/samples.bin");
-    while std::fs::metadata(&samples).map_or(0, |found| found.len()) < 50_000 {
-        assert!(std::time::Instant::now() < until, "it records nothing");
-        std::thread::yield_now();
-    }
+    waits_for("it records nothing", || {
+        std::fs::metadata(&samples).map_or(0, |found| found.len()) >= 50_000
+    });
     first.kill().unwrap();
     first.wait().unwrap();
     assert!(!state.exists() && !folder.join("state").exists());

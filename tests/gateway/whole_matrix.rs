@@ -151,7 +151,7 @@ fn a_gateway_refuses_each_wrong_file() {
                 if record.exists() {
                     break;
                 }
-                std::thread::sleep(std::time::Duration::from_millis(20));
+                gusset::session::pause(std::time::Duration::from_millis(20));
             }
             let kept = summary(&out, "test-0001");
             let is_noted = kept.accepted.contains_key("accept_wiring");

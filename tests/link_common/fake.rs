@@ -129,6 +129,7 @@ impl Fake {
         // A controller may leave without arming.
         let arm = fake.control()?;
         if matches!(arm, Control::Bye(_)) {
+            before("released");
             return None;
         }
         if matches!(arm, Control::Arm(_)) {

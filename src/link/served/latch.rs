@@ -171,8 +171,8 @@ impl Latch {
     }
 
     /// The session does not move the specimen any more. The place is forgotten after a regular end, and where the last command
-    /// (empty without one) is the place where it began.
-    pub fn ends(&self, last: &[f64], is_regular: bool) {
+    /// (empty without one) is the place where it began. `last` is none if the link was lost: nobody knows where the specimen is.
+    pub fn ends(&self, last: Option<&[f64]>, is_regular: bool) {
         let mut latched = self.latched();
         if !std::mem::take(&mut latched.is_moving) {
             return;
@@ -180,11 +180,18 @@ impl Latch {
         let Some(mut place) = latched.kept.place.take() else {
             return;
         };
-        if !(is_regular || last.is_empty() || place.is_back(last)) {
-            place.left = last.to_vec();
+        let is_back = last.is_some_and(|last| last.is_empty() || place.is_back(last));
+        if !(is_regular || is_back) {
+            place.left = last.unwrap_or_default().to_vec();
             latched.kept.place = Some(place);
         }
         let _ = latched.write();
+    }
+
+    /// True if a session moves the specimen.
+    #[must_use]
+    pub fn is_moving(&self) -> bool {
+        self.latched().is_moving
     }
 
     /// Clears it; what was recorded.
@@ -299,7 +306,7 @@ mod tests {
             assert_eq!(session.refusal(), None);
             assert!(session.clear().is_err(), "it moves");
             let last: Vec<f64> = last.into_iter().collect();
-            session.ends(&last, is_regular);
+            session.ends(Some(&last), is_regular);
             drop(session);
             let after = latch(folder);
             assert_eq!(after.refusal().is_some(), stays);

@@ -4,7 +4,7 @@ use super::guarded_specimen::{GuardedSpecimen, Origin, not_finite};
 use super::identity::Identity;
 use super::link_maker::LinkMaker;
 use super::pacing::Pacing;
-use super::{Controller, ROUNDING, TestEnd, USUAL_TICK_S, Wanted, apart, elsewhere_by};
+use super::{Controller, ROUNDING, TestEnd, Trip, USUAL_TICK_S, Wanted, apart, elsewhere_by};
 use crate::catalog::event::Remark;
 use crate::port::{Opinion, Probe, WayBack, WiringCheck, compare_stiffness};
 use crate::record::lasting::Place;
@@ -473,7 +473,12 @@ impl<'a> Readiness<'a> {
             // The place stays as commands count, whatever its sensor reads: a client may begin its test there.
             rest.force = force;
         }
+        let measured = true;
         if let Some(axis) = not_finite(&rest.disp, &rest.force) {
+            served.trip(Trip::NotFinite {
+                axis: Some(axis),
+                measured,
+            });
             let axis = axis + 1;
             return Err(format!("axis {axis}: the force at rest is no number").into());
         }
@@ -484,6 +489,10 @@ impl<'a> Readiness<'a> {
             let posed = posed.and_then(|()| scale.answer(&mut served.port, units, &mut answer));
             let posed = posed.map_err(|fault| format!("where the specimen stands: {fault}"))?;
             if let Some(signal) = posed {
+                served.trip(Trip::NotFinite {
+                    axis: None,
+                    measured,
+                });
                 return Err(format!(
                     "displacement {}: the force at rest is no number",
                     signal + 1
