@@ -142,7 +142,7 @@ impl HeldRecords {
             });
             let last = outcome.and_then(|outcome| outcome.last_commands.get(port));
             let is_lost = outcome.is_none_or(|outcome| {
-                // Nobody knows where a specimen is that is lost, or has not answered the last command.
+                // The position of a specimen that is lost, or owes its last answer, is unknown.
                 matches!(outcome.left.get(port), Some(EndPosition::Lost) | None)
                     || outcome.unheard.contains(&port)
             });

@@ -171,7 +171,7 @@ impl Latch {
     }
 
     /// The session does not move the specimen any more. The place is forgotten after a regular end, and where the last command
-    /// (empty without one) is the place where it began. `last` is none if the link was lost: nobody knows where the specimen is.
+    /// (empty without one) is the place where it began. Without `last`, the link was lost and the position is unknown.
     pub fn ends(&self, last: Option<&[f64]>, is_regular: bool) {
         let mut latched = self.latched();
         if !std::mem::take(&mut latched.is_moving) {

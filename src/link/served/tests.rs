@@ -887,7 +887,7 @@ fn no_ending_leaves_a_specimen_unseen() {
         let began = stands;
         stands = spring.told.lock().unwrap().last().copied().unwrap_or(began);
         let is_back = (stands - began).abs() < 1e-9;
-        // Nobody knows where a specimen is whose link was lost.
+        // The position of a specimen whose link was lost is unknown.
         let is_lost = matches!(one.tripped(), Some(Trip::Lost(_)));
         let is_refused = latch.refusal().is_some();
         assert!(is_regular || is_back || is_refused, "session {session}");
