@@ -25,6 +25,8 @@ mod recording;
 mod served_specimen;
 mod session_record;
 mod session_summary;
+#[cfg(test)]
+pub(crate) mod simulated_pace;
 mod speed_allowance;
 #[cfg(test)]
 mod tests;

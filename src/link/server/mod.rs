@@ -9,6 +9,8 @@
 //! The native protocol finds a computed specimen in its initial state unless it remembers.
 //! OpenFresco's protocols find a specimen that moves where the last test left it.
 
+#[cfg(test)]
+mod acting;
 mod admission;
 mod backlog;
 mod channel;

@@ -3,7 +3,6 @@
 mod compensated;
 mod recorded;
 mod schedules;
-mod simulated;
 mod stops;
 
 use std::sync::{Arc, Mutex};
@@ -13,7 +12,9 @@ use proptest::prelude::*;
 use super::conversion::{self, Client};
 use crate::catalog::limit::Limit;
 use crate::config::{DispUnit, ForceUnit, KeyPath, SpecimenTable};
-use crate::link::served::{Controller, LinkBuild, Pacing, ServedSpecimen, Trip};
+use crate::link::served::{
+    Controller, LinkBuild, Pacing, ServedSpecimen, Trip, simulated_pace as simulated,
+};
 use crate::link::server::Host;
 use crate::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,

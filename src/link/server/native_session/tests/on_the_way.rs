@@ -2,7 +2,6 @@
 //!
 //! The rig acts for the client when a command reaches it. So nothing depends on the time that passes.
 
-use std::cell::Cell;
 use std::io::{Read, Write};
 use std::net::{Shutdown, TcpStream};
 use std::time::Duration;
@@ -10,71 +9,13 @@ use std::time::Duration;
 use super::*;
 use crate::config::Carrier;
 use crate::link::inbox::Inbox;
-use crate::link::served::{PaceClock, Pacing};
+use crate::link::server::acting::{Acting, PACING, TICKS};
 use crate::link::server::{RunningServer, ServeOptions, Server};
 
-thread_local! {
-    static NOW_NS: Cell<u64> = const { Cell::new(1_000_000_000) };
-}
-
-/// Time passes only where a paced command waits for it.
-const CLOCK: PaceClock = PaceClock {
-    now_ns: || NOW_NS.get(),
-    sleep_until_ns: |until| NOW_NS.set(NOW_NS.get().max(until)),
-};
-
-/// Commands of a path of 4 s.
-const TICKS: u32 = 4000;
-/// The path is interrupted at this one.
+/// The path is interrupted at this command.
 const AT: usize = 1000;
 /// Ticks that 0.1 m/s² allow to slow down from the speed there: half of it slows down 10 mm in 4 s, at x = 1/4.
 const SLOWS: usize = 53;
-
-type Act = Box<dyn FnOnce() + Send>;
-
-/// A rig that is at its command at once. It notes displacements, and does something at one of them.
-#[derive(Clone, Default)]
-struct Acting {
-    told: Arc<Mutex<Vec<f64>>>,
-    act: Arc<Mutex<Option<(usize, Act)>>>,
-    sequence: u64,
-}
-
-impl Substructure for Acting {
-    fn axes(&self) -> usize {
-        1
-    }
-    fn coupling(&self) -> Coupling {
-        Coupling::Lockstep
-    }
-    fn is_remote(&self) -> bool {
-        true
-    }
-    fn connect(&mut self) -> Result<Introduction, Unavailable> {
-        Ok(Introduction {
-            standing: vec![0.0],
-            ..Introduction::default()
-        })
-    }
-    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
-        self.sequence = command.sequence;
-        let mut told = self.told.lock().unwrap();
-        told.push(command.disp[0]);
-        let mut act = self.act.lock().unwrap();
-        if act.as_ref().is_some_and(|(at, _)| *at == told.len()) {
-            let (_, act) = act.take().unwrap();
-            act();
-        }
-        Ok(())
-    }
-    fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
-        let disp = *self.told.lock().unwrap().last().unwrap();
-        into.sequence = self.sequence;
-        (into.disp[0], into.force[0]) = (disp, 8000.0 * disp);
-        Ok(Freshness::Fresh)
-    }
-    fn retire(&mut self, _: Retirement) {}
-}
 
 /// A client over TCP, armed at zero.
 struct Caller {
@@ -97,12 +38,7 @@ impl Caller {
             "command_vel_m_per_s = { trip = 0.1 }, command_accel_m_per_s2 = { trip = 0.1 }";
         let limits = toml::from_str(&limits.replace(", ", "\n")).unwrap();
         let host = Host::gateway("far".into(), vec![axis()], vec![8e3], build, 1_000_000_000);
-        let host = host.limited(vec![limits]).paced(Some(Pacing {
-            ticks: TICKS,
-            settle_ticks: 0,
-            period_ns: 1_000_000,
-            clock: CLOCK,
-        }));
+        let host = host.limited(vec![limits]).paced(Some(PACING));
         let options = ServeOptions {
             listen: "127.0.0.1:0".into(),
             carrier: Carrier::Tcp,
@@ -205,8 +141,8 @@ impl Caller {
     }
 
     /// Sends a target of 10 mm with the number 1, and acts at a command of its path.
-    fn goes(&mut self, target: &[u8], act: Act) {
-        *self.rig.act.lock().unwrap() = Some((AT, act));
+    fn goes(&mut self, target: &[u8], act: impl FnOnce() + Send + 'static) {
+        self.rig.acts(AT, act);
         self.stream.write_all(target).unwrap();
     }
 
@@ -249,13 +185,10 @@ fn a_client_that_leaves_on_the_way_is_obeyed() {
         let target = caller.command(1, 0.01);
         let frame = caller.notice(kind, 1);
         let mut stream = caller.stream.try_clone().unwrap();
-        caller.goes(
-            &target,
-            Box::new(move || match kind {
-                "close" => stream.shutdown(Shutdown::Write).unwrap(),
-                _ => stream.write_all(&frame).unwrap(),
-            }),
-        );
+        caller.goes(&target, move || match kind {
+            "close" => stream.shutdown(Shutdown::Write).unwrap(),
+            _ => stream.write_all(&frame).unwrap(),
+        });
         let text = caller.ended();
         let said = match kind {
             "retire" => "retired",
@@ -273,7 +206,7 @@ fn a_hold_on_the_way_is_obeyed_and_the_next_target_goes_on() {
     let target = caller.command(1, 0.01);
     let frame = caller.notice("hold", 1);
     let mut stream = caller.stream.try_clone().unwrap();
-    caller.goes(&target, Box::new(move || stream.write_all(&frame).unwrap()));
+    caller.goes(&target, move || stream.write_all(&frame).unwrap());
     let (sequence, disp, status) = caller.answer();
     assert_eq!((sequence, status), (1, Status::HOLDING));
     assert_eq!(disp, caller.rests());
@@ -321,10 +254,7 @@ fn one_target_may_wait_and_two_are_refused() {
             frames.extend(caller.command(number, 0.0));
         }
         let mut stream = caller.stream.try_clone().unwrap();
-        caller.goes(
-            &target,
-            Box::new(move || stream.write_all(&frames).unwrap()),
-        );
+        caller.goes(&target, move || stream.write_all(&frames).unwrap());
         if further == 1 {
             assert_eq!(caller.answer(), (1, 0.01, Status(0)));
             assert_eq!(caller.answer(), (2, 0.0, Status(0)));
@@ -357,14 +287,11 @@ fn a_client_that_is_gone_is_seen_before_its_queue() {
             }
         }
         let mut stream = caller.stream.try_clone().unwrap();
-        caller.goes(
-            &target,
-            Box::new(move || {
-                stream.set_nonblocking(true).unwrap();
-                let _ = stream.write(&frames).unwrap();
-                stream.shutdown(Shutdown::Write).unwrap();
-            }),
-        );
+        caller.goes(&target, move || {
+            stream.set_nonblocking(true).unwrap();
+            let _ = stream.write(&frames).unwrap();
+            stream.shutdown(Shutdown::Write).unwrap();
+        });
         let text = caller.ended();
         let said = if heartbeats {
             "without a goodbye"

@@ -1,76 +1,19 @@
 //! An OpenFresco client leaves or runs ahead while the specimen is on its way to a paced target: the specimen comes to rest at once.
 
-use std::cell::Cell;
 use std::io::{Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
-use std::sync::Mutex;
 
 use super::*;
 use crate::link::openfresco::Host as OpenFrescoHost;
-use crate::link::served::{LinkMaker, PaceClock, Pacing, Whereabouts};
+use crate::link::served::{LinkMaker, Whereabouts};
+use crate::link::server::acting::{Acting, PACING, TICKS};
 use crate::link::{SocketOptions, TcpTransport};
 use crate::port::WiringCheck;
 
-thread_local! {
-    static NOW_NS: Cell<u64> = const { Cell::new(1_000_000_000) };
-}
-
-/// Time passes only where a paced command waits for it.
-const CLOCK: PaceClock = PaceClock {
-    now_ns: || NOW_NS.get(),
-    sleep_until_ns: |until| NOW_NS.set(NOW_NS.get().max(until)),
-};
-
-const TICKS: u32 = 4000;
 /// The path to the second target is interrupted here; the first one is at the place of the specimen.
 const AT: usize = TICKS as usize + 1000;
 /// A quarter of a second, because no acceleration is declared.
 const SLOWS: usize = 250;
-
-type Act = Box<dyn FnOnce() + Send>;
-
-/// A rig that is at its command at once, and does something at one of them.
-#[derive(Clone, Default)]
-struct Acting {
-    told: Arc<Mutex<Vec<f64>>>,
-    act: Arc<Mutex<Option<Act>>>,
-}
-
-impl Substructure for Acting {
-    fn axes(&self) -> usize {
-        1
-    }
-    fn coupling(&self) -> Coupling {
-        Coupling::Lockstep
-    }
-    fn is_remote(&self) -> bool {
-        true
-    }
-    fn connect(&mut self) -> Result<Introduction, Unavailable> {
-        Ok(Introduction {
-            standing: vec![0.0],
-            force: vec![0.0],
-            ..Introduction::default()
-        })
-    }
-    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
-        let mut told = self.told.lock().unwrap();
-        told.push(command.disp[0]);
-        if told.len() == AT
-            && let Some(act) = self.act.lock().unwrap().take()
-        {
-            act();
-        }
-        Ok(())
-    }
-    fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
-        into.sequence += 1;
-        into.disp[0] = *self.told.lock().unwrap().last().unwrap();
-        into.force[0] = 8e3 * into.disp[0];
-        Ok(Freshness::Fresh)
-    }
-    fn retire(&mut self, _: Retirement) {}
-}
 
 fn doubles(values: &[f64]) -> Vec<u8> {
     values
@@ -92,7 +35,7 @@ fn served(
     let stream = listener.accept().unwrap().0;
     let rig = Acting::default();
     let acting = client.try_clone().unwrap();
-    *rig.act.lock().unwrap() = Some(Box::new(move || act(acting)));
+    rig.acts(AT, move || act(acting));
     let behind = rig.clone();
     let links = LinkMaker::new(
         Arc::new(move |_: &Controller| Ok(Box::new(behind.clone()) as Box<dyn Substructure>)),
@@ -105,12 +48,7 @@ fn served(
     let specimen = specimen
         .checked(WiringCheck::Known, false)
         .limited(&[limits]);
-    let specimen = specimen.paced(Some(Pacing {
-        ticks: TICKS,
-        settle_ticks: 0,
-        period_ns: 1_000_000,
-        clock: CLOCK,
-    }));
+    let specimen = specimen.paced(Some(PACING));
     let mut host = OpenFrescoHost::of(specimen, Nature::Physical, Some(0.01));
     let mut codec = Codec::new(role, None, Carrier::Stream, 1);
     let sizes = [1, 0, 0, 0, 0, 0, 0, 0, 1, 0, 2_i32].map(i32::to_le_bytes);

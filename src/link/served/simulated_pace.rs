@@ -1,8 +1,8 @@
-//! A clock of this thread that advances by calls only.
+//! A clock of paced commands in tests: it is that of one thread, and advances by calls only.
 
 use std::cell::Cell;
 
-use crate::link::served::PaceClock;
+use super::PaceClock;
 
 thread_local! {
     static NOW_NS: Cell<u64> = const { Cell::new(1_000_000_000) };
