@@ -286,7 +286,7 @@ impl Lineage {
 }
 
 /// A folder by the one name that it has whichever way leads there.
-fn itself(folder: &Path) -> PathBuf {
+pub(super) fn itself(folder: &Path) -> PathBuf {
     folder.canonicalize().unwrap_or_else(|_| folder.to_owned())
 }
 

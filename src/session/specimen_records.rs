@@ -3,9 +3,10 @@
 //! A record is written after the specimens are connected and before the loop starts, and again when the loop has ended. The loop itself
 //! knows nothing of it.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::guarded::Ended;
+use super::lineage::itself;
 use crate::catalog::ending::Cause;
 use crate::engine::EndPosition;
 use crate::port::Port;
@@ -56,13 +57,8 @@ impl SpecimenRecords {
             let (Some(port), Some(Some(key))) = (ports.get(index), self.keys.get(index)) else {
                 continue;
             };
-            let begun = self.begin_one(port, key, facts, run);
-            let mut begun =
-                begun.map_err(|text| format!("specimen \"{}\": {text}", port.name()))?;
-            begun.port = index;
-            let units = facts.units.get(index).into_iter().flatten();
-            begun.place.units = units.map(|[disp, _]| (*disp).to_owned()).collect();
-            held.push(begun);
+            let begun = self.begin_one((index, port), key, facts, run);
+            held.push(begun.map_err(|text| format!("specimen \"{}\": {text}", port.name()))?);
         }
         for (number, one) in held.iter().enumerate() {
             let kept = Kept {
@@ -84,7 +80,7 @@ impl SpecimenRecords {
 
     fn begin_one(
         &self,
-        port: &Port,
+        (index, port): (usize, &Port),
         key: &SpecimenKey,
         facts: &Facts,
         run: &Path,
@@ -92,9 +88,9 @@ impl SpecimenRecords {
         let told = |error: LastingError| error.to_string();
         let record = LastingRecord::hold(&state_folder().map_err(told)?, key).map_err(told)?;
         let before = record.read().map_err(|error| error.to_string())?;
-        let (reset, run) = (run.display(), absolute(run));
+        let (reset, run) = (run.display(), itself(run));
         let standing = port.standing().unwrap_or_default();
-        let resumed = facts.resumed.as_ref().map(|(folder, _)| absolute(folder));
+        let resumed = facts.resumed.as_ref().map(|(folder, _)| itself(folder));
         let goes_on = before.place.as_ref().filter(|place| {
             let resumed = resumed.as_ref();
             before.trip.is_none() && resumed.is_some_and(|folder| place.runs.contains(folder))
@@ -107,16 +103,17 @@ impl SpecimenRecords {
         }
         let mut runs = goes_on.map_or_else(Vec::new, |place| place.runs.clone());
         runs.push(run.clone());
+        let units = facts.units.get(index).into_iter().flatten();
         let place = Place {
             what: format!("{} into {}", self.what, run.display()),
             runs,
             at: rfc3339(Wall::now().0),
-            units: Vec::new(),
+            units: units.map(|[disp, _]| (*disp).to_owned()).collect(),
             began: goes_on.map_or_else(|| standing.to_vec(), |place| place.began.clone()),
             left: Vec::new(),
         };
         Ok(HeldRecord {
-            port: 0,
+            port: index,
             record,
             before,
             place,
@@ -172,12 +169,4 @@ impl HeldRecords {
 fn is_left(before: &Kept, last: &[f64]) -> bool {
     let place = before.place.as_ref();
     place.is_some_and(|place| is_same(&place.left, last))
-}
-
-/// One path for every name of a folder.
-fn absolute(folder: &Path) -> PathBuf {
-    folder
-        .canonicalize()
-        .or_else(|_| std::path::absolute(folder))
-        .unwrap_or_else(|_| folder.to_owned())
 }

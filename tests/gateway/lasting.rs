@@ -5,9 +5,9 @@ use std::process::{Child, Command, Stdio};
 use std::sync::{Arc, Mutex};
 
 use crate::link_common::{
-    Fake, ONE_AXIS, ONE_AXIS_LAW, PATIENCE, Served, UNLIMITED, finish, gusset, moving, signal,
-    summary, write,
+    Fake, ONE_AXIS, ONE_AXIS_LAW, Served, UNLIMITED, finish, gusset, moving, signal, summary, write,
 };
+use crate::waits_for;
 use gusset::record::lasting::{Kept, LastingError, LastingRecord, SpecimenKey};
 use gusset::record::summary::Status as Ended;
 
@@ -77,18 +77,6 @@ fn kept(state: &Path) -> Kept {
     let files = records(state);
     assert_eq!(files.len(), 1, "{files:?}");
     serde_json::from_slice(&std::fs::read(&files[0]).unwrap()).unwrap()
-}
-
-/// Waits until something is so; `else_what` it is after the patience of a test.
-fn waits_for(else_what: &str, is_so: impl Fn() -> bool) {
-    let pause = std::time::Duration::from_millis(2);
-    for _ in 0..PATIENCE.as_millis() / pause.as_millis() {
-        if is_so() {
-            return;
-        }
-        gusset::session::pause(pause);
-    }
-    panic!("{else_what}");
 }
 
 /// Waits until the specimen has left 0.

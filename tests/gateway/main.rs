@@ -9,3 +9,17 @@ mod limits;
 mod records;
 mod same_bits;
 mod whole_matrix;
+
+use link_common::PATIENCE;
+
+/// Waits until something is so; `else_what` it is after the patience of a test.
+fn waits_for(else_what: &str, is_so: impl Fn() -> bool) {
+    let pause = std::time::Duration::from_millis(2);
+    for _ in 0..PATIENCE.as_millis() / pause.as_millis() {
+        if is_so() {
+            return;
+        }
+        gusset::session::pause(pause);
+    }
+    panic!("{else_what}");
+}

@@ -4,6 +4,7 @@
 use std::path::Path;
 
 use crate::link_common::{Served, gateway, run, summary, test_file};
+use crate::waits_for;
 use gusset::record::Run;
 
 /// A specimen of two coupled axes, N/m.
@@ -147,12 +148,7 @@ fn a_gateway_refuses_each_wrong_file() {
             let passes = fault.is_empty() || (accepts && is_acceptable);
             assert_eq!(code, if passes { 0 } else { 3 }, "{index}: {said}");
             let record = out.join("test-0001/summary.json");
-            for _ in 0..1000 {
-                if record.exists() {
-                    break;
-                }
-                gusset::session::pause(std::time::Duration::from_millis(20));
-            }
+            waits_for("it has no summary", || record.exists());
             let kept = summary(&out, "test-0001");
             let is_noted = kept.accepted.contains_key("accept_wiring");
             assert_eq!(is_noted, passes && !fault.is_empty(), "{index}");

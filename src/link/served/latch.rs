@@ -50,19 +50,15 @@ impl Latched {
     /// # Errors
     /// It still cannot.
     fn retry(&mut self) -> Result<(), String> {
-        let Some(record) = &self.record else {
+        let Some(record) = self.record.as_ref().filter(|_| self.is_unwritten) else {
             return Ok(());
         };
-        let outcome = if self.is_unwritten {
-            record.write(&self.kept)
-        } else {
-            return Ok(());
-        };
-        self.is_unwritten = outcome.is_err();
-        outcome.map_err(|error| {
+        record.write(&self.kept).map_err(|error| {
             let file = record.file().display();
             format!("{file}: the record of the specimen cannot be written: {error}; no test begins until it can")
-        })
+        })?;
+        self.is_unwritten = false;
+        Ok(())
     }
 }
 

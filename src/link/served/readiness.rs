@@ -473,14 +473,9 @@ impl<'a> Readiness<'a> {
             // The place stays as commands count, whatever its sensor reads: a client may begin its test there.
             rest.force = force;
         }
-        let measured = true;
         if let Some(axis) = not_finite(&rest.disp, &rest.force) {
-            served.trip(Trip::NotFinite {
-                axis: Some(axis),
-                measured,
-            });
-            let axis = axis + 1;
-            return Err(format!("axis {axis}: the force at rest is no number").into());
+            let of = format!("axis {}", axis + 1);
+            return Err(Self::is_no_number(served, Some(axis), &of));
         }
         let Identity { scale, units, .. } = &served.identity;
         if !scale.is_of_axes() {
@@ -489,21 +484,21 @@ impl<'a> Readiness<'a> {
             let posed = posed.and_then(|()| scale.answer(&mut served.port, units, &mut answer));
             let posed = posed.map_err(|fault| format!("where the specimen stands: {fault}"))?;
             if let Some(signal) = posed {
-                served.trip(Trip::NotFinite {
-                    axis: None,
-                    measured,
-                });
-                return Err(format!(
-                    "displacement {}: the force at rest is no number",
-                    signal + 1
-                )
-                .into());
+                let of = format!("displacement {}", signal + 1);
+                return Err(Self::is_no_number(served, None, &of));
             }
             rest = answer;
         }
         (rest.time, rest.status) = (served.answer.time, served.answer.status);
         served.answer = rest;
         Ok(())
+    }
+
+    /// The trip of a force at rest that is no number.
+    fn is_no_number(served: &mut GuardedSpecimen, axis: Option<usize>, of: &str) -> TestEnd {
+        let measured = true;
+        served.trip(Trip::NotFinite { axis, measured });
+        format!("{of}: the force at rest is no number").into()
     }
 
     /// Our own command for a place of the axes.
