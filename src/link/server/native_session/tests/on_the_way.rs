@@ -50,6 +50,8 @@ impl Caller {
         let stream = TcpStream::connect(server.local_addr()).unwrap();
         let limit = Some(Duration::from_secs(60));
         stream.set_read_timeout(limit).unwrap();
+        // Else a frame waits until the one before it is acknowledged.
+        stream.set_nodelay(true).unwrap();
         let mut one = Self {
             stream,
             inbox: Inbox::new(true),

@@ -32,6 +32,8 @@ fn served(
 ) -> (End, Vec<f64>) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let mut client = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+    // Else bytes wait until those before them are acknowledged.
+    client.set_nodelay(true).unwrap();
     let stream = listener.accept().unwrap().0;
     let rig = Acting::default();
     let acting = client.try_clone().unwrap();
