@@ -23,6 +23,8 @@ def main():
     study = sys.argv[1] if len(sys.argv) > 1 else STUDY
     campaign = gusset.campaign(study, out=sys.argv[2] if len(sys.argv) > 2 else "campaigns/fragility")
     curve = campaign.fragility
+    if curve is None:
+        raise SystemExit("the fragility is not determined: use more records, or more intensities between no collapse and all")
     print(f"median {curve.median:.3f} {curve.unit}, dispersion {curve.dispersion:.2f}, {len(campaign.table)} tests")
 
     figure, (analysis, fragility) = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")

@@ -133,8 +133,8 @@ class Campaign:
                 f"and gusset.campaign({str(self.folder)!r}) also computes the missing ones"
             )
         path = self.folder / ("table.csv" if self.complete else "table.partial.csv")
+        need_file(path)
         try:
-            need_file(path)
             with path.open(encoding="utf-8", newline="") as file:
                 names, *rows = csv.reader(file)
         except FileNotFoundError:

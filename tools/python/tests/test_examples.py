@@ -35,12 +35,12 @@ def test_fragility_of_a_frame(place):
     study = (ROOT / "config" / "campaigns" / "ida-frame.toml").read_text(encoding="utf-8")
     study = (
         study.replace("../frame", str(ROOT / "config" / "frame"))
-        .replace("count = 20", "count = 2")
-        .replace("count = 12", "count = 3")
+        .replace("count = 20", "count = 10")
+        .replace("count = 12", "count = 8")
     )
     Path("study.toml").write_text(study, encoding="utf-8")
     said = script(EXAMPLES / "fragility.py", "study.toml", "ida")
-    assert re.search(r"median \d\.\d+ g, dispersion 0\.\d+, 6 tests", said)
+    assert re.search(r"median \d\.\d+ g, dispersion 0\.\d+, 80 tests", said)
     assert is_picture("ida/fragility.png")
 
 
