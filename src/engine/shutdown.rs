@@ -1,5 +1,7 @@
 //! The shutdown: every specimen holds, or is moved slowly to where it is to be left, and then receives the last message.
 //!
+//! After a stop of the operator each specimen that moves is braked first, within its limit of acceleration.
+//!
 //! A specimen that is saturated, whose measurements are stale, whose interlock is open, or which its own watchdog holds is not commanded: its own end holds it.
 //! One whose load cell left its range is not led by a force. Until it is known how the specimens are wired, where their zeros
 //! are and that they stand where they should, none is moved. What stops the shutdown stops it for all, and is part of how the
@@ -15,7 +17,7 @@ use super::tick::Tick;
 use super::{Ending, Stop};
 use crate::catalog::ending::Cause;
 use crate::catalog::phase::GIVEN_UP;
-use crate::port::{Port, ReturnMove, UnloadFailure};
+use crate::port::{Brake, Port, ReturnMove, UnloadFailure};
 use crate::record::Event;
 use crate::rt::timing::TickStamps;
 
@@ -24,10 +26,19 @@ use crate::rt::timing::TickStamps;
 struct Exit {
     /// It is moved: the test file asks for it, and enough is known.
     is_led: bool,
+    /// It comes to rest, while it does.
+    brake: Option<Brake>,
     /// It received the message that it stops.
     is_halted: bool,
     /// Its motion, once it has begun.
     departure: Option<ReturnMove>,
+}
+
+impl Exit {
+    /// It is commanded once more at least.
+    const fn moves(&self) -> bool {
+        self.is_led || self.brake.is_some()
+    }
 }
 
 /// The motion of all specimens to where they are left. One may unload while another is lost.
@@ -108,10 +119,10 @@ impl Shutdown {
         if tripped {
             engine.ports.iter_mut().for_each(Port::excuse);
         }
-        engine.ports.iter_mut().for_each(Port::end_test);
-        let shutdown = Self::new(tripped, is_known, engine);
+        let brakes = Self::end_motion(engine.ends.is_after_operator(), engine);
+        let shutdown = Self::new(tripped, is_known, brakes, engine);
         let ports = engine.ports.iter().zip(&shutdown.exits);
-        let moves = { ports }.any(|(port, exit)| exit.is_led && !port.is_lost());
+        let moves = { ports }.any(|(port, exit)| exit.moves() && !port.is_lost());
         let journal = &mut engine.environment.journal;
         journal.keep_warm_up();
         if tripped && !journal.has_trip() && (moves || journal.lacks_commands()) {
@@ -127,15 +138,48 @@ impl Shutdown {
         };
         engine.environment.enter(Phase::Leaving, of_test);
         engine.environment.supervision.drop_hold();
+        let led = shutdown.run(engine);
+        if led == Err(Stop::Operator) {
+            Self::come_to_rest(engine)?;
+        }
         // However it ends, the specimens hold their last commands.
-        shutdown.run(engine)
+        led
+    }
+
+    /// The motion under way is over. Returns the brake of each specimen that needs one, if all are to `brake`.
+    fn end_motion(brake: bool, engine: &mut Engine<'_>) -> Vec<Option<Brake>> {
+        let tick = brake.then(|| engine.environment.pace.period_s());
+        let ports = engine.ports.iter_mut();
+        ports.map(|port| port.end_test(tick)).collect()
+    }
+
+    /// Brakes the specimens whose shutdown the operator stopped.
+    fn come_to_rest(engine: &mut Engine<'_>) -> Result<(), Stop> {
+        let exit = |brake| Exit {
+            brake,
+            ..Exit::default()
+        };
+        let brakes = Self::end_motion(true, engine);
+        let rests = Self {
+            tripped: false,
+            retraces: false,
+            exits: brakes.into_iter().map(exit).collect(),
+            lost: None,
+        };
+        rests.run(engine)
     }
 
     /// Which specimens are moved.
-    fn new(tripped: bool, is_known: bool, engine: &mut Engine<'_>) -> Self {
+    fn new(
+        tripped: bool,
+        is_known: bool,
+        brakes: Vec<Option<Brake>>,
+        engine: &mut Engine<'_>,
+    ) -> Self {
         let mut exits = Vec::with_capacity(engine.ports.len());
         let retraces = !tripped && engine.environment.supervision.goes_back();
-        for (left, port) in engine.ends.left.iter_mut().zip(&*engine.ports) {
+        let ports = engine.ports.iter().zip(brakes);
+        for (left, (port, brake)) in engine.ends.left.iter_mut().zip(ports) {
             // The position of one that never replied is unknown.
             let replies = port.has_answered() || port.owes_the_last();
             let is_wanted = is_known
@@ -154,6 +198,7 @@ impl Shutdown {
             };
             exits.push(Exit {
                 is_led: is_wanted && unfelt.is_none(),
+                brake,
                 ..Exit::default()
             });
         }
@@ -170,6 +215,26 @@ impl Shutdown {
         self.lost.map_or(Ok(()), Err)
     }
 
+    /// Brakes those that move; true if one of them does.
+    fn brake(&mut self, engine: &mut Engine<'_>) -> bool {
+        let sequence = engine.exchanges.sequence();
+        let mut moving = false;
+        for (port, exit) in engine.ports.iter_mut().zip(&mut self.exits) {
+            if let Some(brake) = &mut exit.brake {
+                if brake.is_new() {
+                    port.leave_number(sequence);
+                }
+                if port.brake(brake) {
+                    moving = true;
+                } else {
+                    exit.brake = None;
+                    port.has_come_to_rest();
+                }
+            }
+        }
+        moving
+    }
+
     /// Begins the motions that can begin now. One that owes a reply of the test is commanded nothing before. All that are
     /// commanded stop first.
     fn begin_motions(&mut self, engine: &mut Engine<'_>) {
@@ -178,7 +243,8 @@ impl Shutdown {
             engine.exchanges.sequence(),
         );
         let each = engine.ports.iter_mut().zip(&mut self.exits);
-        for (port, exit) in each.filter(|(port, _)| port.may_be_commanded()) {
+        let each = each.filter(|(port, exit)| port.may_be_commanded() && exit.brake.is_none());
+        for (port, exit) in each {
             if !std::mem::replace(&mut exit.is_halted, true) {
                 port.halt();
             }
@@ -199,7 +265,8 @@ impl Shutdown {
         for (port, exit) in engine.ports.iter_mut().zip(&mut self.exits) {
             match &mut exit.departure {
                 Some(departure) => moving |= port.go_on(departure),
-                None => port.stand_still(),
+                None if exit.brake.is_none() => port.stand_still(),
+                None => {}
             }
         }
         for (left, exit) in engine.ends.left.iter_mut().zip(&self.exits) {
@@ -285,8 +352,9 @@ impl Shutdown {
 
 impl Maneuver for Shutdown {
     fn next(&mut self, engine: &mut Engine<'_>) -> Result<Option<Order>, Stop> {
+        let mut moving = self.brake(engine);
         self.begin_motions(engine);
-        let moving = self.go_on(engine);
+        moving |= self.go_on(engine);
         let mut ports = engine.ports.iter().zip(&self.exits);
         let waits = ports.any(|(port, exit)| exit.is_led && port.owes_the_last());
         if !moving && !waits {

@@ -689,13 +689,36 @@ impl Port {
         }
     }
 
-    /// The test is over: the last command counts as one at rest, and nothing is estimated from here on. A partner that owes an
-    /// answer gets no command before that has come.
-    pub fn end_test(&mut self) {
+    /// The answer to the target belongs to no command, because the specimen was held on its way: the target leaves once more. Real-time:
+    /// yes.
+    pub fn take_back_target(&mut self) {
+        self.exchange.state_mut().pend();
+        self.guard.watch_mut().takes_back_the_last();
+        self.path.take_goal(&self.axes);
+    }
+
+    /// The test is over, and nothing is estimated from here on. A partner that owes an answer gets no command before that has come.
+    /// `tick`: the operator ended it, and the specimen is to brake in ticks of these seconds of wall time. If it need not, the last
+    /// command counts as one at rest.
+    pub fn end_test(&mut self, tick: Option<f64>) -> Option<Brake> {
         self.exchange.state_mut().end_test();
-        self.guard.rests();
         self.pause_estimates();
         self.pause_following();
+        let tick = tick.filter(|_| self.may_be_commanded() && !self.is_per_step());
+        let brake = tick.and_then(|tick| self.guard.brake(tick));
+        if brake.is_none() {
+            self.guard.rests();
+        }
+        brake
+    }
+
+    /// Makes the next command of a brake; false when the specimen rests.
+    pub fn brake(&mut self, brake: &mut Brake) -> bool {
+        let goes_on = brake.go_on();
+        if goes_on {
+            self.path.coast(brake.steps(), brake.tick_s());
+        }
+        goes_on
     }
 
     /// The specimen is moved back from what it tripped at.
@@ -783,7 +806,7 @@ impl Port {
         let times = ends.filter(|(_, (from, to))| from != to);
         let times = times.map(|(axis, (from, to))| {
             let metres = self.metres_of(axis);
-            let speed = retrace.step(axis) * metres / tick;
+            let speed = retrace.step(axis) * metres / self.guard.command_time(tick);
             self.guard
                 .cosine_time(axis, (to - from).abs() * metres, speed)
         });

@@ -352,6 +352,16 @@ impl CommandPath {
         }
     }
 
+    /// The next command is these steps after the last, in the unit of each axis, in a tick of `tick` s. Real-time: yes.
+    pub fn coast(&mut self, steps: impl Iterator<Item = f64>, tick: f64) {
+        self.clearance = Clearance::Unjudged;
+        let commands = self.command.disp.iter_mut().zip(&mut self.command.vel);
+        for ((command, vel), (sent, step)) in commands.zip(self.sent.iter().zip(steps)) {
+            *command = sent + step;
+            *vel = step / tick;
+        }
+    }
+
     /// A ramp goes from the last command to the next one. A loading unit goes from pose to pose.
     pub fn begin_ramp(&mut self, axes: &[Axis], unit: Option<&mut LoadingUnit>) {
         self.ramp.begin(&self.sent, &self.command.disp);

@@ -5,6 +5,7 @@
 
 use super::axis::Axis;
 use super::axis_motion::AxisMotion;
+use super::brake::Brake;
 use super::limits::{AxisLimits, Estimated, Found, Hit, Level, RECORDED, Watch};
 use super::startup::{SAME, Startup};
 use crate::catalog::limit::Limit;
@@ -68,6 +69,11 @@ impl Guard {
     /// In the running test commands are `step` s apart, otherwise `tick` s.
     pub(super) const fn set_ticks(&mut self, tick: f64, step: f64) {
         self.ticks = Some([tick, step]);
+    }
+
+    /// Wall time in s from command to command of the test, in ticks of `tick` s.
+    pub(super) fn command_time(&self, tick: f64) -> f64 {
+        self.ticks.map_or(tick, |[_, step]| step)
     }
 
     /// Commands are a step apart from here on, or a tick again, for a specimen of whole steps.
@@ -311,6 +317,20 @@ impl Guard {
     /// Acceleration in m/s² that an axis may be stopped with.
     pub(super) fn brake_accel(&self, axis: usize) -> f64 {
         BRAKE_SHARE / SHARE_OF_ACCEL * self.way_accel(axis)
+    }
+
+    /// The brake of a specimen from its last command, in ticks of `tick` s; none if it rests within a tick.
+    pub(super) fn brake(&self, tick: f64) -> Option<Brake> {
+        let axes = self.units.iter().enumerate();
+        let steps: Vec<f64> = axes
+            .map(|(axis, (metres, _))| self.watch.last_step(axis) / metres)
+            .collect();
+        let ticks = steps.iter().enumerate().map(|(axis, step)| {
+            let most = self.brake_accel(axis) * tick * tick / self.metres_of(axis);
+            (step.abs() / most).ceil()
+        });
+        let ticks = ticks.fold(0.0, f64::max) as u64;
+        (ticks > 1).then(|| Brake::new(steps, ticks, tick))
     }
 
     /// Time in s of a way of `distance` m along half a cosine, at most at `speed` in m/s and with the acceleration that an axis

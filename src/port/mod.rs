@@ -10,6 +10,7 @@ mod assembly;
 mod axis;
 mod axis_motion;
 mod bend;
+mod brake;
 mod command_path;
 mod compensators;
 mod error;
@@ -48,6 +49,7 @@ mod wiring_check;
 mod wiring_fault;
 
 pub use axis::Axis;
+pub use brake::Brake;
 pub use error::PortError;
 pub use estimates::Declared;
 pub use exchange::{Hold, LinkCount, OnStale, WaitRules};

@@ -25,6 +25,8 @@ const PROBE: Pace = Pace {
     period_ns: 1_000_000,
 };
 const AMPLITUDE: f64 = 1e-3;
+/// Of the motion of an identification, in m/s².
+const ACCEL: f64 = 20.0;
 /// Beyond the force of every motion here.
 const TRIPS_N: f64 = 1e5;
 
@@ -151,7 +153,7 @@ fn experiment(
     let mut limits = AxisLimits::NONE;
     limits.set(Limit::MeasuredForce, Range::trip([-TRIPS_N, TRIPS_N]));
     if kind.retraces {
-        limits.set(Limit::CommandAccel, Bound::trip(200.0));
+        limits.set(Limit::CommandAccel, Bound::trip(ACCEL));
     }
     let mut port = port.with_limits(vec![limits], vec![(1.0, 1.0)], PERIOD);
     *port.exits_mut() = Exits {
@@ -230,13 +232,28 @@ fn goes_back(ended: &Ended, at: usize, start: f64) {
         "{at}"
     );
     assert_eq!(retraced(&ended.run), Some("complete"), "{at}");
-    // A brake at 180 m/s² stops 0.04 m/s in 5 µm.
-    let slack = 1e-5;
+    // A brake at 18 m/s² stops 0.19 m/s in 1 mm.
+    let slack = 1.1e-3;
     for disp in back {
         assert!(
             (least - slack..=most + slack).contains(disp),
             "{at}: {disp}"
         );
+    }
+}
+
+/// After a stop the commands lose their speed within the limit of acceleration, and no later than that.
+fn brakes(way: &[f64], at: usize) {
+    let most = ACCEL * PERIOD * PERIOD;
+    let step = |k: usize| way[k] - way.get(k.wrapping_sub(1)).unwrap_or(&way[k]);
+    let ticks = (step(at).abs() / (0.9 * most)).ceil().max(1.0);
+    assert_eq!(way.len() - at, ticks as usize, "{at}");
+    let last = step(way.len() - 1);
+    assert!(last.abs() <= most, "{at}: {last}");
+    for k in at + 1..way.len() {
+        let change = step(k) - step(k - 1);
+        assert!(change.abs() <= most, "{at}: {change}");
+        assert!(change * step(at) <= 0.0, "{at}: it goes faster");
     }
 }
 
@@ -267,7 +284,7 @@ fn each_maneuver_ends_at_each_tick() {
                 assert_eq!(first.run.outcome.ending, by_operator, "{phase:?} {at}");
             }
             if (phase == Phase::Probing || is_drive) && (kind.exit)() == Exit::Freeze {
-                assert_eq!(stopped.way.len(), at + 1, "{phase:?}: it rests where it is");
+                brakes(&stopped.way, at);
             }
             let tripped = ended_or_tripped(kind, vec![(at, Operator::Interrupt)], Some(at));
             if phase != Phase::Zeroing && phase != Phase::Armed {
@@ -302,7 +319,13 @@ fn each_maneuver_ends_at_each_tick() {
                 vec![(at, Operator::Interrupt), (freezes, Operator::Interrupt)],
             );
             if freezes + 1 < first.way.len() {
-                assert_eq!(bits(&twice.way), bits(&first.way[..=freezes]), "{at}");
+                let way = bits(&twice.way);
+                assert_eq!(way[..=freezes], bits(&first.way[..=freezes]), "{at}");
+                if kind.retraces {
+                    brakes(&twice.way, freezes);
+                } else {
+                    assert_eq!(way.len(), freezes + 1, "{at}");
+                }
                 assert_eq!(retraced(&twice.run), Some("incomplete"));
             }
         }

@@ -231,6 +231,13 @@ impl Watch {
         self.axes.get(axis)?.past.jump
     }
 
+    /// Change in m from the last command but one to the last; 0 before the second.
+    #[must_use]
+    pub fn last_step(&self, axis: usize) -> f64 {
+        let axis = self.axes.get(axis).filter(|_| self.sent >= 2);
+        axis.map_or(0.0, |Axis { past, .. }| past.command[0] - past.command[1])
+    }
+
     /// Targets of steps are told from here on, and stand at `disp`: a sawtooth is looked for in them.
     pub fn aims_from(&mut self, disp: impl Iterator<Item = f64>) {
         for (Axis { past, .. }, disp) in self.axes.iter_mut().zip(disp) {
