@@ -422,8 +422,8 @@ impl Engine<'_> {
         Ok(())
     }
 
-    /// A specimen reports that its own watchdog holds it: no command moves it then, and its replies belong to none. Each time is
-    /// reported. More replies in a row than stale ones are accepted end the test. Real-time: yes.
+    /// A specimen reports that it is held at its own end: no command moves it then, and its replies belong to none. A target that it
+    /// did not reach leaves once more. Each time is reported. More replies in a row than stale ones are accepted end the test. Real-time: yes.
     #[cold]
     fn judge_holding(
         &mut self,
@@ -431,6 +431,7 @@ impl Engine<'_> {
         freshness: Freshness,
         tick: &Tick,
     ) -> Result<(), Stop> {
+        let exchanges = &self.exchanges;
         let Some(port) = self.ports.get_mut(index) else {
             return Ok(());
         };
@@ -444,6 +445,12 @@ impl Engine<'_> {
         if answers > in_a_row {
             let port = index;
             return Err(Stop::HoldsOn { port, answers });
+        }
+        let is_by_steps = exchanges.is_by_steps(port);
+        let status = port.raw().status;
+        let is_held = status.has(Status::HOLDING) && !status.has(Status::HELD);
+        if is_by_steps && is_held && freshness == Freshness::Fresh {
+            port.take_back_target();
         }
         Ok(())
     }

@@ -1,7 +1,7 @@
 //! A spring of one axis that answers every command, at once or after some looks, and lets a test hear what it was told.
 
 use gusset::substructure::{
-    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
+    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
 use gusset::time::Nanos;
 
@@ -18,6 +18,7 @@ pub struct Spring {
     sequence: u64,
     told: usize,
     looks: u32,
+    held: Option<usize>,
 }
 
 impl Spring {
@@ -33,7 +34,14 @@ impl Spring {
             sequence: 0,
             told: 0,
             looks: 0,
+            held: None,
         }
+    }
+
+    /// It is held half-way to the command with this number, from 1.
+    pub fn held_on_the_way(mut self, number: usize) -> Self {
+        self.held = Some(number);
+        self
     }
 
     /// `is_there` says at each look, from 1 on after every command, whether the answer to the last of so many commands is there.
@@ -66,6 +74,11 @@ impl Substructure for Spring {
     }
     fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
         into.sequence = self.sequence;
+        into.status = Status::default();
+        if self.held == Some(self.told) {
+            self.disp *= 0.5;
+            into.status = Status::HOLDING;
+        }
         into.disp[0] = self.disp + self.bias[0];
         into.force[0] = self.stiffness * (self.disp - self.place) + self.bias[1];
         Ok(Freshness::Fresh)

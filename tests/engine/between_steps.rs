@@ -70,6 +70,48 @@ fn frame_with(
     (run, commands, told)
 }
 
+/// A specimen that is commanded once a step is held on its way to the target of a step: the step takes the force at the target, which
+/// leaves once more.
+#[test]
+fn a_target_that_is_not_reached_is_repeated() {
+    let run_with = |held: Option<usize>| {
+        let text = format!(
+            "[time]\nstep_s = {DT}\nduration_s = 0.3\nclock = \"simulated\"\nticks_per_step = {TICKS}\n[integrator]\nlambda = 2\n\
+             [structure.shear_building]\nmass_kg = [2e3]\nstiffness_n_per_m = [3e5]\n\
+             [excitation.ground_acceleration.signal.sine]\namplitude = 5\nfrequency_hz = 1\nphase_rad = 1\n[timing]\n\
+             warmup_ticks = {WARM_UP}\n"
+        );
+        let mut experiment = prepare(&text).experiment;
+        let told: Arc<Mutex<Vec<f64>>> = Arc::default();
+        let hears = Arc::clone(&told);
+        let mut spring = Spring::new(STIFFNESS, move |command| {
+            hears.lock().unwrap().push(command.disp[0]);
+        });
+        if let Some(number) = held {
+            spring = spring.held_on_the_way(number);
+        }
+        let axis = Axis::plain(vec![(0, 1.0)]);
+        let port = Port::new("slow", vec![axis], Box::new(spring), 1, vec![STIFFNESS]);
+        let port = port.unwrap().with_pace(true, Order::Quadratic);
+        experiment.ports.push(port);
+        let run = run_under(experiment, SimClock::new(), &Control::unattended());
+        let told = told.lock().unwrap().clone();
+        (run, told)
+    };
+    let at_steps = |run: &Run| {
+        let rows = run.all("state").into_iter().zip(run.all("x1"));
+        let closed = rows.filter(|(state, _)| *state == Phase::Running.code());
+        closed.map(|(_, disp)| disp.to_bits()).collect::<Vec<_>>()
+    };
+    let (plain, told) = run_with(None);
+    let number = WARM_UP + 15;
+    let (held, again) = run_with(Some(number));
+    assert_eq!(again.len(), told.len() + 1);
+    assert_eq!(again[number].to_bits(), again[number - 1].to_bits());
+    assert_eq!(at_steps(&held), at_steps(&plain));
+    assert_eq!(held.outcome.ending, plain.outcome.ending);
+}
+
 #[test]
 fn ticks_are_numbered_within_their_step_and_share_it_evenly() {
     let (run, commands) = frame(100, &[]);
