@@ -1,7 +1,7 @@
 //! The first command to what moves, where the file bounds neither step nor speed nor acceleration of an axis: nothing that
 //! was declared says how far a single command may take it, and whoever commands may believe it elsewhere.
 
-use super::Trip;
+use super::{Trip, USUAL_TICK_S};
 use crate::catalog::limit::Limit;
 use crate::port::Port;
 use crate::port::limits::{AxisLimits, Hit, Level};
@@ -99,6 +99,28 @@ fn farthest(limits: &AxisLimits) -> Option<f64> {
         SHARE * range
     } else {
         UNDECLARED_M
+    })
+}
+
+/// The first axis whose wiring check would begin at `start` although it was measured at `stands`, in units of the axes: farther than
+/// a first command may go.
+pub(super) fn begins_elsewhere(port: &Port, stands: &[f64], start: &[f64]) -> Option<Hit> {
+    let ends = in_metres(port, stands).zip(in_metres(port, start));
+    let mut axes = port.limits().iter().zip(ends).enumerate();
+    axes.find_map(|(axis, (limits, (stands, start)))| {
+        let [step, vel] =
+            [Limit::CommandStep, Limit::CommandVel].map(|limit| limits.size(limit).trip);
+        let own = step.min(vel * USUAL_TICK_S);
+        let bound = farthest(limits).unwrap_or_else(|| own.min(BEGINS_WITHIN_M));
+        let value = (start - stands).abs();
+        let is_near = value <= bound;
+        (!is_near).then_some(Hit {
+            axis,
+            quantity: Limit::CommandStep,
+            level: Level::Trip,
+            value,
+            bound,
+        })
     })
 }
 

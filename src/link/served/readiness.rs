@@ -1,5 +1,6 @@
 //! Before a controller's first command: connection, comparison with the file, wiring check, arming.
 
+use super::first_command::begins_elsewhere;
 use super::guarded_specimen::{GuardedSpecimen, Origin, not_finite};
 use super::identity::Identity;
 use super::link_maker::LinkMaker;
@@ -12,7 +13,7 @@ use crate::record::utc::rfc3339;
 use crate::rt::os;
 use crate::rt::wall::Wall;
 use crate::substructure::{Command, Introduction, Measurement, Retirement};
-use crate::units::{AxisUnits, signed_in_axis_unit};
+use crate::units::{AxisUnits, in_axis_unit, signed_in_axis_unit};
 
 const WHILE: &str = "while its direction was tried";
 
@@ -57,8 +58,12 @@ impl<'a> Readiness<'a> {
                 self.served.identity.in_words(&start)
             ));
         }
+        let is_probed = matches!(self.served.port.wiring_check(), WiringCheck::Probe { .. });
+        if is_probed {
+            self.judge_start(&introduction, &start)?;
+        }
         self.record_place(&introduction, &start)?;
-        if matches!(self.served.port.wiring_check(), WiringCheck::Probe { .. }) {
+        if is_probed {
             self.check_wiring(&start, wanted)?;
             self.served.port.has_come_to_rest();
         }
@@ -218,6 +223,32 @@ impl<'a> Readiness<'a> {
         posed
             .map_err(|fault| TestEnd::failed(format_args!("where the specimen stands: {fault}")))?;
         Ok(start)
+    }
+
+    /// A wiring check begins at `start`: where the specimen was measured, no farther away than a first command may go.
+    ///
+    /// # Errors
+    /// The controller says that the specimen is elsewhere.
+    fn judge_start(&self, introduction: &Introduction, start: &[f64]) -> Result<(), TestEnd> {
+        let Introduction {
+            measured, standing, ..
+        } = introduction;
+        if !measured || standing.len() != start.len() {
+            return Ok(());
+        }
+        let served = &*self.served;
+        let Some(hit) = begins_elsewhere(&served.port, standing, start) else {
+            return Ok(());
+        };
+        let text = format!(
+            "the controller begins at {}, but {} was measured: axis {} may begin {} away at most. Correct the first displacement of the \
+             controller, or the zero of the sensor",
+            served.identity.in_words(start),
+            served.identity.in_words(standing),
+            hit.axis + 1,
+            in_axis_unit(hit.bound, "m")
+        );
+        Err(TestEnd::failed(text))
     }
 
     /// Records where a specimen that moves stands before its first motion.

@@ -541,8 +541,7 @@ impl ServedSpecimen {
         };
         self.dismiss(cause);
         self.stage = Stage::Closed;
-        let says_so = matches!(cause, Cause::Done | Cause::Operator);
-        let is_regular = self.is_ready && says_so && !self.guarded.rests_on_the_way();
+        let is_regular = self.is_ready && cause == Cause::Done && !self.guarded.rests_on_the_way();
         let is_lost = matches!(self.guarded.tripped(), Some(Trip::Lost(_)));
         let told = self.guarded.told.as_slice();
         let last = (told.is_empty() || !is_lost).then_some(told);

@@ -146,6 +146,11 @@ impl Ahead<'_> {
         if has_hung_up {
             return Err(Interruption::Gone(LinkFault::Closed));
         }
+        // Over datagrams nothing hangs up, and a client that waits repeats its command.
+        let is_silent = self.reader.silence.is_final(self.link.now());
+        if is_silent && !self.reader.codec.is_stream() {
+            return Err(Interruption::Gone(LinkFault::Timeout));
+        }
         Ok(())
     }
 
