@@ -12,7 +12,7 @@ use super::{answer, tell};
 use crate::config::{Protocol, SpecimenTable, specimens_of};
 use crate::link::served::{Latch, LinkMaker};
 use crate::link::server::Host;
-use crate::record::lasting::{Kept, LastingRecord, SpecimenKey, state_folder};
+use crate::record::lasting::{Kept, LastingError, LastingRecord, SpecimenKey, state_folder};
 use crate::session::{
     self, ControlPlace, RecordWords, ResetError, ServerControl, ServerRequest, SpecimenRecords,
 };
@@ -85,9 +85,9 @@ fn reset_file(args: &ResetArgs, file: &Path) -> anyhow::Result<Exit> {
     let folder = state_folder().map_err(|error| refuse(error.to_string()))?;
     let mut recorded = Vec::new();
     for table in tables {
-        let key = key_of(&table, file);
         let name = &table.name;
         let wrong = |error: &dyn std::fmt::Display| refuse(format!("specimen \"{name}\": {error}"));
+        let key = key_of(&table, file).map_err(|error| wrong(&error))?;
         let record = LastingRecord::hold(&folder, &key).map_err(|error| wrong(&error))?;
         let kept = record.read().map_err(|error| wrong(&error))?;
         if kept.is_empty() {
@@ -150,8 +150,8 @@ fn reported(reader: Option<&LinkMaker>, limit: Duration) -> Vec<f64> {
     })
 }
 
-/// The lasting record of the specimen of `table` if it moves behind a link.
-fn link_key(table: &SpecimenTable) -> Option<SpecimenKey> {
+/// Protocol family and address of the specimen of `table` if it moves behind a link.
+fn link_of(table: &SpecimenTable) -> Option<(&'static str, String)> {
     let link = table.link.as_ref().filter(|link| !link.computed)?;
     let family = match link.protocol {
         Protocol::Gusset => "gusset",
@@ -159,19 +159,22 @@ fn link_key(table: &SpecimenTable) -> Option<SpecimenKey> {
             "openfresco"
         }
     };
-    Some(SpecimenKey::of_link(family, &link.address))
+    Some((family, link.address.clone()))
 }
 
 /// The lasting record of a specimen of `file`. What is computed belongs to its file.
-fn key_of(table: &SpecimenTable, file: &Path) -> SpecimenKey {
-    link_key(table).unwrap_or_else(|| SpecimenKey::of_file(file, &table.name))
+fn key_of(table: &SpecimenTable, file: &Path) -> Result<SpecimenKey, LastingError> {
+    match link_of(table) {
+        Some((family, address)) => SpecimenKey::of_link(family, &address),
+        None => Ok(SpecimenKey::of_file(file, &table.name)),
+    }
 }
 
 /// The lasting records of the specimens of a test, which `what` moves.
 pub fn records(test: &Prepared, what: &'static str) -> Option<SpecimenRecords> {
     let tables = &test.loaded.as_ref()?.file.specimen;
-    let keys = tables.iter().map(link_key).collect();
-    Some(SpecimenRecords { keys, what })
+    let links = tables.iter().map(link_of).collect();
+    Some(SpecimenRecords { links, what })
 }
 
 /// The host with the latch of its specimen, and the socket through which `gusset reset` clears it. `table`: the specimen;
@@ -201,7 +204,7 @@ pub fn latched(
         Some(table) => {
             let among = among_others.then_some(table.name.as_str());
             refuse_old_latch(&[place.old_latch_file(), old_latch_beside(&args.file, among)])?;
-            let key = key_of(table, &args.file);
+            let key = key_of(table, &args.file).map_err(|error| refuse(error.to_string()))?;
             let folder = state_folder().map_err(|error| refuse(error.to_string()))?;
             let record = LastingRecord::hold(&folder, &key);
             let record = record.map_err(|error| refuse(error.to_string()))?;

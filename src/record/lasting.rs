@@ -141,22 +141,22 @@ pub struct SpecimenKey(String);
 
 impl SpecimenKey {
     /// The specimen behind a link: protocol family and resolved address. All addresses of this machine are one.
-    #[must_use]
-    pub fn of_link(family: &str, address: &str) -> Self {
-        let resolved = address.to_socket_addrs().map(|all| {
-            let hosts = all.map(|found| (host(found.ip().to_canonical()), found.port()));
-            hosts.collect::<std::collections::BTreeSet<_>>()
-        });
-        let local = |found: &&(String, u16)| found.0 == LOCAL;
-        let chosen = resolved.ok().and_then(|all| {
-            let chosen = all.iter().find(local).or_else(|| all.first());
-            chosen.cloned()
-        });
-        Self(match chosen {
-            Some((host, port)) => format!("{family} {host} {port}"),
-            // Nothing can be reached there now.
-            None => format!("{family} {}", address.to_lowercase()),
-        })
+    ///
+    /// # Errors
+    /// The address cannot be resolved: another name of it may have a record.
+    pub fn of_link(family: &str, address: &str) -> Result<Self, LastingError> {
+        let unresolved = |source| LastingError::Unresolved {
+            address: address.to_owned(),
+            source,
+        };
+        let all = address.to_socket_addrs().map_err(unresolved)?;
+        let hosts = all.map(|found| (host(found.ip().to_canonical()), found.port()));
+        let hosts: std::collections::BTreeSet<_> = hosts.collect();
+        let local = hosts.iter().find(|(host, _)| host == LOCAL);
+        let (host, port) = local
+            .or_else(|| hosts.first())
+            .ok_or_else(|| unresolved(ErrorKind::NotFound.into()))?;
+        Ok(Self(format!("{family} {host} {port}")))
     }
 
     /// The physical specimen that a file describes.
@@ -193,11 +193,11 @@ fn host(ip: IpAddr) -> String {
     }
 }
 
-/// Folder of the lasting records of this machine: `$GUSSET_STATE`, else `/var/lib/gusset` if this user may write to it, else the
-/// user's own folder of states.
+/// Folder of the lasting records of this machine: `$GUSSET_STATE`, else `/var/lib/gusset` if it exists or this user can make it, else
+/// the user's own folder of states.
 ///
 /// # Errors
-/// There is no such folder, and it cannot be made.
+/// There is no such folder, and it cannot be made; or `/var/lib/gusset` is not open to this user, and others have their records there.
 pub fn state_folder() -> Result<PathBuf, LastingError> {
     let given = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
     let make = |folder: PathBuf| match make_folder(&folder) {
@@ -207,8 +207,11 @@ pub fn state_folder() -> Result<PathBuf, LastingError> {
     if let Some(folder) = given("GUSSET_STATE") {
         return make(absolute(folder));
     }
-    if let Ok(folder) = make(PathBuf::from("/var/lib/gusset")) {
-        return Ok(folder);
+    let common = Path::new("/var/lib/gusset");
+    match make(common.to_owned()) {
+        Err(error) if common.exists() => return Err(error),
+        Err(_) => {}
+        made => return made,
     }
     let own = given("XDG_STATE_HOME").map(PathBuf::from);
     let own = own.or_else(|| given("HOME").map(|home| Path::new(&home).join(".local/state")));
@@ -238,10 +241,20 @@ pub enum LastingError {
     #[error("no folder for the records of specimens: set GUSSET_STATE to a folder of this machine")]
     NoFolder,
     /// The folder cannot be used.
-    #[error("{}: the records of specimens cannot be kept there: {source} (GUSSET_STATE names another folder)", folder.display())]
+    #[error("{}: the records of specimens cannot be kept there: {source} (its owner must open it to this user; or GUSSET_STATE names another folder for all users)", folder.display())]
     Folder {
         /// Which folder.
         folder: PathBuf,
+        /// The system's word.
+        source: io::Error,
+    },
+    /// The address of a link cannot be resolved.
+    #[error(
+        "{address}: the address cannot be resolved, so the record of the specimen cannot be found: {source} (an IP address always can)"
+    )]
+    Unresolved {
+        /// Which address.
+        address: String,
         /// The system's word.
         source: io::Error,
     },
@@ -266,7 +279,10 @@ pub enum LastingError {
 fn holder(pid: Option<u32>) -> String {
     pid.map_or_else(
         || "another process".to_owned(),
-        |pid| format!("process {pid}"),
+        |pid| match pid == std::process::id() {
+            true => "another specimen of this test (all addresses of this machine with one port are one specimen)".to_owned(),
+            false => format!("process {pid}"),
+        },
     )
 }
 

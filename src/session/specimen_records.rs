@@ -20,8 +20,8 @@ use crate::setup::Facts;
 /// The lasting records of a test that its caller knows.
 #[derive(Debug, Clone)]
 pub struct SpecimenRecords {
-    /// Of each specimen, in order; none of one that is computed.
-    pub keys: Vec<Option<SpecimenKey>>,
+    /// Protocol family and address of each specimen, in order; none of one that is computed.
+    pub links: Vec<Option<(&'static str, String)>>,
     /// Command that moves the specimens.
     pub what: &'static str,
 }
@@ -54,10 +54,10 @@ impl SpecimenRecords {
     ) -> Result<HeldRecords, String> {
         let mut held = Vec::new();
         for &index in moving {
-            let (Some(port), Some(Some(key))) = (ports.get(index), self.keys.get(index)) else {
+            let (Some(port), Some(Some(link))) = (ports.get(index), self.links.get(index)) else {
                 continue;
             };
-            let begun = self.begin_one((index, port), key, facts, run);
+            let begun = self.begin_one((index, port), link, facts, run);
             held.push(begun.map_err(|text| format!("specimen \"{}\": {text}", port.name()))?);
         }
         for (number, one) in held.iter().enumerate() {
@@ -81,12 +81,13 @@ impl SpecimenRecords {
     fn begin_one(
         &self,
         (index, port): (usize, &Port),
-        key: &SpecimenKey,
+        (family, address): &(&'static str, String),
         facts: &Facts,
         run: &Path,
     ) -> Result<HeldRecord, String> {
         let told = |error: LastingError| error.to_string();
-        let record = LastingRecord::hold(&state_folder().map_err(told)?, key).map_err(told)?;
+        let key = SpecimenKey::of_link(family, address).map_err(told)?;
+        let record = LastingRecord::hold(&state_folder().map_err(told)?, &key).map_err(told)?;
         let before = record.read().map_err(|error| error.to_string())?;
         let (reset, run) = (run.display(), itself(run));
         let standing = port.standing().unwrap_or_default();

@@ -237,9 +237,13 @@ fn one_specimen_has_one_record_and_one_holder() {
 fn what_is_no_plain_file_is_no_record() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let key = SpecimenKey::of_link("gusset", "127.0.0.1:4823");
-    assert_eq!(key, SpecimenKey::of_link("gusset", "localhost:4823"));
-    assert_ne!(key, SpecimenKey::of_link("gusset", "127.0.0.1:4824"));
+    let key_of = |address| SpecimenKey::of_link("gusset", address);
+    let key = key_of("127.0.0.1:4823").unwrap();
+    assert_eq!(key, key_of("localhost:4823").unwrap());
+    assert_ne!(key, key_of("127.0.0.1:4824").unwrap());
+    // Its record may have another name.
+    let unresolved = key_of("rig.invalid:4823");
+    assert!(matches!(unresolved, Err(LastingError::Unresolved { .. })));
     let file = LastingRecord::hold(folder, &key).unwrap().file().to_owned();
     let precious = folder.join("precious");
     std::fs::write(&precious, "precious").unwrap();
