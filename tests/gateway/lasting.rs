@@ -210,6 +210,101 @@ fn an_operator_who_stops_a_run_leaves_a_record() {
     child.wait().unwrap();
 }
 
+/// How a session of the sequence below ends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Ends {
+    Itself,
+    Signals(&'static [&'static str]),
+    Stop,
+    Trip,
+}
+
+const ENDS: [Ends; 7] = [
+    Ends::Itself,
+    Ends::Signals(&["INT"]),
+    Ends::Signals(&["TERM"]),
+    Ends::Signals(&["INT", "INT"]),
+    Ends::Signals(&["KILL"]),
+    Ends::Stop,
+    Ends::Trip,
+];
+
+/// After each of 50 tests and identifications that end in any maneuver the specimen is where it began, the end was regular, or the next
+/// one is refused and moves nothing.
+#[test]
+fn no_ending_of_a_run_is_unseen() {
+    let folder = tempfile::tempdir().unwrap();
+    let (folder, state) = (folder.path(), folder.path().join("state"));
+    let (address, position) = Fake::machine();
+    let stands = || *position.lock().unwrap();
+    let link = "probe_m = 1e-3\nprobe_ramp_s = 0.05\n";
+    let limits = "[specimen.limits]\ncommand_disp_m = { trip = [-0.05, 0.05] }\ncommand_accel_m_per_s2 = { trip = 200 }\n\
+                  measured_force_n = { trip = [-LOAD, LOAD] }\n";
+    let file = |name: &str, load: &str| {
+        let text = test_of(&address, 120, link);
+        write(folder, name, &(text + &limits.replace("LOAD", load)))
+    };
+    let (sound, weak) = (file("sound.toml", "2e4"), file("weak.toml", "450"));
+    let mut seed = 7_u64;
+    let mut random = |below: u64| {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        (seed >> 33) % below
+    };
+    let mut refusals = 0;
+    for session in 0..50 {
+        let end = ENDS[random(ENDS.len() as u64) as usize];
+        let identifies = end != Ends::Trip && random(3) == 0;
+        let test = if end == Ends::Trip { &weak } else { &sound };
+        let out = folder.join(format!("session-{session}"));
+        let mut one = command(&state);
+        if identifies {
+            one.arg("identify").arg(test).args(["--duration", "0.3"]);
+        } else {
+            one.arg("run").arg(test);
+        }
+        one.arg("--out").arg(&out);
+        let began = stands();
+        let mut child = in_background(one);
+        std::thread::sleep(std::time::Duration::from_millis(random(700)));
+        match end {
+            Ends::Itself | Ends::Trip => {}
+            Ends::Signals(signals) => signals.iter().for_each(|kind| {
+                signal(child.id(), kind);
+            }),
+            Ends::Stop => {
+                let mut stop = command(&state);
+                stop.arg("stop").arg(&out);
+                // It may be over, or not have begun.
+                let _ = said(stop);
+            }
+        }
+        let code = child.wait().unwrap().code();
+        // The last command of a killed one may still be on its way.
+        std::thread::sleep(std::time::Duration::from_millis(50));
+        let is_back = (stands() - began).abs() < 1e-9;
+        let is_refused = !records(&state).is_empty();
+        let is_regular = code == Some(0);
+        assert!(
+            is_regular || is_back || is_refused,
+            "{session}: {end:?} {code:?}"
+        );
+        assert!(!(is_regular && is_refused), "{session}: {end:?}");
+        if is_refused {
+            refusals += 1;
+            let here = stands();
+            let (code, words) = run_test(&state, &sound, &format!("refused-{session}"));
+            assert_eq!(code, 2, "{session}: {words}");
+            assert_eq!(stands(), here, "{session}: nothing moved");
+            assert_eq!(kept(&state).place.unwrap().began, [began]);
+            let (code, words) = reset(&state, &sound, &["--yes"]);
+            assert_eq!(code, 0, "{words}");
+        }
+        // Its operator moves it to where a test begins.
+        *position.lock().unwrap() = 0.0;
+    }
+    assert!((5..45).contains(&refusals), "{refusals}");
+}
+
 #[test]
 fn one_specimen_has_one_record_and_one_holder() {
     let folder = tempfile::tempdir().unwrap();
