@@ -180,6 +180,7 @@ impl Fake {
         while let Some(frame) = self.frame() {
             let mut arm = None;
             let mut command = None;
+            let mut retires = None;
             match self.decoder.open(&frame).unwrap().frame {
                 Frame::Control(message) => arm = Some(handshake::decode(message).unwrap()),
                 Frame::Command(frame) => {
@@ -187,7 +188,11 @@ impl Fake {
                     frame.read(&mut disp, &mut vel).unwrap();
                     command = Some((frame.sequence(), disp[0]));
                 }
+                Frame::Retire(notice) => retires = Some(notice.cause),
                 _ => {}
+            }
+            if let Some(cause) = retires {
+                self.say_goodbye(cause);
             }
             if let Some(again @ Control::Arm(_)) = arm {
                 told(None);
