@@ -17,6 +17,8 @@ pub struct Fake {
     pub encoder: Encoder,
     pub decoder: Decoder,
     bytes: Vec<u8>,
+    /// It answers the goodbye.
+    acknowledges: bool,
 }
 
 impl Fake {
@@ -73,6 +75,7 @@ impl Fake {
                 };
                 let greeted = Self::greet(stream.unwrap(), 4e5, &|_| {}, moving, |arm| arm);
                 if let Some(mut fake) = greeted {
+                    fake.acknowledges = true;
                     let follow = |disp| {
                         *stands.lock().unwrap() = disp;
                         (disp, 4e5 * disp)
@@ -115,6 +118,7 @@ impl Fake {
             encoder: Encoder::greeting(Side::Specimen),
             decoder: Decoder::greeting(Side::Controller),
             bytes: Vec::new(),
+            acknowledges: false,
         };
         let hello = match fake.control()? {
             Control::Hello(hello) => hello,
@@ -191,7 +195,7 @@ impl Fake {
                 Frame::Retire(notice) => retires = Some(notice.cause),
                 _ => {}
             }
-            if let Some(cause) = retires {
+            if let Some(cause) = retires.filter(|_| self.acknowledges) {
                 self.say_goodbye(cause);
             }
             if let Some(again @ Control::Arm(_)) = arm {
