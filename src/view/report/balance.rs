@@ -56,7 +56,7 @@ pub(super) fn balance(rows: &Rows<'_>, why: Option<&str>) -> Option<String> {
     if rows.dofs().is_empty() || rows.running() == 0 {
         return None;
     }
-    let Some(time) = column(digest, "time") else {
+    if column(digest, "time").is_none() {
         let why = match rows.passed() {
             passed if passed.missing_steps > 0 => "steps are missing in the record",
             passed if passed.steps < 3 => "it takes three steps",
@@ -68,7 +68,7 @@ pub(super) fn balance(rows: &Rows<'_>, why: Option<&str>) -> Option<String> {
             heading,
             &(paragraph(&format!("No energy balance is drawn: {why}.")) + &audit(rows)),
         ));
-    };
+    }
     let lines: Vec<_> = PARTS
         .iter()
         .filter_map(|(key, name, _, ink)| {
@@ -76,7 +76,7 @@ pub(super) fn balance(rows: &Rows<'_>, why: Option<&str>) -> Option<String> {
                 column(digest, key).filter(|y| metrics::peak(y).is_some_and(|p| p.value != 0.0))?;
             Some(Line {
                 name,
-                x: time,
+                x: digest.energy.time_of(key)?,
                 y,
                 ink: *ink,
                 width: 1.3,

@@ -48,8 +48,8 @@ pub(super) fn errors(axis: &Tracked<'_>) -> String {
 }
 
 /// Delay and gain as they were estimated while the test ran, where they were.
-pub(super) fn estimates(rows: &Rows<'_>, time: &[f64], axis: &Tracked<'_>) -> String {
-    let column = |kind: &str| rows.filled(&axis.digest.axis.column(kind));
+pub(super) fn estimates(rows: &Rows<'_>, axis: &Tracked<'_>) -> String {
+    let column = |kind: &str| rows.history(&axis.digest.axis.column(kind));
     let (Some(lag), Some(gain)) = (column("lag"), column("gain")) else {
         return String::new();
     };
@@ -76,13 +76,7 @@ pub(super) fn estimates(rows: &Rows<'_>, time: &[f64], axis: &Tracked<'_>) -> St
         let title = "Margin as estimated while the test ran: critical delay at the stiffness of the last seconds less their delay";
         (title, "margin", "s", margin, 7)
     })) {
-        let lines = [Line {
-            name: "",
-            x: time,
-            y: values,
-            ink: Ink::Series(ink),
-            width: 1.2,
-        }];
+        let lines = [values.line("", Ink::Series(ink), 1.2)];
         let up = Quantity { words, unit };
         let chart = TimeChart::history(title, up, &lines);
         markup += &still(&format!("{}: {title}", axis.name), &chart);

@@ -30,15 +30,14 @@ pub(super) fn tracking(rows: &Rows<'_>, axes: &[Tracked<'_>], effect: &str) -> O
             names.join(", ")
         ));
     }
-    let time = rows.tick_time();
     for axis in others {
         if axes.len() > 1 {
             markup += &format!("<h3>{}</h3>\n", super::text::escape(&axis.name));
         }
         markup += &if rows.digest().measures_disp(axis.digest.axis) {
-            followed(rows, &time, axis)
+            followed(rows, axis)
         } else {
-            of_forces_only(rows, &time, axis)
+            of_forces_only(rows, axis)
         };
     }
     Some(rows.section("Tracking", &(markup + effect)))
@@ -80,18 +79,21 @@ fn figures(axes: &[Tracked<'_>]) -> String {
 }
 
 /// Pictures of an axis that did not follow exactly.
-fn followed(rows: &Rows<'_>, time: &[f64], axis: &Tracked<'_>) -> String {
+fn followed(rows: &Rows<'_>, axis: &Tracked<'_>) -> String {
     let digest = axis.digest;
-    let column = |kind: &str| rows.get(&digest.axis.column(kind)).unwrap_or_default();
+    let column = |kind: &str| rows.history(&digest.axis.column(kind));
     let (target, meas) = (column("target"), column("meas"));
-    let lines = [
-        line("target", time, &target, 0, 1.6),
-        line("measured", time, &meas, 1, 1.0),
-    ];
+    let target = target
+        .iter()
+        .map(|of| of.line("target", Ink::Series(0), 1.6));
+    let meas = meas
+        .iter()
+        .map(|of| of.line("measured", Ink::Series(1), 1.0));
+    let lines: Vec<_> = target.chain(meas).collect();
     let chart = TimeChart::history("Target and measured", axis.disp("displacement"), &lines);
     let label = axis.label("target and measured displacement over test time");
     let mut markup = history((WHOLE, 200.0), &label, &chart);
-    markup += &beside("grid", &(error(rows, time, axis) + &close_up(axis)));
+    markup += &beside("grid", &(error(rows, axis) + &close_up(axis)));
     if rows.digest().broken().any(|broken| broken == digest.axis) {
         markup += &note(if rows.passed().missing_ticks > 0 {
             "Rows are missing in the record: lag, tracking metrics, frequency content and absorbed energy of this axis are left out. \
@@ -104,7 +106,7 @@ fn followed(rows: &Rows<'_>, time: &[f64], axis: &Tracked<'_>) -> String {
     let more = table_of(digest, axis)
         + &beside("grid", &(subspace(axis) + &content(axis)))
         + &errors(axis)
-        + &estimates(rows, time, axis);
+        + &estimates(rows, axis);
     markup + &details(&format!("Tracking indices of {}", axis.name), &more)
 }
 
@@ -148,24 +150,28 @@ fn subspace(axis: &Tracked<'_>) -> String {
 }
 
 /// Pictures of an axis whose link answers with forces only. Its record repeats the command as the measured displacement.
-fn of_forces_only(rows: &Rows<'_>, time: &[f64], axis: &Tracked<'_>) -> String {
-    let column = |kind: &str| rows.get(&axis.digest.axis.column(kind)).unwrap_or_default();
+fn of_forces_only(rows: &Rows<'_>, axis: &Tracked<'_>) -> String {
+    let column = |kind: &str| rows.history(&axis.digest.axis.column(kind));
     let (target, command) = (column("target"), column("meas"));
-    let lines = [
-        line("target", time, &target, 0, 1.6),
-        line("command", time, &command, 3, 1.0),
-    ];
+    let target = target
+        .iter()
+        .map(|of| of.line("target", Ink::Series(0), 1.6));
+    let command = command
+        .iter()
+        .map(|of| of.line("command", Ink::Series(3), 1.0));
+    let lines: Vec<_> = target.chain(command).collect();
     let chart = TimeChart::history("Target and command", axis.disp("displacement"), &lines);
     let label = axis.label("target and command over test time");
     history((WHOLE, 200.0), &label, &chart)
 }
 
 /// Measured less target.
-fn error(rows: &Rows<'_>, time: &[f64], axis: &Tracked<'_>) -> String {
-    let error = rows
-        .get(&axis.digest.axis.column(ERROR))
-        .unwrap_or_default();
-    let lines = [line("measured − target", time, &error, 4, 1.1)];
+fn error(rows: &Rows<'_>, axis: &Tracked<'_>) -> String {
+    let error = rows.history(&axis.digest.axis.column(ERROR));
+    let lines = error
+        .iter()
+        .map(|of| of.line("measured − target", Ink::Series(4), 1.1));
+    let lines: Vec<_> = lines.collect();
     let up = Quantity {
         words: "error",
         unit: axis.disp_unit,

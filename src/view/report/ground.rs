@@ -8,13 +8,13 @@ use super::lines::{Line, TimeChart};
 use super::metrics;
 use super::plots::{WHOLE, history};
 use super::response::{amplitudes, curve};
-use super::rows::Rows;
+use super::rows::{History, Rows};
 use super::shaking::{RATIO, Shaking};
 use super::table::{Mark, Thinner};
 use super::text::{number, quantity};
 
 /// The ground at the steps before the first of the rows, as far as it is known: times, values, and the largest of them.
-fn before(rows: &Rows<'_>) -> ([Vec<f64>; 2], Option<Mark>) {
+fn before(rows: &Rows<'_>) -> ((Vec<f64>, Vec<f64>), Option<Mark>) {
     let ground = rows.digest().ground_before();
     let step = rows.passed().step_s.unwrap_or(f64::NAN);
     let time: Vec<f64> = (0..ground.len()).map(|k| k as f64 * step).collect();
@@ -24,15 +24,24 @@ fn before(rows: &Rows<'_>) -> ([Vec<f64>; 2], Option<Mark>) {
     });
     let mut thinner = Thinner::new(ground.len() as u64, 2, Some(0));
     thinner.take(&[&time, ground]);
-    let mut columns = thinner.finish().into_iter();
-    let columns = [(); 2].map(|()| columns.next().unwrap_or_default());
-    (columns, peak)
+    let (own, values) = thinner.finish().pop().unwrap_or_default();
+    (
+        if own.is_empty() {
+            (time, values)
+        } else {
+            (own, values)
+        },
+        peak,
+    )
 }
 
 /// Ground motion, if there was one: of the whole test, also where its first steps are in another folder.
 pub(super) fn ground(rows: &Rows<'_>) -> Option<String> {
-    let (time, ground) = (rows.get("time")?, rows.filled("ground")?);
-    let ([time_before, ground_before], peak) = before(rows);
+    let History {
+        time,
+        values: ground,
+    } = rows.history("ground")?;
+    let ((time_before, ground_before), peak) = before(rows);
     let is_whole = !ground_before.is_empty();
     let (time, ground) = (
         [&time_before, &*time].concat(),

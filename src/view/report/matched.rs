@@ -316,7 +316,7 @@ impl Drawn {
             columns
                 .extend(["a", "b", "d"].map(|side| column(format!("{side}:{}", from.name), from)));
         }
-        Table::new(columns.into_iter().zip(self.thinner.finish()).collect())
+        self.thinner.table(columns)
     }
 }
 

@@ -65,7 +65,7 @@ pub(super) fn overlaid(matched: &Matched) -> String {
         let (Some(a), Some(b), Some(d)) = (column("a"), column("b"), column("d")) else {
             continue;
         };
-        let time = table.get("time").unwrap_or_default();
+        let time = |side: &str| table.time_of(&format!("{side}:{name}")).unwrap_or_default();
         let words = if name.starts_with("force") {
             "force"
         } else {
@@ -75,21 +75,24 @@ pub(super) fn overlaid(matched: &Matched) -> String {
             words,
             unit: table.unit(&format!("a:{name}")),
         };
-        let line = |name, y, ink, width| Line {
+        let line = |name, side, y, ink, width| Line {
             name,
-            x: time,
+            x: time(side),
             y,
             ink: Ink::Series(ink),
             width,
         };
-        let lines = [line("first", a, 0, 1.6), line("second", b, 1, 1.0)];
+        let lines = [
+            line("first", "a", a, 0, 1.6),
+            line("second", "b", b, 1, 1.0),
+        ];
         markup += &history(
             (WHOLE, 220.0),
             &format!("{title} of both runs"),
             &TimeChart::history(&title, up(words), &lines),
         );
         if metrics::peak(d).is_some_and(|peak| peak.value != 0.0) {
-            let lines = [line("second − first", d, 4, 1.1)];
+            let lines = [line("second − first", "d", d, 4, 1.1)];
             let title = format!("{title}: second − first");
             markup += &history(
                 (WHOLE, 150.0),
@@ -111,27 +114,12 @@ pub(super) fn side_by_side(a: &Rows<'_>, b: &Rows<'_>) -> String {
     let names = a.names();
     let mut markup = String::new();
     for (name, title) in drawn(&names) {
-        let (Some(first), Some(second)) = (a.filled(&name), b.filled(&name)) else {
-            continue;
-        };
-        let (Some(time_a), Some(time_b)) = (a.time_of(&name), b.time_of(&name)) else {
+        let (Some(first), Some(second)) = (a.history(&name), b.history(&name)) else {
             continue;
         };
         let lines = [
-            Line {
-                name: "first",
-                x: &time_a,
-                y: &first,
-                ink: Ink::Series(0),
-                width: 1.6,
-            },
-            Line {
-                name: "second",
-                x: &time_b,
-                y: &second,
-                ink: Ink::Series(1),
-                width: 1.0,
-            },
+            first.line("first", Ink::Series(0), 1.6),
+            second.line("second", Ink::Series(1), 1.0),
         ];
         let words = if name.starts_with("force") {
             "force"

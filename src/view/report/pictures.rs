@@ -7,7 +7,7 @@ use super::canvas::{Canvas, Ink, Skin, picture};
 use super::charts::{Area, Quantity, sentence};
 use super::histogram;
 use super::lines::{Line, LoopChart, TimeChart};
-use super::rows::Rows;
+use super::rows::{History, Rows};
 use super::{Percentiles, RunView};
 
 /// One wide SVG: ground motion and top displacement, the first specimen's hysteresis, wake-up lateness.
@@ -15,14 +15,13 @@ use super::{Percentiles, RunView};
 pub fn hero_svg(run: &RunView) -> String {
     let digest = run.digested();
     let rows = Rows::new(&digest);
-    let time = rows.get("time").unwrap_or_default();
-    let ground = rows.filled("ground").unwrap_or_default();
+    let ground = rows.history("ground");
     let top = rows
         .dofs()
         .iter()
         .copied()
         .rev()
-        .find_map(|dof| Some((dof, rows.filled(&format!("x{dof}"))?)));
+        .find_map(|dof| Some((dof, rows.history(&format!("x{dof}"))?)));
     let axis = rows.axes().first().copied();
     let side = |kind: &str| {
         axis.and_then(|a| rows.filled(&a.column(kind)))
@@ -58,7 +57,7 @@ pub fn hero_svg(run: &RunView) -> String {
                 .as_ref()
                 .map_or_else(|| unit_of("target"), |(dof, _)| rows.disp_unit(*dof)),
         };
-        let commanded = side("target");
+        let commanded = axis.and_then(|a| rows.history(&a.column("target")));
         let upper = area(10.0, 12.0, 500.0, 160.0);
         let lower = area(10.0, 178.0, 500.0, 176.0);
         one_line(
@@ -66,7 +65,7 @@ pub fn hero_svg(run: &RunView) -> String {
             upper,
             "Ground motion",
             shaking,
-            (&time, &ground),
+            ground.as_ref(),
             Ink::Series(3),
             false,
         );
@@ -78,7 +77,7 @@ pub fn hero_svg(run: &RunView) -> String {
                     lower,
                     &title,
                     swaying,
-                    (&time, disp),
+                    Some(disp),
                     Ink::Series(0),
                     true,
                 );
@@ -88,7 +87,7 @@ pub fn hero_svg(run: &RunView) -> String {
                 lower,
                 "Commanded displacement",
                 swaying,
-                (&rows.tick_time(), &commanded),
+                commanded.as_ref(),
                 Ink::Series(0),
                 true,
             ),
@@ -145,17 +144,11 @@ fn one_line(
     area: Area,
     title: &str,
     up: Quantity<'_>,
-    (x, y): (&[f64], &[f64]),
+    found: Option<&History<'_>>,
     ink: Ink,
     named_time: bool,
 ) {
-    let lines = [Line {
-        name: "",
-        x,
-        y,
-        ink,
-        width: 1.1,
-    }];
+    let lines: Vec<_> = found.iter().map(|of| of.line("", ink, 1.1)).collect();
     TimeChart {
         named_time,
         ..TimeChart::history(title, up, &lines)

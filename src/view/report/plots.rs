@@ -1,17 +1,18 @@
 //! Histories that can be zoomed: a picture for paper and for readers without a script, and the same numbers for the script.
 //!
 //! The numbers stand in the page as base64 of little-endian floats in a block that no browser executes. Single precision:
-//! seven digits are more than any picture shows; time, which needs more, is its start and its step, or double precision.
+//! seven digits are more than any picture shows; time, which needs more, is counted in its interval, or in double precision.
 
-use std::fmt::Write as _;
-
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::axis::extent;
 use super::canvas::{Ink, Skin, picture};
 use super::charts::Area;
+use super::html::note;
 use super::lines::{Reduce, TimeChart};
-use super::text::scaled;
+use super::rows::Rows;
+use super::text::{count, quantity, scaled};
+use super::{metrics, thin};
 
 /// Steps of time that differ by less than this share of a step are even.
 const EVEN: f64 = 0.02;
@@ -37,14 +38,14 @@ pub(super) fn still(label: &str, chart: &TimeChart<'_>) -> String {
     format!("<figure>{svg}</figure>\n")
 }
 
+/// Largest share of a line's peak by which the embedded line may miss a row, at its time.
+const EXACT: f64 = 1e-3;
+
 fn data(height: f64, label: &str, chart: &TimeChart<'_>) -> String {
-    let Some(first) = chart.lines.first() else {
-        return String::new();
-    };
-    let shared = chart.lines.iter().all(|line| std::ptr::eq(line.x, first.x));
     let is_log = chart.reduce == Reduce::Highest;
     let values = || chart.lines.iter().flat_map(|line| line.y.iter().copied());
-    let (Some((lo, hi)), true) = (extent(values()), shared && first.x.len() > 1) else {
+    let has_length = chart.lines.iter().any(|line| line.x.len() > 1);
+    let Some((lo, hi)) = extent(values()).filter(|_| has_length) else {
         return String::new();
     };
     let unit = if is_log {
@@ -61,28 +62,25 @@ fn data(height: f64, label: &str, chart: &TimeChart<'_>) -> String {
         (false, unit) => format!("{} ({unit})", chart.up.words),
     };
     let series = chart.lines.iter().map(|line| {
+        let peak = metrics::peak(line.y).map_or(0.0, |peak| peak.value.abs());
+        let kept = thin::followed(line.x, line.y, EXACT * peak);
+        let (x, y): (Vec<f64>, Vec<f64>) = kept.into_iter().unzip();
         json!({
             "name": if line.name.is_empty() { chart.up.words } else { line.name },
             "ink": variable(line.ink),
             "width": line.width,
-            "y": floats(line.y.iter().map(|y| if is_log && *y <= 0.0 { f64::NAN } else { y / unit.factor })),
+            "time": times(&x),
+            "y": floats(y.iter().map(|y| if is_log && *y <= 0.0 { f64::NAN } else { y / unit.factor })),
         })
     });
-    let n = first.x.len();
-    let step = (first.x[n - 1] - first.x[0]) / (n - 1) as f64;
-    let is_even = |(i, t): (usize, &f64)| (t - (first.x[0] + i as f64 * step)).abs() <= EVEN * step;
-    let time = if step > 0.0 && first.x.iter().enumerate().all(is_even) {
-        json!({ "start": first.x[0], "step": step, "count": n })
-    } else {
-        json!({ "values": doubles(first.x) })
-    };
     let data = json!({
         "title": chart.title,
         "label": label,
         "axis": axis,
+        "unit": unit.unit,
+        "factor": unit.factor,
         "height": height,
         "log": is_log,
-        "time": time,
         "series": series.collect::<Vec<_>>(),
         "marks": chart.marks.iter().filter(|t| t.is_finite()).collect::<Vec<_>>(),
     });
@@ -90,6 +88,61 @@ fn data(height: f64, label: &str, chart: &TimeChart<'_>) -> String {
         "<script type=\"application/json\">{}</script>",
         harmless(&data.to_string())
     )
+}
+
+/// Times in rising order: start, interval and how many intervals each is after the one before it (base 128, the lower seven bits
+/// first, the eighth bit set where more follow). Where they lie on no grid, in double precision.
+fn times(x: &[f64]) -> Value {
+    let doubles = || {
+        let bytes: Vec<u8> = x.iter().flat_map(|v| v.to_le_bytes()).collect();
+        json!({ "values": base64(&bytes) })
+    };
+    let (Some(&start), Some(&end)) = (x.first(), x.last()) else {
+        return doubles();
+    };
+    let Some(step) = interval(x) else {
+        return doubles();
+    };
+    let places: Vec<f64> = x.iter().map(|t| ((t - start) / step).round()).collect();
+    let is_on_grid = |(t, place): (&f64, &f64)| (t - (start + place * step)).abs() <= EVEN * step;
+    if !(end > start && x.iter().zip(&places).all(is_on_grid)) {
+        return doubles();
+    }
+    let mut bytes = Vec::with_capacity(x.len());
+    let mut before = 0.0;
+    for place in places {
+        let mut apart = (place - before) as u64;
+        before = place;
+        while apart >= 128 {
+            bytes.push(apart as u8 | 128);
+            apart >>= 7;
+        }
+        bytes.push(apart as u8);
+    }
+    json!({ "start": start, "step": step, "apart": base64(&bytes) })
+}
+
+/// The largest interval that all of these times are multiples of.
+fn interval(x: &[f64]) -> Option<f64> {
+    let span = x.last()? - x.first()?;
+    let mut common = 0.0;
+    for pair in x.windows(2) {
+        let (mut a, mut b): (f64, f64) = (pair[1] - pair[0], common);
+        while b > EVEN * a.max(b) && b > 0.0 {
+            let times = (a / b).round();
+            (a, b) = (b, (a - times * b).abs());
+            if b <= 1e-3 * a {
+                b = 0.0;
+            }
+        }
+        common = a.max(0.0);
+        // Not a grid, or one too fine to be coded.
+        if common > 0.0 && span / common > 1e12 {
+            return None;
+        }
+    }
+    let steps = (span / common).round();
+    (common > 0.0 && steps >= 1.0).then(|| span / steps)
 }
 
 /// JSON that stands in a page: nothing in it can end the block.
@@ -116,11 +169,6 @@ fn floats(values: impl Iterator<Item = f64>) -> String {
     base64(&bytes)
 }
 
-fn doubles(values: &[f64]) -> String {
-    let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
-    base64(&bytes)
-}
-
 /// RFC 4648, with padding.
 pub(super) fn base64(bytes: &[u8]) -> String {
     const ALPHABET: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
@@ -140,18 +188,22 @@ pub(super) fn base64(bytes: &[u8]) -> String {
     out
 }
 
-/// A note on what the pictures of a long test show; nothing for a test of which every row is drawn.
-pub(super) fn note_on_extremes(every: usize) -> String {
-    let mut out = String::new();
-    if every > 1 {
-        // Writing to a string does not fail.
-        let _ = writeln!(
-            out,
-            "<p class=\"note\">The histories show the smallest and the largest of every {every} rows: no peak is missing. The \
-             samples hold them all.</p>"
+/// A note on what the histories show of the rows.
+pub(super) fn note_on_histories(rows: &Rows<'_>) -> String {
+    let every = rows.digest().every;
+    if every <= 1 {
+        return note(
+            "A zoomed history differs from the recorded rows by at most 0.1 % of its largest value, at their times.",
         );
     }
-    out
+    let ticks = rows.digest().ticks_per_step.max(1) as f64;
+    let apart = rows.passed().step_s.map(|step| step / ticks * every as f64);
+    let apart = apart.map_or_else(String::new, |apart| format!(" ({})", quantity(apart, "s")));
+    note(&format!(
+        "The histories of this long test show the smallest and the largest of every {} rows{apart}, each at its time: no peak is \
+         missing. The samples hold every row.",
+        count(every as u64)
+    ))
 }
 
 #[cfg(test)]

@@ -1,7 +1,5 @@
 //! The computed side: histories, storeys, spectra and peaks of the recorded DOFs.
 
-use std::borrow::Cow;
-
 use super::RunView;
 use super::canvas::Ink;
 use super::charts::Quantity;
@@ -10,13 +8,13 @@ use super::curves::{Curve, Curves, Look, Scale};
 use super::html::{beside, details, note, paragraph, table};
 use super::lines::{Line, TimeChart};
 use super::metrics;
-use super::plots::{HALF, WHOLE, history, note_on_extremes, still};
-use super::rows::Rows;
+use super::plots::{HALF, WHOLE, history, note_on_histories, still};
+use super::rows::{History, Rows};
 use super::text::{NOTHING, quantity};
 use crate::catalog::ending::Status;
 
-/// Curves that share a picture: name, values and colour.
-type Series<'a> = Vec<(String, Cow<'a, [f64]>, Ink)>;
+/// Curves that share a picture: name, history and colour.
+type Series<'a> = Vec<(String, History<'a>, Ink)>;
 
 /// Response histories and peaks of a structure; `loops` are the pictures of hysteresis, `specimens` their peaks. None for a test
 /// without a structure.
@@ -37,18 +35,12 @@ pub(super) fn response(
             "No row was recorded while the test was running, so there is no response to show.",
         );
     }
-    let Some(time) = rows.get("time") else {
+    if rows.get("time").is_none() {
         return nothing("The rows have no time column, so no history can be drawn.");
-    };
+    }
     let shown = spread(dofs, MOST_LINES);
-    let mut markup = of_dofs(
-        rows,
-        &time,
-        &shown,
-        ("x", "Displacement", "displacement"),
-        true,
-    );
-    let figures = loops.to_owned() + &storeys(rows, &time);
+    let mut markup = of_dofs(rows, &shown, ("x", "Displacement", "displacement"), true);
+    let figures = loops.to_owned() + &storeys(rows);
     if !figures.is_empty() {
         markup += &beside("grid", &figures);
     }
@@ -62,27 +54,20 @@ pub(super) fn response(
     }
     markup += &peaks(run, rows, dofs);
     markup += specimens;
-    let more = of_dofs(rows, &time, &shown, ("v", "Velocity", "velocity"), false)
-        + &of_dofs(
-            rows,
-            &time,
-            &shown,
-            ("a", "Acceleration", "acceleration"),
-            false,
-        )
+    let more = of_dofs(rows, &shown, ("v", "Velocity", "velocity"), false)
+        + &of_dofs(rows, &shown, ("a", "Acceleration", "acceleration"), false)
         + &spectra(rows);
     markup += &details(
         "Velocities, accelerations and frequency content of all DOFs",
         &more,
     );
-    markup += &note_on_extremes(rows.digest().every);
+    markup += &note_on_histories(rows);
     Some(rows.section(heading, &markup))
 }
 
 /// The histories of one quantity of the DOFs, one picture per unit; those that cannot be zoomed are smaller.
 fn of_dofs(
     rows: &Rows<'_>,
-    time: &[f64],
     shown: &[u32],
     (letter, name, words): (&str, &str, &str),
     zooms: bool,
@@ -97,11 +82,11 @@ fn of_dofs(
             .zip(0..)
             .filter(|(dof, _)| rows.unit(&column(dof)) == unit);
         let series = own.filter_map(|(dof, ink)| {
-            let values = rows.filled(&column(dof))?;
-            Some((format!("DOF {dof}"), values, Ink::Series(ink)))
+            let found = rows.history(&column(dof))?;
+            Some((format!("DOF {dof}"), found, Ink::Series(ink)))
         });
         let series: Series<'_> = series.collect();
-        let lines = lines(&series, time);
+        let lines = lines(&series);
         if lines.is_empty() {
             continue;
         }
@@ -115,14 +100,8 @@ fn of_dofs(
     markup
 }
 
-fn lines<'a>(series: &'a Series<'_>, time: &'a [f64]) -> Vec<Line<'a>> {
-    let line = |(name, y, ink): &'a (String, Cow<'_, [f64]>, Ink)| Line {
-        name,
-        x: time,
-        y,
-        ink: *ink,
-        width: 1.2,
-    };
+fn lines<'a>(series: &'a Series<'_>) -> Vec<Line<'a>> {
+    let line = |(name, of, ink): &'a (String, History<'_>, Ink)| of.line(name, *ink, 1.2);
     series.iter().map(line).collect()
 }
 
@@ -148,8 +127,8 @@ fn units<'a>(all: impl Iterator<Item = &'a str>) -> Vec<&'a str> {
 }
 
 /// Floor acceleration, drift and shear, where there are storeys.
-fn storeys(rows: &Rows<'_>, time: &[f64]) -> String {
-    let of = |kind, title, words, place| of_storeys(rows, time, (kind, title, words), place);
+fn storeys(rows: &Rows<'_>) -> String {
+    let of = |kind, title, words, place| of_storeys(rows, (kind, title, words), place);
     [
         of(
             Storey::Floor,
@@ -169,21 +148,16 @@ fn numbers(rows: &Rows<'_>, kind: Storey) -> Vec<u32> {
     (1..).take_while(has).collect()
 }
 
-fn of_storeys(
-    rows: &Rows<'_>,
-    time: &[f64],
-    (kind, title, words): (Storey, &str, &str),
-    place: &str,
-) -> String {
+fn of_storeys(rows: &Rows<'_>, (kind, title, words): (Storey, &str, &str), place: &str) -> String {
     let shown = spread(&numbers(rows, kind), MOST_LINES)
         .into_iter()
         .zip(0..);
     let series = shown.filter_map(|(storey, ink)| {
-        let values = rows.filled(&kind.column(storey as usize))?;
-        Some((format!("{place} {storey}"), values, Ink::Series(ink)))
+        let found = rows.history(&kind.column(storey as usize))?;
+        Some((format!("{place} {storey}"), found, Ink::Series(ink)))
     });
     let series: Series<'_> = series.collect();
-    let lines = lines(&series, time);
+    let lines = lines(&series);
     if lines.is_empty() {
         return String::new();
     }

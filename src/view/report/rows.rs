@@ -2,9 +2,11 @@
 
 use std::borrow::Cow;
 
+use super::canvas::Ink;
 use super::columns::SpecimenAxis;
 use super::digest::Digest;
 use super::html::{note, section};
+use super::lines::Line;
 use super::sieve::Passed;
 use super::source::Earlier;
 use super::table::{Marks, Table};
@@ -13,6 +15,25 @@ use super::text::{count, moment};
 /// A view of a run's rows in which the test was running; of a long test the extremes of every few.
 pub(super) struct Rows<'a> {
     digest: &'a Digest,
+}
+
+/// A column over test time.
+pub(super) struct History<'a> {
+    pub time: Cow<'a, [f64]>,
+    pub values: Cow<'a, [f64]>,
+}
+
+impl History<'_> {
+    /// The line of this column.
+    pub fn line<'b>(&'b self, name: &'b str, ink: Ink, width: f64) -> Line<'b> {
+        Line {
+            name,
+            x: &self.time,
+            y: &self.values,
+            ink,
+            width,
+        }
+    }
 }
 
 impl<'a> Rows<'a> {
@@ -83,7 +104,15 @@ impl<'a> Rows<'a> {
 
     /// Test time of the entries of a column.
     pub fn time_of(&self, name: &str) -> Option<Cow<'a, [f64]>> {
-        self.table_of(name).get("time").map(Cow::Borrowed)
+        self.table_of(name).time_of(name).map(Cow::Borrowed)
+    }
+
+    /// A column that holds at least one number, with the times of its entries.
+    pub fn history(&self, name: &str) -> Option<History<'a>> {
+        Some(History {
+            values: self.filled(name)?,
+            time: self.time_of(name)?,
+        })
     }
 
     /// Extremes and last value of a column, each that of a single row.
@@ -96,11 +125,6 @@ impl<'a> Rows<'a> {
         let ticks = self.digest.ticks_per_step.max(1) as f64;
         let tick = self.digest.passed.step_s.map(|step| step / ticks);
         moment(time, tick)
-    }
-
-    /// Test time of the columns of specimens.
-    pub fn tick_time(&self) -> Cow<'a, [f64]> {
-        Cow::Borrowed(self.digest.ticks.get("time").unwrap_or_default())
     }
 
     /// A column that holds at least one number.

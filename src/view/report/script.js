@@ -17,7 +17,38 @@
 
   function times(time) {
     if (time.values) return Array.from(new Float64Array(bytes(time.values)));
-    return Array.from({ length: time.count }, (_, i) => time.start + i * time.step);
+    const all = [];
+    let place = 0;
+    let [apart, weight] = [0, 1];
+    for (const byte of new Uint8Array(bytes(time.apart))) {
+      apart += (byte & 127) * weight;
+      weight *= 128;
+      if (byte & 128) continue;
+      place += apart;
+      [apart, weight] = [0, 1];
+      all.push(time.start + place * time.step);
+    }
+    return all;
+  }
+
+  /** One column of times and one of values for each series: straight between its own points. */
+  function columns(series) {
+    const own = series.map((s) => [times(s.time), gaps(new Float32Array(bytes(s.y)))]);
+    if (own.length === 1) return own[0];
+    const all = Array.from(new Set(own.flatMap(([x]) => x))).sort((a, b) => a - b);
+    const along = ([x, y]) => {
+      let next = 0;
+      return all.map((t) => {
+        while (next < x.length && x[next] < t) next += 1;
+        if (next === x.length) return null;
+        if (x[next] === t) return y[next];
+        if (next === 0) return null;
+        const [a, b] = [y[next - 1], y[next]];
+        if (a === null || b === null) return null;
+        return a + ((b - a) * (t - x[next - 1])) / (x[next] - x[next - 1]);
+      });
+    };
+    return [all, ...own.map(along)];
   }
 
   function spread(u, min, max) {
@@ -101,7 +132,7 @@
           stroke: colour(s.ink),
           width: s.width,
           points: { show: false },
-          value: (u, v) => digits(v),
+          value: (u, v) => (v === null || v === undefined || !data.unit ? digits(v) : `${digits(v)} ${data.unit}`),
         })),
       ],
       hooks: {
@@ -109,7 +140,7 @@
         draw: [(u) => marks(u, data.marks)],
       },
     };
-    plot.uplot = new uPlot(options, plot.columns, box);
+    plot.uplot = new uPlot(options, plot.table, box);
     plot.uplot.status = 1;
     if (range) plot.uplot.setScale("x", { min: range[0], max: range[1] });
   }
@@ -124,7 +155,7 @@
     const block = figure.querySelector("script");
     if (!block) continue;
     const data = JSON.parse(block.textContent);
-    const columns = [times(data.time), ...data.series.map((s) => gaps(new Float32Array(bytes(s.y))))];
+    const table = columns(data.series);
     const head = document.createElement("p");
     head.className = "title";
     head.textContent = data.title;
@@ -135,8 +166,8 @@
     figure.append(head, box);
     // Only where the numbers are does the plot stand for the picture.
     figure.classList.add("drawn");
-    const x = columns[0];
-    plots.push({ data, box, columns, ends: [x[0], x[x.length - 1]], uplot: null });
+    const x = table[0];
+    plots.push({ data, box, table, ends: [x[0], x[x.length - 1]], uplot: null });
   }
   if (plots.length === 0) return;
   root.classList.add("zoomable");

@@ -1,17 +1,21 @@
 //! Columns that have become short enough for a page: the smallest and the largest value of every few rows.
 //!
-//! Invariant: every value stood in the rows, no finite extreme is lost, and all columns have one length. Of `every` rows two
-//! are left, in the order in which the extremes came; of a test short enough `every` is one and all rows are there. Where rows are
-//! missing stands an entry without a number, so that no line is drawn across. What a page says in numbers is marked before the rows
-//! are thinned: an entry keeps neither the time of an extreme nor which row was the last.
+//! Invariant: every value stood in the rows at the time beside it, no finite extreme is lost, and all columns have one length. Of
+//! `every` rows two are left, in the order in which the extremes came; of a test short enough `every` is one and all rows are there.
+//! Where rows are missing stands an entry without a number, so that no line is drawn across. What a page says in numbers is marked
+//! before the rows are thinned: an entry does not keep which row was the last.
 
 use std::collections::HashMap;
 
 use super::sieve::Gap;
 use crate::record::Column;
 
-/// Entries of a column at most, give or take one pair.
-pub(super) const MOST: usize = 4096;
+/// Rows of a test of which every row is kept: 20 s at 6.5 kHz.
+pub(super) const WHOLE: usize = 1 << 17;
+/// Numbers of all columns that are kept if every row is.
+const NUMBERS: usize = 1 << 25;
+/// Entries of a column of a longer test at most, give or take one pair.
+pub(super) const MOST: usize = 8192;
 
 /// A value of a column, and the time of its row.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -55,9 +59,12 @@ impl Marks {
 /// One column on its way.
 #[derive(Debug, Clone)]
 struct Thinning {
-    lo: (usize, f64),
-    hi: (usize, f64),
+    /// Row in the bucket, its time and its value.
+    lo: (usize, f64, f64),
+    hi: (usize, f64, f64),
     out: Vec<f64>,
+    /// Times of the entries; empty where every row is kept.
+    times: Vec<f64>,
     marks: Marks,
 }
 
@@ -74,15 +81,17 @@ pub(super) struct Thinner {
 impl Thinner {
     /// For `rows` rows of `columns` columns; `time` is the place of a column that only rises.
     pub fn new(rows: u64, columns: usize, time: Option<usize>) -> Self {
-        let every = if rows <= MOST as u64 {
+        let whole = WHOLE.min(NUMBERS / columns.max(1)).max(MOST);
+        let every = if rows <= whole as u64 {
             1
         } else {
             rows.div_ceil(MOST as u64 / 2) as usize
         };
         let fresh = Thinning {
-            lo: (0, f64::NAN),
-            hi: (0, f64::NAN),
+            lo: (0, f64::NAN, f64::NAN),
+            hi: (0, f64::NAN, f64::NAN),
             out: Vec::new(),
+            times: Vec::new(),
             marks: Marks::default(),
         };
         Self {
@@ -119,7 +128,7 @@ impl Thinner {
                 if self.time == Some(place) {
                     column.time(part, self.filled, self.every / 2);
                 } else {
-                    column.extremes(part, self.filled);
+                    column.extremes(time.map(|time| &time[from..to]), part, self.filled);
                 }
             }
             self.filled += to - from;
@@ -145,51 +154,67 @@ impl Thinner {
             let is_time = self.time == Some(place);
             let value = if is_time { gap.time } else { f64::NAN };
             column.out.extend(std::iter::repeat_n(value, entries));
+            if self.every > 1 {
+                column.times.extend(std::iter::repeat_n(gap.time, entries));
+            }
         }
     }
 
     fn close(&mut self) {
+        let bucket = self.time.and_then(|place| self.columns.get(place));
+        let bucket = bucket.map(|time| [time.lo.2, time.hi.2]);
         for column in &mut self.columns {
             let (first, second) = if column.lo.0 <= column.hi.0 {
-                (column.lo.1, column.hi.1)
+                (column.lo, column.hi)
             } else {
-                (column.hi.1, column.lo.1)
+                (column.hi, column.lo)
             };
-            column.out.extend([first, second]);
-            (column.lo, column.hi) = ((0, f64::NAN), (0, f64::NAN));
+            column.out.extend([first.2, second.2]);
+            let times = match bucket {
+                Some(bucket) if first.2.is_nan() => bucket,
+                _ => [first.1, second.1],
+            };
+            column.times.extend(times);
+            column.lo = (0, f64::NAN, f64::NAN);
+            column.hi = column.lo;
         }
         self.filled = 0;
     }
 
-    /// The columns.
-    pub fn finish(mut self) -> Vec<Vec<f64>> {
+    /// The columns, each with the times of its entries; no times where every row was kept.
+    pub fn finish(mut self) -> Vec<(Vec<f64>, Vec<f64>)> {
         if self.filled > 0 {
             self.close();
         }
-        self.columns.into_iter().map(|column| column.out).collect()
+        let columns = self.columns.into_iter();
+        columns.map(|column| (column.times, column.out)).collect()
     }
 
     /// The columns by name, with what was marked of them.
     pub fn table(self, names: impl IntoIterator<Item = Column>) -> Table {
         let marks = self.columns.iter().map(|column| column.marks).collect();
+        let (times, values): (Vec<_>, Vec<_>) = self.finish().into_iter().unzip();
         Table {
             marks,
-            ..Table::new(names.into_iter().zip(self.finish()).collect())
+            times,
+            ..Table::new(names.into_iter().zip(values).collect())
         }
     }
 }
 
 impl Thinning {
-    fn extremes(&mut self, values: &[f64], filled: usize) {
+    fn extremes(&mut self, times: Option<&[f64]>, values: &[f64], filled: usize) {
         for (i, &value) in values.iter().enumerate() {
             if !value.is_finite() {
                 continue;
             }
-            if self.lo.1.is_nan() || value < self.lo.1 {
-                self.lo = (filled + i, value);
+            let time = || times.and_then(|times| times.get(i).copied());
+            let mark = || (filled + i, time().unwrap_or(f64::NAN), value);
+            if self.lo.2.is_nan() || value < self.lo.2 {
+                self.lo = mark();
             }
-            if self.hi.1.is_nan() || value > self.hi.1 {
-                self.hi = (filled + i, value);
+            if self.hi.2.is_nan() || value > self.hi.2 {
+                self.hi = mark();
             }
         }
     }
@@ -198,10 +223,10 @@ impl Thinning {
         if filled == 0
             && let Some(first) = values.first()
         {
-            (self.lo, self.hi) = ((0, *first), (1, *first));
+            (self.lo, self.hi) = ((0, *first, *first), (1, *first, *first));
         }
         if let Some(value) = middle.checked_sub(filled).and_then(|at| values.get(at)) {
-            self.hi = (1, *value);
+            self.hi = (1, *value, *value);
         }
     }
 }
@@ -212,6 +237,8 @@ pub(super) struct Table {
     columns: Vec<(Column, Vec<f64>)>,
     /// As many, or none where nothing was marked.
     marks: Vec<Marks>,
+    /// Times of the entries of each column; empty where they are those of the column of time.
+    times: Vec<Vec<f64>>,
     places: HashMap<String, usize>,
 }
 
@@ -225,6 +252,7 @@ impl Table {
         Self {
             columns,
             marks: Vec::new(),
+            times: Vec::new(),
             places,
         }
     }
@@ -232,6 +260,13 @@ impl Table {
     /// A column.
     pub fn get(&self, name: &str) -> Option<&[f64]> {
         Some(&self.columns.get(*self.places.get(name)?)?.1)
+    }
+
+    /// Times of the entries of a column.
+    pub fn time_of(&self, name: &str) -> Option<&[f64]> {
+        let own = self.times.get(*self.places.get(name)?);
+        let own = own.filter(|times| !times.is_empty());
+        own.map(Vec::as_slice).or_else(|| self.get("time"))
     }
 
     /// What was marked of a column; nothing of one that is not there.
@@ -270,7 +305,7 @@ mod tests {
             for (t, v) in time.chunks(block).zip(values.chunks(block)) {
                 thinner.take(&[t, v]);
             }
-            let out = thinner.finish();
+            let (times, out): (Vec<_>, Vec<_>) = thinner.finish().into_iter().unzip();
             prop_assert_eq!(out[0].len(), out[1].len());
             if every == 1 {
                 prop_assert_eq!(&out[0], &time);
@@ -289,6 +324,10 @@ mod tests {
                 let at = |wanted: f64| bucket.iter().position(|v| *v == wanted);
                 prop_assert_eq!(pair[0] <= pair[1], at(lo) <= at(hi));
                 prop_assert_eq!(out[0][2 * i], (i * every) as f64);
+                // Each extreme stands at the time of its own row.
+                for (time, value) in times[1][2 * i..2 * i + 2].iter().zip(pair) {
+                    prop_assert_eq!(values[*time as usize], *value);
+                }
             }
         }
     }
@@ -338,7 +377,7 @@ mod tests {
                 rows: 12,
             });
             thinner.take(&[&[15.0, 16.0], &[7.0, 8.0]]);
-            let out = thinner.finish();
+            let (_, out): (Vec<_>, Vec<_>) = thinner.finish().into_iter().unzip();
             let empty: Vec<f64> = (0..out[0].len())
                 .filter(|&i| out[1][i].is_nan())
                 .map(|i| out[0][i])
@@ -352,19 +391,20 @@ mod tests {
             ..Thinner::new(0, 1, None)
         };
         thinner.gap(Gap { time: 0.0, rows: 3 });
-        assert!(thinner.finish()[0].is_empty());
+        assert!(thinner.finish()[0].1.is_empty());
     }
 
     #[test]
     fn a_long_test_becomes_as_short_as_a_page_needs_and_a_short_one_stays() {
-        assert_eq!(Thinner::new(MOST as u64, 1, None).every(), 1);
+        assert_eq!(Thinner::new(WHOLE as u64, 1, None).every(), 1);
+        assert!(Thinner::new(WHOLE as u64, 1000, None).every() > 1);
         let rows = 5_000_000u64;
         let mut thinner = Thinner::new(rows, 1, None);
         let block = vec![1.0; 10_000];
         for _ in 0..rows / 10_000 {
             thinner.take(&[&block]);
         }
-        let length = thinner.finish()[0].len();
+        let length = thinner.finish()[0].1.len();
         assert!((MOST / 2..=MOST + 2).contains(&length), "{length}");
     }
 }

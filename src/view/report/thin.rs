@@ -123,6 +123,102 @@ impl Bucket {
     }
 }
 
+/// The points of a history that a line needs to pass each of `x`, `y` within `tolerance` at its own `x`. Every point that is left
+/// stood among them, and so does every turning point that a line would cut off. A gap is a point without a number.
+pub(super) fn followed(x: &[f64], y: &[f64], tolerance: f64) -> Run {
+    let mut out = Run::new();
+    let mut open: Option<Straight> = None;
+    // Turning points lie up to half of it off the straight piece, others as far on its other side.
+    let tolerance = 0.5 * tolerance;
+    for (&x, &y) in x.iter().zip(y) {
+        if !(is_drawable(x) && is_drawable(y)) {
+            if let Some(piece) = open.take() {
+                piece.close(&mut out);
+                out.push((x, f64::NAN));
+            }
+            continue;
+        }
+        let point = (x, y);
+        let piece = open.take().map(|mut piece| {
+            if piece.takes(point, tolerance) {
+                return piece;
+            }
+            let last = piece.last;
+            piece.close(&mut out);
+            let mut next = Straight::new(last);
+            if next.takes(point, tolerance) {
+                return next;
+            }
+            // Two values at one time.
+            out.push(point);
+            Straight::new(point)
+        });
+        open = piece.or_else(|| {
+            out.push(point);
+            Some(Straight::new(point))
+        });
+    }
+    if let Some(piece) = open {
+        piece.close(&mut out);
+    }
+    if out.last().is_some_and(|(_, y)| y.is_nan()) {
+        out.pop();
+    }
+    out
+}
+
+/// Points that one straight piece passes near enough.
+struct Straight {
+    first: (f64, f64),
+    /// Slopes that pass all points so far.
+    slopes: (f64, f64),
+    lowest: (f64, f64),
+    highest: (f64, f64),
+    last: (f64, f64),
+}
+
+impl Straight {
+    const fn new(first: (f64, f64)) -> Self {
+        Self {
+            first,
+            slopes: (f64::NEG_INFINITY, f64::INFINITY),
+            lowest: first,
+            highest: first,
+            last: first,
+        }
+    }
+
+    /// Goes on to `point` if the straight line to it passes those between.
+    fn takes(&mut self, (x, y): (f64, f64), tolerance: f64) -> bool {
+        let along = x - self.first.0;
+        let slope = |y: f64| (y - self.first.1) / along;
+        let is_passed = along > 0.0 && slope(y) >= self.slopes.0 && slope(y) <= self.slopes.1;
+        if is_passed {
+            let (lo, hi) = (slope(y - tolerance), slope(y + tolerance));
+            self.slopes = (self.slopes.0.max(lo), self.slopes.1.min(hi));
+            if y < self.lowest.1 {
+                self.lowest = (x, y);
+            }
+            if y > self.highest.1 {
+                self.highest = (x, y);
+            }
+            self.last = (x, y);
+        }
+        is_passed
+    }
+
+    /// Appends its turning points and its end.
+    fn close(self, out: &mut Run) {
+        let mut turns = [self.lowest, self.highest];
+        turns.sort_by(|a, b| a.0.total_cmp(&b.0));
+        for turn in turns.into_iter().chain([self.last]) {
+            if out.last() != Some(&turn) && turn != self.first {
+                out.push(turn);
+            }
+        }
+    }
+}
+
 /// Points of one Douglas–Peucker piece: bounds the worst case of the recursion.
 const PIECE: usize = 4096;
 
@@ -238,6 +334,34 @@ mod tests {
                 prop_assert!(nearest.sqrt() <= tolerance * (1.0 + 1e-12));
             }
         }
+    }
+
+    proptest! {
+        #[test]
+        fn a_followed_history_passes_every_row(
+            steps in prop::collection::vec(prop_oneof![9 => -1.0f64..1.0, 1 => Just(f64::NAN)], 1..400),
+            tolerance in 0.0f64..5.0,
+        ) {
+            let mut at = 0.0;
+            let y: Vec<f64> = steps.iter().map(|s| { at += s; if at.is_nan() { at = 0.0; f64::NAN } else { at } }).collect();
+            let x = numbers(y.len());
+            let kept = followed(&x, &y, tolerance);
+            prop_assert!(kept.windows(2).all(|pair| pair[0].0 < pair[1].0));
+            for (&x, &y) in x.iter().zip(&y).filter(|(_, y)| y.is_finite()) {
+                let after = kept.iter().position(|p| p.0 >= x).unwrap();
+                let (b, a) = (kept[after], kept[after.saturating_sub(1)]);
+                let drawn = if b.0 == x { b.1 } else { a.1 + (b.1 - a.1) * (x - a.0) / (b.0 - a.0) };
+                prop_assert!((drawn - y).abs() <= tolerance + 1e-9, "{x}: {drawn} {y}");
+            }
+            let top = |values: &mut dyn Iterator<Item = f64>| values.filter(|v| v.is_finite()).fold(f64::NEG_INFINITY, f64::max);
+            prop_assert_eq!(top(&mut kept.iter().map(|p| p.1)), top(&mut y.iter().copied()));
+        }
+    }
+
+    #[test]
+    fn two_values_at_one_time_are_both_followed() {
+        let kept = followed(&[0.0, 1.0, 1.0, 2.0], &[0.0, 0.0, 5.0, 5.0], 0.1);
+        assert_eq!(kept, [(0.0, 0.0), (1.0, 0.0), (1.0, 5.0), (2.0, 5.0)]);
     }
 
     #[test]

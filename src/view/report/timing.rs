@@ -6,7 +6,7 @@ use super::canvas::Ink;
 use super::charts::Quantity;
 use super::histogram::{Timing, words};
 use super::html::{beside, definitions, details, figure, note, paragraph, section, table};
-use super::lines::{Line, Reduce, TimeChart};
+use super::lines::{Reduce, TimeChart};
 use super::outcome::{class_of, class_words, is_miss};
 use super::plots::{WHOLE, history};
 use super::rows::Rows;
@@ -227,7 +227,6 @@ fn percentiles(timings: &[Timing]) -> String {
 }
 
 fn over_time(run: &RunView, rows: &Rows<'_>) -> String {
-    let time = rows.tick_time();
     let named = [
         (column::WAKEUP.name(), "wake-up lateness"),
         (column::ROUND_TRIP.name(), "round trip"),
@@ -237,8 +236,9 @@ fn over_time(run: &RunView, rows: &Rows<'_>) -> String {
     let mut series = Vec::new();
     for (i, (column, name)) in named.into_iter().enumerate() {
         let is_positive = |values: &[f64]| values.iter().any(|v| *v > 0.0);
-        if let Some(values) = rows.filled(column).filter(|values| is_positive(values)) {
-            series.push((name, values, Ink::Series([2, 1, 0, 3][i])));
+        let found = rows.history(column);
+        if let Some(found) = found.filter(|found| is_positive(&found.values)) {
+            series.push((name, found, Ink::Series([2, 1, 0, 3][i])));
         }
     }
     if series.is_empty() {
@@ -246,13 +246,7 @@ fn over_time(run: &RunView, rows: &Rows<'_>) -> String {
     }
     let lines: Vec<_> = series
         .iter()
-        .map(|(name, y, ink)| Line {
-            name,
-            x: &time,
-            y,
-            ink: *ink,
-            width: 1.1,
-        })
+        .map(|(name, of, ink)| of.line(name, *ink, 1.1))
         .collect();
     let mut marks: Vec<f64> = run
         .events
