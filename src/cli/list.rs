@@ -48,6 +48,12 @@ fn in_words(run: &Listed) -> String {
         format!("{:16}", date.replace('T', " ")),
         format!("{:11}", run.state.word()),
     ];
+    match (run.unstable, run.findings) {
+        (true, _) => parts.push("UNSTABLE".to_owned()),
+        (false, 0) => {}
+        (false, 1) => parts.push("1 finding".to_owned()),
+        (false, n) => parts.push(format!("{n} findings")),
+    }
     if let (Some(steps), Some(dt)) = (run.steps, run.dt) {
         parts.push(format!("{steps} steps, {}", duration(steps as f64 * dt)));
     }
@@ -93,5 +99,7 @@ fn as_json(run: &Listed) -> Value {
         "dt": run.dt,
         "duration_s": run.steps.zip(run.dt).map(|(steps, dt)| steps as f64 * dt),
         "peak": peak,
+        "unstable": run.unstable,
+        "findings": run.findings,
     })
 }

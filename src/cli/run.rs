@@ -91,6 +91,14 @@ fn prepare(args: &RunArgs) -> anyhow::Result<Prepared> {
         let allowed = Allowed {
             after_trip: args.after_trip,
             changed: args.accept_changed.as_deref(),
+            wider: match (&args.reason, &*args.test_run.sets) {
+                (None, []) => None,
+                (Some(reason), sets) => Some((sets, reason.as_str())),
+                (None, _) => {
+                    let text = "`--set` with `--resume` widens limits, and needs a reason: add `--reason \"...\"`";
+                    return Err(WithExit(Exit::Usage, format!("{text}\nnothing was moved")).into());
+                }
+            },
         };
         let next = session::resume_allowed(folder, args.test.as_deref(), allowed);
         return next.map_err(|error| match error {

@@ -6,6 +6,7 @@ use super::compensators::Compensators;
 use super::probe::SIGMAS;
 use super::retrace::Tick;
 use super::*;
+use crate::catalog::limit::Limit;
 use crate::compensation::Compensator;
 use crate::geometry::LawPlace;
 use crate::stability::CriticalDelay;
@@ -72,13 +73,21 @@ impl Port {
     }
 
     /// Takes the live substructure of `fresh`, a port of the same test that was never used, in place of a recording; a formula
-    /// stays with its state. The counts restart.
+    /// stays with its state. The counts restart, and the limits are those of `fresh`.
     pub fn go_live(&mut self, fresh: Port) {
         if self.exchange.go_live(fresh.exchange) {
             self.startup.forget_stated();
         }
         self.guard.trust_force();
+        self.guard.take_limits(&fresh.guard);
         self.path.resume_from_here();
+    }
+
+    /// The trip of the next command, if its displacement is beyond a limit.
+    pub fn next_command_beyond(&self) -> Option<limits::Hit> {
+        let mut guard = self.guard.clone();
+        let found = guard.judge_command(self.path.command()).trip;
+        found.filter(|hit| hit.quantity == Limit::CommandDisp)
     }
 
     /// Sets the limits, one entry per axis, SI at the specimen's own scale; `units` are the metres and newtons in one

@@ -83,6 +83,12 @@ impl Guard {
         }
     }
 
+    /// The limits of `fresh`, a guard of the same specimen: what was seen so far stays.
+    pub(super) fn take_limits(&mut self, fresh: &Self) {
+        self.watch.take_limits(&fresh.watch);
+        self.declared.clone_from(&fresh.declared);
+    }
+
     pub(super) const fn watch_mut(&mut self) -> &mut Watch {
         &mut self.watch
     }

@@ -78,6 +78,10 @@ pub struct Listed {
     pub dt: Option<f64>,
     /// Its largest displacement, or force without a structure.
     pub peak: Option<Peak>,
+    /// The verdict proved its loop unstable.
+    pub unstable: bool,
+    /// Findings of its verdict.
+    pub findings: usize,
 }
 
 /// Every run at and below `folder`, newest first. A folder that cannot be read is listed as damaged.
@@ -130,6 +134,8 @@ fn look_at(folder: &Path) -> Listed {
         steps: None,
         dt: None,
         peak: None,
+        unstable: false,
+        findings: 0,
     };
     let run = match Run::open(folder) {
         Ok(run) => run,
@@ -155,6 +161,10 @@ fn look_at(folder: &Path) -> Listed {
         listed.steps = Some(summary.steps);
         listed.dt = Some(summary.dt);
         listed.peak = peak(summary);
+        if let Some(verdict) = &summary.verdict {
+            listed.unstable = verdict.unstable;
+            listed.findings = verdict.findings.len();
+        }
     }
     listed
 }

@@ -13,7 +13,7 @@ pub struct Compared {
     pub path: PathBuf,
     /// What came of the comparison.
     pub verdict: String,
-    /// What of either run's record is not there, in words.
+    /// What of either run's record is not there, and what its verdict found, in words.
     pub damages: Vec<String>,
 }
 
@@ -31,7 +31,7 @@ pub fn compare(first: &Path, second: &Path, out: &Path) -> Result<Compared, Page
     Ok(Compared {
         path: write(out, &page)?,
         verdict: report::verdict(&matched),
-        damages: report::damages(&a, &b),
+        damages: [report::damages(&a, &b), report::doubts(&a, &b)].concat(),
     })
 }
 

@@ -89,6 +89,9 @@ pub(super) struct Origin {
     /// Why the user has accepted that a specimen changed since the interruption; absent if nothing was accepted.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accepted_changed: Option<String>,
+    /// Why the user has widened limits; absent if all are those of the interrupted test.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wider_limits: Option<String>,
 }
 
 impl Origin {

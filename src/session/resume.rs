@@ -10,6 +10,7 @@
 mod error;
 mod places;
 mod trips;
+mod widened;
 
 use std::path::Path;
 
@@ -18,9 +19,11 @@ use super::continued;
 use super::desk::{Request, Unanswered, ask};
 use super::lineage::Origin;
 use super::recorded::Replaced;
-use super::retrace::{Build, Retraced, prepared_by, retrace, take_over, unusable_states};
+use super::retrace::{
+    Build, Retraced, prepared_by, prepared_to_resume, retrace, take_over, unusable_states,
+};
 use super::row_peaks::{earlier_peaks, peak_of};
-use crate::config::Loaded;
+use crate::config::{self, Loaded};
 use crate::port::Port;
 use crate::record::summary::Status;
 use crate::record::{MissingEnd, Run, ToldBy};
@@ -37,6 +40,9 @@ const ON_ITS_WAY_IN: &str = "it ended during startup and made no step: its state
 const UNTRIED: &str =
     "the wiring check is not repeated: start a new test if the wiring was changed";
 
+/// Name of the reason for wider limits in `accepted` of the summary.
+const WIDENED: &str = "wider_limits";
+
 /// Permissions of the user for a test that is resumed.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Allowed<'a> {
@@ -45,6 +51,8 @@ pub struct Allowed<'a> {
     /// Why it may go on although a specimen changed since the interruption: it stands elsewhere, its force is another one, or it is
     /// computed by a server that does not keep its state.
     pub changed: Option<&'a str>,
+    /// Limits that it widens, as `KEY=VALUE`, and why.
+    pub wider: Option<(&'a [String], &'a str)>,
 }
 
 /// Prepares the test in `folder` to go on. `test`: the test file, if one was given; it must be the one that was
@@ -59,7 +67,7 @@ pub fn resume(
 ) -> Result<Prepared, ResumeError> {
     let allowed = Allowed {
         after_trip,
-        changed: None,
+        ..Allowed::default()
     };
     resume_allowed(folder, test, allowed)
 }
@@ -113,7 +121,11 @@ fn resume_by(
             ResumeError::NotBegun(folder.to_owned())
         });
     };
-    let mut next = prepared_by(&run, Replaced::Remote, true, build)?;
+    let mut next = match allowed.wider {
+        None => prepared_by(&run, Replaced::Remote, true, build)?,
+        Some((sets, _)) => prepared_to_resume(&run, sets, build)?,
+    };
+    let wider = widened_limits(&run, allowed, &mut next)?;
     let step = resumption.step();
     if step >= next.experiment.steps {
         // It was stopped during its shutdown.
@@ -127,10 +139,22 @@ fn resume_by(
     resumption.earlier = earlier_peaks(&origin.peak, &ports);
     resumption.accepts_changed = origin.accepts_changed();
     take_over(&mut next.experiment, side, ports);
+    for (index, port) in next.experiment.ports.iter().enumerate() {
+        if let Some(hit) = port.next_command_beyond() {
+            let specimen = port.name().to_owned();
+            return Err(ResumeError::NextBeyond {
+                specimen,
+                index,
+                hit,
+            });
+        }
+    }
     origin.put(&mut next.experiment.ports);
     next.experiment.resume = Some(resumption);
     next.files.test = read(&folder.join("test.toml"))?;
-    next.files.resolved = String::from_utf8_lossy(&read(&folder.join("resolved.toml"))?).into();
+    if wider.is_none() {
+        next.files.resolved = String::from_utf8_lossy(&read(&folder.join("resolved.toml"))?).into();
+    }
     next.facts.resumed = Some((folder.to_owned(), step));
     next.files.origin = serde_json::to_string_pretty(&origin).ok();
     let retraced = match traced.restored {
@@ -159,6 +183,7 @@ fn resume_by(
         tried.then(|| UNTRIED.to_owned()),
         note,
         accepted,
+        wider,
     ];
     let unusable = unusable_states(&run)?;
     for text in texts.into_iter().flatten().chain(unusable) {
@@ -166,6 +191,29 @@ fn resume_by(
         next.facts.warnings.push(text);
     }
     Ok(next)
+}
+
+/// What the limits of `next` allow beyond those of `run`, in words; none where they are the same.
+fn widened_limits(
+    run: &Run,
+    allowed: Allowed<'_>,
+    next: &mut Prepared,
+) -> Result<Option<String>, ResumeError> {
+    let Some(((_, reason), loaded)) = allowed.wider.zip(next.loaded.as_deref()) else {
+        return Ok(None);
+    };
+    let before = config::load(&run.path().join("resolved.toml"), &[])?;
+    let limits = widened::widened(&before, loaded)?;
+    if limits.is_empty() {
+        return Ok(None);
+    }
+    next.files.resolved.clone_from(&loaded.effective);
+    let accepted = &mut next.facts.accepted;
+    accepted.insert(WIDENED.to_owned(), reason.to_owned());
+    Ok(Some(format!(
+        "LIMITS WERE WIDENED for this part of the test: {}; reason: {reason}",
+        limits.join(", ")
+    )))
 }
 
 /// Refuses a test that runs, may be running, is complete, or was resumed already.
@@ -251,6 +299,7 @@ fn origin_of(
         left_ways: Vec::new(),
         peak,
         accepted_changed: allowed.changed.map(str::to_owned),
+        wider_limits: allowed.wider.map(|(_, reason)| reason.to_owned()),
     };
     origin.keep(&left);
     Ok(origin)

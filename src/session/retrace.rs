@@ -39,12 +39,22 @@ pub(super) fn prepared_by(
 ) -> Result<Prepared, ReplayError> {
     let origin = Origin::of(run.path())?;
     let state = state_of(ancestors(run.path())?, replaced)?;
-    prepared_from(run, origin.zip(state), keys, build)
+    prepared_from(run, &[], origin.zip(state), keys, build)
+}
+
+/// The test of a run folder with changed keys, as it was built, for a resume.
+pub(super) fn prepared_to_resume(
+    run: &Run,
+    sets: &[String],
+    build: &mut Build<'_>,
+) -> Result<Prepared, ReplayError> {
+    prepared_from(run, sets, None, true, build)
 }
 
 /// Builds the test of a run folder, with the state that its ancestors came to, if it has any.
 fn prepared_from(
     run: &Run,
+    sets: &[String],
     before: Option<(Origin, State)>,
     keys: bool,
     build: &mut Build<'_>,
@@ -54,7 +64,7 @@ fn prepared_from(
         return Err(ReplayError::Served(folder.to_owned()));
     }
     check_inputs(run)?;
-    let mut loaded = config::load(&folder.join("resolved.toml"), &[])?;
+    let mut loaded = config::load(&folder.join("resolved.toml"), sets)?;
     for specimen in &mut loaded.file.specimen {
         // It came, and is over: a test that goes on is without it.
         specimen.drill = None;
@@ -104,7 +114,7 @@ fn state_of(
     };
     while let Some(Ancestor { run, rows, origin }) = ancestors.get(next) {
         let before = origin.clone().zip(state.take());
-        let test = prepared_from(run, before, false, &mut setup::build)?.experiment;
+        let test = prepared_from(run, &[], before, false, &mut setup::build)?.experiment;
         let traced = follow(run, test, Some(*rows), replaced)?;
         match traced.state {
             Some(reached) => {
@@ -206,7 +216,7 @@ fn retrace_from_state(
         return Ok(None);
     };
     // The state holds what the test had of its ancestors.
-    let experiment = prepared_from(run, None, false, &mut setup::build)?.experiment;
+    let experiment = prepared_from(run, &[], None, false, &mut setup::build)?.experiment;
     let rows = kept.rows..until.unwrap_or(u64::MAX);
     let (test, tape, control) = recorded_test(run, experiment, rows, replaced)?;
     let Ok(followed) = test.retrace_from(&kept.state, &control) else {

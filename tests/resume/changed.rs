@@ -247,3 +247,115 @@ fn a_force_may_differ_by_2_percent_of_the_recorded_peak_or_by_what_the_test_file
         );
     }
 }
+
+/// The text of a test with this trip level of its storey.
+fn limited(level: &str) -> String {
+    frame(200, 1, 2.0, 0.0) + "[specimen.limits]\n" + level + "\n"
+}
+
+#[test]
+fn resume_goes_on_with_wider_limits() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let wide = limited("measured_force_n = { trip = [-1e5, 1e5] }");
+    completed(&test_in(home.path(), &wide), &at("whole"), &[]);
+    tripped_in(home.path(), &at("first"));
+    let wider = "specimen.0.limits.measured_force_n.trip=[-1e5, 1e5]";
+    let reason = "yields later than planned";
+    for (more, word) in [
+        (vec!["--set", wider], "--reason"),
+        (
+            vec!["--set", "time.duration_s=3", "--reason", reason],
+            "time.duration_s",
+        ),
+        (
+            vec![
+                "--set",
+                "specimen.0.limits.measured_force_n.trip=[-1e5, 10]",
+                "--reason",
+                reason,
+            ],
+            "measured_force_n.trip[1]",
+        ),
+    ] {
+        let more = [&["--after-trip"][..], &more].concat();
+        let said = go_on_with(&at("first"), &at("refused"), &more);
+        assert_eq!(said.code, Some(2), "{}", said.stderr);
+        assert!(said.stderr.contains(word), "{word}: {}", said.stderr);
+        assert!(!at("refused").exists());
+    }
+    let more = ["--after-trip", "--set", wider, "--reason", reason];
+    let said = go_on_with(&at("first"), &at("second"), &more);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let summary = common::json(&at("second"), "summary.json");
+    assert_eq!(
+        summary["accepted"],
+        serde_json::json!({"wider_limits": reason})
+    );
+    let warnings = summary["warnings"].to_string();
+    assert!(
+        warnings.contains("1200") && warnings.contains("100000"),
+        "{warnings}"
+    );
+    let origin = common::json(&at("second"), "resumed.json");
+    assert_eq!(origin["wider_limits"], reason);
+    let page = std::fs::read_to_string(at("second/report.html")).unwrap();
+    assert!(page.contains(reason));
+    let resolved = std::fs::read_to_string(at("second/resolved.toml")).unwrap();
+    assert!(
+        resolved.contains("1e5") || resolved.contains("100000"),
+        "{resolved}"
+    );
+    // The response is that of a test whose limits were wide from the beginning.
+    let of_steps = |run: &str| {
+        let states = column(&at(run), "state");
+        let rows = states.iter().zip(column(&at(run), "x1"));
+        let rows = rows.filter(|(state, _)| **state == 3.0);
+        rows.map(|(_, x)| x).collect::<Vec<f64>>()
+    };
+    let (whole, second) = (of_steps("whole"), of_steps("second"));
+    assert!(
+        whole.ends_with(&second) && second.len() > 100,
+        "{}",
+        second.len()
+    );
+    let found = replay(&at("second")).unwrap();
+    assert!(found.is_exact(), "{found:?}");
+}
+
+#[test]
+fn resume_refuses_a_next_command_beyond_a_limit() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let text = limited("command_disp_m = { trip = [-3e-3, 3e-3] }");
+    let said = common::run(&test_in(home.path(), &text), &at("first"), &[]);
+    assert_eq!(said.code, Some(1), "{}", said.stderr);
+    let tripped = Run::open(&at("first")).unwrap().events().unwrap().to_json();
+    let trip = tripped
+        .iter()
+        .find(|event| event["event"] == "limit_trip")
+        .unwrap();
+    let value = trip["value"].as_f64().unwrap();
+    assert!(value.abs() > 3e-3, "{trip}");
+    let set = |level: f64| format!("specimen.0.limits.command_disp_m.trip=[-{level}, {level}]");
+    let just = set(0.5 * (3e-3 + value.abs()));
+    for more in [
+        vec!["--after-trip"],
+        vec!["--after-trip", "--set", &just, "--reason", "wider"],
+    ] {
+        let said = go_on_with(&at("first"), &at("refused"), &more);
+        assert_eq!(said.code, Some(2), "{}", said.stderr);
+        assert!(said.stderr.contains("command_disp_m"), "{}", said.stderr);
+        let number = format!("{:.3}", 1e3 * value.abs());
+        assert!(
+            said.stderr.contains(&number[..4]),
+            "{number}: {}",
+            said.stderr
+        );
+        assert!(!at("refused").exists());
+    }
+    let enough = set(0.1);
+    let more = ["--after-trip", "--set", &enough, "--reason", "wider"];
+    let said = go_on_with(&at("first"), &at("second"), &more);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+}

@@ -653,3 +653,111 @@ fn a_test_in_which_nothing_moves_has_no_empty_pictures() {
     assert_eq!(said.code, Some(0), "{}", said.stderr);
     assert!(fs::read_to_string(picture).unwrap().contains("<circle"));
 }
+
+fn decoded(text: &serde_json::Value) -> Vec<u8> {
+    const ALPHABET: &str = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let (mut bytes, mut word, mut bits) = (Vec::new(), 0u32, 0);
+    for letter in text.as_str().unwrap().trim_end_matches('=').chars() {
+        word = word << 6 | ALPHABET.find(letter).unwrap() as u32;
+        bits += 6;
+        if bits >= 8 {
+            bits -= 8;
+            bytes.push((word >> bits) as u8);
+        }
+    }
+    bytes
+}
+
+/// Times and values, in SI units, of a series of a page.
+fn embedded(page: &str, title: &str, name: &str) -> Vec<(f64, f64)> {
+    let blocks = page.split("<script type=\"application/json\">").skip(1);
+    let mut blocks = blocks.map(|rest| rest.split_once("</script>").unwrap().0);
+    let of = |block: &str| serde_json::from_str::<serde_json::Value>(block).unwrap();
+    let block = blocks.find(|block| of(block)["title"].as_str().unwrap().starts_with(title));
+    let block = of(block.unwrap());
+    let mut series = block["series"].as_array().unwrap().iter();
+    let series = series.find(|series| series["name"] == name).unwrap();
+    let time = &series["time"];
+    let times: Vec<f64> = if time["apart"].is_null() {
+        let bytes = decoded(&time["values"]);
+        let each = bytes
+            .chunks(8)
+            .map(|b| f64::from_le_bytes(b.try_into().unwrap()));
+        each.collect()
+    } else {
+        let (mut place, mut apart, mut shift, mut times) = (0u64, 0u64, 0, Vec::new());
+        for byte in decoded(&time["apart"]) {
+            apart |= u64::from(byte & 127) << shift;
+            shift += 7;
+            if byte < 128 {
+                place += apart;
+                (apart, shift) = (0, 0);
+                let start = time["start"].as_f64().unwrap();
+                times.push(start + place as f64 * time["step"].as_f64().unwrap());
+            }
+        }
+        times
+    };
+    let factor = block["factor"].as_f64().unwrap();
+    let values = decoded(&series["y"]);
+    let values = values
+        .chunks(4)
+        .map(|b| f64::from(f32::from_le_bytes(b.try_into().unwrap())));
+    let values: Vec<f64> = values.map(|value| value * factor).collect();
+    assert_eq!(times.len(), values.len(), "{title}: {name}");
+    times.into_iter().zip(values).collect()
+}
+
+#[test]
+fn embedded_histories_are_the_samples() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = FRAME
+        .replace("rate_hz = 200", "rate_hz = 1000")
+        .replace("duration_s = 0.5", "duration_s = 20");
+    let out = made(folder.path(), "run", &text);
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    let run = Run::open(&out).unwrap();
+    for (title, series, column) in [
+        ("Displacement", "DOF 1", "x1"),
+        ("Displacement", "DOF 2", "x2"),
+        ("Ground motion", "acceleration", "ground"),
+        ("Storey drift", "storey 1", "x1"),
+    ] {
+        let [state, time, values] = &run.columns(&["state", "time", column]).unwrap()[..] else {
+            unreachable!()
+        };
+        let rows = state.iter().zip(time.iter().zip(values));
+        let rows: Vec<(f64, f64)> = rows
+            .filter(|(state, _)| **state == 3.0)
+            .map(|(_, (time, value))| (*time, *value))
+            .collect();
+        assert_eq!(rows.len(), 20_001);
+        let peak = rows.iter().map(|row| row.1.abs()).fold(0.0, f64::max);
+        let drawn = embedded(&page, title, series);
+        let mut next = 0;
+        for &(time, value) in &rows {
+            while drawn[next].0 < time - 1e-9 {
+                next += 1;
+            }
+            let (b, a) = (drawn[next], drawn[next.saturating_sub(1)]);
+            let is_own = (b.0 - time).abs() < 1e-9;
+            let along = if is_own {
+                1.0
+            } else {
+                (time - a.0) / (b.0 - a.0)
+            };
+            let shown = a.1 + along * (b.1 - a.1);
+            // Single precision keeps a point of its own to 6e-8.
+            let bound = if is_own { 1e-7 } else { 1e-3 } * peak;
+            assert!(
+                (shown - value).abs() <= bound,
+                "{column} at {time} s: {shown} {value}"
+            );
+        }
+        let highest = drawn.iter().map(|point| point.1.abs()).fold(0.0, f64::max);
+        assert!(
+            (highest / peak - 1.0).abs() < 1e-7,
+            "{column}: {highest} {peak}"
+        );
+    }
+}

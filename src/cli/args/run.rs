@@ -23,7 +23,9 @@ fn reason(text: &str) -> Result<String, String> {
     gusset run config/frame-bouc-wen.toml --clock simulated --set integrator.lambda=4\n  \
     gusset run config/frame-bouc-wen.toml --live\n  \
     gusset run --resume runs/first --out runs/second\n  \
-    gusset run --resume runs/first --out runs/second --after-trip\n\n\
+    gusset run --resume runs/first --out runs/second --after-trip\n  \
+    gusset run --resume runs/first --after-trip --set 'specimen.0.limits.measured_force_n.trip=[-2e3, 2e3]' --reason \"yielded \
+    earlier than planned\"\n\n\
     More: gusset guide operation (hold, stop, resume), gusset guide limits (endings and exit codes)"
 )]
 pub(in crate::cli) struct RunArgs {
@@ -31,8 +33,8 @@ pub(in crate::cli) struct RunArgs {
     #[arg(required_unless_present = "resume")]
     pub test: Option<PathBuf>,
     /// Resume an interrupted test at the end of its record, in a new run folder. Gusset refuses if a file or a specimen has
-    /// changed.
-    #[arg(long, value_name = "RUN_DIR", conflicts_with_all = ["sets", "clock"])]
+    /// changed. `--set` may widen limits, with a `--reason`.
+    #[arg(long, value_name = "RUN_DIR", conflicts_with = "clock")]
     pub resume: Option<PathBuf>,
     /// With --resume: the test may resume although it tripped. Inspect its specimens first; without this flag, the refusal lists
     /// what tripped.
@@ -41,6 +43,9 @@ pub(in crate::cli) struct RunArgs {
     /// With --resume: the test may go on although a specimen has changed, for this reason. Summary and report keep it.
     #[arg(long, value_name = "REASON", requires = "resume", value_parser = reason)]
     pub accept_changed: Option<String>,
+    /// With --resume and --set: why limits are widened. Summary and report keep it.
+    #[arg(long, value_name = "REASON", requires_all = ["resume", "sets"], value_parser = reason)]
+    pub reason: Option<String>,
     #[command(flatten)]
     pub test_run: TestRunArgs,
     /// Print the summary as JSON on stdout.

@@ -74,6 +74,14 @@ impl Watch {
         }
     }
 
+    /// The limits of `fresh`; past values stay.
+    pub fn take_limits(&mut self, fresh: &Self) {
+        for (own, fresh) in self.axes.iter_mut().zip(&fresh.axes) {
+            own.limits = fresh.limits;
+            own.inner = fresh.inner;
+        }
+    }
+
     /// The limits, one per axis.
     pub fn limits(&self) -> impl Iterator<Item = &AxisLimits> {
         self.axes.iter().map(|axis| &axis.limits)

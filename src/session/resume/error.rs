@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 use crate::config::ConfigError;
+use crate::port::limits::Hit;
 use crate::record::{FolderError, MissingEnd};
 use crate::session::continued::{Now, WentOn};
 use crate::session::desk::Unanswered;
@@ -105,6 +106,35 @@ pub enum ResumeError {
         again_s: f64,
         /// Names of the specimens.
         specimens: String,
+    },
+    /// A key that is no limit was to be changed.
+    #[error("`--set {0}`: a test resumes as it is; only its limits may be widened")]
+    NoLimit(String),
+    /// A limit was to be narrowed, or added.
+    #[error(
+        "`--set {key}` is {new}, and the interrupted test had {old}: a limit may only be widened"
+    )]
+    Narrower {
+        /// The key.
+        key: String,
+        /// Its value in the interrupted test.
+        old: String,
+        /// The value of the user.
+        new: String,
+    },
+    /// The command that would leave next is beyond a limit.
+    #[error(
+        "specimen \"{specimen}\", {hit}: the next command of this test is beyond its limit, so that it would trip again; widen \
+         the limit: `--set specimen.{index}.limits.{}.trip=[lowest, highest] --reason \"...\"`",
+        hit.quantity.key()
+    )]
+    NextBeyond {
+        /// Name of the specimen.
+        specimen: String,
+        /// Its place in the file, from 0.
+        index: usize,
+        /// The limit, with the number.
+        hit: Hit,
     },
     /// The record is damaged before its first checkpoint.
     #[error("{}: {trouble}, and no checkpoint is before it: the test cannot resume", folder.display())]

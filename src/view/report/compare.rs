@@ -36,7 +36,7 @@ pub fn compare(
     );
     let (a, b) = (first.digested(), second.digested());
     let (rows_a, rows_b) = (Rows::new(&a), Rows::new(&b));
-    body += &banner(matched, &damages(first, second));
+    body += &banner(matched, &damages(first, second), &doubts(first, second));
     body += &key_figures((first, second), (&rows_a, &rows_b), matched);
     body += "</header>\n<main>\n";
     body += HINT;
@@ -140,7 +140,28 @@ pub fn damages(first: &RunView, second: &RunView) -> Vec<String> {
     [of(first, "first"), of(second, "second")].concat()
 }
 
-fn banner(matched: &Result<Matched, String>, damages: &[String]) -> String {
+/// What the verdict on each run has found, in words; that a loop is unstable comes first.
+#[must_use]
+pub fn doubts(first: &RunView, second: &RunView) -> Vec<String> {
+    let of = |run: &RunView, which: &str| {
+        let summary = run.summary.as_ref();
+        let judged = summary.and_then(|summary| summary.remarks.verdict.as_ref())?;
+        let found = plural(judged.findings.len() as u64, "finding", "findings");
+        let found = match (judged.headline(), judged.findings.is_empty()) {
+            (Some(unstable), _) => unstable,
+            (None, false) => format!("{found} of the verdict: see its own report"),
+            (None, true) => return None,
+        };
+        Some((judged.unstable, format!("{which} run: {found}")))
+    };
+    let both = [of(first, "first"), of(second, "second")];
+    let mut both: Vec<_> = both.into_iter().flatten().collect();
+    both.sort_by_key(|(is_unstable, _)| !is_unstable);
+    both.into_iter().map(|(_, text)| text).collect()
+}
+
+fn banner(matched: &Result<Matched, String>, damages: &[String], doubts: &[String]) -> String {
+    let is_unstable = doubts.iter().any(|text| text.contains("UNSTABLE"));
     let (class, headline, mut more) = match matched {
         Err(why) => (
             "warning",
@@ -169,8 +190,19 @@ fn banner(matched: &Result<Matched, String>, damages: &[String]) -> String {
             (class, headline, more)
         }
     };
-    more.extend(damages.iter().map(|text| format!("{}.", capital(text))));
-    html::banner(class, headline, &more)
+    let class = match class {
+        _ if is_unstable => "bad",
+        "good" if !doubts.is_empty() => "warning",
+        class => class,
+    };
+    let headline = if is_unstable {
+        format!("{headline}; a LOOP IS UNSTABLE")
+    } else {
+        headline.to_owned()
+    };
+    let told = damages.iter().chain(doubts);
+    more.extend(told.map(|text| format!("{}.", capital(text.trim_end_matches('.')))));
+    html::banner(class, &headline, &more)
 }
 
 fn capital(text: &str) -> String {

@@ -169,8 +169,7 @@ fn lines_and_loops_break_where_steps_are_missing() {
             .filter(|(_, v)| v.is_nan())
             .map(|(t, _)| *t)
             .collect();
-        // A pair of entries where rows are thinned.
-        assert_eq!(holes, [(2999.0 + 5000.0) / 2.0 / RATE; 2], "{name}");
+        assert_eq!(holes, [(2999.0 + 5000.0) / 2.0 / RATE], "{name}");
     }
     let axis = &digest.axes[0];
     assert_eq!(axis.hysteresis.0.iter().filter(|x| x.is_nan()).count(), 1);
@@ -328,7 +327,7 @@ fn of_many_storeys_nothing_is_left_out_without_being_said() {
 #[test]
 fn what_is_left_is_the_mean_of_the_last_rows_and_not_of_their_extremes() {
     let names = ["state", "step", "time", "x1"];
-    let rows = 100_000u32;
+    let rows = 200_000u32;
     // A spike in every ten rows: extremes are ten times too large.
     let of = |name: &str, k: u32| match name {
         "state" => 3.0,
@@ -387,7 +386,7 @@ fn numbers_of_a_long_test_are_those_of_single_rows_though_its_pictures_are_thinn
         "force_1_1",
         "margin_1_1",
     ];
-    let (rows, dt) = (100_000u32, 1.0 / 1024.0);
+    let (rows, dt) = (200_000u32, 1.0 / 1024.0);
     let disp = |k: u32| 0.01 * libm::sin(0.7 * f64::from(k));
     let (lowest, highest) = (55_555, 77_777);
     let of = |name: &str, k: u32| match name {

@@ -85,7 +85,7 @@ mod tracked;
 mod worst;
 
 pub use columns::Combination;
-pub use compare::{compare, damages, verdict};
+pub use compare::{compare, damages, doubts, verdict};
 pub(crate) use curves::{Curve, Curves, Look, Scale};
 pub use digest::Digest;
 pub use effect::effect;

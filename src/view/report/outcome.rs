@@ -9,7 +9,7 @@ use super::text::{count, exact, plural, quantity};
 use crate::catalog::ending::Status;
 use crate::catalog::event::Remark;
 use crate::record::{Event, EventLine, MissCause};
-use crate::stability::RecordedVerdict;
+use crate::stability::{RecordedFinding, RecordedVerdict};
 use crate::view::{Feature, SummaryView};
 
 /// How good the news is; decides the colour of the banner.
@@ -25,7 +25,10 @@ pub(super) enum Tone {
 pub(super) struct Verdict {
     pub tone: Tone,
     pub headline: String,
+    /// What went wrong or is in doubt, and then the rest.
     pub sentences: Vec<String>,
+    /// Sentences of the first kind: they are never folded.
+    pub warnings: usize,
 }
 
 /// The verdict on `run`, which goes on after step `after` of another if it does; `more` are sentences on which steps of the test these are and how its specimens were left.
@@ -95,6 +98,24 @@ pub(super) fn verdict(run: &RunView, after: Option<u64>, more: &[String]) -> Ver
         headline += "; the LOOP IS UNSTABLE";
         sentences.push(ended(&unstable));
     }
+    let findings = judged.map_or(&[][..], |judged| &judged.findings);
+    let is_error = |one: &&RecordedFinding| one.severity == "error";
+    if findings.iter().any(|one| is_error(&one)) {
+        tone = Tone::Bad;
+    } else if !findings.is_empty() {
+        tone = worse(tone);
+    }
+    let counted = |n: usize, one: &str, many: &str| match n {
+        0 => String::new(),
+        n => format!("; {}", plural(n as u64, one, many)),
+    };
+    let errors = findings.iter().filter(is_error).count();
+    headline += &counted(errors, "error of the verdict", "errors of the verdict");
+    headline += &counted(
+        findings.len() - errors,
+        "finding of the verdict",
+        "findings of the verdict",
+    );
     for (key, reason) in &remarks.accepted {
         tone = worse(tone);
         sentences.push(ended(&format!(
@@ -126,8 +147,25 @@ pub(super) fn verdict(run: &RunView, after: Option<u64>, more: &[String]) -> Ver
     if let (Some(status), Tone::Warning) = (status.filter(|_| is_shown), tone) {
         sentences.push(ended(&format!("Status: {status}")));
     }
-    sentences.extend(extent(run, after));
-    sentences.extend_from_slice(more);
+    let is_told = |text: &str| sentences.iter().any(|told| told.contains(text.trim()));
+    let findings = findings.iter().map(|one| (&one.text, &one.severity));
+    let findings: Vec<_> = findings.filter(|(text, _)| !is_told(text)).collect();
+    let is_finding = |text: &String| findings.iter().any(|(known, _)| text.contains(*known));
+    let warnings: Vec<&String> = (remarks.warnings.iter())
+        .filter(|text| !is_told(text) && !is_finding(text))
+        .collect();
+    let name = |severity: &str| match severity {
+        "error" => "Error of the verdict",
+        "accepted" => "Accepted finding of the verdict",
+        _ => "Finding of the verdict",
+    };
+    let findings = (findings.iter()).map(|(text, severity)| format!("{}: {text}", name(severity)));
+    let warnings = warnings.into_iter().map(|text| format!("Warning: {text}"));
+    let doubts: Vec<String> = findings.chain(warnings).map(|text| ended(&text)).collect();
+    if !doubts.is_empty() {
+        tone = worse(tone);
+    }
+    sentences.extend(doubts);
     let lost = summary.progress.rows_lost;
     if lost > 0 {
         tone = worse(tone);
@@ -141,10 +179,11 @@ pub(super) fn verdict(run: &RunView, after: Option<u64>, more: &[String]) -> Ver
         ));
     }
     let (misses, sentence) = misses(run);
+    let mut sentence = sentence;
     if misses > 0 {
         tone = worse(tone);
+        sentences.extend(sentence.take());
     }
-    sentences.extend(sentence);
     let stretched = summary.progress.stretched_ticks;
     if stretched > 0 {
         tone = worse(tone);
@@ -153,12 +192,15 @@ pub(super) fn verdict(run: &RunView, after: Option<u64>, more: &[String]) -> Ver
             "The grid was stretched by {ticks}: the specimen saw slower time."
         ));
     }
-    let warnings = remarks.warnings.iter();
-    sentences.extend(warnings.map(|w| ended(&format!("Warning: {w}"))));
+    let warnings = sentences.len();
+    sentences.extend(extent(run, after));
+    sentences.extend_from_slice(more);
+    sentences.extend(sentence);
     Verdict {
         tone,
         headline,
         sentences,
+        warnings,
     }
 }
 
@@ -425,6 +467,45 @@ mod tests {
             v.tone == Tone::Bad && !v.headline.contains("warned"),
             "{v:?}"
         );
+    }
+
+    #[test]
+    fn any_finding_of_the_verdict_turns_the_tone() {
+        let finding = |kind: &str, severity: &str, text: &str| json!({"kind": kind, "severity": severity, "key": "", "text": text, "numbers": {}, "help": []});
+        let of_verdict = |findings: Vec<Value>, unstable: bool, warnings: Vec<&str>| {
+            let verdict = json!({"outcome": "simulated", "unstable": unstable, "behind_link": false, "findings": findings});
+            of(
+                json!({"status": "completed", "steps": 10, "dt": 0.1, "verdict": verdict, "warnings": warnings}),
+                vec![],
+            )
+        };
+        let clean = of_verdict(vec![], false, vec![]);
+        assert_eq!((clean.tone, clean.warnings), (Tone::Good, 0));
+        let unknown: Vec<Value> = (0..5)
+            .map(|n| finding("unknown", "warning", &format!("number {n} is not known")))
+            .collect();
+        let v = of_verdict(
+            unknown,
+            false,
+            vec!["number 3 is not known", "units are odd"],
+        );
+        assert_eq!(v.tone, Tone::Warning);
+        assert!(
+            v.headline.ends_with("; 5\u{a0}findings of the verdict"),
+            "{v:?}"
+        );
+        // Each once, and all of them before what may be folded.
+        assert_eq!(v.warnings, 6, "{v:?}");
+        let v = of_verdict(vec![], false, vec!["units are odd"]);
+        assert_eq!((v.tone, v.warnings), (Tone::Warning, 1));
+        for kind in ["unstable", "rehearsal"] {
+            let v = of_verdict(
+                vec![finding(kind, "error", "it grows")],
+                kind == "unstable",
+                vec![],
+            );
+            assert_eq!((v.tone, v.warnings), (Tone::Bad, 1), "{v:?}");
+        }
     }
 
     #[test]

@@ -35,7 +35,7 @@ const SCRIPT: &str = include_str!("script.js");
 pub(super) const HINT: &str = "<p class=\"hint\">Drag across a history to zoom all of them in time; a double click, or the button that \
     then appears, shows the whole test again.</p>\n<noscript><p class=\"note\">Scripts are off: the pictures cannot be zoomed, but \
     nothing is missing.</p></noscript>\n";
-/// Sentences of a verdict that are always open.
+/// Sentences of a verdict that are always open, if no more are warnings.
 const MOST_SENTENCES: usize = 6;
 
 /// The whole page for `run`. Never fails: what is missing is said to be missing.
@@ -221,7 +221,8 @@ fn banner(run: &RunView, after: Option<u64>, more: &[String]) -> String {
         let each = sentences.iter().map(|s| format!("<p>{}</p>\n", escape(s)));
         each.collect()
     };
-    let open = verdict.sentences.len().min(MOST_SENTENCES);
+    let open = verdict.warnings.max(MOST_SENTENCES);
+    let open = open.min(verdict.sentences.len());
     let (first, rest) = verdict.sentences.split_at(open);
     format!(
         "<div class=\"verdict {class}\">\n<p class=\"headline\">{}</p>\n{}{}</div>\n",
