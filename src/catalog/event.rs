@@ -431,7 +431,7 @@ pub const EVENTS: &[EventRow] = &[
     .frequent()
     .guide(
         "A deadline was missed.",
-        "`class`: cause; `late_ns`; `stretched`: whole ticks by which the grid moved; `steal_ms`, `involuntary_switches`, `minor_faults`: counters of the system meanwhile",
+        "`class`: cause; `late_ns`; `stretched`: whole ticks by which the grid moved; `steal_ms`, `involuntary_switches`, `minor_faults`, `waited_us`, `stopped`: counters of the system meanwhile",
     ),
     row("gap", Warning, Misses, "no command was sent for {late_ns}").guide(
         "No command was sent for a time outside of the steps of the test.",

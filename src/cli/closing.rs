@@ -247,18 +247,23 @@ fn more(others: usize) -> String {
 
 /// How an axis followed its target, in words.
 fn tracked(axis: &Tracking) -> String {
+    if axis.peak_error_m.value == 0.0 {
+        return "not measured: computed without an actuator".to_owned();
+    }
     let percent = |share: f64| format!("{} %", number(100.0 * share));
+    let share = axis.energy_error_share;
+    let share = share.map_or_else(String::new, |share| format!(" ({})", percent(share.value)));
+    let energy = quantity(axis.energy_error_j.value, "J");
+    let largest = quantity(axis.peak_error_m.value, "m");
     let parts = [
         axis.delay_s
             .map(|delay| format!("delay {}", duration(delay.value))),
-        axis.fei
-            .map(|fei| format!("amplitude error {}", percent(fei.amplitude.value - 1.0))),
-        axis.energy_error_share
-            .map(|share| format!("energy error {}", percent(share.value))),
         Some(format!(
-            "peak error {}",
-            quantity(axis.peak_error_m.value, "m")
+            "amplitude error {}",
+            percent(axis.amplitude_error.value)
         )),
+        Some(format!("energy error {energy}{share}")),
+        Some(format!("largest error {largest}")),
     ];
     parts.into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
@@ -289,7 +294,8 @@ fn tracking(summary: &Summary, page: Option<&Page>) -> Section {
         section.add(&format!("tracking, {name}"), text, place < MOST_ROWS);
     }
     for text in &summary.metrics_missing {
-        section.add("not known", text.clone(), false);
+        let is_unmeasured = text.contains("not measured");
+        section.add("not known", text.clone(), is_unmeasured);
     }
     for (place, axis) in page.iter().flat_map(|page| &page.identified).enumerate() {
         let unknown = || "unknown".to_owned();

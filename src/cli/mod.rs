@@ -38,6 +38,7 @@ mod schema;
 mod screen;
 mod serve;
 mod serve_openfresco;
+mod serve_reports;
 mod serve_start;
 mod serve_tls;
 mod shell;

@@ -6,6 +6,7 @@ use super::args::{ProtocolArg, ServeArgs, SignalOrderArg, TransportArg};
 use super::conduct;
 use super::control::latched;
 use super::exit::{Exit, WithExit};
+use super::serve_reports::Reports;
 use super::serve_start::{misasked, run_until_signal, unbound};
 use super::test_file::refused;
 use super::{serve_openfresco, serve_tls, tell};
@@ -64,6 +65,7 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
         inputs.push((path.clone(), text.clone().into_bytes()));
         served.host = play(path, text, served.host, protocol)?;
     }
+    let reports = Reports::begin().context("the system gives no thread")?;
     if let Some(root) = &args.out {
         served.source.file.serve.protocol = Some(protocol);
         served.source.file.serve.transport = Some(carrier);
@@ -85,6 +87,7 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
             required: record.required,
             accepted: verdict.as_ref().map(Verdict::accepted).unwrap_or_default(),
             verdict: verdict.as_ref().map(Verdict::record),
+            ended: Some(reports.sender()),
         });
         // A folder that cannot be had is known now, and not when a controller comes.
         std::fs::create_dir_all(root)

@@ -311,12 +311,12 @@ impl<'a> Sight<'a> {
     fn losses(&self) -> String {
         let misses = self.now.misses;
         format!(
-            "deadline misses {} (own {}, preempted {}, hypervisor or interrupt {}, late reply {})  stretched {}  rows lost {}",
+            "deadline misses {} ({})  stretched {}  rows lost {}",
             misses.total(),
-            misses.ours,
-            misses.preempted,
-            misses.taken_away,
-            misses.late_reply,
+            misses
+                .each()
+                .map(|(cause, count)| format!("{} {count}", cause.words()))
+                .join(", "),
             if self.now.stretched.is_finite() {
                 self.now.stretched
             } else {

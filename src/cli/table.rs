@@ -103,18 +103,10 @@ pub fn misses(summary: &Summary) -> String {
         let of = &summary.miss_classes;
         // The loop never waits for the writer. Of very many misses some are counted without their causes.
         let untold = summary.deadline_misses.saturating_sub(of.total());
-        let mut causes = vec![
-            ("own", of.ours),
-            ("preempted", of.preempted),
-            ("hypervisor or interrupt", of.taken_away),
-            ("late reply", of.late_reply),
-        ];
-        if untold > 0 {
-            causes.push(("unknown cause", untold));
-        }
-        let causes = causes
-            .iter()
-            .map(|(cause, count)| format!("{cause} {count}"));
+        let mut of = *of;
+        of.unknown += untold;
+        let causes = of.each().into_iter().filter(|(_, count)| *count > 0);
+        let causes = causes.map(|(cause, count)| format!("{} {count}", cause.words()));
         found.push_str(&format!(": {}", causes.collect::<Vec<_>>().join(", ")));
     }
     found

@@ -8,7 +8,6 @@
 use serde::{Deserialize, Serialize};
 
 use super::floor::Judged;
-use super::tracking::Tracking;
 
 /// A mode of a structure with its specimens, and what a delay of each axis would add to its damping.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -30,14 +29,6 @@ pub struct FalseDamping {
     pub damping_ratio: f64,
     /// Δζ; negative where the test was damped too little.
     pub damping_error: Judged,
-}
-
-impl Tracking {
-    /// The delay that counts: of the frequency evaluation index, else of the correlation.
-    #[must_use]
-    pub fn delay(&self) -> Option<Judged> {
-        self.fei.map(|index| index.delay_s).or(self.delay_s)
-    }
 }
 
 impl Mode {

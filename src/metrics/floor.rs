@@ -27,6 +27,15 @@ impl Judged {
         }
     }
 
+    /// The same less `perfect`, the value without any error.
+    pub(super) fn less(self, perfect: f64) -> Self {
+        Self {
+            value: self.value - perfect,
+            corrected: self.corrected.map(|value| value - perfect),
+            ..self
+        }
+    }
+
     /// A number that noise scatters about `perfect`.
     pub(super) fn scattered(value: f64, floor: Option<f64>, perfect: f64) -> Self {
         let is_seen = |floor: f64| (value - perfect).abs() > SEEN * floor;

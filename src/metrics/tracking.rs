@@ -85,8 +85,12 @@ pub struct Tracking {
     pub nrmse_of_range: Judged,
     /// Largest |measured − target|.
     pub peak_error_m: Judged,
-    /// Delay from the largest cross-correlation, refined within a sample; positive: the measured displacement is behind.
+    /// Delay of the frequency evaluation index, or, without one, the lag; positive: the measured displacement is behind.
     pub delay_s: Option<Judged>,
+    /// Amplitude of the frequency evaluation index, or, without one, the slope; less one.
+    pub amplitude_error: Judged,
+    /// Lag of the largest cross-correlation, refined within a sample.
+    pub lag_s: Option<Judged>,
     /// Frequency evaluation index.
     pub fei: Option<Index>,
     /// Tracking indicator of Mercan and Ricles at the end of the test; it falls while the measured displacement lags.
@@ -217,7 +221,9 @@ impl Tracking {
         let of_energy = noise_m.zip(noise_n).map(|(sigma_m, sigma_n)| {
             (sigma_m * sigma_m * s.forced + sigma_n * sigma_n * s.slipped).sqrt()
         });
-        let delay = delay(target, &bridged(target, measured), dt);
+        let lag = delay(target, &bridged(target, measured), dt);
+        let lag = lag.map(|lag| Judged::scattered(lag, of_delay, 0.0));
+        let slope = Judged::scattered(s.cm / s.cc, of_slope, 1.0);
         let index = index.map(|found| Index {
             amplitude: Judged::scattered(found.amplitude, of_slope, 1.0),
             phase_rad: Judged::scattered(found.phase, of_slope, 0.0),
@@ -229,10 +235,12 @@ impl Tracking {
             nrmse: Judged::grown(whole, of_rms),
             nrmse_of_range: Judged::grown(ranged, of_range),
             peak_error_m: Judged::grown(s.worst, of_peak),
-            delay_s: delay.map(|delay| Judged::scattered(delay, of_delay, 0.0)),
+            delay_s: index.map(|index| index.delay_s).or(lag),
+            amplitude_error: index.map_or(slope, |index| index.amplitude).less(1.0),
+            lag_s: lag,
             fei: index,
             tracking_indicator_m2: Judged::scattered(s.indicator, of_indicator, 0.0),
-            slope: Judged::scattered(s.cm / s.cc, of_slope, 1.0),
+            slope,
             energy_error_j: Judged::scattered(s.energy, of_energy, 0.0),
             energy_error_share: None,
             windows: None,
@@ -299,7 +307,7 @@ mod tests {
         let index = found.fei.unwrap();
         assert!((index.amplitude.value - 0.95).abs() < 1e-9);
         assert!((index.delay_s.value - 3.1e-3).abs() < 1e-9);
-        assert!((found.delay_s.unwrap().value - 3.1e-3).abs() < 1e-9 * DT);
+        assert!((found.lag_s.unwrap().value - 3.1e-3).abs() < 1e-9 * DT);
         assert!((found.slope.value - 0.95 * libm::cos(TAU * 2.0 * 3.1e-3)).abs() < 1e-6);
         assert_eq!(found.nrmse.floor, None);
     }

@@ -3,13 +3,13 @@
 //! A record that ends before the test is zero after its end, but for a displacement, which stays where it ends: a table
 //! or an actuator cannot jump home.
 
-use super::error::{MotionError, Short, inside};
+use super::error::{MotionError, Short};
 use super::resample::{Kernel, Resample, linear, snapped};
 use super::shapes::left_out;
 use super::{Grid, RecordFacts, peak};
 
-/// Most points of a record that is laid on the grid beyond the end of the test.
-const MOST_POINTS: f64 = (1_u64 << 26) as f64;
+/// Values of a synthetic motion for each of its samples, four of which are in a cycle of its highest frequency.
+const FINER: f64 = 8.0;
 
 /// Equally spaced samples in SI units.
 #[derive(Debug, Clone)]
@@ -53,24 +53,20 @@ impl Sampled {
         self.at(grid.times(), grid, holds).collect()
     }
 
-    /// The same values over the whole length of the samples, however long the test, with what it reads just before and just
-    /// after them. For many more points than the test has there must be a reason: an error names their number.
-    pub(super) fn whole_on(&self, grid: Grid, holds: bool) -> Result<Vec<f64>, MotionError> {
-        let place = |time: f64| snapped(time / grid.dt());
-        let first = (place(self.span.0).ceil() - 1.0).max(0.0);
-        let mut last = place(self.span.1).floor();
-        if last < grid.steps() as f64 {
-            last += 1.0;
+    /// The motion itself, whatever the steps of a test, with the interval: the samples of a record, or values of a synthetic motion so
+    /// close together that none of its peaks is missed.
+    pub(super) fn itself(&self) -> Result<(Vec<f64>, f64), MotionError> {
+        let (first, last) = self.inner();
+        if matches!(self.origin, Origin::Record(_)) {
+            let values = self.values.get(first..=last).unwrap_or(&[]);
+            return Ok((values.to_vec(), self.dt));
         }
-        let points = last - first + 1.0;
-        inside(
-            "duration of the record in steps",
-            points,
-            points <= MOST_POINTS.max(grid.points() as f64),
-            "at most 2^26 where it is scaled to a target",
-        )?;
-        let times = (first as u64..=last as u64).map(|step| step as f64 * grid.dt());
-        Ok(self.at(times, grid, holds).map(|point| point.0).collect())
+        let dt = self.dt / FINER;
+        let steps = ((self.span.1 - self.span.0) / dt).floor();
+        let grid = Grid::new(dt, steps as usize)?;
+        let times = grid.times().map(|time| self.span.0 + time);
+        let values = self.at(times, grid, false).map(|point| point.0);
+        Ok((values.collect(), dt))
     }
 
     fn at(

@@ -227,7 +227,7 @@ impl<S: Store> EventLog<S> {
         // The miss began at the latest one tick before its deadline: in the tick that ended late.
         let from = clock_ns.saturating_sub(late_ns.saturating_add(self.tick_ns));
         let evidence = self.window.evidence(from, clock_ns);
-        let class = classify(class, evidence);
+        let class = classify(class, evidence, late_ns);
         self.classes.count(class);
         Event::Miss {
             class,
@@ -394,7 +394,7 @@ mod tests {
             assert_eq!(line["wall"], "2026-03-01T12:00:00.000000007Z");
             assert_eq!(line["clock_ns"], 7);
         }
-        assert_eq!(lines[2]["class"], "taken_away");
+        assert_eq!(lines[2]["class"], "unknown");
         assert_eq!(
             (&lines[2]["late_ns"], &lines[2]["stretched"]),
             (&5_000_000.into(), &2.into())
@@ -422,8 +422,8 @@ mod tests {
         let sample = |clock_ns, involuntary_switches, steal_ticks| SchedSample {
             clock_ns,
             involuntary_switches,
-            minor_faults: 0,
             steal_ticks,
+            ..SchedSample::default()
         };
         send.send(sample(at - 9_000_000, 3, 10)).unwrap();
         log.event(event(1, at, MISS), moment(at + 1));
@@ -454,7 +454,7 @@ mod tests {
         log.turn(moment(10 + HOLD_NS - 1));
         assert_eq!(lines(&log).len(), 0);
         log.turn(moment(10 + HOLD_NS));
-        assert_eq!(lines(&log)[0]["class"], "taken_away");
+        assert_eq!(lines(&log)[0]["class"], "unknown");
         assert_eq!(lines(&log)[0].get("steal_ms"), None);
         // At the end nothing waits.
         log.event(event(2, 5 + HOLD_NS, MISS), moment(11 + HOLD_NS));

@@ -5,12 +5,17 @@
 //! between the two is the evidence. It is evidence over a window, not proof for one miss: it is written beside the
 //! class, so that a reader can judge.
 //!
-//! | the loop says | switches grew | else faults grew | else |
-//! |---|---|---|---|
-//! | taken away | preempted | ours | taken away |
-//! | ours (long compute) | preempted | ours | ours |
-//! | preempted | preempted | preempted | preempted |
-//! | late reply | late reply | late reply | late reply |
+//! The first line that holds decides:
+//!
+//! | evidence | the loop's own computation was long | the clock jumped |
+//! |---|---|---|
+//! | the process was stopped and continued | stopped | stopped |
+//! | the thread was switched away, or waited for a processor for half of the delay | preempted | preempted |
+//! | page faults | ours | ours |
+//! | steal | ours | taken away (hypervisor) |
+//! | nothing | ours | unknown |
+//!
+//! Only a stop changes the class of a late reply.
 
 use std::collections::VecDeque;
 
@@ -43,6 +48,10 @@ pub struct SchedSample {
     pub minor_faults: u64,
     /// Ticks of 10 ms (USER_HZ) that the hypervisor has withheld, from /proc/stat.
     pub steal_ticks: u64,
+    /// Nanoseconds that the loop's thread was ready to run and waited for a processor.
+    pub waited_ns: u64,
+    /// Times the process was continued after a stop.
+    pub continued: u64,
 }
 
 /// One tick of /proc/stat in ms: USER_HZ is 100 on every architecture that has this interface to user space.
@@ -57,21 +66,36 @@ pub struct Evidence {
     pub involuntary_switches: u64,
     /// Minor page faults of the loop's thread.
     pub minor_faults: u64,
+    /// Time in which the loop's thread was ready and waited for a processor, in µs.
+    #[serde(default)]
+    pub waited_us: u64,
+    /// The process was stopped and continued.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub stopped: bool,
 }
 
-/// The class of a miss; the table of this module.
+/// The class of a miss by `late_ns`; the table of this module.
 #[must_use]
-pub const fn classify(known: MissCause, evidence: Option<Evidence>) -> MissCause {
-    let Some(evidence) = evidence else {
-        return known;
+pub const fn classify(known: MissCause, evidence: Option<Evidence>, late_ns: u64) -> MissCause {
+    let evidence = match evidence {
+        Some(evidence) => evidence,
+        // A hypervisor is not blamed without steal.
+        None if matches!(known, MissCause::TakenAway) => return MissCause::Unknown,
+        None => return known,
     };
+    if evidence.stopped {
+        return MissCause::Stopped;
+    }
+    let has_waited = evidence.waited_us.saturating_mul(2_000) >= late_ns && evidence.waited_us > 0;
     match known {
-        MissCause::LateReply | MissCause::Preempted => known,
-        MissCause::TakenAway | MissCause::Ours if evidence.involuntary_switches > 0 => {
+        MissCause::TakenAway | MissCause::Ours
+            if evidence.involuntary_switches > 0 || has_waited =>
+        {
             MissCause::Preempted
         }
         MissCause::TakenAway if evidence.minor_faults > 0 => MissCause::Ours,
-        MissCause::TakenAway | MissCause::Ours => known,
+        MissCause::TakenAway if evidence.steal_ms == 0 => MissCause::Unknown,
+        _ => known,
     }
 }
 
@@ -122,6 +146,8 @@ impl SampleWindow {
                 .saturating_sub(before.involuntary_switches),
             minor_faults: after.minor_faults.saturating_sub(before.minor_faults),
             steal_ms: after.steal_ticks.saturating_sub(before.steal_ticks) * STEAL_TICK_MS,
+            waited_us: after.waited_ns.saturating_sub(before.waited_ns) / 1000,
+            stopped: after.continued > before.continued,
         })
     }
 }
@@ -132,12 +158,16 @@ impl SampleWindow {
 pub struct MissClasses {
     /// The thread was switched away against its will.
     pub preempted: u64,
-    /// The clock jumped without a switch.
+    /// The hypervisor had the processor: there was steal.
     pub taken_away: u64,
     /// A specimen's reply came late.
     pub late_reply: u64,
     /// Our own fault.
     pub ours: u64,
+    /// The process was stopped and continued.
+    pub stopped: u64,
+    /// The clock jumped, and nothing that is counted says why.
+    pub unknown: u64,
 }
 
 impl MissClasses {
@@ -148,46 +178,79 @@ impl MissClasses {
             MissCause::TakenAway => &mut self.taken_away,
             MissCause::LateReply => &mut self.late_reply,
             MissCause::Ours => &mut self.ours,
+            MissCause::Stopped => &mut self.stopped,
+            MissCause::Unknown => &mut self.unknown,
         };
         *class += 1;
     }
 
+    /// Each class with its count; the program's own first.
+    #[must_use]
+    pub const fn each(&self) -> [(MissCause, u64); 6] {
+        [
+            (MissCause::Ours, self.ours),
+            (MissCause::Preempted, self.preempted),
+            (MissCause::TakenAway, self.taken_away),
+            (MissCause::Stopped, self.stopped),
+            (MissCause::LateReply, self.late_reply),
+            (MissCause::Unknown, self.unknown),
+        ]
+    }
+
     /// All misses.
     #[must_use]
-    pub const fn total(&self) -> u64 {
-        self.preempted + self.taken_away + self.late_reply + self.ours
+    pub fn total(&self) -> u64 {
+        self.each().iter().map(|(_, count)| count).sum()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use MissCause::{LateReply, Ours, Preempted, TakenAway};
+    use MissCause::{LateReply, Ours, Preempted, Stopped, TakenAway, Unknown};
 
     #[test]
     fn the_class_follows_the_table() {
-        let evidence = |involuntary_switches, minor_faults| {
-            Some(Evidence {
-                involuntary_switches,
-                minor_faults,
-                steal_ms: 30,
-            })
+        let none = Evidence::default();
+        let steal = Evidence {
+            steal_ms: 30,
+            ..none
         };
-        for (known, nothing, neither, faults, switches, both) in [
-            (TakenAway, TakenAway, TakenAway, Ours, Preempted, Preempted),
-            (Ours, Ours, Ours, Ours, Preempted, Preempted),
-            (
-                Preempted, Preempted, Preempted, Preempted, Preempted, Preempted,
-            ),
-            (
-                LateReply, LateReply, LateReply, LateReply, LateReply, LateReply,
-            ),
+        let faults = Evidence {
+            minor_faults: 2,
+            ..steal
+        };
+        let switches = Evidence {
+            involuntary_switches: 1,
+            ..faults
+        };
+        // A delay of 1.25 s; the thread was ready for 1.249 s of it, without any steal.
+        let waited = Evidence {
+            waited_us: 1_249_000,
+            ..none
+        };
+        let a_little = Evidence {
+            waited_us: 300,
+            ..none
+        };
+        let stopped = Evidence {
+            stopped: true,
+            ..switches
+        };
+        for (evidence, of_jump, of_compute, of_reply) in [
+            (None, Unknown, Ours, LateReply),
+            (Some(none), Unknown, Ours, LateReply),
+            (Some(a_little), Unknown, Ours, LateReply),
+            (Some(steal), TakenAway, Ours, LateReply),
+            (Some(faults), Ours, Ours, LateReply),
+            (Some(switches), Preempted, Preempted, LateReply),
+            (Some(waited), Preempted, Preempted, LateReply),
+            (Some(stopped), Stopped, Stopped, Stopped),
         ] {
-            assert_eq!(classify(known, None), nothing);
-            assert_eq!(classify(known, evidence(0, 0)), neither);
-            assert_eq!(classify(known, evidence(0, 2)), faults);
-            assert_eq!(classify(known, evidence(1, 0)), switches);
-            assert_eq!(classify(known, evidence(1, 2)), both);
+            let class = |known| classify(known, evidence, 1_250_000_000);
+            assert_eq!(class(TakenAway), of_jump, "{evidence:?}");
+            assert_eq!(class(Ours), of_compute, "{evidence:?}");
+            assert_eq!(class(LateReply), of_reply, "{evidence:?}");
         }
     }
 
@@ -197,6 +260,7 @@ mod tests {
             involuntary_switches: switches,
             minor_faults: faults,
             steal_ticks: steal,
+            ..SchedSample::default()
         }
     }
 

@@ -119,12 +119,44 @@ pub enum GridOf {
 pub enum MissCause {
     /// The thread was switched away against its will.
     Preempted,
-    /// The clock jumped without a switch: hypervisor or interrupt.
+    /// The clock jumped, and the hypervisor had the processor meanwhile.
     TakenAway,
     /// The specimen's reply came late.
     LateReply,
     /// Long compute or a full queue: our own fault.
     Ours,
+    /// The process was stopped and continued.
+    Stopped,
+    /// The clock jumped, and nothing that is counted says why.
+    Unknown,
+}
+
+impl MissCause {
+    /// The class as files spell it.
+    #[must_use]
+    pub const fn key(self) -> &'static str {
+        match self {
+            Self::Preempted => "preempted",
+            Self::TakenAway => "taken_away",
+            Self::LateReply => "late_reply",
+            Self::Ours => "ours",
+            Self::Stopped => "stopped",
+            Self::Unknown => "unknown",
+        }
+    }
+
+    /// The class in a word or two.
+    #[must_use]
+    pub const fn words(self) -> &'static str {
+        match self {
+            Self::Preempted => "preempted",
+            Self::TakenAway => "hypervisor",
+            Self::LateReply => "late reply",
+            Self::Ours => "own",
+            Self::Stopped => "stopped",
+            Self::Unknown => "not known",
+        }
+    }
 }
 
 /// When the rows of the warm-up are handed over. It is no part of a test, and nothing of it is kept as long as nothing

@@ -36,6 +36,12 @@ pub fn minor_faults(stat: &[u8]) -> Option<u64> {
     number(words(after).nth(7)?)
 }
 
+/// Nanoseconds that a thread was ready and waited for a processor, from /proc/self/task/N/schedstat: the second number.
+#[must_use]
+pub fn waited_ns(schedstat: &[u8]) -> Option<u64> {
+    number(words(schedstat).nth(1)?)
+}
+
 /// Steal of one processor from /proc/stat in USER_HZ ticks (10 ms); of all of them if `cpu` is none.
 #[must_use]
 pub fn steal_ticks(stat: &[u8], cpu: Option<usize>) -> Option<u64> {
@@ -114,6 +120,8 @@ mod tests {
         };
         assert_eq!(switches(STATUS), Some(expected));
         assert_eq!(minor_faults(TASK_STAT), Some(143));
+        assert_eq!(waited_ns(b"88 1249000000 7\n"), Some(1_249_000_000));
+        assert_eq!(waited_ns(b"88"), None);
         assert_eq!(steal_ticks(STAT, None), Some(290));
         assert_eq!(steal_ticks(STAT, Some(1)), Some(277));
         assert_eq!(steal_ticks(STAT, Some(11)), Some(8));

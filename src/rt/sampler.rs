@@ -1,6 +1,6 @@
 //! Watches the loop's thread from another processor: context switches, page faults, steal.
 //!
-//! The loop itself makes no such call. About a hundred times a second the sampler reads three files of the kernel into
+//! The loop itself makes no such call. About a hundred times a second the sampler reads four files of the kernel into
 //! fixed buffers and sends a [`SchedSample`]; whoever receives them joins them to the misses by time. /proc/stat
 //! counts in 10 ms units, so steal is evidence over a window and not proof for one miss. A full queue drops the
 //! sample and counts it; nothing waits.
@@ -30,10 +30,24 @@ pub struct SchedSample {
     pub minor_faults: u64,
     /// Time the hypervisor took from the loop's processor, in 10 ms units.
     pub steal_ticks: u64,
+    /// Time in which the thread was ready and waited for a processor, ns; 0 of a kernel that does not count it.
+    pub waited_ns: u64,
+    /// Times the process was continued after a stop.
+    pub continued: u64,
+}
+
+/// Times the process was continued after a stop, as far as a handler has counted them.
+static CONTINUED: AtomicU64 = AtomicU64::new(0);
+
+/// The process was continued after a stop.
+pub fn count_continuation() {
+    CONTINUED.fetch_add(1, Ordering::Relaxed);
 }
 
 /// A sample every 10 ms.
 const PERIOD_NS: u64 = 10_000_000;
+/// After a pause of so much the next sample waits for the handler of a continuation.
+const PAUSE_NS: u64 = 5 * PERIOD_NS;
 /// Holds the lines of 256 processors, which come first in /proc/stat.
 const BUFFER: usize = 32 * 1024;
 
@@ -73,6 +87,9 @@ impl Sampler {
                     }
                     at = os::monotonic_ns().max(at + PERIOD_NS);
                     os::sleep_until_ns(at);
+                    if os::monotonic_ns() > at + PAUSE_NS {
+                        os::sleep_until_ns(os::monotonic_ns() + PERIOD_NS);
+                    }
                 }
             })?;
         Ok(Self {
@@ -115,6 +132,8 @@ impl Drop for Sampler {
 struct Source {
     status: File,
     task: File,
+    /// Absent in a kernel that does not count what threads wait.
+    waits: Option<File>,
     machine: File,
     cpu: Option<usize>,
     buffer: Vec<u8>,
@@ -125,6 +144,7 @@ impl Source {
         Ok(Self {
             status: File::open(format!("/proc/self/task/{thread_id}/status"))?,
             task: File::open(format!("/proc/self/task/{thread_id}/stat"))?,
+            waits: File::open(format!("/proc/self/task/{thread_id}/schedstat")).ok(),
             machine: File::open("/proc/stat")?,
             cpu,
             buffer: vec![0; BUFFER],
@@ -135,6 +155,9 @@ impl Source {
     fn read(&mut self) -> Option<SchedSample> {
         let switches = proc::switches(read_into(&self.status, &mut self.buffer)?)?;
         let minor_faults = proc::minor_faults(read_into(&self.task, &mut self.buffer)?)?;
+        let waits = self.waits.as_ref();
+        let waits = waits.and_then(|file| read_into(file, &mut self.buffer));
+        let waited_ns = waits.and_then(proc::waited_ns).unwrap_or(0);
         let machine = read_into(&self.machine, &mut self.buffer)?;
         // A machine that does not count steal has none to show.
         let steal_ticks = proc::steal_ticks(machine, self.cpu).unwrap_or(0);
@@ -144,6 +167,8 @@ impl Source {
             voluntary_switches: switches.voluntary,
             minor_faults,
             steal_ticks,
+            waited_ns,
+            continued: CONTINUED.load(Ordering::Relaxed),
         })
     }
 }

@@ -140,12 +140,13 @@ impl Measured<'_> {
     fn causes_in_words(&self) -> String {
         let known = &self.causes;
         let causes = [
-            (known.taken_away, "by the hypervisor or an interrupt"),
+            (known.taken_away, "by the hypervisor"),
             (known.preempted, "by other threads"),
+            (known.stopped, "by a stop of the process"),
             (known.late_reply, "by late replies"),
             (known.ours, "by the loop itself"),
             (
-                self.misses.saturating_sub(known.total()),
+                known.unknown + self.misses.saturating_sub(known.total()),
                 "of unknown cause",
             ),
         ];

@@ -126,7 +126,9 @@ impl Trials<'_> {
         }
         let compute = &summary.timing["compute"];
         let figure = |key: &str| compute[key].as_f64().unwrap_or(f64::NAN);
-        let taken_away = summary.miss_classes.taken_away;
+        // What no program prevents.
+        let classes = summary.miss_classes;
+        let taken_away = classes.taken_away + classes.stopped + classes.unknown;
         let trial = Trial {
             ticks: summary.steps + 1,
             missed: summary.deadline_misses - taken_away,

@@ -31,6 +31,8 @@ impl From<SamplerReading> for SchedSample {
             involuntary_switches: reading.involuntary_switches,
             minor_faults: reading.minor_faults,
             steal_ticks: reading.steal_ticks,
+            waited_ns: reading.waited_ns,
+            continued: reading.continued,
         }
     }
 }

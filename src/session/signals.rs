@@ -12,6 +12,7 @@ use tokio::signal::unix::{self, SignalKind, signal};
 
 use crate::engine::Operator;
 use crate::rt::os;
+use crate::rt::sampler::count_continuation;
 
 /// A signal that ended a test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -56,7 +57,11 @@ fn terminating() -> impl Iterator<Item = SignalKind> {
 /// they were ignored before, SIGHUP (nohup(1) asks for that) and those that nobody should send. What would only stop the process, with a specimen
 /// in its hands, is not heard.
 #[derive(Debug)]
-pub struct Taken(Vec<(Signal, unix::Signal)>);
+pub struct Taken {
+    ending: Vec<(Signal, unix::Signal)>,
+    /// After a stop: it ends nothing, and is counted.
+    continued: unix::Signal,
+}
 
 impl Taken {
     /// Within an asynchronous runtime, which hears them.
@@ -71,16 +76,22 @@ impl Taken {
             .into_iter()
             .chain(terminating)
             .map(|(what, kind)| Ok((what, signal(kind)?)));
-        taken.collect::<io::Result<_>>().map(Self)
+        Ok(Self {
+            ending: taken.collect::<io::Result<_>>()?,
+            continued: signal(SignalKind::from_raw(Raw::CONT.as_raw()))?,
+        })
     }
 
     /// The next of them.
     pub async fn next(&mut self) -> Signal {
         poll_fn(|context| {
+            while let Poll::Ready(Some(())) = self.continued.poll_recv(context) {
+                count_continuation();
+            }
             let came = |taken: &mut (Signal, unix::Signal)| {
                 taken.1.poll_recv(context).is_ready().then_some(taken.0)
             };
-            match self.0.iter_mut().find_map(came) {
+            match self.ending.iter_mut().find_map(came) {
                 Some(which) => Poll::Ready(which),
                 None => Poll::Pending,
             }

@@ -32,6 +32,7 @@ fn an_exchange_with_its_limits_and_its_row_allocates_nothing() {
             required: false,
             accepted: Default::default(),
             verdict: None,
+            ended: None,
         }));
     served
         .begin(

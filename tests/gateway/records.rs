@@ -281,6 +281,7 @@ fn an_event_stands_at_the_exchange_it_is_about_and_a_command_that_is_refused_is_
                 required: true,
                 accepted: Default::default(),
                 verdict: None,
+                ended: None,
             }));
         let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
         served.begin(&controller, &mut || Ok(())).unwrap();

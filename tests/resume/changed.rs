@@ -354,7 +354,7 @@ fn resume_refuses_a_next_command_beyond_a_limit() {
         );
         assert!(!at("refused").exists());
     }
-    let enough = set(0.1);
+    let enough = set(1.0);
     let more = ["--after-trip", "--set", &enough, "--reason", "wider"];
     let said = go_on_with(&at("first"), &at("second"), &more);
     assert_eq!(said.code, Some(0), "{}", said.stderr);

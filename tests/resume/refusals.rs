@@ -300,7 +300,13 @@ fn where_the_event_of_a_trip_may_be_lost_the_test_resumes_only_with_after_trip()
     // The phase that follows the lost line tells what tripped.
     let run = with(bent, &|told| told);
     refused(&run, "this test had tripped (command_disp_m): ", &[]);
-    let next = resume(&with(torn, &|told| told), None, true);
+    let wider = ["specimen.0.limits.command_disp_m.trip=[-1.0, 1.0]".to_owned()];
+    let allowed = Allowed {
+        after_trip: true,
+        wider: Some((&wider, "a trial")),
+        ..Allowed::default()
+    };
+    let next = resume_allowed(&with(torn, &|told| told), None, allowed);
     let warnings = next
         .unwrap_or_else(|e| panic!("{e}"))
         .facts

@@ -15,8 +15,11 @@ use crate::catalog::event::Remark;
 use crate::catalog::limit::Limit;
 use crate::port::Port;
 use crate::port::limits::{Found, Level};
+use crate::record::Event;
 use crate::rt::os;
-use crate::substructure::{Command, Freshness, LISTEN_NS, LinkFault, Measurement, Status};
+use crate::substructure::{
+    Command, Freshness, Introduction, LISTEN_NS, LinkFault, Measurement, Status,
+};
 use crate::time::Nanos;
 use crate::units::AxisUnits;
 
@@ -642,6 +645,16 @@ impl GuardedSpecimen {
     /// run folder.
     pub fn warn(&mut self, event: Remark, text: &str) {
         self.recording.warn_once(&self.store, event, text);
+    }
+
+    /// Who answers for the specimen, for the record: whether it measures displacement decides what a report can say.
+    pub fn connected(&self, introduction: &Introduction) {
+        self.recording.event(Event::Connected {
+            port: 0,
+            peer: introduction.peer.clone(),
+            measures_disp: introduction.repeats_the_command.then_some(false),
+            standing: None,
+        });
     }
 
     /// Something for the record.

@@ -104,6 +104,13 @@ impl Recording {
         }
     }
 
+    /// An event for the record, if there is one.
+    pub fn event(&self, event: Event) {
+        if let Some(record) = &self.open {
+            record.note(event.into());
+        }
+    }
+
     /// Something for the record. Without one the program's log has the warnings, as many as the `store` lets through.
     pub fn note(&self, store: &GuardStore, event: Remark, text: &str) {
         let event = Event::said(event, text);

@@ -6,6 +6,8 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use crossbeam_channel::Sender;
+
 use super::exchange_columns::{Exchange, HEAD, columns};
 use super::identity::Identity;
 use super::session_summary::{self, Counted};
@@ -45,6 +47,8 @@ pub struct RecordSettings {
     pub accepted: BTreeMap<String, String>,
     /// The verdict on a gateway.
     pub verdict: Option<RecordedVerdict>,
+    /// Receives the folder of each test at its end.
+    pub ended: Option<Sender<Option<PathBuf>>>,
 }
 
 /// Exchanges per second that the queue is made for where the protocol does not say.
@@ -71,6 +75,7 @@ pub(super) struct SessionRecord {
     began_ns: u64,
     required: bool,
     verdict: Option<RecordedVerdict>,
+    ended: Option<Sender<Option<PathBuf>>>,
 }
 
 impl SessionRecord {
@@ -109,6 +114,7 @@ impl SessionRecord {
             required: settings.required,
             accepted: settings.accepted.clone(),
             verdict: settings.verdict.clone(),
+            ended: settings.ended.clone(),
             folder,
         };
         log.note(
@@ -291,6 +297,7 @@ impl SessionRecord {
             began_ns,
             required,
             verdict,
+            ended,
             ..
         } = self;
         let wall_seconds = os::monotonic_ns().saturating_sub(began_ns) as f64 * 1e-9;
@@ -325,6 +332,10 @@ impl SessionRecord {
         }
         if recorded.rows_lost() > 0 {
             tracing::error!("{} ROWS ARE LOST", recorded.rows_lost());
+        }
+        if let Some(ended) = ended {
+            // Who wrote reports has gone; the record is whole.
+            let _ = ended.send(Some(folder.path().to_owned()));
         }
     }
 }

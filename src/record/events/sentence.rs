@@ -148,7 +148,9 @@ fn alone(key: &str, value: &Value) -> String {
 fn cause_words(class: &str) -> &str {
     match class {
         "preempted" => "preempted (another thread had the processor)",
-        "taken_away" => "hypervisor or interrupt (the processor was taken away)",
+        "taken_away" => "hypervisor (it had the processor)",
+        "stopped" => "stopped (the process was stopped and continued)",
+        "unknown" => "not known (the clock jumped)",
         "late_reply" => "late reply of a specimen",
         "ours" => "own (long computation, page fault or full queue)",
         other => other,

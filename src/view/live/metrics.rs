@@ -130,13 +130,8 @@ fn timing(text: &mut Text, latest: &Snapshot) {
     let name = "gusset_deadline_misses_total";
     text.family(name, "counter", "Deadlines missed, by class.");
     let misses = latest.misses;
-    for (class, count) in [
-        ("ours", misses.ours),
-        ("preempted", misses.preempted),
-        ("taken_away", misses.taken_away),
-        ("late_reply", misses.late_reply),
-    ] {
-        text.sample(name, &[("class", class)], count as f64);
+    for (class, count) in misses.each() {
+        text.sample(name, &[("class", class.key())], count as f64);
     }
     let help = "Whole ticks by which the grid was moved.";
     text.one(

@@ -223,7 +223,7 @@ impl AxisDigest {
 
     /// Lag of measured behind target in s.
     pub fn lag(&self) -> Option<f64> {
-        self.tracking.as_ref()?.delay_s.map(|delay| delay.value)
+        self.tracking.as_ref()?.lag_s.map(|lag| lag.value)
     }
 
     /// True if there is a loop to be drawn.

@@ -61,7 +61,10 @@ pub(super) const MISSING: &str = "rows are missing in the record, or not at even
 
 /// Why there are no tracking metrics of a specimen whose answers hold forces only.
 pub(super) const WITHOUT_DISP: &str =
-    "no displacement is measured, and the record repeats the command";
+    "the displacement is not measured, and the record repeats the command";
+
+/// In place of a number of an axis whose displacement is not measured.
+pub(super) const NOT_MEASURED: &str = "not measured";
 
 impl Digest {
     /// False of an axis whose measured displacement is the command.

@@ -31,7 +31,7 @@ fn margins(run: &RunView, digest: &Digest) -> Vec<Margin> {
         let whole = axis
             .tracking
             .as_ref()
-            .and_then(|t| Some((t.samples, t.delay()?.floor?)));
+            .and_then(|t| Some((t.samples, t.delay_s?.floor?)));
         let floor = whole.zip(axis.dt).map(|((samples, floor), dt)| {
             floor * (samples as f64 * dt / (2.0 * FORGETS_S)).max(1.0).sqrt()
         });
@@ -58,7 +58,7 @@ fn found(run: &RunView, digest: &Digest) -> Option<Falsified> {
     }
     let errors: Vec<Judged> = tracked().map(|(_, t)| t.energy_error_j).collect();
     let delays: Vec<_> = tracked()
-        .filter_map(|(axis, t)| Some((axis.specimen, axis.axis, t.delay()?)))
+        .filter_map(|(axis, t)| Some((axis.specimen, axis.axis, t.delay_s?)))
         .collect();
     let error = together(&errors);
     let scale = digest.scale;
@@ -179,7 +179,7 @@ fn modes(found: &Falsified, axes: &[Tracked<'_>]) -> String {
         "corrected",
     ];
     let delays = axes.iter().filter_map(|axis| {
-        let delay = axis.digest.tracking.as_ref()?.delay()?;
+        let delay = axis.digest.tracking.as_ref()?.delay_s?;
         Some(format!("{} {}", axis.name, quantity(delay.value, "s")))
     });
     let delays: Vec<_> = delays.take(8).collect();

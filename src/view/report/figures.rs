@@ -114,7 +114,8 @@ fn storeys(rows: &Rows<'_>) -> Vec<(String, String)> {
 /// Delay and amplitude error of the axis with the largest, and the largest energy error.
 fn tracking(rows: &Rows<'_>, axes: &[tracked::Tracked<'_>]) -> Vec<(String, String)> {
     let largest = |value: &dyn Fn(&tracked::Tracked<'_>) -> Option<f64>| {
-        let found = axes.iter().filter_map(|axis| Some((axis, value(axis)?)));
+        let measured = axes.iter().filter(|axis| !axis.is_ideal());
+        let found = measured.filter_map(|axis| Some((axis, value(axis)?)));
         found.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
     };
     let words = |what: &str, axis: &tracked::Tracked<'_>| {
@@ -129,11 +130,7 @@ fn tracking(rows: &Rows<'_>, axes: &[tracked::Tracked<'_>]) -> Vec<(String, Stri
         (percent, words("amplitude error", axis))
     });
     let energy = largest(&|axis| axis.digest.tracking.map(|t| t.energy_error_j.value));
-    let energy = energy.map(|(axis, error)| {
-        (
-            quantity(error, axis.work_unit()),
-            words("energy error", axis),
-        )
-    });
+    let energy =
+        energy.and_then(|(axis, _)| Some((axis.energy_error()?, words("energy error", axis))));
     [delay, amplitude, energy].into_iter().flatten().collect()
 }

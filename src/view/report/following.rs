@@ -4,6 +4,7 @@ use super::canvas::Ink;
 use super::charts::Quantity;
 use super::columns::ERROR;
 use super::courses::{errors, estimates};
+use super::digest::{Digest, NOT_MEASURED};
 use super::html::{beside, details, figure, note, table};
 use super::indices::table_of;
 use super::lines::{Line, LoopChart, TimeChart};
@@ -19,14 +20,14 @@ pub(super) fn tracking(rows: &Rows<'_>, axes: &[Tracked<'_>], effect: &str) -> O
     if axes.is_empty() || rows.running() == 0 {
         return None;
     }
-    let mut markup = figures(axes);
+    let mut markup = figures(rows.digest(), axes);
     let drawn = axes.iter().filter(|axis| axis.digest.is_drawable());
     let (ideal, others): (Vec<_>, Vec<_>) =
         drawn.take(MOST_DRAWN).partition(|axis| axis.is_ideal());
     if !ideal.is_empty() {
         let names: Vec<_> = ideal.iter().map(|axis| axis.name.as_str()).collect();
         markup += &note(&format!(
-            "No tracking error: the measured displacement equals the target in every sample ({}).",
+            "No displacement is measured: the specimen is computed without an actuator, at its target in every sample ({}).",
             names.join(", ")
         ));
     }
@@ -44,22 +45,20 @@ pub(super) fn tracking(rows: &Rows<'_>, axes: &[Tracked<'_>], effect: &str) -> O
 }
 
 /// Delay, amplitude error and energy error of every axis.
-fn figures(axes: &[Tracked<'_>]) -> String {
+fn figures(digest: &Digest, axes: &[Tracked<'_>]) -> String {
     let or_dash = |text: Option<String>| text.unwrap_or_else(|| NOTHING.to_owned());
     let percent = |share: f64| format!("{}\u{a0}%", number(100.0 * share, 3));
     let row = |axis: &Tracked<'_>| {
+        if axis.is_ideal() || !digest.measures_disp(axis.digest.axis) {
+            let unknown = std::iter::repeat_n(NOT_MEASURED.to_owned(), 4);
+            return std::iter::once(axis.name.clone()).chain(unknown).collect();
+        }
         let tracking = axis.digest.tracking.as_ref();
-        let energy = tracking.map(|t| {
-            let share = t
-                .energy_error_share
-                .map(|share| format!(" ({})", percent(share.value)));
-            quantity(t.energy_error_j.value, axis.work_unit()) + &share.unwrap_or_default()
-        });
         vec![
             axis.name.clone(),
             or_dash(axis.delay().map(lag_words)),
             or_dash(axis.amplitude_error().map(percent)),
-            or_dash(energy),
+            or_dash(axis.energy_error()),
             or_dash(tracking.map(|t| quantity(t.peak_error_m.value, axis.disp_unit))),
         ]
     };

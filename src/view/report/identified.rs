@@ -4,13 +4,14 @@ use serde_json::Value;
 
 use super::RunView;
 use super::axes::FIRST_LOADING;
-use super::digest::{MISSING, WITHOUT_DISP};
+use super::digest::{MISSING, NOT_MEASURED, WITHOUT_DISP};
 use super::following::lag_words;
 use super::html::{note, table};
 use super::rows::Rows;
 use super::text::{NOTHING, number, plural, quantity};
 use super::tracked::{Tracked, tracking};
 use crate::metrics::Estimate;
+use crate::record::COMMITS;
 
 /// A share in percent; below what matters it is only said to be small.
 fn small_percent(share: f64) -> String {
@@ -86,6 +87,9 @@ pub fn followed(run: &RunView) -> Vec<String> {
     let axes = tracking(run, &rows).into_iter();
     let lines = axes.filter_map(|axis| {
         let found = axis.digest.tracking.as_ref()?;
+        if axis.is_ideal() {
+            return Some(format!("{}: {NOT_MEASURED}", axis.name));
+        }
         let delay = axis.delay().map_or(NOTHING.to_owned(), lag_words);
         let amplitude = number(100.0 * axis.amplitude_error()?, 3);
         let rms = number(100.0 * found.nrmse.value, 3);
@@ -131,7 +135,9 @@ pub fn missing_metrics(run: &RunView) -> Vec<String> {
 
 /// For a test of prescribed displacement: identified stiffness, damping and lag of each axis.
 pub(super) fn identification(rows: &Rows<'_>, axes: &[Tracked<'_>]) -> Option<String> {
-    if axes.is_empty() || !rows.dofs().is_empty() {
+    // A server does not know what test its controller makes.
+    let is_served = rows.get(COMMITS).is_some();
+    if axes.is_empty() || !rows.dofs().is_empty() || is_served {
         return None;
     }
     let mut lines = Vec::new();

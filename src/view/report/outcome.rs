@@ -272,13 +272,7 @@ fn extent(run: &RunView, after: Option<u64>) -> Option<String> {
 /// Deadline misses by class, from the summary or, where it has none, counted from the events.
 pub(super) fn miss_classes(run: &RunView) -> Vec<(Option<MissCause>, u64)> {
     if let Some(classes) = run.progress().miss_classes {
-        let counts = [
-            (MissCause::LateReply, classes.late_reply),
-            (MissCause::Ours, classes.ours),
-            (MissCause::Preempted, classes.preempted),
-            (MissCause::TakenAway, classes.taken_away),
-        ];
-        return counts.map(|(cause, n)| (Some(cause), n)).into();
+        return classes.each().map(|(cause, n)| (Some(cause), n)).into();
     }
     let mut classes = Vec::new();
     for line in run.events.iter().filter(|line| is_miss(line)) {
@@ -323,7 +317,9 @@ fn misses(run: &RunView) -> (u64, Option<String>) {
         .map(|(class, n)| format!("{}: {}", class_words(*class), count(*n)))
         .collect();
     // Only where every miss has a class can it be said that none was our own.
-    let is_other = |class: &Option<MissCause>| class.is_some_and(|class| class != MissCause::Ours);
+    let is_other = |class: &Option<MissCause>| {
+        class.is_some_and(|class| !matches!(class, MissCause::Ours | MissCause::Unknown))
+    };
     let others = classes.iter().filter(|(class, _)| is_other(class));
     let others: u64 = others.map(|(_, n)| n).sum();
     let mut sentence = format!("{} missed", plural(total, "deadline was", "deadlines were"));
@@ -342,7 +338,9 @@ fn misses(run: &RunView) -> (u64, Option<String>) {
 pub(super) const fn class_words(class: Option<MissCause>) -> &'static str {
     match class {
         Some(MissCause::Preempted) => "thread switched away",
-        Some(MissCause::TakenAway) => "processor taken away by hypervisor or interrupt",
+        Some(MissCause::TakenAway) => "processor taken away by the hypervisor",
+        Some(MissCause::Stopped) => "process stopped and continued",
+        Some(MissCause::Unknown) => "cause not known",
         Some(MissCause::LateReply) => "late reply of a specimen",
         Some(MissCause::Ours) => "own computation",
         None => "class not recorded",
@@ -436,7 +434,7 @@ mod tests {
         for part in [
             "deadlines were missed",
             "thread switched away: 1",
-            "hypervisor or interrupt: 2",
+            "by the hypervisor: 2",
             "none by this program's own fault",
             "ROWS LOST: 7",
             "stretched by 1\u{a0}tick",

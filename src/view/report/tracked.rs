@@ -7,6 +7,7 @@ use super::columns::SpecimenAxis;
 use super::rows::Rows;
 use super::scale::{AS_SEEN, Scale};
 use super::tested::axis_name;
+use super::text::{number, quantity};
 
 /// Everything the page says about one axis.
 pub(super) struct Tracked<'a> {
@@ -56,18 +57,25 @@ impl<'a> Tracked<'a> {
         self.digest.lag()
     }
 
-    /// Delay of measured behind target in s: by the frequency evaluation index, else by cross-correlation.
+    /// Delay of measured behind target in s.
     pub fn delay(&self) -> Option<f64> {
-        let tracking = self.digest.tracking.as_ref();
-        let delay = tracking.and_then(|tracking| tracking.delay());
-        delay.map(|delay| delay.value).or_else(|| self.lag())
+        Some(self.digest.tracking?.delay_s?.value)
     }
 
-    /// Amplitude of measured over target, less one: by the frequency evaluation index, else by least squares.
+    /// Amplitude of measured over target, less one.
     pub fn amplitude_error(&self) -> Option<f64> {
-        let tracking = self.digest.tracking.as_ref()?;
-        let ratio = tracking.fei.map_or(tracking.slope, |index| index.amplitude);
-        Some(ratio.value - 1.0)
+        Some(self.digest.tracking?.amplitude_error.value)
+    }
+
+    /// Energy error in words, with its share where that is known.
+    pub fn energy_error(&self) -> Option<String> {
+        let tracking = self.digest.tracking?;
+        let share = tracking.energy_error_share.map(|share| {
+            let percent = number(100.0 * share.value, 3);
+            format!(" ({percent}\u{a0}%)")
+        });
+        let joule = quantity(tracking.energy_error_j.value, self.work_unit());
+        Some(joule + &share.unwrap_or_default())
     }
 
     /// True where the measured displacement equals the target in every sample.

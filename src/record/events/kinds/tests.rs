@@ -67,7 +67,7 @@ fn examples() -> Vec<Value> {
         json!({"event": "specimen_holds_on", "specimen": 1}),
         json!({"event": "unsettled", "specimen": 1, "ticks": 4}),
         json!({"event": "unsettled", "text": "4 answers"}),
-        json!({"event": "miss", "class": "taken_away", "late_ns": 120_000, "stretched": 1, "steal_ms": 10, "involuntary_switches": 0, "minor_faults": 2}),
+        json!({"event": "miss", "class": "taken_away", "late_ns": 120_000, "stretched": 1, "steal_ms": 10, "involuntary_switches": 0, "minor_faults": 2, "waited_us": 5}),
         json!({"event": "miss", "class": "ours", "late_ns": 120_000, "stretched": 0}),
         json!({"event": "gap", "late_ns": 120_000, "ticks": 3}),
         json!({"event": "stale", "specimen": 1, "age": 2}),

@@ -64,6 +64,7 @@ pub(super) fn words(missed: Option<&Missed>, late_us: f64) -> (String, Value) {
             "involuntary_switches",
             "minor_faults",
             "steal_ms",
+            "waited_us",
         ];
         for key in evidence {
             if let Some(value) = told.get(key) {

@@ -22,6 +22,7 @@ fn a_row_has_the_number_of_its_target_and_a_refused_target_has_a_row() {
         required: true,
         accepted: Default::default(),
         verdict: None,
+        ended: None,
     });
     let rig = Behind { told, host };
     let mut served = rig.begun();

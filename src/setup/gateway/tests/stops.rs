@@ -242,6 +242,7 @@ fn replies_that_take_longer_than_a_period_are_counted_and_told_once() {
             required: true,
             accepted: Default::default(),
             verdict: None,
+            ended: None,
         }));
         begin(&mut served);
         for target in [0.001, 0.002] {

@@ -169,7 +169,7 @@ const missed = ({ misses }) => Object.values(misses).reduce((sum, count) => sum 
 function showTiming(now) {
   const { misses } = now;
   const own = make("span", misses.ours > 0 ? "own" : "", `own ${misses.ours}`);
-  const rest = `, preempted ${misses.preempted}, hypervisor or interrupt ${misses.taken_away}, late reply ${misses.late_reply}; grid moved by ${now.stretched ?? 0} ticks`;
+  const rest = `, preempted ${misses.preempted}, hypervisor ${misses.taken_away}, stopped ${misses.stopped}, late reply ${misses.late_reply}, not known ${misses.unknown}; grid moved by ${now.stretched ?? 0} ticks`;
   $("misses").replaceChildren("deadline misses: ", own, rest);
   $("percentiles").tBodies[0].replaceChildren(...now.timing.map((view) => {
     const row = make("tr");

@@ -289,7 +289,10 @@ function stopMeans() {
 /** The effect that the open dialog asks about. */
 let asked = null;
 
-function askToStop() {
+/** Asks whether to stop, once the server has accepted the token: a wrong one is told before the question. */
+async function askToStop() {
+  if (!(await send("check", "stop")) || $("sure").open) return;
+  say("");
   asked = stopMeans();
   const specimens = test?.subject.specimens ?? [];
   // Before the zero is known, no specimen moves to an end position.
@@ -310,29 +313,39 @@ function askToStop() {
 const PATIENCE = 5000;
 
 async function order(what) {
+  if (await send(what, what)) say(`${what.toUpperCase()} accepted at ${new Date().toLocaleTimeString()}`);
+}
+
+/** Sends a request on the way to `what`; true if the server has accepted it. Everything else is told. */
+async function send(request, what) {
   const token = $("token").value.trim();
   if (!token) {
     $("token").focus();
-    return say(`${what.toUpperCase()} needs the control token. The terminal shows it where the test was started.`, true);
+    say(`${what.toUpperCase()} needs the control token. The terminal shows it where the test was started.`, true);
+    return false;
   }
   say(`${what.toUpperCase()} …`);
   try {
     const headers = { Authorization: `Bearer ${token}` };
     // The command ends the hold that the page shows, and no later one.
-    const which = what === "continue" ? `?hold=${state?.hold_number ?? 0}` : "";
-    const signal = what === "stop" ? undefined : AbortSignal.timeout(PATIENCE);
-    const answer = await fetch(`/control/${what}${which}`, { method: "POST", headers, cache: "no-store", signal });
+    const which = request === "continue" ? `?hold=${state?.hold_number ?? 0}` : "";
+    const signal = request === "stop" ? undefined : AbortSignal.timeout(PATIENCE);
+    const answer = await fetch(`/control/${request}${which}`, { method: "POST", headers, cache: "no-store", signal });
     if (answer.status === 202) {
       sessionStorage.setItem("control", token);
-      return say(`${what.toUpperCase()} accepted at ${new Date().toLocaleTimeString()}`);
+      return true;
     }
     const text = answer.status === 503 ? "the queue of requests is full; try again" : (await answer.text()).trim();
-    return say(`${what.toUpperCase()} REFUSED: ${text}`, true);
+    say(`${what.toUpperCase()} REFUSED: ${text}`, true);
+    if (answer.status === 401) $("token").focus();
   } catch (error) {
-    if (error.name === "TimeoutError") return say(`${what.toUpperCase()} WITHDRAWN: no answer for ${PATIENCE / 1000} s. Check the test and press the button again.`, true);
-    const there = what === "confirm" ? "continue" : what;
-    return say(`${what.toUpperCase()} NOT SENT: no connection. Use \`gusset ${there} ${test?.subject.run ?? "RUN_DIR"}\` on the controller.`, true);
+    if (error.name === "TimeoutError") say(`${what.toUpperCase()} WITHDRAWN: no answer for ${PATIENCE / 1000} s. Check the test and press the button again.`, true);
+    else {
+      const there = what === "confirm" ? "continue" : what;
+      say(`${what.toUpperCase()} NOT SENT: no connection. Use \`gusset ${there} ${test?.subject.run ?? "RUN_DIR"}\` on the controller.`, true);
+    }
   }
+  return false;
 }
 
 $("token").value = secret("control");

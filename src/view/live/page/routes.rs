@@ -226,10 +226,16 @@ async fn operate(
         }
         return Err(refusal);
     }
-    let request = request(&what, query.as_deref())?;
+    let request = match what.as_str() {
+        CHECK => None,
+        what => Some(request(what, query.as_deref())?),
+    };
     if site.feed.board.ended().is_some() {
         return Err(Refusal(StatusCode::CONFLICT, OVER));
     }
+    let Some(request) = request else {
+        return Ok(StatusCode::ACCEPTED.into_response());
+    };
     if let Some(why) = unheard(request, seen).or_else(|| unsent(request, &connection)) {
         let _full = site.notes.try_send(told(false, Some(why)));
         return Err(Refusal(StatusCode::CONFLICT, why));
@@ -248,7 +254,10 @@ async fn operate(
 }
 
 /// The requests below `/control/`.
-const REQUESTS: [&str; 4] = ["hold", "continue", "confirm", "stop"];
+const REQUESTS: [&str; 5] = ["hold", "continue", "confirm", "stop", CHECK];
+
+/// The request that only compares the token: the page sends it before it asks whether to stop.
+const CHECK: &str = "check";
 
 /// The operator command of a request; CONTINUE names the hold that it ends.
 fn request(what: &str, query: Option<&str>) -> Result<Operator, Refusal> {

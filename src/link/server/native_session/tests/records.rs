@@ -30,6 +30,7 @@ pub(super) fn kept(root: &Path) -> RecordSettings {
         required: true,
         accepted: Default::default(),
         verdict: None,
+        ended: None,
     }
 }
 

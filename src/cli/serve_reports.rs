@@ -1,0 +1,50 @@
+//! Reports of served tests: a thread of its own writes each at the end of its test.
+
+use std::path::PathBuf;
+use std::thread::JoinHandle;
+
+use crossbeam_channel::{Sender, unbounded};
+
+use super::tell;
+use crate::session;
+
+/// Writes the report of every folder that it receives; at its end it has written all of them.
+pub(super) struct Reports {
+    sender: Sender<Option<PathBuf>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Reports {
+    /// Starts the thread.
+    ///
+    /// # Errors
+    /// The system gives no thread.
+    pub fn begin() -> std::io::Result<Self> {
+        let (sender, folders) = unbounded::<Option<PathBuf>>();
+        let write = move || {
+            while let Ok(Some(folder)) = folders.recv() {
+                if let Err(error) = session::write_report(&folder) {
+                    tell(format_args!("warning: no report: {error}"));
+                }
+            }
+        };
+        let builder = std::thread::Builder::new().name("gusset-report".into());
+        Ok(Self {
+            sender,
+            thread: Some(builder.spawn(write)?),
+        })
+    }
+
+    /// Where folders of tests that have ended go to.
+    pub fn sender(&self) -> Sender<Option<PathBuf>> {
+        self.sender.clone()
+    }
+}
+
+impl Drop for Reports {
+    fn drop(&mut self) {
+        // Nothing after the last folder; a thread that panicked has nothing more to write.
+        let _ = self.sender.send(None);
+        let _ = self.thread.take().map(JoinHandle::join);
+    }
+}
