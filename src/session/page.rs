@@ -11,9 +11,10 @@ use super::agreement::{is_of_an_earlier_version, with_record};
 use super::energetics::{Without, known};
 use super::lineage::{Generation, Lineage, Origin, way_from};
 use super::replay_error::ReplayError;
+use crate::catalog::phase::Phase;
 use crate::metrics::energy::Model;
 use crate::record::summary::Status;
-use crate::record::{Column, End, Events, FolderError, MissingEnd, Run, atomic};
+use crate::record::{COMMITS, Column, End, Events, FolderError, MissingEnd, Run, atomic};
 use crate::view::report::{
     BLOCK, Digest, Earlier, IdentifiedAxis, Source, count, effect, followed, hero_svg, identified,
     missing_metrics, render, storeys, tracking_metrics, without_disp,
@@ -113,6 +114,8 @@ struct OnDisk<'a> {
     without_disp: Vec<u32>,
     /// How the rows ended where they ended.
     end: Cell<Option<RowsEnd>>,
+    /// Exchanges of a served test that a later one of the same step replaced.
+    trials: Cell<u64>,
 }
 
 /// How rows ended that were read from the first to the last.
@@ -155,20 +158,34 @@ impl Source for OnDisk<'_> {
         let mut journal = self.run.journal().map_err(io::Error::other)?;
         let mut block: Vec<Vec<f64>> = vec![Vec::with_capacity(BLOCK); wanted.len()];
         let mut filled = 0;
-        let place = self.run.layout().index_of("time");
-        let mut time = None;
+        let place = |name: &str| self.run.layout().index_of(name);
+        let (time_at, state_at, commits_at) = (place("time"), place("state"), place(COMMITS));
+        let (mut time, mut step) = (None, None);
+        let mut trials = 0;
         while let Some(row) = journal.next_row()? {
-            for (column, &place) in block.iter_mut().zip(wanted) {
-                column.push(row.values.get(place).copied().unwrap_or(f64::NAN));
-            }
-            time = place.and_then(|place| row.values.get(place).copied());
-            filled += 1;
-            if filled == BLOCK {
+            let at = |place: Option<usize>| row.values.get(place?).copied();
+            time = at(time_at);
+            // Of a step of a controller the last exchange counts; the others are trials and repeated requests.
+            let running = at(state_at).filter(|state| *state == Phase::Running.code());
+            let next = running.and(at(commits_at)).zip(time);
+            if next.is_some() && next == step {
+                trials += 1;
+                filled -= 1;
+                block.iter_mut().for_each(|column| {
+                    let _ = column.pop();
+                });
+            } else if filled == BLOCK {
                 take(&block);
                 block.iter_mut().for_each(Vec::clear);
                 filled = 0;
             }
+            step = next;
+            for (column, &place) in block.iter_mut().zip(wanted) {
+                column.push(row.values.get(place).copied().unwrap_or(f64::NAN));
+            }
+            filled += 1;
         }
+        self.trials.set(trials);
         if filled > 0 {
             take(&block);
         }
@@ -240,6 +257,7 @@ pub(super) fn read(folder: &Path) -> Result<RunView, PageError> {
         earlier,
         without_disp: without_disp(&told.events),
         end: Cell::new(None),
+        trials: Cell::new(0),
         run: &run,
     };
     let model = model.as_mut().map(|model| model as &mut dyn Model);
@@ -265,6 +283,7 @@ pub(super) fn read(folder: &Path) -> Result<RunView, PageError> {
         columns: run.layout().columns().to_vec(),
         data: Vec::new(),
         digest: Some(digest),
+        trials: on_disk.trials.get(),
         no_balance,
         no_margin: known.no_margin,
         no_modes: known.modes.as_ref().err().cloned(),

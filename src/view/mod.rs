@@ -63,6 +63,8 @@ pub struct RunView {
     pub data: Vec<Vec<f64>>,
     /// Digest of rows that are not held in memory.
     pub digest: Option<Digest>,
+    /// Exchanges of a served test beside the last one of each step; the digest leaves them out.
+    pub trials: u64,
     /// Reason for a missing energy balance.
     pub no_balance: Option<String>,
     /// Modes of the structure with what delays do to their damping; none without a structure.

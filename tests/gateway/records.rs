@@ -370,7 +370,7 @@ fn the_example_in_config_runs_with_its_probe_its_limits_and_its_log() {
     assert!(file.contains(speed));
     let file = file.replace(speed, "");
     let out = folder.join("kept");
-    let between = Served::start(folder, &file, &["--out", out.to_str().unwrap()]);
+    let mut between = Served::start(folder, &file, &["--out", out.to_str().unwrap()]);
     let cyclic = |amplitude: &str| {
         format!(
             "[time]\nrate_hz = 500\nduration_s = 2\nclock = \"simulated\"\n[safety]\n{UNLIMITED}[[specimen]]\nname = \"column\"\n\
@@ -393,4 +393,86 @@ fn the_example_in_config_runs_with_its_probe_its_limits_and_its_log() {
     let largest = column(&out.join("test-0002"), "target_1_1");
     let passed_on = largest[..largest.len() - 1].iter();
     assert!(passed_on.fold(0.0, |m: f64, d| m.max(d.abs())) <= 0.05);
+    // Whoever ends the server finds the report of every test.
+    between.signal("TERM");
+    for test in ["test-0001", "test-0002"] {
+        let page = std::fs::read_to_string(out.join(test).join("report.html")).unwrap();
+        assert!(!page.contains("Identified specimen"), "{test}");
+    }
+}
+
+/// Two trials of every step before the one that its controller accepts.
+#[test]
+fn a_history_of_trials_has_one_row_a_step() {
+    let folder = tempfile::tempdir().unwrap();
+    let law: SpecimenLaw =
+        toml::from_str("law = { linear = { stiffness_n_per_m = 8000.0 } }").unwrap();
+    let rig = Computed::new(law.build(1).unwrap(), false);
+    let (stiffness, mass) = rig.reference();
+    let units = vec![AxisUnits::SI];
+    let (ended, folders) = crossbeam_channel::unbounded();
+    let mut served = ServedSpecimen::new("rig".into(), Box::new(rig), units, stiffness, mass)
+        .recorded(Some(RecordSettings {
+            root: folder.path().into(),
+            file: Vec::new(),
+            resolved: String::new(),
+            inputs: Vec::new(),
+            queue_s: 4.0,
+            required: true,
+            accepted: Default::default(),
+            verdict: None,
+            ended: Some(ended),
+        }));
+    let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
+    served.begin(&controller, &mut || Ok(())).unwrap();
+    let mut measured = Measurement::zeros(1);
+    let mut sequence = 0;
+    for step in 0..200 {
+        for trial in 0..3 {
+            let disp = 0.01 * (0.05 * f64::from(step)).sin() + 1e-3 * f64::from(2 - trial);
+            let command = Command {
+                sequence,
+                time: 0.01 * f64::from(step),
+                dt: 0.01,
+                disp: &[disp],
+                vel: &[0.0],
+            };
+            sequence += 1;
+            served
+                .exchange(&command, 0.01, &mut || true, &mut measured)
+                .unwrap();
+        }
+        served.commit();
+    }
+    served.end(Cause::Done, "the end");
+    let kept = folder.path().join("test-0001");
+    assert_eq!(folders.try_recv().unwrap(), Some(kept.clone()));
+    assert_eq!(column(&kept, "state").len(), 600);
+    let table = folder.path().join("history.csv");
+    let mut export = gusset();
+    export
+        .arg("export")
+        .arg(&kept)
+        .args(["--format", "csv", "--out"]);
+    export.arg(&table);
+    let said = finish(export);
+    assert_eq!(said.status.code(), Some(0));
+    let text = std::fs::read_to_string(&table).unwrap();
+    let mut lines = text.lines();
+    let head: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let place = head.iter().position(|name| *name == "target_1_1").unwrap();
+    let rows: Vec<f64> = lines
+        .map(|line| line.split(',').nth(place).unwrap().parse().unwrap())
+        .collect();
+    assert_eq!(rows.len(), 200);
+    for (step, target) in rows.iter().enumerate() {
+        assert!(
+            (target - 0.01 * (0.05 * step as f64).sin()).abs() < 1e-12,
+            "{step}"
+        );
+    }
+    let page = gusset::session::write_report(&kept).unwrap();
+    let page = std::fs::read_to_string(page.path).unwrap();
+    assert!(page.contains("400\u{a0}exchanges beside the last exchange of each step"));
+    assert!(!page.contains("MISSING") && !page.contains("Identified specimen"));
 }

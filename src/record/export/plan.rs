@@ -19,7 +19,7 @@ use crate::catalog::column::{self, Kind};
 use crate::catalog::phase::Phase;
 use crate::record::Column;
 use crate::record::journal::Journal;
-use crate::record::layout::Layout;
+use crate::record::layout::{COMMITS, Layout};
 
 /// Which rows are exported.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -179,6 +179,8 @@ impl Plan {
     pub fn new(layout: &Layout, sums: &[Sum]) -> Result<Self, ExportError> {
         let need = |name| layout.index_of(name).ok_or(ExportError::NoColumn(name));
         let (step, time) = (need("step")?, need("time")?);
+        // A server numbers exchanges, some of which are trials; the steps are those of its controller.
+        let step = layout.index_of(COMMITS).unwrap_or(step);
         let mut dofs: BTreeMap<u32, [Option<usize>; 3]> = BTreeMap::new();
         let mut axes: BTreeMap<(u32, u32), [Option<usize>; 4]> = BTreeMap::new();
         let mut statuses: BTreeMap<u32, usize> = BTreeMap::new();

@@ -97,7 +97,7 @@ impl Holder {
 
 /// The columns of `batch`, whole.
 pub(super) fn hold(source: &dyn Source, batch: &[Item]) -> io::Result<[Table; 2]> {
-    let mut names: Vec<String> = ["state", "step", "time"].map(str::to_owned).into();
+    let mut names: Vec<String> = ["state", "step", "time", COMMITS].map(str::to_owned).into();
     names.extend(batch.iter().flat_map(|item| item.columns()));
     let mut specimens: Vec<u32> = batch.iter().filter_map(|item| item.specimen()).collect();
     specimens.dedup();
@@ -125,7 +125,9 @@ pub(super) fn hold(source: &dyn Source, batch: &[Item]) -> io::Result<[Table; 2]
 /// What sorts the rows of `source`, of which blocks have these columns.
 pub(super) fn sieve(source: &dyn Source, columns: &[Column]) -> Sieve {
     let at = |name: &str| columns.iter().position(|c| c.name == name);
-    let places = ["state", "step", "time"].map(at);
     let is_served = source.columns().iter().any(|c| c.name == COMMITS);
+    // A server numbers exchanges; the steps are those of its controller.
+    let step = if is_served { COMMITS } else { "step" };
+    let places = ["state", step, "time"].map(at);
     Sieve::new(places, source.step_s(), source.ticks_per_step()).of_a_server(is_served)
 }

@@ -90,6 +90,13 @@ fn page(run: &RunView, digest: &Digest) -> String {
 fn model(run: &RunView, rows: &Rows<'_>) -> String {
     let mut facts = tested::facts(run);
     facts.push(("Recorded".to_owned(), recorded(rows)));
+    if run.is_served() {
+        let trials = format!(
+            "{} beside the last exchange of each step. The histories leave them out; `gusset export --rate tick` has all exchanges",
+            plural(run.trials, "exchange", "exchanges")
+        );
+        facts.push(("Trials and repeated requests".to_owned(), trials));
+    }
     let drawn = sketch(&run.test.file);
     let drawn = if drawn.is_empty() {
         drawn
