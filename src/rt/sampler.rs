@@ -46,7 +46,7 @@ pub fn count_continuation() {
 
 /// A sample every 10 ms.
 const PERIOD_NS: u64 = 10_000_000;
-/// After a pause of so much the next sample waits for the handler of a continuation.
+/// After a pause of this length the next sample waits for the handler of a continuation.
 const PAUSE_NS: u64 = 5 * PERIOD_NS;
 /// Holds the lines of 256 processors, which come first in /proc/stat.
 const BUFFER: usize = 32 * 1024;

@@ -126,7 +126,7 @@ impl Trials<'_> {
         }
         let compute = &summary.timing["compute"];
         let figure = |key: &str| compute[key].as_f64().unwrap_or(f64::NAN);
-        // What no program prevents.
+        // No program prevents these.
         let classes = summary.miss_classes;
         let taken_away = classes.taken_away + classes.stopped + classes.unknown;
         let trial = Trial {

@@ -165,7 +165,7 @@ impl Source for OnDisk<'_> {
         while let Some(row) = journal.next_row()? {
             let at = |place: Option<usize>| row.values.get(place?).copied();
             time = at(time_at);
-            // Of a step of a controller the last exchange counts; the others are trials and repeated requests.
+            // The last exchange of a step counts; the others are trials and repeated requests.
             let running = at(state_at).filter(|state| *state == Phase::Running.code());
             let next = running.and(at(commits_at)).zip(time);
             if next.is_some() && next == step {

@@ -193,7 +193,7 @@ fn resume_by(
     Ok(next)
 }
 
-/// What the limits of `next` allow beyond those of `run`, in words; none where they are the same.
+/// The limits of `next` that are wider than those of `run`, in words; none where all are equal.
 fn widened_limits(
     run: &Run,
     allowed: Allowed<'_>,

@@ -42,7 +42,7 @@ pub(super) fn prepared_by(
     prepared_from(run, &[], origin.zip(state), keys, build)
 }
 
-/// The test of a run folder with changed keys, as it was built, for a resume.
+/// The test of a run folder with changed keys, for a resume.
 pub(super) fn prepared_to_resume(
     run: &Run,
     sets: &[String],

@@ -393,7 +393,7 @@ fn the_example_in_config_runs_with_its_probe_its_limits_and_its_log() {
     let largest = column(&out.join("test-0002"), "target_1_1");
     let passed_on = largest[..largest.len() - 1].iter();
     assert!(passed_on.fold(0.0, |m: f64, d| m.max(d.abs())) <= 0.05);
-    // Whoever ends the server finds the report of every test.
+    // The server has written the report of every test before it ends.
     between.signal("TERM");
     for test in ["test-0001", "test-0002"] {
         let page = std::fs::read_to_string(out.join(test).join("report.html")).unwrap();

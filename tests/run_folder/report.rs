@@ -747,7 +747,7 @@ fn embedded_histories_are_the_samples() {
                 (time - a.0) / (b.0 - a.0)
             };
             let shown = a.1 + along * (b.1 - a.1);
-            // Single precision keeps a point of its own to 6e-8.
+            // Single precision keeps an embedded point to 6e-8.
             let bound = if is_own { 1e-7 } else { 1e-3 } * peak;
             assert!(
                 (shown - value).abs() <= bound,

@@ -108,7 +108,7 @@ pub enum ResumeError {
         specimens: String,
     },
     /// A key that is no limit was to be changed.
-    #[error("`--set {0}`: a test resumes as it is; only its limits may be widened")]
+    #[error("`--set {0}`: a resumed test keeps its configuration; only its limits may be widened")]
     NoLimit(String),
     /// A limit was to be narrowed, or added.
     #[error(

@@ -140,7 +140,7 @@ pub fn damages(first: &RunView, second: &RunView) -> Vec<String> {
     [of(first, "first"), of(second, "second")].concat()
 }
 
-/// What the verdict on each run has found, in words; that a loop is unstable comes first.
+/// Findings of the verdict on each run, in words; an unstable loop comes first.
 #[must_use]
 pub fn doubts(first: &RunView, second: &RunView) -> Vec<String> {
     let of = |run: &RunView, which: &str| {

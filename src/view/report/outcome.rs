@@ -25,7 +25,7 @@ pub(super) enum Tone {
 pub(super) struct Verdict {
     pub tone: Tone,
     pub headline: String,
-    /// What went wrong or is in doubt, and then the rest.
+    /// Faults and doubts, and then the rest.
     pub sentences: Vec<String>,
     /// Sentences of the first kind: they are never folded.
     pub warnings: usize,

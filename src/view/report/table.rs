@@ -1,6 +1,6 @@
 //! Columns that have become short enough for a page: the smallest and the largest value of every few rows.
 //!
-//! Invariant: every value stood in the rows at the time beside it, no finite extreme is lost, and all columns have one length. Of
+//! Invariant: every value is one of the rows at the time beside it, no finite extreme is lost, and all columns have one length. Of
 //! `every` rows two are left, in the order in which the extremes came; of a test short enough `every` is one and all rows are there.
 //! Where rows are missing stands an entry without a number, so that no line is drawn across. What a page says in numbers is marked
 //! before the rows are thinned: an entry does not keep which row was the last.
@@ -324,7 +324,7 @@ mod tests {
                 let at = |wanted: f64| bucket.iter().position(|v| *v == wanted);
                 prop_assert_eq!(pair[0] <= pair[1], at(lo) <= at(hi));
                 prop_assert_eq!(out[0][2 * i], (i * every) as f64);
-                // Each extreme stands at the time of its own row.
+                // Each extreme has the time of its row.
                 for (time, value) in times[1][2 * i..2 * i + 2].iter().zip(pair) {
                     prop_assert_eq!(values[*time as usize], *value);
                 }

@@ -188,7 +188,7 @@ impl Straight {
         }
     }
 
-    /// Goes on to `point` if the straight line to it passes those between.
+    /// Extends the piece to `point` if the straight line to it passes those between.
     fn takes(&mut self, (x, y): (f64, f64), tolerance: f64) -> bool {
         let along = x - self.first.0;
         let slope = |y: f64| (y - self.first.1) / along;

@@ -105,8 +105,16 @@ await visit(address, { viewport: { width: 1920, height: 1080 } }, async (page, f
   await until(second, "running");
   await second.waitForFunction(() => document.querySelector("#alarm").hidden);
 
+  // A wrong token is told before the question.
+  await page.fill("#token", "abcd-efgh-jkmn-pqrs-tuvw");
+  await page.click("#stop");
+  await page.waitForFunction(() => document.querySelector("#answer").textContent.includes("STOP REFUSED"));
+  found.unasked = await page.locator("#sure").evaluate((dialog) => !dialog.open);
+  await page.fill("#token", token);
+
   // STOP asks first.
   await page.click("#stop");
+  await page.locator("#sure").waitFor();
   found.asked = await page.locator("#sure-then").textContent();
   await page.locator("#sure button[value=no]").click();
   await page.waitForTimeout(300);

@@ -151,6 +151,7 @@ await visit(address, { viewport: { width: 1280, height: 720 } }, async (page, fo
     await page.fill("#token", token);
     await page.click("#stop");
   }
+  await page.locator("#sure").waitFor();
   found.dialog = [await page.locator("#sure").isVisible(), await focused(page)];
   await page.keyboard.press("Tab");
   found.dialog.push(await focused(page));

@@ -19,6 +19,7 @@ await visit(address, { viewport: { width: 1920, height: 1080 } }, async (page, f
   await page.screenshot({ path: `${shots}/live-tripped.png` });
   await page.fill("#token", token);
   await page.click("#stop");
+  await page.locator("#sure").waitFor();
   found.asked = await text("#sure-stop");
   await page.screenshot({ path: `${shots}/live-freeze.png` });
   await page.click("#sure-stop");
