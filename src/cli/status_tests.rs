@@ -174,7 +174,7 @@ fn the_block_fits_every_terminal_and_shows_values_limits_and_losses() {
         "RUNNING  test time 0.499 of 20.000 s  step 511",
         "ground-storey  command 30.00 mm  measured 29.00 mm  force -90.00 kN",
         "90 % of trip, worst 90 %",
-        "deadline misses 0 (own 0, preempted 0, hypervisor or interrupt 0, late reply 0)",
+        "deadline misses 0 (own 0, preempted 0, hypervisor 0, stopped 0, late reply 0, not known 0)",
         "wakeup_lateness",
         "lambda 11.5",
         "gusset hold runs/frame",

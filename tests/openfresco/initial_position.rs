@@ -123,7 +123,7 @@ fn an_element_server_that_answers_displacement_zero_gives_forces_only() {
     let [missing] = told_of.metrics_missing.as_slice() else {
         panic!("{:?}", told_of.metrics_missing);
     };
-    assert!(missing.starts_with("column") && missing.contains("no displacement is measured"));
+    assert!(missing.starts_with("column") && missing.contains("displacement is not measured"));
     let columns = kept.columns(&["cmd_1_1", "meas_1_1", "force_1_1"]).unwrap();
     assert_eq!(columns[0], columns[1]);
     let forces = columns[0].iter().zip(&columns[2]);

@@ -423,7 +423,7 @@ fn an_axis_without_a_measured_displacement_has_no_tracking_metrics_and_says_why(
     let missing = missing_metrics(&run);
     assert_eq!(missing.len(), 1);
     assert!(missing[0].starts_with("brace"), "{missing:?}");
-    assert!(missing[0].contains("no displacement is measured"));
+    assert!(missing[0].contains("displacement is not measured"));
     let axes = identified(&run);
     assert!(axes[0].stiffness.is_none() && axes[0].lag.is_none());
     let page = render(&run);

@@ -185,7 +185,7 @@ fn every_actuator_of_a_platform_is_found_to_be_what_it_is() {
     let metrics = &json(&out, "summary.json")["metrics"]["column"];
     // The correlation knows the delay to a share of the tick of 1.95 ms.
     for axis in metrics.as_array().unwrap() {
-        let delay = axis["delay_s"]["value"].as_f64().unwrap();
+        let delay = axis["lag_s"]["value"].as_f64().unwrap();
         assert!((delay - DELAY).abs() < 1e-3, "{axis}");
     }
     assert_eq!(metrics.as_array().unwrap().len(), 3);
