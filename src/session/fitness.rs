@@ -262,9 +262,7 @@ mod tests {
         let found = measured(&bins, 3, causes);
         let words = found.words();
         assert!(
-            words.starts_with(
-                "fit for 1024 Hz: no, 3 misses in 60.2 s, all by the hypervisor; "
-            ),
+            words.starts_with("fit for 1024 Hz: no, 3 misses in 60.2 s, all by the hypervisor; "),
             "{words}"
         );
         let fit = |hz: f64| {
@@ -285,9 +283,7 @@ mod tests {
         };
         let words = measured(&bins, 3, mixed).words();
         assert!(
-            words.contains(
-                "1 by the hypervisor, 1 by the loop itself, 1 of unknown cause"
-            ),
+            words.contains("1 by the hypervisor, 1 by the loop itself, 1 of unknown cause"),
             "{words}"
         );
     }

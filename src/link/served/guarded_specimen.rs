@@ -647,12 +647,12 @@ impl GuardedSpecimen {
         self.recording.warn_once(&self.store, event, text);
     }
 
-    /// Who answers for the specimen, for the record: whether it measures displacement decides what a report can say.
-    pub fn connected(&self, introduction: &Introduction) {
+    /// The specimen's end repeats commands instead of measuring: no report may call them measurements.
+    pub fn measures_no_disp(&self, introduction: &Introduction) {
         self.recording.event(Event::Connected {
             port: 0,
             peer: introduction.peer.clone(),
-            measures_disp: introduction.repeats_the_command.then_some(false),
+            measures_disp: Some(false),
             standing: None,
         });
     }

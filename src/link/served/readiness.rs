@@ -147,8 +147,8 @@ impl<'a> Readiness<'a> {
         if introduction.repeats_the_command {
             let text = "its end does not say that it measures displacement: what is passed on as measured may be the command";
             self.served.note(Remark::Warning, text);
+            self.served.measures_no_disp(introduction);
         }
-        self.served.connected(introduction);
         // A measured position differs a little from each command: the first command is judged as a step from the measured one.
         if !introduction.measured
             && let Some(text) = elsewhere_by(&introduction.standing, asked, self.rounding())
