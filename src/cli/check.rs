@@ -130,6 +130,7 @@ impl Checked<'_> {
             };
             table.row(&format!("command, {name}"), what);
         }
+        brief::of_errors(self, table);
         if let Some(full) = &self.judged.rehearsed {
             rehearsed::tabulate(full, table);
         }

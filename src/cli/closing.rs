@@ -85,6 +85,18 @@ fn verdict(facts: &Facts, finished: &Finished) -> Section {
             section.add(&finding.severity, finding.text.clone(), false);
         }
     }
+    if let Some(errors) = summary
+        .verdict
+        .as_ref()
+        .and_then(|verdict| verdict.errors.as_ref())
+    {
+        for (name, error) in errors.each() {
+            section.short(&format!("error, {name}"), error.words());
+        }
+        if let Some(text) = errors.of_modes() {
+            section.add("damping", text, errors.take_damping());
+        }
+    }
     section.short("ended", summary.reason.clone());
     let after = facts.resumed.as_ref().map(|(_, step)| *step);
     let clock = if finished.granted.is_some() {

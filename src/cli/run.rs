@@ -22,7 +22,8 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     for text in test.facts.announced.iter().chain(&test.facts.moved) {
         tell(format_args!("note: {text}"));
     }
-    let mut judged = Judged::of(test).map_err(refused)?;
+    let judged = Judged::of(test).and_then(Judged::with_errors);
+    let mut judged = judged.map_err(refused)?;
     conduct::obey(&judged)?;
     let test = &mut judged.test;
     attend::can_confirm(&mut test.facts, args.test_run.yes)?;

@@ -101,6 +101,7 @@ impl Loaded {
         file.safety.accept_unstable = None;
         file.safety.accept_trip = None;
         file.safety.accept_speed = None;
+        file.safety.accept_error = None;
         file.safety.stability_used = None;
         file.safety.delay_used = None;
         file.safety.step_audit = None;

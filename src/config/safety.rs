@@ -124,6 +124,20 @@ pub struct SafetyTable {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"The damping of the specimen is below 0.5 % of critical")]
     pub accept_speed: Option<String>,
+    /// Error of a largest drift from which the test has a finding, as a share of this drift. It holds
+    /// for the error of the method and for the error of the coupling.
+    #[schemars(example = 0.05)]
+    pub error_warn: f64,
+    /// Error of a largest drift from which a test with `link` is refused, as a share of this drift. It
+    /// must not be less than `error_warn`.
+    #[schemars(example = 0.2)]
+    pub error_refuse: f64,
+    /// Reason why a test may move a specimen with `link` although an error exceeds `error_refuse`, or
+    /// its actuators take all damping from a mode. Without a reason, `run` refuses such a test. The
+    /// reason is written to the summary and the report.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"The test studies the effect of the delay")]
+    pub accept_error: Option<String>,
 }
 
 impl Default for SafetyTable {
@@ -149,6 +163,9 @@ impl Default for SafetyTable {
             accept_trip: None,
             accept_wiring: None,
             accept_speed: None,
+            error_warn: 0.05,
+            error_refuse: 0.2,
+            accept_error: None,
         }
     }
 }

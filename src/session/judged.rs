@@ -1,10 +1,10 @@
 //! A test with its verdict: what every command that moves a specimen obeys before anything connects.
 
-use super::rehearsal::FullRehearsal;
+use super::rehearsal::{FullRehearsal, errors};
 use crate::config::{ConfigError, DIVERGENCE_M};
 use crate::setup::{self, Prepared};
 use crate::stability::Kind;
-use crate::stability::{Following, Verdict};
+use crate::stability::{Following, Verdict, added_damping};
 
 /// Least default of `safety.divergence_m` in m for a test that moves a specimen behind a link.
 const LEAST_DIVERGENCE_M: f64 = 0.1;
@@ -69,10 +69,44 @@ impl Judged {
         match &self.test.loaded {
             Some(loaded) if !self.test.facts.specimens.is_empty() => {
                 let full = FullRehearsal::of(loaded)?;
-                Ok(self.with(full))
+                self.with(full).with_errors()
             }
-            _ => Ok(self),
+            _ => self.with_errors(),
         }
+    }
+
+    /// Computes the errors of method and coupling, unless they are known, and adds their findings.
+    ///
+    /// # Errors
+    /// The test with ideal specimens cannot be built.
+    pub fn with_errors(mut self) -> Result<Self, ConfigError> {
+        let (Some(loaded), Some(case), None) =
+            (&self.test.loaded, self.test.case(), &self.verdict.errors)
+        else {
+            return Ok(self);
+        };
+        let facts = &self.test.facts;
+        let pace = facts.dt * facts.rate_hz / f64::from(facts.ticks_per_step.max(1));
+        let modes = added_damping(&case, pace);
+        let mut unknown = case.actuators.iter().filter(|one| !one.is_known());
+        let unknown = unknown.next().map(|one| one.name.as_str());
+        let found = errors(loaded, facts.lambda(), modes, unknown)?;
+        let proven = self
+            .following
+            .iter()
+            .all(|one| one.of_stability().0 == Some(true));
+        let is_stable = match self.verdict.is_unstable() {
+            true => Some(false),
+            false => proven.then_some(true),
+        };
+        let findings = found.iter().flat_map(|errors| errors.findings(is_stable));
+        for (kind, finding) in findings.collect::<Vec<_>>() {
+            self.test.facts.warnings.push(finding.headline.clone());
+            self.verdict.add(kind, finding);
+        }
+        self.verdict.errors = found;
+        self.write_down();
+        Ok(self)
     }
 
     /// Adds the findings of a rehearsal of this test.

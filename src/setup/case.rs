@@ -64,5 +64,6 @@ fn accepts(safety: &SafetyTable, integrator: &IntegratorTable) -> Accepts {
         unstable: unstable.or_else(|| integrator.allow_unstable_lambda.then(older)),
         trip: safety.accept_trip.clone(),
         speed: safety.accept_speed.clone(),
+        error: safety.accept_error.clone(),
     }
 }

@@ -12,6 +12,7 @@ mod excitation;
 mod facts;
 mod gateway;
 mod gear;
+mod ideal;
 mod limits;
 mod links;
 mod margin;
@@ -43,7 +44,9 @@ use crate::stability::{Analysis, AtRest, Kind, Matrices, Stability};
 pub use facts::{Facts, StructureFacts};
 pub use gateway::position_reader;
 use gear::Rows;
+pub use ideal::{Ideal, IdealCourse, NoCourse, build_ideal};
 pub use limits::{LimitFact, LimitFacts, SpecimenLimits};
+use method::Initial;
 pub use pace::{rt_plan, set_divergence};
 use recorded::{record_dofs, rotations};
 pub use served::{Served, load_served, openfresco_role};
@@ -349,7 +352,7 @@ fn numerical(
     };
     plausible::check(site, specimens);
     let method = site.loaded.file.integrator.method;
-    let initial = method::Initial {
+    let initial = Initial {
         damping: &initial_damping,
         stiffness: &initial_stiffness,
         dt,

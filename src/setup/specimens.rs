@@ -75,6 +75,27 @@ enum Stand {
 #[derive(Debug)]
 pub(super) struct Specimens(Vec<Entry>);
 
+/// A specimen that follows the structure exactly.
+#[derive(Debug)]
+pub(super) struct IdealPort {
+    pub axes: Vec<Axis>,
+    /// Metres and newtons in one unit of each axis.
+    pub units: Vec<(f64, f64)>,
+    pub law: IdealLaw,
+    pub disp: Vec<f64>,
+    pub vel: Vec<f64>,
+    pub force: Vec<f64>,
+}
+
+/// Behaviour of such a specimen.
+#[derive(Debug)]
+pub(super) enum IdealLaw {
+    /// In SI units, at its own scale.
+    Law(Box<dyn Specimen>),
+    /// k̂ and ĉ, at the scale of the structure.
+    Linear { stiffness: Rows, damping: Rows },
+}
+
 /// Reads all specimens.
 pub(super) fn specimens(site: &mut Site<'_>) -> Result<Specimens, Refused> {
     let tables = &site.loaded.file.specimen;
@@ -234,6 +255,33 @@ impl Specimens {
             }
         }
         Ok(())
+    }
+
+    /// Specimens without links, commands and sensors, in a structure with this influence vector.
+    pub(super) fn into_ideal(self, influence: &[f64]) -> Vec<IdealPort> {
+        let each = self.0.into_iter().map(|mut entry| {
+            for axis in &mut entry.axes {
+                let parts = axis.row.iter();
+                axis.base = parts.map(|(dof, b)| b * influence[*dof]).sum();
+            }
+            let zeros = || vec![0.0; entry.axes.len()];
+            IdealPort {
+                disp: zeros(),
+                vel: zeros(),
+                force: zeros(),
+                law: match entry.stand {
+                    Stand::Law(law) => IdealLaw::Law(law),
+                    // A rehearsal has no links.
+                    _ => IdealLaw::Linear {
+                        stiffness: entry.stiffness,
+                        damping: entry.damping,
+                    },
+                },
+                axes: entry.axes,
+                units: entry.units,
+            }
+        });
+        each.collect()
     }
 
     /// One port per specimen.

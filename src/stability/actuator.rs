@@ -36,6 +36,12 @@ pub struct Machine {
 }
 
 impl Actuator {
+    /// True if its dynamics are declared, or if there are none.
+    #[must_use]
+    pub fn is_known(&self) -> bool {
+        self.transfer.is_some() || self.link.is_none_or(|machine| machine.computed)
+    }
+
     /// The key that decides how the specimen follows.
     pub(super) fn place(&self) -> KeyPath {
         self.at(self.key)

@@ -37,4 +37,6 @@ pub struct Accepts {
     pub trip: Option<String>,
     /// For velocities that are not those of the test: `safety.accept_speed`.
     pub speed: Option<String>,
+    /// For a large error of the test: `safety.accept_error`.
+    pub error: Option<String>,
 }

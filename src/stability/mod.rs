@@ -18,6 +18,7 @@ mod case;
 mod criterion;
 mod critical;
 mod curves;
+mod errors;
 mod following;
 mod integration;
 mod lambda;
@@ -41,6 +42,7 @@ pub use criterion::{
 };
 pub use critical::CriticalDelay;
 pub use curves::{Curve, Diagram, diagrams};
+pub use errors::{AddedDamping, DriftError, Errors, TestError, added_damping, per_cent};
 pub use following::Following;
 pub use integration::{Stability, grows, is_stable};
 pub use lambda::{Advice, Proven, Request, SpecimenShare, lambda_path};

@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use super::errors::Errors;
+
 /// Subject of a finding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -20,6 +22,8 @@ pub enum Kind {
     Speed,
     /// Numbers look like those of another unit.
     Units,
+    /// The error of the method or of the coupling is large, or the actuators take damping from a mode.
+    Error,
 }
 
 /// What follows from a verdict.
@@ -45,6 +49,9 @@ pub struct RecordedVerdict {
     pub unstable: bool,
     /// Whether a specimen behind a link would move.
     pub behind_link: bool,
+    /// Errors of the test; absent where they were not computed, and without a structure.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub errors: Option<Errors>,
     /// Its findings.
     pub findings: Vec<RecordedFinding>,
 }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use super::axes::not_proven;
 use super::case::{Accepts, Case};
+use super::errors::Errors;
 use super::following::Following;
 use super::integration::grows;
 use super::recorded::{Kind, Outcome, RecordedFinding, RecordedVerdict};
@@ -17,6 +18,7 @@ const fn accepted_by(kind: Kind) -> Option<&'static str> {
         Kind::Rehearsal => Some("accept_trip"),
         Kind::Speed => Some("accept_speed"),
         Kind::Unknown | Kind::Units => None,
+        Kind::Error => Some("accept_error"),
     }
 }
 
@@ -61,6 +63,8 @@ impl Judgement {
 pub struct Verdict {
     /// Whether the test moves a specimen behind a link, on the real clock.
     pub behind_link: bool,
+    /// Errors of the test; none where they were not computed, and without a structure.
+    pub errors: Option<Errors>,
     /// All findings, those of stability first.
     pub findings: Vec<Judgement>,
     accepts: Accepts,
@@ -76,6 +80,7 @@ impl Verdict {
             .iter()
             .any(|actuator| actuator.link.is_some());
         let mut verdict = Self {
+            errors: None,
             behind_link: linked && case.real_clock,
             findings: Vec::new(),
             accepts: case.accepts.clone(),
@@ -107,6 +112,7 @@ impl Verdict {
     pub fn of_gateway(accepts: Accepts) -> Self {
         Self {
             behind_link: true,
+            errors: None,
             findings: Vec::new(),
             accepts,
         }
@@ -117,6 +123,7 @@ impl Verdict {
         let reason = match accepted_by(kind) {
             Some("accept_unstable") => self.accepts.unstable.clone(),
             Some("accept_speed") => self.accepts.speed.clone(),
+            Some("accept_error") => self.accepts.error.clone(),
             Some(_) => self.accepts.trip.clone(),
             None => None,
         };
@@ -185,9 +192,13 @@ impl Verdict {
             let mut findings = self.findings.iter().filter(|one| one.is_open());
             findings.any(|one| accepted_by(one.kind) == Some(key))
         };
-        ["accept_unstable", "accept_trip", "accept_speed"]
-            .into_iter()
-            .filter(open)
+        let keys = [
+            "accept_unstable",
+            "accept_trip",
+            "accept_speed",
+            "accept_error",
+        ];
+        keys.into_iter().filter(open)
     }
 
     /// Every finding in one line, for summaries and logs.
@@ -219,6 +230,7 @@ impl Verdict {
             outcome: self.outcome(),
             unstable: self.is_unstable(),
             behind_link: self.behind_link,
+            errors: self.errors.clone(),
             findings: findings.collect(),
         }
     }
@@ -231,8 +243,7 @@ fn unknown_actuators(case: &Case<'_>) -> Vec<Finding> {
     }
     let unknown = case.actuators.iter().filter_map(|actuator| {
         let machine = actuator.link?;
-        let is_known = machine.computed || actuator.transfer.is_some();
-        (!is_known).then(|| {
+        (!actuator.is_known()).then(|| {
             let text = format!(
                 "the delay of specimen \"{}\" is not known, so the stability of the loop with it is not known",
                 actuator.name
@@ -352,8 +363,7 @@ mod tests {
         let accepted = Case {
             accepts: Accepts {
                 unstable: Some("a study".to_owned()),
-                trip: None,
-                speed: None,
+                ..Accepts::default()
             },
             ..case(&analysis, Some(1.05 * critical))
         };

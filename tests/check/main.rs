@@ -8,6 +8,7 @@ mod link_common;
 mod bad_input;
 mod bad_structure;
 mod certificate;
+mod errors;
 mod gateway_config;
 mod ground_motions;
 mod link_config;

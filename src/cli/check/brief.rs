@@ -46,6 +46,7 @@ pub(super) fn tabulate(checked: &Checked<'_>, table: &mut Table) {
         table.row("integrator", &text);
     }
     of_delays(checked, table);
+    of_errors(checked, table);
     match &checked.judged.rehearsed {
         Some(full) => {
             table.row("rehearsal", &of_rehearsal(full));
@@ -221,6 +222,19 @@ fn of_delays(checked: &Checked<'_>, table: &mut Table) {
                 );
             }
         }
+    }
+}
+
+/// Errors of method and coupling, and the damping that the actuators add.
+pub(super) fn of_errors(checked: &Checked<'_>, table: &mut Table) {
+    let Some(errors) = &checked.judged.verdict.errors else {
+        return;
+    };
+    for (name, error) in errors.each() {
+        table.row(&format!("error, {name}"), &error.words());
+    }
+    if let Some(text) = errors.of_modes() {
+        table.row("damping", &text);
     }
 }
 

@@ -75,6 +75,7 @@ pub(crate) fn check(file: &TestFile, clock_is_chosen: bool) -> Vec<Finding> {
         ("accept_trip", &file.safety.accept_trip),
         ("accept_wiring", &file.safety.accept_wiring),
         ("accept_speed", &file.safety.accept_speed),
+        ("accept_error", &file.safety.accept_error),
     ];
     for (key, reason) in reasons {
         findings.reason(root.key("safety").key(key), reason.as_deref());

@@ -36,6 +36,16 @@ pub(super) fn check_safety(file: &TestFile, findings: &mut Findings) {
             );
         }
     }
+    let (warn, refuse) = (safety.error_warn, safety.error_refuse);
+    let is_sound = warn > 0.0 && refuse >= warn && refuse.is_finite();
+    if !is_sound {
+        let text = format!(
+            "`error_warn` is {warn} and `error_refuse` is {refuse}, but 0 < `error_warn` ≤ `error_refuse` is required"
+        );
+        findings
+            .0
+            .push(Finding::error(at.key("error_refuse"), text).label("shares of a drift"));
+    }
     for (key, value) in [
         ("zero_s", safety.zero_s.unwrap_or(0.0)),
         ("ramp_s", safety.ramp_s),

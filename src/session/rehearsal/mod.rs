@@ -16,6 +16,7 @@
 mod budget;
 mod capacity;
 mod drift;
+mod errors;
 mod findings;
 mod hold;
 mod meter;
@@ -29,6 +30,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 pub use budget::Budget;
 pub use capacity::{Most, NEEDS, Used};
 pub use drift::large_drift;
+pub use errors::errors;
 pub use hold::{Held, rehearse_hold};
 pub use meter::{AxisNeed, Extreme};
 pub use speeds::{Speeds, compare_speeds};

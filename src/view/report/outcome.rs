@@ -9,7 +9,7 @@ use super::text::{count, exact, plural, quantity};
 use crate::catalog::ending::Status;
 use crate::catalog::event::Remark;
 use crate::record::{Event, EventLine, MissCause};
-use crate::stability::{RecordedFinding, RecordedVerdict};
+use crate::stability::{RecordedFinding, RecordedVerdict, per_cent};
 use crate::view::{Feature, SummaryView};
 
 /// How good the news is; decides the colour of the banner.
@@ -97,6 +97,24 @@ pub(super) fn verdict(run: &RunView, after: Option<u64>, more: &[String]) -> Ver
         tone = Tone::Bad;
         headline += "; the LOOP IS UNSTABLE";
         sentences.push(ended(&unstable));
+    }
+    if let Some(errors) = judged.and_then(|judged| judged.errors.as_ref()) {
+        for (name, error) in errors.each() {
+            sentences.push(ended(&format!("Error of the {name}: {}", error.words())));
+            if error.not_known.is_some() {
+                tone = worse(tone);
+                headline += &format!("; the error of the {name} is not known");
+            } else if !error.is_below(errors.warn) {
+                let is_large = !error.is_below(errors.refuse);
+                tone = if is_large { Tone::Bad } else { worse(tone) };
+                let size = per_cent(error.drift.unwrap_or(f64::NAN));
+                headline += &format!("; the error of the {name} is {size}");
+            }
+        }
+        if let Some(text) = errors.of_modes().filter(|_| errors.take_damping()) {
+            tone = worse(tone);
+            sentences.push(ended(&text));
+        }
     }
     let findings = judged.map_or(&[][..], |judged| &judged.findings);
     let is_error = |one: &&RecordedFinding| one.severity == "error";

@@ -44,6 +44,8 @@ class Check:
         findings: The findings on stability and on the needs of the test.
         warnings: Warnings on the test file, as text.
         outcome: "clear", "accepted", "simulated" or "refused".
+        errors: Errors of the method ("method") and of the coupling ("coupling"), and the damping that the actuators add ("modes").
+            Shares of the largest drift, the root mean square and the input energy. None without a structure.
         is_allowed: False if a finding forbids the test, or if the certificate of a rehearsal says no-go.
         data: The whole document of `gusset check --json`.
     """
@@ -51,6 +53,7 @@ class Check:
     findings: list[Finding]
     warnings: list[str]
     outcome: str
+    errors: dict[str, Any] | None
     is_allowed: bool
     data: dict[str, Any]
 
@@ -75,4 +78,4 @@ def check(test: str | os.PathLike[str], *, set: Mapping[str, Any] | None = None,
     data = json.loads(done.stdout)
     verdict = data["verdict"]
     findings = [Finding(**{name: found[name] for name in Finding.__dataclass_fields__}) for found in verdict["findings"]]
-    return Check(findings, data.get("warnings", []), verdict["outcome"], done.returncode == 0, data)
+    return Check(findings, data.get("warnings", []), verdict["outcome"], verdict.get("errors"), done.returncode == 0, data)

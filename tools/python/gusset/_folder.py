@@ -367,6 +367,14 @@ class Run:
         """Why the test ended; None without a summary."""
         return self.summary.get("reason")
 
+    @property
+    def errors(self) -> dict[str, Any] | None:
+        """Errors of the method ("method") and of the coupling ("coupling"), and the damping that the actuators add ("modes").
+
+        Shares of the largest drift, the root mean square and the input energy. None if they were not computed.
+        """
+        return (self.summary.get("verdict") or {}).get("errors")
+
     def step_rows(self) -> npt.NDArray[np.intp]:
         """Places of the rows of a CSV export among the ticks of this run: the last tick of each step, shape (steps,)."""
         ends = np.flatnonzero(np.isin(self._column("state"), (STEP, TRIPPED)))

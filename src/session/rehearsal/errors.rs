@@ -1,0 +1,409 @@
+//! Errors of a test, before it runs: what its method and its actuators do to the largest drifts.
+//!
+//! Three courses are compared. The test as it will run is its rehearsal. The same test with ideal specimens, by the same method and
+//! λ, shows what the actuators do. Newmark's average acceleration with iteration at a half and at a quarter of the step,
+//! extrapolated after Richardson, shows what the method does. An error that cannot be had is not known, and the reason is given.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use super::budget::Budget;
+use super::{Staging, StandIn, staged_with};
+use crate::catalog::column;
+use crate::config::{ConfigError, Loaded};
+use crate::engine::{Control, Ending, Experiment, Phase};
+use crate::model::StructureSpec;
+use crate::motion::Excitation;
+use crate::record::{Recorder, TimedEvent};
+use crate::setup::{self, Ideal, IdealCourse, NoCourse};
+use crate::stability::{AddedDamping, DriftError, Errors, TestError};
+
+/// Steps of the courses in one step of the test: one by the method, two and four by the reference.
+const STEPS: u64 = 7;
+/// Most numbers of one course.
+const MOST: u64 = 4_000_000;
+/// A drift that is smaller than this share of the largest of its kind is not compared.
+const MOVES: f64 = 0.01;
+/// Directions that are listed.
+const LISTED: usize = 32;
+/// Share of an error by which its reference may be off.
+const SURE: f64 = 0.5;
+
+/// A drift: entries of its row, the part of the base in it, and its name.
+struct Direction {
+    name: String,
+    row: Vec<(usize, f64)>,
+    base: f64,
+    rotation: bool,
+}
+
+/// Course of one direction.
+type Series = Vec<f64>;
+
+/// The errors of a test that runs with `lambda`; none of a test without a structure. `modes` are those with the damping of the
+/// actuators. `unknown` is the first specimen whose actuator is not known.
+///
+/// # Errors
+/// As [`setup::build`].
+pub fn errors(
+    loaded: &Loaded,
+    lambda: Option<f64>,
+    modes: Vec<AddedDamping>,
+    unknown: Option<&str>,
+) -> Result<Option<Errors>, ConfigError> {
+    if loaded.file.structure.is_none() {
+        return Ok(None);
+    }
+    let safety = &loaded.file.safety;
+    let found = |method, coupling| {
+        Ok(Some(Errors {
+            method,
+            coupling,
+            modes,
+            warn: safety.error_warn,
+            refuse: safety.error_refuse,
+        }))
+    };
+    let neither = |why: String| (TestError::not_known(why.clone()), TestError::not_known(why));
+    let silent = loaded.file.specimen.iter();
+    let mut silent = silent.filter(|table| StandIn::of(table) == StandIn::Nothing);
+    if let Some(table) = silent.next() {
+        let (method, coupling) = neither(format!(
+            "nothing stands for specimen \"{}\", which has no stand-in `law` and no stiffness",
+            table.name
+        ));
+        return found(method, coupling);
+    }
+    let ideal = || setup::build_ideal(loaded, lambda);
+    let by_method = match ideal() {
+        Ok(ideal) => ideal,
+        Err(error) => {
+            let (method, coupling) = neither(format!("no ideal specimens: {error}"));
+            return found(method, coupling);
+        }
+    };
+    let dofs = by_method.dofs() as u64;
+    let steps = loaded.time.steps;
+    let budget = Budget::default();
+    let cost = Budget::cost_of(dofs);
+    if steps.saturating_mul(STEPS) > budget.ticks(cost) || steps.saturating_mul(dofs) > MOST {
+        let (method, coupling) =
+            neither("DOFs times steps are beyond the budget of the rehearsal".to_owned());
+        return found(method, coupling);
+    }
+    let directions = directions(loaded, &by_method);
+    let excitation = by_method.excitation().clone();
+    let own = match by_method.by_method() {
+        Ok(course) => course,
+        Err(why) => {
+            let (method, coupling) = neither(format!("with ideal specimens {}", words(why)));
+            return found(method, coupling);
+        }
+    };
+    let of = |course: &IdealCourse| Drifts::of(course, &directions, &excitation);
+    let drifts = of(&own);
+    let method = match (ideal()?.by_newmark(2), ideal()?.by_newmark(4)) {
+        (Ok(half), Ok(quarter)) => {
+            let references = [of(&half), of(&quarter)];
+            of_method(&drifts, references, &directions, safety.error_warn)
+        }
+        (Err(why), _) | (_, Err(why)) => {
+            TestError::not_known(format!("in the reference {}", words(why)))
+        }
+    };
+    let coupling = match unknown {
+        _ if loaded.file.specimen.is_empty() => TestError::none(),
+        Some(name) => {
+            TestError::not_known(format!("the actuator of specimen \"{name}\" is not known"))
+        }
+        None => match as_it_runs(loaded, dofs as usize)? {
+            Ok(course) => compared(&of(&course), &drifts, &directions),
+            Err(why) => TestError::not_known(why),
+        },
+    };
+    found(method, coupling)
+}
+
+const fn words(why: NoCourse) -> &'static str {
+    match why {
+        NoCourse::NoEquilibrium => {
+            "no equilibrium is found: the structure collapses, or a law is too steep for the iteration"
+        }
+        NoCourse::Diverged => "the response grows without bound",
+    }
+}
+
+/// Storeys of a shear building or chain, otherwise DOFs; then the axes of specimens that none of them is.
+fn directions(loaded: &Loaded, ideal: &Ideal) -> Vec<Direction> {
+    let structure = loaded.file.structure.as_ref();
+    let kind = structure.and_then(|table| table.kinds().first().map(|(_, spec)| *spec));
+    let rotations = structure.map_or(&[][..], |table| table.rotations.as_slice());
+    let iota = ideal.influence();
+    let base = |row: &[(usize, f64)]| row.iter().map(|(dof, b)| b * iota[*dof]).sum();
+    let n = ideal.dofs();
+    let mut found: Vec<Direction> = (0..n)
+        .map(|dof| {
+            let (name, row) = match kind {
+                None | Some(StructureSpec::Matrices(_)) => {
+                    (format!("DOF {}", dof + 1), vec![(dof, 1.0)])
+                }
+                Some(_) if dof == 0 => ("storey 1".to_owned(), vec![(0, 1.0)]),
+                Some(_) => (
+                    format!("storey {}", dof + 1),
+                    vec![(dof, 1.0), (dof - 1, -1.0)],
+                ),
+            };
+            Direction {
+                base: base(&row),
+                name,
+                rotation: rotations.contains(&(dof + 1)),
+                row,
+            }
+        })
+        .collect();
+    let rows = loaded.file.specimen.iter().zip(ideal.rows());
+    for (table, rows) in rows {
+        let many = rows.len() > 1;
+        for (axis, mut row) in rows.into_iter().enumerate() {
+            row.sort_by_key(|(dof, _)| std::cmp::Reverse(*dof));
+            let is_there = found.iter().any(|one| one.row == row);
+            if is_there || row.is_empty() {
+                continue;
+            }
+            let axis = if many {
+                format!(", axis {}", axis + 1)
+            } else {
+                String::new()
+            };
+            found.push(Direction {
+                base: base(&row),
+                name: format!("specimen {}{axis}", table.name),
+                rotation: row.iter().all(|(dof, _)| rotations.contains(&(dof + 1))),
+                row,
+            });
+        }
+    }
+    found
+}
+
+/// Drifts of a course, and its input energy; none with a moving base.
+struct Drifts {
+    each: Vec<Series>,
+    energy: Option<f64>,
+}
+
+impl Drifts {
+    fn of(course: &IdealCourse, directions: &[Direction], excitation: &Excitation) -> Self {
+        let n = course.dofs;
+        let steps = || course.disp.chunks_exact(n);
+        let each = directions.iter().map(|direction| {
+            let rows = steps().enumerate().map(|(step, disp)| {
+                let own: f64 = direction.row.iter().map(|(dof, b)| b * disp[*dof]).sum();
+                own - direction.base * excitation.base(step).0
+            });
+            rows.collect()
+        });
+        let mut energy = 0.0;
+        let (mut before, mut load) = (vec![0.0; n], vec![0.0; n]);
+        excitation.load_into(0, &mut before);
+        for (step, (from, to)) in steps().zip(steps().skip(1)).enumerate() {
+            excitation.load_into(step + 1, &mut load);
+            for dof in 0..n {
+                energy += 0.5 * (before[dof] + load[dof]) * (to[dof] - from[dof]);
+            }
+            std::mem::swap(&mut before, &mut load);
+        }
+        Self {
+            each: each.collect(),
+            energy: (!excitation.has_base()).then_some(energy),
+        }
+    }
+}
+
+/// Largest magnitude of a series, between its steps by a parabola.
+fn peak(series: &[f64]) -> f64 {
+    let sizes = series.iter().map(|value| value.abs()).enumerate();
+    let (at, largest) = sizes.fold(
+        (0, 0.0),
+        |most, one| if one.1 > most.1 { one } else { most },
+    );
+    let (Some(before), Some(after)) = (
+        at.checked_sub(1).and_then(|place| series.get(place)),
+        series.get(at + 1),
+    ) else {
+        return largest;
+    };
+    let sign = series[at].signum();
+    let (before, after) = (sign * before, sign * after);
+    let bend = 2.0 * largest - before - after;
+    if bend > 0.0 {
+        largest + (after - before).powi(2) / (8.0 * bend)
+    } else {
+        largest
+    }
+}
+
+fn rms(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), value| {
+        (sum + value * value, count + 1.0)
+    });
+    f64::sqrt(sum / f64::max(count, 1.0))
+}
+
+fn share(difference: f64, reference: f64) -> f64 {
+    if difference == 0.0 {
+        0.0
+    } else {
+        (difference / reference).abs()
+    }
+}
+
+/// The error of a course against a reference.
+fn compared(course: &Drifts, reference: &Drifts, directions: &[Direction]) -> TestError {
+    let peaks: Vec<f64> = reference.each.iter().map(|series| peak(series)).collect();
+    let largest = |rotation: bool| {
+        let of_kind = directions.iter().zip(&peaks);
+        let of_kind = of_kind.filter(|(direction, _)| direction.rotation == rotation);
+        of_kind.fold(0.0, |most: f64, (_, peak)| most.max(*peak))
+    };
+    let largest = [largest(false), largest(true)];
+    let pairs = course.each.iter().zip(&reference.each);
+    let mut found: Vec<DriftError> = (pairs.zip(directions).zip(&peaks))
+        .filter(|((_, direction), peak)| {
+            let most = largest[usize::from(direction.rotation)];
+            most > 0.0 && **peak >= MOVES * most
+        })
+        .map(|(((own, reference), direction), of_reference)| {
+            let of_own = peak(own);
+            let differences = own.iter().zip(reference).map(|(a, b)| a - b);
+            DriftError {
+                name: direction.name.clone(),
+                largest: of_own,
+                reference: *of_reference,
+                error: share(of_own - of_reference, *of_reference),
+                nrmse: share(rms(differences), rms(reference.iter().copied())),
+            }
+        })
+        .collect();
+    if found.iter().any(|one| !one.error.is_finite()) {
+        return TestError::not_known("the response grows without bound");
+    }
+    found.sort_by(|a, b| b.error.total_cmp(&a.error));
+    let energy = course.energy.zip(reference.energy);
+    let nrmse = found.iter().map(|one| one.nrmse).fold(0.0, f64::max);
+    let worst = found.first();
+    let (drift, direction) = worst.map_or((0.0, None), |one| (one.error, Some(one.name.clone())));
+    found.truncate(LISTED);
+    TestError {
+        not_known: None,
+        drift: Some(drift),
+        direction,
+        nrmse: Some(nrmse),
+        energy: energy.map(|(own, reference)| share(own - reference, reference)),
+        directions: found,
+    }
+}
+
+/// The error of the method against the extrapolation of two references. It is not known where these differ by more than half of it,
+/// unless it is small anyway.
+fn of_method(
+    course: &Drifts,
+    [half, quarter]: [Drifts; 2],
+    directions: &[Direction],
+    warn: f64,
+) -> TestError {
+    let beyond = |half: f64, quarter: f64| quarter + (quarter - half) / 3.0;
+    let series = half.each.iter().zip(&quarter.each);
+    let extrapolated = Drifts {
+        each: series
+            .map(|(half, quarter)| {
+                half.iter()
+                    .zip(quarter)
+                    .map(|(h, q)| beyond(*h, *q))
+                    .collect()
+            })
+            .collect(),
+        energy: half.energy.zip(quarter.energy).map(|(h, q)| beyond(h, q)),
+    };
+    let error = compared(course, &extrapolated, directions);
+    let between = compared(&quarter, &extrapolated, directions);
+    let doubt = |off: Option<f64>, found: Option<f64>| {
+        let (off, found) = (off.unwrap_or(0.0), found.unwrap_or(0.0));
+        off > SURE * found && off + found > warn
+    };
+    if between.not_known.is_some() || doubt(between.drift, error.drift) {
+        return TestError::not_known(
+            "the reference still changes with its step: the response is too sensitive, or the step is too long",
+        );
+    }
+    error
+}
+
+/// Displacements of all DOFs at the steps of the running test.
+#[derive(Debug, Clone)]
+struct Kept(Arc<Mutex<Vec<f64>>>, Places);
+
+#[derive(Debug, Clone)]
+struct Places {
+    phase: usize,
+    step: usize,
+    dofs: Vec<usize>,
+}
+
+impl Kept {
+    fn of(experiment: &Experiment) -> Self {
+        let columns = experiment.columns();
+        let place = |name: &str| columns.iter().position(|column| column.name == name);
+        let dofs = &experiment.record_dofs;
+        let places = Places {
+            phase: place(column::STATE.name()).unwrap_or(0),
+            step: place(column::STEP.name()).unwrap_or(0),
+            dofs: (dofs.iter())
+                .filter_map(|dof| place(&column::DISP.of_dof(dof + 1)))
+                .collect(),
+        };
+        Self(Arc::default(), places)
+    }
+}
+
+impl Recorder for Kept {
+    fn row(&mut self, row: &[f64]) -> bool {
+        let at = |column: usize| row.get(column).copied().unwrap_or(f64::NAN);
+        let Self(kept, places) = self;
+        if at(places.phase) == Phase::Running.code() {
+            let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
+            // The last tick of a step stays.
+            kept.truncate(at(places.step) as usize * places.dofs.len());
+            kept.extend(places.dofs.iter().map(|dof| at(*dof)));
+        }
+        true
+    }
+
+    fn event(&mut self, _: TimedEvent) -> bool {
+        true
+    }
+}
+
+/// The test as it will run, on the simulated clock; or why its course is not known.
+fn as_it_runs(loaded: &Loaded, dofs: usize) -> Result<Result<IdealCourse, String>, ConfigError> {
+    let mut experiment = setup::build_rehearsal(loaded)?.experiment;
+    experiment.opening.confirm = false;
+    experiment.record_dofs = (0..dofs).collect();
+    let recorder = Kept::of(&experiment);
+    let kept = Arc::clone(&recorder.0);
+    let (_nobody_speaks, requests) = crossbeam_channel::bounded(1);
+    let control = Control::from(requests);
+    let lifted = Staging::WithoutLimits;
+    let (outcome, ..) = staged_with(experiment, Box::new(recorder), lifted, &control);
+    if outcome.ending != Ending::Completed {
+        let at = outcome.steps as f64 * loaded.time.step.value();
+        let at = super::findings::short(at);
+        return Ok(Err(format!(
+            "the rehearsal ends at {at} s, before the test"
+        )));
+    }
+    let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
+    Ok(Ok(IdealCourse {
+        dofs,
+        disp: std::mem::take(&mut kept),
+    }))
+}

@@ -1,0 +1,448 @@
+//! A test with ideal specimens in one system of equations: no actuator, no sensor, no compensation, no path between two steps.
+//!
+//! What its method and its actuators do to a test is measured against this system. Its specimens are their laws, the declared
+//! stand-ins or linear ones, and they feel the velocities of the test. Nothing here is on the real-time path.
+
+use super::gear::scaled;
+use super::specimens::{IdealLaw, IdealPort};
+use super::{Initial, Refused, Site, Trial, excitation, method, specimens, structure};
+use crate::config::{ConfigError, LambdaValue, Loaded};
+use crate::integrate::{
+    Forces, Lambda, MethodError, Moment, Newmark, NewmarkBeta, NewtonSettings, State, Stepper,
+    Tangents,
+};
+use crate::linalg::{Spd, SymMatrix};
+use crate::model::{Base, Structure};
+use crate::motion::Excitation;
+use crate::port::Axis;
+
+/// Parts in which a static load is applied.
+const PARTS: u32 = 20;
+/// Newton iterations for each part.
+const ITERATIONS: u32 = 60;
+/// Change of the displacement, relative to the largest, at which a part is in equilibrium.
+const SETTLED: f64 = 1e-10;
+/// The same for a step of the reference: far below what it is compared with.
+const CONVERGED: f64 = 1e-8;
+
+/// Structure, load and specimens, in virgin state.
+#[derive(Debug)]
+pub struct Ideal {
+    system: System,
+    damping: SymMatrix,
+    stiffness: SymMatrix,
+    state: State,
+    load: Option<Vec<f64>>,
+    stepper: Stepper,
+    dt: f64,
+}
+
+/// What has forces.
+#[derive(Debug)]
+struct System {
+    structure: Structure,
+    excitation: Excitation,
+    specimens: Vec<IdealPort>,
+    /// Steps of the method in one step of the test.
+    divider: u64,
+    spare: Vec<f64>,
+}
+
+/// Why a course could not be computed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NoCourse {
+    /// A step or the static load has no equilibrium that the iteration finds.
+    NoEquilibrium,
+    /// The response is no finite number any more.
+    Diverged,
+}
+
+/// Course of a test: displacements of all DOFs, step after step.
+#[derive(Debug, Clone, Default)]
+pub struct IdealCourse {
+    /// DOFs.
+    pub dofs: usize,
+    /// In m or rad, at the steps of the test from t = 0.
+    pub disp: Vec<f64>,
+}
+
+/// The test with ideal specimens and the λ with which it runs.
+///
+/// # Errors
+/// As [`super::build`].
+pub fn build_ideal(loaded: &Loaded, lambda: Option<f64>) -> Result<Ideal, ConfigError> {
+    let mut ideal = loaded.clone();
+    for table in &mut ideal.file.specimen {
+        table.transfer = None;
+        table.identified = None;
+        table.compensation = None;
+        if table.geometry.take().is_some() {
+            // The law stands at the platform, whose coordinates the rows are of.
+            table.axis.clear();
+        }
+    }
+    match lambda {
+        Some(f64::INFINITY) => ideal.file.integrator.lambda = LambdaValue::Infinite,
+        Some(value) => ideal.file.integrator.lambda = LambdaValue::Number(value),
+        None => {}
+    }
+    let trial = Trial {
+        ideal: true,
+        at_test_speed: true,
+        ..Trial::default()
+    };
+    let mut site = Site::new(&ideal, Some(&trial), None);
+    match assemble(&mut site) {
+        Ok(found) => Ok(found),
+        Err(Refused) => Err(ideal.refuse(std::mem::take(&mut site.errors))),
+    }
+}
+
+fn assemble(site: &mut Site<'_>) -> Result<Ideal, Refused> {
+    let specimens = specimens::specimens(site)?;
+    let structure = structure::structure(site, &specimens)?;
+    let n = structure.dofs();
+    specimens.check_rows(site, n)?;
+    let dt = site.loaded.time.step.value();
+    let stiffness = structure
+        .reference_stiffness()
+        .plus(1.0, &specimens.stiffness(n));
+    let damping = structure
+        .reference_damping()
+        .plus(1.0, &specimens.damping(n));
+    let initial = Initial {
+        damping: &damping,
+        stiffness: &stiffness,
+        dt,
+    };
+    let stepper = match method::companion(site, &structure, &initial)? {
+        Some((stepper, _)) => stepper,
+        None => {
+            let lambda = match site.loaded.file.integrator.lambda {
+                LambdaValue::Number(value) => Lambda::new(value).unwrap_or(Lambda::Infinite),
+                _ => Lambda::Infinite,
+            };
+            method::family(site, &structure, &initial, lambda)?.0
+        }
+    };
+    let (excitation, load) = excitation::excitation(site, &structure, &specimens)?;
+    let state = structure::initial_state(site, n)?;
+    let specimens = specimens.into_ideal(structure.influence());
+    Ok(Ideal {
+        system: System {
+            structure,
+            excitation,
+            specimens,
+            divider: 1,
+            spare: vec![0.0; n],
+        },
+        damping,
+        stiffness,
+        state,
+        load,
+        stepper,
+        dt,
+    })
+}
+
+impl Ideal {
+    /// Degrees of freedom.
+    #[must_use]
+    pub fn dofs(&self) -> usize {
+        self.system.structure.dofs()
+    }
+
+    /// ι of the structure.
+    #[must_use]
+    pub fn influence(&self) -> &[f64] {
+        self.system.structure.influence()
+    }
+
+    /// Its loads and the motion of its base.
+    #[must_use]
+    pub const fn excitation(&self) -> &Excitation {
+        &self.system.excitation
+    }
+
+    /// Rows of B of each specimen.
+    #[must_use]
+    pub fn rows(&self) -> Vec<Vec<Vec<(usize, f64)>>> {
+        let specimens = self.system.specimens.iter();
+        specimens
+            .map(|port| port.axes.iter().map(|axis| axis.row.clone()).collect())
+            .collect()
+    }
+
+    /// The course by the method of the test.
+    ///
+    /// # Errors
+    /// See [`NoCourse`].
+    pub fn by_method(mut self) -> Result<IdealCourse, NoCourse> {
+        if let Stepper::Explicit(integrator) = &self.stepper {
+            integrator.prepare(&mut self.state);
+        }
+        self.go()
+    }
+
+    /// The course by Newmark's average acceleration with iteration, at `divider` steps in a step of the test.
+    ///
+    /// # Errors
+    /// See [`NoCourse`].
+    pub fn by_newmark(mut self, divider: u64) -> Result<IdealCourse, NoCourse> {
+        let newton = NewtonSettings {
+            tolerance: CONVERGED,
+            ..NewtonSettings::default()
+        };
+        self.dt /= divider as f64;
+        self.system.divider = divider;
+        let made: Result<Newmark, MethodError> = Newmark::new(
+            self.system.structure.mass(),
+            &self.damping,
+            &self.stiffness,
+            self.dt,
+            NewmarkBeta::Average,
+            newton,
+        );
+        self.stepper = Stepper::Offline(Box::new(made.map_err(|_| NoCourse::NoEquilibrium)?));
+        self.go()
+    }
+
+    fn go(mut self) -> Result<IdealCourse, NoCourse> {
+        self.settle()?;
+        let n = self.dofs();
+        let steps = self.system.excitation.steps() as u64 * self.system.divider;
+        let mut course = IdealCourse {
+            dofs: n,
+            disp: Vec::with_capacity(n * (self.system.excitation.steps() + 1)),
+        };
+        let (system, state) = (&mut self.system, &mut self.state);
+        let (mut residual, mut reported) = (vec![0.0; n], vec![0.0; n]);
+        for step in 0..=steps {
+            if !state.disp.iter().all(|x| x.is_finite()) {
+                return Err(NoCourse::Diverged);
+            }
+            if step.is_multiple_of(system.divider) {
+                course.disp.extend_from_slice(&state.disp);
+            }
+            let passed = if step == 0 { 0.0 } else { self.dt };
+            match &mut self.stepper {
+                Stepper::Explicit(integrator) => {
+                    let at = Moment::at(step);
+                    system.residual_into(at, &state.disp, &state.vel, passed, &mut residual);
+                    system.commit();
+                    integrator.advance(state, &residual, &mut reported);
+                }
+                Stepper::Offline(method) => {
+                    if step == 0 {
+                        let at = Moment::at(0);
+                        system.residual_into(at, &state.disp, &state.vel, 0.0, &mut residual);
+                        system.commit();
+                        method.begin(state, &residual);
+                    }
+                    if step < steps {
+                        let made = method.step(step + 1, state, system, &mut residual);
+                        made.map_err(|_| NoCourse::NoEquilibrium)?;
+                    }
+                }
+            }
+        }
+        Ok(course)
+    }
+
+    /// Applies the static load: initial displacements count from the position under it.
+    fn settle(&mut self) -> Result<(), NoCourse> {
+        let Some(load) = self.load.take() else {
+            return Ok(());
+        };
+        let n = self.dofs();
+        let (still, mut residual) = (vec![0.0; n], vec![0.0; n]);
+        let mut disp = vec![0.0; n];
+        let mut largest = 0.0_f64;
+        for part in 1..=PARTS {
+            let share = f64::from(part) / f64::from(PARTS);
+            let mut iteration = 0;
+            loop {
+                for (r, load) in residual.iter_mut().zip(&load) {
+                    *r = share * load;
+                }
+                self.system
+                    .subtract(&disp, &still, Base::default(), 0.0, &mut residual);
+                let tangent = self.system.tangents().stiffness;
+                let stiffness = if 2 * iteration < ITERATIONS {
+                    &tangent
+                } else {
+                    &self.stiffness
+                };
+                let factor = Spd::factor(stiffness).or_else(|_| Spd::factor(&self.stiffness));
+                let mut factor = factor.map_err(|_| NoCourse::NoEquilibrium)?;
+                factor.solve_in_place(&mut residual);
+                let mut change = 0.0_f64;
+                for (x, dx) in disp.iter_mut().zip(&residual) {
+                    *x += dx;
+                    change = change.max(dx.abs());
+                    largest = largest.max(x.abs());
+                }
+                if !change.is_finite() || iteration == ITERATIONS {
+                    return Err(NoCourse::NoEquilibrium);
+                }
+                if change <= SETTLED * largest {
+                    break;
+                }
+                iteration += 1;
+            }
+            self.system.commit();
+        }
+        for (x, settled) in self.state.disp.iter_mut().zip(&disp) {
+            *x += settled;
+        }
+        Ok(())
+    }
+}
+
+impl System {
+    /// residual ← residual less the forces of structure and specimens: a trial.
+    fn subtract(&mut self, disp: &[f64], vel: &[f64], base: Base, dt: f64, residual: &mut [f64]) {
+        self.structure.subtract_trial(disp, vel, base, dt, residual);
+        for port in &mut self.specimens {
+            port.subtract(disp, vel, base, dt, residual);
+        }
+    }
+}
+
+impl Forces for System {
+    /// The load is linear between the steps of the test.
+    fn residual_into(
+        &mut self,
+        at: Moment,
+        disp: &[f64],
+        vel: &[f64],
+        dt: f64,
+        residual: &mut [f64],
+    ) {
+        let place = (at.step as f64 - at.back).max(0.0) / self.divider as f64;
+        let share = place.fract();
+        let step = place as usize;
+        self.excitation.load_into(step, residual);
+        let (disp_0, vel_0) = self.excitation.base(step);
+        let mut base = Base {
+            disp: disp_0,
+            vel: vel_0,
+        };
+        if share > 0.0 {
+            let weigh = |old: f64, new: f64| (1.0 - share) * old + share * new;
+            self.excitation.load_into(step + 1, &mut self.spare);
+            for (old, new) in residual.iter_mut().zip(&self.spare) {
+                *old = weigh(*old, *new);
+            }
+            let (disp_1, vel_1) = self.excitation.base(step + 1);
+            base = Base {
+                disp: weigh(base.disp, disp_1),
+                vel: weigh(base.vel, vel_1),
+            };
+        }
+        self.subtract(disp, vel, base, dt, residual);
+    }
+
+    fn tangents(&self) -> Tangents {
+        let n = self.structure.dofs();
+        let add = |of: SymMatrix, which: usize| {
+            let matrices = self.specimens.iter().map(|port| port.tangent(which));
+            let entries: Vec<_> = matrices.flatten().collect();
+            if entries.is_empty() {
+                of
+            } else {
+                of.plus(1.0, &SymMatrix::from_triplets(n, entries))
+            }
+        };
+        Tangents {
+            stiffness: add(self.structure.tangent_stiffness(), 0),
+            damping: add(self.structure.tangent_damping(), 1),
+        }
+    }
+
+    fn commit(&mut self) {
+        self.structure.commit();
+        for port in &mut self.specimens {
+            if let IdealLaw::Law(law) = &mut port.law {
+                law.commit();
+            }
+        }
+    }
+}
+
+impl IdealPort {
+    fn subtract(&mut self, disp: &[f64], vel: &[f64], base: Base, dt: f64, residual: &mut [f64]) {
+        let motion = |row: &[(usize, f64)], of: &[f64]| -> f64 {
+            row.iter().map(|(dof, b)| b * of[*dof]).sum()
+        };
+        for (axis, (d, v)) in self
+            .axes
+            .iter()
+            .zip(self.disp.iter_mut().zip(&mut self.vel))
+        {
+            *d = motion(&axis.row, disp) - axis.base * base.disp;
+            *v = motion(&axis.row, vel) - axis.base * base.vel;
+        }
+        match &mut self.law {
+            IdealLaw::Law(law) => {
+                let own = self.disp.iter_mut().zip(&mut self.vel);
+                for ((axis, (d, v)), (metres, _)) in self.axes.iter().zip(own).zip(&self.units) {
+                    *d = axis.command(*d) * metres;
+                    *v *= axis.vel_gain * metres;
+                }
+                law.trial(&self.disp, &self.vel, dt, &mut self.force);
+                let forces = self.force.iter_mut().zip(&self.axes).zip(&self.units);
+                for ((force, axis), (_, newtons)) in forces {
+                    *force = axis.force_gain * (*force / newtons - axis.force_offset);
+                }
+            }
+            IdealLaw::Linear { stiffness, damping } => {
+                for (index, force) in self.force.iter_mut().enumerate() {
+                    let of = |rows: &[Vec<f64>], values: &[f64]| -> f64 {
+                        rows[index].iter().zip(values).map(|(a, b)| a * b).sum()
+                    };
+                    *force = of(stiffness, &self.disp) + of(damping, &self.vel);
+                }
+            }
+        }
+        for (axis, force) in self.axes.iter().zip(&self.force) {
+            for (dof, b) in &axis.row {
+                residual[*dof] -= b * force;
+            }
+        }
+    }
+
+    /// Entries of Bᵀ K B (0) or Bᵀ C B (1) at the last trial, lower triangle.
+    fn tangent(&self, which: usize) -> Vec<(usize, usize, f64)> {
+        let n = self.axes.len();
+        let rows = match &self.law {
+            IdealLaw::Linear { stiffness, damping } => [stiffness, damping][which].clone(),
+            IdealLaw::Law(law) => {
+                let mut flat = vec![0.0; n * n];
+                let motion: fn(&Axis) -> f64 = if which == 0 {
+                    law.tangent(&mut flat);
+                    |axis| axis.disp_gain
+                } else {
+                    law.tangent_damping(&mut flat);
+                    |axis| axis.vel_gain
+                };
+                scaled(&flat, &self.axes, &self.units, motion)
+            }
+        };
+        let mut entries = Vec::new();
+        for (i, row) in rows.iter().enumerate() {
+            // A solver wants a symmetric tangent.
+            for (j, own) in row.iter().enumerate() {
+                let value = 0.5 * (own + rows[j][i]);
+                for (p, a) in &self.axes[i].row {
+                    for (q, b) in &self.axes[j].row {
+                        if p >= q && value != 0.0 {
+                            entries.push((*p, *q, value * a * b));
+                        }
+                    }
+                }
+            }
+        }
+        entries
+    }
+}

@@ -1,0 +1,345 @@
+//! Errors of a test: those of its method and of its actuators, and the damping that the actuators add to each mode.
+
+use nalgebra::Complex;
+use serde::{Deserialize, Serialize};
+
+use super::analysis::{Analysis, Attached};
+use super::case::Case;
+use super::recorded::Kind;
+use crate::finding::{Finding, KeyPath};
+use crate::linalg;
+use crate::units::number;
+
+/// Share of its own damping that a mode may lose to the actuators before a finding.
+const LOST: f64 = 0.5;
+/// Damping that the actuators may take from a mode without damping before a finding.
+const TAKEN: f64 = 5e-4;
+/// A smaller damping ratio counts as none.
+const UNDAMPED: f64 = 1e-6;
+/// Share of the added damping that its first order may be off.
+const ROUNDING: f64 = 0.02;
+
+/// Errors of a test with a structure: `verdict.errors` of `summary.json` and of `check --json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Errors {
+    /// Error of the integration method, against Newmark's average acceleration with iteration. Specimens are ideal in both.
+    pub method: TestError,
+    /// Error of the coupling: the rehearsed test against the test with ideal specimens, by the method of the test.
+    pub coupling: TestError,
+    /// Damping that the actuators add to each mode. Empty without actuators.
+    pub modes: Vec<AddedDamping>,
+    /// Error of a largest drift from which it is a finding, as a share.
+    pub warn: f64,
+    /// Error of a largest drift from which it is an error, as a share.
+    pub refuse: f64,
+}
+
+/// One error of a test. Shares are of the reference.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct TestError {
+    /// Why the error is not known. Null where it is known.
+    pub not_known: Option<String>,
+    /// Largest error of a largest drift, as a share of this drift.
+    pub drift: Option<f64>,
+    /// Storey, specimen or DOF that has it.
+    pub direction: Option<String>,
+    /// Largest root mean square of the difference of a drift, as a share of that of the drift.
+    pub nrmse: Option<f64>,
+    /// Error of the input energy, as a share. Null with a base displacement.
+    pub energy: Option<f64>,
+    /// Every storey, specimen or DOF that moves, the largest error first.
+    pub directions: Vec<DriftError>,
+}
+
+/// Error of one storey, specimen or DOF.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DriftError {
+    /// Its name.
+    pub name: String,
+    /// Largest drift in the test, m or rad.
+    pub largest: f64,
+    /// The same of the reference.
+    pub reference: f64,
+    /// Difference of the two, as a share of the reference.
+    pub error: f64,
+    /// Root mean square of the difference, as a share of that of the reference.
+    pub nrmse: f64,
+}
+
+/// A mode with the damping that the actuators add.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct AddedDamping {
+    /// Natural frequency in rad/s.
+    pub frequency_rad_per_s: f64,
+    /// Damping ratio without actuators.
+    pub damping_ratio: f64,
+    /// Damping ratio that the actuators add. Null where a compensation adapts or feeds back.
+    pub added_ratio: Option<f64>,
+}
+
+impl TestError {
+    /// An error that is not known.
+    #[must_use]
+    pub fn not_known(why: impl Into<String>) -> Self {
+        Self {
+            not_known: Some(why.into()),
+            ..Self::default()
+        }
+    }
+
+    /// No error at all.
+    #[must_use]
+    pub fn none() -> Self {
+        Self {
+            drift: Some(0.0),
+            nrmse: Some(0.0),
+            energy: Some(0.0),
+            ..Self::default()
+        }
+    }
+
+    /// True if it is known and at most `limit`.
+    #[must_use]
+    pub fn is_below(&self, limit: f64) -> bool {
+        self.not_known.is_none() && self.drift.is_some_and(|drift| drift <= limit)
+    }
+
+    /// In words.
+    #[must_use]
+    pub fn words(&self) -> String {
+        if let Some(why) = &self.not_known {
+            return format!("not known: {why}");
+        }
+        let Some(drift) = self.drift else {
+            return "not known".to_owned();
+        };
+        if self.directions.is_empty() {
+            return "none".to_owned();
+        }
+        let place = self.direction.as_deref().unwrap_or("structure");
+        let mut text = format!("{} of the largest drift ({place})", per_cent(drift));
+        if let Some(nrmse) = self.nrmse {
+            text.push_str(&format!(", NRMSE {}", per_cent(nrmse)));
+        }
+        if let Some(energy) = self.energy {
+            text.push_str(&format!(", input energy {}", per_cent(energy)));
+        }
+        text
+    }
+}
+
+/// A share in per cent.
+#[must_use]
+pub fn per_cent(share: f64) -> String {
+    let value = 100.0 * share;
+    match value.abs() {
+        size if size < 0.01 => "less than 0.01 %".to_owned(),
+        size if size < 1.0 => format!("{value:.2} %"),
+        size if size < 10.0 => format!("{value:.1} %"),
+        size if size < 1e6 => format!("{value:.0} %"),
+        _ => format!("{} %", number(value)),
+    }
+}
+
+impl AddedDamping {
+    /// True if much of its damping is taken.
+    fn is_taken(&self) -> bool {
+        let own = self.damping_ratio;
+        let limit = if own > UNDAMPED { -LOST * own } else { -TAKEN };
+        self.added_ratio.is_some_and(|added| added < limit)
+    }
+
+    /// The damping that is left, as a share of its own where it has some.
+    fn left(&self) -> f64 {
+        let added = self.added_ratio.unwrap_or(f64::INFINITY);
+        if self.damping_ratio > UNDAMPED {
+            1.0 + added / self.damping_ratio
+        } else {
+            1.0 + LOST * added / TAKEN
+        }
+    }
+
+    /// The finding on this mode, from 0; none if the actuators take little of its damping. `may_grow`: the loop is proven neither
+    /// stable nor unstable.
+    fn finding(&self, mode: usize, may_grow: bool) -> Option<Finding> {
+        let added = self.added_ratio.filter(|_| self.is_taken())?;
+        let own = self.damping_ratio;
+        let has_damping = own > UNDAMPED;
+        let at = KeyPath::root().key("specimen").index(0);
+        let text = format!(
+            "the actuators add {} of damping to mode {} ({} Hz), which has {}: {} is left",
+            ratio(added),
+            mode + 1,
+            number(self.frequency_rad_per_s / std::f64::consts::TAU),
+            ratio(own),
+            ratio(own + added),
+        );
+        let grows = has_damping && own + added < -ROUNDING * added.abs();
+        let finding = if grows && may_grow {
+            Finding::error(at, text)
+        } else {
+            Finding::warning(at, text)
+        };
+        let finding = finding
+            .number("damping_ratio", own)
+            .number("added_ratio", added)
+            .number("frequency_rad_per_s", self.frequency_rad_per_s);
+        Some(
+            finding
+                .help("compensate the lag with [specimen.compensation], or use a faster actuator"),
+        )
+    }
+}
+
+/// A damping ratio in per cent.
+fn ratio(value: f64) -> String {
+    format!("{} %", number(100.0 * value))
+}
+
+impl Errors {
+    /// True if the actuators take much damping from a mode.
+    #[must_use]
+    pub fn take_damping(&self) -> bool {
+        self.modes.iter().any(AddedDamping::is_taken)
+    }
+
+    /// The mode from which the actuators take most of its damping, in words; none without actuators.
+    #[must_use]
+    pub fn of_modes(&self) -> Option<String> {
+        let known = self.modes.iter().enumerate();
+        let known = known.filter_map(|(index, mode)| Some((index, mode, mode.added_ratio?)));
+        let worst = known.min_by(|a, b| a.1.left().total_cmp(&b.1.left()));
+        let Some((index, mode, added)) = worst else {
+            let unknown = !self.modes.is_empty();
+            return unknown.then(|| {
+                "damping that the actuators add: not known, a compensation adapts or feeds back"
+                    .to_owned()
+            });
+        };
+        Some(format!(
+            "the actuators add {} of damping to mode {}, which has {}",
+            ratio(added),
+            index + 1,
+            ratio(mode.damping_ratio)
+        ))
+    }
+
+    /// True if both errors are known and below the limit of a finding.
+    #[must_use]
+    pub fn are_small(&self) -> bool {
+        let small = |error: &TestError| error.is_below(self.warn);
+        small(&self.method) && small(&self.coupling)
+    }
+
+    /// Both errors with what they are called.
+    pub fn each(&self) -> impl Iterator<Item = (&'static str, &TestError)> {
+        [("method", &self.method), ("coupling", &self.coupling)].into_iter()
+    }
+
+    /// The findings on these errors. `is_stable`: the loop is proven stable, or unstable. An unstable loop is an error by itself:
+    /// what its actuators do is then a warning.
+    #[must_use]
+    pub fn findings(&self, is_stable: Option<bool>) -> Vec<(Kind, Finding)> {
+        let mut findings = Vec::new();
+        let root = KeyPath::root();
+        let places = [root.key("integrator"), root.key("specimen").index(0)];
+        let helps = [
+            "reduce the error with a shorter step, a smaller `lambda`, or a smaller reference damping",
+            "reduce the error with a compensation or a faster actuator",
+        ];
+        for (((name, error), at), help) in self.each().zip(places).zip(helps) {
+            if let Some(why) = &error.not_known {
+                let text = format!("the error of the {name} is not known: {why}");
+                findings.push((Kind::Unknown, Finding::warning(at, text)));
+                continue;
+            }
+            let (Some(drift), Some(worst)) = (error.drift, error.directions.first()) else {
+                continue;
+            };
+            if drift <= self.warn {
+                continue;
+            }
+            let text = format!("the error of the {name} is {}", error.words());
+            let follows = name == "coupling" && is_stable == Some(false);
+            let finding = if drift > self.refuse && !follows {
+                Finding::error(at, text)
+            } else {
+                Finding::warning(at, text)
+            };
+            let finding = finding
+                .number("drift_error", drift)
+                .number("largest", worst.largest)
+                .number("reference", worst.reference);
+            findings.push((Kind::Error, finding.help(help)));
+        }
+        let modes = self.modes.iter().enumerate();
+        let of_modes = modes.filter_map(|(index, mode)| mode.finding(index, is_stable.is_none()));
+        findings.extend(of_modes.map(|finding| (Kind::Error, finding)));
+        findings
+    }
+}
+
+/// Damping that the declared actuators add to each mode, to the first order: Im φᵀ Bᵀ Z (H − 1) B φ/(2 ω²), Z being the dynamic
+/// stiffness of a specimen. `pace`: test time that passes in one second. Empty without declared actuators, and for a structure
+/// that is too large.
+#[must_use]
+pub fn added_damping(case: &Case<'_>, pace: f64) -> Vec<AddedDamping> {
+    let Some(analysis) = case.analysis else {
+        return Vec::new();
+    };
+    let pairs = analysis.loops.iter().zip(&analysis.specimens);
+    let actuated: Vec<_> = (pairs.zip(&case.actuators))
+        .filter_map(|((one, specimen), actuator)| {
+            Some((one, specimen, actuator.follows(case.tick)?))
+        })
+        .collect();
+    if actuated.is_empty() {
+        return Vec::new();
+    }
+    let mass = analysis.mass_with(|_, _| true);
+    let Ok(modes) = linalg::modes(&analysis.at_rest.stiffness, &mass) else {
+        return Vec::new();
+    };
+    let each = modes.frequencies.iter().zip(modes.shapes.column_iter());
+    let each = each.filter(|(frequency, _)| **frequency > 0.0);
+    each.map(|(&omega, shape)| {
+        let added = actuated.iter().map(|(one, specimen, follows)| {
+            let respond = |axis: usize| follows.at(omega * pace, &one.system, axis);
+            added_by(specimen, omega, shape.as_slice(), respond)
+        });
+        AddedDamping {
+            frequency_rad_per_s: omega,
+            damping_ratio: own_damping(analysis, shape.as_slice()) / (2.0 * omega),
+            added_ratio: added.sum(),
+        }
+    })
+    .collect()
+}
+
+fn own_damping(analysis: &Analysis, shape: &[f64]) -> f64 {
+    analysis.at_rest.damping.quadratic(shape)
+}
+
+/// What one specimen adds to a mode; none if the response of an actuator is not known.
+fn added_by(
+    specimen: &Attached,
+    omega: f64,
+    shape: &[f64],
+    respond: impl Fn(usize) -> Option<Complex<f64>>,
+) -> Option<f64> {
+    let moved =
+        |row: &Vec<(usize, f64)>| -> f64 { row.iter().map(|(dof, b)| b * shape[*dof]).sum() };
+    let moved: Vec<f64> = specimen.rows.iter().map(moved).collect();
+    let mut work = Complex::new(0.0, 0.0);
+    for (b, of_b) in moved.iter().enumerate() {
+        let off = respond(b)? - 1.0;
+        for (a, of_a) in moved.iter().enumerate() {
+            let inertia = if a == b { specimen.mass_in_force } else { 0.0 };
+            let stiffness = specimen.stiffness_at_rest[a][b] - omega * omega * inertia;
+            let dynamic = Complex::new(stiffness, omega * specimen.damping_at_rest[a][b]);
+            work += dynamic * off * (of_a * of_b);
+        }
+    }
+    Some(work.im / (2.0 * omega * omega))
+}

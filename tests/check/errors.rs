@@ -1,0 +1,201 @@
+//! Errors of method and coupling: numbers, findings, and what they forbid.
+
+use std::path::Path;
+
+use assert_cmd::Command;
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// Mass on a spring in series with a yielding spring. The joint has no mass.
+const SERIES: &str = r#"[time]
+rate_hz = 1024
+duration_s = 10
+clock = "simulated"
+[structure.matrices]
+mass = [[1000.0, 0], [0, 0]]
+stiffness = [[1e6, -1e6], [-1e6, 1e6]]
+influence = [1, 1]
+[[structure.element]]
+from = "ground"
+to = 2
+law.bilinear = { stiffness_n_per_m = 1e7, yield_force_n = 5000.0, post_yield_ratio = 0.01 }
+[excitation.ground_acceleration]
+signal.sine = { amplitude = 4.0, frequency_hz = 2.3, duration_s = 10 }
+[integrator]
+lambda = 3.9
+"#;
+
+/// Mass, spring and dashpot, whose spring is the specimen.
+fn oscillator(specimen: &str, integrator: &str, clock: &str) -> String {
+    format!(
+        "[time]\nrate_hz = 512\nduration_s = 12\nclock = \"{clock}\"\n\
+         [structure.matrices]\nmass = [[1000.0]]\nstiffness = [[0.0]]\ndamping = [[{DAMPING}]]\n{integrator}\
+         [excitation.ground_acceleration.signal.sine]\namplitude = 0.5\nfrequency_hz = 2.0\nduration_s = 12\n\
+         [[specimen]]\nname = \"spring\"\nstorey = 1\nrows = [[1]]\nstiffness_n_per_m = {STIFFNESS}\n{specimen}"
+    )
+    .replace("storey = 1\n", "")
+}
+
+const STIFFNESS: f64 = 1.6e5;
+const DAMPING: f64 = 1265.0;
+const LAW: &str = "law.linear = { stiffness_n_per_m = 1.6e5 }\n";
+
+struct Said {
+    code: i32,
+    json: Value,
+    stderr: String,
+}
+
+fn gusset(folder: &Path, command: &str, text: &str, more: &[&str]) -> Said {
+    let file = folder.join("test.toml");
+    std::fs::write(&file, text).unwrap();
+    let mut process = Command::new(assert_cmd::cargo::cargo_bin!("gusset"));
+    process.arg(command).arg(&file).arg("--json").args(more);
+    if command == "run" {
+        process.arg("--out").arg(folder.join("out"));
+    }
+    let output = process.output().unwrap();
+    Said {
+        code: output.status.code().unwrap(),
+        json: serde_json::from_slice(&output.stdout).unwrap_or(Value::Null),
+        stderr: String::from_utf8(output.stderr).unwrap(),
+    }
+}
+
+fn check(text: &str) -> Said {
+    gusset(TempDir::new().unwrap().path(), "check", text, &[])
+}
+
+fn findings<'a>(said: &'a Said, kind: &str) -> Vec<&'a Value> {
+    let all = said.json["verdict"]["findings"].as_array().unwrap();
+    all.iter().filter(|one| one["kind"] == kind).collect()
+}
+
+#[test]
+fn massless_joint_is_an_error_of_the_method() {
+    let said = check(SERIES);
+    assert_eq!(said.code, 1, "{}", said.stderr);
+    let method = &said.json["verdict"]["errors"]["method"];
+    let of_mass = &method["directions"].as_array().unwrap();
+    let of_mass = of_mass.iter().find(|one| one["name"] == "DOF 1").unwrap();
+    let number = |key: &str| of_mass[key].as_f64().unwrap();
+    // The same structure condensed by hand moves by 8.61 mm. Half a unit of the last digit.
+    assert!((number("reference") - 8.61e-3).abs() < 5e-6, "{of_mass}");
+    assert!((number("largest") - 12.79e-3).abs() < 5e-5, "{of_mass}");
+    assert!((number("error") - (12.79 / 8.61 - 1.0)).abs() < 0.01);
+    let found = findings(&said, "error");
+    assert_eq!(found[0]["severity"], "error");
+    assert_eq!(found[0]["key"], "integrator");
+    let accepted = format!("{SERIES}[safety]\naccept_error = \"a study\"\n");
+    let said = check(&accepted);
+    assert_eq!(said.code, 0);
+    assert_eq!(said.json["verdict"]["outcome"], "accepted");
+    let wide = format!("{SERIES}[safety]\nerror_warn = 0.1\nerror_refuse = 9.0\n");
+    let said = check(&wide);
+    assert_eq!((said.code, findings(&said, "error").len()), (0, 1));
+    assert_eq!(findings(&said, "error")[0]["severity"], "warning");
+    let swapped = format!("{SERIES}[safety]\nerror_warn = 0.3\n");
+    assert_eq!(check(&swapped).code, 2);
+}
+
+#[test]
+fn ideal_linear_test_has_small_known_errors() {
+    let said = check(&oscillator(LAW, "[integrator]\nlambda = 4\n", "simulated"));
+    assert_eq!(said.code, 0, "{}", said.stderr);
+    let errors = &said.json["verdict"]["errors"];
+    // Period error (1/4 − 1/24)... of Ω = 12.65/512: 0.02²·(1/8 − 1/24) is 5e-5 a cycle; 24 cycles change the peak by less than 1 %.
+    for key in ["drift", "energy"] {
+        assert!(errors["method"][key].as_f64().unwrap() < 0.01, "{errors}");
+        assert!(errors["coupling"][key].as_f64().unwrap() < 1e-9, "{errors}");
+    }
+    assert!(errors["modes"].as_array().unwrap().is_empty());
+    assert!(findings(&said, "error").is_empty());
+}
+
+#[test]
+fn delay_is_an_error_of_the_coupling() {
+    // Half of 0.05 is lost: ζ_c = −ω τ/2 to the first order, of the lag of a delay sin(ω τ)/2.
+    let omega = (STIFFNESS / 1000.0).sqrt();
+    let delay = 0.006;
+    let specimen = format!("{LAW}transfer.delay_s = {delay}\n");
+    let said = check(&oscillator(&specimen, "", "simulated"));
+    let errors = &said.json["verdict"]["errors"];
+    let mode = &errors["modes"][0];
+    let added = mode["added_ratio"].as_f64().unwrap();
+    assert!((added + (omega * delay).sin() / 2.0).abs() < 1e-6, "{mode}");
+    let own = mode["damping_ratio"].as_f64().unwrap();
+    assert!((own - DAMPING / (2.0 * 1000.0 * omega)).abs() < 1e-12);
+    // At resonance the response is 1/(2ζ): 0.05 against 0.05 − 0.038.
+    assert!(
+        errors["coupling"]["drift"].as_f64().unwrap() > 0.5,
+        "{errors}"
+    );
+    let found = findings(&said, "error");
+    let severities: Vec<_> = found.iter().map(|one| &one["severity"]).collect();
+    assert_eq!(severities, ["error", "warning"], "{found:?}");
+    assert_eq!(said.code, 1);
+}
+
+#[test]
+fn large_error_behind_a_link_is_refused() {
+    let link = "link = { address = \"127.0.0.1:1\", computed = true, connect_timeout_s = 0.2 }\n\
+                transfer.delay_s = 0.006\n\
+                limits = { command_disp_m = { trip = [-1, 1] }, measured_force_n = { trip = [-1e6, 1e6] } }\n";
+    let folder = TempDir::new().unwrap();
+    let text = oscillator(link, "", "real");
+    let said = gusset(folder.path(), "run", &text, &[]);
+    assert_eq!(said.code, 2, "{}", said.stderr);
+    assert!(said.stderr.contains("accept_error"), "{}", said.stderr);
+    assert!(!folder.path().join("out").exists());
+    let accepted = format!("[safety]\naccept_error = \"a study\"\n{text}");
+    // Nobody answers: it connected, and the link failed.
+    let said = gusset(folder.path(), "run", &accepted, &[]);
+    assert_eq!(said.code, 3, "{}", said.stderr);
+    assert_eq!(said.json["accepted"]["accept_error"], "a study");
+}
+
+#[test]
+fn run_and_report_carry_the_errors() {
+    let folder = TempDir::new().unwrap();
+    let specimen = format!("{LAW}transfer.delay_s = 0.006\n");
+    let text = oscillator(&specimen, "", "simulated");
+    let said = gusset(folder.path(), "run", &text, &[]);
+    assert_eq!(said.code, 0, "{}", said.stderr);
+    let drift = said.json["verdict"]["errors"]["coupling"]["drift"].as_f64();
+    assert!(drift.unwrap() > 0.5);
+    assert!(said.stderr.contains("error, coupling"), "{}", said.stderr);
+    let page = std::fs::read_to_string(folder.path().join("out/report.html")).unwrap();
+    assert!(page.contains("class=\"verdict bad\""));
+    assert!(page.contains("Error of the coupling"));
+    let ideal = TempDir::new().unwrap();
+    let text = oscillator(LAW, "", "simulated");
+    assert_eq!(gusset(ideal.path(), "run", &text, &[]).code, 0);
+    let page = std::fs::read_to_string(ideal.path().join("out/report.html")).unwrap();
+    assert!(page.contains("class=\"verdict good\""));
+}
+
+#[test]
+fn error_without_a_reference_is_not_known() {
+    let link = "damping_n_s_per_m = 0\nlink = { address = \"127.0.0.1:1\", computed = true }\n";
+    let text = oscillator(link, "", "simulated")
+        .replace("stiffness_n_per_m = 160000\n", "stiffness_n_per_m = 0\n")
+        .replace("stiffness = [[0.0]]", "stiffness = [[1.6e5]]");
+    let said = check(&text);
+    let errors = &said.json["verdict"]["errors"];
+    for key in ["method", "coupling"] {
+        assert!(errors[key]["not_known"].is_string(), "{errors}");
+        assert!(errors[key]["drift"].is_null());
+    }
+    assert_eq!(findings(&said, "unknown").len(), 2);
+    // Too long for the budget of the rehearsal.
+    let long = oscillator(LAW, "", "simulated")
+        .replace("duration_s = 12\nclock", "duration_s = 600\nclock");
+    let said = check(&long);
+    assert!(said.json["verdict"]["errors"]["method"]["not_known"].is_string());
+    // The specimen behind a link has an actuator of which nothing is known.
+    let real = "link = { address = \"127.0.0.1:1\" }\n";
+    let said = check(&oscillator(real, "", "simulated"));
+    let errors = &said.json["verdict"]["errors"];
+    assert!(errors["coupling"]["not_known"].is_string(), "{errors}");
+    assert!(errors["method"]["drift"].as_f64().unwrap() < 0.01);
+}
