@@ -421,10 +421,10 @@ impl IdealPort {
                 let mut flat = vec![0.0; n * n];
                 let motion: fn(&Axis) -> f64 = if which == 0 {
                     law.tangent(&mut flat);
-                    |axis| axis.disp_gain
+                    |axis: &Axis| axis.disp_gain
                 } else {
                     law.tangent_damping(&mut flat);
-                    |axis| axis.vel_gain
+                    |axis: &Axis| axis.vel_gain
                 };
                 scaled(&flat, &self.axes, &self.units, motion)
             }

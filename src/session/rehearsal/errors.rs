@@ -138,7 +138,7 @@ fn directions(loaded: &Loaded, ideal: &Ideal) -> Vec<Direction> {
     let kind = structure.and_then(|table| table.kinds().first().map(|(_, spec)| *spec));
     let rotations = structure.map_or(&[][..], |table| table.rotations.as_slice());
     let iota = ideal.influence();
-    let base = |row: &[(usize, f64)]| row.iter().map(|(dof, b)| b * iota[*dof]).sum();
+    let base = |row: &[(usize, f64)]| -> f64 { row.iter().map(|(dof, b)| b * iota[*dof]).sum() };
     let n = ideal.dofs();
     let mut found: Vec<Direction> = (0..n)
         .map(|dof| {
