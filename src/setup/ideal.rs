@@ -3,6 +3,8 @@
 //! What its method and its actuators do to a test is measured against this system. Its specimens are their laws, the declared
 //! stand-ins or linear ones, and they feel the velocities of the test. Nothing here is on the real-time path.
 
+use std::cell::RefCell;
+
 use super::gear::scaled;
 use super::specimens::{IdealLaw, IdealPort};
 use super::{Initial, Refused, Site, Trial, excitation, method, specimens, structure};
@@ -22,7 +24,7 @@ const PARTS: u32 = 20;
 const ITERATIONS: u32 = 60;
 /// Change of the displacement, relative to the largest, at which a part is in equilibrium.
 const SETTLED: f64 = 1e-10;
-/// The same for a step of the reference: far below what it is compared with.
+/// Change of the displacement at which a step of the reference is in equilibrium: far below the errors.
 const CONVERGED: f64 = 1e-8;
 
 /// Structure, load and specimens, in virgin state.
@@ -37,7 +39,7 @@ pub struct Ideal {
     dt: f64,
 }
 
-/// What has forces.
+/// Everything that has forces.
 #[derive(Debug)]
 struct System {
     structure: Structure,
@@ -46,6 +48,8 @@ struct System {
     /// Steps of the method in one step of the test.
     divider: u64,
     spare: Vec<f64>,
+    /// The tangents of specimens that were assembled last, and the whole. Most of them stay the same from step to step.
+    assembled: RefCell<Option<(Vec<f64>, Tangents)>>,
 }
 
 /// Why a course could not be computed.
@@ -77,7 +81,7 @@ pub fn build_ideal(loaded: &Loaded, lambda: Option<f64>) -> Result<Ideal, Config
         table.identified = None;
         table.compensation = None;
         if table.geometry.take().is_some() {
-            // The law stands at the platform, whose coordinates the rows are of.
+            // The rows give the coordinates of the platform, and the law acts there.
             table.axis.clear();
         }
     }
@@ -135,6 +139,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Ideal, Refused> {
             specimens,
             divider: 1,
             spare: vec![0.0; n],
+            assembled: RefCell::new(None),
         },
         damping,
         stiffness,
@@ -345,19 +350,29 @@ impl Forces for System {
 
     fn tangents(&self) -> Tangents {
         let n = self.structure.dofs();
-        let add = |of: SymMatrix, which: usize| {
-            let matrices = self.specimens.iter().map(|port| port.tangent(which));
-            let entries: Vec<_> = matrices.flatten().collect();
-            if entries.is_empty() {
-                of
-            } else {
-                of.plus(1.0, &SymMatrix::from_triplets(n, entries))
+        let mut entries = [Vec::new(), Vec::new()];
+        for port in &self.specimens {
+            for (which, entries) in entries.iter_mut().enumerate() {
+                port.add_tangent(which, entries);
             }
-        };
-        Tangents {
-            stiffness: add(self.structure.tangent_stiffness(), 0),
-            damping: add(self.structure.tangent_damping(), 1),
         }
+        let values = entries.iter().flatten().map(|(_, _, value)| *value);
+        let values: Vec<f64> = values.collect();
+        let has_elements = self.structure.element_names().next().is_some();
+        let mut assembled = self.assembled.borrow_mut();
+        if let Some((of, known)) = assembled.as_ref()
+            && !has_elements
+            && *of == values
+        {
+            return known.clone();
+        }
+        let [stiffness, damping] = entries.map(|entries| SymMatrix::from_triplets(n, entries));
+        let found = Tangents {
+            stiffness: self.structure.tangent_stiffness().plus(1.0, &stiffness),
+            damping: self.structure.tangent_damping().plus(1.0, &damping),
+        };
+        *assembled = Some((values, found.clone()));
+        found
     }
 
     fn commit(&mut self) {
@@ -412,8 +427,8 @@ impl IdealPort {
         }
     }
 
-    /// Entries of Bᵀ K B (0) or Bᵀ C B (1) at the last trial, lower triangle.
-    fn tangent(&self, which: usize) -> Vec<(usize, usize, f64)> {
+    /// Adds the entries of Bᵀ K B (0) or Bᵀ C B (1) at the last trial, lower triangle.
+    fn add_tangent(&self, which: usize, entries: &mut Vec<(usize, usize, f64)>) {
         let n = self.axes.len();
         let rows = match &self.law {
             IdealLaw::Linear { stiffness, damping } => [stiffness, damping][which].clone(),
@@ -429,20 +444,18 @@ impl IdealPort {
                 scaled(&flat, &self.axes, &self.units, motion)
             }
         };
-        let mut entries = Vec::new();
         for (i, row) in rows.iter().enumerate() {
             // A solver wants a symmetric tangent.
             for (j, own) in row.iter().enumerate() {
                 let value = 0.5 * (own + rows[j][i]);
                 for (p, a) in &self.axes[i].row {
                     for (q, b) in &self.axes[j].row {
-                        if p >= q && value != 0.0 {
+                        if p >= q {
                             entries.push((*p, *q, value * a * b));
                         }
                     }
                 }
             }
         }
-        entries
     }
 }

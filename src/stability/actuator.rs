@@ -36,7 +36,7 @@ pub struct Machine {
 }
 
 impl Actuator {
-    /// True if its dynamics are declared, or if there are none.
+    /// True if its dynamics are declared, or if it has no actuator.
     #[must_use]
     pub fn is_known(&self) -> bool {
         self.transfer.is_some() || self.link.is_none_or(|machine| machine.computed)

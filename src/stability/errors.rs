@@ -10,7 +10,7 @@ use crate::finding::{Finding, KeyPath};
 use crate::linalg;
 use crate::units::number;
 
-/// Share of its own damping that a mode may lose to the actuators before a finding.
+/// Share of the damping of a mode that the actuators may take before a finding.
 const LOST: f64 = 0.5;
 /// Damping that the actuators may take from a mode without damping before a finding.
 const TAKEN: f64 = 5e-4;
@@ -42,12 +42,14 @@ pub struct TestError {
     pub not_known: Option<String>,
     /// Largest error of a largest drift, as a share of this drift.
     pub drift: Option<f64>,
-    /// Storey, specimen or DOF that has it.
+    /// Storey, specimen or DOF with this error.
     pub direction: Option<String>,
     /// Largest root mean square of the difference of a drift, as a share of that of the drift.
     pub nrmse: Option<f64>,
     /// Error of the input energy, as a share. Null with a base displacement.
     pub energy: Option<f64>,
+    /// Energy that the tracking errors of the actuators add, as a share of the input energy. Null for the method.
+    pub added_energy: Option<f64>,
     /// Every storey, specimen or DOF that moves, the largest error first.
     pub directions: Vec<DriftError>,
 }
@@ -59,7 +61,7 @@ pub struct DriftError {
     pub name: String,
     /// Largest drift in the test, m or rad.
     pub largest: f64,
-    /// The same of the reference.
+    /// Largest drift in the reference, m or rad.
     pub reference: f64,
     /// Difference of the two, as a share of the reference.
     pub error: f64,
@@ -125,6 +127,12 @@ impl TestError {
         if let Some(energy) = self.energy {
             text.push_str(&format!(", input energy {}", per_cent(energy)));
         }
+        if let Some(added) = self.added_energy {
+            text.push_str(&format!(
+                ", energy added by the actuators {}",
+                per_cent(added)
+            ));
+        }
         text
     }
 }
@@ -150,7 +158,7 @@ impl AddedDamping {
         self.added_ratio.is_some_and(|added| added < limit)
     }
 
-    /// The damping that is left, as a share of its own where it has some.
+    /// Remaining damping. A share of the damping without actuators, where there is some.
     fn left(&self) -> f64 {
         let added = self.added_ratio.unwrap_or(f64::INFINITY);
         if self.damping_ratio > UNDAMPED {
@@ -232,7 +240,7 @@ impl Errors {
         small(&self.method) && small(&self.coupling)
     }
 
-    /// Both errors with what they are called.
+    /// Both errors with their names.
     pub fn each(&self) -> impl Iterator<Item = (&'static str, &TestError)> {
         [("method", &self.method), ("coupling", &self.coupling)].into_iter()
     }

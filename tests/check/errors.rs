@@ -31,9 +31,8 @@ fn oscillator(specimen: &str, integrator: &str, clock: &str) -> String {
         "[time]\nrate_hz = 512\nduration_s = 12\nclock = \"{clock}\"\n\
          [structure.matrices]\nmass = [[1000.0]]\nstiffness = [[0.0]]\ndamping = [[{DAMPING}]]\n{integrator}\
          [excitation.ground_acceleration.signal.sine]\namplitude = 0.5\nfrequency_hz = 2.0\nduration_s = 12\n\
-         [[specimen]]\nname = \"spring\"\nstorey = 1\nrows = [[1]]\nstiffness_n_per_m = {STIFFNESS}\n{specimen}"
+         [[specimen]]\nname = \"spring\"\nrows = [[1]]\nstiffness_n_per_m = {STIFFNESS}\n{specimen}"
     )
-    .replace("storey = 1\n", "")
 }
 
 const STIFFNESS: f64 = 1.6e5;
@@ -79,7 +78,7 @@ fn massless_joint_is_an_error_of_the_method() {
     let of_mass = &method["directions"].as_array().unwrap();
     let of_mass = of_mass.iter().find(|one| one["name"] == "DOF 1").unwrap();
     let number = |key: &str| of_mass[key].as_f64().unwrap();
-    // The same structure condensed by hand moves by 8.61 mm. Half a unit of the last digit.
+    // Condensed by hand, the structure moves by 8.61 mm. Half a unit of the last digit.
     assert!((number("reference") - 8.61e-3).abs() < 5e-6, "{of_mass}");
     assert!((number("largest") - 12.79e-3).abs() < 5e-5, "{of_mass}");
     assert!((number("error") - (12.79 / 8.61 - 1.0)).abs() < 0.01);
@@ -130,6 +129,8 @@ fn delay_is_an_error_of_the_coupling() {
         errors["coupling"]["drift"].as_f64().unwrap() > 0.5,
         "{errors}"
     );
+    // A delay adds energy.
+    assert!(errors["coupling"]["added_energy"].as_f64().unwrap() > 0.1);
     let found = findings(&said, "error");
     let severities: Vec<_> = found.iter().map(|one| &one["severity"]).collect();
     assert_eq!(severities, ["error", "warning"], "{found:?}");
@@ -148,7 +149,7 @@ fn large_error_behind_a_link_is_refused() {
     assert!(said.stderr.contains("accept_error"), "{}", said.stderr);
     assert!(!folder.path().join("out").exists());
     let accepted = format!("[safety]\naccept_error = \"a study\"\n{text}");
-    // Nobody answers: it connected, and the link failed.
+    // It connected, and the link failed without a listener.
     let said = gusset(folder.path(), "run", &accepted, &[]);
     assert_eq!(said.code, 3, "{}", said.stderr);
     assert_eq!(said.json["accepted"]["accept_error"], "a study");
@@ -176,8 +177,9 @@ fn run_and_report_carry_the_errors() {
 
 #[test]
 fn error_without_a_reference_is_not_known() {
+    let limits = "limits = { command_disp_m = { trip = [-1, 1] }, measured_force_n = { trip = [-1e6, 1e6] } }\n";
     let link = "damping_n_s_per_m = 0\nlink = { address = \"127.0.0.1:1\", computed = true }\n";
-    let text = oscillator(link, "", "simulated")
+    let text = oscillator(&format!("{link}{limits}"), "", "simulated")
         .replace("stiffness_n_per_m = 160000\n", "stiffness_n_per_m = 0\n")
         .replace("stiffness = [[0.0]]", "stiffness = [[1.6e5]]");
     let said = check(&text);
@@ -192,9 +194,9 @@ fn error_without_a_reference_is_not_known() {
         .replace("duration_s = 12\nclock", "duration_s = 600\nclock");
     let said = check(&long);
     assert!(said.json["verdict"]["errors"]["method"]["not_known"].is_string());
-    // The specimen behind a link has an actuator of which nothing is known.
+    // The actuator of a specimen behind a link is not known.
     let real = "link = { address = \"127.0.0.1:1\" }\n";
-    let said = check(&oscillator(real, "", "simulated"));
+    let said = check(&oscillator(&format!("{real}{limits}"), "", "simulated"));
     let errors = &said.json["verdict"]["errors"];
     assert!(errors["coupling"]["not_known"].is_string(), "{errors}");
     assert!(errors["method"]["drift"].as_f64().unwrap() < 0.01);

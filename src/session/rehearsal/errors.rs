@@ -2,7 +2,7 @@
 //!
 //! Three courses are compared. The test as it will run is its rehearsal. The same test with ideal specimens, by the same method and
 //! λ, shows what the actuators do. Newmark's average acceleration with iteration at a half and at a quarter of the step,
-//! extrapolated after Richardson, shows what the method does. An error that cannot be had is not known, and the reason is given.
+//! extrapolated after Richardson, shows what the method does. An error without a reference is not known, and the reason is given.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -68,7 +68,7 @@ pub fn errors(
     let mut silent = silent.filter(|table| StandIn::of(table) == StandIn::Nothing);
     if let Some(table) = silent.next() {
         let (method, coupling) = neither(format!(
-            "nothing stands for specimen \"{}\", which has no stand-in `law` and no stiffness",
+            "specimen \"{}\" has no stand-in `law` and no stiffness",
             table.name
         ));
         return found(method, coupling);
@@ -116,7 +116,16 @@ pub fn errors(
             TestError::not_known(format!("the actuator of specimen \"{name}\" is not known"))
         }
         None => match as_it_runs(loaded, dofs as usize)? {
-            Ok(course) => compared(&of(&course), &drifts, &directions),
+            Ok((course, added)) => TestError {
+                added_energy: drifts.energy.map(|energy| {
+                    if added == 0.0 {
+                        0.0
+                    } else {
+                        added / energy.abs()
+                    }
+                }),
+                ..compared(&of(&course), &drifts, &directions)
+            },
             Err(why) => TestError::not_known(why),
         },
     };
@@ -299,6 +308,7 @@ fn compared(course: &Drifts, reference: &Drifts, directions: &[Direction]) -> Te
         direction,
         nrmse: Some(nrmse),
         energy: energy.map(|(own, reference)| share(own - reference, reference)),
+        added_energy: None,
         directions: found,
     }
 }
@@ -338,15 +348,25 @@ fn of_method(
     error
 }
 
-/// Displacements of all DOFs at the steps of the running test.
+/// Displacements of all DOFs at the steps of the running test, and the energy that tracking errors add.
 #[derive(Debug, Clone)]
-struct Kept(Arc<Mutex<Vec<f64>>>, Places);
+struct Kept(Arc<Mutex<Course>>, Places);
+
+#[derive(Debug, Default)]
+struct Course {
+    disp: Vec<f64>,
+    /// Tracking error and force of each axis in the row before.
+    before: Vec<(f64, f64)>,
+    added_j: f64,
+}
 
 #[derive(Debug, Clone)]
 struct Places {
     phase: usize,
     step: usize,
     dofs: Vec<usize>,
+    /// Target, measured displacement and force of each axis.
+    axes: Vec<[usize; 3]>,
 }
 
 impl Kept {
@@ -354,7 +374,18 @@ impl Kept {
         let columns = experiment.columns();
         let place = |name: &str| columns.iter().position(|column| column.name == name);
         let dofs = &experiment.record_dofs;
+        let ports = experiment.ports.iter().enumerate();
+        let axes = ports.flat_map(|(port, one)| (1..=one.axes()).map(move |axis| (port + 1, axis)));
+        let axes = axes.filter_map(|(port, axis)| {
+            let of = |kind: &column::Kind| place(&kind.of_axis(port, axis));
+            Some([
+                of(&column::TARGET)?,
+                of(&column::MEASURED)?,
+                of(&column::FORCE)?,
+            ])
+        });
         let places = Places {
+            axes: axes.collect(),
             phase: place(column::STATE.name()).unwrap_or(0),
             step: place(column::STEP.name()).unwrap_or(0),
             dofs: (dofs.iter())
@@ -371,9 +402,23 @@ impl Recorder for Kept {
         let Self(kept, places) = self;
         if at(places.phase) == Phase::Running.code() {
             let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
+            let Course {
+                disp,
+                before,
+                added_j,
+            } = &mut *kept;
             // The last tick of a step stays.
-            kept.truncate(at(places.step) as usize * places.dofs.len());
-            kept.extend(places.dofs.iter().map(|dof| at(*dof)));
+            disp.truncate(at(places.step) as usize * places.dofs.len());
+            disp.extend(places.dofs.iter().map(|dof| at(*dof)));
+            let now = places.axes.iter().map(|[target, measured, force]| {
+                let error = at(*measured) - at(*target);
+                (error, at(*force))
+            });
+            let now: Vec<(f64, f64)> = now.collect();
+            for ((error, force), (error_before, force_before)) in now.iter().zip(&*before) {
+                *added_j += 0.5 * (force + force_before) * (error - error_before);
+            }
+            *before = now;
         }
         true
     }
@@ -384,7 +429,10 @@ impl Recorder for Kept {
 }
 
 /// The test as it will run, on the simulated clock; or why its course is not known.
-fn as_it_runs(loaded: &Loaded, dofs: usize) -> Result<Result<IdealCourse, String>, ConfigError> {
+fn as_it_runs(
+    loaded: &Loaded,
+    dofs: usize,
+) -> Result<Result<(IdealCourse, f64), String>, ConfigError> {
     let mut experiment = setup::build_rehearsal(loaded)?.experiment;
     experiment.opening.confirm = false;
     experiment.record_dofs = (0..dofs).collect();
@@ -402,8 +450,9 @@ fn as_it_runs(loaded: &Loaded, dofs: usize) -> Result<Result<IdealCourse, String
         )));
     }
     let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
-    Ok(Ok(IdealCourse {
+    let course = IdealCourse {
         dofs,
-        disp: std::mem::take(&mut kept),
-    }))
+        disp: std::mem::take(&mut kept.disp),
+    };
+    Ok(Ok((course, kept.added_j)))
 }
