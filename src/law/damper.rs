@@ -207,6 +207,12 @@ impl Law for PowerDamper {
         }
     }
 
+    fn rest_damping(&self) -> f64 {
+        // A reference that the user gives is kept.
+        let is_own = self.reference == self.at_rest && self.exponent < 1.0;
+        if is_own { self.at_rest } else { 0.0 }
+    }
+
     fn bound(&self, reach: Reach) -> (Option<f64>, Option<f64>) {
         let damping = if self.exponent > 1.0 {
             declared(reach.vel).map(|speed| self.slope(speed).max(self.at_rest))
@@ -285,6 +291,10 @@ impl Law for SmoothFriction {
             stiffness: 0.0,
             damping: self.slope,
         }
+    }
+
+    fn rest_damping(&self) -> f64 {
+        self.slope
     }
 
     fn bound(&self, _reach: Reach) -> (Option<f64>, Option<f64>) {

@@ -194,6 +194,11 @@ pub trait Law: Send + std::fmt::Debug {
     /// stiffness of an open gap, the elastic slope before slip, or a value given by the user.
     fn reference(&self) -> Tangent;
 
+    /// Part of the reference damping that acts around rest only: where the law moves fast, its tangent is small. 0 by default.
+    fn rest_damping(&self) -> f64 {
+        0.0
+    }
+
     /// Damping at the last trial, or that of the reference where it is less: what stands against small motions there.
     fn least_damping(&self) -> f64 {
         self.reference().damping.min(self.tangent().damping)

@@ -70,6 +70,10 @@ impl Law for Parallel {
         self.sum(|part| part.reference())
     }
 
+    fn rest_damping(&self) -> f64 {
+        self.parts.iter().map(|part| part.rest_damping()).sum()
+    }
+
     fn least_damping(&self) -> f64 {
         self.parts.iter().map(|part| part.least_damping()).sum()
     }

@@ -135,6 +135,13 @@ impl Structure {
         self.assemble(&self.damping, |element| element.law.reference().damping)
     }
 
+    /// Part of the reference damping of the elements that acts around rest only.
+    #[must_use]
+    pub fn rest_damping(&self) -> SymMatrix {
+        let nothing = SymMatrix::zeros(self.dofs());
+        self.assemble(&nothing, |element| element.law.rest_damping())
+    }
+
     /// Tangent stiffness at the last internal force.
     #[must_use]
     pub fn tangent_stiffness(&self) -> SymMatrix {

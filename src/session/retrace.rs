@@ -65,6 +65,9 @@ fn prepared_from(
     }
     check_inputs(run)?;
     let mut loaded = config::load(&folder.join("resolved.toml"), sets)?;
+    // Recordings without this key have all damping at rest in C0.
+    let share = &mut loaded.file.integrator.rest_damping_share;
+    share.get_or_insert(1.0);
     for specimen in &mut loaded.file.specimen {
         // It came, and is over: a test that goes on is without it.
         specimen.drill = None;

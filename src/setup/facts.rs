@@ -86,6 +86,8 @@ pub struct StructureFacts {
     pub reciprocal_condition: Option<f64>,
     /// λ in use, for the family.
     pub lambda: Option<Lambda>,
+    /// Share of the damping at rest that is in C0; none where no element has such a damping.
+    pub rest_damping_share: Option<f64>,
     /// Whether λ was asked for by number.
     pub lambda_by_number: bool,
     /// What is known of its stability at the declared bounds.

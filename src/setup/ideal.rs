@@ -7,7 +7,7 @@ use std::cell::RefCell;
 
 use super::gear::scaled;
 use super::specimens::{IdealLaw, IdealPort};
-use super::{Initial, Refused, Site, Trial, excitation, method, specimens, structure};
+use super::{Initial, Refused, Site, Trial, excitation, method, proof, specimens, structure};
 use crate::config::{ConfigError, LambdaValue, Loaded};
 use crate::integrate::{
     Forces, Lambda, MethodError, Moment, Newmark, NewmarkBeta, NewtonSettings, State, Stepper,
@@ -114,6 +114,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Ideal, Refused> {
     let damping = structure
         .reference_damping()
         .plus(1.0, &specimens.damping(n));
+    let (damping, _) = proof::damping(site, &structure, &specimens, damping, &stiffness);
     let initial = Initial {
         damping: &damping,
         stiffness: &stiffness,

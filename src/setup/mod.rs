@@ -258,7 +258,10 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         warnings: warnings.iter().map(|w| w.headline.clone()).collect(),
         accepted: BTreeMap::new(),
     };
-    let named = links::with_keys_from_anywhere(file, &site.loaded.path);
+    let mut named = links::with_keys_from_anywhere(file, &site.loaded.path);
+    if let Some(share) = facts.structure.as_ref().and_then(|s| s.rest_damping_share) {
+        named.integrator.rest_damping_share = Some(share);
+    }
     let resolved = match crate::config::resolve(&named, facts.lambda(), &site.inputs) {
         Ok(resolved) => resolved,
         Err(error) => return site.refuse(Finding::error(KeyPath::root(), error.to_string())),
@@ -338,6 +341,13 @@ fn numerical(
     let initial_damping = structure
         .reference_damping()
         .plus(1.0, &specimens.damping(n));
+    let (initial_damping, rest_damping_share) = proof::damping(
+        site,
+        &structure,
+        specimens,
+        initial_damping,
+        &initial_stiffness,
+    );
     let at_rest = structure
         .stiffness_at_rest()
         .plus(1.0, &specimens.stiffness_at_rest(n));
@@ -414,6 +424,7 @@ fn numerical(
         storage,
         reciprocal_condition: condition,
         lambda: proof.as_ref().map(|proof| proof.lambda),
+        rest_damping_share,
         lambda_by_number: proof.as_ref().is_some_and(|proof| proof.by_number),
         gain: proof.as_ref().map_or(f64::INFINITY, |proof| proof.gain),
         gains: proof

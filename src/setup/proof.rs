@@ -22,6 +22,61 @@ struct Bounds {
     damping: SymMatrix,
 }
 
+/// Shares of the damping at rest that are tried.
+const SHARES: [f64; 5] = [0.0, 0.0625, 0.125, 0.25, 0.5];
+/// Share of the damping at rest by which the proof must hold beyond its bound, so that small motions do not alternate.
+const MARGIN: f64 = 0.25;
+
+/// C0 with a share of the damping that acts around rest only, and this share; none without such damping. It is the given share, or
+/// the least one with which λ is proven as with all of it. `full` has all of it.
+pub(super) fn damping(
+    site: &Site<'_>,
+    structure: &Structure,
+    specimens: &Specimens,
+    full: SymMatrix,
+    stiffness: &SymMatrix,
+) -> (SymMatrix, Option<f64>) {
+    let table = &site.loaded.file.integrator;
+    let at_rest = structure.rest_damping();
+    if table.method != Method::Gui || at_rest.is_zero() {
+        return (full, None);
+    }
+    let with = |share: f64| full.plus(share - 1.0, &at_rest);
+    if let Some(share) = table.rest_damping_share {
+        return (with(share), Some(share));
+    }
+    let gain = table.gain_bound.unwrap_or(if specimens.is_empty() {
+        GAIN_NUMERICAL
+    } else {
+        GAIN_HYBRID
+    });
+    let limit = |damping: &SymMatrix, margin: f64| {
+        let mut bounds = bounds(site, structure, specimens).ok()?;
+        bounds.damping = bounds.damping.plus(margin, &at_rest);
+        let initial = Initial {
+            damping,
+            stiffness,
+            dt: site.loaded.time.step.value(),
+        };
+        let proof = bounds.proof(structure, &initial, specimens.late_mass(structure.dofs()));
+        let limit = proof.limit(gain, &[]).ok()?;
+        Some(limit.unwrap_or(f64::INFINITY))
+    };
+    let lambda = match table.lambda {
+        LambdaValue::Auto => limit(&full, 0.0).map(|limit| limit.min(ACCURATE_LAMBDA)),
+        LambdaValue::Number(value) => Some(value),
+        LambdaValue::Infinite => Some(f64::INFINITY),
+    };
+    let is_proven = |share: &f64| {
+        let limit = limit(&with(*share), MARGIN);
+        limit
+            .zip(lambda)
+            .is_some_and(|(limit, lambda)| limit >= lambda)
+    };
+    let share = SHARES.into_iter().find(is_proven).unwrap_or(1.0);
+    (with(share), Some(share))
+}
+
 /// Chooses λ, or proves the one that was asked for.
 pub(super) fn choose(
     site: &mut Site<'_>,

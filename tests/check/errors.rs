@@ -201,3 +201,30 @@ fn error_without_a_reference_is_not_known() {
     assert!(errors["coupling"]["not_known"].is_string(), "{errors}");
     assert!(errors["method"]["drift"].as_f64().unwrap() < 0.01);
 }
+
+#[test]
+fn friction_at_rest_does_not_slow_the_motion() {
+    let text = |law: &str, integrator: &str| {
+        format!(
+            "[time]\nrate_hz = 1024\nduration_s = 6\nclock = \"simulated\"\n\
+             [structure.matrices]\nmass = [[50e3]]\nstiffness = [[5e6]]\ndamping = [[2e4]]\n\
+             [[structure.element]]\nfrom = \"ground\"\nto = 1\nlaw.{law}\n\
+             [integrator]\nstart = \"second-order\"\n{integrator}\
+             [excitation.ground_acceleration.signal.sine]\namplitude = 2.0\nfrequency_hz = 1.3\nduration_s = 6\n"
+        )
+    };
+    let friction = "smooth_friction = { slip_force_n = 40e3, reference_velocity_m_per_s = 0.001 }";
+    let damper = "power_damper = { force_at_unit_velocity_n = 50e3, exponent = 0.5, linear_below_m_per_s = 0.01 }";
+    let drift = |text: &str| {
+        let said = check(text);
+        let drift = said.json["verdict"]["errors"]["method"]["drift"].as_f64();
+        drift.unwrap_or_else(|| panic!("{}", said.stderr))
+    };
+    for law in [friction, damper] {
+        assert!(drift(&text(law, "")) < 0.01, "{law}");
+    }
+    // All damping at rest in C0 adds Δt/2 · 4e7 N s/m = 19.5 t to 50 t.
+    let whole = text(friction, "rest_damping_share = 1.0\n");
+    assert!(drift(&whole) > 0.05);
+    assert_eq!(check(&text(friction, "rest_damping_share = 1.5\n")).code, 2);
+}

@@ -313,12 +313,24 @@ fn check_integrator(file: &TestFile, findings: &mut Findings) {
     if let LambdaValue::Number(value) = table.lambda {
         findings.positive(integrator.key("lambda"), Some(value));
     }
+    if let Some(share) = table.rest_damping_share
+        && !(0.0..=1.0).contains(&share)
+    {
+        let text = format!("`rest_damping_share` is {share}, but must be from 0 to 1");
+        let at = integrator.key("rest_damping_share");
+        findings.0.push(Finding::error(at, text).label("a share"));
+    }
     findings.positive(integrator.key("newton_tolerance"), table.newton_tolerance);
     let method = integrator.key("method");
     let of_family = table.method == Method::Gui;
     let idle = [
         ("lambda", table.lambda != LambdaValue::Auto, of_family),
         ("gain_bound", table.gain_bound.is_some(), of_family),
+        (
+            "rest_damping_share",
+            table.rest_damping_share.is_some(),
+            of_family,
+        ),
         ("start", table.start != Start::Published, of_family),
         (
             "rho_infinity",
