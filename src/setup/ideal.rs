@@ -103,7 +103,7 @@ pub fn build_ideal(loaded: &Loaded, lambda: Option<f64>) -> Result<Ideal, Config
 }
 
 fn assemble(site: &mut Site<'_>) -> Result<Ideal, Refused> {
-    let specimens = specimens::specimens(site)?;
+    let mut specimens = specimens::specimens(site)?;
     let structure = structure::structure(site, &specimens)?;
     let n = structure.dofs();
     specimens.check_rows(site, n)?;
@@ -111,10 +111,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Ideal, Refused> {
     let stiffness = structure
         .reference_stiffness()
         .plus(1.0, &specimens.stiffness(n));
-    let damping = structure
-        .reference_damping()
-        .plus(1.0, &specimens.damping(n));
-    let (damping, _) = proof::damping(site, &structure, &specimens, damping, &stiffness);
+    let (damping, _) = proof::damping(site, &structure, &mut specimens, &stiffness);
     let initial = Initial {
         damping: &damping,
         stiffness: &stiffness,

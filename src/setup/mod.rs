@@ -135,6 +135,8 @@ pub struct Estimate {
     pub stiffness: Vec<Vec<f64>>,
     /// ĉ in N s/m.
     pub damping: Vec<Vec<f64>>,
+    /// Part of ĉ that acts around rest only, in N s/m.
+    pub rest_damping: Vec<Vec<f64>>,
     /// Stiffness before anything moves, in N/m.
     pub stiffness_at_rest: Vec<Vec<f64>>,
     /// Damping before anything moves, in N s/m.
@@ -148,15 +150,7 @@ pub struct Estimate {
 pub fn estimates(loaded: &Loaded) -> Result<Vec<Estimate>, ConfigError> {
     let mut site = Site::new(loaded, Some(&trial::NOMINAL), None);
     match specimens::specimens(&mut site) {
-        Ok(specimens) => {
-            let each = specimens.attached().into_iter().map(|one| Estimate {
-                stiffness: one.stiffness,
-                damping: one.damping,
-                stiffness_at_rest: one.stiffness_at_rest,
-                damping_at_rest: one.damping_at_rest,
-            });
-            Ok(each.collect())
-        }
+        Ok(specimens) => Ok(specimens.estimates()),
         Err(Refused) => Err(loaded.refuse(site.errors)),
     }
 }
@@ -197,10 +191,10 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         let at = keys.iter().fold(path("timing"), |at, key| at.key(key));
         return site.refuse(Finding::error(at, error.to_string()));
     }
-    let specimens = specimens::specimens(site)?;
+    let mut specimens = specimens::specimens(site)?;
     let (side, settling, mut structure) = match &file.structure {
         Some(_) => {
-            let (numerical, settling, facts) = numerical(site, &specimens)?;
+            let (numerical, settling, facts) = numerical(site, &mut specimens)?;
             (Side::Structure(Box::new(numerical)), settling, Some(facts))
         }
         None => (
@@ -329,7 +323,7 @@ fn moved(file: &TestFile) -> Vec<String> {
 /// The numerical side: structure, loads, integrator, initial state, and the static load before t = 0.
 fn numerical(
     site: &mut Site<'_>,
-    specimens: &Specimens,
+    specimens: &mut Specimens,
 ) -> Result<(Numerical, Option<StaticLoad>, StructureFacts), Refused> {
     let mut structure = structure::structure(site, specimens)?;
     let n = structure.dofs();
@@ -338,16 +332,9 @@ fn numerical(
     let initial_stiffness = structure
         .reference_stiffness()
         .plus(1.0, &specimens.stiffness(n));
-    let initial_damping = structure
-        .reference_damping()
-        .plus(1.0, &specimens.damping(n));
-    let (initial_damping, rest_damping_share) = proof::damping(
-        site,
-        &structure,
-        specimens,
-        initial_damping,
-        &initial_stiffness,
-    );
+    let (initial_damping, rest_damping_share) =
+        proof::damping(site, &structure, specimens, &initial_stiffness);
+    let specimens = &*specimens;
     let at_rest = structure
         .stiffness_at_rest()
         .plus(1.0, &specimens.stiffness_at_rest(n));

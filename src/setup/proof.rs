@@ -28,31 +28,52 @@ const SHARES: [f64; 5] = [0.0, 0.0625, 0.125, 0.25, 0.5];
 const MARGIN: f64 = 0.25;
 
 /// C0 with a share of the damping that acts around rest only, and this share; none without such damping. It is the given share, or
-/// the least one with which λ is proven as with all of it. `full` has all of it.
+/// the least one with which λ is proven as with all of it. The estimates of the specimens have the same share.
 pub(super) fn damping(
     site: &Site<'_>,
     structure: &Structure,
-    specimens: &Specimens,
-    full: SymMatrix,
+    specimens: &mut Specimens,
     stiffness: &SymMatrix,
 ) -> (SymMatrix, Option<f64>) {
     let table = &site.loaded.file.integrator;
-    let at_rest = structure.rest_damping();
+    let n = structure.dofs();
+    let full = structure
+        .reference_damping()
+        .plus(1.0, &specimens.damping(n));
+    let at_rest = structure
+        .rest_damping()
+        .plus(1.0, &specimens.rest_damping(n));
     if table.method != Method::Gui || at_rest.is_zero() {
         return (full, None);
     }
     let with = |share: f64| full.plus(share - 1.0, &at_rest);
-    if let Some(share) = table.rest_damping_share {
-        return (with(share), Some(share));
-    }
+    let given = table.rest_damping_share;
+    let share = given.unwrap_or_else(|| {
+        let request = (&full, &at_rest, stiffness);
+        let is_proven = share_is_proven(site, structure, specimens, request);
+        let proven = SHARES.into_iter().find(|share| is_proven(&with(*share)));
+        proven.unwrap_or(1.0)
+    });
+    specimens.keep_rest_damping(share);
+    (with(share), Some(share))
+}
+
+/// Whether λ is proven with a C0 as with all of the damping at rest, and beyond it.
+fn share_is_proven(
+    site: &Site<'_>,
+    structure: &Structure,
+    specimens: &Specimens,
+    (full, at_rest, stiffness): (&SymMatrix, &SymMatrix, &SymMatrix),
+) -> impl Fn(&SymMatrix) -> bool {
+    let table = &site.loaded.file.integrator;
     let gain = table.gain_bound.unwrap_or(if specimens.is_empty() {
         GAIN_NUMERICAL
     } else {
         GAIN_HYBRID
     });
-    let limit = |damping: &SymMatrix, margin: f64| {
+    let limit = move |damping: &SymMatrix, margin: f64| {
         let mut bounds = bounds(site, structure, specimens).ok()?;
-        bounds.damping = bounds.damping.plus(margin, &at_rest);
+        bounds.damping = bounds.damping.plus(margin, at_rest);
         let initial = Initial {
             damping,
             stiffness,
@@ -63,18 +84,16 @@ pub(super) fn damping(
         Some(limit.unwrap_or(f64::INFINITY))
     };
     let lambda = match table.lambda {
-        LambdaValue::Auto => limit(&full, 0.0).map(|limit| limit.min(ACCURATE_LAMBDA)),
+        LambdaValue::Auto => limit(full, 0.0).map(|limit| limit.min(ACCURATE_LAMBDA)),
         LambdaValue::Number(value) => Some(value),
         LambdaValue::Infinite => Some(f64::INFINITY),
     };
-    let is_proven = |share: &f64| {
-        let limit = limit(&with(*share), MARGIN);
+    move |damping: &SymMatrix| {
+        let limit = limit(damping, MARGIN);
         limit
             .zip(lambda)
             .is_some_and(|(limit, lambda)| limit >= lambda)
-    };
-    let share = SHARES.into_iter().find(is_proven).unwrap_or(1.0);
-    (with(share), Some(share))
+    }
 }
 
 /// Chooses λ, or proves the one that was asked for.

@@ -9,7 +9,7 @@ mod sums;
 mod unwatched;
 
 use super::gear::Rows;
-use super::{Refused, Site, path, safety};
+use super::{Estimate, Refused, Site, path, safety};
 use crate::config::check::measured::needing_measured_disp;
 use crate::config::{Finding, LinkSpec, Loaded, ProbeChoice};
 use crate::geometry::Geometry;
@@ -40,6 +40,8 @@ struct Entry {
     /// k̂ and ĉ, by rows.
     stiffness: Rows,
     damping: Rows,
+    /// Part of ĉ that acts around rest only.
+    rest_damping: Rows,
     /// Stiffness before anything moves: k̂ if it was given, else the tangent of the law, which is 0 for an open gap.
     stiffness_at_rest: Rows,
     /// The same of the damping, or the reference of the law where that is less: 0 for a damper of a power beyond 1.
@@ -224,6 +226,18 @@ impl Specimens {
             damping_at_rest: entry.damping_at_rest.clone(),
             mass_in_force: entry.mass_in_force,
             ticks: entry.ticks.clone(),
+        });
+        each.collect()
+    }
+
+    /// What the controller believes of each specimen, in order.
+    pub(super) fn estimates(self) -> Vec<Estimate> {
+        let each = self.0.into_iter().map(|entry| Estimate {
+            stiffness: entry.stiffness,
+            damping: entry.damping,
+            rest_damping: entry.rest_damping,
+            stiffness_at_rest: entry.stiffness_at_rest,
+            damping_at_rest: entry.damping_at_rest,
         });
         each.collect()
     }

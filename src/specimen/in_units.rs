@@ -105,6 +105,11 @@ impl<S: Specimen> Specimen for InUnits<S> {
         self.per_motion(damping);
     }
 
+    fn rest_damping(&self, damping: &mut [f64]) {
+        self.specimen.rest_damping(damping);
+        self.per_motion(damping);
+    }
+
     fn bound(
         &self,
         reach: &[Reach],

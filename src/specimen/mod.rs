@@ -110,6 +110,11 @@ pub trait Specimen: Send + std::fmt::Debug {
         self.reference(&mut stiffness, damping, &mut mass);
     }
 
+    /// Part of the reference damping that acts around rest only, n × n; see [`crate::law::Law::rest_damping`]. Default: none.
+    fn rest_damping(&self, damping: &mut [f64]) {
+        damping.fill(0.0);
+    }
+
     /// Upper bounds of both tangents within the reach of each axis, n × n each, for the proof of stability: the true
     /// tangents never exceed them in the sense of symmetric matrices. A bound may be +∞ where none exists.
     ///
@@ -151,6 +156,10 @@ impl<S: Specimen + ?Sized> Specimen for Box<S> {
 
     fn tangent_damping(&self, damping: &mut [f64]) {
         (**self).tangent_damping(damping);
+    }
+
+    fn rest_damping(&self, damping: &mut [f64]) {
+        (**self).rest_damping(damping);
     }
 
     fn bound(

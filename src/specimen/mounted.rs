@@ -78,6 +78,10 @@ impl Specimen for Mounted {
         self.specimen.tangent_damping(damping);
     }
 
+    fn rest_damping(&self, damping: &mut [f64]) {
+        self.specimen.rest_damping(damping);
+    }
+
     /// `reach` is that of the deformation, wherever it begins.
     fn bound(
         &self,

@@ -59,6 +59,10 @@ impl Specimen for Stiffened {
         }
     }
 
+    fn rest_damping(&self, damping: &mut [f64]) {
+        self.inner.rest_damping(damping);
+    }
+
     fn tangent_damping(&self, damping: &mut [f64]) {
         self.inner.tangent_damping(damping);
         for entry in damping {

@@ -78,6 +78,11 @@ impl Specimen for Uniaxial {
         diagonal(damping, self.axes(), least);
     }
 
+    fn rest_damping(&self, damping: &mut [f64]) {
+        let at_rest = self.laws.iter().map(|law| law.rest_damping());
+        diagonal(damping, self.axes(), at_rest);
+    }
+
     fn bound(
         &self,
         reach: &[Reach],

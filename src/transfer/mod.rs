@@ -372,6 +372,10 @@ impl Specimen for Transfer {
         self.law.tangent_damping(damping);
     }
 
+    fn rest_damping(&self, damping: &mut [f64]) {
+        self.law.rest_damping(damping);
+    }
+
     fn bound(
         &self,
         reach: &[Reach],

@@ -105,6 +105,11 @@ pub(super) fn entry(
         }
         None => scaled(&c, |axis| axis.vel_gain),
     };
+    let mut rest_damping = vec![vec![0.0; n]; n];
+    if let (Some(law), None) = (&law, &table.damping_n_s_per_m) {
+        law.rest_damping(&mut c);
+        rest_damping = scaled(&c, |axis| axis.vel_gain);
+    }
     // What was drawn is the truth, of which the controller does not know.
     let believed = site.trial.and_then(|trial| trial.believed.get(number));
     let (stiffness, damping) = match believed {
@@ -121,6 +126,7 @@ pub(super) fn entry(
     }
     let (mut stiffness_at_rest, mut damping_at_rest) = (stiffness.clone(), damping.clone());
     if let Some(known) = believed {
+        rest_damping.clone_from(&known.rest_damping);
         stiffness_at_rest.clone_from(&known.stiffness_at_rest);
         damping_at_rest.clone_from(&known.damping_at_rest);
     } else if let Some(law) = &mut law {
@@ -202,6 +208,7 @@ pub(super) fn entry(
         units,
         stiffness,
         damping,
+        rest_damping,
         stiffness_at_rest,
         damping_at_rest,
         mass,

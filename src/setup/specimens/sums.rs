@@ -29,6 +29,24 @@ impl Specimens {
         self.gathered(dofs, |entry| Some(&entry.damping))
     }
 
+    /// Σ Bᵀ c B of the damping that acts around rest only.
+    pub(in crate::setup) fn rest_damping(&self, dofs: usize) -> SymMatrix {
+        let acts = |entry: &&Entry| entry.rest_damping.iter().flatten().any(|c| *c != 0.0);
+        self.gathered(dofs, |entry| {
+            Some(entry).filter(acts).map(|entry| &entry.rest_damping)
+        })
+    }
+
+    /// Keeps only `share` of the damping that acts around rest in ĉ.
+    pub(in crate::setup) fn keep_rest_damping(&mut self, share: f64) {
+        for entry in &mut self.0 {
+            let rest = entry.rest_damping.iter().flatten();
+            for (value, rest) in entry.damping.iter_mut().flatten().zip(rest) {
+                *value += (share - 1.0) * rest;
+            }
+        }
+    }
+
     /// Σ Bᵀ c B before anything moves.
     pub(in crate::setup) fn damping_at_rest(&self, dofs: usize) -> SymMatrix {
         self.gathered(dofs, |entry| Some(&entry.damping_at_rest))
