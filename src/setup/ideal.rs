@@ -3,7 +3,7 @@
 //! What its method and its actuators do to a test is measured against this system. Its specimens are their laws, the declared
 //! stand-ins or linear ones, and they feel the velocities of the test. Nothing here is on the real-time path.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 
 use super::gear::scaled;
 use super::specimens::{IdealLaw, IdealPort};
@@ -26,6 +26,12 @@ const ITERATIONS: u32 = 60;
 const SETTLED: f64 = 1e-10;
 /// Change of the displacement at which a step of the reference is in equilibrium: far below the errors.
 const CONVERGED: f64 = 1e-8;
+/// DOFs that an evaluation of the forces counts at least.
+const LEAST_DOFS: u64 = 16;
+/// Operations of a factorization that cost as much as the forces at one DOF.
+const OPERATIONS: u64 = 64;
+/// Evaluations of the forces in a step of the reference, where everything is linear.
+const EVALUATIONS: u64 = 3;
 
 /// Structure, load and specimens, in virgin state.
 #[derive(Debug)]
@@ -48,6 +54,8 @@ struct System {
     /// Steps of the method in one step of the test.
     divider: u64,
     spare: Vec<f64>,
+    /// Work so far, in DOFs whose forces were evaluated.
+    work: Cell<u64>,
     /// The tangents of specimens that were assembled last, and the whole. Most of them stay the same from step to step.
     assembled: RefCell<Option<(Vec<f64>, Tangents)>>,
 }
@@ -59,6 +67,8 @@ pub enum NoCourse {
     NoEquilibrium,
     /// The response is no finite number any more.
     Diverged,
+    /// It takes more work than is allowed.
+    BeyondBudget,
 }
 
 /// Course of a test: displacements of all DOFs, step after step.
@@ -137,6 +147,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Ideal, Refused> {
             specimens,
             divider: 1,
             spare: vec![0.0; n],
+            work: Cell::new(0),
             assembled: RefCell::new(None),
         },
         damping,
@@ -159,6 +170,12 @@ impl Ideal {
     #[must_use]
     pub fn influence(&self) -> &[f64] {
         self.system.structure.influence()
+    }
+
+    /// Least work of one step by the method and of `divided` steps by the reference, in DOFs whose forces are evaluated.
+    #[must_use]
+    pub fn work(&self, divided: u64) -> u64 {
+        (1 + divided * EVALUATIONS) * self.system.dofs_of_forces()
     }
 
     /// Its loads and the motion of its base.
@@ -184,14 +201,15 @@ impl Ideal {
         if let Stepper::Explicit(integrator) = &self.stepper {
             integrator.prepare(&mut self.state);
         }
-        self.go()
+        self.go(u64::MAX)
     }
 
-    /// The course by Newmark's average acceleration with iteration, at `divider` steps in a step of the test.
+    /// The course by Newmark's average acceleration with iteration, at `divider` steps in a step of the test. `most` bounds the
+    /// [work](Self::work).
     ///
     /// # Errors
     /// See [`NoCourse`].
-    pub fn by_newmark(mut self, divider: u64) -> Result<IdealCourse, NoCourse> {
+    pub fn by_newmark(mut self, divider: u64, most: u64) -> Result<IdealCourse, NoCourse> {
         let newton = NewtonSettings {
             tolerance: CONVERGED,
             ..NewtonSettings::default()
@@ -207,10 +225,10 @@ impl Ideal {
             newton,
         );
         self.stepper = Stepper::Offline(Box::new(made.map_err(|_| NoCourse::NoEquilibrium)?));
-        self.go()
+        self.go(most)
     }
 
-    fn go(mut self) -> Result<IdealCourse, NoCourse> {
+    fn go(mut self, most: u64) -> Result<IdealCourse, NoCourse> {
         self.settle()?;
         let n = self.dofs();
         let steps = self.system.excitation.steps() as u64 * self.system.divider;
@@ -223,6 +241,9 @@ impl Ideal {
         for step in 0..=steps {
             if !state.disp.iter().all(|x| x.is_finite()) {
                 return Err(NoCourse::Diverged);
+            }
+            if system.work.get() > most {
+                return Err(NoCourse::BeyondBudget);
             }
             if step.is_multiple_of(system.divider) {
                 course.disp.extend_from_slice(&state.disp);
@@ -303,6 +324,14 @@ impl Ideal {
 }
 
 impl System {
+    fn dofs_of_forces(&self) -> u64 {
+        (self.structure.dofs() as u64).max(LEAST_DOFS)
+    }
+
+    fn spend(&self, work: u64) {
+        self.work.set(self.work.get().saturating_add(work));
+    }
+
     /// residual ← residual less the forces of structure and specimens: a trial.
     fn subtract(&mut self, disp: &[f64], vel: &[f64], base: Base, dt: f64, residual: &mut [f64]) {
         self.structure.subtract_trial(disp, vel, base, dt, residual);
@@ -322,6 +351,7 @@ impl Forces for System {
         dt: f64,
         residual: &mut [f64],
     ) {
+        self.spend(self.dofs_of_forces());
         let place = (at.step as f64 - at.back).max(0.0) / self.divider as f64;
         let share = place.fract();
         let step = place as usize;
@@ -369,6 +399,12 @@ impl Forces for System {
             stiffness: self.structure.tangent_stiffness().plus(1.0, &stiffness),
             damping: self.structure.tangent_damping().plus(1.0, &damping),
         };
+        let is_known = assembled.as_ref().is_some_and(|(_, known)| *known == found);
+        if !is_known {
+            // They are factored.
+            let band = found.stiffness.half_bandwidth() as u64 + 1;
+            self.spend(n as u64 * band * band / OPERATIONS);
+        }
         *assembled = Some((values, found.clone()));
         found
     }

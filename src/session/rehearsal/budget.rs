@@ -30,11 +30,6 @@ impl Budget {
             Side::Structure(numerical) => numerical.structure.dofs() as u64,
             Side::Prescribed(_) => 0,
         };
-        Self::cost_of(dofs)
-    }
-
-    /// The cost of one tick of a structure with `dofs` DOFs.
-    pub(super) fn cost_of(dofs: u64) -> u64 {
         dofs.max(LEAST_DOFS)
     }
 

@@ -5,6 +5,7 @@
 //! extrapolated after Richardson, shows what the method does. An error without a reference is not known, and the reason is given.
 
 use std::sync::{Arc, Mutex, PoisonError};
+use std::thread;
 
 use super::budget::Budget;
 use super::{Staging, StandIn, staged_with};
@@ -17,8 +18,6 @@ use crate::record::{Recorder, TimedEvent};
 use crate::setup::{self, Ideal, IdealCourse, NoCourse};
 use crate::stability::{AddedDamping, DriftError, Errors, TestError};
 
-/// Steps of the courses in one step of the test: one by the method, two and four by the reference.
-const STEPS: u64 = 7;
 /// Most numbers of one course.
 const MOST: u64 = 4_000_000;
 /// A drift that is smaller than this share of the largest of its kind is not compared.
@@ -81,49 +80,58 @@ pub fn errors(
             return found(method, coupling);
         }
     };
-    let dofs = by_method.dofs() as u64;
-    let steps = loaded.time.steps;
-    let budget = Budget::default();
-    let cost = Budget::cost_of(dofs);
-    if steps.saturating_mul(STEPS) > budget.ticks(cost) || steps.saturating_mul(dofs) > MOST {
-        let (method, coupling) =
-            neither("DOFs times steps are beyond the budget of the rehearsal".to_owned());
+    let (dofs, steps) = (by_method.dofs(), loaded.time.steps);
+    let most = Budget::default().ticks(1);
+    let is_long = steps.saturating_mul(by_method.work(0)) > most;
+    if is_long || steps.saturating_mul(dofs as u64) > MOST {
+        let (method, coupling) = neither(words(NoCourse::BeyondBudget).to_owned());
         return found(method, coupling);
     }
+    let is_referred = steps.saturating_mul(by_method.work(2 + 4)) <= most;
     let directions = directions(loaded, &by_method);
     let excitation = by_method.excitation().clone();
-    let own = match by_method.by_method() {
-        Ok(course) => course,
+    let references = match is_referred {
+        true => [(2, Some(ideal()?)), (4, Some(ideal()?))],
+        false => [(2, None), (4, None)],
+    };
+    // No course needs another one.
+    let (own, [half, quarter], running) = thread::scope(|scope| {
+        let references = references.map(|(divider, ideal)| {
+            let refer = move |ideal: Ideal| ideal.by_newmark(divider, most / 2);
+            scope.spawn(move || ideal.map_or(Err(NoCourse::BeyondBudget), refer))
+        });
+        let running = (!loaded.file.specimen.is_empty() && unknown.is_none())
+            .then(|| as_it_runs(loaded, dofs));
+        (by_method.by_method(), references.map(joined), running)
+    });
+    let of = |course: &IdealCourse| Drifts::of(course, &directions, &excitation);
+    let drifts = match own {
+        Ok(course) => of(&course),
         Err(why) => {
             let (method, coupling) = neither(format!("with ideal specimens {}", words(why)));
             return found(method, coupling);
         }
     };
-    let of = |course: &IdealCourse| Drifts::of(course, &directions, &excitation);
-    let drifts = of(&own);
-    let method = match (ideal()?.by_newmark(2), ideal()?.by_newmark(4)) {
+    let method = match (half, quarter) {
         (Ok(half), Ok(quarter)) => {
             let references = [of(&half), of(&quarter)];
             of_method(&drifts, references, &directions, safety.error_warn)
+        }
+        (Err(NoCourse::BeyondBudget), _) | (_, Err(NoCourse::BeyondBudget)) => {
+            TestError::not_known(words(NoCourse::BeyondBudget))
         }
         (Err(why), _) | (_, Err(why)) => {
             TestError::not_known(format!("in the reference {}", words(why)))
         }
     };
-    let coupling = match unknown {
-        _ if loaded.file.specimen.is_empty() => TestError::none(),
-        Some(name) => {
+    let coupling = match (unknown, running) {
+        (Some(name), _) => {
             TestError::not_known(format!("the actuator of specimen \"{name}\" is not known"))
         }
-        None => match as_it_runs(loaded, dofs as usize)? {
+        (None, None) => TestError::none(),
+        (None, Some(course)) => match course? {
             Ok((course, added)) => TestError {
-                added_energy: drifts.energy.map(|energy| {
-                    if added == 0.0 {
-                        0.0
-                    } else {
-                        added / energy.abs()
-                    }
-                }),
+                added_energy: (drifts.energy).map(|energy| share(added, energy).copysign(added)),
                 ..compared(&of(&course), &drifts, &directions)
             },
             Err(why) => TestError::not_known(why),
@@ -132,12 +140,19 @@ pub fn errors(
     found(method, coupling)
 }
 
+/// What a thread made; its panic goes on here.
+fn joined<T>(thread: thread::ScopedJoinHandle<'_, T>) -> T {
+    let made = thread.join();
+    made.unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+}
+
 const fn words(why: NoCourse) -> &'static str {
     match why {
         NoCourse::NoEquilibrium => {
             "no equilibrium is found: the structure collapses, or a law is too steep for the iteration"
         }
         NoCourse::Diverged => "the response grows without bound",
+        NoCourse::BeyondBudget => "DOFs times steps are beyond the budget of the rehearsal",
     }
 }
 
@@ -434,6 +449,9 @@ fn as_it_runs(
     dofs: usize,
 ) -> Result<Result<(IdealCourse, f64), String>, ConfigError> {
     let mut experiment = setup::build_rehearsal(loaded)?.experiment;
+    if super::expected(&experiment) > Budget::default().ticks(Budget::cost(&experiment)) {
+        return Ok(Err(words(NoCourse::BeyondBudget).to_owned()));
+    }
     experiment.opening.confirm = false;
     experiment.record_dofs = (0..dofs).collect();
     let recorder = Kept::of(&experiment);
