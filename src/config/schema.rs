@@ -170,7 +170,7 @@ pub struct IntegratorTable {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = 2.0)]
     pub gain_bound: Option<f64>,
-    /// Share of the damping at rest of `smooth_friction` and `power_damper` elements that enters the
+    /// Share of the damping at rest of `smooth_friction` and `power_damper` laws that enters the
     /// initial damping, from 0 to 1. This damping acts around rest only, so a smaller share is more
     /// accurate. Default: the least share for which the proof of stability holds.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -59,9 +59,11 @@ pub struct TestError {
 pub struct DriftError {
     /// Its name.
     pub name: String,
-    /// Largest drift in the test, m or rad.
+    /// Unit of its drifts: m or rad.
+    pub unit: String,
+    /// Largest drift in the test.
     pub largest: f64,
-    /// Largest drift in the reference, m or rad.
+    /// Largest drift in the reference.
     pub reference: f64,
     /// Difference of the two, as a share of the reference.
     pub error: f64,
@@ -254,7 +256,7 @@ impl Errors {
         let places = [root.key("integrator"), root.key("specimen").index(0)];
         let helps = [
             "reduce the error with a shorter step, a smaller `lambda`, or a smaller reference damping",
-            "reduce the error with a compensation or a faster actuator",
+            "compensate the lag, use a faster actuator, or run the test at its own velocities",
         ];
         for (((name, error), at), help) in self.each().zip(places).zip(helps) {
             if let Some(why) = &error.not_known {

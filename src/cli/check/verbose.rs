@@ -7,8 +7,8 @@ use crate::integrate::Lambda;
 use crate::motion::{Quantity, STANDARD_GRAVITY};
 use crate::session::integration::{self, method_name};
 use crate::setup::{Facts, StructureFacts};
-use crate::stability::Spectrum;
-use crate::units::{duration, quantity, rate};
+use crate::stability::{Errors, Spectrum, per_cent};
+use crate::units::{duration, number, quantity, rate};
 
 /// Everything that is known of the test without a rehearsal.
 pub(super) fn tabulate(table: &mut Table, facts: &Facts, spectrum: Option<&Spectrum>) {
@@ -44,6 +44,36 @@ pub(super) fn tabulate(table: &mut Table, facts: &Facts, spectrum: Option<&Spect
         },
     );
     limits::tabulate(&facts.limits, table);
+}
+
+/// The error of each storey, specimen or DOF, and each mode with the damping that the actuators add.
+pub(super) fn of_errors(table: &mut Table, errors: Option<&Errors>) {
+    let Some(errors) = errors else {
+        return;
+    };
+    for (name, error) in errors.each() {
+        for one in &error.directions {
+            let text = format!(
+                "largest drift {} instead of {}: {}, NRMSE {}",
+                quantity(one.largest, &one.unit),
+                quantity(one.reference, &one.unit),
+                per_cent(one.error),
+                per_cent(one.nrmse)
+            );
+            table.row(&format!("{name}, {}", one.name), &text);
+        }
+    }
+    for (index, mode) in errors.modes.iter().enumerate() {
+        let added = match mode.added_ratio {
+            Some(added) => format!("the actuators add {} %", number(100.0 * added)),
+            None => "the damping that the actuators add is not known".to_owned(),
+        };
+        let own = number(100.0 * mode.damping_ratio);
+        table.row(
+            &format!("damping, mode {}", index + 1),
+            &format!("{own} %; {added}"),
+        );
+    }
 }
 
 fn describe(

@@ -301,6 +301,7 @@ fn compared(course: &Drifts, reference: &Drifts, directions: &[Direction]) -> Te
             let differences = own.iter().zip(reference).map(|(a, b)| a - b);
             DriftError {
                 name: direction.name.clone(),
+                unit: if direction.rotation { "rad" } else { "m" }.to_owned(),
                 largest: of_own,
                 reference: *of_reference,
                 error: share(of_own - of_reference, *of_reference),
