@@ -1,7 +1,7 @@
 //! A test with its verdict: what every command that moves a specimen obeys before anything connects.
 
 use super::rehearsal::{FullRehearsal, errors};
-use crate::config::{ConfigError, DIVERGENCE_M};
+use crate::config::{ConfigError, DIVERGENCE_M, KeyPath};
 use crate::setup::{self, Prepared};
 use crate::stability::Kind;
 use crate::stability::{Following, Verdict, added_damping};
@@ -99,7 +99,14 @@ impl Judged {
             true => Some(false),
             false => proven.then_some(true),
         };
-        let findings = found.iter().flat_map(|errors| errors.findings(is_stable));
+        let integrator = KeyPath::root().key("integrator");
+        let method_grows = self
+            .verdict
+            .findings
+            .iter()
+            .any(|one| one.kind == Kind::Unstable && one.finding.path.starts_with(&integrator));
+        let findings = found.iter();
+        let findings = findings.flat_map(|errors| errors.findings(is_stable, method_grows));
         for (kind, finding) in findings.collect::<Vec<_>>() {
             self.test.facts.warnings.push(finding.headline.clone());
             self.verdict.add(kind, finding);

@@ -248,9 +248,9 @@ impl Errors {
     }
 
     /// The findings on these errors. `is_stable`: the loop is proven stable, or unstable. An unstable loop is an error by itself:
-    /// what its actuators do is then a warning.
+    /// what its actuators do is then a warning. So is what the method does, if `method_grows`.
     #[must_use]
-    pub fn findings(&self, is_stable: Option<bool>) -> Vec<(Kind, Finding)> {
+    pub fn findings(&self, is_stable: Option<bool>, method_grows: bool) -> Vec<(Kind, Finding)> {
         let mut findings = Vec::new();
         let root = KeyPath::root();
         let places = [root.key("integrator"), root.key("specimen").index(0)];
@@ -271,7 +271,10 @@ impl Errors {
                 continue;
             }
             let text = format!("the error of the {name} is {}", error.words());
-            let follows = name == "coupling" && is_stable == Some(false);
+            let follows = match name {
+                "method" => method_grows,
+                _ => is_stable == Some(false),
+            };
             let finding = if drift > self.refuse && !follows {
                 Finding::error(at, text)
             } else {

@@ -52,7 +52,7 @@ fn digits_that_a_stiff_part_costs_are_told_where_it_costs_them() {
             .replace("[0.01]", "[0.01, 0.01]")
     };
     let reciprocal = |text: &str| {
-        let (code, text, complaint) = check(text, &["--json"]);
+        let (code, text, complaint) = check(text, &["--json", "--no-rehearsal"]);
         assert_eq!(code, 0, "{complaint}");
         let facts: Value = serde_json::from_str(&text).unwrap();
         let found = facts["structure"]["reciprocal_condition"].as_f64().unwrap();
