@@ -115,6 +115,7 @@ pages! {
     studies = "studies", "studies.md", LookUp, true;
     mathematics_integrator = "mathematics-integrator", "mathematics-integrator.md", Mathematics, false;
     mathematics_coupling = "mathematics-coupling", "mathematics-coupling.md", Mathematics, false;
+    test_errors = "test-errors", "test-errors.md", Mathematics, false;
     mathematics_errors = "mathematics-errors", "mathematics-errors.md", Mathematics, false;
 }
 
