@@ -230,7 +230,7 @@ impl Specimens {
         each.collect()
     }
 
-    /// What the controller believes of each specimen, in order.
+    /// Estimates that the controller has of each specimen, in order.
     pub(super) fn estimates(self) -> Vec<Estimate> {
         let each = self.0.into_iter().map(|entry| Estimate {
             stiffness: entry.stiffness,

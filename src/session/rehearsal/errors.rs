@@ -140,7 +140,7 @@ pub fn errors(
     found(method, coupling)
 }
 
-/// What a thread made; its panic goes on here.
+/// The result of a thread. Its panic becomes one of this thread.
 fn joined<T>(thread: thread::ScopedJoinHandle<'_, T>) -> T {
     let made = thread.join();
     made.unwrap_or_else(|panic| std::panic::resume_unwind(panic))
