@@ -177,6 +177,26 @@ pub enum MotionError {
         /// How many there are.
         found: usize,
     },
+    /// A header whose duration contradicts the count of values and their step.
+    #[error(
+        "{file}:{line}: {key} states {} s, but {points} values at intervals of {} s last {} s: \
+         correct the header, or set dt_s",
+        Short(*stated), Short(*dt), Short(*points as f64 * dt)
+    )]
+    Duration {
+        /// Name of the file.
+        file: String,
+        /// Line that states the duration, from 1.
+        line: usize,
+        /// What states it, as the header calls it.
+        key: &'static str,
+        /// The duration of the header, in s.
+        stated: f64,
+        /// How many values there are.
+        points: usize,
+        /// Their step in s.
+        dt: f64,
+    },
     /// A native record in a variant that is not read.
     #[error("{file}: this {format} file cannot be used: {reason}")]
     UnsupportedRecord {

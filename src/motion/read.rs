@@ -74,7 +74,7 @@ pub enum RecordFormat {
     Knet,
     /// COSMOS V1 or V2.
     Cosmos,
-    /// CSMIP, CDMG or USC (California), V1 or V2.
+    /// CSMIP, CDMG or USC (California), V1 or V2; BHRC (Iran), V1.
     Csmip,
     /// ESM, ITACA or AFAD, ASCII with one component.
     Esm,

@@ -26,6 +26,8 @@ fn a_record_of_each_network_is_accepted_by_its_marks_and_by_its_name() {
         ("cosmos.V2c", "cosmos", "Channel 2"),
         ("csmip.V1", "csmip", ""),
         ("csmip.V2", "csmip", "H1"),
+        ("bhrc.V1", "csmip", "T3"),
+        ("usc.s0a", "csmip", ""),
         ("renadic.v1", "renadic", "NS"),
         ("esm.ASC", "esm", ""),
         ("geonet.V1A", "geonet", ""),

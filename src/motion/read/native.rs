@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `knet` | K-NET and KiK-net (Japan), ASCII: 17 header lines, counts times the scale factor |
 //! | `cosmos` | COSMOS V1 and V2: headers of integers and reals, one or more channels |
-//! | `csmip` | CSMIP and CDMG (California) V1 and V2: acceleration, velocity, displacement of each channel |
+//! | `csmip` | CSMIP, CDMG and USC (California) V1 and V2, BHRC (Iran) V1: one or more channels |
 //! | `renadic` | RENADIC (Chile): pairs of time and acceleration in g/10 |
 //! | `esm` | ESM, ITACA and AFAD (Europe, Italy, Türkiye), ASCII: `KEY: value` lines, then one value a line |
 //! | `geonet` | GeoNet (New Zealand) V1A and V2A: three components in mm/s² |
@@ -16,7 +16,7 @@
 //!
 //! A file with several components needs `column`: the name of a component, or its number from 1. Accelerations are
 //! counted first, then velocities, then displacements. Each count that a header states is compared with the values
-//! of the file; each stated peak, too. Nothing is filtered, and no offset is removed.
+//! of the file; each stated duration and peak, too. Nothing is filtered, and no offset is removed.
 
 mod binary;
 mod columns;
@@ -51,7 +51,46 @@ struct Channel {
     unit: Option<Unit>,
     /// The largest magnitude that the header states, in `unit`.
     stated_peak: Option<f64>,
+    stated_durations: Vec<StatedDuration>,
     values: Vec<f64>,
+}
+
+/// A duration that the header of a component states.
+#[derive(Debug, Clone, Copy)]
+struct StatedDuration {
+    /// What states it, as the header calls it.
+    key: &'static str,
+    /// Line of the file, from 1.
+    line: usize,
+    seconds: f64,
+    /// How much its print hides, in s.
+    slack: f64,
+}
+
+impl Channel {
+    /// The count of values times their step must be each stated duration, or one step more.
+    fn check_durations(&self, file: &str) -> Result<(), MotionError> {
+        let Some(dt) = self.dt else {
+            return Ok(());
+        };
+        let points = self.values.len();
+        let whole = points as f64 * dt;
+        let differs = |stated: &&StatedDuration| {
+            // Headers print a step to 1 ns.
+            (stated.seconds - whole).abs() > 1.5 * dt + stated.slack + 1e-9 * points as f64
+        };
+        match self.stated_durations.iter().find(differs) {
+            None => Ok(()),
+            Some(stated) => Err(MotionError::Duration {
+                file: file.into(),
+                line: stated.line,
+                key: stated.key,
+                stated: stated.seconds,
+                points,
+                dt,
+            }),
+        }
+    }
 }
 
 /// All components of a file.
@@ -187,6 +226,9 @@ fn record(name: &str, recording: Recording, options: &ReadOptions) -> Result<Rec
     all_finite("the record in the unit of the file", &channel.values)?;
     if let Some(dt) = channel.dt {
         positive("the time step of the file", dt)?;
+    }
+    if options.dt.is_none() {
+        channel.check_durations(name)?;
     }
     let dt = chosen_step(name, channel.dt, options.dt, &mut warnings)?;
     warn_of_peak_and_offset(name, &channel, &mut warnings);

@@ -1,7 +1,7 @@
 //! Formats with one column for each component: NSMN, CWA, BBP and UNAM.
 
 use super::lines::{Lines, is_text, leading_number, number_after, uniform_step, unit_and_factor};
-use super::{Channel, Recording};
+use super::{Channel, Recording, StatedDuration};
 use crate::motion::error::{MotionError, Short};
 use crate::motion::unit::Unit;
 
@@ -10,7 +10,10 @@ const LONGEST_HEADER: usize = 400;
 
 /// The next line of a header; `None` where the values begin.
 fn header_line<'a>(lines: &mut Lines<'a>) -> Result<Option<&'a str>, MotionError> {
-    let Some(line) = lines.peek().filter(|line| is_text(line)) else {
+    // A rule of asterisks is no field that overflowed.
+    let is_rule = |line: &str| line.trim().len() > 20 && line.trim().bytes().all(|b| b == b'*');
+    let is_header = |line: &&str| is_text(line) || is_rule(line);
+    let Some(line) = lines.peek().filter(is_header) else {
         return Ok(None);
     };
     lines.next();
@@ -36,6 +39,7 @@ fn channels(names: &[String], table: Vec<Vec<f64>>, dt: f64, unit: (Unit, f64)) 
             dt: Some(dt),
             unit: Some(unit),
             stated_peak: None,
+            stated_durations: Vec::new(),
             values: scaled(values),
         })
         .collect()
@@ -200,8 +204,10 @@ pub(super) fn bbp(lines: &mut Lines<'_>) -> Result<Recording, MotionError> {
 /// UNAM, `archivo estándar de aceleración`: keys in Spanish with one entry `/…` for each channel, then the columns.
 pub(super) fn unam(lines: &mut Lines<'_>) -> Result<Recording, MotionError> {
     let (mut steps, mut counts, mut directions) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut durations, mut peaks) = (Vec::new(), Vec::new());
     let (mut unit, mut decimation) = (None, None);
     let mut title = "";
+    let mut line_of_durations = 0;
     while let Some(line) = header_line(lines)? {
         let (key, value) = line.split_once(':').unwrap_or((line, ""));
         let entries = || {
@@ -218,9 +224,13 @@ pub(super) fn unam(lines: &mut Lines<'_>) -> Result<Recording, MotionError> {
             directions = entries().map(str::to_owned).collect();
         } else if key.starts_with("UNIDADES DE LOS DATOS") {
             unit = value.split_whitespace().find_map(unit_and_factor);
-        } else if key.starts_with("ACEL. MAX") && unit.is_none() {
+        } else if key.starts_with("DURACION DEL REGISTRO (s), C1") {
+            durations = entries().map(leading_number).collect();
+            line_of_durations = lines.at;
+        } else if key.starts_with("ACEL. MAX.(") && key.contains("C1") {
             // `ACEL. MAX.(Gal), C1-C6`: the key states the unit of the peaks and of the data.
-            unit = number_unit(key);
+            unit = unit.or_else(|| number_unit(key));
+            peaks = entries().map(leading_number).collect();
         } else if key.starts_with("FACTOR DE DECIMACION") {
             decimation = number_after(line, ":");
         } else if key.starts_with("NOMBRE DE LA ESTACION") {
@@ -250,6 +260,19 @@ pub(super) fn unam(lines: &mut Lines<'_>) -> Result<Recording, MotionError> {
         let plain = direction.split(';').next().unwrap_or("").trim();
         channel.aliases = vec![direction.clone(), plain.to_owned()];
         channel.aliases.dedup();
+    }
+    for (channel, seconds) in channels.iter_mut().zip(durations) {
+        channel
+            .stated_durations
+            .extend(seconds.map(|seconds| StatedDuration {
+                key: "DURACION DEL REGISTRO",
+                line: line_of_durations,
+                seconds,
+                slack: 0.01,
+            }));
+    }
+    for (channel, peak) in channels.iter_mut().zip(peaks) {
+        channel.stated_peak = peak;
     }
     let mut warnings = Vec::new();
     if let Some(factor) = decimation.filter(|factor| *factor != 1.0) {

@@ -3,10 +3,10 @@
 //! The first line states how many text lines follow. Each block of numbers is announced with its count and its
 //! Fortran format. The series is announced as `1000 acceleration pts, …, units=g (02)Format=(8f9.6)`; the code in
 //! brackets is that of the physical units (table 2 of the format). Real 62 is the step in ms, real 63 the length in s,
-//! real 64 the peak. Unknown numbers are −999, or as the header states it.
+//! real 64 the peak. A line `End-of-data` or `/&` ends a channel. Unknown numbers are −999, or as the header states it.
 
-use super::lines::{BlockEnd, Lines, field_width, leading_number, number_after};
-use super::{Channel, Recording};
+use super::lines::{BlockEnd, Lines, ends_channel, field_width, leading_number, number_after};
+use super::{Channel, Recording, StatedDuration};
 use crate::motion::error::MotionError;
 use crate::motion::unit::{Quantity, Unit};
 
@@ -59,6 +59,7 @@ fn channel(lines: &mut Lines<'_>, recording: &mut Recording) -> Result<(), Motio
     }
     let integers = header_block(lines, "INTEGER", "the integer header")?;
     let reals = header_block(lines, "REAL", "the real header")?;
+    let line_of_reals = lines.at;
     comments(lines, &mut head)?;
     let known = |at: usize| reals.get(at).copied().filter(|value| *value != unknown);
     let is_ended = series(lines, &mut head, integers.get(2).copied())?;
@@ -67,14 +68,20 @@ fn channel(lines: &mut Lines<'_>, recording: &mut Recording) -> Result<(), Motio
     if let Some(dt) = head.dt.filter(|dt| *dt <= 0.0) {
         return Err(lines.refuse("a positive step as real 62 of the header", &dt.to_string()));
     }
-    check_length(lines, &head, length)?;
+    head.stated_durations
+        .extend(length.map(|seconds| StatedDuration {
+            key: "real 63 of the header",
+            line: line_of_reals,
+            seconds,
+            slack: 1e-3,
+        }));
     head.stated_peak = known(63);
     if head.name.is_empty() {
         head.name = format!("Chan {}", recording.channels.len() + 1);
     }
     if !is_ended {
         recording.warnings.push(format!(
-            "{}: the line End-of-data of {} is missing: its last value may be cut off",
+            "{}: the line End-of-data or /& of {} is missing: its last value may be cut off",
             lines.file, head.name
         ));
     }
@@ -128,7 +135,7 @@ fn comments(lines: &mut Lines<'_>, head: &mut Channel) -> Result<(), MotionError
     Ok(())
 }
 
-/// The line that announces the series, and the values. True if a line `End-of-data` ends them.
+/// The line that announces the series, and the values. True if a line `End-of-data` or `/&` ends them.
 fn series(
     lines: &mut Lines<'_>,
     head: &mut Channel,
@@ -139,6 +146,14 @@ fn series(
     let upper = line.to_ascii_uppercase();
     let count = leading_number(line).filter(|_| upper.contains("PTS"));
     let points = lines.points(count.ok_or_else(|| lines.refuse(WANTED, line))?, WANTED)?;
+    // `approx  70 secs`: a whole number, rounded or cut off.
+    head.stated_durations
+        .extend(number_after(line, "APPROX").map(|seconds| StatedDuration {
+            key: "`approx … secs`",
+            line: lines.at,
+            seconds,
+            slack: 1.0 + 0.01 * seconds.abs(),
+        }));
     // The announcement repeats the code of the integer header; some files omit it.
     let (before, format) = match upper.find("FORMAT") {
         Some(at) => line.split_at(at),
@@ -181,30 +196,10 @@ fn series(
     let width = field_width(format);
     head.values = lines.values(points, "the line with `pts`", width, BlockEnd::Text)?;
     head.values.iter_mut().for_each(|value| *value *= factor);
-    let is_end = |line: &str| line.to_ascii_uppercase().starts_with("END");
+    let is_end = |line: &str| line.to_ascii_uppercase().starts_with("END") || ends_channel(line);
     let is_ended = lines.peek().is_some_and(is_end);
     if is_ended {
         lines.next();
     }
     Ok(is_ended)
-}
-
-/// The length of the header must be the count times the step, or one step less.
-fn check_length(lines: &Lines<'_>, head: &Channel, length: Option<f64>) -> Result<(), MotionError> {
-    let (Some(dt), Some(length)) = (head.dt, length) else {
-        return Ok(());
-    };
-    let points = head.values.len();
-    let whole = points as f64 * dt;
-    // Headers print the length to 1 ms or better, and the step to 1 ns.
-    let slack = 1.5 * dt + 1e-3 + 1e-9 * whole;
-    let fits = (length - whole).abs() <= slack;
-    if fits {
-        return Ok(());
-    }
-    Err(lines.count(
-        "length / step of the real header",
-        (length / dt) as usize,
-        points,
-    ))
 }

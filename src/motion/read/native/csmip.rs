@@ -1,20 +1,22 @@
-//! CSMIP and CDMG (California), and RENADIC (Chile): volumes V1 and V2 of the tape layout of the 1970s.
+//! CSMIP, CDMG and USC (California), BHRC (Iran) and RENADIC (Chile): volumes V1 and V2 of the tape layout of the 1970s.
 //!
 //! Text lines, then 100 integers and 50 or 100 reals, then blocks of values:
 //!
 //! | volume | blocks |
 //! |---|---|
-//! | V2, and V1 of digital recorders | `n points of accel data equally spaced at .02 sec, in cm/sec2. (8f10.6)` and n values; velocity and displacement follow |
+//! | V2, and V1 of digital recorders | `n points of accel data equally spaced at .02 sec, in cm/sec2. (8f10.6)` or `n accelerogram points at 200 pts/sec in units of g`, and n values; velocity and displacement follow in V2 |
 //! | V1 of film, and RENADIC | no announcement: pairs of time and acceleration, `10F7.3`, n as `NO. OF POINTS` states it |
+//! | V1 of BHRC | no announcement: n accelerations over the `DURATION` |
 //!
-//! V3 files hold spectra and are refused.
+//! A line `/&` ends a channel. A film has points at unequal times: straight lines between them give the values at the
+//! mean interval. V3 files hold spectra and are refused.
 
 use super::lines::{
-    BlockEnd, Lines, field_width, is_text, leading_number, number_after, uniform_step,
-    unit_and_factor,
+    BlockEnd, Lines, ends_channel, field_width, is_text, leading_number, number_after,
+    uniform_step, unit_and_factor,
 };
-use super::{Channel, Recording};
-use crate::motion::error::MotionError;
+use super::{Channel, Recording, StatedDuration};
+use crate::motion::error::{MotionError, Short};
 use crate::motion::unit::{Quantity, Unit};
 
 const FORMAT: &str = "CSMIP";
@@ -23,18 +25,32 @@ const V1_NUMBER_LINES: usize = 14;
 /// Lines of integers and reals that any header may have: 100 in `16I5`, 100 in `8F10`.
 const MOST_NUMBER_LINES: usize = 20;
 const ANNOUNCEMENT: &str = "a line such as `1000 points of accel data equally spaced at .02 sec`";
+/// First words of a V1 file of BHRC.
+const BHRC: &str = "* VOL1DS FILE";
+/// Longest interval between points of a film, in mean intervals. A longer one is a gap.
+const LONGEST_INTERVAL: f64 = 4.0;
 
 /// True of the first line of such a file, in capital letters.
 pub(super) fn is_first_line(upper: &str) -> bool {
-    upper.starts_with("UNCORRECTED ACCELEROGRAM DATA")
+    is_uncorrected(upper)
+        || upper.starts_with(BHRC)
         || (upper.starts_with("CORRECTED ACCELEROGRAM") && !upper.contains("GNS SCIENCE"))
         || upper.starts_with("RESPONSE AND FOURIER AMPLITUDE SPECTRA")
+}
+
+/// True of the first line of a V1 channel. That of USC begins with the number of the file.
+fn is_uncorrected(upper: &str) -> bool {
+    const MARK: &str = "UNCORRECTED ACCELEROGRAM DATA";
+    upper.starts_with(MARK) || (upper.starts_with("FILE ") && upper.contains(MARK))
 }
 
 /// Content of the text lines of one channel.
 #[derive(Default)]
 struct Head {
     is_corrected: bool,
+    /// Single values follow, not pairs with their times.
+    is_bhrc: bool,
+    duration: Option<StatedDuration>,
     name: String,
     aliases: Vec<String>,
     points: Option<f64>,
@@ -57,12 +73,12 @@ pub(super) fn parse(lines: &mut Lines<'_>) -> Result<Recording, MotionError> {
                 let reason = "it is a V3 file, which holds spectra; read the V2 file of the record";
                 return Err(lines.unsupported(FORMAT, reason));
             }
-            if upper.contains("POINTS OF") && upper.contains("SPACED AT") {
+            if is_announcement(&upper) {
                 announced(lines, line, &head, &mut recording)?;
                 head.has_values = true;
-            } else {
+            } else if !ends_channel(line) {
                 let is_without_values = head.is_without_values();
-                head.read(line.trim(), upper.trim(), &mut recording.title);
+                head.read(line.trim(), upper.trim(), lines.at, &mut recording.title);
                 if is_without_values && !head.has_numbers {
                     return Err(lines.refuse(ANNOUNCEMENT, line));
                 }
@@ -74,7 +90,11 @@ pub(super) fn parse(lines: &mut Lines<'_>) -> Result<Recording, MotionError> {
         head.has_numbers = true;
         let is_past_header = !head.is_corrected && head.number_lines > V1_NUMBER_LINES;
         if is_past_header && head.points.is_some() {
-            pairs(lines, &head, &mut recording)?;
+            if head.is_bhrc {
+                singles(lines, &head, &mut recording)?;
+            } else {
+                pairs(lines, &head, &mut recording)?;
+            }
             head.has_values = true;
         } else if head.number_lines > MOST_NUMBER_LINES {
             lines.next();
@@ -96,14 +116,27 @@ impl Head {
     }
 
     /// Takes what one text line says.
-    fn read(&mut self, line: &str, upper: &str, title: &mut String) {
+    fn read(&mut self, line: &str, upper: &str, at: usize, title: &mut String) {
         let is_corrected = upper.starts_with("CORRECTED ACCELEROGRAM");
-        let is_uncorrected = upper.starts_with("UNCORRECTED ACCELEROGRAM DATA");
+        let is_bhrc = upper.starts_with(BHRC);
         // The second line of a V2 header names the V1 file behind it.
         let is_source = self.is_corrected && self.name.is_empty();
-        if is_corrected || (is_uncorrected && !is_source) {
+        for key in ["RECORD LENGTH", "DURATION"] {
+            if let Some(seconds) = number_after(upper, key) {
+                // That of a V2 file may be the length of its V1 file.
+                let share = if self.is_corrected { 0.05 } else { 1e-4 };
+                self.duration = Some(StatedDuration {
+                    key,
+                    line: at,
+                    seconds,
+                    slack: 1e-3 + share * seconds.abs(),
+                });
+            }
+        }
+        if is_corrected || is_bhrc || (is_uncorrected(upper) && !is_source) {
             *self = Self {
                 is_corrected,
+                is_bhrc,
                 ..Self::default()
             };
         } else if upper.starts_with("CHAN")
@@ -113,9 +146,15 @@ impl Head {
             self.name = format!("Chan {number}");
             let direction = direction.split('(').next().unwrap_or("").trim();
             self.aliases = vec![direction.to_owned()];
+        } else if let Some(name) = line.strip_prefix("COMP ") {
+            // `COMP N90E      9`: USC counts the characters of each line.
+            self.name = name.split_whitespace().next().unwrap_or("").to_owned();
         } else if upper.starts_with("NO. OF POINTS") {
             self.points = number_after(upper, "NO. OF POINTS");
-        } else if let Some((_, rest)) = upper.split_once("UNITS OF UNCOR ACCEL") {
+        } else if let Some((_, rest)) = upper
+            .split_once("UNITS OF UNCOR ACCEL")
+            .or_else(|| upper.split_once("UNITS ARE"))
+        {
             let words = rest.split("MAX").next().unwrap_or("");
             self.unit = words.split_whitespace().find_map(unit_and_factor);
         } else if title.is_empty()
@@ -123,7 +162,7 @@ impl Head {
                 || upper.contains("EARTHQUAKE")
                 || upper.starts_with("STATION NO"))
         {
-            line.clone_into(title);
+            line.split("   ").next().unwrap_or("").clone_into(title);
         }
     }
 
@@ -142,9 +181,16 @@ impl Head {
             name: format!("{name}{kind}"),
             aliases: self.aliases.iter().map(|a| format!("{a}{kind}")).collect(),
             unit: unit.map(|(unit, _)| unit),
+            stated_durations: self.duration.into_iter().collect(),
             ..Channel::default()
         }
     }
+}
+
+/// True of the line before a block of values, in capital letters.
+fn is_announcement(upper: &str) -> bool {
+    (upper.contains("POINTS OF") && upper.contains("SPACED AT"))
+        || (upper.contains("ACCELEROGRAM POINTS AT") && upper.contains("PTS/SEC"))
 }
 
 /// A block whose count, step, unit and format its first line states.
@@ -157,11 +203,14 @@ fn announced(
     let count = leading_number(line).ok_or_else(|| lines.refuse(ANNOUNCEMENT, line))?;
     let points = lines.points(count, ANNOUNCEMENT)?;
     let dt = number_after(line, "SPACED AT")
-        .filter(|dt| *dt > 0.0)
-        .ok_or_else(|| lines.refuse("a positive time step behind `spaced at`", line))?;
+        .or_else(|| number_after(line, "POINTS AT").map(f64::recip))
+        .filter(|dt| *dt > 0.0 && dt.is_finite())
+        .ok_or_else(|| lines.refuse("a positive time step or rate behind `at`", line))?;
     let upper = line.to_ascii_uppercase();
     let unit = upper
         .split_once("UNITS:")
+        .or_else(|| upper.split_once("IN UNITS OF "))
+        .or_else(|| upper.split_once("IN UNITS "))
         .or_else(|| upper.split_once("SEC, IN "))
         .or_else(|| upper.split_once("SECS, IN "))
         .and_then(|(_, rest)| rest.split_whitespace().next())
@@ -184,7 +233,10 @@ fn pairs(lines: &mut Lines<'_>, head: &Head, recording: &mut Recording) -> Resul
     let points = lines.points(head.points.unwrap_or(0.0), "a whole NO. OF POINTS")?;
     let numbers = lines.values(2 * points, KEY, Some(7), BlockEnd::Text)?;
     let times: Vec<f64> = numbers.iter().step_by(2).copied().collect();
-    let dt = uniform_step(lines.file, &times, first).map_err(|error| match error {
+    let accels: Vec<f64> = numbers.iter().skip(1).step_by(2).copied().collect();
+    let mut channel = head.channel(head.unit, recording.channels.len() + 1);
+    let factor = head.unit.map_or(1.0, |(_, factor)| factor);
+    let step = uniform_step(lines.file, &times, first).map_err(|error| match error {
         // Five pairs to the line.
         MotionError::NotUniform {
             file,
@@ -198,15 +250,74 @@ fn pairs(lines: &mut Lines<'_>, head: &Head, recording: &mut Recording) -> Resul
             found,
         },
         other => other,
-    })?;
-    let mut channel = head.channel(head.unit, recording.channels.len() + 1);
+    });
+    let (dt, accels) = match step {
+        Ok(dt) => (dt, accels),
+        Err(error) => {
+            let (dt, even, most) = evenly_spaced(&times, &accels).ok_or(error)?;
+            recording.warnings.push(format!(
+                "{}: the points of {} stand at unequal times, up to {} s from equal ones: straight lines between \
+                 them give the values every {} s",
+                lines.file,
+                channel.name,
+                Short(most),
+                Short(dt)
+            ));
+            (dt, even)
+        }
+    };
     channel.dt = Some(dt);
+    channel.values = accels.iter().map(|value| value * factor).collect();
+    recording.push(lines, channel)
+}
+
+/// Values at the mean interval on the straight lines between points of a film: the interval, the values, and the
+/// largest distance of a point from its equal time.
+///
+/// `None` if the times do not rise, or have a gap.
+fn evenly_spaced(times: &[f64], values: &[f64]) -> Option<(f64, Vec<f64>, f64)> {
+    let (start, end) = (*times.first()?, *times.last()?);
+    let dt = (end - start) / (times.len() - 1) as f64;
+    let is_film = times.len() > 1
+        && times.windows(2).all(|pair| {
+            let interval = pair[1] - pair[0];
+            interval > 0.0 && interval <= LONGEST_INTERVAL * dt
+        });
+    if !is_film {
+        return None;
+    }
+    let equal = |row: usize| start + row as f64 * dt;
+    let far = (0..)
+        .zip(times)
+        .map(|(row, time)| (time - equal(row)).abs());
+    let most = far.fold(0.0, f64::max);
+    let mut next = 1;
+    let even = (0..times.len()).map(|row| {
+        let time = equal(row).min(end);
+        while times[next] < time {
+            next += 1;
+        }
+        let share = (time - times[next - 1]) / (times[next] - times[next - 1]);
+        values[next - 1] + share * (values[next] - values[next - 1])
+    });
+    Some((dt, even.collect(), most))
+}
+
+/// Accelerations of BHRC, as many as `NO. OF POINTS` states, over the `DURATION`.
+fn singles(
+    lines: &mut Lines<'_>,
+    head: &Head,
+    recording: &mut Recording,
+) -> Result<(), MotionError> {
+    let points = lines.points(head.points.unwrap_or(0.0), "a whole NO. OF POINTS")?;
+    let duration = head
+        .duration
+        .filter(|duration| duration.seconds > 0.0)
+        .ok_or_else(|| lines.refuse("a positive DURATION", "none"))?;
+    let mut channel = head.channel(head.unit, recording.channels.len() + 1);
+    channel.values = lines.values(points, "NO. OF POINTS", Some(13), BlockEnd::Text)?;
     let factor = head.unit.map_or(1.0, |(_, factor)| factor);
-    channel.values = numbers
-        .iter()
-        .skip(1)
-        .step_by(2)
-        .map(|v| v * factor)
-        .collect();
+    channel.values.iter_mut().for_each(|value| *value *= factor);
+    channel.dt = Some(duration.seconds / points as f64);
     recording.push(lines, channel)
 }

@@ -1,7 +1,7 @@
 //! ESM, ITACA and AFAD, ASCII: lines `KEY: value` (64 in version 1.2), then one value a line.
 
 use super::lines::{BlockEnd, Lines, is_text, leading_number, unit_and_factor};
-use super::{Channel, Recording};
+use super::{Channel, Recording, StatedDuration};
 use crate::motion::error::MotionError;
 
 /// Lines that a header may have.
@@ -31,6 +31,14 @@ pub(super) fn parse(lines: &mut Lines<'_>) -> Result<Recording, MotionError> {
                 let count = leading_number(value).ok_or_else(|| lines.refuse(WANTED, value))?;
                 points = Some(lines.points(count, WANTED)?);
             }
+            "DURATION_S" => channel
+                .stated_durations
+                .extend(leading_number(value).map(|seconds| StatedDuration {
+                    key: "DURATION_S",
+                    line: lines.at,
+                    seconds,
+                    slack: 0.01,
+                })),
             "UNITS" => {
                 unit = unit_and_factor(value);
                 if unit.is_none() {

@@ -94,6 +94,7 @@ fn component(lines: &mut Lines<'_>, recording: &mut Recording) -> Result<(), Mot
             dt: (dt > 0.0).then_some(dt),
             unit: Some(unit),
             stated_peak: peak,
+            stated_durations: Vec::new(),
             values,
         };
         recording.push(lines, channel)?;

@@ -63,6 +63,7 @@ pub(super) fn parse(lines: &mut Lines<'_>) -> Result<Recording, MotionError> {
             dt: Some(1.0 / rate),
             unit: Some(unit),
             stated_peak: peak,
+            stated_durations: Vec::new(),
             values: counts.iter().map(|count| count * factor).collect(),
         }],
         warnings: Vec::new(),

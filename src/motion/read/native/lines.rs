@@ -237,6 +237,11 @@ pub(super) fn is_text(line: &str) -> bool {
     })
 }
 
+/// True of the line that ends a channel on tapes of the 1970s and in files after them.
+pub(super) fn ends_channel(line: &str) -> bool {
+    line.starts_with("/&")
+}
+
 /// The numbers of a line with gaps between them; `None` if a word is not a finite number.
 fn separate(line: &str) -> Option<Vec<f64>> {
     line.split_whitespace().map(finite).collect()

@@ -36,7 +36,7 @@ macro_rules! samples {
     };
 }
 
-const SAMPLES: [Sample; 25] = samples! {
+const SAMPLES: [Sample; 28] = samples! {
     "knet.NS" Knet None, 1, Gal, 0.01, 100, 123.456;
     "kiknet.UD2" Knet None, 1, Gal, 0.01, 100, 12.5;
     "cosmos.V2c" Cosmos Some("Channel 1"), 1, CentimetrePerSecond2, 0.01, 16, -98.765;
@@ -47,6 +47,9 @@ const SAMPLES: [Sample; 25] = samples! {
     "csmip.V2" Csmip Some("Chan 1 velocity"), 3, CentimetrePerSecond, 0.01, 16, 1.5;
     "csmip.V2" Csmip Some("Up displacement"), 6, Centimetre, 0.01, 16, 0.125;
     "csmip.V1" Csmip None, 1, Gravity, 0.01, 16, 0.25;
+    "bhrc.V1" Csmip Some("L1"), 1, Gravity, 0.005, 16, 0.25;
+    "bhrc.V1" Csmip Some("T3"), 2, Gravity, 0.005, 16, -0.125;
+    "usc.s0a" Csmip Some("N10E"), 1, Gravity, 0.01, 16, -0.15;
     "renadic.v1" Renadic Some("EW"), 1, Gravity, 0.01, 16, 0.25;
     "renadic.v1" Renadic Some("NS"), 2, Gravity, 0.01, 16, -0.125;
     "esm.ASC" Esm None, 1, CentimetrePerSecond2, 0.01, 16, -76.543;
@@ -205,13 +208,6 @@ fn another_count_than_the_header_states_is_refused_with_both_numbers() {
             16,
         ),
         (
-            "cosmos.V2c",
-            "  .160000   -98.765000",
-            "  .320000   -98.765000",
-            32,
-            16,
-        ),
-        (
             "csmip.V2",
             "16 points of accel data",
             "15 points of accel data",
@@ -249,6 +245,160 @@ fn another_count_than_the_header_states_is_refused_with_both_numbers() {
             other => panic!("{file}: {other}"),
         }
     }
+}
+
+/// The duration of a header finds a step in the wrong unit, and a wrong length.
+#[test]
+fn a_stated_duration_is_compared() {
+    for (file, old, new, stated, dt) in [
+        (
+            "cosmos.V2c",
+            "  .160000   -98.765000",
+            "  .320000   -98.765000",
+            0.32,
+            0.01,
+        ),
+        // A step in s where ms are due, without a length in the header.
+        (
+            "cosmos.V2c",
+            "    10.000000      .160000",
+            " 10000.000000  -999.000000",
+            0.0,
+            10.0,
+        ),
+        (
+            "cosmos.V2c",
+            "approx  0 secs",
+            "approx 160 secs",
+            160.0,
+            0.01,
+        ),
+        ("csmip.V1", "LENGTH = 0.150", "LENGTH = 150.0", 150.0, 0.01),
+        (
+            "csmip.V2",
+            "Record length =   .160",
+            "Record length = 160.0",
+            160.0,
+            0.01,
+        ),
+        (
+            "usc.s0a",
+            "DURATION =    .150",
+            "DURATION =    .300",
+            0.3,
+            0.01,
+        ),
+        ("renadic.v1", "LENGTH = 0.160", "LENGTH = 0.320", 0.32, 0.01),
+        (
+            "esm.ASC",
+            "DURATION_S: 0.150000",
+            "DURATION_S: 150.0",
+            150.0,
+            0.01,
+        ),
+        (
+            "unam.asa",
+            "ACEL. MAX.",
+            "DURACION DEL REGISTRO (s), C1-C6: /1.6/1.6/1.6\nACEL. MAX.",
+            1.6,
+            0.01,
+        ),
+    ] {
+        let text = sample(file).replacen(old, new, 1);
+        assert_ne!(text, sample(file), "{file}");
+        let mut options = with_column(Some(Column::Number(1)));
+        match parse_record(file, text.as_bytes(), &options).unwrap_err() {
+            MotionError::Duration {
+                stated: s,
+                dt: d,
+                points,
+                line,
+                ..
+            } => {
+                assert_eq!((s, points, line > 0), (stated, 16, true), "{file}");
+                assert!((d - dt).abs() < 1e-12, "{file}: {d}");
+            }
+            other => panic!("{file}: {other}"),
+        }
+        options.dt = Some(0.01);
+        assert!(
+            parse_record(file, text.as_bytes(), &options).is_ok(),
+            "{file}"
+        );
+    }
+}
+
+#[test]
+fn variants_of_a_format_are_read() {
+    let end = "End-of-data for Chan  1 acceleration";
+    for (file, column, old, new) in [
+        (
+            "cosmos.V2c",
+            "Chan 1",
+            end,
+            "/&  --- End of data for channel 1",
+        ),
+        ("cosmos.V2c", "Chan 2", end, "/&"),
+        (
+            "csmip.V1",
+            "Chan 1",
+            "16 POINTS OF ACCEL DATA EQUALLY SPACED AT .010 SEC.  (UNITS: G)",
+            " 16 Accelerogram points at 100 pts/sec in units of g .      Format: (8f9.6)",
+        ),
+        (
+            "csmip.V2",
+            "Chan 1",
+            "at  .010 sec, in cm/sec2. (8f10.6)",
+            "AT   .010 SEC.  IN UNITS CM/SEC/SEC",
+        ),
+        (
+            "unam.asa",
+            "Canal 1",
+            "====",
+            "************************\n====",
+        ),
+    ] {
+        let text = sample(file).replacen(old, new, 1);
+        assert_ne!(text, sample(file), "{file}");
+        let (found, wanted) = (
+            read(&text, Some(column)).unwrap(),
+            read(sample(file), Some(column)).unwrap(),
+        );
+        assert_eq!(found.values, wanted.values, "{file}");
+        assert_eq!((found.dt, found.unit), (wanted.dt, wanted.unit), "{file}");
+        assert!(found.warnings.is_empty(), "{file}: {:?}", found.warnings);
+    }
+}
+
+/// A film: 16 points of the straight line a = 10 t at unequal times. The line between them is the line itself.
+#[test]
+fn points_of_a_film_at_unequal_times_are_read() {
+    let text = sample("usc.s0a");
+    let mut head: String = text.lines().take(27).collect::<Vec<_>>().join("\n");
+    let mut time = 0.0;
+    let mut last = 0.0;
+    for row in 0..16 {
+        let end = if row % 5 == 0 { "\n" } else { "" };
+        head.push_str(&format!("{end} {time:.3} {:.3}", 10.0 * time));
+        last = time;
+        time += if row % 8 < 4 { 0.006 } else { 0.014 };
+    }
+    let head = head.replacen(".150 SEC", &format!("{last:.3} SEC"), 1);
+    let record = read(&head, None).unwrap();
+    assert!((record.dt - last / 15.0).abs() < 1e-12, "{}", record.dt);
+    for (row, value) in record.values.iter().enumerate() {
+        // In g; the file is in g/10. Print rounds times and values together.
+        let wanted = row as f64 * record.dt;
+        assert!(
+            (value - wanted).abs() < 1e-12,
+            "{row}: {value} for {wanted}"
+        );
+    }
+    let is_told = record.warnings.iter().any(|w| w.contains("unequal times"));
+    assert!(is_told, "{:?}", record.warnings);
+    // A point out of order is no film.
+    let error = read(&head.replacen(" 0.012 ", " 0.090 ", 1), None).unwrap_err();
+    assert!(matches!(error, MotionError::NotUniform { .. }), "{error}");
 }
 
 /// Cut anywhere, a file is refused, or read in whole components only.
@@ -294,6 +444,12 @@ fn variants_that_are_not_read_are_refused_with_the_reason() {
             "2 CORRECTED ACCELEROGRAM",
             "4 RESPONSE SPECTRA",
             "spectra",
+        ),
+        (
+            "smc.smc",
+            "0.2000000E+03",
+            "0.1700000E+39",
+            "unequal times",
         ),
         (
             "csmip.V2",
